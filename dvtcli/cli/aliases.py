@@ -1,4 +1,4 @@
-"""The words of `[aliases]` that count at the prompt: what a file says that nobody trusts is no other word's meaning."""
+"""The words of `[aliases]` at the prompt; an untrusted file must not redefine other words."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.hint import Hint
     from dvtcli.operations.user.settings import Settings
 
-#: Words that people type because other programs have them: who types such a word expects no stranger's line.
+#: Common words of other programs: an untrusted alias must not change their meaning.
 _COMMON = frozenset(
     {
         "about", "alias", "apt", "awk", "bash", "bg", "bye", "cal", "calc", "call", "candump", "cansend", "cat", "cd",
@@ -34,7 +34,7 @@ _A_PDO = re.compile(r"(?i)(?:\d{1,3}:)?[tr]pdo\d{0,3}")
 
 
 def usable_aliases(settings: Settings) -> dict[str, str]:
-    """The words that count; UsageError for one of a trusted file that is a command already, which it would hide."""
+    """Return the usable aliases. Raises UsageError if a trusted file's alias would hide a command."""
     found: dict[str, str] = {}
     for file in settings.files:
         if file.trusted:
@@ -51,7 +51,7 @@ def usable_aliases(settings: Settings) -> dict[str, str]:
 
 
 def withheld_aliases(settings: Settings) -> Hint | None:
-    """What to say of the words that do not count since their file is not trusted; None where all do."""
+    """Return the warning about aliases ignored for lack of trust; None if all are usable."""
     withheld = _withheld(settings)
     if not withheld or settings.project is None:
         return None
@@ -82,7 +82,7 @@ def _withheld(settings: Settings) -> list[str]:
 
 
 def _misleads(word: str, text: str) -> bool:
-    """Whether *word* means something else to who types it, or its line does what its user would have been asked."""
+    """Whether *word* has a common other meaning, or its line contains redirections, --yes or --force."""
     from dvtcli.cli.dvt.words import WORDS
 
     known = word.lower()

@@ -29,22 +29,22 @@ from dvtcli.errors import (
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
 
-#: What `exit` answers, so that whoever reads lines stops; never an exit code of the process.
+#: The result of `exit`, which stops readers of lines; never an exit code of the process.
 LEAVE = -1
-#: The variable by which a shell asks for completion.
+#: The variable set by a shell for completion.
 COMPLETING = "_DVTCLI_COMPLETE"
-#: What a signal ends with: SIGHUP, SIGINT, SIGTERM.
+#: Exit codes of SIGHUP, SIGINT, SIGTERM.
 SIGNALLED = frozenset({129, 130, 143})
-#: What frames tell more of: `trace last` shows them, at the prompt, where a line may follow, and as a run of its own.
+#: Errors for which `trace last` shows details in frames, at the prompt or as a run of its own.
 _OF_FRAMES = (SdoAborted, DeviceRefused, NoAnswer, SdoProtocolError, LeftChanged)
-#: Behind them nodes are not read once more: somebody waits, or nobody answers.
+#: Errors after which nodes are not read again: the user waits, or no node answers.
 _UNREAD = (BusUnavailable, Interrupted, NoAnswer, SdoProtocolError)
-#: What only writing ends with: a full disk, a file that may not grow, a terminal that went away.
+#: Error numbers of writing only: full disk, file size limit, lost terminal.
 _NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO})
 
 
 def guarded(session: Conversation, run: Callable[[], Any]) -> int:
-    """Run something; its result's exit code, or that of the error, which is shown."""
+    """Call *run*; returns the exit code of its result, or shows its error and returns the error's code."""
     try:
         result = run()
     except BaseException as raised:  # noqa: BLE001 - the one boundary
@@ -57,7 +57,7 @@ def guarded(session: Conversation, run: Callable[[], Any]) -> int:
 
 
 def _ended(session: Conversation, raised: BaseException) -> int:
-    """The exit code of what was *raised*, which is shown."""
+    """Show *raised*; returns its exit code."""
     if isinstance(raised, click.exceptions.Exit):
         return raised.exit_code
     from dvtcli.cli.view.streams import ReaderLeft, silence
@@ -95,7 +95,7 @@ def _shown(session: Conversation, error: DvtcliError) -> int:
 
 
 def _traced_by(session: Conversation) -> str:
-    """What shows the frames of what has just failed; what ends with this run is kept for another one."""
+    """Return the command to show the last frames; keeps them for the next run if this run ends."""
     if session.at_prompt:
         return "trace last"
     from dvtcli.operations.frames.last_exchange import keep_exchange
@@ -104,7 +104,7 @@ def _traced_by(session: Conversation) -> str:
 
 
 def _stopped(session: Conversation) -> int:
-    """Say that a signal ended it, and what a script leaves changed; of a change or a comparison what nodes hold."""
+    """Report a signal, the changes left by a script and, for changes and comparisons, the nodes' state."""
     from dvtcli.domain.several import join_some
 
     code, staying = session.cancellation.exit_code, session.staying()
@@ -120,7 +120,7 @@ def _stopped(session: Conversation) -> int:
 
 
 def _only_the_reader_left(raised: BrokenPipeError | SystemExit) -> bool:
-    """Whether nothing but a pipe on stdout ended it, or click, which ends completion so; else it was a driver."""
+    """Whether *raised* comes from a closed stdout pipe, or from click's completion, and not from a driver."""
     if isinstance(raised, SystemExit):
         return COMPLETING in os.environ
     from dvtcli.cli.view.streams import is_abandoned
@@ -142,7 +142,7 @@ _EXTRA = re.compile(r"Got unexpected extra arguments? \((.*)\)", re.DOTALL)
 
 
 def _in_quotes(ctx: click.Context, text: str) -> str:
-    """How what was typed with a blank is one word, where a command whose last argument is a text got one too many."""
+    """Suggest quotes if a command whose last argument is a text got extra words."""
     from dvtcli.cli.params import TEXT
 
     arguments = [param for param in ctx.command.params if isinstance(param, click.Argument)]
@@ -153,7 +153,7 @@ def _in_quotes(ctx: click.Context, text: str) -> str:
 
 
 def _lost(session: Conversation, failed: OSError) -> int:
-    """Say on stderr that results are lost, also where they are documents: stdout takes no more."""
+    """Report on stderr that results, also documents, are lost because stdout accepts no more."""
     from dvtcli.cli.view.streams import silence
 
     silence(sys.stdout)
@@ -171,7 +171,7 @@ def _lost(session: Conversation, failed: OSError) -> int:
 
 
 def _bug(session: Conversation, bug: BaseException) -> Bug:
-    """*bug* as an error of ours, with its traceback and the last exchange in a file, where there is room for one."""
+    """Convert *bug* to an error; saves its traceback and the last frames to a file if possible."""
     from dvtcli.cli.crash import keep
 
     text = f"a bug in dvtcli: {type(bug).__name__}: {bug}"
@@ -187,7 +187,7 @@ def _bug(session: Conversation, bug: BaseException) -> Bug:
 
 
 def _last_exchange(session: Conversation) -> list[str]:
-    """The frames exchanged last, as text; none where what has failed is in the way of them."""
+    """Return the last frames as text; a note if *session* fails to provide them."""
     from dvtcli.operations.frames.last_exchange import exchange_text
 
     try:

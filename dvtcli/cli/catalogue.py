@@ -1,11 +1,11 @@
-"""The commands, by task, each with one line, known without importing any; and what is near a wrong name."""
+"""The commands by task with a line each, without importing any; suggestions for wrong names."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator, Sequence
 
-#: Every command by task, in the order in which help shows them: its name, and what it is for in one line.
+#: All commands by task, in the order of help: name, and one-line help.
 COMMANDS: dict[str, dict[str, str]] = {
     "Begin": {
         "tour": "Take a guided tour on a simulated node: each step is explained, and really run.",
@@ -95,24 +95,24 @@ COMMANDS: dict[str, dict[str, str]] = {
         "completion": "Print the script that makes a shell complete dvtcli's words.",
     },
 }
-#: The tasks in the order in which they come up.
+#: The tasks in their usual order.
 TASKS = tuple(COMMANDS)
 _SUMMARIES = {name: line for group in COMMANDS.values() for name, line in group.items()}
 _NAMES = sorted(_SUMMARIES)
 
 
 def command_names() -> list[str]:
-    """Names of all commands, sorted."""
+    """Return the names of all commands, sorted."""
     return list(_NAMES)
 
 
 def summary(name: str) -> str:
-    """A command's one-line help; KeyError if there is no such command."""
+    """Return a command's one-line help. Raises KeyError if unknown."""
     return _SUMMARIES[name]
 
 
 def by_task(names: Collection[str]) -> Iterator[tuple[str, list[str]]]:
-    """*names* in groups, each with its task, in the order of `COMMANDS`; a task without any of them is left out."""
+    """Group *names* by task, in the order of `COMMANDS`, without empty tasks."""
     for task, commands in COMMANDS.items():
         group = [name for name in commands if name in names]
         if group:
@@ -120,12 +120,12 @@ def by_task(names: Collection[str]) -> Iterator[tuple[str, list[str]]]:
 
 
 def task_sections() -> Iterator[tuple[str, list[tuple[str, str]]]]:
-    """Every command with its one-line help, by task."""
+    """Iterate over tasks with their commands and one-line helps."""
     for task, commands in COMMANDS.items():
         yield task, list(commands.items())
 
 
-#: What people type who come from other programs, for the command that it is.
+#: Words of other programs, with the equivalent command.
 _ALSO = {"quit": "exit"}
 _A_PDO = r"(?i)(?:\d{1,3}:)?[tr]pdo\d{1,3}"
 
@@ -149,14 +149,14 @@ _SHORT = 3
 
 
 def with_a_swap(word: str) -> Iterator[str]:
-    """*word* with two neighbours swapped, one pair after the other: `mpa` may be `map`; nothing of a short one."""
+    """Iterate over *word* with each pair of neighbours swapped (`mpa` may be `map`); nothing for a short word."""
     if len(word) >= _SHORT:
         for at in range(len(word) - 1):
             yield word[:at] + word[at + 1] + word[at] + word[at + 2 :]
 
 
 def unknown_command(name: str, others: Sequence[str] = ()) -> str:
-    """What to say of a word that is no command, nor one of *others*."""
+    """Return the message for a word that is neither a command nor in *others*."""
     from difflib import get_close_matches
 
     if name.lower() in ("q", "bye", "logout"):

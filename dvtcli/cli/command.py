@@ -1,7 +1,4 @@
-"""A command as every line has it: click's, with the global options, negative numbers, and an answer that is shown.
-
-Knows no command, and not where lines come from.
-"""
+"""The base of all commands: click's, with global options, negative numbers, and a displayed answer."""
 
 from __future__ import annotations
 
@@ -22,19 +19,21 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
 
 
-#: effects that leave every node as it was; what runs other lines is judged by those
+#: effects without a change of nodes; lines run by others count by themselves
 _LOOKING = (Effect.READS, Effect.SELECTS, Effect.RUNS)
 _NEGATIVE = re.compile(r"-(?:\d|0x|\.\d).*", re.IGNORECASE)
 
 
 class DvtCommand(click.Command):
-    """A command that also takes the global options, and negative numbers as values.
+    """A command that also accepts the global options, and negative numbers as values.
 
-    *effect* is what it does to nodes; where that depends on a line's parameters, *final* says of them what no undo
-    reverts, and *stores* what the line may store beside its changes. With *needs_settings* it does not run where a
-    settings file is wrong. *formats* are those of its answers that not every command has (`sarif`). Where *each* says
-    so of a line's parameters, it is done for each of the nodes that `-n 1,3,5` or `-n all` names: *ahead* looks at all
-    of these first and raises if one cannot be done, *ending* makes an error of what became of all if one failed.
+    *effect* is the effect on nodes. If the effect depends on a line's parameters, *final* returns the part that no undo
+    reverts, and *stores* the possible stores beside changes. *needs_settings*: refuse to run with a malformed settings
+    file. *formats* are extra answer formats (`sarif`). If *each* returns true for a line's parameters, the line runs
+    for
+    each node of `-n 1,3,5` or `-n all`: *ahead* checks all nodes first and raises an error if a node cannot run,
+    *ending*
+    makes an error from all outcomes after a failure.
     """
 
     def __init__(
@@ -57,7 +56,7 @@ class DvtCommand(click.Command):
         self.params.extend(global_options(hidden=True))
 
     def final(self, params: Mapping[str, Any]) -> Final | None:
-        """What a line with *params* does that no undo reverts, None where it does no such thing."""
+        """Return the part of a line with *params* that no undo reverts, None if none."""
         if self._final is not None:
             return self._final(params)
         keeps = self.effect in (Effect.KEEPS, Effect.BRINGS_BACK)
@@ -76,12 +75,12 @@ class DvtCommand(click.Command):
             raise click.BadParameter(said, wrong.ctx, wrong.param, wrong.param_hint) from wrong
 
     def format_epilog(self, _ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Name the global options that a line may have, once."""
+        """List the common global options."""
         formatter.write_paragraph()
         formatter.write_text("Also: --dry-run --json --force --yes --timeout S -q -v (help options)")
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Run the command with its line's own global options in force."""
+        """Run the command with its line's own global options."""
         session: Conversation = ctx.obj
         run = super().invoke
         changes = self.effect is Effect.CHANGES
@@ -121,13 +120,13 @@ class DvtCommand(click.Command):
 
 
 def of_line(ctx: click.Context) -> DvtCommand:
-    """The command of a parsed line."""
+    """Return the command of a parsed line."""
     assert isinstance(ctx.command, DvtCommand)  # noqa: S101 - the registry has no other
     return ctx.command
 
 
 def _notation_notes(values: Iterable[Any]) -> Iterator[str]:
-    """What to say of the way some words were written."""
+    """Iterate over remarks on the notation of typed words."""
     for value in values:
         if isinstance(value, tuple):
             yield from _notation_notes(value)
@@ -136,14 +135,14 @@ def _notation_notes(values: Iterable[Any]) -> Iterator[str]:
 
 
 def _of_several(session: Conversation, ctx: click.Context) -> bool:
-    """Whether -n names several nodes, none was selected since, and the line names none itself."""
+    """Whether -n names several nodes, no node was selected since, and the line names no node."""
     base = session.base
     several = base.every_node or len(base.nodes) > 1
     return several and session.selected is None and not _names_node(ctx.params.values())
 
 
 def _names_node(values: Iterable[Any]) -> bool:
-    """Whether a word of the line says which node it is about (`3:6041`)."""
+    """Whether a word of the line names its node (`3:6041`)."""
     return any(
         _names_node(value) if isinstance(value, tuple) else getattr(value, "node_id", None) is not None
         for value in values
@@ -151,7 +150,7 @@ def _names_node(values: Iterable[Any]) -> bool:
 
 
 def _deliver(session: Conversation, result: Any) -> Any:
-    """Show what a command answered; an int is an exit code, None says nothing."""
+    """Show a command's answer; an int is an exit code, None shows nothing."""
     session.may_have_changed |= not getattr(result, "changed_nothing", False)
     if result is None or isinstance(result, int):
         return result

@@ -1,7 +1,4 @@
-"""A conversation: a session with a screen, in which lines, scripts and their options follow one another.
-
-It is what click hands to every command. Does not parse lines (`run_line`) and does not know what they do.
-"""
+"""A session with a terminal: lines, scripts and their options follow one another. Click passes it to commands."""
 
 from __future__ import annotations
 
@@ -31,7 +28,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.bus_events import BusEvent
 
 
-#: The options that a command behind this one needs to meet the same nodes, with their letters.
+#: The options that a follow-up command needs for the same nodes, with their letters.
 _REPEATED = {
     "interface": "-i", "channel": "-c", "bitrate": "-b", "bus_kwargs": "--bus-kwargs", "bus": "--bus", "sim": "--sim",
     "eds": "--eds", "profile": "-p", "journal": "--journal",
@@ -39,12 +36,12 @@ _REPEATED = {
 
 
 def typed_name(name: str) -> str:
-    """The option *name* as it is typed."""
+    """Return the option *name* as typed."""
     return f"--{name.replace('_', '-')}"
 
 
 def _repeated(given: dict[str, Any]) -> Iterator[str]:
-    """Those of the options *given* that chose the bus and the node's files, as they are typed."""
+    """Return the options of *given* that select the bus and the node's files, as typed."""
     for name, option in _REPEATED.items():
         value = given.get(name, ())
         for word in value if isinstance(value, tuple) else (value,):
@@ -53,7 +50,7 @@ def _repeated(given: dict[str, Any]) -> Iterator[str]:
 
 
 class CliReporter:
-    """A `Reporter` that shows on *output*, and asks where *may_ask*() and somebody sits at a terminal."""
+    """A `Reporter` that writes to *output*, and asks if *may_ask*() and a user is at the terminal."""
 
     def __init__(self, output: Output, may_ask: Callable[[], bool]) -> None:
         self._output = output
@@ -68,24 +65,24 @@ class CliReporter:
         self._output.warning(text)
 
     def bus(self, event: BusEvent) -> None:
-        """Show that the bus is gone, or back: a document with --json, else a line on stderr that nobody may miss."""
+        """Report a lost or restored bus: as a document with --json, else on stderr, even with --quiet."""
         if self._output.json:
             self._output.documents([event.document()])
         else:
             self._output.lines([event.text])
 
     def instruct(self, text: str) -> None:
-        """Show *text* as it is, also with --quiet and --json."""
+        """Show *text* unchanged, also with --quiet and --json."""
         self._output.lines([text])
 
     def ask(self, question: str) -> bool | None:
-        """Ask at the terminal; None in a script, and where there is no terminal."""
+        """Ask at the terminal; returns None in a script, or without a terminal."""
         if not self._may_ask() or not (sys.stdin.isatty() and sys.stderr.isatty()):
             return None
         return self._output.ask(question)
 
     def progress(self, text: str, done: int, total: int) -> None:
-        """Show how far long work has come."""
+        """Show the progress of long work."""
         self._output.progress(text, done, total)
 
     def traffic(self, frame: Frame, *, sent: bool, secret: slice | None) -> None:
@@ -94,7 +91,7 @@ class CliReporter:
 
 
 class Conversation(Session):
-    """What one run of dvtcli knows; *on_open* is called when the bus is about to be opened.
+    """The state of one run of dvtcli; calls *on_open* before opening the bus.
 
     *open_bus* is as in `Session`.
     """
@@ -106,57 +103,57 @@ class Conversation(Session):
         self.output = output
         output.call = self.typed_call
         self.on_open = on_open
-        #: at the prompt and in scripts the bus is chosen already
+        #: at the prompt and in scripts the bus is already chosen
         self.started = False
         #: whether a line was `exit`
         self.left = False
-        #: whether a `require` did not find the device that it wants
+        #: whether a `require` failed
         self.other_device = False
-        #: the scripts that run, the outermost first
+        #: the running scripts, outermost first
         self.scripts: list[str] = []
-        #: what the lines of the outermost script have changed
+        #: the changes of the outermost script
         self.script_changes: ScriptChanges | None = None
-        #: what the lines of a script come to, where a report of them is asked for
+        #: the report of a script's lines, if requested
         self.report: ScriptReport | None = None
-        #: `FILE:LINE` of the script line that runs
+        #: `FILE:LINE` of the current script line
         self.place: str | None = None
-        #: whether what the line that runs does to nodes is noted there: it reads, or writes what they hold
+        #: whether nodes record all effects of the current line (reads and recorded writes only)
         self.is_noted = True
-        #: whether the user of the line that runs wants to know what nodes hold where it is stopped
+        #: whether to report the nodes' state if the current line is stopped
         self.tells_state = False
-        #: whether the line that runs writes nothing to nodes anyway
+        #: whether the current line is read-only
         self.only_looks = False
-        #: whether an answer of the line that runs leaves it open that a node was changed
+        #: whether an answer of the current line leaves open if a node was changed
         self.may_have_changed = False
-        #: what was written to nodes before the line that runs
+        #: numbers of writes to nodes before the current line
         self._written_before: dict[int, int] = {}
-        #: whether lines are typed at the prompt, where one follows the other
+        #: whether lines are typed at the prompt
         self.at_prompt = False
-        #: the Tcl of its lines, None until there was one
+        #: Tcl for its lines, None before the first Tcl line
         self.tcl: TypedTcl | None = None
-        #: words of the prompt's user, each with what it stands for
+        #: the user's aliases, with their expansions
         self.aliases: dict[str, str] = {}
-        #: whether this is a stage for another one's lines: what is noticed on the bus is told there
+        #: whether this is a rehearsal for another conversation, which reports bus events
         self._is_stage = False
 
     def read_settings(self, variables: dict[str, Any]) -> None:
-        """Take the settings files that count here, and the options that *variables* of the environment give."""
+        """Read the settings files, and options from the environment *variables*."""
         self.settings.read_files()
         self.settings.variables = {name: (value, f"DVTCLI_{name.upper()}") for name, value in variables.items()}
 
     def require_settings(self) -> None:
-        """As in `SessionOptions`, with the line that does what is to be done."""
+        """Raise errors and show warnings about settings, as in `SessionOptions`, with the remedy."""
         for said in self.settings.required():
             self.output.warning(said)
 
     def start(self, given: dict[str, Any], where: str = "") -> None:
-        """Take the options of the program's start, which were typed, or said in *where*."""
+        """Set the program's options, typed or from *where*."""
         found = self.settings.start({name: (value, where or typed_name(name)) for name, value in given.items()})
         self.base = self.options = Options()._replace(**found)
         self._apply()
 
     def begin_line(self, *, is_noted: bool, tells_state: bool) -> None:
-        """A line of a command begins; a script's are one with it."""
+        """Begin a line of a command; a script's lines belong to the script's line."""
         self.acts()  # what was sent before is not this line's
         if self.in_script:
             self.is_noted &= is_noted
@@ -164,7 +161,7 @@ class Conversation(Session):
         self.is_noted, self.tells_state, self._written_before = is_noted, tells_state, self.writes()
 
     def state_now(self) -> tuple[State, str | None]:
-        """What is known of what nodes hold where the line that runs ends without its answer; in words, too."""
+        """Return the known state of nodes if the current line ends without its answer; also in words."""
         written = {node for node, count in self.writes().items() if count != self._written_before.get(node, 0)}
         if self.is_noted and not written:
             return "unchanged", None
@@ -178,19 +175,19 @@ class Conversation(Session):
 
     @property
     def in_script(self) -> bool:
-        """Whether a script runs: it never asks, and keeps a node pre-operational until its last line."""
+        """Whether a script runs, which never asks, and keeps nodes pre-operational until its last line."""
         return bool(self.scripts)
 
     @property
     def ends_with_line(self) -> bool:
-        """Whether nothing follows the command that runs: it is the program's only one."""
+        """Whether the current command is the program's only command."""
         return not self.started and not self.in_script
 
     @contextmanager
     def line(self, given: dict[str, Any]) -> Iterator[None]:
-        """Let one line's own options count while it runs, also for the lines of a script that it runs.
+        """Apply a line's own options while it runs, also to the lines of its script.
 
-        Where the line fails its way of showing things stays until `settle`, since its error is yet to be shown.
+        If the line fails, its output options stay until `settle`, to show the error.
         """
         refused = sorted(START_ONLY & given.keys()) if self.started else []
         if refused:
@@ -215,7 +212,7 @@ class Conversation(Session):
         self.settle()
 
     def typed_call(self) -> TypedCall:
-        """The options of this call that a command behind it needs, too."""
+        """Return the options of this call that a follow-up command needs."""
         from dvtcli.cli.view.typed_hints import TypedCall
 
         given = {name: value for name, (value, where) in self.settings.typed.items() if where == typed_name(name)}
@@ -230,12 +227,12 @@ class Conversation(Session):
         )
 
     def doing(self) -> str:
-        """The command that runs, without what was typed behind it: that may be a passcode."""
+        """Return the current command without its arguments, which may have a passcode."""
         line = click.get_current_context(silent=True)
         return "" if line is None else line.info_name or ""
 
     def settle(self) -> None:
-        """A line ended, well or not: say what was noticed meanwhile, and show things as before it."""
+        """End a line: warn of events noticed meanwhile, and reset the output options."""
         if not self._is_stage:
             self.warn_of_disturbances()
         if nodes := self._nodes():
@@ -249,13 +246,13 @@ class Conversation(Session):
         self._apply()
 
     def _apply(self) -> None:
-        """Let screen and bus do as the options say now."""
+        """Apply the present options to output and bus."""
         options = self.options
         self.output.configure(options.format, options.color, options.verbose, quiet=options.quiet, plain=options.ascii)
         super()._apply()
 
     def on_twins(self) -> Conversation:
-        """One of its own on fresh twins of the nodes as they are: it asks, shows, remembers and sends nothing."""
+        """Return a silent conversation on fresh twins of the nodes; it neither asks, stores nor sends."""
         from dataclasses import replace
 
         from dvtcli.cli.view.output import Output
@@ -273,13 +270,13 @@ class Conversation(Session):
         return stage
 
     def offline_dictionaries(self) -> list[tuple[ObjectDictionary, DeviceProfile]]:
-        """Dictionaries (with their profiles) known without touching a bus: --eds, and those of simulated nodes."""
+        """Return dictionaries with profiles known without a bus: --eds, and of simulated nodes."""
         from dvtcli.operations.opening.device_files import offline_dictionaries
 
         return offline_dictionaries(self.base)
 
     def completion_dictionaries(self, node_id: int | None = None) -> list[tuple[ObjectDictionary, DeviceProfile]]:
-        """The dictionaries that completion may offer: the open node's (None: the selected one), else those offline."""
+        """Return dictionaries for completion: the open node's (None: the selected node), else offline ones."""
         if self._network is not None:
             node = self._network.nodes.get((self.selected_id() if node_id is None else node_id) or 0)
             if node is not None and node.dictionary is not None:
@@ -291,11 +288,11 @@ class Conversation(Session):
         return self.secrets.in_line(line, [node.dictionary for node in self._nodes() if node.dictionary is not None])
 
     def staying(self) -> tuple[str, ...]:
-        """`FILE:LINE` of the lines of the script that runs whose changes the nodes hold; none under --dry-run."""
+        """Return `FILE:LINE` of script lines whose changes are still in the nodes; empty under --dry-run."""
         return () if self.script_changes is None or self.dry_run else self.script_changes.staying()
 
     def stays_differing(self) -> tuple[str, ...] | None:
-        """How nodes differ from what those lines set, read now; None where nothing is read, or a node cannot be."""
+        """Read back how nodes differ from the lines of `staying`; None if unreadable or not read."""
         if self.script_changes is None or self.dry_run or self.cancellation.requested:
             return None
         try:

@@ -1,7 +1,4 @@
-"""What is kept of a bug in dvtcli: its traceback, in a file that the user alone can read.
-
-Does not know how an error is shown.
-"""
+"""Keep the traceback of a bug in dvtcli in a file readable by the user alone."""
 
 from __future__ import annotations
 
@@ -18,9 +15,9 @@ from dvtcli.files.user_folders import user_folder
 
 
 def keep(bug: BaseException, frames: Sequence[str] = ()) -> str:
-    """Write the traceback of *bug* into `crash/` of the state folder, else the system's folder; the file's path.
+    """Write the traceback of *bug* to `crash/` of the state folder, else the system's; returns the path.
 
-    Behind it stand *frames*, the last that were exchanged.
+    *frames*, the last frames exchanged, follow the traceback.
     """
     state = user_folder("state")
     try:
@@ -32,7 +29,7 @@ def keep(bug: BaseException, frames: Sequence[str] = ()) -> str:
 
 
 def _written(bug: BaseException, frames: Sequence[str], folder: Path | None) -> str:
-    """Write into a new file of *folder*, which nothing can stand in the way of: its name is nobody's to foresee."""
+    """Write to a new file of *folder* with an unpredictable name, against planted files."""
     stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
     descriptor, path = tempfile.mkstemp(prefix=f"dvtcli-crash-{stamp}-", suffix=".txt", dir=folder)  # 0600
     with os.fdopen(descriptor, "w", encoding="utf-8") as file:

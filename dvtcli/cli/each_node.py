@@ -1,4 +1,4 @@
-"""A line that is done for each of several nodes, one after the other. Does not know what it does."""
+"""Run a line for each of several nodes, one after another."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ if TYPE_CHECKING:
     from dvtcli.cli.object_params import ObjectWord
     from dvtcli.operations.session.session import Session
 
-#: what is told in the end of all nodes that were meant, of which each that had its turn answered, or failed with
+#: makes the final error from all node-IDs and the outcomes (answers or errors) of nodes that ran
 Ending = Callable[[Sequence[int], Mapping[int, Any]], DvtcliError | None]
-#: what one node comes to without anybody else
+#: faults that concern a single node
 _OF_A_NODE = (DeviceRefused, NoAnswer, Restarted, SdoAborted, SdoProtocolError)
 
 
 def several_ids(session: Session) -> tuple[int, ...]:
-    """The nodes that -n names where it names several; `all` are those that are simulated, else those that are found.
+    """Return the nodes of -n; `all` means the simulated nodes, else the nodes found on the bus.
 
-    They are looked for once: a line that asked anew might miss one that is slow for once, and call it done. Who is
-    heard since is one of them.
+    The search runs once per session: a second search could miss a slow node and skip it silently. Nodes received since
+    are added. Raises NoAnswer if none is found.
     """
     if not session.base.every_node:
         return session.base.nodes
@@ -51,14 +51,14 @@ def several_ids(session: Session) -> tuple[int, ...]:
 
 
 def nodes_meant(session: Session) -> tuple[int | None, ...]:
-    """The nodes that -n names where it names several and none was selected since; else None, the selected one."""
+    """Return the nodes of -n if several and none was selected since; else None for the selected node."""
     base = session.base
     several = base.every_node or len(base.nodes) > 1
     return several_ids(session) if several and session.selected is None else (None,)
 
 
 def objects_meant(session: Session, words: Sequence[ObjectWord]) -> list[tuple[str, int | None]]:
-    """Each object with its node; one that names none is meant of each node that -n names."""
+    """Return each object with its node; an object without a node is repeated for each node of -n."""
     nodes = nodes_meant(session) if words else ()
     return [(word.text, node) for word in words for node in ((word.node_id,) if word.node_id is not None else nodes)]
 
@@ -72,11 +72,12 @@ def on_each_node(
     ahead: Callable[[Sequence[int]], None] | None = None,
     ending: Ending | None = None,
 ) -> int:
-    """Do *run* with each node that -n names selected, and *deliver* its answer; the exit code of the first that failed.
+    """Call *run* with each node of -n selected, and *deliver* its answer; returns the first failure's exit code.
 
-    It is 7 if any has that. With *go_on* a node that fails keeps no other from its turn, with *ending* one that
-    refuses, or does not answer. *ahead* looks at all of them before the first; *ending* makes an error of what became
-    of all of them if one failed.
+    Exit code 7 takes precedence. A failing node ends the line, except with *go_on*, or with *ending* if the node
+    refuses or
+    does not answer. *ahead* checks all nodes before the first; *ending* makes an error from all outcomes after a
+    failure.
     """
     codes: list[int] = []
     outcomes: dict[int, Any] = {}

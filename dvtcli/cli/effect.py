@@ -1,4 +1,4 @@
-"""What a command does to nodes, as scripts judge it: what can be taken back, and what is played in a rehearsal."""
+"""The effect of a command on nodes, by which scripts decide on undo and rehearsal."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 
 class Effect(Enum):
-    """What a command, or a word of the DVT, does to nodes; its own file says which."""
+    """The effect of a command, or of a DVT word, on nodes; declared in its own file."""
 
     READS = "looks, listens, or works on files: no node is another one afterwards"
     SELECTS = "says which node, or which device, the lines after it are about"
@@ -19,14 +19,14 @@ class Effect(Enum):
 
 
 class Final(NamedTuple):
-    """What one line does that no `undo` reverts, in its own words; *brings_back* says that it loads what is kept."""
+    """The part of a line that no `undo` reverts, in words; *brings_back*: the line loads stored values."""
 
     words: str
     brings_back: bool = False
 
 
 def final_write(name: str, index: int | None) -> Final | None:
-    """What *name* does that no `undo` reverts where it writes to *index*: storing, or restoring, by its object."""
+    """Return the part of *name* that no `undo` reverts if it writes *index*: a store or restore."""
     from dvtcli.device.store_parameters import RESTORE, SIGNATURES
 
     return Final(f"{name} to 0x{index:04X}", index == RESTORE) if index in SIGNATURES else None

@@ -1,7 +1,4 @@
-"""The global options as they are typed: one list, read before and after a command and from the environment.
-
-Does not know what an option's value may be beyond its kind (`operations.user.options`), nor acts on any.
-"""
+"""The global options as typed: one list, read before and after a command and from the environment."""
 
 from __future__ import annotations
 
@@ -13,14 +10,14 @@ import click
 
 from dvtcli.operations.user.options import BIT_RATES, CHOICES, checked
 
-#: Prefix of the parameters' names, so that a command's own `--type` or `--node` can never meet them.
+#: Prefix of the parameters' names, to avoid a clash with a command's own `--type` or `--node`.
 PREFIX = "global_"
 #: Put before an argument such as `-1500`, so that click does not take it for an option; `params` takes it off.
 NEGATIVE_MARK = "\ue000"
 
 
 def global_options(*, hidden: bool) -> list[click.Option]:
-    """The global options as click parameters; *hidden* ones stand behind every command."""
+    """Return the global options as click parameters; *hidden* options follow every command."""
     return [_option(names, dict(settings), hidden=hidden) for names, settings in _TABLE]
 
 
@@ -114,7 +111,7 @@ def _option(names: tuple[str, ...], settings: dict[str, Any], *, hidden: bool) -
 
 
 def taken(params: dict[str, Any]) -> dict[str, Any]:
-    """Take the global options out of *params* and return those that were given, checked and typed."""
+    """Remove the global options from *params*; returns those given, checked and typed."""
     given: dict[str, Any] = {}
     for key in [key for key in params if key.startswith(PREFIX)]:
         value, name = params.pop(key), key.removeprefix(PREFIX)

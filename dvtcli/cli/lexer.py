@@ -1,4 +1,4 @@
-"""A line's words: quotes group, `#` begins a comment. Knows no command."""
+"""Split lines into words: quotes group, `#` begins a comment."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ if TYPE_CHECKING:
 
 
 def split(line: str) -> list[str]:
-    """A line's words: quotes group, `#` at the start of a word begins a comment, an inner apostrophe is a letter.
+    """Split a line into words: quotes group, `#` at the start of a word begins a comment.
 
-    An apostrophe right behind a quote that closes opens another one, as in a shell.
+    An apostrophe inside a word is a letter; directly after a closing quote it opens another, as in a shell. Raises
     UsageError for an unclosed quote, and for more words than any command takes.
     """
     from dvtcli.errors import UsageError
@@ -35,7 +35,7 @@ _MOST_WORDS = 10_000
 
 
 def _split(line: str) -> list[str]:
-    """The words of *line* in one pass (shlex takes 19 s for a word of 1 MB); ValueError for an unclosed quote."""
+    """Split *line* in one pass (shlex takes 19 s for a word of 1 MB). Raises ValueError for an unclosed quote."""
     words: list[str] = []
     word: list[str] = []
     inside, quote, before, closed = False, "", " ", False

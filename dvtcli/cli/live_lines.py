@@ -1,7 +1,7 @@
-"""Lines of a program, answered as they come: `--json`, and a pipe on stdin that stays open.
+"""Answer a program's lines as they arrive: `--json`, and a pipe on stdin that stays open.
 
-Lines that wait together are a script of their own: parsed whole, run inside one NMT gate, stopped by the first that
-fails. Then the next ones are waited for, and the bus is listened to meanwhile. Does not know what lines do.
+Lines that arrive together form a script: parsed whole, run inside one NMT gate, stopped by the first failure. While
+waiting for more, the bus is read.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from dvtcli.errors import BusUnavailable, InputFileError, LeftChanged
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
 
-#: What a pipe holds: where so much came at once there is more, which is waited for so long (s).
+#: Size of a pipe: if so much arrives at once, more follows within this time (s).
 _FULL, _MORE_S = 65_536, 0.2
-#: How long the bus is read in one go (s).
+#: Duration of a read of the bus (s).
 _TICK_S = 0.1
 _SOURCE = "<stdin>"
 
 
 def is_a_program(session: Conversation) -> bool:
-    """Whether a program may be at the other end of stdin that waits for each answer: not of a file."""
+    """Whether a program may be waiting for each answer at the other end of stdin; not for a file."""
     if not session.output.json:
         return False
     kind = os.fstat(sys.stdin.fileno()).st_mode
@@ -40,9 +40,9 @@ def is_a_program(session: Conversation) -> bool:
 
 
 def answer_lines(session: Conversation) -> int:
-    """Answer lines until stdin ends, or one of them is `exit`; the exit code of the first that failed, or 7.
+    """Answer lines until stdin ends or `exit`; returns the first failure's exit code, or 7.
 
-    A `require` that does not find its device ends it, too, with its own code: nothing behind it is done.
+    A `require` that does not find its device ends the input with its own code: no later line runs.
     """
     session.started = True
     codes, number = [], 1
@@ -63,7 +63,7 @@ def _run(session: Conversation, lines: bytes, number: int) -> int:
 
 
 def chunks(session: Conversation, file: int) -> Iterator[bytes]:
-    """Whole lines of the descriptor *file* as they come; those that wait together come together."""
+    """Iterate over whole lines of the descriptor *file* as they arrive, lines waiting together in one chunk."""
     pending = b""
     while data := _waiting(session, file):
         pending += data
@@ -78,7 +78,7 @@ def chunks(session: Conversation, file: int) -> Iterator[bytes]:
 
 
 def _waiting(session: Conversation, file: int) -> bytes:
-    """What is in the pipe, once there is something; nothing at its end."""
+    """Wait for data in the pipe, and return it; empty at its end."""
     with session.cancellation.released():
         if session.cancellation.requested:  # a signal that came when the last line was complete already
             raise KeyboardInterrupt
@@ -90,13 +90,13 @@ def _waiting(session: Conversation, file: int) -> bytes:
 
 
 def _comes(file: int) -> bool:
-    """Whether more is there, or comes at once."""
+    """Whether more data is available, or arrives at once."""
     return os.name == "posix" and bool(select.select((file,), (), (), _MORE_S)[0])
 
 
 @contextmanager
 def _listening(session: Conversation) -> Iterator[None]:
-    """A block in which the bus is read also while nobody asks anything: heartbeats, boot-ups and EMCY count."""
+    """Read the bus during the block even without requests: heartbeats, boot-ups and EMCY count."""
     stopping = Event()
     thread = Thread(target=_listen, args=(session, stopping), name="listening", daemon=True)
     thread.start()

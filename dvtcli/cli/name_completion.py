@@ -1,7 +1,4 @@
-"""Completion of object names, for a shell and for the prompt alike; never opens a bus.
-
-Knows dictionaries and what a PDO can still take. Does not know keys, menus or screens.
-"""
+"""Complete object names in a shell and at the prompt, without opening a bus."""
 
 from __future__ import annotations
 
@@ -32,12 +29,12 @@ MOST = 60
 #: Letters in order but apart (`vav` for `velocity_actual_value`) are looked for from this length on.
 SCATTERED = 3
 
-#: An entry's number and name as they are compared with what is typed.
+#: An entry's number and name in the form for comparison with the typed text.
 Row = tuple[str, str, OdEntry]
 
 
 def object_items(ctx: click.Context, incomplete: str, *, mapped: bool) -> list[CompletionItem]:
-    """Objects that *incomplete* may become; for a mapping only those that its PDO can still take."""
+    """Return the objects that *incomplete* may become; if *mapped*, those that still fit the PDO."""
     session = ctx.find_root().obj
     if session is None:
         return []
@@ -53,7 +50,7 @@ def object_items(ctx: click.Context, incomplete: str, *, mapped: bool) -> list[C
 def _dictionaries(
     ctx: click.Context, session: Conversation, node_id: int | None
 ) -> list[tuple[ObjectDictionary, DeviceProfile]]:
-    """What the session knows; in a shell, where none has begun, what the options typed so far name."""
+    """Return the session's dictionaries; in a shell, those of the options typed so far."""
     if session.started or session.is_open or session.base != Options():
         return session.completion_dictionaries(node_id)
     contexts = [ctx.find_root(), ctx]
@@ -67,7 +64,7 @@ def _dictionaries(
 
 
 def _laid_over_files(given: dict[str, Any]) -> Options:
-    """The options *given* and those of the settings files, as far as these can be used."""
+    """Merge the options *given* over usable options of the settings files."""
     settings = Settings()
     settings.read_files()
     settings.typed = {name: (value, name) for name, value in given.items()}
@@ -93,9 +90,9 @@ def _items(
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """What a PDO being typed can still take: *left* bits of objects that `map` takes, on a device of that *profile*.
+    """The free space of a PDO being typed: *left* bits for objects of `map`, on a device of *profile*.
 
-    *mapped* are the places that the line has already: an RPDO takes each once.
+    *mapped* are objects already on the line: an RPDO may map each once.
     """
 
     dictionary: ObjectDictionary
@@ -105,13 +102,13 @@ class Room:
     mapped: frozenset[ObjectAddress] = frozenset()
 
     def takes(self, entry: OdEntry) -> bool:
-        """Whether *entry* can be the next one."""
+        """Whether *entry* can be mapped next."""
         again = not self.tpdo and (entry.index, entry.sub_index) in self.mapped
         fits = (entry.bits or 1) <= self.left
         return fits and not again and is_taken(self.profile, self.dictionary, entry, tpdo=self.tpdo)
 
     def share(self, entry: OdEntry) -> str:
-        """How much of what is free *entry* takes: `4 of 6 free bytes`."""
+        """Return the share of free space for *entry*: `4 of 6 free bytes`."""
         if entry.bits is None:
             return ""
         if entry.bits % 8 or self.left % 8:
@@ -119,7 +116,7 @@ class Room:
         return f"{entry.bits // 8} of {self.left // 8} free bytes"
 
     def dummies(self, incomplete: str) -> list[CompletionItem]:
-        """Gaps that an RPDO may skip."""
+        """Return dummies for gaps in an RPDO."""
         if self.tpdo or not incomplete or not "dummy/".startswith(incomplete.lower()[:6]):
             return []
         usable = known_dummies(self.dictionary, self.profile)
@@ -131,7 +128,7 @@ class Room:
 
 
 def _room(ctx: click.Context, dictionary: ObjectDictionary, profile: DeviceProfile) -> Room | None:
-    """What is left beside the objects that the line has already; None where no PDO was typed yet."""
+    """Return the free space after the objects on the line; None before a PDO is typed."""
     chosen = ctx.params.get("pdo")
     if chosen is None:
         return None
@@ -142,7 +139,7 @@ def _room(ctx: click.Context, dictionary: ObjectDictionary, profile: DeviceProfi
 
 
 def _typed(word: str, dictionary: ObjectDictionary, aliases: Mapping[str, str]) -> tuple[ObjectAddress | None, int]:
-    """The object that *word* means, and the bits that it takes of the frame; None and 0 where nobody knows yet."""
+    """Return the object of *word*, and its bits in the frame; None and 0 if unknown."""
     head, _, length = word.rpartition("/")
     given = int(length) if head and length.isdecimal() else None
     name = word if given is None else head
@@ -160,7 +157,7 @@ def _typed(word: str, dictionary: ObjectDictionary, aliases: Mapping[str, str]) 
 def _alias_items(
     dictionary: ObjectDictionary, aliases: Mapping[str, str], room: Room | None, incomplete: str
 ) -> Iterator[tuple[str, CompletionItem]]:
-    """A profile's short names, where one is being typed, with the numbers they stand for."""
+    """Return matching short names of a profile, with their objects."""
     for alias, target in aliases.items():
         if not incomplete or not alias.startswith(incomplete.lower()):
             continue
@@ -178,9 +175,9 @@ def _help(dictionary: ObjectDictionary, entry: OdEntry, room: Room | None) -> st
 
 
 def _ranked(rows: list[Row], incomplete: str) -> Iterator[Row]:
-    """*rows* that *incomplete* may mean, best first: by number, then by name, by a word of it, by a part of it.
+    """Return *rows* matching *incomplete*, best first: by number, name, a word of the name, a part.
 
-    What begins with `0x` is a number and nothing else.
+    A text with `0x` matches numbers only.
     """
     by_number = incomplete.lower().startswith("0x")
     wanted = incomplete.lower().removeprefix("0x")

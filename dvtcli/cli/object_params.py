@@ -1,6 +1,6 @@
 """Click types of an object, a mapping entry and a data type.
 
-Knows the grammar (`domain.object_syntax`). Looks names up only in dictionaries that are known without a bus.
+Follows the grammar of `domain.object_syntax`. Looks names up only in dictionaries known without a bus.
 """
 
 from __future__ import annotations
@@ -33,35 +33,35 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class ObjectWord:
-    """An object as it was typed; `resolve` finds it in the node's dictionary."""
+    """An object as typed; `resolve` finds the object in the node's dictionary."""
 
     text: str
-    #: the node that `3:6041` names, None where it names none
+    #: the node in `3:6041`, None if absent
     node_id: int | None = None
 
     @property
     def notation_note(self) -> str | None:
-        """What to say of the way it was written, or None."""
+        """A remark on the notation, or None."""
         return notation_note(self.text)
 
     def resolve(self, node: Node) -> tuple[int, int]:
-        """Index and sub-index; UsageError where the node's dictionary does not know the name."""
+        """Return index and sub-index. Raises UsageError if the node's dictionary lacks the name."""
         return object_at(node, self.text)
 
 
 @dataclass(frozen=True, slots=True)
 class EntryWord:
-    """A mapping entry as it was typed."""
+    """A mapping entry as typed."""
 
     text: str
 
     @property
     def notation_note(self) -> str | None:
-        """What to say of the way it was written, or None."""
+        """A remark on the notation, or None."""
         return notation_note(self.text)
 
     def resolve(self, node: Node) -> MappedObject | Skipped:
-        """The object and its length, or the bits to skip; UsageError where the name is unknown."""
+        """Return the object and its length, or the bits to skip. Raises UsageError for an unknown name."""
         return entry_at(node, self.text)
 
 
@@ -99,14 +99,14 @@ class ObjectParam(CanopenType):
             raise failure
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """Objects of the known dictionaries, with type, access and name."""
+        """Offer objects of known dictionaries, with type, access and name."""
         from dvtcli.cli.name_completion import object_items
 
         return object_items(ctx, incomplete, mapped=self.entry)
 
 
 class NodeObjectType(ObjectParam):
-    """An object, with its node where that is said: `3:6041`, `3:1018:01`, `3:statusword`."""
+    """An object, optionally with its node: `3:6041`, `3:1018:01`, `3:statusword`."""
 
     def parse(self, text: str, ctx: click.Context | None) -> ObjectWord | EntryWord:
         """The word; ValueError as for an object, and for a node-ID that is none."""
@@ -119,10 +119,10 @@ class NodeObjectType(ObjectParam):
 
 
 class Objects(click.Argument):
-    """Several objects. A name with blanks that was typed without quotes is refused with how it is written."""
+    """Several objects; a name with blanks typed without quotes is refused with the right notation."""
 
     def type_cast_value(self, ctx: click.Context, value: Any) -> Any:
-        """The words; BadParameter if one is no object, UsageError if no dictionary has its name."""
+        """Return the words. Raises BadParameter if a word is no object, UsageError if no dictionary has its name."""
         try:
             return super().type_cast_value(ctx, value)
         except (click.BadParameter, UsageError) as wrong:

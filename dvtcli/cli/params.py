@@ -1,6 +1,6 @@
-"""Click types of plain words: texts, files, numbers and times; each parses, completes and explains itself.
+"""Click types of plain words: texts, files, numbers and times, with parsing, completion and error text.
 
-Those of PDOs are in `pdo_params`, those of objects in `object_params`: a command imports what its words are.
+Types of PDOs are in `pdo_params`, types of objects in `object_params`, so that a command imports only its own.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class CanopenType(ParamType):
     """A type whose values may begin with a minus sign, and whose ValueErrors become usage errors."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Parse *value* once; click also hands over values that are parsed already."""
+        """Parse *value* once; click may pass parsed values again."""
         if not isinstance(value, str):
             return value
         try:
@@ -32,7 +32,7 @@ class CanopenType(ParamType):
             self.fail(str(wrong), param, ctx)
 
     def parse(self, text: str, ctx: click.Context | None) -> Any:
-        """Turn *text* into the value; ValueError says what is wrong."""
+        """Return the value of *text*. Raises ValueError with the reason."""
         raise ValueError(text)
 
 
@@ -45,7 +45,7 @@ class NumberType(CanopenType):
         self.low, self.high, self.what = low, high, what
 
     def parse(self, text: str, ctx: click.Context | None) -> int:
-        """The number; ValueError where it is outside the range."""
+        """Return the number. Raises ValueError if out of range."""
         value = parse_number(text)
         if not self.low <= value <= self.high:
             raise ValueError(f"{text}: {self.what} is {self.low}…{self.high}")
@@ -53,7 +53,7 @@ class NumberType(CanopenType):
 
 
 class MillisecondsType(CanopenType):
-    """A time in milliseconds, kept as counts of *unit_us* µs; it must be a whole number of counts up to *most*."""
+    """A time in ms, kept as counts of *unit_us* µs; must be a whole number of counts up to *most*."""
 
     name = "ms"
 
@@ -61,14 +61,14 @@ class MillisecondsType(CanopenType):
         self.unit_us, self.most = unit_us, most
 
     def parse(self, text: str, ctx: click.Context | None) -> int:
-        """The number of counts."""
+        """Return the number of counts."""
         from dvtcli.domain.milliseconds import counts, milliseconds
 
         return counts(milliseconds(text), self.unit_us, self.most)
 
 
 class TextType(CanopenType):
-    """Any text, such as a value to write; only the mark of a leading minus sign is taken off."""
+    """Any text, such as a value to write; only the mark of a leading minus sign is removed."""
 
     name = "text"
 
@@ -78,12 +78,12 @@ class TextType(CanopenType):
 
 
 class FileType(TextType):
-    """A file's path; a shell completes it."""
+    """A file's path, completed by the shell."""
 
     name = "file"
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """Whatever files there are."""
+        """Let the shell complete files."""
         return [CompletionItem(incomplete, type="file")]
 
 

@@ -1,6 +1,6 @@
-"""Where a passcode comes from: the environment, the settings file, or a question without echo.
+"""Get a passcode from the environment, the settings file, or a question without echo; never store it.
 
-Never from a command line, which shells and process lists show. Keeps it nowhere.
+Never from a command line, visible in shell histories and process lists.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _SOURCES = f"{VARIABLE} in the environment, or `passcode` in your config.toml (`
 
 
 def passcode(session: Conversation, node_id: int, level: int) -> int:
-    """The passcode (0..0xFFFF) for *level* of a node; SafetyRefusal where nobody can be asked for it."""
+    """Return the passcode (0..0xFFFF) for *level* of a node. Raises SafetyRefusal if nobody can be asked."""
     if session.dry_run:
         return 1  # a twin believes any, and none is spent on it
     project = session.settings.project_bus()
@@ -40,7 +40,7 @@ def passcode(session: Conversation, node_id: int, level: int) -> int:
 
 
 def _agreed(session: Conversation, project: File, node_id: int) -> None:
-    """SafetyRefusal unless the user wants a passcode on the bus that the *project*'s file chose; no option says so."""
+    """Raise SafetyRefusal unless the user agrees to send a passcode on the *project* file's bus; no option agrees."""
     from dvtcli.bus.python_can_settings import is_network
 
     bus = session.bus.name
@@ -76,7 +76,7 @@ def _asked(session: Conversation, question: str, node_id: int) -> str:
 
 
 def _number(text: str, where: str) -> int:
-    """The number that *text* is; what was typed is not repeated, since it may be nearly right."""
+    """Return the number in *text*; errors never quote *text*, possibly nearly right."""
     try:
         value = parse_number(text.strip())
     except ValueError:

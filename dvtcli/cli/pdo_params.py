@@ -1,4 +1,4 @@
-"""Click types of a PDO and its communication parameters. Knows of a node's PDOs what was read already: asks no bus."""
+"""Click types of a PDO and its communication parameters; completion uses PDOs already read, no bus."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ EDIT = "edit"
 
 @dataclass(frozen=True, slots=True)
 class NodePdo:
-    """A PDO, with the node where `5:tpdo1` names one."""
+    """A PDO, with the node of `5:tpdo1` if named."""
 
     pdo: Pdo
     node_id: int | None = None
@@ -34,7 +34,7 @@ class PdoType(CanopenType):
     name = "pdo"
 
     def parse(self, text: str, ctx: click.Context | None) -> NodePdo:
-        """The PDO and, with `NODE:`, its node."""
+        """Return the PDO and, with `NODE:`, its node."""
         head, colon, tail = text.rpartition(":")
         if not colon:
             return NodePdo(Pdo.parse(text))
@@ -44,7 +44,7 @@ class PdoType(CanopenType):
         return NodePdo(Pdo.parse(tail), number)
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """The node's PDOs with what each is set to, where a session is open; else the first four each way."""
+        """Offer the node's PDOs with their settings in a session; else the first four each way."""
         session = ctx.find_root().obj
         head, colon, wanted = incomplete.lower().rpartition(":")
         rows = _known_pdos(session, _node_id(head)) if session is not None else []
@@ -53,7 +53,7 @@ class PdoType(CanopenType):
 
 
 def _node_id(text: str) -> int | None:
-    """The node-ID before the colon of `5:tpdo1`, None where there is none yet."""
+    """Return the node-ID before the colon of `5:tpdo1`, None if absent."""
     try:
         return parse_number(text)
     except ValueError:
@@ -61,7 +61,7 @@ def _node_id(text: str) -> int | None:
 
 
 def _known_pdos(session: Conversation, node_id: int | None) -> list[tuple[str, str]]:
-    """PDOs that the open node (None: the selected one) is known to have; never touches the bus: a key was pressed."""
+    """Return known PDOs of the open node (None: the selected node) without using the bus on a key press."""
     if not session.is_open:
         return []
     node = session.network.nodes.get((session.selected_id() if node_id is None else node_id) or 0)
@@ -82,14 +82,14 @@ def _known_pdos(session: Conversation, node_id: int | None) -> list[tuple[str, s
 
 
 class EditOrPdo(PdoType):
-    """A PDO, or the word `edit` before it."""
+    """A PDO, or the word `edit` before a PDO."""
 
     def parse(self, text: str, ctx: click.Context | None) -> Any:
         """`edit`, or the PDO."""
         return EDIT if text.lower() == EDIT else super().parse(text, ctx)
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """The PDOs, and before them what can be done with one."""
+        """Offer actions, then PDOs."""
         before = ctx.params.get(param.name or "") or ()
         words = [] if before or not EDIT.startswith(incomplete.lower()) else [EDIT]
         items = [CompletionItem(word, help="one PDO as text, in your editor") for word in words]
@@ -103,7 +103,7 @@ class CobIdType(CanopenType):
     name = "cob-id"
 
     def parse(self, text: str, ctx: click.Context | None) -> int | str:
-        """A CAN-ID, or one of the two words."""
+        """Return a CAN-ID, or either of the two words."""
         return text.lower() if text.lower() in ("auto", "keep") else parse_cob_id(text)
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
@@ -113,7 +113,7 @@ class CobIdType(CanopenType):
 
 
 class TransmissionType(NumberType):
-    """A transmission type 0…255; the menu offers those that are used most."""
+    """A transmission type 0…255; the menu offers the most common."""
 
     def __init__(self) -> None:
         super().__init__(0, 255, "a transmission type")

@@ -1,8 +1,4 @@
-"""The one registry: a command of the table is imported when it is first needed.
-
-Knows commands only by their names. Does not know how a line is cut into words (`lexer`) or run
-(`run_line`), nor what runs lines (`ways_in`).
-"""
+"""The registry of commands; imports a command on first use."""
 
 from __future__ import annotations
 
@@ -21,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Registry(Root):
-    """The one set of commands, those of `catalogue.COMMANDS`."""
+    """The set of commands in `catalogue.COMMANDS`."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
@@ -33,7 +29,7 @@ class Registry(Root):
         return super().parse_args(ctx, args)
 
     def list_commands(self, _ctx: click.Context) -> list[str]:
-        """The commands' names; imports none of them."""
+        """Return the commands' names without importing any."""
         return command_names()
 
     def get_command(self, _ctx: click.Context, cmd_name: str) -> click.Command | None:
@@ -45,20 +41,20 @@ class Registry(Root):
         return command
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
-        """Find the command; an unknown one gets the nearest name."""
+        """Find the command; suggest the nearest name for an unknown command."""
         args = meant(args)
         if self.get_command(ctx, args[0]) is None:
             raise click.UsageError(unknown_command(args[0]), ctx)
         return super().resolve_command(ctx, args)
 
     def format_commands(self, _ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """List the commands by task, each with its line, importing none."""
+        """List the commands by task with their one-line helps, without importing any."""
         for task, rows in task_sections():
             with formatter.section(task):
                 formatter.write_dl(rows)
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Take the global options given before the command, then run it."""
+        """Apply the global options before the command, then run it."""
         session: Conversation = ctx.obj
         given = taken(ctx.params)
         if session.started and given:
@@ -71,7 +67,7 @@ class Registry(Root):
 
 
 def _dvt_word(name: str) -> click.Command | None:
-    """One of the DVT's own words, which are made from one table; None where *name* is none."""
+    """Return the DVT word *name* as a command; None if unknown."""
     from dvtcli.cli.dvt.word_command import word_command
 
     return word_command(name)

@@ -1,7 +1,4 @@
-"""One line's way: found in the one registry, parsed by click, invoked, answered, and judged by an exit code.
-
-Does not know where lines come from (`main`, `prompt.loop`, `commands.run`).
-"""
+"""Run a line: find and parse its command, invoke it, show the answer, return the exit code."""
 
 from __future__ import annotations
 
@@ -18,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def parse(words: Sequence[str], session: Conversation) -> click.Context:
-    """Find and parse one line's command without running it; usage errors are raised here."""
+    """Find and parse a line's command without running it. Raises usage errors."""
     root = click.Context(REGISTRY, info_name="", obj=session)
     name, *args = meant(words)
     if name.startswith("-"):
@@ -34,7 +31,7 @@ def parse(words: Sequence[str], session: Conversation) -> click.Context:
 
 
 def run_words(words: Sequence[str], session: Conversation) -> int:
-    """Parse and run one line."""
+    """Parse and run a line."""
     return boundary(session, lambda: _parse_and_invoke(words, session))
 
 
@@ -47,7 +44,7 @@ def _parse_and_invoke(words: Sequence[str], session: Conversation) -> Any:
 
 
 def boundary(session: Conversation, run: Callable[[], Any]) -> int:
-    """Run something and turn whatever comes of it into an exit code: the one place where errors end."""
+    """Call *run* and convert any outcome to an exit code: the only place where errors end."""
     from dvtcli.cli.boundary import guarded
 
     return guarded(session, run)

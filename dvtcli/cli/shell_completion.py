@@ -1,4 +1,4 @@
-"""What Tab offers, made safe: names come from strangers' files, and a shell prints what it is given."""
+"""Make completions safe: names come from untrusted files, and a shell prints them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _SHELLS = ("bash", "zsh", "fish", "powershell")
 
 
 def safe_items(items: Iterable[CompletionItem]) -> list[CompletionItem]:
-    """*items* with safe help texts, without those that would type a character that steers a terminal."""
+    """Return *items* with safe help texts, without items that would type control characters."""
     return [
         CompletionItem(item.value, item.type, None if item.help is None else safe(item.help))
         for item in items
@@ -22,12 +22,12 @@ def safe_items(items: Iterable[CompletionItem]) -> list[CompletionItem]:
 
 class _SafeComplete(ShellComplete):
     def get_completions(self, args: list[str], incomplete: str) -> list[CompletionItem]:
-        """Offer what click offers, made safe."""
+        """Return click's completions, made safe."""
         return safe_items(super().get_completions(args, incomplete))
 
 
 def make_shells_safe() -> None:
-    """Let click answer every shell that asks with safe items only."""
+    """Let click give safe completions to every shell."""
     for name in _SHELLS:
         usual = get_completion_class(name)
         if usual is None:  # PowerShell came with click 8.5

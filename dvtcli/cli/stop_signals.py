@@ -1,7 +1,4 @@
-"""What Ctrl-C, SIGTERM, SIGHUP and Ctrl-Break do: stop at once, except while a device is being written.
-
-Does not know what is written, nor how a stopped command is told of.
-"""
+"""Handle Ctrl-C, SIGTERM, SIGHUP and Ctrl-Break: stop at once, but not while writing a device."""
 
 from __future__ import annotations
 
@@ -19,7 +16,7 @@ if TYPE_CHECKING:
 
     from dvtcli.device.cancellation import Cancellation
 
-#: how long (s) after it was swallowed a signal is heard again: in that very place it would be swallowed again
+#: delay (s) before repeating a swallowed signal: at the same place it would be swallowed again
 _AGAIN_S = 0.02
 _WAITS = b"\nstopping at the next safe point (once more: at once)\n"
 _LOST = b"\nthat signal came at a moment that lets none through: once more\n"
@@ -51,10 +48,11 @@ def catch_signals(cancellation: Cancellation) -> None:
 
 
 class _Swallowed:
-    """Sends a signal once more whose KeyboardInterrupt fell into a place that lets none through.
+    """Repeats a signal whose KeyboardInterrupt was swallowed.
 
-    Such a place is a `__del__`, as python-can's of a bus that did not open: Python shows what is raised there, and goes
-    on as if nobody had asked to stop. `hear` is such a place, too: a signal that comes meanwhile must raise nothing.
+    A `__del__` swallows exceptions, e.g. python-can's after a failed open: Python prints the exception and continues.
+    `hear`
+    swallows too, so a signal during it must not raise.
     """
 
     def __init__(self, shown: Callable[[sys.UnraisableHookArgs], object]) -> None:
@@ -63,7 +61,7 @@ class _Swallowed:
         self._shown = shown
 
     def hear(self, lost: sys.UnraisableHookArgs) -> None:
-        """What Python calls with each exception that it lets no further (`sys.unraisablehook`)."""
+        """Handle an exception that Python swallows (`sys.unraisablehook`)."""
         self.being_heard = True  # before anything is called, behind which a signal may come
         self.again = issubclass(lost.exc_type, KeyboardInterrupt)
         try:
@@ -95,7 +93,7 @@ class _Swallowed:
 
 
 def _send(number: int) -> None:
-    """Send the signal *number* to this program, and wake what its main thread waits for."""
+    """Send the signal *number* to this process, and wake its main thread."""
     if sys.platform == "win32":
         signal.raise_signal(number)
     else:
@@ -103,7 +101,7 @@ def _send(number: int) -> None:
 
 
 def _say(text: bytes) -> None:
-    """Write to stderr where that neither waits nor fails: whoever read it may be gone, or have stopped reading."""
+    """Write to stderr if possible without waiting or failing: the reader may be gone or blocked."""
     with suppress(OSError, ValueError):
         if os.name == "nt" or select.select((), (2,), (), 0)[1]:
             os.write(2, text)

@@ -1,4 +1,4 @@
-"""Tcl that is typed, as prompt and session know it; `dvt.tcl_mode` is it. Knows no Tcl."""
+"""The interface of typed Tcl for prompt and session, implemented by `dvt.tcl_mode`."""
 
 from __future__ import annotations
 
@@ -6,25 +6,25 @@ from typing import Protocol
 
 
 class TypedTcl(Protocol):
-    """Lines of Tcl, and the mode in which every line is one."""
+    """Lines of Tcl, and the mode for Tcl lines only."""
 
     on: bool
 
     @property
     def continues(self) -> bool:
-        """Whether the next line goes on with the last one."""
+        """Whether the next line continues the last."""
 
     def run(self, text: str) -> int:
-        """Run a whole line; its exit code."""
+        """Run a whole line; returns its exit code."""
 
     def typed(self, text: str) -> int:
-        """Run a line that was typed in the mode, or keep it until it is whole; its exit code."""
+        """Run a line typed in the mode, or keep it until complete; returns its exit code."""
 
     def leave(self) -> None:
         """Leave the mode."""
 
     def forget(self) -> None:
-        """Throw away the lines of a command that is not whole."""
+        """Discard the lines of an incomplete command."""
 
     def close(self) -> None:
-        """End Tcl, and with it what the lines have set."""
+        """End Tcl, and discard its variables."""

@@ -1,6 +1,6 @@
-"""What a line may lead to besides its command: other lines, scripts, the prompt; handed to the registry by `main`.
+"""The ways for a command to run lines, scripts or the prompt; `main` hands them to the registry.
 
-Commands ask for it through click's context (`ways`), so that none imports what itself runs commands.
+Commands get them through click's context (`ways`), to avoid importing modules that run commands.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 
 class Ways(Protocol):
-    """Everything that runs lines."""
+    """All runners of lines."""
 
     def without_command(self, session: Conversation) -> int:
-        """Run the prompt where stdin is a terminal, else stdin as a script; the exit code."""
+        """Run the prompt if stdin is a terminal, else stdin as a script; returns the exit code."""
 
     def file(
         self,
@@ -33,34 +33,34 @@ class Ways(Protocol):
         atomic: bool = False,
         most_seconds: float | None = None,
     ) -> int:
-        """Run the script *file*, stdin with `-`; the exit code. UsageError where it cannot be read."""
+        """Run the script *file* (`-`: stdin); returns the exit code. Raises UsageError if unreadable."""
 
     def tcl(self, session: Conversation) -> TypedTcl:
-        """The session's Tcl; its process is started with the first line."""
+        """Return the session's Tcl; the first line starts its process."""
 
     def line(self, session: Conversation, words: Sequence[str]) -> int:
-        """Run one line as the prompt does; the exit code."""
+        """Run a line as at the prompt; returns the exit code."""
 
     def rehearsed(self, session: Conversation, file: str, node_id: int | None = None) -> dict[int, Wish]:
-        """What the script *file* wishes of each node; *node_id* is selected when it begins."""
+        """Return the script's configuration of each node; *node_id* is selected at the script's beginning."""
 
     def parsed(self, session: Conversation, path: Path) -> None:
-        """Parse every line of the script at *path*, and run none; DvtcliError for a line that is none."""
+        """Parse every line of the script at *path* without running any. Raises DvtcliError if malformed."""
 
 
 class Root(click.Group):
-    """The set of all commands, with the ways in that `main` handed to it."""
+    """The set of all commands, with the runners from `main`."""
 
     ways: Ways
 
 
 def root(ctx: click.Context) -> Root:
-    """The set of all commands, of any line's context."""
+    """Return the set of all commands from a line's context."""
     found = ctx.find_root().command
     assert isinstance(found, Root)  # noqa: S101 - argv, prompt and scripts parse every line below it
     return found
 
 
 def ways(ctx: click.Context) -> Ways:
-    """The ways in, of any line's context."""
+    """Return the runners from a line's context."""
     return root(ctx).ways

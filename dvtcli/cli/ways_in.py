@@ -1,4 +1,4 @@
-"""The ways into the program that run lines, each imported when it is taken; `main` hands them to the registry."""
+"""The runners of lines, imported on use; `main` hands them to the registry."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class WaysIn:
     """`ways.Ways`, on prompt, scripts and lines."""
 
     def without_command(self, session: Conversation) -> int:
-        """Run the prompt where stdin is a terminal, else stdin as a script; the exit code."""
+        """Run the prompt if stdin is a terminal, else stdin as a script; returns the exit code."""
         from dvtcli.cli.without_command import without_command
 
         return without_command(session)
@@ -33,31 +33,31 @@ class WaysIn:
         atomic: bool = False,
         most_seconds: float | None = None,
     ) -> int:
-        """Run the script *file*, stdin with `-`; the exit code. UsageError where it cannot be read."""
+        """Run the script *file* (`-`: stdin); returns the exit code. Raises UsageError if unreadable."""
         from dvtcli.cli.scripts.run_file import run_file
 
         return run_file(session, file, keep_going=keep_going, atomic=atomic, most_seconds=most_seconds)
 
     def tcl(self, session: Conversation) -> TypedTcl:
-        """The session's Tcl; its process is started with the first line."""
+        """Return the session's Tcl; the first line starts its process."""
         from dvtcli.cli.dvt.tcl_mode import tcl_of
 
         return tcl_of(session)
 
     def line(self, session: Conversation, words: Sequence[str]) -> int:
-        """Run one line as the prompt does; the exit code."""
+        """Run a line as at the prompt; returns the exit code."""
         from dvtcli.cli.run_line import run_words
 
         return run_words(words, session)
 
     def rehearsed(self, session: Conversation, file: str, node_id: int | None = None) -> dict[int, Wish]:
-        """What the script *file* wishes of each node; *node_id* is selected when it begins."""
+        """Return the script's configuration of each node; *node_id* is selected at the script's beginning."""
         from dvtcli.cli.scripts.rehearsal import rehearsed
 
         return rehearsed(session, file, node_id)
 
     def parsed(self, session: Conversation, path: Path) -> None:
-        """Parse every line of the script at *path*, and run none; DvtcliError for a line that is none."""
+        """Parse every line of the script at *path* without running any. Raises DvtcliError if malformed."""
         from dvtcli.cli.scripts.atomic import Reach
         from dvtcli.cli.scripts.script_lines import script_lines
         from dvtcli.cli.scripts.script_parse import all_parsed
@@ -66,5 +66,5 @@ class WaysIn:
 
 
 def install() -> None:
-    """Hand the ways in to the registry, so that its commands may take them."""
+    """Hand the runners to the registry for its commands."""
     REGISTRY.ways = WaysIn()

@@ -1,4 +1,4 @@
-"""What dvtcli does without a command: the prompt at a terminal, a script from a pipe."""
+"""dvtcli without a command: the prompt at a terminal, a script from a pipe."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 def without_command(session: Conversation) -> int:
-    """Run the prompt where stdin is a terminal, else stdin as a script, a program's line by line; the exit code."""
+    """Run the prompt if stdin is a terminal, else stdin as a script, a program's line by line; returns its code."""
     if sys.stdin.isatty():
         from dvtcli.cli.prompt.loop import run_prompt
 

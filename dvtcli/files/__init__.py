@@ -1,1 +1,1 @@
-"""One file per file format; each knows its format and no device, bus or terminal."""
+"""File formats, a module or a folder each; none uses a device, a bus or a terminal."""

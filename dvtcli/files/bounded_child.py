@@ -1,6 +1,6 @@
-"""What a process that its parent bounds (`bounded_process`) does: it limits its memory and time, and says why it ends.
+"""A child process (see `bounded_process`) limits its own memory and CPU time, and reports why it ends.
 
-Imports nothing of dvtcli. Knows neither what it reads nor who asks.
+Imports nothing of dvtcli.
 """
 
 from __future__ import annotations
@@ -8,12 +8,12 @@ from __future__ import annotations
 import os
 import sys
 
-#: what it ends with if Python had no memory left
+#: exit code if Python is out of memory
 NO_MEMORY = 75
 
 
 def limit(most_bytes: int, most_cpu_s: int | None = None) -> None:
-    """Let this process take no more memory and CPU time, if the system has such limits; and leave no core file."""
+    """Limit this process's memory (bytes) and CPU time (s), if the system can; disable core files."""
     if sys.platform == "win32":
         return
     import resource
@@ -31,7 +31,7 @@ def limit(most_bytes: int, most_cpu_s: int | None = None) -> None:
 
 
 def go_on(most_cpu_s: int) -> None:
-    """Let this process take so much CPU time more from now on (s), if the system has such a limit."""
+    """Allow this process *most_cpu_s* more seconds of CPU time from now on, if the system has a CPU limit."""
     if sys.platform == "win32":
         return
     import resource
@@ -43,6 +43,6 @@ def go_on(most_cpu_s: int) -> None:
 
 
 def die_of(bug: BaseException) -> None:
-    """End this process, and say why to whoever reads what it complains of."""
+    """End this process with the text of *bug* on stderr."""
     os.write(2, f"{type(bug).__name__}: {bug}"[:1000].encode("utf-8", "replace"))
     os._exit(NO_MEMORY if isinstance(bug, MemoryError) else 1)

@@ -1,7 +1,7 @@
-"""A process of ours that may take so much time and memory: what nobody can bound from within runs in it.
+"""Run work with unbounded cost in a child process with limits of time and memory.
 
-Started isolated from the environment and the terminal, killed when it is late and with its parent's block. Does not
-know what it does; takes nothing that comes from there for granted.
+The child is isolated from the environment and the terminal. It is killed if it is late, and at the end of the parent's
+block. Treat its output as untrusted.
 """
 
 from __future__ import annotations
@@ -21,34 +21,34 @@ from dvtcli.errors import DvtcliError
 from dvtcli.files.bounded_child import NO_MEMORY
 from dvtcli.interpreter import python_words
 
-#: `sys.path` comes as arguments, so that it finds what we found, and nothing of this folder.
+#: `sys.path` is passed as arguments: the child imports the same modules, and nothing from its folder.
 _BOOT = "import sys; sys.path[:] = sys.argv[1:]; from {} import main; main()"
-#: how Tcl ends if there is no memory left or a value would be longer than it can count, and Python
+#: final messages of Tcl and Python for lack of memory, or a value too long for Tcl
 _PANIC = re.compile("alloc|max size for a Tcl value|max length of a Tcl|MemoryError")
 _WATCH_S = 0.05
 _OUT_OF_CPU_TIME: int = getattr(signal, "SIGXCPU", 0) or 1 << 16
-#: what keeps a Ctrl-C from it on Windows; elsewhere its own session does
+#: keeps Ctrl-C away on Windows; elsewhere the child's own session does
 _OWN_GROUP: int = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
-#: A process that has closed its pipe is about to end; one that does not in this time (s) is killed.
+#: A process with a closed pipe is about to end; it is killed after this time (s).
 _END_S = 2.0
 _MOST_SAID = 4_000
 
 
 def child_command(module: str) -> list[str]:
-    """The words that start `main` of *module*: this Python, isolated from environment and folder."""
+    """Return the command line for `main` of *module* in this Python, isolated from environment and folder."""
     return [*python_words(), "-I", "-S", "-c", _BOOT.format(module), *map(os.path.abspath, sys.path)]
 
 
 class BoundedProcess:
-    """That process while the block runs; *command* starts it, for *purpose*.
+    """A child process that lives as long as the block; *command* starts it, for *purpose*.
 
-    It has no descriptor of ours but its own pipes, and no terminal: a Ctrl-C is ours to answer.
+    The child inherits no descriptor but its own pipes, and no terminal: the parent handles Ctrl-C.
     """
 
     def __init__(self, command: Sequence[str], purpose: str) -> None:
         self._process = _started(command, purpose)
         self.is_late = False
-        #: until when (monotonic s) something must have been said, while somebody waits for that
+        #: deadline (monotonic s) for an awaited answer, None if none is awaited
         self._until_s: float | None = None
         self._over = threading.Event()
         self._watch = threading.Thread(target=self._watched, name="child-watch", daemon=True)
@@ -58,7 +58,7 @@ class BoundedProcess:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Kill it, whatever it does."""
+        """Kill the process in any state."""
         self._over.set()
         self._process.kill()
         self._process.wait()
@@ -70,19 +70,19 @@ class BoundedProcess:
 
     @property
     def stdin(self) -> IO[bytes]:
-        """What it reads."""
+        """The pipe to the process's input."""
         assert self._process.stdin is not None  # noqa: S101 - for the type checker
         return self._process.stdin
 
     @property
     def stdout(self) -> IO[bytes]:
-        """What it says."""
+        """The pipe from the process's output."""
         assert self._process.stdout is not None  # noqa: S101 - for the type checker
         return self._process.stdout
 
     @contextmanager
     def within(self, seconds: float) -> Iterator[None]:
-        """Kill it if the block takes longer than *seconds*: that ends a wait for it; it `is_late` then."""
+        """Kill the process if the block takes longer than *seconds*, and set `is_late`."""
         self._until_s = time.monotonic() + seconds
         try:
             yield
@@ -99,11 +99,11 @@ class BoundedProcess:
 
     @property
     def lacked_time(self) -> bool:
-        """Of a process that has ended: whether that was because of its time, or its CPU time."""
+        """Whether the ended process ran out of time or CPU time."""
         return self.is_late or self._process.returncode == -_OUT_OF_CPU_TIME
 
     def last_words(self) -> tuple[bool, str]:
-        """Of a process that ended by itself: whether it had no memory left; how it ended."""
+        """For a process that ended by itself: whether it ran out of memory, and how it ended."""
         try:
             code = self._process.wait(_END_S)
         except subprocess.TimeoutExpired:

@@ -1,7 +1,4 @@
-"""What a device's file says that no object dictionary holds, so that another format does not get it.
-
-Knows which keys and elements the readers take up. Does not know what the other format would be.
-"""
+"""Contents of a device's file that no object dictionary holds, and another format therefore loses."""
 
 from __future__ import annotations
 
@@ -22,7 +19,7 @@ if TYPE_CHECKING:
     from dvtcli.files.xdd.xdd_reader import XddFile
     from dvtcli.files.xdd.xml_tree import XmlElement
 
-#: Keys that the dictionary holds, or that are written anew, in any section of an object.
+#: Keys of an object's sections held by the dictionary, or written anew.
 _OBJECT_KEYS = {
     "parametername", "objecttype", "datatype", "lowlimit", "highlimit", "accesstype", "defaultvalue", "parametervalue",
     "pdomapping", "objflags", "unit", "factor", "denotation", "subnumber", "compactsubobj",
@@ -33,9 +30,9 @@ _DEVICE_KEYS = {
     "lss_supported", "compactpdo",
     "nodeid", "nodename", "baudrate", "netnumber", "networkname", "canopenmanager", "lss_serialnumber",
 }  # fmt: skip
-#: Sections whose rows are written anew.
+#: Sections written anew.
 _ANEW = {"fileinfo", "dummyusage", *OBJECT_LISTS}
-#: What the reader left out, since it means nothing there.
+#: Rules for contents ignored by the reader.
 _LEFT_OUT = {
     rule.name
     for rule in (
@@ -45,7 +42,7 @@ _LEFT_OUT = {
         xdd_rules.NO_INDEX, xdd_rules.OBJECT_LISTS,
     )
 }  # fmt: skip
-#: Elements that the dictionary holds, or that are written anew.
+#: Elements held by the dictionary, or written anew.
 _ELEMENTS = {
     "ISO15745ProfileContainer", "ISO15745Profile", "ProfileHeader", "ProfileBody", "DeviceIdentity", "vendorName",
     "vendorID", "productName", "productID", "orderNumber", "ApplicationProcess", "parameterList", "parameter", "label",
@@ -59,7 +56,7 @@ _ELEMENTS = {
 
 
 def not_held(file: EdsFile | XddFile) -> list[str]:
-    """What *file* says that its dictionary does not hold, each kind once, with its number and its first line."""
+    """Return the contents of *file* that its dictionary lacks: each kind once, with count and first line."""
     found = list(_of_eds(file) if isinstance(file, EdsFile) else _of_xdd(file))
     return found + [f"line {finding.line}: {finding.text}" for finding in file.findings if finding.rule in _LEFT_OUT]
 
@@ -81,7 +78,7 @@ def _of_eds(file: EdsFile) -> Iterator[str]:
 
 
 def _comment_lines(sections: Iterable[IniSection]) -> list[int]:
-    """The lines that a person wrote for persons: `;` comments, and those of [Comments]."""
+    """Return the lines meant for human readers: `;` comments, and those of [Comments]."""
     found = []
     for section in sections:
         prose = section.name.lower() == "comments"
@@ -115,7 +112,7 @@ def _of_xdd(file: XddFile) -> Iterator[str]:
 
 
 def _every(root: XmlElement) -> Iterator[XmlElement]:
-    """Every element that is not part of one that is not held, and not a data type."""
+    """Iterate over elements, except data types and all below an element that the dictionary lacks."""
     left = [root]
     while left:
         one = left.pop()

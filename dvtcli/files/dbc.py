@@ -1,4 +1,4 @@
-"""A DBC file's messages as layouts, through cantools, which is an optional extra. Does not know CANopen."""
+"""Convert a DBC file's messages to layouts by cantools, an optional extra."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ from dvtcli.files.input_file import read_input
 from dvtcli.watch.decoder import Address, Layout, Signal, SignalPlace
 from dvtcli.watch.service import Service
 
-#: a line that every DBC file has: its version, its nodes, or a message
+#: a line found in every DBC file: version, nodes, or a message
 _SECTION = re.compile(r"^[ \t]*(?:VERSION\b|NS_[ \t]*:|BS_[ \t]*:|BU_[ \t]*:|BO_\s)", re.MULTILINE)
-#: no DBC of a machine is larger: those of whole cars have 5 MB
+#: maximum size; DBC files of whole cars have 5 MB
 _MOST_BYTES, _MOST_ENTRIES = 8 << 20, 100_000
-#: the length of a message in bytes, and where a signal begins and how long it is in bits
+#: a message's length in bytes; a signal's first bit and number of bits
 _SIZES = re.compile(r"^[ \t]*(?:BO_[ \t]+\d+[ \t]+\w+[ \t]*:[ \t]*(\d+)|SG_[^:\n]*:[ \t]*(\d+)\|(\d+)@)", re.MULTILINE)
-#: what a message has at most (ISO 15765-2)
+#: maximum length of a message (ISO 15765-2)
 _MOST_MESSAGE_BYTES = 4095
-#: how long cantools may take (s) beside other work of the machine, and what may come of that (bytes)
+#: limits of cantools: time (s) on a busy machine, and size of the output (bytes)
 _SECONDS, _MOST_ANSWER = 3.0 * MOST_CPU_S, 48 << 20
 _DESCRIBING = (".eds", ".dcf", ".xdd", ".xdc")
 _TAKES = Hint(Action.GIVE_DBC, why="{} takes a DBC file or a network file (.yaml)")
@@ -44,7 +44,10 @@ _REALS = {16: struct.Struct(">e"), 32: struct.Struct(">f"), 64: struct.Struct(">
 
 
 def read_dbc(file: str) -> dict[Address, Layout]:
-    """The messages of *file*; UsageError where it is missing (or cantools is), InputFileError where it is no DBC."""
+    """Read the messages of *file*.
+
+    Raises UsageError if the file or cantools is missing, InputFileError if the file is no DBC.
+    """
     path = Path(file)
     try:
         data = read_input(path, _MOST_BYTES, "DBC")
@@ -61,7 +64,7 @@ def read_dbc(file: str) -> dict[Address, Layout]:
 
 
 def _messages(data: bytes, path: Path) -> list[dict[str, Any]]:
-    """The messages that cantools reads in *data*, in a process of its own: nothing else bounds its time and memory."""
+    """Parse *data* with cantools in a child process with limits of time and memory: cantools has none."""
     with BoundedProcess(child_command("dvtcli.files.dbc_child"), "cantools") as process:
         answer = b""
         with process.within(_SECONDS):
@@ -96,7 +99,7 @@ def _too_much(path: Path, what: str) -> InputFileError:
 
 
 def _refuse_sizes(text: str, path: Path) -> None:
-    """InputFileError if a message or a signal is larger than any that is sent, or there are too many."""
+    """Raise InputFileError if a message or signal is larger than CAN allows, or the file has too many."""
     for number, found in enumerate(_SIZES.finditer(text)):
         if number >= _MOST_ENTRIES:
             what = f"more than {_MOST_ENTRIES:,} messages and signals"
@@ -110,14 +113,14 @@ def _refuse_sizes(text: str, path: Path) -> None:
 
 
 def _hint(path: Path) -> Hint:
-    """What to do with a file that is none."""
+    """Say how to get a DBC file."""
     described = path.suffix.lower() in _DESCRIBING
     takes = Hint(Action.GIVE_EDS, {"file": path.name}, "takes an EDS, DCF, XDD or XDC")
     return takes if described else _TAKES
 
 
 def _layout(said: Mapping[str, Any], file: str) -> Layout:
-    """The layout of the message that *said* describes; its unit only, as its values are scaled when they are read."""
+    """Convert a message as cantools describes it; values are scaled on reading, so only the unit is kept."""
     signals = tuple(
         Signal(signal["name"], signal["name"], "", _of_unit(signal["unit"]),
                place=SignalPlace(signal["start"], signal["bits"], signal["big_endian"]))
@@ -134,10 +137,11 @@ def _of_unit(unit: str) -> Scaling:
 
 @dataclass(slots=True)
 class _Field:
-    """A signal as it lies in a frame: *bits* bits from the bit *begin* on, of the order in which its bytes count.
+    """A signal in a frame: *bits* bits from bit *begin* on, counted in the signal's byte order.
 
-    *chooser* is the place of its multiplexor among the fields, and it is in a frame only if that has a value from one
-    of *firsts* to its neighbour in *lasts*; *depth* is how many multiplexors are above it, -1 if it can never be.
+    *chooser* is the position of the signal's multiplexor among the fields. The frame contains the signal only if the
+    multiplexor's value is within a range of *firsts* to *lasts*. *depth* counts the multiplexors above it; -1: never
+    sent.
     """
 
     begin: int
@@ -153,7 +157,7 @@ class _Field:
     depth: int = 0
 
     def raw(self, little: int, big: int, length_bits: int) -> Value | None:
-        """Its value, not scaled, in a frame of *length_bits* that both numbers are; None if it is not in there."""
+        """Return the unscaled value from a frame of *length_bits*, given as both numbers; None if not contained."""
         end = self.begin + self.bits
         if end > length_bits:
             return None
@@ -164,7 +168,7 @@ class _Field:
         return number - (1 << self.bits) if self.is_signed and number >> self.bits - 1 else number
 
     def scaled(self, raw: Value | None) -> Value | None:
-        """What *raw* is scaled; None for a number that is larger than a double holds: nobody can draw or compare it."""
+        """Return *raw* scaled; None for a number beyond the range of a double, unfit to draw or compare."""
         if not isinstance(raw, int | float):
             return None
         try:
@@ -175,7 +179,7 @@ class _Field:
         return value
 
     def is_chosen_by(self, value: Value | None) -> bool:
-        """Whether it is in a frame if its multiplexor is *value*."""
+        """Whether the frame contains this signal if the multiplexor has this *value*."""
         if not isinstance(value, int | float) or not isfinite(value):
             return False
         at = bisect_right(self.firsts, int(value)) - 1
@@ -212,11 +216,11 @@ def _field(said: Mapping[str, Any], places: Mapping[str, int]) -> _Field:
 
 
 def _reader(signals: Sequence[Mapping[str, Any]], length: int) -> Callable[[bytes], list[Value | None]]:
-    """A function that reads a frame's data as a value for each of *signals*, None for one that is not in there."""
+    """Return a function from a frame's data to a value for each of *signals*; None for an absent signal."""
 
     @cache
     def fields_and_chosen() -> tuple[list[_Field], list[int]]:
-        """The fields, and the places of those that a multiplexor chooses: most messages of a large file come never."""
+        """Build the fields, and the positions of multiplexed fields, on first use: most messages never occur."""
         fields = _fields(signals)
         chosen = (place for place, field in enumerate(fields) if field.depth)
         return fields, sorted(chosen, key=lambda place: fields[place].depth)

@@ -1,7 +1,6 @@
-"""The process in which cantools reads a DBC file: a file of some hundred bytes can make it take all memory, or hours.
+"""Parse a DBC file with cantools in a child process: a few hundred bytes can cost all memory, or hours.
 
-Reads the text on stdin, says on stdout what the messages are, or what is wrong, as JSON. Imports nothing of dvtcli but
-its neighbours.
+Reads the text on stdin; writes the messages, or the error, as JSON to stdout. Imports only its neighbours of dvtcli.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ _STRING, _NUMBER, _NAME = r'"(?:\\"|[^"])*+"', r"[-+]?\d{1,15}(?:\.\d{0,15})?(?:
 _PART = re.compile(
     r'^[ \t]*+(?P<keyword>BO_|CM_|VAL_|VAL_TABLE_|BA_|BO_TX_BU_)[ \t]|"(?:\\"|[^"])*+(?:"|\Z)|//[^\n]*+', re.MULTILINE
 )
-#: statements that are not used, by their keyword
+#: unused statements, by keyword
 _OBJECT = r"(?:(?:SG_\s++\d++\s++\w++|BO_\s++\d++|(?:BU_|EV_)\s++\w++)\s*+)?"
 _NAMES_OF_VALUES = rf"(?:[-+]?\d[\d.]*+\s*+{_STRING}\s*+)*+;"
 _UNUSED = {
@@ -39,7 +38,7 @@ _UNUSED = {
     ),
     "BO_TX_BU_": re.compile(r"BO_TX_BU_[ \t]++\d++\s*+:\s*+\w++\s*+(?:,\s*+\w++\s*+)*+;", re.ASCII),
 }
-#: what follows `BO_` of a message, and a signal that is always in it: each is a line
+#: a message after `BO_`, and an unmultiplexed signal: a line each
 _MESSAGE = re.compile(
     rf"[ \t]*+(\d{{1,10}})[ \t]++({_NAME})[ \t]*+:[ \t]*+(\d{{1,4}})[ \t]++({_NAME})[ \t]*+\r?\n", re.ASCII
 )
@@ -49,7 +48,7 @@ _SIGNAL = re.compile(
     rf'"([^"\\\n]*+)"[ \t]*+({_NAME}(?:[ \t]*+,[ \t]*+{_NAME})*+)[ \t]*+\r?\n',
     re.ASCII,
 )
-#: what the line behind a message's last one may not begin with
+#: forbidden beginnings of the line after a message
 _GOES_ON = re.compile(r"\s*+(?:SG_|//|,)")
 #: the numbers of messages, and of those of which something is said elsewhere: how signals are chosen, their type, names
 _BEGINNING = re.compile(r"\bBO_\s++(\d{1,15})")
@@ -57,16 +56,16 @@ _GAP = r"\s*+(?://[^\n]{0,99}\n\s*+){0,3}"
 _ELSEWHERE = re.compile(
     rf'(?:SG_MUL_VAL_|SIG_VALTYPE_|"System(?:Message|Signal)LongSymbol"{_GAP}(?:BO_|SG_)){_GAP}[-+]?(\d{{1,15}})'
 )
-#: words of the format, which cantools takes for no name, and what is no message
+#: the format's keywords, not accepted as names by cantools, and pseudo messages
 _NO_NAME = re.compile(r"[A-Z_]*_|FILTER|VERSION|VECTOR__INDEPENDENT_SIG_MSG")
 _COMMENT = re.compile(r"//[^\n]*+")
 _EXTENDED, _ID_BITS, _EXTENDED_ID_BITS = 1 << 31, 11, 29
 
 
 def without_plain(text: str) -> tuple[list[dict[str, Any]], str]:
-    """The plain messages of *text*, and the rest of it, in which lines have the numbers that they had.
+    """Split *text* into its plain messages and the rest; the rest keeps its line numbers.
 
-    The rest is empty if there are but comments in it.
+    The rest is empty if only comments are left.
     """
     plain: list[dict[str, Any]] = []
     rest: list[str] = []
@@ -93,7 +92,7 @@ def without_plain(text: str) -> tuple[list[dict[str, Any]], str]:
 
 
 def in_order(text: str, messages: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The *messages* in the order in which *text* has them."""
+    """Sort *messages* by their order in *text*."""
     places: dict[int, int] = {}
     for found in _BEGINNING.finditer(text):
         places.setdefault(int(found[1]), found.start())
@@ -101,14 +100,14 @@ def in_order(text: str, messages: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def _said_of(text: str) -> frozenset[int]:
-    """The numbers of messages that are described twice, or of which something is said elsewhere."""
+    """Return the numbers of messages that are described twice, or have statements elsewhere."""
     described = Counter(int(number) for number in _BEGINNING.findall(text))
     twice = (number for number, count in described.items() if count > 1)
     return frozenset((*twice, *(int(number) for number in _ELSEWHERE.findall(text))))
 
 
 def _plain_message(text: str, place: int, said_of: frozenset[int]) -> tuple[dict[str, Any] | None, int]:
-    """The message whose number is at *place*, and where it ends; None, 0 if it is not plain."""
+    """Return the message whose number is at *place*, and its end; None, 0 if the message is not plain."""
     found = _MESSAGE.match(text, place)
     if not found or int(found[1]) in said_of:
         return None, 0
@@ -147,13 +146,13 @@ def _number(text: str) -> float:
 
 
 def _begin(signal: Mapping[str, Any]) -> int:
-    """The bit that a signal begins with, of the order in which its bytes count."""
+    """Return a signal's first bit, counted in its byte order."""
     start: int = signal["start"]
     return 8 * (start // 8) + 7 - start % 8 if signal["big_endian"] else start
 
 
 def _lie_apart(signals: list[dict[str, Any]], length: int) -> bool:
-    """Whether each of *signals* has a name and a place of its own in a message of *length* bytes."""
+    """Whether *signals* have unique names and do not overlap in a message of *length* bytes."""
     used = 0
     for begin, signal in ((_begin(signal), signal) for signal in signals):
         bits = signal["bits"]
@@ -170,12 +169,12 @@ def _lie_apart(signals: list[dict[str, Any]], length: int) -> bool:
     return len({signal["name"] for signal in signals}) == len(signals)
 
 
-#: what it may take: memory (bytes) and time (s)
+#: limits of memory (bytes) and CPU time (s)
 MOST_MEMORY, MOST_CPU_S = 480 << 20, 7
 
 
 def main() -> None:
-    """Answer with the messages of the DBC on stdin, then end the process."""
+    """Write the messages of the DBC on stdin to stdout, then end the process."""
     try:
         limit(MOST_MEMORY, MOST_CPU_S)
         gc.disable()  # it looks at millions of tokens again and again, of which none is free before the end
@@ -189,7 +188,7 @@ def main() -> None:
 
 
 def _read(text: str) -> dict[str, Any]:
-    """The messages that *text* describes, as `dbc.read_dbc` takes them, or what is *wrong* with it."""
+    """Return the messages of *text* in the form of `dbc.read_dbc`, or the error as `wrong`."""
     plain, rest = without_plain(text)
     if plain and not rest:
         return {"messages": plain}
@@ -204,7 +203,7 @@ def _read(text: str) -> dict[str, Any]:
 
 
 def _database() -> Any:
-    """An empty database of cantools, whose package would import python-can, which no file needs."""
+    """Return an empty cantools database without the package's import of python-can."""
     spec = find_spec("cantools")
     assert spec is not None  # noqa: S101 - the parent has looked
     package = types.ModuleType("cantools")
@@ -231,7 +230,7 @@ def _signal(signal: Any) -> dict[str, Any]:
 
 
 def _ranges(numbers: list[int]) -> Iterator[tuple[int, int]]:
-    """*numbers*, which are sorted, as ranges, each with its first and last one."""
+    """Group sorted *numbers* into ranges, each with first and last number."""
     first: int | None = None
     last = 0
     for number in numbers:

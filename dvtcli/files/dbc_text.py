@@ -1,6 +1,6 @@
-"""A DBC file's text, and its rules for names, numbers and texts. Needs no package. Does not know CANopen.
+"""Write a DBC file's text by the format's rules for names, numbers and strings; needs no package.
 
-The same messages give the same bytes: nothing in them tells when, where or by which version they were written.
+Equal messages give equal bytes: the text has no time, place or version.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 
 SUFFIX = ".dbc"
-#: who sends or receives where the file names nobody
+#: the unnamed sender or receiver
 NOBODY = "Vector__XXX"
-#: names may have so many characters; older tools cut them there
+#: maximum length of names; older tools cut longer names
 LONGEST_NAME = 32
 #: bit 31 of a message's number: it has a 29-bit CAN-ID
 _EXTENDED = 1 << 31
-#: a double has no more decimal digits than these
+#: decimal digits of a double
 _DIGITS = 17
 _KEYWORDS = frozenset(
     "VERSION NS_ NS_DESC_ BS_ BU_ BO_ SG_ EV_ CM_ BA_ BA_DEF_ BA_DEF_DEF_ BA_REL_ BA_DEF_REL_ BA_DEF_DEF_REL_ VAL_ "
@@ -30,9 +30,9 @@ _KEYWORDS = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class DbcSignal:
-    """One signal: *start* is its least significant bit, from bit 0 of byte 0 on; it is little-endian.
+    """A little-endian signal; *start* is its least significant bit, counted from bit 0 of byte 0.
 
-    *low* and *high* are physical, both None for none. *values* are words for raw values.
+    *low* and *high* are physical limits, both None for none. *values* are words for raw values.
     """
 
     name: str
@@ -48,18 +48,18 @@ class DbcSignal:
     values: Mapping[int, str] = field(default_factory=dict)
     receivers: tuple[str, ...] = ()
     comment: str = ""
-    #: where *name* is cut: as it would be
+    #: the uncut name, if *name* is cut
     long_name: str = ""
 
     @property
     def end(self) -> int:
-        """The first bit behind it."""
+        """The bit after the last bit."""
         return self.start + self.bits
 
 
 @dataclass(frozen=True, slots=True)
 class DbcMessage:
-    """One message of *length* bytes; *cycle_ms* is 0 where nobody says how often it is sent."""
+    """A message of *length* bytes; *cycle_ms* is 0 if the cycle is unknown."""
 
     can_id: int
     extended: bool
@@ -72,12 +72,12 @@ class DbcMessage:
 
     @property
     def number(self) -> int:
-        """The CAN-ID as the file has it."""
+        """The CAN-ID in the file's form."""
         return self.can_id | (_EXTENDED if self.extended else 0)
 
 
 class Names:
-    """Names as a DBC file may have them, each once: letters, digits and `_`, also where upper and lower case is one."""
+    """Unique names by the rules of DBC files: letters, digits and `_`, unique also without case."""
 
     def __init__(self, longest: int = LONGEST_NAME) -> None:
         self._longest = longest
@@ -85,9 +85,9 @@ class Names:
         self._whole: dict[str, str] = {}
 
     def new(self, text: str, otherwise: str) -> str:
-        """A name like *text*, *otherwise* where nothing of that can be in a name; `_2` and so on where it is taken.
+        """Return a new name like *text*, *otherwise* if no character is usable; `_2` etc. if already taken.
 
-        Of a text that is too long and has parts (`Analogue inputs 16-bit.Input 1`) the last one counts.
+        If a text with parts (`Analogue inputs 16-bit.Input 1`) is too long, the last part counts.
         """
         whole = word = _legal(text) or otherwise
         if len(word) > self._longest:
@@ -110,7 +110,7 @@ class Names:
         self._whole[name] = found
 
     def whole(self, name: str) -> str:
-        """What *name*, one that `new` gave, would be if it could be longer; empty where it is that."""
+        """Return the unshortened form of *name*, a result of `new`; empty if *name* is not shortened."""
         return self._whole.get(name, "")
 
 
@@ -121,7 +121,7 @@ def _legal(text: str) -> str:
 
 
 def dbc_bytes(nodes: Mapping[str, str], messages: Sequence[DbcMessage]) -> bytes:
-    """The file of *messages* and of *nodes*, names with comments; every name is one of `Names`."""
+    """Return the file of *messages* and *nodes* (comments by name); all names must come from `Names`."""
     lines = ['VERSION ""', "", "NS_ :", "", "BS_:", "", f"BU_: {' '.join(nodes)}".rstrip(), ""]
     for message in messages:
         lines += (_message_line(message), *map(_signal_line, message.signals), "")
@@ -184,13 +184,13 @@ def _reals(messages: Iterable[DbcMessage]) -> Iterator[str]:
 
 
 def quoted(text: str) -> str:
-    r"""*text* as a string of the file, on one line; quotes and `\`, which tools read in several ways, are ' and /."""
+    r"""Return *text* as a DBC string on one line, with ' and / instead of " and `\`: tools differ in reading them."""
     plain = text.replace('"', "'").replace("\\", "/").replace("\u03bc", "\u00b5").replace("\u03a9", "Ohm")
     return f'"{" ".join("".join(character if character.isprintable() else " " for character in plain).split())}"'
 
 
 def decimal(number: Fraction | float) -> str:
-    """*number* in decimal: exact where 17 digits can say it, else the nearest double."""
+    """Return *number* in decimal: exact if 17 digits suffice, else the nearest double."""
     if isinstance(number, float):
         return repr(number) if math.isfinite(number) else "0"
     exact = Fraction(number)
@@ -203,7 +203,7 @@ def decimal(number: Fraction | float) -> str:
 
 
 def _places(denominator: int) -> int | None:
-    """How many digits behind the point say a fraction with *denominator* exactly; None where none do."""
+    """Return the digits after the point for an exact fraction with *denominator*; None if none suffice."""
     places, rest = 0, denominator
     for prime in (2, 5):
         count = 0

@@ -1,6 +1,6 @@
-"""The one place where a file that describes a device is told from another: EDS and DCF from XDD and XDC.
+"""Read files that describe a device: EDS, DCF, XDD and XDC. Only this module tells them apart.
 
-By its first bytes; a name that ends in .xdd or .xdc is one whatever is in it. Does not know what is in the file.
+The first bytes decide, after a suffix .xdd or .xdc.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 EDS_SUFFIXES = (".eds", ".dcf")
 XDD_SUFFIXES = (".xdd", ".xdc")
 DEVICE_SUFFIXES = EDS_SUFFIXES + XDD_SUFFIXES
-#: Those with a node's own values.
+#: Suffixes of files with a node's own values.
 VALUE_SUFFIXES = (".dcf", ".xdc")
 _LOOKED_AT = 64
 _MARKS = b"\xef\xbb\xbf\xff\xfe\0 \t\r\n"
@@ -33,7 +33,7 @@ _MARKS = b"\xef\xbb\xbf\xff\xfe\0 \t\r\n"
 def read_device_file(path: Path) -> EdsFile | XddFile:
     """Read the EDS, DCF, XDD or XDC file at *path*.
 
-    InputFileError, with the line, where it is none of them; OSError where it cannot be read.
+    Raises InputFileError, with the line, for any other file; OSError if the file cannot be read.
     """
     if _is_xml(path):
         from dvtcli.files.xdd.xdd_reader import read_xdd
@@ -45,7 +45,7 @@ def read_device_file(path: Path) -> EdsFile | XddFile:
 
 
 def parse_device_file(data: bytes, source: str) -> EdsFile | XddFile:
-    """Read the bytes of such a file; *source* is its name, also for messages."""
+    """Parse the bytes of an EDS, DCF, XDD or XDC file; *source* is its name, also for messages."""
     if _looks_like_xml(data[:_LOOKED_AT], source):
         from dvtcli.files.xdd.xdd_reader import parse_xdd
 
@@ -56,7 +56,7 @@ def parse_device_file(data: bytes, source: str) -> EdsFile | XddFile:
 
 
 def must_describe(dictionary: ObjectDictionary) -> None:
-    """InputFileError where the file of *dictionary* describes no object: nothing could be read by it."""
+    """Raise InputFileError if *dictionary* has no object."""
     if not len(dictionary):
         source = dictionary.source
         hint = Hint(Action.CHECK_EDS, {"file": source}, "is it cut short? {} says more") + Hint(
@@ -66,13 +66,13 @@ def must_describe(dictionary: ObjectDictionary) -> None:
 
 
 def must_be_whole(read: EdsFile | XddFile) -> None:
-    """InputFileError where *read* describes no object, or ends before the last one that its lists name."""
+    """Raise InputFileError if *read* has no object, or ends before the last object in its lists."""
     must_describe(read.dictionary)
     must_not_be_cut(read)
 
 
 def must_not_be_cut(read: EdsFile | XddFile) -> None:
-    """InputFileError where *read* ends before the last object that its lists name: what is missing was not left out."""
+    """Raise InputFileError if *read* ends before the last object in its lists: the file is cut short."""
     from dvtcli.files.eds.reader import EdsFile
 
     if isinstance(read, EdsFile) and (lacks := read.lacks_to_its_end):
@@ -88,10 +88,11 @@ def device_file_bytes(
     made: datetime | None,
     said: Mapping[str, str] | None = None,
 ) -> bytes:
-    """*dictionary* as a file called *name*, in the format that the name ends in; *description* is one line about it.
+    """Write *dictionary* as a file *name*, in the format of the suffix; *description* is a line about it.
 
-    *said* is what the file that it is made of says about itself, by the keys of FileInfo, and what stays so; without
-    *made* nothing else says a date, so that the same gives the same bytes.
+    *said* are the original file's statements about itself, by the keys of FileInfo, to keep. Without *made* the file
+    has no
+    new date, so that equal input gives equal bytes.
     """
     if name.lower().endswith(XDD_SUFFIXES):
         from dvtcli.files.xdd.xdd_writer import xdd_bytes

@@ -1,4 +1,4 @@
-"""All rules over a file that describes a device, whichever format it has. Judges nothing itself."""
+"""Apply all lint rules to a file that describes a device, in any format."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _OF_KEYS = {
 
 
 class Columns:
-    """The columns of findings in *text*; quick where they are asked for by line."""
+    """The columns of findings in *text*; fast if asked in order of lines."""
 
     def __init__(self, text: IniText) -> None:
         self._sections = (text.preamble, *text.sections)
@@ -37,7 +37,7 @@ class Columns:
         self._lines: list[str] = []
 
     def of(self, finding: EdsFinding) -> tuple[int, int]:
-        """First and last column (1 and up) of what is odd; 0 and 0 where its line says nothing."""
+        """Return first and last column (from 1) of a finding; 0, 0 if its line has none."""
         text = self._line(finding.line)
         key, equals, value = text.partition("=")
         if not equals or not value.strip() or text.lstrip().startswith(("[", ";", "#")):
@@ -58,7 +58,7 @@ def _said(text: str, before: int) -> tuple[int, int]:
     return (first, first + len(said) - 1) if said else (0, 0)
 
 
-#: Every rule there is.
+#: All rules.
 EVERY_RULE = (*RULES, *XDD_RULES)
 #: A finding, and its first and last column, 0 and 0 for none.
 Placed = tuple["EdsFinding", tuple[int, int]]
@@ -67,7 +67,7 @@ Placed = tuple["EdsFinding", tuple[int, int]]
 def lint_device_file(
     file: EdsFile | XddFile, name: str, wanted: Collection[str], profile: DeviceProfile
 ) -> list[Placed]:
-    """What the rules named in *wanted* say of *file*, called *name*, by line, as on a device of *profile*."""
+    """Return findings of the rules *wanted* in *file*, named *name*, by line, for a device of *profile*."""
     if isinstance(file, EdsFile):
         from dvtcli.files.eds.lint.linter import lint
 

@@ -1,4 +1,4 @@
-"""Packages that dvtcli can do without: imported when first needed, with one clear error where they are missing."""
+"""Optional packages: imported on first use, with a clear error if missing."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from dvtcli.version import DISTRIBUTION
 
 
 def require(package: str, name: str, purpose: str, instead: Hint | str = "") -> None:
-    """UsageError, with what goes *instead*, without the *package* that comes with dvtcli's extra *name*."""
+    """Raise UsageError, with the alternative *instead*, if *package* of dvtcli's extra *name* is missing."""
     if find_spec(package) is None:
         raise _missing(package, name, purpose, instead)
 
 
 def extra(package: str, name: str, purpose: str) -> Any:
-    """The *package* that comes with dvtcli's extra *name*; UsageError without it."""
+    """Import *package* of dvtcli's extra *name*. Raises UsageError if missing."""
     try:
         return import_module(package)
     except ModuleNotFoundError as missing:

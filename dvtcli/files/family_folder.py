@@ -1,6 +1,6 @@
-"""Where the families that come with dvtcli are kept: a folder each. Knows names of files, and reads none of them.
+"""Locate the families shipped with dvtcli, a folder each, without reading them.
 
-`families/files.txt` lists them, since no folder can be listed if the package is in an archive.
+`families/files.txt` lists them, because folders in an archived package cannot be listed.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ if TYPE_CHECKING:
     from tempfile import TemporaryDirectory
 
 _FOLDER = Path(__file__).parents[1] / "families"
-#: Folders with copies of files of an archive; each goes when this process ends.
+#: Folders with copies of archived files, removed when this process ends.
 _COPIES: list[TemporaryDirectory[str]] = []
 
 
 @cache
 def family_files() -> dict[str, tuple[str, ...]]:
-    """The names of each family's files, by its name, in alphabetical order."""
+    """Return the file names of each family, by family name, in alphabetical order."""
     found: dict[str, tuple[str, ...]] = {}
     for line in _read("files.txt").decode("ascii").split():
         name, _, file = line.partition("/")
@@ -28,13 +28,13 @@ def family_files() -> dict[str, tuple[str, ...]]:
 
 
 def families_with(file: str) -> tuple[str, ...]:
-    """The families that have a *file* of this name, in alphabetical order."""
+    """Return the families with a file named *file*, in alphabetical order."""
     return tuple(name for name, files in family_files().items() if file in files)
 
 
 @cache
 def family_path(name: str, file: str) -> Path:
-    """Where *file* of the family *name* is; if the package is in an archive, a copy that goes with this process."""
+    """Return the path of *file* of family *name*; for an archived package, a copy for this process's lifetime."""
     path = _FOLDER / name / file
     if file not in family_files().get(name, ()) or path.is_file():
         return path
@@ -47,7 +47,7 @@ def family_path(name: str, file: str) -> Path:
 
 
 def _read(*names: str) -> bytes:
-    """What a file of that folder holds, be it in an archive."""
+    """Read a file of the families' folder, also from an archive."""
     if _FOLDER.is_dir():
         return _FOLDER.joinpath(*names).read_bytes()
     from importlib.resources import files

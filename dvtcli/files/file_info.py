@@ -1,6 +1,6 @@
-"""What a device's file says about itself: [FileInfo] of an EDS or DCF, the attributes of the body of an XDD or XDC.
+"""A file's statements about itself: [FileInfo] of an EDS or DCF, attributes of the body of an XDD or XDC.
 
-In the keys and the form of an EDS (CiA 306, FileInfo). Does not know what the file says about the device.
+Uses the keys and the form of an EDS (CiA 306, FileInfo).
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from dvtcli.files.eds.reader import EdsFile
     from dvtcli.files.xdd.xdd_reader import XddFile
 
-#: What is true of the file that is written, and not of the one it was made of.
+#: Keys about the new file itself, not about its original.
 NEW = frozenset({"FileName"})
-#: What an XDD, which must say a date, says where nobody knows when the description was made.
+#: The date in an XDD (mandatory) if the description's date is unknown.
 NO_DATE = "1970-01-01"
 _KEYS = (
     "FileName", "FileVersion", "FileRevision", "EDSVersion", "Description", "CreationTime", "CreationDate", "CreatedBy",
@@ -33,7 +33,7 @@ _ATTRIBUTES = {
     "ModificationDate": ("fileModificationDate", (_DATE, "%Y-%m-%d")),
     "ModificationTime": ("fileModificationTime", (_TIME, "%H:%M:%S")),
 }  # fmt: skip
-#: What only an XDD says so
+#: Forms known to an XDD only
 _OF_XDD = {
     "CreationDate": re.compile(r"\d{4}-.*"),
     "CreationTime": re.compile(r"[^:\n]*:[^:\n]*:.*"),
@@ -44,7 +44,7 @@ _OF_XDD = {
 
 
 def file_info(file: EdsFile | XddFile) -> dict[str, str]:
-    """What *file* says about itself by the keys of FileInfo, without what is empty and what is `NEW` in a copy."""
+    """Return the self-description of *file* by keys of FileInfo, without empty keys and `NEW` keys of a copy."""
     from dvtcli.files.eds.reader import EdsFile
 
     if isinstance(file, EdsFile):
@@ -64,7 +64,7 @@ def _of_attributes(attributes: Mapping[str, str]) -> list[tuple[str, str]]:
 
 
 def as_attributes(said: Mapping[str, str]) -> dict[str, str]:
-    """Those of the keys *said* that an XDD can say, as its attributes."""
+    """Convert *said* to attributes of an XDD, as far as possible."""
     found = {}
     for key, (name, forms) in _ATTRIBUTES.items():
         value = said.get(key, "")
@@ -79,12 +79,12 @@ def in_order(said: Mapping[str, str]) -> dict[str, str]:
 
 
 def as_keys(said: Mapping[str, str]) -> dict[str, str]:
-    """Those of the keys *said* that FileInfo can say: of an XDD no seconds, no zone and no version with a point."""
+    """Limit *said* to values of FileInfo: of an XDD no seconds, no zone and no version with a point."""
     return {key: value for key, value in said.items() if key not in _OF_XDD or not _OF_XDD[key].fullmatch(value)}
 
 
 def _in_form(value: str, before: str, after: str) -> str:
-    """A date or a time in another form; empty where it has not the one *before*, or would lose anything."""
+    """Convert a date or time from form *before* to *after*; empty if *value* does not fit or would lose detail."""
     try:
         text = datetime.strptime(value.strip().upper(), before).strftime(after)
         back = datetime.strptime(text, after).strftime(before)

@@ -1,4 +1,4 @@
-"""The one door for files that a stranger may have made: a file without an end, a pipe or a device hangs nothing."""
+"""Read untrusted files safely: endless files, pipes and devices cannot hang the program."""
 
 from __future__ import annotations
 
@@ -20,23 +20,22 @@ FIRST_BYTE_S = 8.0
 
 @dataclass
 class _Pipes:
-    """What came out of pipes, by device and inode: it comes once, and a command may open its file twice."""
+    """Cached contents of pipes, by device and inode: a command may open a pipe's name twice."""
 
     read: dict[tuple[int, int], bytes] = field(default_factory=dict)
-    #: how long their first bytes were waited for (s)
+    #: time spent waiting for first bytes (s)
     waited_s: float = 0.0
 
 
 _pipes = _Pipes()
-#: a pipe is read to its end, or so far (bytes), for whoever opens it next
+#: maximum bytes of a pipe kept for further opens
 _MOST_FROM_PIPE = 64 << 20
 
 
 def read_input(path: Path | str, most_bytes: int, kind: str) -> bytes:
-    """Read the whole of *path*, which is to be a *kind*, such as "network file".
+    """Read the whole of *path*, expected to be a *kind*, such as "network file".
 
-    Raises OSError if it cannot be opened, InputFileError if it is larger than *most_bytes*, is a device, or is a pipe
-    from which nothing comes.
+    Raises OSError if unreadable, InputFileError if larger than *most_bytes*, a device, or a silent pipe.
     """
     data = _head(path, most_bytes + 1)
     if len(data) > most_bytes:
@@ -45,14 +44,14 @@ def read_input(path: Path | str, most_bytes: int, kind: str) -> bytes:
 
 
 def read_input_head(path: Path | str, count: int) -> bytes:
-    """Read the first *count* bytes of *path*, or all there are; raises as `read_input`, whatever its size."""
+    """Read up to *count* bytes from the beginning of *path*, of any size; raises as `read_input`."""
     return _head(path, count)[:count]
 
 
 def json_line(line: str | bytes, place: str, text: str) -> Any:
-    """The JSON document in *line*, which stands at *place* (`FILE:LINE`).
+    """Parse the JSON document in *line*; *place* is `FILE:LINE`.
 
-    InputFileError that says *text*, with the column in that line, if it is none.
+    Raises InputFileError with *text* and the column if malformed.
     """
     try:
         return json.loads(line)
@@ -94,7 +93,7 @@ def _head(path: Path | str, count: int) -> bytes:
 
 
 def _opened(path: Path | str) -> int:
-    """A descriptor of *path* that may be read as usual."""
+    """Open *path* for ordinary blocking reads; returns the descriptor."""
     descriptor = _open_without_waiting(path)
     try:
         if stat.S_ISFIFO(os.fstat(descriptor).st_mode):
@@ -106,7 +105,7 @@ def _opened(path: Path | str) -> int:
 
 
 def _open_without_waiting(path: Path | str) -> int:
-    """Open *path*; InputFileError if it is neither a file nor a pipe."""
+    """Open *path*. Raises InputFileError if it is neither a file nor a pipe."""
     flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
     descriptor = os.open(path, flags)
     mode = os.fstat(descriptor).st_mode
@@ -119,7 +118,7 @@ def _open_without_waiting(path: Path | str) -> int:
 
 
 def _wait_for_first_byte(path: Path | str, descriptor: int) -> None:
-    """Wait until a read of the pipe would not wait: something has come, or its writer has gone."""
+    """Wait until the pipe has data or its writer has closed it."""
     if sys.platform == "win32":
         return  # no path there leads to a pipe that is opened without waiting
     import select

@@ -1,7 +1,4 @@
-"""The folder that `learn --save` writes: a profile, a simulated family that answers the same, the EDS, and the values.
-
-Knows names of files and what stands in them. Does not know how it was learnt.
-"""
+"""The folder of `learn --save`: a profile, an equivalent simulated family, the EDS, and the values."""
 
 from __future__ import annotations
 
@@ -25,7 +22,7 @@ _CODES = ("absent.", "answers.", "tpdo_dummies", "wrong_signature", "wrong_state
 
 
 def toml_text(head: Iterable[str], rows: Iterable[Learnt]) -> str:
-    """Lines of *head* as they are, then *rows*, those with a dot in their key in tables of their own."""
+    """Return the lines *head*, then *rows*; rows with a dot in their key go into tables."""
     plain, tables = [], dict[str, list[str]]()
     for row in rows:
         table, _, key = row.key.rpartition(".")
@@ -41,7 +38,7 @@ def toml_text(head: Iterable[str], rows: Iterable[Learnt]) -> str:
 
 
 def quoted(text: str) -> str:
-    """*text* as a TOML string of one line."""
+    """Return *text* as a TOML string on one line."""
     return _quoted(_one_line(text))
 
 
@@ -50,7 +47,7 @@ def _quoted(text: str) -> str:
 
 
 def _one_line(text: str) -> str:
-    """*text*, which may come from a device or a file, without anything that would end a comment or a string."""
+    """Replace characters of *text*, from a device or file, that end a comment or a string."""
     return "".join(char if char.isprintable() else "?" for char in text)
 
 
@@ -82,9 +79,9 @@ _MARK = "# Learnt by dvtcli"
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """Where a family was learnt: its *name* and *title*, what it is *like*, its *vendor* and *product* (0x1018).
+    """A learnt family's *name*, *title*, similar profile and family, *vendor* and *product* (0x1018).
 
-    *said* are lines of comment: when, from which node.
+    *said* are comment lines: when, from which node.
     """
 
     name: str
@@ -100,7 +97,7 @@ _OTHER_NAME = Hint(Action.GIVE_NAME, why="{} takes another name")
 
 
 def refuse_foreign(name: str) -> None:
-    """Raise UsageError where the folder or the profile *name* is there already, and was not learnt."""
+    """Raise UsageError if a folder or profile *name* exists that was not learnt."""
     folder = Path(name)
     for own in (own_path(name), own_family_path(name)):
         if own.exists() and not is_learnt(own):
@@ -112,9 +109,9 @@ def refuse_foreign(name: str) -> None:
 
 
 def kept_profiles(name: str) -> Iterator[tuple[Path, DeviceProfile]]:
-    """The profiles that were saved as *name*, each with its place: the folder's, and the user's own.
+    """Iterate over profiles saved as *name* with their paths: in the folder, and the user's own.
 
-    InputFileError where one cannot be read.
+    Raises InputFileError if a profile is malformed.
     """
     for path in (Path(name) / PROFILE, own_path(name)):
         if path.exists():
@@ -130,7 +127,7 @@ def is_learnt(path: Path) -> bool:
 
 
 def profile_text(origin: Origin, learnt: Conclusions) -> str:
-    """The profile as TOML, each value with its evidence."""
+    """Return the profile as TOML, each value with its evidence."""
     known = bool(origin.vendor)
     head = [
         *_mark(origin),
@@ -146,7 +143,7 @@ def profile_text(origin: Origin, learnt: Conclusions) -> str:
 
 
 def simulated_text(origin: Origin, learnt: Conclusions) -> str:
-    """The simulated family as TOML, each value with its evidence."""
+    """Return the simulated family as TOML, each value with its evidence."""
     head = [
         *_mark(origin),
         "# It shares its evidence with the profile beside it: neither is a second opinion on the other.",
@@ -164,17 +161,17 @@ def _mark(origin: Origin) -> list[str]:
 
 
 def found_state(folder: Path) -> Kept:
-    """The node-ID and the values that the learnt device was found with; nothing if *folder* has none.
+    """Return the node-ID and values of the device before learning; empty if *folder* has none.
 
-    InputFileError for a wrong file.
+    Raises InputFileError if the file is malformed.
     """
     return read_state(folder / FOUND)
 
 
 def write_folder(folder: Path, origin: Origin, learnt: Conclusions, eds: Path | str, found: Kept) -> list[Path]:
-    """Write the family into *folder*, with its EDS, and its profile to the user's own; the files, in order.
+    """Write the family and its EDS into *folder*, and copies to the user's own; returns the files in order.
 
-    *eds* is the file that is copied, or the text of one; *found* is what the simulated device starts with.
+    *eds* is a file to copy, or a text; *found* is the initial state of the simulated device.
     """
     folder.mkdir(exist_ok=True)
     files = {PROFILE: profile_text(origin, learnt), SIMULATED: simulated_text(origin, learnt)}
@@ -190,7 +187,7 @@ def write_folder(folder: Path, origin: Origin, learnt: Conclusions, eds: Path | 
 
 
 def _write_eds(folder: Path, name: str, eds: Path | str) -> Path:
-    """Put *eds* into *folder*, whose only one it is then, unless it was another file there."""
+    """Write *eds* into *folder* as the only EDS; removes others except the source."""
     source = None if isinstance(eds, str) else eds.resolve()
     target = folder / f"{name}{'.eds' if source is None else source.suffix.lower()}"
     for old in folder.iterdir():
@@ -204,10 +201,10 @@ def _write_eds(folder: Path, name: str, eds: Path | str) -> Path:
 
 
 def own_path(name: str) -> Path:
-    """Where the user's own profile *name* is kept, by which nodes of its identity are known from then on."""
+    """Return the path of the user's profile *name*, by which nodes of its identity are recognised."""
     return profile_folder() / f"{name}.toml"
 
 
 def own_family_path(name: str) -> Path:
-    """Where the simulated family that was learnt with that profile is kept, by which a dry run is tried."""
+    """Return the path of the simulated family for the learnt profile *name*, used for dry runs."""
     return profile_folder().parent / "families" / f"{name}.toml"

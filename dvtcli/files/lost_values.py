@@ -1,6 +1,6 @@
-"""A file whose values are wanted, and in which one of them cannot be read, is refused: the default is not meant.
+"""Refuse a file for its values if any value cannot be read: the default is not meant.
 
-By what `eds check` says of it. Does not know what the values are for, nor how the file is written.
+Findings are those of `eds check`.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 
 def must_tell_values(read: EdsFile | XddFile, file: str) -> None:
-    """InputFileError where a ParameterValue (actualValue) of *read* is none of its data type, or there are two.
+    """Raise InputFileError if a ParameterValue (actualValue) of *read* is malformed or contradictory.
 
-    It names every one with its line; *file* is its path. Reading on would put the DefaultValue, or one of the two, in
-    its place.
+    The error names all with their lines; *file* is the path. Reading on would replace the value by the DefaultValue, or
+    pick either of two.
     """
     lost = [finding for finding in read.findings if finding.value_lost]
     if not lost:
@@ -40,7 +40,7 @@ def must_tell_values(read: EdsFile | XddFile, file: str) -> None:
 
 
 def _complaints(read: EdsFile | XddFile, file: str, rules: set[str]) -> tuple[FileComplaint, ...]:
-    """What *rules* say of lost values, in the words of `eds check`."""
+    """Return findings of *rules* about lost values, worded as by `eds check`."""
     from dvtcli.domain.profile import GENERIC
     from dvtcli.files.device_lint import lint_device_file
 

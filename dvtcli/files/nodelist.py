@@ -1,6 +1,6 @@
-"""Nodelists (CiA 306-3, `nodelist.cpj`): which nodes a network has, and which DCF each of them has.
+"""Nodelists (CiA 306-3, `nodelist.cpj`): the nodes of a network, and the DCF of each.
 
-Knows the topology sections. Does not open the files that they name, and knows no bus.
+Reads the topology sections only.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _HIGHEST_NODE_ID = 127
 
 @dataclass(frozen=True, slots=True)
 class ListedNode:
-    """A node of a nodelist: its *name* and the DCF that it has (*dcf*), as the file says them; *line* of its DCF."""
+    """A node of a nodelist: *name* and *dcf* as written, and the *line* of its DCF."""
 
     node_id: int
     name: str = ""
@@ -32,9 +32,9 @@ class ListedNode:
 
 @dataclass(frozen=True, slots=True)
 class Nodelist:
-    """One network: its *name*, and its *nodes* in order of node-ID; *absent* are those that are not present.
+    """A network: *name*, and *nodes* in order of node-ID; *absent* are nodes marked as not present.
 
-    *eds_folder* is where the EDS files are (EDSBaseName), as the file says it.
+    *eds_folder* is the folder of the EDS files as written (EDSBaseName).
     """
 
     name: str = ""
@@ -44,7 +44,10 @@ class Nodelist:
 
 
 def read_nodelist(data: bytes, source: str) -> tuple[Nodelist, ...]:
-    """The networks of a nodelist; *source* is its name for messages. InputFileError where it is none."""
+    """Return the networks of a nodelist; *source* is its name for messages.
+
+    Raises InputFileError if *data* is no nodelist.
+    """
     if len(data) > MOST_BYTES:
         raise InputFileError(
             f"{source} is larger than {MOST_BYTES >> 20} MiB", place=f"{source}:1", why="no nodelist is"
@@ -83,7 +86,7 @@ def _text(values: Values, key: str) -> str:
 
 
 def nodelist_text(network: Nodelist) -> str:
-    """*network* as the text of a nodelist, lines with LF."""
+    """Return *network* as the text of a nodelist, lines with LF."""
     return "\n".join(["[Topology]", *(f"{key}={_one_line(value)}" for key, value in _keys(network)), ""])
 
 

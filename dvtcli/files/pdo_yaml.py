@@ -1,7 +1,6 @@
-"""One PDO as YAML, for `pdo edit`: written with comments, read back with the line of everything that is wrong.
+"""A PDO as YAML for `pdo edit`: written with comments, read back with the line of every error.
 
-Values are read as they are written, not as YAML types: `6041` is an index and not a number. Does not know what a
-device allows, nor what an object is called.
+Values keep their text instead of YAML types: `6041` is an index, not a number.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from dvtcli.errors import InputFileError
 if TYPE_CHECKING:
     from ruamel.yaml.nodes import MappingNode, Node, ScalarNode
 
-#: Nobody types more than this; a longer text is something else.
+#: Maximum length; a longer text is no PDO.
 MOST_CHARACTERS = 100_000
 _KEYS = (
     "pdo", "cob_id", "enabled", "rtr_allowed", "extended", "type", "inhibit_ms", "event_timer_ms", "sync_start",
@@ -29,7 +28,7 @@ _TRUTH = {"true": True, "yes": True, "on": True, "false": False, "no": False, "o
 
 @dataclass(frozen=True, slots=True)
 class MappingWord:
-    """A mapping entry as it was written, and its line (1 and up)."""
+    """A mapping entry as written, and its line (from 1)."""
 
     text: str
     line: int
@@ -37,7 +36,7 @@ class MappingWord:
 
 @dataclass(frozen=True, slots=True)
 class PdoText:
-    """What a text asks of its PDO; None for what it does not say. *inhibit_time* counts 100 µs, *event_timer* 1 ms."""
+    """The settings in a text; None for absent settings. *inhibit_time* counts 100 µs, *event_timer* 1 ms."""
 
     cob_id: int | Literal["auto", "keep"] | None = None
     enabled: bool | None = None
@@ -51,7 +50,7 @@ class PdoText:
 
 
 def write_pdo_yaml(pdo: Pdo, config: PdoConfig, names: Sequence[str], title: str) -> str:
-    """The text of *pdo* as it is; *names* are those of its mapped objects, *title* says whose it is."""
+    """Return the text of *pdo* as configured; *names* are its mapped objects' names, *title* names the node."""
     held = config.communication
     kind = held.transmission_type
     rows: list[tuple[str, object, str]] = [
@@ -83,7 +82,7 @@ def _one_line(text: str) -> str:
 
 
 def read_pdo_yaml(text: str, pdo: Pdo) -> PdoText:
-    """What *text* asks of *pdo*; InputFileError with the line of what is wrong, also of a key that stands twice."""
+    """Read the settings of *pdo* in *text*. Raises InputFileError with the line, also for a repeated key."""
     keys = {key.value: (key, value) for key, value in _root(text).value}
     if "pdo" in keys:
         _same_pdo(keys["pdo"][1], pdo)
@@ -108,7 +107,7 @@ def read_pdo_yaml(text: str, pdo: Pdo) -> PdoText:
 
 
 def wrong_at(line: int, text: str) -> InputFileError:
-    """The error of what stands in *line* (1 and up) of the text."""
+    """Return the error for *line* (from 1) of the text."""
     return InputFileError(f"line {line}: {text}", place=f"line {line}")
 
 
@@ -190,7 +189,7 @@ def _truth(node: Node) -> bool:
 
 
 def _number(node: Node, low: int, high: int, unit_ms: float) -> int:
-    """A number of counts of *unit_ms* within *low*..*high* counts."""
+    """Read a time as counts of *unit_ms*, within *low*..*high* counts."""
     text, line = _text(node)
     try:
         value = float(text) / unit_ms if unit_ms != 1 else float(parse_number(text))

@@ -1,6 +1,6 @@
-"""A plan for a network as `plan -o` saves it (`dvtcli.plan/1`), read.
+"""Read a plan for a network, saved by `plan -o` (`dvtcli.plan/1`).
 
-Every part is checked: somebody may have written it. Does not know whether nodes still are as it says.
+Checks every part: the file may be edited by hand.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ _STORES = ("all", "communication", "application")
 
 
 def is_network_plan(path: Path) -> bool:
-    """Whether *path* is a saved plan, by its first character; OSError where it cannot be read."""
+    """Whether *path* is a saved plan, by its first character. Raises OSError if unreadable."""
     return read_input_head(path, 64).lstrip().startswith(b"{")
 
 
 def read_network_plan(path: Path) -> NetworkPlan:
-    """The plan in *path*; InputFileError where it is none, or damaged; OSError where it cannot be read."""
+    """Read the plan in *path*. Raises InputFileError if malformed, OSError if unreadable."""
     data = read_input(path, 127 * MOST_BYTES, "plan")
     try:
         document = json.loads(data)
@@ -75,7 +75,7 @@ def _node(document: Any) -> NodePlan:
 
 
 def _left_out(document: Any) -> LeftOut:
-    """What a plan's file said and the plan does not write."""
+    """Return the parts of the network file that the plan does not write."""
     if not isinstance(document, dict):
         raise ValueError("what is left out is malformed")
     held, said = (bytes.fromhex(str(document.get(key) or "")) or None for key in ("before", "after"))
@@ -84,7 +84,7 @@ def _left_out(document: Any) -> LeftOut:
 
 
 def _holds(document: dict[str, Any], key: str) -> list[Change]:
-    """What the node held as wanted when the plan was made, by *key* of the *document*."""
+    """Return values already as wanted when the plan was made, by *key* of the *document*."""
     holds = document.get(key)
     if not isinstance(holds, list) or len(holds) > MOST_CHANGES:
         raise ValueError("it does not say what is not to be changed")
@@ -92,7 +92,7 @@ def _holds(document: dict[str, Any], key: str) -> list[Change]:
 
 
 def _wanted(changes: list[Change]) -> tuple[dict[Pdo, PdoConfig], dict[tuple[int, int], bytes]]:
-    """What every PDO and every single object of *changes* is to be."""
+    """Return the target of every PDO and every single object in *changes*."""
     pdos = {change.pdo: change.after for change in changes if isinstance(change, PdoChange)}
     steps = [change.step for change in changes if isinstance(change, ValueChange)]
     return pdos, {(step.index, step.sub_index): step.after for step in steps}

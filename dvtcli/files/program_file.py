@@ -1,4 +1,4 @@
-"""Program files: `.bin` as it is, `.hex` in Intel's form. Does not know what is in a program."""
+"""Read program files: `.bin` unchanged, `.hex` in Intel's form."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from dvtcli.files.extras import extra
 from dvtcli.files.input_file import read_input
 
 SUFFIXES = (".bin", ".hex")
-#: no program of a device with a CAN bus is larger (bytes)
+#: maximum size of a program (bytes)
 MOST_BYTES = 16 << 20
-#: what an erased flash memory holds where a file says nothing
+#: erased flash memory, for gaps in a file
 _ERASED = 0xFF
 
 
 def read_program(file: str) -> bytes:
-    """The program that *file* holds; gaps of a .hex file are 0xFF.
+    """Read the program in *file*; gaps of a .hex file are 0xFF.
 
-    UsageError for another suffix or a file that cannot be read, InputFileError where it is empty, damaged or too large.
+    Raises UsageError for another suffix or an unreadable file, InputFileError if empty, damaged or too large.
     """
     suffix = Path(file).suffix.lower()
     if suffix not in SUFFIXES:

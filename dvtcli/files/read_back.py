@@ -1,4 +1,4 @@
-"""How a file that was written is read back before it counts as written: by the reader of its kind. Sends nothing."""
+"""Read a written file back by the reader of its kind, before it counts as written."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from pathlib import Path
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.device_file import DEVICE_SUFFIXES
 
-#: Reads the file at a path as whoever uses it later does; raises DvtcliError where it is none of its kind.
+#: Reads a file like its later users; raises DvtcliError if malformed.
 ReadBack = Callable[[Path], object]
 
 
 def reader_of(path: Path) -> ReadBack | None:
-    """The reader of files that are called as *path* is; None where dvtcli reads none of that name."""
+    """Return the reader for the name of *path*; None if dvtcli has none."""
     suffix = path.suffix.lower()
     if suffix in DEVICE_SUFFIXES:
         return _read_device
@@ -22,7 +22,7 @@ def reader_of(path: Path) -> ReadBack | None:
 
 
 def _read_device(path: Path) -> None:
-    """An EDS, DCF, XDD or XDC, with all objects that its lists name."""
+    """Read an EDS, DCF, XDD or XDC with all objects in its lists."""
     from dvtcli.files.device_file import must_be_whole, read_device_file
 
     must_be_whole(read_device_file(path))
@@ -57,7 +57,7 @@ def _read_nodelist(path: Path) -> None:
 
 
 def _read_gateway(path: Path) -> None:
-    """Lines of CiA 309-3."""
+    """Read lines of CiA 309-3."""
     from dvtcli.domain.gateway.parse import parse_request
 
     for number, line in enumerate(path.read_text("utf-8").splitlines(), 1):

@@ -1,6 +1,6 @@
-"""Lines of a recording that is text: counted, and those found that should be frames and that their reader passed by.
+"""Count the lines of a text recording, and detect damaged frames that the reader skips.
 
-python-can's readers of .asc and .trc leave out what they do not know, a damaged frame, too. Knows no format.
+python-can's readers of .asc and .trc skip unknown lines, including damaged frames.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ _LONGEST = 60
 
 
 class NoFrameError(ValueError):
-    """What was read is no frame that there can be."""
+    """The data is no possible frame."""
 
 
 class LostLineError(NoFrameError):
-    """A line that should be a frame and is none: *line* is its number."""
+    """The line with number *line* should be a frame but is not."""
 
     def __init__(self, line: int, text: str) -> None:
         super().__init__(no_frame(text))
@@ -25,22 +25,22 @@ class LostLineError(NoFrameError):
 
 
 def no_frame(text: str) -> str:
-    """That a line of a recording is no frame, with the line."""
+    """Return the message that a line of a recording is no frame, with the line."""
     return f"this line is no frame: {safe(text.strip()[:_LONGEST])}"
 
 
-#: no line of a recording is longer (characters): a file without line ends is not read whole
+#: maximum length of a line (characters), against files without line ends
 MOST_CHARACTERS = 1 << 20
 
 
 class CountedLines(TextIOWrapper):
-    """A text file that knows which line was read last."""
+    """A text file that knows the last line read."""
 
     line = 0
     text = ""
 
     def readline(self, size: int = -1, /) -> str:  # type: ignore[override]
-        """The next line, which counts."""
+        """Return the next line, and count it."""
         text = super().readline(MOST_CHARACTERS if size < 0 else size)
         self.line += 1
         if len(text) == MOST_CHARACTERS and size < 0:
@@ -56,23 +56,23 @@ class CountedLines(TextIOWrapper):
 
 
 class LeftLines(CountedLines):
-    """Lines of a format whose reader passes by what it does not know: each is looked at as soon as the next is read."""
+    """Lines for a reader that skips unknown lines: a skipped line is checked on reading the next."""
 
-    #: whether the reader made something of the last line
+    #: whether the reader used the last line
     used = True
     begun = False
 
     def readline(self, size: int = -1, /) -> str:  # type: ignore[override]
-        """The next line; LostLineError where nobody took the last one and it should be a frame."""
+        """Return the next line. Raises LostLineError if the reader skipped a damaged frame."""
         if not self.used and self.is_lost(self.text):
             raise LostLineError(self.line, self.text)
         self.used = False
         return super().readline(size)
 
     def took(self) -> None:
-        """The reader made a frame of the last line."""
+        """Record that the reader made a frame of the last line."""
         self.used = self.begun = True
 
     def is_lost(self, text: str) -> bool:
-        """Whether *text*, of which the reader made nothing, should be a frame."""
+        """Whether *text*, skipped by the reader, should be a frame."""
         raise NotImplementedError

@@ -1,4 +1,4 @@
-"""Frames written into a recording, in the formats that take them without loss. Knows no bus and no PDO."""
+"""Write frames to a recording, in lossless formats only."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from dvtcli.files.recordings.recording_format import RecordingFormat
 
 
 class Recorder:
-    """Writes frames to *path*; with *append* behind what is there, with *most_bytes* > 0 into a file after the other.
+    """Writes frames to *path*; *append*: after existing frames; *most_bytes* > 0: into a series of files.
 
-    UsageError where the format cannot do that or the file cannot be made. Use it in a `with`.
+    Raises UsageError if the format cannot do so or the file cannot be created. Use as a context manager.
     """
 
     def __init__(self, path: Path, *, append: bool = False, most_bytes: int = 0) -> None:
@@ -29,7 +29,7 @@ class Recorder:
         if most_bytes and not self._format.rotates:
             raise _cannot(path, "files cannot be rotated", lambda file_format: file_format.rotates)
         self.frames = 0
-        #: frames that the format cannot hold
+        #: frames not supported by the format
         self.left_out = 0
         try:
             self._writer: Any = self._format.writer(path, append=append, most_bytes=most_bytes)
@@ -39,7 +39,7 @@ class Recorder:
             raise InputFileError(f"{path}: nothing can be appended to it", why=str(wrong), place=str(path)) from wrong
 
     def write(self, frame: Frame) -> None:
-        """Write one frame; DvtcliError where the disk takes no more."""
+        """Write a frame. Raises DvtcliError if the disk is full or fails."""
         if frame.remote and not self._format.keeps_remote:
             self.left_out += 1
             return
@@ -51,7 +51,7 @@ class Recorder:
         self.frames += 1
 
     def _file_for(self, message: can.Message) -> Any:
-        """The writer of the file that *message* goes to; a full file is put aside."""
+        """Return the writer for *message*, after setting a full file aside."""
         writer = self._writer
         if isinstance(writer, can.SizedRotatingLogger) and writer.should_rollover(message):
             writer.do_rollover()
@@ -60,15 +60,15 @@ class Recorder:
 
     @property
     def _open_file(self) -> Any:
-        """The writer of the file that is written now."""
+        """Open the current file; returns its writer."""
         return self._writer.writer if isinstance(self._writer, can.SizedRotatingLogger) else self._writer
 
     def note(self, text: str, time_s: float) -> None:
-        """Say *text* between the frames, at *time_s* (s since 1970), where the format can (.asc)."""
+        """Write *text* between frames, at *time_s* (s since 1970), if the format can (.asc)."""
         self._format.note(self._open_file, text, time_s)
 
     def flush(self) -> None:
-        """Hand what was written to the system, so that a kill loses nothing of it (.blf and .mf4 keep a block back)."""
+        """Flush to the system, so that a kill loses nothing (.blf and .mf4 keep a block back)."""
         if self._format.flushes:
             try:
                 self._open_file.file.flush()
@@ -81,7 +81,7 @@ class Recorder:
         return 1 + int(getattr(self._writer, "rollover_count", 0))
 
     def close(self) -> None:
-        """Write what waits and close the file."""
+        """Write pending frames and close the file."""
         try:
             self._writer.stop()
         except OSError as failed:
@@ -125,5 +125,5 @@ def _message(frame: Frame) -> can.Message:
 
 
 def size_of(path: Path) -> int:
-    """The file's size in bytes; 0 where it is gone."""
+    """Return the file's size in bytes; 0 if absent."""
     return path.stat().st_size if path.exists() else 0

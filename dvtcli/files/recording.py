@@ -1,4 +1,4 @@
-"""The frames of a recording, as its file has them. Knows no bus and no PDO."""
+"""Read the frames of a recording."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ from dvtcli.files.recorded_lines import CountedLines, LeftLines, LostLineError, 
 from dvtcli.files.recording_formats import format_of
 from dvtcli.files.recordings.recording_format import RecordedFrame, RecordingFormat
 
-#: the times that frames may have, in seconds since 1970: those of the years 1653 to 5138
+#: valid times of frames (s since 1970): years 1653 to 5138
 _FIRST_S, _LAST_S = -1e10, 1e11
 _MOST_BYTES, _MOST_FD_BYTES, _MOST_CODE = 8, 64, 15
-#: how long a file (bytes) is read once more, without a line that is damaged
+#: maximum size (bytes) of a file to read again without a damaged line
 _MOST_TRIED = 50_000_000
 
 
 def read_recording(path: Path) -> Iterator[Frame]:
-    """The frames of *path* in its order; error frames are left out. Errors as `read_recorded`."""
+    """Iterate over the frames of *path* in order, without error frames; raises as `read_recorded`."""
     return (frame.frame for frame in read_recorded(path) if not frame.error)
 
 
 def read_recorded(path: Path) -> Iterator[RecordedFrame]:
-    """All that is in *path*, in its order.
+    """Iterate over all frames of *path* in order, with error frames.
 
-    UsageError where the file is missing or its format unknown; InputFileError, with the line where it is known, where
-    it is damaged or holds no frame.
+    Raises UsageError if the file is missing or its format unknown; InputFileError, with the line if known, if it is
+    damaged or has no frame.
     """
     kind = format_of(path, reading=True)
     with _opened(path) as raw:
@@ -53,7 +53,7 @@ def read_recorded(path: Path) -> Iterator[RecordedFrame]:
 
 
 def _all_in(kind: RecordingFormat, source: Any) -> Iterator[RecordedFrame]:
-    """All that is in *source*; an error that *kind* knows where it is damaged."""
+    """Iterate over frames of *source*; raises an error known to *kind* if damaged."""
     took = source.took if isinstance(source, LeftLines) else None
     for message in kind.reader(source):
         if isinstance(message, RecordedFrame):
@@ -69,9 +69,9 @@ def _all_in(kind: RecordingFormat, source: Any) -> Iterator[RecordedFrame]:
 
 
 def _require_frame(message: can.Message) -> None:
-    """NoFrameError for a time that no calendar has, a CAN-ID that no frame has, data of another length than it says.
+    """Raise NoFrameError for an impossible time, CAN-ID or length.
 
-    An interface that is given such a CAN-ID cuts it to another one; data is shorter if a part of it is missing.
+    An interface would truncate an impossible CAN-ID to another CAN-ID; data is shorter if a part is missing.
     """
     time_s, can_id, length = message.timestamp, message.arbitration_id, len(message.data)
     if not _FIRST_S <= time_s <= _LAST_S:
@@ -85,13 +85,13 @@ def _require_frame(message: can.Message) -> None:
 
 
 def _lengths(message: can.Message) -> set[int]:
-    """The bytes that it may have besides its length: some formats keep a code, which for 9 to 15 means 8, or more."""
+    """Return other valid lengths in bytes: some formats keep a code, and 9 to 15 means 8 or more."""
     is_code = _MOST_BYTES < message.dlc <= _MOST_CODE
     return {_MOST_BYTES, can.util.dlc2len(message.dlc)} if is_code else set()
 
 
 def check_readable(path: Path) -> None:
-    """UsageError where *path* is missing or its format unknown: said before anything else is asked for."""
+    """Raise UsageError if *path* is missing or its format unknown, before asking for anything else."""
     format_of(path, reading=True)
     if not path.is_fifo():  # what is in a pipe comes once
         _opened(path).close()
@@ -120,7 +120,7 @@ def _line(source: Any, wrong: Exception) -> int:
 
 
 def _without(path: Path, kind: RecordingFormat, line: int) -> str:
-    """Whether *path* can be read without *line*, tried; where another one is damaged, too, which."""
+    """Try to read *path* without *line*; returns the result, or another damaged line."""
     if not path.is_file() or path.stat().st_size > _MOST_TRIED:
         return ""
     lines = read_input(path, _MOST_TRIED, "recording that is tried").splitlines(keepends=True)
@@ -134,7 +134,7 @@ def _without(path: Path, kind: RecordingFormat, line: int) -> str:
 
 
 def _why(kind: RecordingFormat, source: Any, wrong: Exception) -> str:
-    """What is wrong, not how its reader says it."""
+    """Return the cause in dvtcli's words instead of the reader's."""
     if isinstance(wrong, NoFrameError) or kind.tells:
         return str(wrong).partition("\n")[0] or type(wrong).__name__
     if isinstance(source, CountedLines):

@@ -1,4 +1,4 @@
-"""Which formats recordings of frames have: those of the modules in `recordings/`."""
+"""The formats of recordings: the modules in `recordings/`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _REFUSED = {
 
 @cache
 def formats() -> Mapping[str, RecordingFormat]:
-    """Every format by its suffix, those that are only read last."""
+    """Return every format by suffix, read-only formats last."""
     from dvtcli.files.recordings.asc import AscFormat
     from dvtcli.files.recordings.blf import BlfFormat
     from dvtcli.files.recordings.candump import CandumpFormat
@@ -33,12 +33,15 @@ def formats() -> Mapping[str, RecordingFormat]:
 
 
 def written() -> Mapping[str, RecordingFormat]:
-    """Those that are written, too."""
+    """Return the formats that dvtcli writes."""
     return {suffix: one for suffix, one in formats().items() if one.is_written}
 
 
 def format_of(path: Path, *, reading: bool = False) -> RecordingFormat:
-    """The format of *path*; UsageError where no lossless format has its suffix, or the package for it is missing."""
+    """Return the format of *path*.
+
+    Raises UsageError if no lossless format has its suffix, or the required package is missing.
+    """
     suffix = path.suffix.lower()
     known = formats() if reading else written()
     if suffix not in known:

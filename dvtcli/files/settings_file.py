@@ -1,7 +1,4 @@
-"""Reading one settings file, `dvtcli.toml` or `config.toml`, as TOML of the right kinds.
-
-Does not know which files count, which keys there are, nor who may have written them.
-"""
+"""Read and write a settings file, `dvtcli.toml` or `config.toml`, as TOML of the right types."""
 
 from __future__ import annotations
 
@@ -19,7 +16,7 @@ Setting = str | int | list[str]
 
 
 def with_settings(text: str, settings: Mapping[str, Setting]) -> str:
-    """*text* with *settings* at its top level; ValueError where that cannot be done without touching the rest."""
+    """Return *text* with *settings* at its top level. Raises ValueError if the rest would change."""
     wanted = {**tomllib.loads(text), **settings}
     lines = text.splitlines()
     for key, value in settings.items():
@@ -31,7 +28,7 @@ def with_settings(text: str, settings: Mapping[str, Setting]) -> str:
 
 
 def _set(lines: list[str], key: str, line: str) -> None:
-    """Replace the line of *key*, or add it before the first table."""
+    """Replace the line of *key*, or add *line* before the first table."""
     table = next((number for number, old in enumerate(lines) if old.lstrip().startswith("[")), len(lines))
     for number, old in enumerate(lines[:table]):
         if re.match(rf"\s*{re.escape(key)}\s*=", old):
@@ -41,7 +38,7 @@ def _set(lines: list[str], key: str, line: str) -> None:
 
 
 def save_settings(path: Path, settings: Mapping[str, Setting]) -> None:
-    """Write *settings* into the file *path*; InputFileError where it is not one that they can be added to."""
+    """Write *settings* into the file *path*. Raises InputFileError if the file cannot take them."""
     try:
         text = path.read_text("utf-8") if path.exists() else ""
         written = with_settings(text, settings)
@@ -52,13 +49,13 @@ def save_settings(path: Path, settings: Mapping[str, Setting]) -> None:
         raise InputFileError(f"{path}: not saved: {failed}", place=str(path)) from failed
 
 
-#: Such a file is a few lines; beyond this many bytes it is something else.
+#: Maximum size of a settings file (bytes), normally a few lines.
 MOST_BYTES = 100_000
 _ALIASES_HINT = '[aliases]  then  v = "read 606C"'
 
 
 def parsed(data: bytes, path: str) -> dict[str, Any]:
-    """The keys in *data*, `-` in them as `_`; InputFileError, naming *path*, where it is no TOML or too much of it."""
+    """Return the keys in *data*, with `-` as `_`. Raises InputFileError, naming *path*, for bad or oversized TOML."""
     if len(data) > MOST_BYTES:
         raise InputFileError(f"{path}: more than {MOST_BYTES} bytes are no settings", place=path)
     try:
@@ -72,7 +69,7 @@ def _plain(table: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def aliases(found: Any, path: str) -> dict[str, str]:
-    """The table `[aliases]`: a word, and the beginning of a line that it stands for; InputFileError else."""
+    """Return the table `[aliases]`: words and the beginnings of lines they expand to. Raises InputFileError."""
     if not isinstance(found, dict):
         raise InputFileError(f"{path}: aliases is a table", place=path, hint=_ALIASES_HINT)
     for word, text in found.items():
@@ -84,7 +81,7 @@ def aliases(found: Any, path: str) -> dict[str, str]:
 
 
 def tables(found: Any, path: str) -> dict[str, dict[str, Any]]:
-    """The tables `[bus.NAME]`, by name; InputFileError where `bus` is anything else."""
+    """Return the tables `[bus.NAME]`, by name. Raises InputFileError if `bus` is anything else."""
     if not isinstance(found, dict) or not all(isinstance(table, dict) for table in found.values()):
         from dvtcli.domain.hint import Action, Hint
 
@@ -98,9 +95,9 @@ def tables(found: Any, path: str) -> dict[str, dict[str, Any]]:
 
 
 def value_of(key: str, value: Any, default: object, path: str, *, repeated: bool) -> Any:
-    """The *value* of an option whose default is *default*; a *repeated* one is a list, also where one is alone.
+    """Convert the *value* of an option with *default*; for a *repeated* option always to a list.
 
-    `bus_kwargs` may be a table. InputFileError where it is of another kind.
+    `bus_kwargs` may be a table. Raises InputFileError for another type.
     """
     if key == "bus_kwargs" and isinstance(value, dict):
         value = _pairs(value, path)
@@ -116,7 +113,7 @@ def value_of(key: str, value: Any, default: object, path: str, *, repeated: bool
 
 
 def _pairs(table: Mapping[str, Any], path: str) -> list[str]:
-    """The table `[bus_kwargs]` as `--bus-kwargs` takes it."""
+    """Convert the table `[bus_kwargs]` to the form of `--bus-kwargs`."""
     for key, value in table.items():
         if not isinstance(value, str | bool) and not _is_number(value):
             raise InputFileError(f"{path}: bus_kwargs.{key} is a text, a number, true or false", place=path)
@@ -124,7 +121,7 @@ def _pairs(table: Mapping[str, Any], path: str) -> list[str]:
 
 
 def _fits(default: object, value: Any) -> tuple[bool, str]:
-    """Whether *value* is of a kind that an option with *default* takes, and which kinds those are."""
+    """Whether *value* has a type for an option with *default*, and the allowed types."""
     if isinstance(default, bool):
         return isinstance(value, bool), "true or false"
     if type(default) is int:
@@ -133,7 +130,7 @@ def _fits(default: object, value: Any) -> tuple[bool, str]:
 
 
 def _is_number(value: Any) -> bool:
-    """Whether *value* is finite, and no number of 5000 digits: Python refuses to write those out."""
+    """Whether *value* is finite and below 5000 digits, which Python refuses to print."""
     return type(value) in (int, float) and abs(value) < 1 << 64
 
 

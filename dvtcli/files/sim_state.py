@@ -1,7 +1,4 @@
-"""What a simulated node keeps while it is off: one JSON file a node.
-
-Knows the file. Does not know what the objects mean, nor when a node stores.
-"""
+"""The non-volatile memory of a simulated node: a JSON file per node."""
 
 from __future__ import annotations
 
@@ -16,7 +13,7 @@ from dvtcli.errors import InputFileError
 from dvtcli.files.input_file import read_input
 
 SCHEMA = "dvtcli.sim-state/1"
-#: a node has at most some thousand objects; beyond this many bytes it is something else
+#: maximum size (bytes), for some thousand objects
 _MOST_BYTES = 10_000_000
 
 Values = dict[tuple[int, int], bytes]
@@ -24,14 +21,14 @@ Values = dict[tuple[int, int], bytes]
 
 @dataclass(frozen=True, slots=True)
 class Kept:
-    """What a node woke with: its *node_id* (1..127, 255 for none; None: nothing is kept) and *values* by object."""
+    """A node's stored state: *node_id* (1..127, 255 for none; None: nothing stored) and *values* by object."""
 
     node_id: int | None = None
     values: Values = field(default_factory=dict)
 
 
 def read_state(path: Path) -> Kept:
-    """What *path* keeps, nothing where there is no file; InputFileError for a wrong one."""
+    """Read the state in *path*, empty if absent. Raises InputFileError if malformed."""
     try:
         text = read_input(path, _MOST_BYTES, "state of a simulated node")
     except FileNotFoundError:
@@ -62,7 +59,7 @@ def _value(place: str, data: str) -> tuple[tuple[int, int], bytes]:
 
 
 def write_state(path: Path, node_id: int, values: Mapping[tuple[int, int], bytes]) -> None:
-    """Put *node_id* and *values* into *path*: all of it or, where that fails (OSError), what was there before."""
+    """Write *node_id* and *values* to *path* completely, or keep the old file and raise OSError."""
     document = {
         "schema": SCHEMA,
         "node": node_id,

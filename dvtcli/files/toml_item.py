@@ -1,7 +1,4 @@
-"""TOML values that know their place: strict readers whose complaints name the line and the key.
-
-Knows no file of ours in particular, and not how TOML is written (`toml_text`).
-"""
+"""TOML values with their places: strict readers whose complaints name line and key."""
 
 from __future__ import annotations
 
@@ -19,7 +16,7 @@ KeyPath = tuple[str, ...]
 
 
 def parsed(text: str, source: str) -> tuple[dict[str, object], dict[KeyPath, int]]:
-    """The values of *text*, and the line of each key; InputFileError, its place in *source*, where it is not TOML."""
+    """Return the values of *text*, and each key's line. Raises InputFileError with its place in *source*."""
     try:
         content = tomllib.loads(text)
     except ValueError as error:  # TOMLDecodeError, and what int() says to a number of 5000 digits
@@ -32,7 +29,7 @@ def parsed(text: str, source: str) -> tuple[dict[str, object], dict[KeyPath, int
 
 
 def _numbers_fit(value: object) -> bool:
-    """Whether no whole number in *value* is so long that Python refuses to write it out."""
+    """Whether Python can print every whole number in *value*."""
     if isinstance(value, dict):
         return all(map(_numbers_fit, value.values()))
     if isinstance(value, list):
@@ -47,14 +44,14 @@ def _syntax_error(error: ValueError, text: str, source: str) -> InputFileError:
     return InputFileError(f"no valid TOML: {said}", place=f"{source}:{where}")
 
 
-#: none of these may grow worse than a line does: a family's file may come from anybody
+#: limits against slow patterns in untrusted files: matching must be linear in the line
 _HEADER = re.compile(r"\[+([^\[\]]+)\]+\s*(?:#.*)?")
 _KEY = re.compile(r"""("[^"]*"|'[^']*'|[A-Za-z0-9_.-]+)\s*=""")
 _PART = re.compile(r""""[^"]*"|'[^']*'|[A-Za-z0-9_-]+""")
 
 
 def _key_lines(text: str) -> dict[KeyPath, int]:
-    """Path of every table and key -> its line."""
+    """Return the line of every table and key by path."""
     lines: dict[KeyPath, int] = {}
     table: KeyPath = ()
     for number, full_line in enumerate(text.split("\n"), 1):
@@ -75,19 +72,19 @@ _Choice = TypeVar("_Choice", bound=StrEnum)
 _T = TypeVar("_T")
 
 
-#: What a table may have: a function that reads it for each key.
+#: The reader of each key in a table.
 Schema = dict[str, Callable[["Item"], object]]
 
 
 def read_toml(text: str, source: str) -> Item:
-    """The whole of a TOML file; *source* is its name for messages. InputFileError where it is not TOML."""
+    """Read a whole TOML file; *source* is its name for messages. Raises InputFileError for bad TOML."""
     content, lines = parsed(text, source)
     return Item(content, (), source, lines)
 
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """A value in the file with its place: *path* of keys, *lines* of all keys."""
+    """A value with its place in the file: *path* of keys, *lines* of all keys."""
 
     value: object
     path: KeyPath
@@ -108,7 +105,7 @@ class Item:
         raise InputFileError(f"{name}{text}", place=f"{self.source}:{self.lines.get(path, 1)}", hint=hint)
 
     def items(self) -> list[Item]:
-        """The members of a table, each with its own place."""
+        """Return a table's members, each with its place."""
         if not isinstance(self.value, dict):
             self.fail(f"must be a table, not {self.value!r}")
         return [replace(self, value=value, path=(*self.path, key)) for key, value in self.value.items()]
@@ -126,7 +123,7 @@ class Item:
 
 
 def string(item: Item) -> str:
-    """A text that is not blank."""
+    """Read a text that is not blank."""
     if not isinstance(item.value, str) or not item.value.strip():
         item.fail(f"must be a text, not {item.value!r}")
     return item.value
@@ -140,7 +137,7 @@ def boolean(item: Item) -> bool:
 
 
 def integer(low: int, high: int) -> Callable[[Item], int]:
-    """A reader of whole numbers within *low*..*high*."""
+    """Return a reader of whole numbers within *low*..*high*."""
 
     def read(item: Item) -> int:
         if not isinstance(item.value, int) or isinstance(item.value, bool):
@@ -169,12 +166,12 @@ def members(item: Item) -> list[Item]:
 
 
 def integers(low: int, high: int) -> Callable[[Item], tuple[int, ...]]:
-    """A reader of lists of whole numbers within *low*..*high*."""
+    """Return a reader of lists of whole numbers within *low*..*high*."""
     return lambda item: tuple(integer(low, high)(member) for member in members(item))
 
 
 def pair(high: int) -> Callable[[Item], Range]:
-    """A reader of two numbers within 0..*high*."""
+    """Return a reader of two numbers within 0..*high*."""
 
     def read(item: Item) -> Range:
         numbers = integers(0, high)(item)
@@ -186,7 +183,7 @@ def pair(high: int) -> Callable[[Item], Range]:
 
 
 def number_range(high: int) -> Callable[[Item], Range]:
-    """A reader of a lowest and a highest number within 0..*high*."""
+    """Return a reader of minimum and maximum within 0..*high*."""
 
     def read(item: Item) -> Range:
         first, last = pair(high)(item)
@@ -198,12 +195,12 @@ def number_range(high: int) -> Callable[[Item], Range]:
 
 
 def number_ranges(high: int) -> Callable[[Item], tuple[Range, ...]]:
-    """A reader of lists of ranges within 0..*high*."""
+    """Return a reader of lists of ranges within 0..*high*."""
     return lambda item: tuple(number_range(high)(member) for member in members(item))
 
 
 def one_of(choices: type[_Choice]) -> Callable[[Item], _Choice]:
-    """A reader of one of an enumeration's words."""
+    """Return a reader of a word of an enumeration."""
 
     def read(item: Item) -> _Choice:
         words = [choice.value for choice in choices]
@@ -215,7 +212,7 @@ def one_of(choices: type[_Choice]) -> Callable[[Item], _Choice]:
 
 
 def each_of(choices: type[_Choice], read: Callable[[Item], _T]) -> Callable[[Item], dict[_Choice, _T]]:
-    """A reader of tables that have exactly the words of an enumeration as keys, each value read by *read*."""
+    """Return a reader of tables with exactly the enumeration's words as keys, each value read by *read*."""
 
     def read_all(item: Item) -> dict[_Choice, _T]:
         names = [choice.value for choice in choices]
@@ -226,7 +223,7 @@ def each_of(choices: type[_Choice], read: Callable[[Item], _T]) -> Callable[[Ite
 
 
 def object_address(item: Item) -> tuple[int, int]:
-    """Index and sub-index of an object, written `6C01:01`."""
+    """Read index and sub-index of an object, written `6C01:01`."""
     match = re.fullmatch(r"([0-9A-F]{4}):([0-9A-F]{2})", item.value) if isinstance(item.value, str) else None
     if not match:
         item.fail(f"must be an object such as '6C01:01', not {item.value!r}")
@@ -234,7 +231,7 @@ def object_address(item: Item) -> tuple[int, int]:
 
 
 def key_range(item: Item, base: int, high: int) -> Range:
-    """What a key such as `254` or `1-240` stands for, in number base *base* (10 or 16), within 0..*high*."""
+    """Return the range of a key like `254` or `1-240`, in number base *base* (10 or 16), within 0..*high*."""
     digit = "[0-9]" if base == 10 else "[0-9A-Fa-f]"
     match = re.fullmatch(rf"({digit}{{1,8}})(?:-({digit}{{1,8}}))?", item.key)
     if not match:
@@ -246,7 +243,7 @@ def key_range(item: Item, base: int, high: int) -> Range:
 
 
 def by_number(high: int) -> Callable[[Item], dict[int, str]]:
-    """A reader of tables number → text; a key may be a range, `1-240`."""
+    """Return a reader of tables number → text; a key may be a range, `1-240`."""
 
     def read(item: Item) -> dict[int, str]:
         texts: dict[int, str] = {}
@@ -259,7 +256,7 @@ def by_number(high: int) -> Callable[[Item], dict[int, str]]:
 
 
 def suggest(word: str, known: Iterable[str]) -> str | None:
-    """ "did you mean …?" with the nearest of *known*, or None."""
+    """Return "did you mean …?" with the nearest of *known*, or None."""
     from difflib import get_close_matches
 
     near = get_close_matches(word, list(known), n=1)

@@ -1,6 +1,6 @@
-"""What a file says of values and nobody reads: misspelt keys, sections of no object, rows of no sub-index.
+"""Values in a file without effect: misspelt keys, sections of no object, rows of no sub-index.
 
-Who uses the file for its values is told, since else `eds check` alone says it. Does not know what the values are for.
+Users of a file's values are warned, because otherwise only `eds check` reports them.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from dvtcli.files.eds.reader import EdsFile
 if TYPE_CHECKING:
     from dvtcli.files.xdd.xdd_reader import XddFile
 
-#: so many lines are told one by one
+#: maximum number of lines to report one by one
 _MOST = 4
 _VALUE, _NODE_ID = "parametervalue", "nodeid"
-#: names much like that of an object: `[0x1017]`, `[1017 sub 1]`, `[2100Values]`
+#: names similar to an object's: `[0x1017]`, `[1017 sub 1]`, `[2100Values]`
 _NEARLY_OBJECT = re.compile(r"(0x)?[0-9a-f]{3,5}h?([^a-z].*|s(ub)?[^a-z]*|val.*)?", re.IGNORECASE)
 _HAS_VALUE = re.compile(r"^[ \t]*(parametervalue|nodeid)[ \t]*=[ \t]*[^\s;]", re.IGNORECASE | re.MULTILINE)
 
 
 def unread_values(read: EdsFile | XddFile, file: str) -> tuple[str, ...]:
-    """What to tell whoever takes values from *read*, the file at the path *file*; nothing where all are read."""
+    """Return warnings for users of values from *read*, the file at the path *file*; empty if all are read."""
     found = [(finding.line, finding.text) for finding in read.findings if finding.value_unread]
     if isinstance(read, EdsFile):
         found += _passed_by(read, file)
@@ -35,7 +35,7 @@ def unread_values(read: EdsFile | XddFile, file: str) -> tuple[str, ...]:
 
 
 def _passed_by(read: EdsFile, file: str) -> Iterator[tuple[int, str]]:
-    """Keys and sections that the reader does not know, and that look like values; values where none belongs."""
+    """Iterate over unknown keys and sections that look like values, and misplaced values."""
     from dvtcli.files.eds.keys import quoted
     from dvtcli.files.eds.lint.lint_keys import unknown_keys
     from dvtcli.files.eds.lint.linted_text import LintedText, given, is_head

@@ -1,9 +1,7 @@
-"""Where the user's own files are: settings, what is kept of devices, state; and whether a file is still the same one.
+"""Locate the user's own files (settings, device data, state), and detect whether a file has changed.
 
-Makes no folder, and opens no file.
-
-platformdirs decides. Where its answer is plain, on Linux with absolute paths, it is not imported for it: that costs
-each command as much as all that `--help` reads.
+Creates no folder, and opens no file. platformdirs decides; in the plain case, Linux with absolute paths, importing it
+is avoided, because the import costs each command as much as all imports of `--help`.
 """
 
 from __future__ import annotations
@@ -14,7 +12,7 @@ from pathlib import Path
 from typing import Literal
 
 Kind = Literal["config", "data", "state"]
-#: On Linux the variable of each kind, and the folder below the user's home where it is not set (XDG).
+#: On Linux the variable of each kind, and its default folder below the user's home (XDG).
 _XDG: dict[Kind, tuple[str, str]] = {
     "config": ("XDG_CONFIG_HOME", ".config"),
     "data": ("XDG_DATA_HOME", ".local/share"),
@@ -23,7 +21,7 @@ _XDG: dict[Kind, tuple[str, str]] = {
 
 
 def user_folder(kind: Kind) -> Path:
-    """Where the user's files of that *kind* are kept, whether the folder exists or not."""
+    """Return the folder of the user's files of that *kind*, existing or not."""
     plain = _plain(kind)
     if plain is not None:
         return Path(plain, "dvtcli")
@@ -33,13 +31,13 @@ def user_folder(kind: Kind) -> Path:
 
 
 def file_state(path: Path) -> tuple[int, ...]:
-    """What differs once the file at *path* was written or replaced, whatever time and size the new one was given."""
+    """Return a key that changes if the file at *path* is written or replaced, even with equal time and size."""
     now = path.stat()
     return now.st_ino, now.st_ctime_ns, now.st_mtime_ns, now.st_size
 
 
 def _plain(kind: Kind) -> str | None:
-    """The folder around it, where no more than XDG's variable and HOME count; None elsewhere."""
+    """Return the parent folder in the plain case on Linux, by XDG variable and HOME; None otherwise."""
     if sys.platform != "linux" or "ANDROID_DATA" in os.environ or "platformdirs" in sys.modules:
         return None
     variable, below_home = _XDG[kind]

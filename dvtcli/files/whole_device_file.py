@@ -1,10 +1,10 @@
-"""What a whole device held, as JSON lines: the first says whose it is, each other one is an object.
+"""The values of a whole device as JSON lines: the device in the first line, an object in each other line.
 
     {"schema": "dvtcli.whole-device/1", "node": 5, "identity": {…}, "made": "2026-11-23T00:40:00.000000Z", "objects": 2}
     {"object": "1017:00", "type": "u16", "raw": "E8 03"}
     {"object": "1003:01", "why": "no data available (0x08000024)"}
 
-It needs no EDS. Knows the form. Does not know what an object means.
+Needs no EDS.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from dvtcli.files.input_file import json_line, read_input
 
 SUFFIX = ".jsonl"
 SCHEMA = "dvtcli.whole-device/1"
-#: some thousand objects, of which a few are long
+#: enough for some thousand objects, a few of them long
 _MOST_BYTES = 64 << 20
 _OBJECT = re.compile(r"([0-9A-Fa-f]{4}):([0-9A-Fa-f]{2})")
 _TEXT = "{} does not say what a device held"
@@ -30,7 +30,7 @@ _IDENTITY = ("vendor", "product", "revision", "serial")
 
 @dataclass(frozen=True, slots=True)
 class KeptObject:
-    """One object: its *data*, or *why* nobody knows it; *type_name* is the short name of its type, empty if unknown."""
+    """An object: its *data*, or *why* it is unknown; *type_name* is the short name of its type, empty if unknown."""
 
     data: bytes | None = None
     why: str = ""
@@ -39,9 +39,9 @@ class KeptObject:
 
 @dataclass(frozen=True, slots=True)
 class KeptDevice:
-    """A device as it was: *node_id*, *identity* (0x1018), when it was *made* (RFC 3339), *objects* by their place.
+    """A saved device: *node_id*, *identity* (0x1018), date *made* (RFC 3339), *objects* by place.
 
-    *eds* is the name of the file that described it, empty where none did.
+    *eds* is the name of the describing file, empty for none.
     """
 
     node_id: int
@@ -52,7 +52,7 @@ class KeptDevice:
 
 
 def whole_device_text(kept: KeptDevice) -> str:
-    """*kept* as the text of a file."""
+    """Return *kept* as the text of a file."""
     head = {"schema": SCHEMA, "node": kept.node_id, "identity": dict(kept.identity), "made": kept.made,
             "eds": kept.eds or None, "objects": len(kept.objects)}  # fmt: skip
     return "".join(json.dumps(line) + "\n" for line in (head, *map(_line, sorted(kept.objects.items()))))
@@ -65,7 +65,7 @@ def _line(item: tuple[tuple[int, int], KeptObject]) -> dict[str, str]:
 
 
 def read_whole_device(path: Path) -> KeptDevice:
-    """Read the file at *path*; OSError where it cannot be read, InputFileError, with the line, where it is none."""
+    """Read the file at *path*. Raises OSError if unreadable, InputFileError, with the line, if malformed."""
     data = read_input(path, _MOST_BYTES, "backup")
     lines = list(_documents(path, data))
     if not lines or lines[0][1].get("schema") != SCHEMA:

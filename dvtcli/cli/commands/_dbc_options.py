@@ -12,7 +12,7 @@ from dvtcli.cli.params import TEXT
 
 
 def dbc_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """`--with`, `--split-bits` and `--all`, as one *wishes*; UsageError for a service that there is not."""
+    """Add `--with`, `--split-bits` and `--all`, as one *wishes*. Raises UsageError for an unknown service."""
 
     @wraps(command)
     def with_wishes(*values: Any, services: str | None, split_bits: bool, everything: bool, **others: Any) -> Any:

@@ -14,7 +14,7 @@ F = TypeVar("F", bound=Callable[..., object])
 
 
 def decoding_options(command: F) -> F:
-    """The options that say what decodes a recording."""
+    """Add the options that select how a recording is decoded."""
     nodes = click.option("--nodes", type=NodesType(), metavar="ID,…", help="Nodes that sent it [the selected one].")
     return nodes(
         click.option("-d", "--dbc", type=FILE, metavar="FILE", help="Decode by a DBC or network file.")(command)
@@ -22,7 +22,7 @@ def decoding_options(command: F) -> F:
 
 
 def parquet_options(command: F) -> F:
-    """The options of .parquet files."""
+    """Add the options of .parquet files."""
     layout = click.option(
         "--layout", type=click.Choice(["long", "wide"]), metavar="long|wide",
         help="Of .parquet: a row for each value, or a column for each signal [long].",

@@ -23,7 +23,7 @@ class DurationType(CanopenType):
         self.least_s, self.most_s = least_s, most_s
 
     def parse(self, text: str, ctx: click.Context | None) -> float:
-        """The time; ValueError where it is none, or out of range."""
+        """Return the time (s). Raises ValueError if malformed or out of range."""
         found = _TIME.fullmatch(text.lower())
         if not found:
             raise ValueError(f"{text!r} is not a time: write 100ms, 5s or 2min")
@@ -40,7 +40,7 @@ class RotationType(CanopenType):
     name = "rotation"
 
     def parse(self, text: str, ctx: click.Context | None) -> tuple[float, int]:
-        """Seconds and bytes, one of which is 0; ValueError where it is neither, or out of range."""
+        """Return seconds and bytes, one of them 0. Raises ValueError if malformed or out of range."""
         found = _ROTATION.fullmatch(text.lower())
         if not found:
             raise ValueError(f"{text!r} is neither a time nor a size: write 10min, 1h or 100MB")
@@ -60,14 +60,14 @@ class NodesType(CanopenType):
     name = "nodes"
 
     def parse(self, text: str, ctx: click.Context | None) -> tuple[int, ...]:
-        """The node-IDs, in their order; ValueError where one is outside 1…127."""
+        """Return the node-IDs in order. Raises ValueError if any is outside 1…127."""
         return tuple(dict.fromkeys(NODE_ID.parse(word.strip(), ctx) for word in text.split(",")))
 
 
 class LogFilterType(CanopenType):
-    """`ID:MASK` in hexadecimal, as python-can's tools take it: frames whose CAN-ID equals ID in the bits of MASK.
+    """`ID:MASK` in hexadecimal as in python-can's tools: frames whose CAN-ID equals ID in the bits of MASK.
 
-    A word that is none is a text in names of signals; `speed:` and `0x181` are no words.
+    A word that is not hexadecimal is searched in names of signals; `speed:` is an error, and `0x181` a CAN-ID.
     """
 
     name = "filter"
@@ -92,7 +92,7 @@ class SinceType(CanopenType):
     name = "s"
 
     def parse(self, text: str, ctx: click.Context | None) -> float:
-        """The time; ValueError where it is none."""
+        """Return the time. Raises ValueError if malformed."""
         return _number(text, "a time in seconds", 1e9)
 
 
@@ -102,7 +102,7 @@ class RateType(CanopenType):
     name = "rate"
 
     def parse(self, text: str, ctx: click.Context | None) -> float:
-        """The rate; ValueError where it is none."""
+        """Return the rate. Raises ValueError if malformed."""
         return _number(text, "how many times as fast", 1000.0)
 
 
@@ -117,12 +117,12 @@ def _number(text: str, what: str, most: float) -> float:
 
 
 class FrameFilterType(CanopenType):
-    """Which frames are meant, as `domain.frame_filter` takes it."""
+    """A filter of frames in the syntax of `domain.frame_filter`."""
 
     name = "frames"
 
     def parse(self, text: str, ctx: click.Context | None) -> str:
-        """The text itself; ValueError where it means nothing."""
+        """Return the text itself. Raises ValueError if it is no filter."""
         from dvtcli.domain.frame_filter import frame_filter
 
         frame_filter(text)

@@ -19,7 +19,7 @@ class BitRateType(CanopenType):
     name = "bit/s"
 
     def parse(self, text: str, ctx: click.Context | None) -> int:
-        """The bit rate; ValueError where no bus runs at it."""
+        """Return the bit rate. Raises ValueError if no bus supports it."""
         rate = int(text) if text.isascii() and text.isdigit() and len(text) < 9 else 0
         if rate not in BIT_RATES:
             raise ValueError(f"{text!r} is not a bit rate; bit rates are {BIT_RATES[0]}…{BIT_RATES[-1]} bit/s")
@@ -33,7 +33,7 @@ class PeriodType(CanopenType):
         self.name, self.low, self.high = unit, low, high
 
     def parse(self, text: str, ctx: click.Context | None) -> float:
-        """The time; ValueError where it is no number or out of range."""
+        """Return the time. Raises ValueError if malformed or out of range."""
         try:
             value = float(text)
         except ValueError:
@@ -44,12 +44,12 @@ class PeriodType(CanopenType):
 
 
 class InhibitType(CanopenType):
-    """`5:tpdo3=40`: a TPDO, of that node (its node-ID or name) or of the only one that has it, and its inhibit time."""
+    """`5:tpdo3=40`: a TPDO, with node-ID or name unless unique, and its inhibit time."""
 
     name = "inhibit"
 
     def parse(self, text: str, ctx: click.Context | None) -> tuple[int | str | None, Pdo, int]:
-        """Node-ID or name (None where none is said), TPDO, time in 100 µs; ValueError where it is none of these."""
+        """Return node-ID or name (None if absent), TPDO, time in 100 µs. Raises ValueError if malformed."""
         from dvtcli.domain.pdo import Pdo
 
         head, equals, time = text.partition("=")

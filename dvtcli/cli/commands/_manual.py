@@ -12,7 +12,7 @@ from dvtcli.cli.help.guide import TOPICS, topic
 
 
 def manual(program: click.Group, version: str) -> list[str]:
-    """The lines of dvtcli(1), of *program* with all its commands."""
+    """Return the lines of dvtcli(1), for *program* with all its commands."""
     root = click.Context(program, info_name="dvtcli")
     lines = [f'.TH DVTCLI 1 "" "dvtcli {version}" "User Commands"', ".SH NAME"]
     lines += [
@@ -58,6 +58,6 @@ def _plain(text: str, *, paragraphs: bool = True) -> Iterator[str]:
 
 
 def _escaped(text: str) -> str:
-    """*text* as roff shows it as it is: no line of it is taken for a request."""
+    """Escape *text* for roff, so that no line is a request."""
     text = text.replace("\\", r"\e").replace("-", r"\-").replace("'", r"\(aq").replace("\u2026", "...")
     return rf"\&{text}" if text.startswith(".") else text

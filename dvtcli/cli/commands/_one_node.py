@@ -1,4 +1,4 @@
-"""PDOs of one line: they are changed all or none, so they are of one node."""
+"""PDOs of one line must belong to one node, because they are changed all or none."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ if TYPE_CHECKING:
 
 
 def one_node(pdos: Iterable[NodePdo]) -> tuple[int | None, list[Pdo]]:
-    """The node-ID that *pdos* share, None where they name none, and the PDOs; UsageError where they name several."""
+    """Return the common node-ID of *pdos* (None if unnamed), and the PDOs.
+
+    Raises UsageError if they name several nodes.
+    """
     chosen = list(pdos)
     node_ids = {pdo.node_id for pdo in chosen}
     if len(node_ids) > 1:

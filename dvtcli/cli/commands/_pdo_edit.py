@@ -1,4 +1,4 @@
-"""`pdo edit PDO`: a PDO as text in the user's own editor; what is saved goes the way of `map`."""
+"""`pdo edit PDO`: edit a PDO as text in the user's editor, then apply it like `map`."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 
 def edit(session: Conversation, pdo: Pdo, node_id: int | None) -> Changed | Facts:
-    """Open *pdo* in the editor until what is saved can be carried out, or is given up.
+    """Open *pdo* in the editor until the saved text is valid, or the user gives up.
 
-    SafetyRefusal without a terminal. A text that is wrong and was given up ends with the error's own exit code.
+    Raises SafetyRefusal without a terminal. After giving up, the error of the text remains.
     """
     if session.in_script or not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise SafetyRefusal(
@@ -44,7 +44,7 @@ def edit(session: Conversation, pdo: Pdo, node_id: int | None) -> Changed | Fact
 
 
 def _edited(text: str) -> str | None:
-    """*text* as the user's editor leaves it; UsageError where there is no editor, or none that works."""
+    """Return *text* after editing. Raises UsageError if no editor works."""
     try:
         return click.edit(text, extension=".yaml", require_save=False)
     except UnicodeDecodeError as wrong:

@@ -1,4 +1,4 @@
-"""The options that `map` and `set` share, as one request."""
+"""The common options of `map` and `set`, as one request."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ _OPTIONS = [
 
 
 def pdo_options(function: F) -> F:
-    """Give a command the options that describe a PDO."""
+    """Add the options that describe a PDO."""
     for option in reversed(_OPTIONS):
         function = option(function)
     return function
 
 
 def request(options: dict[str, Any], *, enabled: bool | None) -> PdoRequest:
-    """The request that *options* mean; *enabled* is what the PDO becomes unless --off is given."""
+    """Return the request in *options*; *enabled* is the PDO's new state unless --off is given."""
     kinds = [name for name in ("type_", "sync") if options[name] is not None] + (["event"] if options["event"] else [])
     if len(kinds) > 1:
         raise click.UsageError("--type, --sync and --event exclude each other: give one")

@@ -1,4 +1,4 @@
-"""A plan for a network, shown before it is carried out."""
+"""Show a plan for a network before applying it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 def show_plan(output: Output, plan: NetworkPlan) -> None:
-    """Say what is about to be written and what speaks against it, as a part of the answer; with JSON that says it."""
+    """Show the planned writes and the findings as a part of the answer; not with JSON, which has them anyway."""
     if output.json:
         return
     from dvtcli.cli.view.answers.network_lines import plan_lines

@@ -1,4 +1,4 @@
-"""Words of `store` and `restore`: which group of objects, and how a store is proved."""
+"""Words of `store` and `restore`: the group of objects, and the proof of a store."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ class StoreGroup(CanopenType):
     name = "group"
 
     def parse(self, text: str, ctx: click.Context | None) -> int:
-        """The sub-index of 0x1010 or 0x1011."""
+        """Return the sub-index of 0x1010 or 0x1011."""
         if text.lower() in _GROUPS:
             return _GROUPS[text.lower()]
         return int(NumberType(1, 127, "all, communication, application, or a sub-index").parse(text, ctx))
 
 
 class ProofWay(CanopenType):
-    """`reset` or `power`; a group's word belongs to the command, where `--prove` stands alone before it."""
+    """`reset` or `power`; a group's word after a bare `--prove` belongs to the command."""
 
     name = "way"
 
     def parse(self, text: str, ctx: click.Context | None) -> str | int:
-        """The word, or the sub-index of the group that it is."""
+        """Return the word, or the sub-index of a group."""
         if text.lower() in ("reset", "power"):
             return text.lower()
         try:
@@ -38,7 +38,7 @@ class ProofWay(CanopenType):
 
 
 def way_and_group(prove: str | int | None, group: int | None) -> tuple[str | None, int | None]:
-    """How to prove, None for not at all, and the group; UsageError where two groups are named."""
+    """Return the way of proof, None for none, and the group. Raises UsageError for two groups."""
     if not isinstance(prove, int):
         return prove, group
     if group is not None:

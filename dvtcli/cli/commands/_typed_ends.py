@@ -1,4 +1,4 @@
-"""The ends of a link as words: a PDO without a node is one of the selected node."""
+"""The ends of a link as typed; a PDO without a node belongs to the selected node."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def endpoints(session: Session, words: Iterable[NodePdo]) -> list[Endpoint]:
-    """The PDOs that *words* mean, each with its node."""
+    """Return the PDOs of *words*, each with its node."""
     from dvtcli.domain.network.wanted_state import Endpoint
 
     return [Endpoint(session.node_id() if word.node_id is None else word.node_id, word.pdo) for word in words]

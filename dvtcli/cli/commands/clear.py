@@ -25,7 +25,7 @@ class PdoOrAll(CanopenType):
     name = "pdo"
 
     def parse(self, text: str, ctx: click.Context | None) -> NodePdo | None:
-        """The PDO, or None for all of them."""
+        """Return the PDO, or None for all."""
         return None if text.lower() == "all" else PDO.parse(text, ctx)
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class _ExpectType(CanopenType):
-    """A software identification: a number of 32 bits, or `crc32` for that of what is sent."""
+    """A software identification: a 32-bit number, or `crc32` for the checksum of the file."""
 
     name = "identification"
 
@@ -33,7 +33,7 @@ class _ExpectType(CanopenType):
 
 
 def _final(params: Mapping[str, Any]) -> Final | None:
-    """A program that was cleared comes back by no `undo`."""
+    """No `undo` restores a cleared program."""
     return None if params["forget"] else Final("download")
 
 

@@ -25,13 +25,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Conversion:
-    """Which *node* of a network file, by name or node-ID, and how a DBC file is wanted."""
+    """The *node* of a network file, by name or node-ID, and options for a DBC file."""
 
     node: str | None
     wishes: DbcOptions
 
     def refuse(self) -> None:
-        """UsageError for any of them: another action was asked for."""
+        """Raise UsageError if any option is given, for use with other actions."""
         if self.node is not None:
             raise UsageError("--for belongs to eds convert", hint="eds convert net.yaml node5.cdcf --for 5")
         if self.wishes:
@@ -40,7 +40,7 @@ class Conversion:
 
 
 def convert_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """`--for` and those of a DBC file, as one *conversion*."""
+    """Add `--for` and the options of a DBC file, as one *conversion*."""
 
     @dbc_options
     @wraps(command)
@@ -61,7 +61,7 @@ class IdentityType(CanopenType):
     name = "identity"
 
     def parse(self, text: str, ctx: click.Context | None) -> dict[str, int]:  # noqa: ARG002 - a type of click
-        """The numbers by name; ValueError where one is none."""
+        """Return the numbers by name. Raises ValueError if malformed."""
         found = {}
         for pair in text.replace(",", " ").split():
             name, equals, number = pair.partition("=")
@@ -141,7 +141,7 @@ def command(
 
 
 def _refuse_options(action: str, identity: dict[str, int] | None, conversion: Conversion, *, asks_rules: bool) -> None:
-    """UsageError for an option that belongs to another *action*."""
+    """Raise UsageError for an option of another *action*."""
     if action != "convert":
         conversion.refuse()
     if identity is not None and action != "add":

@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 
 
 class HelpTopic(TextType):
-    """The name of a command or of a topic."""
+    """The name of a command or a topic."""
 
     name = "subject"
 
     def shell_complete(self, _ctx: click.Context, _param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """Commands with what they do, then topics with what they are about."""
+        """Offer commands and topics with their one-line texts."""
         from dvtcli.cli.help.guide import TOPICS, topic
 
         rows = [(name, summary(name)) for name in command_names()]
@@ -73,7 +73,7 @@ def _usable(ctx: click.Context) -> dict[str, str]:
 
 
 def _subject(ctx: click.Context, name: str) -> str:
-    """The help of a command, the text of a topic, or what an alias stands for; a command wins."""
+    """Return the help of a command, else the text of a topic, or the expansion of an alias."""
     from dvtcli.cli.help.guide import TOPICS, topic
 
     found = root(ctx).get_command(ctx, name)

@@ -85,7 +85,7 @@ def command(
 def _masks_and_text(
     filters: tuple[tuple[int, int] | str, ...], *, decode: bool
 ) -> tuple[tuple[tuple[int, int], ...], str]:
-    """CAN-IDs with their masks, and the text that is sought in names of signals; UsageError where there can be none."""
+    """Return CAN-IDs with masks, and the text to search in names of signals. Raises UsageError if unusable."""
     words = [word for word in filters if isinstance(word, str)]
     if len(words) > 1 or (words and not decode):
         raise UsageError(

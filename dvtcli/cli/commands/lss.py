@@ -24,13 +24,13 @@ _HINT = "lss scan prints them: vendor=0x1E product=0x705302D revision=0x30000 se
 
 
 def no_words(words: tuple[str, ...]) -> None:
-    """UsageError where something follows that takes nothing."""
+    """Raise UsageError if any words follow."""
     if words:
         raise UsageError(f"{words[0]}: nothing is expected here", hint="help lss")
 
 
 def address_of_words(words: tuple[str, ...]) -> LssAddress:
-    """The address that *words* say; UsageError where one of its four numbers is wrong, missing, or said twice."""
+    """Return the LSS address in *words*. Raises UsageError if a number is malformed, missing or repeated."""
     said = {name: _number(word, number) for name, (word, number) in _parts(words).items()}
     missing = [name for name in _PARTS if name not in said]
     if missing:
@@ -39,7 +39,7 @@ def address_of_words(words: tuple[str, ...]) -> LssAddress:
 
 
 def address_or_ranges(words: tuple[str, ...]) -> LssAddress | LssRanges:
-    """The address that *words* say, or ranges: `serial=LOW-HIGH`, and all of a revision or serial that is not said."""
+    """Return the address in *words*, or ranges: `serial=LOW-HIGH`; an absent revision or serial means any."""
     said = _parts(words)
     if said.keys() == set(_PARTS) and not any("-" in number for _, number in said.values()):
         return address_of_words(words)
@@ -52,7 +52,7 @@ def address_or_ranges(words: tuple[str, ...]) -> LssAddress | LssRanges:
 
 
 def _parts(words: tuple[str, ...]) -> dict[str, tuple[str, str]]:
-    """By name of a part the word that says it, and what that says."""
+    """Return the words by name of a part, each with its value."""
     said: dict[str, tuple[str, str]] = {}
     for word in words:
         name, equals, number = word.partition("=")
@@ -83,32 +83,32 @@ def _range(word: str, said: str) -> tuple[int, int]:
 
 
 def node_id_and_address(words: tuple[str, ...]) -> tuple[int, LssAddress | None]:
-    """The node-ID, and the address behind it where one is given."""
+    """Return the node-ID, and the address after it if given."""
     if not words:
         raise UsageError("lss node-id needs the node-ID", hint="lss node-id 5")
     return _node_id(words[0]), address_of_words(words[1:]) if words[1:] else None
 
 
 def node_or_address(words: tuple[str, ...]) -> LssAddress | int:
-    """The node that is meant: its node-ID, or its address."""
+    """Return the node as node-ID or address."""
     return _node_id(words[0]) if len(words) == 1 and "=" not in words[0] else address_of_words(words)
 
 
 def only_node_id(words: tuple[str, ...]) -> int | None:
-    """The node-ID, None where none is given."""
+    """Return the node-ID, None if absent."""
     no_words(words[1:])
     return _node_id(words[0]) if words else None
 
 
 def one_file(words: tuple[str, ...]) -> str:
-    """The network file that is named."""
+    """Return the network file."""
     if len(words) != 1:
         raise UsageError("lss assign takes one network file", hint="lss assign press.yaml")
     return words[0]
 
 
 def rate_and_file(words: tuple[str, ...]) -> tuple[int, str | None]:
-    """The bit rate (bit/s), written `500k` or `500000`, and the network file behind it where one is given."""
+    """Return the bit rate (bit/s), written `500k` or `500000`, and the network file after it if given."""
     if not 1 <= len(words) <= 2:
         raise UsageError("lss bitrate takes a bit rate, and a network file or none", hint="lss bitrate 500k")
     digits = words[0].lower().removesuffix("bit/s").strip()
@@ -188,7 +188,7 @@ def command(
 
 
 def _refuse_options(action: str, *, waits: bool, stores: bool, proves: bool) -> None:
-    """UsageError for an option that belongs to another *action*."""
+    """Raise UsageError for an option of another *action*."""
     if waits and action != "scan":
         raise click.UsageError("--wait belongs to lss scan")
     if stores and action not in ("assign", "bitrate"):

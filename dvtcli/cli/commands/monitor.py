@@ -71,7 +71,7 @@ def _shown_by(session: Conversation) -> Callable[[Iterable[FrameSeen]], None]:
 
 
 def _told_by(session: Conversation) -> Tell:
-    """A bus that is gone, or back, is a document among those of the frames; without --json also a line for people."""
+    """Report a lost or restored bus as a document among the frames; without --json also as a line of text."""
 
     def tell(event: BusEvent) -> None:
         session.output.documents([event.document()])

@@ -30,7 +30,7 @@ class NodeOrAll(CanopenType):
 
 
 def _final(params: Mapping[str, Any]) -> Final | None:
-    """After some commands what was changed is lost, or is at work."""
+    """Some NMT commands lose changes, or put them to work."""
     one = _WORDS[params["command_"]]
     return Final(f"nmt {one.word}", one.is_reset) if one.is_reset or one is NmtCommand.START else None
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Plotted, PlottedSignal
     from dvtcli.watch.tracks import Track
 
-#: a graph's most columns, fewest and most lines
+#: a graph's maximum columns, minimum and maximum lines
 _WIDTH, _LEAST, _MOST = 200, 8, 24
 
 
@@ -69,7 +69,7 @@ def _draw(session: Conversation, path: Path, found: list[Track], span_s: tuple[f
 def _drawn(
     session: Conversation, track: Track, span_s: tuple[float, float], count: int, *, picture: bool
 ) -> PlottedSignal:
-    """The signal with its graph, sized so that *count* of them fit the terminal."""
+    """Return the signal with its graph, sized so that *count* graphs fit the terminal."""
     from dvtcli.cli.monitor.graph import graph
     from dvtcli.operations.results import PlottedSignal
 

@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
 
 class ProfileName(TextType):
-    """The name of a profile; after `forget`, of a device of which something is remembered."""
+    """The name of a profile; after `forget`, of a device with recorded habits."""
 
     name = "profile"
 
     def shell_complete(self, ctx: click.Context, _param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """The profiles there are, or the devices."""
+        """Offer the profiles, or the devices."""
         from dvtcli.operations.known_devices.device_habits import known_habits
         from dvtcli.operations.known_devices.show_profiles import known_profiles
 

@@ -84,7 +84,7 @@ def _once(
 
 
 def _to_file(session: Conversation, objects: tuple[ObjectWord, ...], data_type: DataType | None, output: str) -> Facts:
-    """The bytes of the one object into the file *output*."""
+    """Write the bytes of the object into the file *output*."""
     from dvtcli.operations.objects.object_files import read_to_file
 
     if len(objects) > 1:
@@ -98,7 +98,7 @@ def _to_file(session: Conversation, objects: tuple[ObjectWord, ...], data_type: 
 
 
 def _require_one_node(session: Conversation) -> None:
-    """UsageError where -n names several nodes: one file holds the bytes of one."""
+    """Raise UsageError if -n names several nodes: a file holds the bytes of a single node."""
     from dvtcli.cli.each_node import nodes_meant
 
     if len(nodes_meant(session)) > 1:

@@ -21,7 +21,7 @@ _IDENTITY, _POWER_OFF = "identity", "power-off"
 
 
 class _Required(CanopenType):
-    """What is required, of a node where that is named: `identity`, `5:power-off`."""
+    """A requirement, with its node if named: `identity`, `5:power-off`."""
 
     name = "what"
 

@@ -52,7 +52,7 @@ def command(ctx: click.Context, /, file: str, history: bool, everything: bool) -
 
 
 def _as_tcl(text: str) -> str:
-    """A script's lines for Tcl, where `dvtcli` stands before each; words that Tcl would read otherwise get braces."""
+    """Convert script lines to Tcl: prefix `dvtcli`, and put special words in braces."""
     head, *lines = text.splitlines()
     shown = [
         line if line.startswith("#") else " ".join(["dvtcli", *map(_tcl_word, split(line))]) for line in lines if line

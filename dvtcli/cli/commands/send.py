@@ -52,5 +52,5 @@ def command(
 
 
 def _texts(words: tuple[str, ...]) -> list[str]:
-    """A frame a word, where one has a `#` or came quoted; else all of them are one frame."""
+    """Return a frame per word if any word has a `#` or was quoted; else all words are one frame."""
     return list(words) if any("#" in word or " " in word for word in words) else [" ".join(words)]

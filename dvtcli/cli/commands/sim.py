@@ -68,6 +68,6 @@ def command(
 
 
 def _typed(ctx: click.Context, name: str) -> bool:
-    """Whether a global option was typed: a bus of a settings file is not joined by a `sim` that does not name it."""
+    """Whether a global option was typed: `sim` does not join a bus from a settings file."""
     contexts = [ctx] if ctx.parent is None else [ctx, ctx.parent]
     return any(context.get_parameter_source(PREFIX + name) is ParameterSource.COMMANDLINE for context in contexts)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def _look_ahead(session: Session, node_ids: Sequence[int], params: Mapping[str, Any]) -> None:
-    """Before the first of *node_ids* stores."""
+    """Check all of *node_ids* before the first store."""
     way, group = way_and_group(params["prove"], params["group"])
     look_before_stores(session, node_ids, group, prove=way)
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class TourStep(NamedTuple):
-    """One step; *code* is 1 where the line shows a refusal."""
+    """A step; *code* is 1 if the line demonstrates a refusal."""
 
     text: str
     line: str
@@ -47,7 +47,7 @@ STEPS = (
 )
 
 
-#: the family of the node that the tour shows
+#: the family of the tour's node
 _SHOWN = "generic"
 _LEAVING = ("exit", "quit", "q")
 
@@ -87,7 +87,7 @@ def command(ctx: click.Context, /) -> int:
 
 
 def _guided(guide: Conversation, lines: Ways, step: TourStep) -> bool:
-    """Let the user run the step's line, and others before it; False where the user leaves."""
+    """Let the user run the step's line, and others before it; returns False if the user leaves."""
     while True:
         _say(guide, f"  Enter runs:  {step.line}")
         guide.output.stderr.write("tour> ")
@@ -104,7 +104,7 @@ def _guided(guide: Conversation, lines: Ways, step: TourStep) -> bool:
 
 
 def _shown(guide: Conversation, lines: Ways, step: TourStep) -> bool:
-    """Print the step's line and run it; AssertionError where it ends with another code than the tour says."""
+    """Print the step's line and run it. Raises AssertionError if the exit code is not the step's."""
     guide.output.stdout.flush()
     _say(guide, f"tour> {step.line}")
     code = _run(guide, lines, step.line)
@@ -113,7 +113,7 @@ def _shown(guide: Conversation, lines: Ways, step: TourStep) -> bool:
 
 
 def _run(guide: Conversation, lines: Ways, line: str) -> int:
-    """Run one line as the prompt does."""
+    """Run a line as at the prompt."""
     code = guarded(guide, lambda: lines.line(guide, split(line)) if split(line) else 0)
     return guarded(guide, lambda: guide.end_line(code)) or code
 

@@ -20,10 +20,10 @@ _NEWEST = "newest"
 
 
 class All(click.Choice[str]):
-    """The word `all`; whoever types a PDO is told that changes are taken back, and no part of one."""
+    """The word `all`; a PDO instead is refused, because undo reverts whole changes."""
 
     def get_invalid_choice_message(self, value: object, ctx: click.Context | None) -> str:  # noqa: ARG002
-        """What is said of another word."""
+        """Return the message for another word."""
         return f"{value!r} is not 'all': undo takes the last change back, of whatever it was, and --all every one"
 
 

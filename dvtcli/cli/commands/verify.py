@@ -46,7 +46,7 @@ def command(ctx: click.Context, /, words: tuple[str, ...], frame: bool) -> Compa
 
 
 def _sorted_words(words: tuple[str, ...]) -> tuple[list[NodePdo], str | None]:
-    """PDOs and the file among *words*; more than one file, or a word that is neither, is a usage error."""
+    """Split *words* into PDOs and the file. Raises UsageError for a second file or an unknown word."""
     pdos: list[NodePdo] = []
     files: list[str] = []
     for word in words:

@@ -34,7 +34,7 @@ class _WatchedType(NodeObjectType):
         return PdoType().parse(text, ctx) if _PDO.fullmatch(text) else super().parse(text, ctx)
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """PDOs, then objects."""
+        """Offer PDOs, then objects."""
         pdos = PdoType().shell_complete(ctx, param, incomplete) if incomplete[:1].lower() in ("t", "r") else []
         return [*pdos, *super().shell_complete(ctx, param, incomplete)]
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def _final(params: Mapping[str, Any]) -> Final | None:
-    """0x1010 and 0x1011 by their numbers; a name is looked up only where there is a node."""
+    """Detect 0x1010 and 0x1011 by number; names need a node."""
     place = parse_object(params["object_"].text)
     return final_write("write", None if place is None else place[0])
 

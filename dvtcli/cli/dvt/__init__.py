@@ -1,1 +1,1 @@
-"""The DVT's own words and its Tcl scripts, on the same functions as the commands that are meant for each."""
+"""The DVT's own words and Tcl scripts, built on the functions of the equivalent commands."""

@@ -1,4 +1,4 @@
-"""What a word answers: `OK`, what it read, `Abort 0x…` or `Timeout`. Does not know what the words do."""
+"""The answer of a DVT word: `OK`, the value read, `Abort 0x…` or `Timeout`."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def _node(session: Session, given: int | None) -> int | None:
 
 
 def _meant(session: Session, word: DvtWord, values: Sequence[Any]) -> str:
-    """What an object that is not there was meant to be, where its digits read as hexadecimal are one that is there."""
+    """Suggest an object for an absent index whose digits, read as hexadecimal, name an existing object."""
     named = {argument.name: value for argument, value in zip(word.arguments, values, strict=False)}
     if "INDEX" not in named:
         return ""
@@ -58,5 +58,5 @@ def _meant(session: Session, word: DvtWord, values: Sequence[Any]) -> str:
 
 
 def _reasons(error: DvtcliError) -> tuple[Hint | str, ...]:
-    """The failure in words: what, why, and what to do next."""
+    """Return the failure in words: what, why, and what to do."""
     return tuple(text for text in (error.text, error.why, error.hint) if text)

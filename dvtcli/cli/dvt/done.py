@@ -1,4 +1,4 @@
-"""What a word of the DVT brought. Does not know the words, nor how it is shown."""
+"""The result of a DVT word."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class WordResult:
-    """What a word brought: its text, and what the rules said of it."""
+    """The result of a word: its text, and findings of rules."""
 
     text: str = "OK"
     findings: tuple[Finding, ...] = ()
-    #: the lines of a text of ours that has several
+    #: the lines of a text with several
     rows: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""How the DVT's words write numbers: `0x` is hexadecimal, everything else decimal. Knows no device and no click."""
+"""Numbers in the DVT's words: `0x` is hexadecimal, everything else decimal."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from dvtcli.domain.datatypes import Value, parse_number
 
 #: Widths of values in bytes.
 WIDTHS = (1, 2, 3, 4, 8)
-#: Below this index CiA 301 keeps data types: who types it without `0x` most likely forgot the `0x`.
+#: Below this index CiA 301 has data types: an index without `0x` most likely lacks the `0x`.
 _FIRST_OBJECT = 0x1000
-#: what has a meaning in a list of Tcl's
+#: special characters in a Tcl list
 _SPECIAL = re.compile(r'[\s{}\[\]$";\\#]')
 _ESCAPES = {"\n": r"\n", "\r": r"\r", "\t": r"\t", "\v": r"\v", "\f": r"\f"}
 
@@ -22,7 +22,7 @@ def node_id(text: str) -> int:
 
 
 def index(text: str) -> int:
-    """An object's index; ValueError where it is none, or where a hexadecimal one was typed without `0x`."""
+    """Return an object's index. Raises ValueError if malformed, or hexadecimal without `0x`."""
     digits = text.strip().lower()
     looks_hex = len(digits) == 4 and all(digit in "0123456789abcdef" for digit in digits)
     if looks_hex and (not digits.isdigit() or int(digits) < _FIRST_OBJECT):
@@ -36,7 +36,7 @@ def sub_index(text: str) -> int:
 
 
 def can_id(text: str) -> int:
-    """A CAN-ID of 11 bits; ValueError otherwise."""
+    """Return a CAN-ID of 11 bits. Raises ValueError otherwise."""
     return _within(text, 1, 0x7FF, "a CAN-ID")
 
 
@@ -46,7 +46,7 @@ def level(text: str) -> int:
 
 
 def width(text: str) -> int:
-    """A value's width in bytes; ValueError where values have no such width."""
+    """Return a value's width in bytes. Raises ValueError for an impossible width."""
     found = parse_number(text)
     if found not in WIDTHS:
         raise ValueError(f"{text}: a value has {', '.join(map(str, WIDTHS))} bytes")
@@ -54,9 +54,9 @@ def width(text: str) -> int:
 
 
 def value_bytes(text: str, wanted: int | None) -> bytes:
-    """*text* as the bytes of an SDO download, lowest first; *wanted* is the width in bytes, None: what the digits give.
+    """Return *text* as bytes of an SDO download, lowest first; *wanted* is the width (None: from the digits).
 
-    ValueError where the width is not told, or the number does not fit.
+    Raises ValueError if the width is unknown, or the number does not fit.
     """
     number = parse_number(text)
     size = wanted if wanted is not None else _width_of_digits(text)
@@ -67,21 +67,21 @@ def value_bytes(text: str, wanted: int | None) -> bytes:
 
 
 def decimal(value: Value) -> str:
-    """A value that was read as Tcl gets it: numbers in decimal, text as it is, bytes in the order of the wire."""
+    """Return a read value for Tcl: numbers in decimal, text unchanged, bytes in wire order."""
     if isinstance(value, bytes):
         return value.hex(" ").upper()
     return str(int(value) if isinstance(value, bool) else value)
 
 
 def listed(values: Iterable[Value]) -> str:
-    """Values that were read as a list of Tcl's; nothing in a device's text ends an element or is a command."""
+    """Return values as a Tcl list; a device's text can neither end an element nor be a command."""
     return " ".join(
         _SPECIAL.sub(lambda found: _ESCAPES.get(found[0], f"\\{found[0]}"), decimal(value)) or "{}" for value in values
     )
 
 
 def meant_in_hex(number: int) -> int:
-    """The number that was meant where *number* was typed with hexadecimal digits and without `0x`."""
+    """Return the intended number if *number* was typed with hexadecimal digits without `0x`."""
     return int(str(number), 16)
 
 

@@ -16,21 +16,21 @@ if TYPE_CHECKING:
 
 
 def map_in(session: Session, node_id: int, index: int, sub_index: int, given: int | None) -> WordResult:
-    """Put an object into the first TPDO with room, or into one whose CAN-ID is *given*; see `first_tpdo`."""
+    """Map an object into the first TPDO with room, or into the TPDO with CAN-ID *given*; see `first_tpdo`."""
     from dvtcli.operations.pdos.first_tpdo import map_in_tpdo
 
     return WordResult(findings=map_in_tpdo(session, node_id, index, sub_index, given))
 
 
 def locate(session: Session, node_id: int, index: int, sub_index: int) -> WordResult:
-    """`TPDO1 0x181 bit 0` for the first TPDO that maps the object, enabled ones first; else `not mapped`."""
+    """Return `TPDO1 0x181 bit 0` for the first TPDO that maps the object, enabled first; else `not mapped`."""
     from dvtcli.operations.pdos.first_tpdo import locate_tpdo
 
     return WordResult(locate_tpdo(session, node_id, index, sub_index))
 
 
 def config(session: Session, node_id: int | None) -> WordResult:
-    """What every PDO of a node that carries something is set to, a line each, and how PDOs are set."""
+    """List the settings of every non-empty PDO of a node, a line each, and the words to set PDOs."""
     from dvtcli.operations.pdos.list_pdos import list_pdos
 
     listing = list_pdos(session, node_id)
@@ -48,13 +48,13 @@ def _one(row: PdoRow) -> str:
 
 
 def clear(session: Session, node_id: int) -> WordResult:
-    """Empty and disable every PDO whose mapping can be changed."""
+    """Empty and disable every PDO with a writable mapping."""
     from dvtcli.operations.pdos.switch import clear_all
 
     return WordResult(findings=clear_all(session, node_id).findings)
 
 
-#: Where the DVT has a script of this name, dvtcli has these.
+#: dvtcli's equivalents of the DVT script of this name.
 _HOW = (
     "set one: map_in_tpdo, clear_all_pdos, sdo_wnx (help dvt), or: map tpdo1 6041 --sync 1",
     "set all: a script with such lines; run FILE.dvt or FILE.tcl",

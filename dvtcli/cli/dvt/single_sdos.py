@@ -1,4 +1,4 @@
-"""`sdo_rnx`, `sdo_rn`, `sdo_wnx`, `sdo_wn`: one SDO each. A write goes through the rules of `write`."""
+"""`sdo_rnx`, `sdo_rn`, `sdo_wnx`, `sdo_wn`: one SDO each. Writes follow the rules of `write`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from dvtcli.cli.effect import Effect, Final, final_write
 if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
 
-#: Longer values are no numbers: they are answered byte by byte, in the order of the wire.
+#: Longer values are no numbers: they are answered byte by byte, in wire order.
 _MOST_NUMBER_BYTES = 8
 
 
@@ -24,7 +24,7 @@ def read_hex(session: Session, node_id: int, index: int, sub_index: int) -> Word
 
 
 def read_decimal(session: Session, node_id: int, index: int, sub_index: int) -> WordResult:
-    """An object in decimal; signed where the node's file says that it is signed, text where it is text."""
+    """Read an object in decimal; signed or as text if the node's file says so."""
     from dvtcli.operations.meanings.object_values import value_result
 
     node = session.node(node_id)
@@ -32,7 +32,7 @@ def read_decimal(session: Session, node_id: int, index: int, sub_index: int) -> 
 
 
 def write(session: Session, node_id: int, index: int, sub_index: int, data: bytes) -> WordResult:
-    """Write *data* as `write` does: checked, journalled, read back, and put back where it does not read back."""
+    """Write *data* as `write` does: checked, journalled, read back, and rolled back if different."""
     from dvtcli.device.store_parameters import SIGNATURES
     from dvtcli.operations.objects.write_object import signature, write_bytes
 

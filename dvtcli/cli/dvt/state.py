@@ -1,4 +1,4 @@
-"""`fpo`, `lg`, `store`: a node's NMT state, its access level, and what it keeps."""
+"""`fpo`, `lg`, `store`: a node's NMT state, access level and non-volatile memory."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _STATES = {"pre": NmtState.PRE_OPERATIONAL, "op": NmtState.OPERATIONAL}
 
 
 def force(session: Conversation, node_id: int | None, state: str | None) -> WordResult:
-    """Bring a node to PRE-OPERATIONAL (or with `op` to OPERATIONAL), in the way its family wants, and confirm it."""
+    """Bring a node to PRE-OPERATIONAL (with `op` OPERATIONAL) in its family's way, and confirm the state."""
     node, wanted = session.node(node_id), state or "pre"
     node.commanded()
     node.access.request(_STATES[wanted])
@@ -28,7 +28,7 @@ def force(session: Conversation, node_id: int | None, state: str | None) -> Word
 
 
 def log_in_at(session: Conversation, node_id: int | None, asked: int | None) -> WordResult:
-    """Log in at the level *asked*, None for the one that PDO work needs; the passcode is found as `login` finds it."""
+    """Log in at the level *asked*, None for the level of PDO work; finds the passcode as `login` does."""
     from dvtcli.cli.passcode import passcode
     from dvtcli.device.access_level import log_in, policy_of
 

@@ -1,7 +1,4 @@
-"""What Tcl may call of ours: the DVT's words, `dvtcli …`, and the few commands of Tcl's own that reach outside.
-
-Does not know the process that calls (`tcl_run`), nor what the words do (`words`).
-"""
+"""Commands served to Tcl: the DVT's words, `dvtcli …`, and the few Tcl commands that reach outside."""
 
 from __future__ import annotations
 
@@ -34,7 +31,7 @@ class Ended(Exception):
 
 
 class TclCalls:
-    """What *source*, a script or a line in *folder*, may call; *failures* are its refused words with their places."""
+    """The calls of *source*, a script or a line in *folder*; *failures* are refused words with places."""
 
     def __init__(self, session: Conversation, source: str, folder: Path) -> None:
         self._session, self._source = session, source
@@ -43,14 +40,14 @@ class TclCalls:
 
     @property
     def served(self) -> tuple[str, ...]:
-        """The names of everything that is answered here."""
+        """The names of all served commands."""
         words = (name for name, word in WORDS.items() if word.run is not None)
         return tuple(sorted({*words, "dvtcli", *self._commands.names}))
 
     def run(self, name: str, texts: tuple[str, ...], place: str) -> str:
-        """What the call of *name* at *place* brings.
+        """Return the result of calling *name* at *place*.
 
-        Raises UsageError where it is misused, Ended and Exit where the script is over, and what a word raises.
+        Raises UsageError if misused, Ended and Exit if the script ends, and the errors of a word.
         """
         if name == "dvtcli":
             return self._command(texts)
@@ -61,11 +58,11 @@ class TclCalls:
         return self._word(WORDS[name], texts, place)
 
     def flush(self) -> None:
-        """Print what was left unfinished on a line."""
+        """Print an unfinished line."""
         self._commands.flush()
 
     def _command(self, texts: tuple[str, ...]) -> str:
-        """A line of dvtcli: its answer is the value that it read, a list of several, else `OK`."""
+        """Run a line of dvtcli; returns the value read, a list of several, else `OK`."""
         from dvtcli.operations.results import ValuesRead
 
         refuse_beyond_nodes(texts, self._session)
@@ -103,6 +100,6 @@ class TclCalls:
 
 
 def modern(message: str) -> str:
-    """How a command of dvtcli is called in Tcl, where Tcl's *message* is that it has none of that name."""
+    """Return how to call a dvtcli command in Tcl, if *message* is Tcl's for an unknown command."""
     found = _NO_COMMAND.fullmatch(message)
     return f"in Tcl it is `dvtcli {found[1]} …`" if found and found[1] in command_names() else ""

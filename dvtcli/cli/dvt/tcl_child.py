@@ -1,6 +1,6 @@
-"""The process in which a Tcl script runs: it asks for every command of ours over a pipe, and dies with its parent.
+"""The process of a Tcl script: forwards served commands over a pipe, and ends with its parent.
 
-Imports nothing of dvtcli but its neighbours. Knows no bus, no session and no words.
+Imports only its neighbours of dvtcli.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dvtcli.files.bounded_child import die_of, limit
 
 
 def main() -> None:
-    """Serve the one script that the parent names, then end the process, without Python's and Tcl's own ways out."""
+    """Run the script named by the parent, then end the process without Python's and Tcl's exit handlers."""
     try:
         _serve(Parent())
     except BaseException as bug:  # noqa: BLE001 - nobody above: the parent reads of it

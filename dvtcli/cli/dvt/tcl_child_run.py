@@ -1,6 +1,6 @@
-"""One run of a Tcl script in its own process: bounded in time and steps, every command of ours asked of the parent.
+"""Run a Tcl script in its own process, with limits of time and steps; the parent serves the commands.
 
-Imports nothing of dvtcli but its neighbours. Knows no bus, no session and no words.
+Imports only its neighbours of dvtcli.
 """
 
 from __future__ import annotations
@@ -14,29 +14,29 @@ from dvtcli.cli.dvt.tcl_parent import Parent
 from dvtcli.cli.dvt.tcl_wire import MOST_CHARACTERS, Call, End, Setup
 from dvtcli.files.bounded_child import die_of
 
-#: How often (s) it is looked after whether the script must stop.
+#: Interval of checks whether the script must stop (s).
 _TICK_S = 0.1
-#: Parts of `file` that only work on names: answered here.
+#: Subcommands of `file` that use names only, answered here.
 _NAMES_ONLY = ("dirname", "tail", "extension", "rootname", "join", "split")
-#: A command of so many characters is looked at after each of its lines, a longer one less often.
+#: Up to this length (characters) a command is checked after each of its lines, beyond less often.
 _EXACT = 1 << 16
-#: What Tcl says where it is out of memory and does not abort.
+#: Tcl's message if out of memory without an abort.
 _NO_ROOM = re.compile("out of memory|unable to (re)?alloc|max size for a Tcl value|max length of a Tcl list")
 _FILE_LINE = re.compile(r'\(file "((?:(?!\(file ").)*)" line (\d+)\)')
 
 
 class Script:
-    """One run of the script that *setup* names, in *tcl*."""
+    """A run of the script in *setup*, in *tcl*."""
 
     def __init__(self, parent: Parent, setup: Setup, tcl: BareInterpreter) -> None:
         self._parent, self._setup, self._tcl = parent, setup, tcl
-        #: the last refusal that Tcl was told of, with its place: what ends the script if nothing catches it
+        #: the last refusal with its place, which ends the script unless caught
         self._refused: tuple[str, int, str] = ("", 0, "")
         self._too_long = False
         self._started_s = self._waited_s = 0.0
 
     def unclosed(self) -> int:
-        """The line where a command begins that never ends; 0 where all end."""
+        """Return the line of a command without end; 0 if all are complete."""
         with open(self._setup.path, encoding="utf-8-sig", errors="replace") as file:  # noqa: PTH123 - a slow import
             text = file.read()
         if self._complete(text):
@@ -55,7 +55,7 @@ class Script:
         return bool(int(self._tcl.call("info", "complete", text)))
 
     def run(self) -> End:
-        """Run it to its end."""
+        """Run the script to its end."""
         self.register()
         self._arm_anew()
         try:
@@ -65,7 +65,7 @@ class Script:
         return End("done", "", 0, "")
 
     def line(self, text: str) -> End:
-        """Run what was typed, after everything before it; its result is the message."""
+        """Run a typed line after all before it; the message is its result."""
         if not self._complete(text):
             return End("open", "", 0, "")
         self._arm_anew()
@@ -86,7 +86,7 @@ class Script:
         self._arm()
 
     def _failed(self, message: str) -> End:
-        """What ended the script, with its place."""
+        """Return the final error of the script, with its place."""
         at = _FILE_LINE.search(str(self._tcl.call("set", "::errorInfo")))
         line, file = (int(at[2]), at[1]) if at else (0, "")
         if self._too_long:
@@ -96,7 +96,7 @@ class Script:
         return End(_kind(message), message[:10_000], line, file)
 
     def register(self) -> None:
-        """Give Tcl what is served, and nothing else that reaches outside."""
+        """Give Tcl the served commands, and nothing else that reaches outside."""
         tcl = self._tcl
         tcl.createcommand("dvt_word", self._called)
         tcl.createcommand("dvt_refuse", self._refuse)
@@ -125,7 +125,7 @@ class Script:
         return ""
 
     def _called(self, name: str, *texts: str) -> tuple[bool, str]:
-        """A command of ours was called: (False, its answer), or (True, why not) for an error to be caught or not."""
+        """Forward a call; returns (False, answer), or (True, reason) for an error."""
         began = time.monotonic()
         try:
             if name == "file" and texts[:1] and texts[0] in _NAMES_ONLY:
@@ -148,7 +148,7 @@ class Script:
         return why
 
     def _here(self) -> tuple[int, str]:
-        """Line and file of the script's command that called us; 0 and empty where that is too deep to be found."""
+        """Return line and file of the calling script command; 0 and empty if nested too deep."""
         try:
             line, _, file = str(self._tcl.eval("dvt_here")).partition(" ")
         except self._tcl.error:
@@ -157,7 +157,7 @@ class Script:
 
 
 def _kind(message: str) -> str:
-    """What kind of an end Tcl's *message* tells of."""
+    """Return the kind of end for Tcl's *message*."""
     if message == "command count limit exceeded":
         return "steps"
     return "memory" if _NO_ROOM.search(message) else "failed"

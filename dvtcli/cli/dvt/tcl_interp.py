@@ -1,4 +1,4 @@
-"""The standard library's Tcl interpreter, bare: no window, no profile of the user's. Knows no words, no process."""
+"""The standard library's Tcl interpreter without window and user profile."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any
 
 from dvtcli.cli.dvt.tcl_wire import MOST_CHARACTERS
 
-#: Name of the safe interpreter inside, in which the script runs.
+#: Name of the inner safe interpreter, which runs the script.
 SAFE = "dvt"
 #: How the script reaches us: `dvt_call` turns an answer into a result or an error; the rest needs hidden commands.
 #: All of it runs in the outer interpreter, whose commands no script can redefine. For the place of a call the
@@ -49,7 +49,10 @@ proc dvt_here {{}} {{
 
 
 class BareInterpreter:
-    """Tcl with one safe interpreter inside; *error* is what its calls raise. ImportError where Python has no Tcl."""
+    """Tcl with one safe interpreter inside; *error* is raised by its calls.
+
+    Raises ImportError if Python has no Tcl.
+    """
 
     def __init__(self) -> None:
         import tkinter
@@ -64,11 +67,11 @@ class BareInterpreter:
         self.call("interp", "create", "-safe", SAFE)
 
     def call(self, *words: object) -> Any:
-        """Run one command of the outer interpreter."""
+        """Run a command of the outer interpreter."""
         return self._tk.call(*words)
 
     def eval(self, script: str) -> Any:
-        """Run *script*, which is ours, in the outer interpreter."""
+        """Run a trusted *script* in the outer interpreter."""
         return self._tk.eval(script)
 
     def createcommand(self, name: str, function: Any) -> None:

@@ -1,4 +1,4 @@
-"""Tcl at the prompt: single lines, or a mode in which every line is Tcl's. Does not know how a line is read."""
+"""Tcl at the prompt: single lines, or a mode for Tcl lines only."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _OVER = CallResult(True, "the line ended at the command before this one")
 
 
 class LineEnd(NamedTuple):
-    """How a line ended: its exit *code*; whether it is *open*, so that more must follow; whether it called `exit`."""
+    """The end of a line: exit *code*; *open*: more lines must follow; whether it called `exit`."""
 
     code: int = 0
     open: bool = False
@@ -29,23 +29,23 @@ class LineEnd(NamedTuple):
 
 
 class TclLines(TclRun):
-    """Tcl with what the lines so far have set, until `close`; started with the first line, and again where it died."""
+    """Tcl with the state of all lines so far, until `close`; started by the first line, and after a crash."""
 
     def __init__(self, session: Conversation, limits: Limits = LIMITS) -> None:
         self._calls = TclCalls(session, "tcl", Path.cwd())
         self._began = False
         super().__init__(session, "tcl", TclProcess(), self._calls, limits)
-        #: whether Tcl waits for a line: not where it was stopped from outside while it ran one
+        #: whether Tcl waits for a line; false if stopped from outside during a line
         self.waits = True
-        #: the first thing that ended the line that runs: nothing is done for it any more
+        #: the first error or exit of the current line; all later calls are refused
         self._end: Ended | Exit | DvtcliError | None = None
 
     def close(self) -> None:
-        """End Tcl's process; what the lines have set is gone."""
+        """End Tcl's process, and discard its variables."""
         self._process.__exit__()
 
     def line(self, text: str) -> LineEnd:
-        """Run *text* and print what it results in; raises what a word raises, UsageError where Tcl refuses it."""
+        """Run *text* and print its result. Raises a word's errors, UsageError if Tcl refuses the line."""
         self._computed_s, self._last, self._end, self.waits = 0.0, None, None, False
         self._calls.failures.clear()
         if not self._began:
@@ -74,7 +74,7 @@ class TclLines(TclRun):
         return LineEnd(self._calls.failures[0][1].exit_code if self._calls.failures else 0)
 
     def _served(self, call: Call) -> CallResult:
-        """The answer to a call; where it ends the line, a refusal to this call and to all behind it."""
+        """Answer a call; if the call ends the line, refuse this and all later calls."""
         if self._end is None:
             try:
                 return self._answered(call)
@@ -84,29 +84,29 @@ class TclLines(TclRun):
 
 
 class TclMode:
-    """Tcl for one *session*, with what its lines have set; *on* says whether typed lines are Tcl's."""
+    """Tcl for a *session*, with its variables; *on*: typed lines are Tcl."""
 
     def __init__(self, session: Conversation) -> None:
         self._session = session
         self._lines: TclLines | None = None
-        #: lines of a command that is not whole yet
+        #: lines of an incomplete command
         self._pending = ""
         self.on = False
 
     @property
     def continues(self) -> bool:
-        """Whether the next line goes on with the last one."""
+        """Whether the next line continues the last."""
         return bool(self._pending)
 
     def run(self, text: str) -> int:
-        """Run a whole line; its exit code. UsageError where a brace, bracket or quote is not closed."""
+        """Run a whole line; returns its exit code. Raises UsageError for an open brace, bracket or quote."""
         end = self._run(text)
         if end.open:
             raise UsageError("a brace, bracket or quote is not closed", hint="`tcl` alone takes Tcl of several lines")
         return end.code
 
     def typed(self, text: str) -> int:
-        """Run a line that was typed in the mode, or keep it until it is whole; its exit code."""
+        """Run a line typed in the mode, or keep it until complete; returns its exit code."""
         whole = self._pending + text
         self._pending = ""
         end = self._run(whole)
@@ -121,11 +121,11 @@ class TclMode:
         self.on, self._pending = False, ""
 
     def forget(self) -> None:
-        """Throw away the lines of a command that is not whole."""
+        """Discard the lines of an incomplete command."""
         self._pending = ""
 
     def close(self) -> None:
-        """End Tcl's process, and with it what the lines have set."""
+        """End Tcl's process, and discard its variables."""
         if self._lines is not None:
             self._lines.close()
             self._lines = None
@@ -142,7 +142,7 @@ class TclMode:
 
 
 def tcl_of(session: Conversation) -> TypedTcl:
-    """The session's Tcl; its process is started with the first line."""
+    """Return the session's Tcl; the first line starts its process."""
     if session.tcl is None:
         session.tcl = TclMode(session)
     return session.tcl

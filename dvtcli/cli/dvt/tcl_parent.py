@@ -1,6 +1,6 @@
-"""The parent of a process in which a Tcl script runs, as that sees it: asked over a pipe, and died with.
+"""The parent process as seen by a Tcl script's process: asked over a pipe; both end together.
 
-Imports nothing of dvtcli but its neighbour for the wire. Knows no Tcl.
+Imports only its neighbour of dvtcli for the wire.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _STACK_BYTES = 1 << 18
 
 
 class Parent:
-    """The process that owns the bus; at its end this one ends, whatever Tcl is doing then."""
+    """The process that owns the bus; if it ends, this process ends at once."""
 
     def __init__(self) -> None:
         self._answers, self._calls = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
@@ -42,11 +42,11 @@ class Parent:
         threading.Thread(target=_hear, args=(self._answers, self._heard), daemon=True).start()
 
     def told(self) -> Setup | Go | TclLine | CallResult:
-        """Wait for what it says next."""
+        """Wait for the parent's next message."""
         return self._heard.get()
 
     def asked(self, call: Call) -> CallResult:
-        """Its answer to *call*."""
+        """Return the parent's answer to *call*."""
         self.tell(call)
         answer = self.told()
         assert isinstance(answer, CallResult)  # noqa: S101 - calls and answers take turns

@@ -1,7 +1,4 @@
-"""The process in which a Tcl script runs, seen from ours: asked in turn, within a time.
-
-Does not know what is asked, nor what the DVT's words are.
-"""
+"""The process of a Tcl script as seen by its parent: asked in turn, with a timeout."""
 
 from __future__ import annotations
 
@@ -13,19 +10,19 @@ from dvtcli.files.bounded_process import BoundedProcess, child_command
 
 
 class Late(Exception):
-    """It did not say anything in time, and was killed."""
+    """The process did not answer in time, and was killed."""
 
 
 class TclProcess(BoundedProcess):
-    """That process while the block runs; *command* starts it (another one in tests)."""
+    """The process as long as the block runs; *command* starts it (a substitute in tests)."""
 
     def __init__(self, command: Sequence[str] | None = None) -> None:
         super().__init__(child_command("dvtcli.cli.dvt.tcl_child") if command is None else command, "Tcl")
 
     def asked(self, frame: Frame, seconds: float, *kinds: type[Any]) -> Any:
-        """Say *frame* and wait up to *seconds* for an answer of one of *kinds*.
+        """Send *frame* and wait up to *seconds* for an answer of *kinds*.
 
-        Raises Late if it did not come in time, Gone if the process ended, WireError for anything else.
+        Raises Late on timeout, Gone if the process ended, WireError for any other answer.
         """
         try:
             with self.within(seconds):

@@ -1,7 +1,4 @@
-"""A run of Tcl in a process of its own, seen from ours: what it may take, what it calls, how it ends.
-
-Does not know what may be called (`tcl_calls`), nor whether it runs a script (`tcl_script`) or lines (`tcl_lines`).
-"""
+"""A run of Tcl in its own process, as seen by the parent: limits, served calls, and ends."""
 
 from __future__ import annotations
 
@@ -21,15 +18,15 @@ if TYPE_CHECKING:
 LIMITS = Limits(seconds=600.0, steps=100_000_000, memory_bytes=512 << 20)
 #: Tcl looks after its time itself, to say where it was; where it cannot, its process is killed after so much (s) more.
 _GRACE_S = 0.5
-#: How long (s) the process may take to start and to look through the script.
+#: Time to start the process and to check the script (s).
 START_S = 60.0
 _MOST_OF_A_MESSAGE = 10_000
 
 
 class TclRun:
-    """One run of Tcl by *process*, named *source* in messages, whose *calls* are served, within *limits*.
+    """A run of Tcl by *process*, named *source* in messages; serves *calls* within *limits*.
 
-    The process may take *start_s* to begin.
+    The process has *start_s* to begin.
     """
 
     def __init__(
@@ -46,11 +43,11 @@ class TclRun:
         self._computed_s = 0.0
         self._ended_hint = "what it had set before stays set"
         self._endless_hint = "what its words have set stays set"
-        #: where the last command of ours was called, None where none was
+        #: the place of the last served call, None if none
         self._last: str | None = None
 
     def _begin(self, path: str) -> Ready:
-        """Let the process begin, with the script at *path*, or without one; DvtcliError where there is no Tcl."""
+        """Start the process, with the script at *path* if any. Raises DvtcliError if Python has no Tcl."""
         setup = Setup(path, self._calls.served, *self._limits)
         late = DvtcliError(f"{self._source}: Tcl's process did not begin within {self._start_s:g} s")
         ready: Ready = self._heard(setup, self._start_s, late, Ready)
@@ -64,9 +61,9 @@ class TclRun:
         return ready
 
     def _next(self, said: Frame) -> Call | End:
-        """Let Tcl compute until it calls a command of ours or ends; what it waited for us is not counted.
+        """Let Tcl compute until its next call or end; time spent in calls does not count.
 
-        Nothing is written meanwhile: a signal need not wait for a safe point.
+        Nothing is written meanwhile, so a signal need not wait for a safe point.
         """
         began = time.monotonic()
         try:
@@ -80,7 +77,7 @@ class TclRun:
         return heard
 
     def _heard(self, said: Frame, seconds: float, late: DvtcliError, *kinds: type[Any]) -> Any:
-        """What Tcl's process answers; *late*, or its end before the script's as an error, whatever the reason."""
+        """Return the process's answer. Raises *late*, or an error if the process ends before the script."""
         try:
             return self._process.asked(said, seconds, *kinds)
         except Late:
@@ -109,7 +106,7 @@ class TclRun:
         return self._placed(error)
 
     def _placed(self, error: DvtcliError) -> DvtcliError:
-        """*error*, which ended the script and names its own place, with what is known of the devices."""
+        """Add the devices' known state to *error*, which ended the script and has its own place."""
         self._session.place = None
         if self._last is not None:
             error.state = "unknown"
@@ -139,7 +136,7 @@ class TclRun:
         )  # fmt: skip
 
     def _answered(self, call: Call) -> CallResult:
-        """Carry out a command of ours: its answer, or why not for an error that the script may catch."""
+        """Run a served command; returns its answer, or the reason for an error that the script may catch."""
         self._session.place = self._last = place = self._place(call.file, call.line)
         try:
             return CallResult(False, self._calls.run(call.name, call.texts, place))
@@ -151,6 +148,6 @@ class TclRun:
                 self._session.script_changes.note(place)
 
     def _place(self, file: str, line: int) -> str:
-        """`FILE:LINE` as it is shown, of a path and a line that Tcl's process says."""
+        """Return `FILE:LINE` for display from the process's path and line."""
         del file, line
         return self._source

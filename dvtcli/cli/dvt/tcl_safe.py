@@ -1,7 +1,4 @@
-"""What a Tcl script may do besides the DVT's words: print, end, and read files of its own folder; all else is refused.
-
-Knows Tcl's own commands. Does not know the DVT's words.
-"""
+"""Tcl commands allowed beside the DVT's words: print, exit, read files of the own folder; all else is refused."""
 
 from __future__ import annotations
 
@@ -18,13 +15,13 @@ from dvtcli.errors import UsageError
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
 
-#: Tcl's commands that reach outside of the interpreter: none of them is there, and each says so.
+#: Tcl commands that reach outside of the interpreter: all are refused with a message.
 REFUSED = ("exec", "socket", "load", "unload", "glob", "cd", "pwd", "fconfigure", "encoding", "interp")
-#: More than that on one line is no text for people; it would be kept until the line's end comes.
+#: Maximum length of an unfinished line, which is kept until its end.
 _MOST_ON_A_LINE = 1_000_000
 _MOST_EXIT_CODE = 125
 _PDO = re.compile(r"(?:\w+:)?[rt]x?pdo\d{1,9}", re.IGNORECASE)
-#: What `dvtcli` may do in a script: work on nodes. Not: write other files, run programs, serve, or wait for a person.
+#: `dvtcli` commands allowed in a script: work on nodes only, no other files, programs, servers or questions.
 ON_NODES = (
     "clear", "disable", "enable", "link", "login", "map", "nmt", "node", "objects", "pdo", "read",
     "require", "restore", "scan", "set", "store", "sync", "undo", "unlink", "verify", "vpdo", "write",
@@ -40,7 +37,7 @@ class Exit(Exception):
 
 
 class Commands:
-    """These commands for one script in *folder*."""
+    """The commands for a script in *folder*."""
 
     def __init__(self, session: Conversation, folder: Path) -> None:
         self._session, self._folder = session, folder
@@ -52,17 +49,17 @@ class Commands:
 
     @property
     def names(self) -> list[str]:
-        """Every command that is ours to answer."""
+        """Return the names of all served commands."""
         return [*self._own, *REFUSED]
 
     def run(self, name: str, texts: tuple[str, ...]) -> str:
-        """Answer one command; UsageError where it is refused or misused, Exit for `exit`."""
+        """Answer a command. Raises UsageError if refused or misused, Exit for `exit`."""
         if name in REFUSED:
             raise _refused(name)
         return self._own[name](*texts)
 
     def flush(self) -> None:
-        """Print what `puts -nonewline` left unfinished."""
+        """Print the rest of `puts -nonewline`."""
         for stream in ("stdout", "stderr"):
             if self._unfinished[stream]:
                 self._print(stream, "", newline=True)
@@ -97,7 +94,7 @@ class Commands:
         raise Exit(int(code))
 
     def _file(self, what: str = "", *names: str) -> str:
-        """Whether a file exists; what only works on names was answered where Tcl runs."""
+        """Tell whether a file exists; functions of names only are answered in Tcl's process."""
         if what != "exists" or len(names) != 1:
             raise _refused(f"file {what}".strip())
         return str(int(self._inside(names[0]).exists()))
@@ -119,7 +116,7 @@ class Commands:
         return str(path)
 
     def _inside(self, name: str) -> Path:
-        """The path of a file in the script's folder or below; UsageError where it is anywhere else."""
+        """Return a path in the script's folder or below. Raises UsageError for any other."""
         try:
             path = (self._folder / name).resolve()
         except (OSError, ValueError) as wrong:
@@ -130,7 +127,7 @@ class Commands:
 
 
 def refuse_beyond_nodes(words: Sequence[str], session: Conversation) -> None:
-    """Raise UsageError where the line *words* of `dvtcli` would do more than work on nodes, such as open a file."""
+    """Raise UsageError if the `dvtcli` line *words* does more than work on nodes, e.g. opens a file."""
     if not words:
         raise UsageError("dvtcli: a command is missing behind it, as in: dvtcli read 6041")
     if words[0] not in ON_NODES:
@@ -140,7 +137,7 @@ def refuse_beyond_nodes(words: Sequence[str], session: Conversation) -> None:
 
 
 def _arguments(line: Sequence[str], session: Conversation) -> list[str]:
-    """The texts on a command's *line* that are no global options; none where it cannot be parsed, and so not run."""
+    """Return the words of a command's *line* without global options; empty if not parsable, hence not run."""
     try:
         ctx = parse(line, session)
     except (click.ClickException, click.exceptions.Exit, UsageError):
@@ -154,7 +151,7 @@ def _names_no_pdo(word: str) -> bool:
     return _PDO.fullmatch(word) is None or Path(word).is_file()
 
 
-#: Commands of `ON_NODES` that take files, and which text of theirs is one.
+#: Commands of `ON_NODES` that take files, and the position of the file.
 _WITH_FILES: dict[str, Callable[[str], bool]] = {
     "verify": _names_no_pdo,
     "read": lambda _file: True,  # -o FILE is its only text

@@ -1,7 +1,4 @@
-"""Tcl scripts: run by a process of their own in Tcl's safe mode, with the DVT's words served from here.
-
-Does not know what the words do (`words`), nor what a script may do besides them (`tcl_safe`), nor Tcl (`tcl_child`).
-"""
+"""Run Tcl scripts in a process of their own, in Tcl's safe mode, and serve the DVT's words."""
 
 from __future__ import annotations
 
@@ -32,10 +29,10 @@ def run_tcl(
     most_seconds: float | None,
     limits: Limits = LIMITS,
 ) -> int:
-    """Run the Tcl script *source*, whose content is *data*, inside one NMT gate; its exit code.
+    """Run the Tcl script *source* with content *data* inside one NMT gate; returns its exit code.
 
-    It stays within *limits*, with *most_seconds* for theirs. Raises DvtcliError where Python has no Tcl, UsageError or
-    InputFileError with FILE:LINE for a script that is none.
+    *limits* apply, with *most_seconds* as the time if given. Raises DvtcliError if Python has no Tcl, UsageError or
+    InputFileError with FILE:LINE for a malformed script.
     """
     if keep_going:
         raise UsageError(
@@ -55,7 +52,7 @@ def run_tcl(
 
 
 class TclScript(TclRun):
-    """One run of the Tcl script at *source* by *process*, which may take *start_s* to begin, within *limits*."""
+    """A run of the Tcl script at *source* by *process*, which has *start_s* to begin, within *limits*."""
 
     def __init__(
         self, session: Conversation, source: str, process: TclProcess, limits: Limits, start_s: float = START_S
@@ -66,13 +63,13 @@ class TclScript(TclRun):
         self._endless_hint += "; run --max-seconds N gives it more"
 
     def check(self) -> None:
-        """Raise UsageError with the line where a command begins that never ends, DvtcliError where there is no Tcl."""
+        """Raise UsageError with the line of an unterminated command, DvtcliError if Python has no Tcl."""
         if line := self._begin(str(self._path)).unclosed:
             place = f"{self._source}:{line}"
             raise UsageError(f"{place}: a brace, bracket or quote that begins here is not closed", place=place)
 
     def run(self) -> int:
-        """Run it to its end; its exit code. Raises what a word raised that is neither Abort nor Timeout."""
+        """Run the script; returns its exit code. Raises a word's errors other than Abort and Timeout."""
         said: Frame = Go()
         try:
             while isinstance(heard := self._next(said), Call):
@@ -89,7 +86,7 @@ class TclScript(TclRun):
         raise self._placed(self._failure(end, self._place(end.file, end.line)))
 
     def _verdict(self) -> int:
-        """0, or the first failed word's code: nobody said that the failure was meant."""
+        """Return 0, or the code of the first failed word that the script did not accept."""
         if not self._calls.failures:
             return 0
         place, first = self._calls.failures[0]
@@ -101,7 +98,7 @@ class TclScript(TclRun):
         return first.exit_code
 
     def _place(self, file: str, line: int) -> str:
-        """`FILE:LINE` as it is shown, of a path and a line that Tcl's process says."""
+        """Return `FILE:LINE` for display from the process's path and line."""
         if not file or not line or len(file) > _MOST_OF_A_PATH:
             return self._source
         shown = self._source if file == str(self._path) else Path(file).name

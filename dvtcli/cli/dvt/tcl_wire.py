@@ -1,6 +1,6 @@
-"""What a Tcl script's process and ours say to each other: one JSON array a line, checked by whoever reads it.
+"""The protocol between dvtcli and a Tcl script's process: a JSON array per line, checked by the receiver.
 
-Standard library only, since the script's process imports it. Knows neither Tcl nor the DVT's words.
+Standard library only, since the script's process imports it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ MOST_CHARACTERS = 1_000_000
 
 
 class WireError(Exception):
-    """What came is no frame that may come now."""
+    """The received data is no frame allowed now."""
 
 
 class Gone(Exception):
@@ -24,7 +24,7 @@ class Gone(Exception):
 
 
 class Limits(NamedTuple):
-    """How long a script may compute (s), how many Tcl commands it may run, how many bytes its process may take."""
+    """Limits of a script: CPU time (s), number of Tcl commands, memory (bytes)."""
 
     seconds: float
     steps: int
@@ -32,7 +32,7 @@ class Limits(NamedTuple):
 
 
 class Setup(NamedTuple):
-    """First of all: the script's absolute path (empty: lines follow), the commands that are served, the `Limits`."""
+    """The first frame: the script's absolute path (empty: lines follow), served commands, `Limits`."""
 
     path: str
     names: tuple[str, ...]
@@ -42,7 +42,7 @@ class Setup(NamedTuple):
 
 
 class Ready(NamedTuple):
-    """The answer to `Setup`: why there is no Tcl, or the line of a command that never ends, or neither."""
+    """The answer to `Setup`: why Tcl is missing, or the line of an unterminated command, or neither."""
 
     missing: str
     unclosed: int
@@ -53,13 +53,13 @@ class Go(NamedTuple):
 
 
 class TclLine(NamedTuple):
-    """A line, or several, that Tcl is to run now, after those before it."""
+    """One or more lines for Tcl to run now."""
 
     text: str
 
 
 class Call(NamedTuple):
-    """The script calls a served command, at *line* of *file*; 0 and empty where that is not known."""
+    """A script's call of a served command, at *line* of *file*; 0 and empty if unknown."""
 
     name: str
     texts: tuple[str, ...]
@@ -68,16 +68,16 @@ class Call(NamedTuple):
 
 
 class CallResult(NamedTuple):
-    """What a call brought, or with *failed* why not."""
+    """The result of a call, or the reason if *failed*."""
 
     failed: bool
     text: str
 
 
 class End(NamedTuple):
-    """The script, or what was typed, ended: `done`, `failed`, or stopped by a limit: `seconds`, `steps`, `memory`.
+    """The end of a script or typed line: `done`, `failed`, or a limit: `seconds`, `steps`, `memory`.
 
-    *message* is Tcl's, of what was typed its result. What was typed may also be `open`: not run: more must follow.
+    *message* is Tcl's, or a typed line's result. A typed line may also be `open`: not run, more must follow.
     """
 
     how: str
@@ -88,7 +88,7 @@ class End(NamedTuple):
 
 Frame = Setup | Ready | Go | TclLine | Call | CallResult | End
 _KINDS: dict[str, type[Any]] = {kind.__name__: kind for kind in (Setup, Ready, Go, TclLine, Call, CallResult, End)}
-#: What a field of each annotated type may be.
+#: The valid values of each annotated type.
 _FITS: dict[str, Callable[[Any], bool]] = {
     "str": lambda value: isinstance(value, str),
     "bool": lambda value: isinstance(value, bool),
@@ -99,12 +99,12 @@ _FITS: dict[str, Callable[[Any], bool]] = {
 
 
 def encode(frame: Frame) -> bytes:
-    """*frame* as one line."""
+    """Return *frame* as a line."""
     return json.dumps([type(frame).__name__, *frame]).encode("ascii") + b"\n"
 
 
 def decode(line: bytes, *kinds: type[Any]) -> Any:
-    """The frame that *line* is, of one of *kinds*; WireError for anything else."""
+    """Return the frame in *line*, of *kinds*. Raises WireError for anything else."""
     try:
         values = json.loads(line)
     except (ValueError, RecursionError) as wrong:
@@ -125,12 +125,12 @@ def decode(line: bytes, *kinds: type[Any]) -> Any:
 
 
 def _named(annotation: Any) -> str:
-    """An annotation as it was written: `NamedTuple` keeps it as a forward reference."""
+    """Return an annotation as written: `NamedTuple` keeps a forward reference."""
     return str(getattr(annotation, "__forward_arg__", annotation))
 
 
 def send(stream: IO[bytes], frame: Frame) -> None:
-    """Write *frame* now; Gone where nobody reads any more."""
+    """Write *frame* now. Raises Gone if the other end is closed."""
     try:
         stream.write(encode(frame))
         stream.flush()
@@ -139,7 +139,7 @@ def send(stream: IO[bytes], frame: Frame) -> None:
 
 
 def receive(stream: IO[bytes], *kinds: type[Any]) -> Any:
-    """Wait for the next frame, of one of *kinds*; Gone at the stream's end, WireError for anything else."""
+    """Wait for the next frame of *kinds*. Raises Gone at the stream's end, WireError for anything else."""
     line = stream.readline(MOST_BYTES + 1)
     if len(line) > MOST_BYTES:
         raise WireError(f"a line of more than {MOST_BYTES} bytes")

@@ -1,7 +1,4 @@
-"""A word of the DVT: its name, its arguments, what it does; declared in the file that has its function.
-
-Knows no word.
-"""
+"""A word of the DVT: name, arguments and function; declared in the file of its function."""
 
 from __future__ import annotations
 
@@ -18,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Argument:
-    """One argument of a word: its name, and how its text is read (ValueError says what is wrong)."""
+    """An argument of a word: its name, and the reader of its text (raises ValueError with the reason)."""
 
     name: str
     read: Callable[[str], Any]
@@ -26,17 +23,17 @@ class Argument:
 
     @property
     def shown(self) -> str:
-        """The argument as a grammar shows it."""
+        """The argument in a grammar."""
         return self.name if self.required else f"[{self.name}]"
 
 
 @dataclass(frozen=True, slots=True)
 class DvtWord:
-    """One word; *modern* is the command line that does the same.
+    """A word; *modern* is the equivalent command line.
 
-    *effect* is what it does to nodes. *run* carries it out with the session and the values that `bind` brought, and
-    raises what its functions raise; None where whoever runs lines does it itself. *final* says of these values what no
-    undo reverts, where that depends on them.
+    *effect* is the effect on nodes. *run* executes the word with the session and the values of `bind`, and raises its
+    functions' errors; None if the caller executes it. *final* returns the part that no undo reverts, if dependent on
+    values.
     """
 
     name: str
@@ -53,7 +50,7 @@ class DvtWord:
         return " ".join([self.name, *(argument.shown for argument in self.arguments)])
 
     def bind(self, texts: Sequence[str]) -> list[Any]:
-        """The arguments' values, None for those left out; ValueError says what is wrong."""
+        """Return the arguments' values, None if omitted. Raises ValueError with the reason."""
         least = sum(argument.required for argument in self.arguments)
         if not least <= len(texts) <= len(self.arguments):
             raise ValueError(f"it is: {self.grammar}")

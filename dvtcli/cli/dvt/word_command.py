@@ -1,4 +1,4 @@
-"""The DVT's words as click commands, made from the one table. Does not know what the words do."""
+"""The DVT's words as click commands, made from their table."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 
 class NodeText(TextType):
-    """A node-ID as it is typed; completes the nodes that are known."""
+    """A typed node-ID, with completion of known nodes."""
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        """The node-IDs of the session's nodes; touches no bus."""
+        """Offer the session's node-IDs without using a bus."""
         from click.shell_completion import CompletionItem as Item
 
         del param
@@ -33,7 +33,7 @@ class NodeText(TextType):
 
 
 class WordCommand(DvtCommand):
-    """One word: its arguments are read together, since a value's width may stand behind it."""
+    """A word; its arguments are read together, since a value's width may follow it."""
 
     def __init__(self, word: DvtWord) -> None:
         self.word = word

@@ -1,1 +1,1 @@
-"""What `help` says, and the topics as texts."""
+"""The output of `help`, and its topics as texts."""

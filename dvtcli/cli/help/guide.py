@@ -1,7 +1,4 @@
-"""What `help` says: the commands by task, and topics, which are text files in `topics/`.
-
-Does not know any command's options (click does).
-"""
+"""The output of `help`: commands by task, and topics, which are text files in `topics/`."""
 
 from __future__ import annotations
 
@@ -9,21 +6,21 @@ from collections.abc import Mapping, Sequence
 
 from dvtcli.cli.catalogue import TASKS, by_task, command_names
 
-#: columns that help takes
+#: width of help (columns)
 _WIDTH = 80
 #: Names of the text files in `topics/`, sorted.
 TOPICS = ("dvt", "network", "options", "writing")
 
 
 def topic(name: str) -> str:
-    """The text of topic *name*; its first line is what it is about."""
+    """Return the text of topic *name*; the first line is its subject."""
     from importlib.resources import files
 
     return (files("dvtcli.cli.help") / "topics" / f"{name}.txt").read_text("utf-8").rstrip()
 
 
 def _rows(names: Sequence[str], width: int) -> list[str]:
-    """*names* in rows of at most *width* columns."""
+    """Arrange *names* in rows of at most *width* columns."""
     rows = [""]
     for name in names:
         longer = f"{rows[-1]}  {name}" if rows[-1] else name
@@ -35,7 +32,7 @@ def _rows(names: Sequence[str], width: int) -> list[str]:
 
 
 def overview(aliases: Mapping[str, str] | None = None) -> list[str]:
-    """The first screen of help: every command by task, the topics, the *aliases*, and where to begin."""
+    """Return the first screen of help: commands by task, topics, *aliases*, and first steps."""
     lines = ["Commands, by task:"]
     width = max(map(len, TASKS))
     for name, group in by_task(command_names()):

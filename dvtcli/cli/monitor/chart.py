@@ -1,4 +1,4 @@
-"""Tracks as a picture file, through matplotlib, which is an optional extra. Knows no recording."""
+"""Draw tracks as a picture file by matplotlib, an optional extra."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SUFFIXES = (".png", ".svg", ".pdf")
 
 
 def check_chart(path: Path) -> None:
-    """UsageError where *path* is no kind of picture, or matplotlib is missing."""
+    """Raise UsageError if *path* is no picture format, or matplotlib is missing."""
     if path.suffix.lower() not in SUFFIXES:
         raise UsageError(f"{path}: pictures are {' '.join(SUFFIXES)}")
     extra("matplotlib", "plot", "drawing a picture")

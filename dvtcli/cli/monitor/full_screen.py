@@ -1,4 +1,4 @@
-"""A full screen that is drawn anew again and again, until a key ends it. Knows prompt_toolkit; not what is drawn."""
+"""A full screen by prompt_toolkit, redrawn until a key ends it."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ if TYPE_CHECKING:
     from dvtcli.watch.decoder import Decoder
 
 
-#: how long leaving waits for the answer that is under way (s)
+#: maximum wait for a pending answer on leaving (s)
 LEAVE_S = 2.0
 
 
 class MappingReader:
-    """Reads what *watched* is to know, once, in a thread; `news` is what it knows so far."""
+    """Reads the mappings for *watched* once, in a thread; `news` returns the progress."""
 
     def __init__(self, watched: Watched) -> None:
         self._watched = watched
-        #: the node that is being read, None where none is
+        #: the node being read, None if none
         self.node: int | None = None
-        #: what ended it, None where nothing did; a bus that is gone is the listener's to say
+        #: the error that ended the thread, None if none; the listener reports a lost bus
         self.failure: BaseException | None = None
-        #: whether there is more to come
+        #: whether more data will follow
         self.is_reading = True
         self._news: Decoder | None = None
         self._stopping = False
@@ -60,7 +60,7 @@ class MappingReader:
             self.is_reading, self.node = False, None
 
     def news(self) -> Decoder | None:
-        """What is known by now, None where that is no more than the last time; raises what the reading failed with."""
+        """Return the decoder so far, None if unchanged since the last call. Raises the reader's error."""
         news, self._news = self._news, None
         if self.failure is not None:
             raise self.failure
@@ -72,12 +72,12 @@ class MappingReader:
         self._thread.join(LEAVE_S)
 
 
-#: how long leaving may take where the bus is being opened (s)
+#: maximum wait for an opening bus on leaving (s)
 _LEAVE_S = 0.2
 
 
 class GoneBus:
-    """Waits in a thread for the bus that *listener* listens to."""
+    """Waits in a thread for the lost bus of *listener*."""
 
     def __init__(self, listener: SteadyListener) -> None:
         self._listener = listener
@@ -88,11 +88,11 @@ class GoneBus:
 
     @property
     def gone_s(self) -> float | None:
-        """How long it is gone (s), None while it is there."""
+        """Seconds since the bus was lost, None if present."""
         return None if self._thread is None else monotonic() - self._since_s
 
     def wait(self, failed: BusUnavailable) -> None:
-        """The bus *failed*: wait for it from now on."""
+        """Wait for the bus from now on, after it *failed*."""
 
         def wait() -> None:
             try:
@@ -105,11 +105,11 @@ class GoneBus:
         self._thread.start()
 
     def is_waiting(self) -> bool:
-        """Whether it is gone still."""
+        """Whether the bus is still lost."""
         return self._thread is not None and self._thread.is_alive()
 
     def back_after_s(self) -> float | None:
-        """How long it was gone, once, when it is back; else None. DvtcliError where it is not waited for."""
+        """Return the duration of the loss once the bus is back, else None. Raises DvtcliError if not waited for."""
         if self._thread is None or self._thread.is_alive():
             return None
         gone_s, self._thread = monotonic() - self._since_s, None
@@ -118,13 +118,13 @@ class GoneBus:
         return gone_s
 
     def leave(self) -> None:
-        """Wait for it no longer."""
+        """Stop waiting."""
         self._leaving.set()
         if self._thread is not None:
             self._thread.join(_LEAVE_S)
 
 
-#: the screen is drawn anew this often (s)
+#: interval of redrawing (s)
 REDRAW_S = 0.1
 STYLE = {
     "bold": "bold", "dim": "ansibrightblack", "red": "ansired bold", "yellow": "ansiyellow", "green": "ansigreen",
@@ -134,14 +134,14 @@ _PLAIN = ("", "dumb", "unknown")
 
 
 class Screen(Protocol):
-    """What is on a full screen."""
+    """The contents of a full screen."""
 
     def gather(self) -> None:
-        """Take what is new; what is raised ends the screen with it."""
+        """Take new data; an error ends the screen."""
         ...
 
     def lines(self, columns: int, rows: int) -> Iterable[list[Cell]]:
-        """The picture for a screen of *columns* x *rows*."""
+        """Return the picture for *columns* x *rows*."""
         ...
 
     def leave(self) -> None:
@@ -150,14 +150,14 @@ class Screen(Protocol):
 
 
 def has_full_screen(session: Conversation) -> bool:
-    """Whether *session* talks to a terminal that can show a full screen."""
+    """Whether *session* runs at a terminal capable of a full screen."""
     name = os.environ.get("TERM", "windows" if sys.platform == "win32" else "")  # a Windows console gives itself none
     terminal = sys.stdin.isatty() and sys.stdout.isatty() and name.lower() not in _PLAIN
     return terminal and not session.output.json and not session.in_script
 
 
 def show(session: Conversation, screen: Screen, keys: KeyBindings, duration_s: float | None) -> None:
-    """Show *screen* until a key, Ctrl-C or the end of *duration_s*; what its `gather` raises is raised here."""
+    """Show *screen* until a key, Ctrl-C or *duration_s*. Raises errors of its `gather`."""
     try:
         with _held_signals() as came, session.output.held():
             _application(session, screen, keys, duration_s, came).run()
@@ -167,9 +167,9 @@ def show(session: Conversation, screen: Screen, keys: KeyBindings, duration_s: f
 
 @contextmanager
 def _held_signals() -> Iterator[list[int]]:
-    """Keep signals out of prompt_toolkit: what one raises in the middle of a drawing leaves the screen as it is.
+    """Keep signals away from prompt_toolkit, because an exception while drawing would leave the screen broken.
 
-    The list has those that came. SIGINT leaves the screen, and only it; the others stop dvtcli as ever at the end.
+    The list collects them. SIGINT only leaves the screen; other signals stop dvtcli at the end.
     """
     numbers = [getattr(signal, name, None) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")]
     handled = [number for number in numbers if number is not None and callable(signal.getsignal(number))]
@@ -188,7 +188,7 @@ def _held_signals() -> Iterator[list[int]]:
 def _application(
     session: Conversation, screen: Screen, keys: KeyBindings, duration_s: float | None, came: list[int]
 ) -> Application[None]:
-    """*screen* as prompt_toolkit shows it, until one of its keys or a signal that *came*."""
+    """Build the application for *screen*, ended by a key or a signal that *came*."""
     from prompt_toolkit import Application
     from prompt_toolkit.layout import FormattedTextControl, Layout, Window
     from prompt_toolkit.output import ColorDepth
@@ -252,6 +252,6 @@ def bind_leaving(keys: KeyBindings, unless: Callable[[], bool] | None = None) ->
     @keys.add("c-c")
     @keys.add("<sigint>")
     def _leave(event: KeyPressEvent) -> None:
-        """Leave the screen, and only it."""
+        """Leave the screen only."""
         if event.app.is_running and not event.app.is_done:
             event.app.exit()

@@ -1,4 +1,4 @@
-"""A signal's course as lines of characters: braille dots, or stars where only ASCII can be shown. Pure."""
+"""A signal's graph as lines of characters: braille dots, or stars in ASCII. Pure."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dvtcli.watch.statistics import Point
 #: The braille dot at (column, row) of a character of 2 x 4 dots (Unicode 10.0, chapter 21.1).
 _DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))
 _BRAILLE = 0x2800
-#: Characters that the numbers at the left may take, and those of a column and its axis.
+#: Maximum characters of the numbers at the left, and of a column and its axis.
 _LABEL = 11
 
 
@@ -74,7 +74,7 @@ def graph(
 
 
 def _draw(canvas: _Canvas, points: Sequence[Point], span_s: tuple[float, float], range_: tuple[float, float]) -> None:
-    """Every column from the least to the most that its time saw, joined with the value before."""
+    """Draw each column from minimum to maximum of its time, joined with the previous value."""
     (begin_s, end_s), (low, high) = span_s, range_
     length_s, span = max(end_s - begin_s, 1e-9), high - low
     top = canvas.height - 1
@@ -98,7 +98,7 @@ def _draw(canvas: _Canvas, points: Sequence[Point], span_s: tuple[float, float],
 
 
 def number(value: float) -> str:
-    """A value at an axis: whole where it is, at most ten characters."""
+    """Return an axis label: a whole number if possible, at most ten characters."""
     text = f"{value:.0f}" if value == int(value) and abs(value) < 1e9 else f"{value:.4g}"
     return text[:10]
 

@@ -1,4 +1,4 @@
-"""The monitor at a terminal, and its keys. Knows prompt_toolkit; what they do to the picture is the others'."""
+"""The monitor at a terminal, and its keys, by prompt_toolkit."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class Monitor:
-    """What is on the screen: the store that all frames go to, and, while paused, a copy of it that stands still."""
+    """The screen's contents: the store of all frames and, while paused, a frozen copy."""
 
     def __init__(self, name: str, watched: Watched, view: View) -> None:
         self._name = name
@@ -41,7 +41,7 @@ class Monitor:
         return Moment(self._name, running_s, dropped, time(), self._gone.gone_s, self._reader.node)
 
     def gather(self) -> None:
-        """Take what has arrived; BusUnavailable where the bus failed and is not waited for."""
+        """Take new frames. Raises BusUnavailable if the bus failed and must not be waited for."""
         gone_s = self._gone.back_after_s()
         if self._gone.is_waiting():
             return
@@ -57,12 +57,12 @@ class Monitor:
             self._gone.wait(failed)
 
     def read_mappings(self) -> None:
-        """Read the nodes' mappings anew, unless that is being done."""
+        """Read the nodes' mappings again, unless already in progress."""
         if not self._gone.is_waiting() and not self._reader.is_reading:
             self._reader = MappingReader(self._watched)
 
     def _is_back(self, gone_s: float) -> None:
-        """The bus is there again: nothing that was seen before counts, the mappings neither."""
+        """Reset all data, including mappings, after the bus is back."""
         self.store.gap(time(), f"the bus was gone for {gone_s:.0f} s: nothing was seen meanwhile")
         self._reader.stop()
         self._reader = MappingReader(self._watched)
@@ -78,27 +78,30 @@ class Monitor:
         self._still = (deepcopy(self.store), self._moment()) if self.view.paused else None
 
     def choose(self, step: int) -> None:
-        """Choose another signal; behind the last one, scroll to the frames that stand there."""
+        """Select another signal; after the last, scroll to the remaining frames."""
         self.view.choose(step, len(chosen_signals(self._shown()[0], self.view)))
 
     def _shown(self) -> tuple[FrameStore, Moment]:
         return self._still or (self.store, self._moment())
 
     def lines(self, columns: int, rows: int) -> Lines:
-        """The screen of *columns* x *rows*."""
+        """Return the screen of *columns* x *rows*."""
         store, moment = self._shown()
         return picture(store, self.view, moment, columns, rows)
 
 
 def watch(session: Conversation, watched: Watched, wanted: str, duration_s: float | None, *, changes: bool) -> None:
-    """Show the bus until q, Ctrl-C or the end of *duration_s*; BusUnavailable where it failed and is not waited for."""
+    """Show the bus until q, Ctrl-C or *duration_s*.
+
+    Raises BusUnavailable if the bus failed and must not be waited for.
+    """
     view = View(filter=wanted, plain=session.output.plain, changes=changes)
     monitor = Monitor(session.wire.name, watched, view)
     show(session, monitor, _keys(monitor), duration_s)
 
 
 def _keys(monitor: Monitor) -> KeyBindings:
-    """What each key does."""
+    """Bind the keys."""
     keys, view = KeyBindings(), monitor.view
 
     def typing() -> bool:
@@ -131,7 +134,7 @@ def _type(view: View) -> None:
 
 
 def _typing_keys(keys: KeyBindings, view: View) -> None:
-    """The keys of the filter's line."""
+    """Bind the keys of the filter line."""
     typing = Condition(lambda: view.typing)
 
     def change(text: str) -> None:
@@ -139,13 +142,13 @@ def _typing_keys(keys: KeyBindings, view: View) -> None:
 
     @keys.add("<any>", filter=typing)
     def _letter(event: KeyPressEvent) -> None:
-        """One more letter."""
+        """Add a letter."""
         if event.data.isprintable():
             change(view.filter + event.data)
 
     @keys.add("backspace", filter=typing)
     def _shorter(_event: KeyPressEvent) -> None:
-        """One letter less."""
+        """Delete a letter."""
         change(view.filter[:-1])
 
     @keys.add("enter", filter=typing)

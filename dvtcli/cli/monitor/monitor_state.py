@@ -1,7 +1,4 @@
-"""How the monitor is looked at, and what its picture is of.
-
-Does not know what is on the bus, nor how it is drawn.
-"""
+"""The view settings of the monitor, and the moment of its picture."""
 
 from __future__ import annotations
 
@@ -21,13 +18,13 @@ class View:
     chosen: int = 0
     plain: bool = False
     changes: bool = False
-    #: the first line of the body that is shown
+    #: the first visible line of the body
     top: int = 0
-    #: lines by which the body is scrolled beyond the last signal
+    #: lines scrolled beyond the last signal
     beyond: int = 0
 
     def choose(self, step: int, count: int) -> None:
-        """Choose another one of *count* signals; behind the last one scroll, back from there first."""
+        """Select another of *count* signals; after the last scroll, and scroll back first."""
         place = self.chosen + self.beyond + step
         self.chosen = max(0, min(count - 1, place))
         self.beyond = 0 if self.mode == GRAPH else max(0, place - self.chosen)
@@ -35,9 +32,9 @@ class View:
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """What the picture is of: bus *name*, seconds since the start, frames *dropped*, and the time (s since 1970).
+    """The moment of the picture: bus *name*, seconds since start, frames *dropped*, and time (s since 1970).
 
-    *gone_s* is how long the bus is gone (s), None while it is there; *reading* the node whose mapping is being read.
+    *gone_s* is the time since the bus was lost (s), None if present; *reading* is the node whose mapping is being read.
     """
 
     name: str

@@ -1,7 +1,4 @@
-"""What fits into a screen's width, so that no number on it is a piece of another one.
-
-Pure. Does not know what the lines are about.
-"""
+"""Fit lines into a screen's width without cutting numbers. Pure."""
 
 from __future__ import annotations
 
@@ -14,14 +11,14 @@ from dvtcli.domain.glyphs import ascii_only
 from dvtcli.domain.safe_text import safe
 from dvtcli.domain.scaling import Scaling
 
-#: significant digits that are tried, the most first, where all of a number's are too many
+#: numbers of significant digits to try for a long number, highest first
 _DIGITS = (6, 5, 4, 3, 2)
 
 
 def cut(line: list[Cell], width: int, *, plain: bool) -> list[Cell]:
-    """*line* made safe and no wider than *width* columns, `…` at its end where something is left out.
+    """Return *line*, made safe and cut to *width* columns, with `…` at a cut.
 
-    *plain*: in ASCII, which may take more columns than what it stands for.
+    *plain*: in ASCII, in which a replacement may take more columns.
     """
     shown = [Cell(_shown(cell.text, plain=plain), cell.style) for cell in line]
     left = _clipped("".join(cell.text for cell in shown).rstrip(), width, plain=plain)
@@ -34,7 +31,7 @@ def cut(line: list[Cell], width: int, *, plain: bool) -> list[Cell]:
 
 
 def wide(groups: Sequence[list[Cell]], *, plain: bool) -> int:
-    """The columns that *groups* take on one line."""
+    """Return the columns of *groups* on a line."""
     return columns("".join(_shown(cell.text, plain=plain) for group in groups for cell in group).rstrip())
 
 
@@ -45,7 +42,7 @@ def filled(text: str, width: int, *, plain: bool) -> str:
 
 
 def least_and_most(meaning: Scaling, low: float, high: float, width: int) -> str:
-    """The least and the most of raw values in *width* columns: rounded behind a `~`, or `…`, where they do not fit."""
+    """Return minimum and maximum of raw values in *width* columns: rounded with `~`, or `…`, if too long."""
     whole = f"{meaning.number_text(low)} .. {meaning.number_text(high)}"
     if len(whole) <= width:
         return whole

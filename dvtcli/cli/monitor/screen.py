@@ -1,7 +1,4 @@
-"""The monitor's picture: what a store knows, as lines for a screen of a given size.
-
-Pure. Does not know the terminal, the keys or the bus.
-"""
+"""The monitor's picture: a store's frames as lines for a screen of a given size. Pure."""
 
 from __future__ import annotations
 
@@ -20,16 +17,17 @@ from dvtcli.watch.decoder import Signal
 from dvtcli.watch.seen import Event, FrameStore, SeenFrame
 from dvtcli.watch.statistics import HIGH_LOAD, ValueHistory, physical_points
 
-#: columns of each node's name, as many as there is room for; in the end none
+#: columns of each node's name to try, longest first; last none
 _NAMES = (60, 30, 20, 14, 10, 0)
 _STATE_STYLES: dict[NmtState | None, str] = {NmtState.OPERATIONAL: "green", None: "dim"}
 
 
 def node_line(store: FrameStore, reading: int | None, width: int, *, plain: bool) -> list[Cell]:
-    """The nodes that are heard or known, with their names and states, and which one is being *read*, if any.
+    """Return the nodes on the bus or known, with names and states; *reading* marks a node being read.
 
-    Where they are too many the states get shorter, then their names, which go in the end. Then they stand by their
-    states, those in another state than most first: by number, at last only counted.
+    If space is short, states are abbreviated, then names are cut and dropped. Last, nodes are grouped by state, rare
+    states
+    first, listed by number or only counted.
     """
     names, heard = store.decoder.names, {row.service.node for row in store.rows.values()}
     shown = sorted({node for node in heard if node is not None} | set(names))
@@ -42,7 +40,7 @@ def node_line(store: FrameStore, reading: int | None, width: int, *, plain: bool
 
 
 def _fitting(names: Mapping[int, str], states: Mapping[int, NmtState | None], width: int, *, plain: bool) -> list[Cell]:
-    """All nodes of *states* in *width* columns, with as much of their *names* as there is room for."""
+    """Return all nodes of *states* in *width* columns, with *names* as long as possible."""
     for most, short in ((_NAMES[0], False), *((most, True) for most in _NAMES)):
         nodes = [_node_cells(one, names.get(one, ""), state, most, short=short) for one, state in states.items()]
         if wide(nodes, plain=plain) <= width:
@@ -51,14 +49,14 @@ def _fitting(names: Mapping[int, str], states: Mapping[int, NmtState | None], wi
 
 
 def _node_cells(node_id: int, name: str, state: NmtState | None, most: int, *, short: bool) -> list[Cell]:
-    """A node with its name, of at most *most* columns, and its state; in few words where *short*."""
+    """Return a node with its name, of at most *most* columns, and its state, abbreviated if *short*."""
     label = f"{node_id} {clipped(name, most)}" if name and most else f"{node_id}" if not most else f"node {node_id}"
     said = f" {state.short if short else state.label}   " if state is not None else "   "
     return [Cell(label, "bold"), Cell(said, _STATE_STYLES.get(state, "yellow"))]
 
 
 def _by_state(states: Mapping[int, NmtState | None], width: int, *, plain: bool) -> list[Cell]:
-    """The nodes of each state, the rarest first; the most common ones are counted where their numbers do not fit."""
+    """Group nodes by state, rarest first; the most common are counted if their numbers do not fit."""
     members: dict[NmtState | None, list[int]] = {}
     for node, state in states.items():
         members.setdefault(state, []).append(node)
@@ -79,7 +77,7 @@ def _group(who: str, state: NmtState | None) -> list[Cell]:
 
 
 def ranges(nodes: Iterable[int]) -> str:
-    """Node-IDs in order, with those that follow one another as one: `1-5,9`."""
+    """Return node-IDs in order, with ranges: `1-5,9`."""
     runs: list[list[int]] = []
     for node in nodes:
         if runs and node == runs[-1][-1] + 1:
@@ -89,15 +87,15 @@ def ranges(nodes: Iterable[int]) -> str:
     return ",".join(f"{run[0]}" if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs)
 
 
-#: events that are shown, at most
+#: maximum number of events
 EVENTS = 4
-#: a screen of so many rows has room for the nodes and for heads of the columns
+#: minimum rows for the line of nodes and the column heads
 ABOVE_FROM = 12
-#: the time that a graph shows (s)
+#: time span of a graph (s)
 GRAPH_S = 60.0
-#: of a bus's name so many columns stay, however much there is to say of its state
+#: minimum columns of the bus's name
 SHORTEST_NAME = 12
-#: an SDO exchange that is over for so long (s) has no line of its own any more: most are dvtcli's own, of the start
+#: an SDO exchange keeps its line for this time (s) after its end: most are dvtcli's own at the start
 IDLE_S = 5.0
 
 
@@ -116,7 +114,7 @@ def picture(store: FrameStore, view: View, moment: Moment, width: int, height: i
 
 
 def chosen_signals(store: FrameStore, view: View) -> list[tuple[SeenFrame, Signal, ValueHistory]]:
-    """The signals that the filter shows, in the order of the screen."""
+    """Return the signals passing the filter, in order of the screen."""
     return [
         (row, signal, course)
         for row in store.sorted_rows()
@@ -126,7 +124,7 @@ def chosen_signals(store: FrameStore, view: View) -> list[tuple[SeenFrame, Signa
 
 
 def _shown(row: SeenFrame, wanted: str) -> list[tuple[Signal, ValueHistory]]:
-    """The signals of *row* that the filter lets through: all where the frame's own name fits."""
+    """Return the signals of *row* passing the filter: all if the frame's own name matches."""
     pairs = list(zip(row.layout.signals, row.courses, strict=True))
     if wanted in title_of(row).lower():
         return pairs
@@ -158,7 +156,7 @@ def _state(store: FrameStore, view: View, moment: Moment) -> list[Cell]:
 
 
 def _business(store: FrameStore, moment: Moment) -> list[Cell]:
-    """Frames a second, and the load where the bit rate is known."""
+    """Return frames per second, and the load if the bit rate is known."""
     share = store.load.share(moment.now_s)
     cells = [Cell(f"{store.load.frames_a_second(moment.now_s):.0f}/s  ")]
     return cells if share is None else [*cells, Cell(f"load {share:.0%}  ", "yellow" if share > HIGH_LOAD else "")]
@@ -209,7 +207,7 @@ def _table(store: FrameStore, view: View, moment: Moment, width: int, room: int)
 
 
 def scrolled(top: int, chosen: int, count: int, room: int) -> int:
-    """The first line to show, so that the chosen one (with its frame's line above) is on the screen."""
+    """Return the first line to show, so that the selected line and its frame's line are visible."""
     top = min(top, max(0, count - room))
     if chosen - 1 < top:
         return max(0, chosen - 1)

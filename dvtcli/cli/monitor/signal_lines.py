@@ -1,7 +1,4 @@
-"""A frame's line in the monitor, and those of the signals in it.
-
-Pure. Does not know which of them are shown, nor where.
-"""
+"""The monitor's lines of a frame and its signals. Pure."""
 
 from __future__ import annotations
 
@@ -18,7 +15,7 @@ from dvtcli.watch.statistics import ValueHistory, spark
 
 #: a change is bright for this long (s)
 FRESH_S = 0.5
-#: columns of a value on a screen that is not WIDE, and on one that is
+#: columns of a value on a narrow and on a WIDE screen
 VALUE, LONG_VALUE, WIDE = 16, 20, 100
 _LEVELS, _PLAIN_LEVELS = "▁▂▃▄▅▆▇█", "_.-=+*#@"
 #: points of a sparkline in up to 100 columns and in many more
@@ -28,13 +25,13 @@ Lines = list[list[Cell]]
 
 
 def title_of(row: SeenFrame) -> str:
-    """The CAN-ID of a row, what its frames are, and of which node."""
+    """Return a row's CAN-ID, kind of frame, and node."""
     node = f" node {row.service.node}" if row.service.node else ""
     return f"0x{row.can_id:0{8 if row.extended else 3}X} {row.service.label}{node}"
 
 
 def row_line(row: SeenFrame, store: FrameStore, moment: Moment, width: int) -> list[Cell]:
-    """A frame's line; the node's name where there is room behind the bytes."""
+    """Return a frame's line, with the node's name if space permits."""
     rate, jitter = row.rhythm.rate_hz(moment.now_s), row.rhythm.jitter_s()
     title = title_of(row)
     text = "" if rate is None else f"{rate:.1f} Hz" if rate < 1000 else f"{rate:.0f} Hz"
@@ -53,7 +50,7 @@ def row_line(row: SeenFrame, store: FrameStore, moment: Moment, width: int) -> l
 
 
 def levels(view: View) -> str:
-    """The characters of a sparkline, from the least to the most."""
+    """Return the characters of a sparkline, lowest first."""
     return _PLAIN_LEVELS if view.plain else _LEVELS
 
 
@@ -80,7 +77,7 @@ def _bytes(row: SeenFrame, moment: Moment) -> Iterator[Cell]:
 def signal_line(
     signal: Signal, course: ValueHistory, view: View, moment: Moment, width: int, *, chosen: bool
 ) -> list[Cell]:
-    """A signal's line: object, name, value, sparkline, and what there is to say behind them; a mark where *chosen*."""
+    """Return a signal's line: object, name, value, sparkline, and details; marked if *chosen*."""
     value_width = VALUE if width < WIDE else LONG_VALUE
     name_width = max(10, min(40, width - 43 - value_width))
     fresh = moment.now_s - course.changed_s < FRESH_S
@@ -98,7 +95,7 @@ def signal_line(
 
 
 def value_of(signal: Signal, course: ValueHistory, width: int) -> str:
-    """A signal's value, without its raw one where that is too much for *width* columns; of a statusword raw."""
+    """Return a signal's value, without the raw value if over *width* columns; a statusword's raw value."""
     meaning, last = signal.meaning, course.last
     if isinstance(last, int) and _words(signal, course):
         return meaning.raw_text(last, signal.bits)
@@ -107,7 +104,7 @@ def value_of(signal: Signal, course: ValueHistory, width: int) -> str:
 
 
 def with_more(line: list[Cell], signal: Signal, course: ValueHistory, width: int) -> list[Cell]:
-    """*line* with the least and the most behind it, in *width* columns; of a statusword and the like what it says."""
+    """Append minimum and maximum to *line* within *width* columns; for a statusword its state."""
     more = _words(signal, course)
     if not more and course.low is not None and course.high is not None:
         room = width - sum(columns(cell.text) for cell in line)
@@ -116,6 +113,6 @@ def with_more(line: list[Cell], signal: Signal, course: ValueHistory, width: int
 
 
 def _words(signal: Signal, course: ValueHistory) -> str:
-    """What a statusword and the like says; empty for a number."""
+    """Return the state in a statusword or similar; empty for a number."""
     meaning, last = signal.meaning, course.last
     return meaning.words(last) if isinstance(last, int) and not meaning.has_number else ""

@@ -1,4 +1,4 @@
-"""`watch` at a terminal, and its keys. Knows prompt_toolkit; what they do to the picture is the others'."""
+"""`watch` at a terminal, and its keys, by prompt_toolkit."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 
 
 class ObjectReader:
-    """Reads each of *objects* every *every_s* seconds, in a thread; what takes longer leaves moments out.
+    """Reads each of *objects* every *every_s* seconds in a thread; slow reads skip periods.
 
-    A bus that is gone ends it: that is the listener's to say. Whatever else ends it is raised by `take`.
+    A lost bus ends the thread silently: the listener reports it. `take` raises any other error.
     """
 
     def __init__(self, objects: ObjectRound, every_s: float) -> None:
@@ -67,9 +67,9 @@ class ObjectReader:
             next_s = max(next_s + self._every_s, monotonic())
 
     def take(self) -> list[tuple[int, float, ValueRead | DvtcliError]]:
-        """What was read since the last call: the object's number, the time (s since 1970), its value or why not.
+        """Return all reads since the last call: object number, time (s since 1970), value or error.
 
-        Raises what ended the reading once everything that was read before is taken.
+        After the last read, raises the error that ended the thread.
         """
         if not self._found and self._failure is not None:
             raise self._failure
@@ -82,7 +82,7 @@ class ObjectReader:
 
 
 class WatchScreen:
-    """What is on the screen: the board that everything goes to, and, while paused, a copy of it that stands still."""
+    """The screen's contents: the board and, while paused, a frozen copy."""
 
     def __init__(
         self, watched: Watched, objects: ObjectRound, pdos: Sequence[WatchedPdo], every_s: float, view: View
@@ -114,7 +114,7 @@ class WatchScreen:
         return Moment(self._name, monotonic() - self._began_s, 0, time(), self._gone.gone_s, reading)
 
     def gather(self) -> None:
-        """Take what has arrived; BusUnavailable where the bus failed and is not waited for."""
+        """Take new data. Raises BusUnavailable if the bus failed and must not be waited for."""
         back_after_s = self._gone.back_after_s()
         if self._gone.is_waiting():
             return
@@ -134,7 +134,7 @@ class WatchScreen:
             self._gone.wait(failed)
 
     def read_mappings(self) -> None:
-        """Read the mappings anew, unless that is being done."""
+        """Read the mappings again, unless already in progress."""
         if self._mappings is not None and not self._mappings.is_reading and not self._gone.is_waiting():
             self._mappings = MappingReader(self._watched)
 
@@ -157,7 +157,7 @@ class WatchScreen:
         return self._still or (self.board, self._moment())
 
     def lines(self, columns: int, rows: int) -> Lines:
-        """The screen of *columns* x *rows*."""
+        """Return the screen of *columns* x *rows*."""
         board, moment = self._shown()
         return watch_picture(board, self.view, moment, columns, rows)
 

@@ -1,7 +1,4 @@
-"""The picture of `watch`: chosen objects and PDOs, as lines for a screen of a given size.
-
-Pure. Does not know the terminal, the keys or the bus.
-"""
+"""The picture of `watch`: chosen objects and PDOs as lines for a screen of a given size. Pure."""
 
 from __future__ import annotations
 
@@ -19,7 +16,7 @@ from dvtcli.watch.seen import FrameStore, SeenFrame
 from dvtcli.watch.statistics import ValueHistory, physical_points, spark
 from dvtcli.watch.watched_object import WatchedObject
 
-#: a PDO that is watched: its node-ID and its label (`TPDO1`)
+#: a watched PDO: node-ID and label (`TPDO1`)
 WatchedPdo = tuple[int, str]
 #: columns of a sparkline: in 80 columns, and at most
 _SPARK, _LONG_SPARK = 8, 60
@@ -29,7 +26,7 @@ _VALUE = 15
 
 @dataclass(frozen=True, slots=True)
 class _Shown:
-    """One line's value, with where it comes from."""
+    """A line's value with its origin."""
 
     node: int
     signal: Signal
@@ -40,7 +37,7 @@ class _Shown:
 
 @dataclass(slots=True)
 class Board:
-    """What is watched: *objects* by SDO every *every_s* seconds, *pdos* by their frames, which *store* takes."""
+    """The watched values: *objects* by SDO every *every_s* seconds, *pdos* by frames in *store*."""
 
     objects: Sequence[WatchedObject]
     pdos: Sequence[WatchedPdo]
@@ -48,7 +45,7 @@ class Board:
     every_s: float
 
     def row(self, pdo: WatchedPdo) -> SeenFrame | None:
-        """The frames of *pdo*, None where none came."""
+        """Return the frames of *pdo*, None if none was received."""
         rows = self.store.rows.values()
         return next((row for row in rows if (row.service.node, row.service.label) == pdo), None)
 
@@ -70,7 +67,7 @@ def watch_picture(board: Board, view: View, moment: Moment, width: int, height: 
 
 
 def shown_values(board: Board) -> list[_Shown]:
-    """Everything that has a line, in the order of the screen."""
+    """Return all values with a line, in order of the screen."""
     found = [
         _Shown(
             watched_object.node,
@@ -114,7 +111,7 @@ def _heads(width: int) -> list[Cell]:
 
 
 def _widths(width: int) -> tuple[int, int]:
-    """Columns of the name and of the sparkline."""
+    """Return the columns of name and sparkline."""
     name = max(10, min(40, width - 68))
     return name, max(_SPARK, min(_LONG_SPARK, width - 70 - name))
 

@@ -1,1 +1,1 @@
-"""The prompt's parts: reading a line at a terminal, completing it, and what is heard of the nodes meanwhile."""
+"""The prompt: reading and completing lines at a terminal, and messages from nodes meanwhile."""

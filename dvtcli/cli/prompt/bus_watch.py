@@ -1,7 +1,7 @@
-"""Listening to the bus while a person sits at the prompt: states, heartbeats, boot-ups, emergencies.
+"""Read the bus while the prompt waits: states, heartbeats, boot-ups, emergencies.
 
-One daemon thread that gives way to whoever waits for an answer. Where the bus is gone it waits for it, and goes on with
-it between two lines. Does not know the terminal.
+A daemon thread yields to any request that awaits an answer. After a loss it waits for the bus, and resumes between two
+lines.
 """
 
 from __future__ import annotations
@@ -34,19 +34,19 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
 
 
-#: So many messages about one node in so much time (s); what it comes to is said afterwards.
+#: Maximum number of messages per node, and their time span (s); the outcome is reported afterwards.
 MOST, WITHIN_S = 2, 10.0
 
 
 class Silences:
-    """The nodes whose heartbeats were said to be missing."""
+    """The nodes with reported heartbeat loss."""
 
     def __init__(self) -> None:
         self._missing: set[int] = set()
         self._told_s: dict[int, deque[float]] = {}
 
     def heard_of(self, silences: Mapping[int, tuple[float, bool]], now_s: float) -> list[str]:
-        """What is news at *now_s* of *silences*: by node-ID the age (s) of the last heartbeat, and if it is overdue."""
+        """Return news at *now_s* from *silences*: by node-ID the age (s) of the last heartbeat, and if overdue."""
         news = [
             node_id
             for node_id, (_, overdue) in silences.items()
@@ -59,7 +59,7 @@ class Silences:
         return [*_gone(gone, silences), *_back(back)]
 
     def started(self, node_id: int) -> None:
-        """The node started anew: its silence before that is over."""
+        """End the silence of a restarted node."""
         self._missing.discard(node_id)
 
     def _may_tell(self, node_id: int, now_s: float) -> bool:
@@ -88,7 +88,7 @@ def _back(node_ids: list[int]) -> list[str]:
 
 
 def event_text(event: NodeEvent) -> str:
-    """An event on one line."""
+    """Return an event on one line."""
     if isinstance(event, BootUp):
         return f"node {event.node_id}  boot-up: it has started"
     if isinstance(event, Emergency):
@@ -98,26 +98,26 @@ def event_text(event: NodeEvent) -> str:
     return f"node {event.node_id}  is {event.after.label}"
 
 
-#: How long the bus is read in one go (s): how late a message is shown, and how long stopping takes.
+#: Duration of a read (s): the maximum delay of messages, and of stopping.
 TICK_S = 0.1
 
 
 class Life:
-    """What is heard on the bus of *session*; events become *notices*.
+    """Watches the bus of *session*; events become *notices*.
 
-    The bit rate, where it is known, gives the load.
+    The load is available if the bit rate is known.
     """
 
     def __init__(self, session: Session, notices: Notices) -> None:
         self._session = session
         self._bus = session.wire
         self.notices = notices
-        #: held by whoever runs a line: the bus is replaced between two of them
+        #: held while a line runs: the bus is replaced between lines
         self.line = threading.RLock()
         self._sleeps = Sleeps()
         self.states: dict[int, NmtState] = {}
         self.emergencies: dict[int, tuple[int, int]] = {}
-        #: what ended the listening, None while all is well
+        #: the failure of the bus, None if healthy
         self.failure: str | None = None
         self._heartbeats = Heartbeats()
         self._silences = Silences()
@@ -131,7 +131,7 @@ class Life:
         self._unhook: list[Callable[[], None]] = []
 
     def start(self) -> None:
-        """Listen until `stop`; what was on the bus before is taken as known and not told."""
+        """Read the bus until `stop`; earlier states count as known and are not reported."""
         self._hook()
         self._thread.start()
 
@@ -145,7 +145,7 @@ class Life:
         return None if bus.bitrate is None or bus.simulated else BusLoad(bus.bitrate)
 
     def stop(self) -> None:
-        """End the listening."""
+        """Stop reading."""
         self._stopping.set()
         self._thread.join(1.0)
         for unhook in self._unhook:
@@ -153,11 +153,11 @@ class Life:
         self._unhook = []
 
     def silence_s(self, node_id: int) -> tuple[float, bool] | None:
-        """Seconds since the last heartbeat and whether the next one is overdue; None where the node sends none."""
+        """Return seconds since the last heartbeat, and if the next is overdue; None if the node sends none."""
         return self._heartbeats.silence_s(node_id, monotonic())
 
     def load(self) -> float | None:
-        """The share of the bit rate that the frames of the last second took, 0..1; None where the rate is not known."""
+        """Return the bus load of the last second, 0..1; None if the bit rate is unknown."""
         return None if self._load is None else self._load.share(monotonic())
 
     def _listen(self) -> None:
@@ -174,7 +174,7 @@ class Life:
                     self._come_back(failed)
 
     def _hear(self) -> None:
-        """Read the bus for a moment, and say what is to be said; BusUnavailable where it failed, or was left alone."""
+        """Read the bus briefly, and report news. Raises BusUnavailable if the bus failed or this host slept."""
         self._bus.idle(TICK_S)
         self.failure = None
         slept_s = self._sleeps.new_s()
@@ -190,7 +190,7 @@ class Life:
         self.notices.pump()
 
     def _come_back(self, failed: BusUnavailable) -> None:
-        """Wait for the bus, which *failed*, and listen to it again; nothing that was heard before counts then."""
+        """Wait for the *failed* bus, then resume with all state reset."""
         self.failure = "GONE"
         self.states, self._heartbeats = {}, Heartbeats()
         if not come_back(self._session, self._bus, failed, self._is_stopping, self._tell_event, self._between_lines):
@@ -203,7 +203,7 @@ class Life:
         self.notices.pump()
 
     def _is_stopping(self) -> bool:
-        """Whether nobody wants to wait any more; asked while waiting, so that what is to be said then is said."""
+        """Whether to stop waiting; also outputs pending notices."""
         self.notices.pump()
         return self._stopping.is_set()
 
@@ -214,7 +214,7 @@ class Life:
 
     @contextmanager
     def _between_lines(self) -> Iterator[None]:
-        """A block in which no line runs; one that runs on for long is waited for, unless nobody listens any more."""
+        """Wait until no line runs, then block lines meanwhile. Raises an error on `stop`."""
         while not self.line.acquire(timeout=TICK_S):
             if self._is_stopping():
                 break
@@ -227,7 +227,7 @@ class Life:
         raise bus_closed()
 
     def _tell_silence(self) -> None:
-        """Say which heartbeats are missing, and which are back."""
+        """Report missing and restored heartbeats."""
         found = {node_id: self.silence_s(node_id) for node_id in self._heartbeats.node_ids}
         silences = {node_id: silence for node_id, silence in found.items() if silence is not None}
         for text in self._silences.heard_of(silences, monotonic()):
@@ -237,7 +237,7 @@ class Life:
         self.notices.add(f"{local_clock(time())}  {text}")
 
     def _on_frame(self, frame: Frame, sent: bool) -> None:
-        """Count bits, keep the frame and time heartbeats; called with every frame, so it must be quick."""
+        """Count bits, keep the frame and time heartbeats; must be fast, being called for every frame."""
         now_s = monotonic()
         if self._load is not None:
             self._load.add(frame, now_s)
@@ -259,7 +259,7 @@ class Life:
             self._say(event_text(event))
 
     def _is_news(self, node_id: int) -> bool:
-        """Whether a change of state is worth a line: not a node's first sign of life, nor what a boot-up said."""
+        """Whether to report a change of state: not on a node's first frame, nor directly after its boot-up."""
         after_boot_up = node_id in self._booted
         self._booted.discard(node_id)
         return node_id in self._seen and not after_boot_up

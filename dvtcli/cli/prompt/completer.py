@@ -1,7 +1,4 @@
-"""The menu under the line: click's own completion of the command that is typed, with descriptions.
-
-Knows click's public completion interface and prompt_toolkit's. Never touches a bus: a key was only pressed.
-"""
+"""The completion menu of the prompt: click's completion of the typed command, with descriptions; uses no bus."""
 
 from __future__ import annotations
 
@@ -40,7 +37,7 @@ class LineCompleter(Completer):
         self._global = list(_global_items())
 
     def get_completions(self, document: Document, complete_event: CompleteEvent) -> Iterable[Completion]:
-        """What the word before the cursor may become."""
+        """Return completions of the word before the cursor."""
         if (tcl := self._session.tcl) is not None and tcl.on:
             return
         before = last_line(document.text_before_cursor)
@@ -56,7 +53,7 @@ class LineCompleter(Completer):
             yield Completion(quoted(item.value), start, display=item.value, display_meta=meta)
 
     def _taken_apart(self, before: str) -> tuple[TypedLine | None, str | None]:
-        """The words of the line, an alias for what it stands for; or the file behind `>` and its sign."""
+        """Return the line's words with an alias expanded, or the file after `>` with its sign."""
         command, destination = cut(before)
         if destination is not None:
             line = typed(before[len(command) + len(destination.sign) :])
@@ -108,7 +105,7 @@ class LineCompleter(Completer):
 
 
 def _global_items() -> Iterator[CompletionItem]:
-    """The global options that a single line may change."""
+    """Return the global options allowed on a single line."""
     for option in global_options(hidden=False):
         if option.name is None or option.hidden or option.name.removeprefix(PREFIX) in START_ONLY:
             continue
@@ -120,7 +117,7 @@ WIDEST = 40
 
 
 def _aligned(texts: list[str]) -> list[str]:
-    """Descriptions with what stands between two blanks in columns."""
+    """Align parts of descriptions, separated by two blanks, in columns."""
     rows = [[_shortened(part) for part in text.split("  ")] for text in texts]
     columns = max((len(row) for row in rows), default=0)
     widths = [max(len(row[i]) for row in rows if i < len(row)) for i in range(columns)]

@@ -1,7 +1,4 @@
-"""The first start: nothing says which bus, so what this machine has is offered, and kept if that is wanted.
-
-Does not know how interfaces are found (`bus.discover`), nor how a bus is opened.
-"""
+"""The first start without a configured bus: offer this machine's interfaces, and save the choice on request."""
 
 from __future__ import annotations
 
@@ -20,18 +17,18 @@ if TYPE_CHECKING:
     from dvtcli.bus.discover import FoundInterface
     from dvtcli.cli.conversation import Conversation
 
-#: the simulated node that is always there to try things on
+#: the simulated node for first trials
 SIMULATED = "generic"
-#: what most CANopen networks run at, in bit/s
+#: the most common bit rate of CANopen networks (bit/s)
 USUAL_BIT_RATE = 500_000
 
 Choice = dict[str, str | int | list[str]]
 
 
 def first_start(session: Conversation) -> None:
-    """Let the user choose where nothing is configured, and open that; returns at once where something is.
+    """Let the user choose and open an interface if none is configured; otherwise return at once.
 
-    Also where nobody can answer: then opening the bus says what is missing.
+    Also returns if nobody can answer: opening the bus then reports the cause.
     """
     options = session.options
     if options.sim or options.interface or options.channel or not sys.stderr.isatty() or session.output.json:
@@ -53,7 +50,7 @@ def first_start(session: Conversation) -> None:
 
 
 def _choose(session: Conversation, found: list[FoundInterface]) -> Choice | None:
-    """What the user takes, None where the terminal went away."""
+    """Return the user's choice, None if the terminal is gone."""
     session.output.lines(_offer(found))
     usual = next((number for number, one in enumerate(found, 1) if one.problem is None), len(found) + 1)
     while True:
@@ -70,7 +67,7 @@ def _choose(session: Conversation, found: list[FoundInterface]) -> Choice | None
 
 
 def _offer(found: list[FoundInterface]) -> list[Line]:
-    """The numbered list, with what to do about what does not open as it is."""
+    """Return the numbered list, with remedies for unusable interfaces."""
     table = Table(indent=2)
     for number, one in enumerate(found, 1):
         table.add(str(number), one.interface, one.channel, Cell(one.problem or one.about, "yellow" * bool(one.problem)))
@@ -103,7 +100,7 @@ def _answer(session: Conversation, question: str) -> str | None:
 
 
 def _keep(session: Conversation, choice: Choice) -> None:
-    """Write *choice* into the settings file where the user wants that; what cannot be kept is used all the same."""
+    """Save *choice* to the settings file on request; a failure does not prevent its use."""
     from dvtcli.files.settings_file import save_settings
 
     project = session.settings.project

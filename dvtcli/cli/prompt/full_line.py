@@ -1,7 +1,4 @@
-"""The line that is typed at a terminal that can draw: what it knows, and what stands around it.
-
-Knows prompt_toolkit. Does not know where a line goes, nor when the next one is asked for.
-"""
+"""The input line at a capable terminal, by prompt_toolkit: history, completion, validation, toolbar."""
 
 from __future__ import annotations
 
@@ -46,14 +43,14 @@ if TYPE_CHECKING:
     from dvtcli.cli.prompt.status import Status
 
 
-#: What click puts before the message of a parameter's type, which says it better.
+#: Click's prefix before the message of a parameter's type.
 _INVALID = re.compile(r"^Invalid value for [^:]*: ")
-#: These print and end while a line is parsed.
+#: Options that print and end during parsing.
 _ANSWERED_AT_ONCE = frozenset({"-h", "--help", "--version"})
 
 
 class Refused(ValidationError):
-    """A line that no command takes; *rest* is what the one row that prompt_toolkit has for it cannot hold."""
+    """An invalid line; *rest* is the part of the message beyond prompt_toolkit's single row."""
 
     def __init__(self, place: int, text: str, columns: int) -> None:
         first, *more = wrapped([Cell(safe(text))], columns)
@@ -66,9 +63,9 @@ def _text(cells: list[Cell]) -> str:
 
 
 class LineValidator(Validator):
-    """Refuses a line of *session* that no command takes, with the cursor at the word that is wrong.
+    """Refuses an invalid line of *session*, with the cursor at the wrong word.
 
-    *columns* tells the terminal's width.
+    *columns* returns the terminal's width.
     """
 
     def __init__(self, session: Conversation, columns: Callable[[], int]) -> None:
@@ -76,10 +73,9 @@ class LineValidator(Validator):
         self._columns = columns
 
     def validate(self, document: Document) -> None:
-        """Raise ValidationError for the first of the typed lines that cannot be parsed.
+        """Raise ValidationError for the first typed line that cannot be parsed.
 
-        An unclosed quote, a wrong option, a name that the known EDS lacks are found; what only the device can tell
-        is not.
+        Detects an unclosed quote, a wrong option, a name unknown to the EDS; nothing that only the device knows.
         """
         for line in document.text.replace("\\\n", " ").splitlines():
             wrong = self._wrong(line)
@@ -107,7 +103,7 @@ class LineValidator(Validator):
 
 
 def _place(text: str, wrong: str) -> int:
-    """Where the longest word that the message quotes stands in *text*; its end where none does."""
+    """Return the position in *text* of the longest word quoted in the message; the end if none."""
     for word in sorted(re.findall(r"'([^']+)'", wrong), key=len, reverse=True):
         if word in text:
             return text.rindex(word) + len(word)
@@ -115,19 +111,19 @@ def _place(text: str, wrong: str) -> int:
 
 
 class KeptHistory(FileHistory):
-    """A history file; where the disk refuses a line, the session goes on with what is in memory."""
+    """A history file; if writing fails, the session continues in memory."""
 
     def __init__(self, filename: str, is_secret: Callable[[str], bool]) -> None:
         super().__init__(filename)
         self._is_secret = is_secret
 
     def append_string(self, string: str) -> None:
-        """Remember *string*, unless it may hold what is nobody's business."""
+        """Add *string*, unless it may have a passcode."""
         if not self._is_secret(string):
             super().append_string(string)
 
     def store_string(self, string: str) -> None:
-        """Append *string* to the file, if that is possible."""
+        """Append *string* to the file if possible."""
         try:
             super().store_string(string)
         except OSError:
@@ -135,9 +131,9 @@ class KeptHistory(FileHistory):
 
 
 def open_history(output: Output, is_secret: Callable[[str], bool]) -> History:
-    """The history file, made where there is none; memory only, with a note, where it cannot be.
+    """Open the history file, created if absent; in memory only, with a note, on failure.
 
-    Lines that *is_secret* says may hold a passcode are not kept.
+    Lines for which *is_secret* returns true are not kept.
     """
     path = user_folder("state") / "history"
     try:
@@ -152,7 +148,7 @@ def open_history(output: Output, is_secret: Callable[[str], bool]) -> History:
 
 
 def _prepare(path: Path) -> None:
-    """Make the file and its folder with the user's rights only; SafetyRefusal where they are others' as well."""
+    """Create file and folder with the user's rights only. Raises SafetyRefusal if others have access."""
     private_folder(path.parent)
     os.close(open_private(path, os.O_RDWR | os.O_CREAT | os.O_APPEND))
 
@@ -169,7 +165,7 @@ class LineLexer(Lexer):
         self._commands = frozenset({*command_names(), *aliases})
 
     def lex_document(self, document: Document) -> Callable[[int], StyleAndTextTuples]:
-        """The styled words of each line of *document*."""
+        """Return the styled words of each line of *document*."""
         lines = document.lines
 
         def styled(number: int) -> StyleAndTextTuples:
@@ -209,14 +205,14 @@ STYLE = {
     "validation-toolbar": "bg:#5f0000 #ffffff",
 }
 
-#: Rows that a line and what stands below it need; what a terminal has beyond them is for the menu.
+#: Rows for the line and the toolbar; further rows are for the menu.
 ROWS_OF_TEXT = 4
-#: On a screen of so many rows what is wrong stands behind the line, too: its foot may be far below.
+#: From this many rows on, the error is repeated after the line: the toolbar may be far below.
 _TALL = 30
 
 
 def prompt_session(session: Conversation, status: Status, show_help: Callable[[str], None]) -> PromptSession[str]:
-    """A line for *session* with all that it has; *show_help* prints help for the line typed so far."""
+    """Return the input line for *session*; *show_help* prints help for the line so far."""
 
     def columns() -> int:
         return get_app().output.get_size().columns
@@ -253,7 +249,7 @@ def prompt_session(session: Conversation, status: Status, show_help: Callable[[s
 
 
 def _toolbar(status: Status, *, types_tcl: bool) -> StyleAndTextTuples:
-    """The last line, and above it what is wrong with the line that is typed, where there is room for that."""
+    """Return the toolbar, with the line's error above if space permits."""
     buffer, size = get_app().current_buffer, get_app().output.get_size()
     low = size.rows <= ROWS_OF_TEXT + 1
     rest = "" if low else getattr(buffer.validation_error, "rest", "")
@@ -262,7 +258,7 @@ def _toolbar(status: Status, *, types_tcl: bool) -> StyleAndTextTuples:
 
 
 def _said_at_line() -> StyleAndTextTuples:
-    """What is wrong with the line, behind it, where the foot of the screen is far away."""
+    """Return the line's error after the line, if the toolbar is far away."""
     application = get_app()
     wrong = application.current_buffer.validation_error
     if wrong is None or application.output.get_size().rows < _TALL:

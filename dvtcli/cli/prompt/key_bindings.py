@@ -1,4 +1,4 @@
-"""What keys do at the prompt. Knows prompt_toolkit, and when a `?` is a question. Does not know what a line does."""
+"""The keys of the prompt, by prompt_toolkit, and when `?` asks for help."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from dvtcli.cli.prompt.typed import last_line, typed
 
 
 class ThrownAway(Exception):
-    """The line was given up; no KeyboardInterrupt, since that would break out of prompt_toolkit's event loop."""
+    """The user discarded the line; a KeyboardInterrupt would break out of prompt_toolkit's event loop."""
 
 
 @Condition
@@ -26,13 +26,13 @@ def _no_text() -> bool:
 
 @Condition
 def _continued() -> bool:
-    """A backslash is the last that was typed."""
+    """Whether the line ends with a backslash."""
     document = get_app().current_buffer.document
     return document.is_cursor_at_the_end and document.text.endswith("\\")
 
 
 def bindings(show_help: Callable[[str], None]) -> KeyBindings:
-    """The keys besides those of a line editor; *show_help* prints help for the line typed so far."""
+    """Return the additional keys; *show_help* prints help for the line so far."""
     keys = KeyBindings()
 
     @keys.add("enter", filter=has_completions & completion_is_selected)
@@ -55,7 +55,7 @@ def bindings(show_help: Callable[[str], None]) -> KeyBindings:
     @keys.add("c-c", filter=has_focus(DEFAULT_BUFFER))
     @keys.add("<sigint>")
     def _throw_away(event: KeyPressEvent) -> None:
-        """Throw the line away; a second Ctrl-C while the first one is at it changes nothing."""
+        """Discard the line; a second Ctrl-C in the meantime has no effect."""
         if event.app.is_running and not event.app.is_done:
             event.app.exit(exception=ThrownAway, style="class:aborting")
 

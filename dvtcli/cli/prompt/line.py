@@ -1,6 +1,6 @@
-"""What a typed line means before any command sees it: aliases, and where its results go.
+"""Preprocess a typed line: expand aliases, and find the destination of results.
 
-Knows quotes as `lexer.split` does, and the word behind which they are Tcl's. Does not know commands, and opens nothing.
+Quotes are as in `lexer.split`; after the word `tcl` they are Tcl's. Opens nothing.
 """
 
 from __future__ import annotations
@@ -11,25 +11,25 @@ from dataclasses import dataclass
 from dvtcli.cli.lexer import split
 from dvtcli.errors import UsageError
 
-#: What stands before a line that a backslash continues.
+#: The prompt of a line continued by a backslash.
 CONTINUED = "  ... "
-#: What sends results elsewhere, where it begins a word.
+#: Signs for the destination of results, at the start of a word.
 _SIGNS = (">>", ">", "|")
 
 
 @dataclass(frozen=True, slots=True)
 class Destination:
-    """Where results go: *sign* is `|` (a program), `>` (a file) or `>>` (the end of a file)."""
+    """The destination of results: *sign* is `|` (a program), `>` (a file) or `>>` (append to a file)."""
 
     sign: str
     target: str
 
 
 def taken_apart(line: str, aliases: Mapping[str, str]) -> tuple[str, Destination | None]:
-    """The command in *line*, and where its results go, as `cut`; an alias at its start stands for its own line.
+    """Split *line* into command and destination, as `cut`, then expand an alias at its start.
 
-    The line is cut before the alias is put in, so that no alias changes what the typed signs and quotes mean: behind a
-    sign of the alias, all that was typed belongs to its destination.
+    Cutting first keeps an alias from changing the meaning of typed signs and quotes: if the alias has a sign, all typed
+    text belongs to its destination.
     """
     command, destination = cut(line)
     name = _first_word(command)
@@ -46,21 +46,21 @@ def _first_word(line: str) -> str:
 
 
 def expanded(line: str, aliases: Mapping[str, str]) -> str:
-    """*line* with an alias at its start replaced by what it stands for."""
+    """Expand an alias at the start of *line*."""
     name = _first_word(line)
     return line if name not in aliases else aliases[name] + line.lstrip()[len(name) :]
 
 
 def tcl_line(line: str, aliases: Mapping[str, str]) -> str | None:
-    """The Tcl behind the word `tcl`, as it was typed: its quotes and signs are Tcl's; None where there is none."""
+    """Return the Tcl after the word `tcl` as typed, with quotes and signs; None without `tcl`."""
     name, _, text = expanded(line, aliases).strip().partition(" ")
     return text.strip() or None if name.lower() == "tcl" else None
 
 
 def cut(line: str) -> tuple[str, Destination | None]:
-    """The command in *line*, and where its results go; None where they stay on the screen.
+    """Split *line* into command and destination of results; None for the screen.
 
-    Quoted signs, and signs inside words, belong to the command, as does what stands in a comment.
+    Signs in quotes, words and comments belong to the command.
     """
     quote, before = "", " "
     for position, char in enumerate(line):
@@ -79,7 +79,7 @@ def cut(line: str) -> tuple[str, Destination | None]:
 
 
 def checked(destination: Destination, *, programs: bool) -> Destination:
-    """*destination* as it can be opened; UsageError where it names nothing, or a forbidden program."""
+    """Return *destination* ready to open. Raises UsageError if empty, or a forbidden program."""
     if destination.sign == "|":
         if not programs:
             raise UsageError("`|` is off: dvtcli was started with --no-shell")

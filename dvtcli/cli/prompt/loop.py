@@ -1,7 +1,4 @@
-"""The prompt: reads lines, runs each one as a script's line would be, and asks before unstored changes are left.
-
-Does not know how a line is edited (`dvtcli.cli.prompt`), nor what a command does (`registry`).
-"""
+"""The prompt: reads lines, runs each like a script line, and asks before leaving unstored changes."""
 
 from __future__ import annotations
 
@@ -31,7 +28,10 @@ SILENT = 5
 
 
 def run_prompt(session: Conversation) -> int:
-    """Open the bus and run lines until the user leaves; the program's exit code. BusUnavailable where none opens."""
+    """Open the bus and run lines until the user leaves; returns the program's exit code.
+
+    Raises BusUnavailable if no bus opens.
+    """
     from dvtcli.cli.prompt.bus_watch import Life
     from dvtcli.cli.prompt.first_start import first_start
     from dvtcli.cli.prompt.notices import Notices
@@ -70,15 +70,15 @@ class Prompt:
         self, session: Conversation, status: Status, lines: Reader, busy: AbstractContextManager[object]
     ) -> None:
         self._session, self._status, self._reader = session, status, lines
-        #: held while anything is done with nodes
+        #: held during any work with nodes
         self._busy = busy
-        #: whether a line ran since the last prompt: what was typed meanwhile was typed blindly
+        #: whether a line ran since the last prompt, so that input was typed unseen
         self._has_run = False
-        #: whether the node may be asked how it is before a prompt: not after it kept silent, which takes time
+        #: whether to read the node's state before a prompt; not after a timeout
         self._answers = True
 
     def run(self) -> int:
-        """Read and run lines until the user leaves; 0, or the code of the signal that ended it."""
+        """Read and run lines until the user leaves; returns 0, or the code of a signal."""
         while True:
             self._session.cancellation.reset()
             try:
@@ -97,7 +97,7 @@ class Prompt:
                 return 0
 
     def _turn(self) -> int:
-        """Read what is typed and run it; a pasted text of several lines stops at the first one that fails."""
+        """Read and run the input; pasted lines stop at the first failure."""
         self._forget_what_was_typed_blindly()
         text = self._reader.read()
         code = 0
@@ -110,14 +110,14 @@ class Prompt:
         return code
 
     def _forget_what_was_typed_blindly(self) -> None:
-        """Lines that were typed while another one ran would run unseen: they are thrown away, and that is said."""
+        """Discard lines typed while another line ran, with a note, because they would run unseen."""
         thrown_away = throw_away(sys.stdin, self._reader.left_over()) if self._has_run else None
         self._has_run = False
         if thrown_away:
             self._session.output.warning(thrown_away)
 
     def _run(self, line: str) -> int:
-        """Run one line; unless it left something changed, every node goes back to the state it was found in."""
+        """Run a line; restores every node's NMT state, except if the line left changes."""
         from dvtcli.cli.prompt.line import checked, taken_apart, tcl_line
         from dvtcli.cli.prompt.redirect import sent
 
@@ -146,7 +146,7 @@ class Prompt:
         return code
 
     def _left_tcl(self) -> int:
-        """What Ctrl-D leaves: Tcl's lines where they are typed, else the prompt."""
+        """Handle Ctrl-D: leave Tcl mode if active, else the prompt."""
         tcl = self._session.tcl
         if tcl is None or not tcl.on:
             return LEAVE
@@ -161,7 +161,7 @@ class Prompt:
         return self._session.cancellation.exit_code != INTERRUPTED
 
     def _may_leave(self) -> bool:
-        """Whether nothing is left unstored, or the user says that this is meant."""
+        """Whether nothing is unstored, or the user confirms leaving."""
         unstored = self._status.unstored()
         if not unstored or self._session.options.yes or self._session.dry_run:
             return True
@@ -174,12 +174,12 @@ class Prompt:
 
 
 def _gone() -> bool:
-    """Whether the terminal itself went away: then nobody is left to ask."""
+    """Whether the terminal is gone, without anybody to ask."""
     return not sys.stdin.isatty()
 
 
 def _help(session: Conversation, line: str) -> None:
-    """Print help for the command that *line* begins with, by its name or an alias, else the list of commands."""
+    """Print help for the command of *line*, by name or alias, else the list of commands."""
     from dvtcli.cli.prompt.line import expanded
 
     name = expanded(line, session.aliases).split()[:1]
@@ -188,7 +188,7 @@ def _help(session: Conversation, line: str) -> None:
 
 
 def _banner(session: Conversation) -> None:
-    """Say what is open and which keys help."""
+    """Print the open bus and the help keys."""
     from dvtcli.version import __version__
 
     network = session.network
@@ -221,7 +221,7 @@ def _simulated(node: Node) -> str:
 
 
 def _reached(session: Conversation) -> str:
-    """The selected node as far as it answers; silence is said, and the prompt is there for it."""
+    """Return the selected node's answer or silence; the prompt starts in either case."""
     node_id = session.selected_id()
     if node_id is None:
         return "  no node is selected: scan finds them, `node ID` selects one"

@@ -1,7 +1,4 @@
-"""Messages that come by themselves while a line is typed: a few a second, then only their number.
-
-Does not know what they say, nor what a terminal is.
-"""
+"""Asynchronous messages while a line is typed: a few per second, then only their number."""
 
 from __future__ import annotations
 
@@ -22,7 +19,7 @@ class Notices:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        #: held for a moment, and never while the terminal is waited for
+        #: held briefly, never while waiting for the terminal
         self._counting = threading.Lock()
         self._waiting: deque[str] = deque(maxlen=A_SECOND)
         self._show: Show | None = None

@@ -1,7 +1,4 @@
-"""Results that go into a file, a program or a pager instead of over the screen.
-
-Knows processes. Does not know commands nor what results say.
-"""
+"""Send results to a file, a program or a pager instead of the screen."""
 
 from __future__ import annotations
 
@@ -26,9 +23,9 @@ LESS = "-SRXF"
 
 @contextmanager
 def sent(output: Output, destination: Destination | None) -> Iterator[None]:
-    """While the block runs, results go to *destination* (None: where they go anyway).
+    """Send results to *destination* during the block (None: unchanged).
 
-    UsageError where a file cannot be written.
+    Raises UsageError if a file cannot be written.
     """
     if destination is None:
         yield
@@ -57,13 +54,13 @@ def _file(destination: Destination) -> Iterator[TextIO]:
 
 
 def _program(command: str) -> AbstractContextManager[TextIO]:
-    """A program's stdin, as the user's own shell starts it; waits for its end."""
+    """Start a program by the user's shell; yields its stdin, and waits for its end."""
     shell = ["cmd", "/c"] if os.name == "nt" else [os.environ.get("SHELL") or "/bin/sh", "-c"]
     return _fed(_started([*shell, command]))
 
 
 def _started(words: list[str], environment: dict[str, str] | None = None) -> subprocess.Popen[str]:
-    """A program that waits for its input; UsageError where it cannot be started."""
+    """Start a program that reads its input. Raises UsageError on failure."""
     try:
         return subprocess.Popen(  # noqa: S603 - the user's own program, from the user's own keyboard
             words, stdin=subprocess.PIPE, text=True, encoding="utf-8", errors="backslashreplace", env=environment
@@ -86,7 +83,7 @@ def _fed(process: subprocess.Popen[str]) -> Iterator[TextIO]:
 
 @contextmanager
 def _ctrl_c_is_the_programs() -> Iterator[None]:
-    """Every program of a terminal gets Ctrl-C: here it is for the one that is waited for."""
+    """Leave Ctrl-C, which all programs of a terminal receive, to the awaited program."""
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         yield
@@ -95,16 +92,16 @@ def _ctrl_c_is_the_programs() -> Iterator[None]:
 
 
 def _words(command: str) -> list[str]:
-    """The words of the user's *command*, in which `\\` is between folders on Windows; ValueError as shlex.split."""
+    r"""Split the user's *command*; `\` separates folders on Windows. Raises ValueError as shlex.split."""
     if os.name != "nt":
         return shlex.split(command)
     return [word.strip('"') for word in shlex.split(command, posix=False)]
 
 
 def paged(text: str) -> bool:
-    """Show *text* with the user's pager ($PAGER, else `less`); False where none showed it, or no keyboard can leave it.
+    """Show *text* in the user's pager ($PAGER, else `less`); returns False if not shown, or no keyboard can quit.
 
-    `PAGER=cat` or an empty one switches paging off.
+    `PAGER=cat` or empty disables paging.
     """
     try:
         words = _words(os.environ.get("PAGER", "less"))

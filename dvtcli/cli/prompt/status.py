@@ -1,7 +1,4 @@
-"""What the prompt and its toolbar say about bus, node and unstored changes; reads nothing from the bus.
-
-Does not know how a terminal draws it: answers are (style, text) pairs.
-"""
+"""Contents of prompt and toolbar: bus, node and unstored changes as (style, text) pairs; reads nothing from the bus."""
 
 from __future__ import annotations
 
@@ -31,9 +28,9 @@ if TYPE_CHECKING:
 
 
 def syntax(text: str, width: int, aliases: Mapping[str, str]) -> tuple[str, str] | None:
-    """The command that *text* begins with and its parameters, in at most *width* columns; None where there is none.
+    """Return the command at the start of *text* and its parameters in *width* columns; None without a command.
 
-    Options that were typed already give way to those that were not.
+    Options not yet typed take precedence.
     """
     command = cut(last_line(text))[0]
     if not (before := typed(command)) or not before.words:
@@ -57,7 +54,7 @@ def syntax(text: str, width: int, aliases: Mapping[str, str]) -> tuple[str, str]
 
 @lru_cache(maxsize=64)
 def _parts(name: str) -> tuple[tuple[str, ...] | None, tuple[tuple[str, tuple[str, ...]], ...]]:
-    """A command's arguments as they are typed, and its options: `[--cob-id ID]` with the words that give it."""
+    """Return a command's arguments as typed, and its options: `[--cob-id ID]` with their words."""
     command = REGISTRY.get_command(click.Context(REGISTRY), name)
     if command is None:
         return None, ()
@@ -82,15 +79,15 @@ def _option(option: click.Option, ctx: click.Context) -> str:
     return f"[{words}{takes}]"
 
 
-#: What stands between two parts.
+#: The separator of parts.
 BETWEEN = " │ "
 
 
 @dataclass(frozen=True, slots=True)
 class StatusPart:
-    """A piece of a status line: *forms* from the longest to the shortest, `""` where it may be left out.
+    """A piece of a status line: *forms* from longest to shortest, `""` if optional.
 
-    Of two parts the one with the lower *weight* becomes shorter first.
+    Parts with lower *weight* are shortened first.
     """
 
     weight: int
@@ -99,7 +96,7 @@ class StatusPart:
 
 
 def fitted(parts: Sequence[StatusPart], width: int) -> list[tuple[str, str]]:
-    """(style, text) of the parts that fit *width* columns, each in the longest form that does."""
+    """Return (style, text) of parts within *width* columns, each in the longest form that fits."""
     forms = [0] * len(parts)
 
     def texts() -> list[tuple[str, str]]:
@@ -117,24 +114,24 @@ def _columns(texts: Sequence[tuple[str, str]]) -> int:
 
 
 _STATE_STYLES = {NmtState.OPERATIONAL: "class:good", NmtState.PRE_OPERATIONAL: "class:careful"}
-#: PDOs of a simulated node that are read before a prompt is shown, so that the menu can say what they are set to.
+#: Maximum number of a simulated node's PDOs to read before a prompt, for the menu.
 MOST_PDOS_READ = 32
 
 
 class Status:
-    """The session as the prompt shows it; *life* is what is heard meanwhile."""
+    """The session as shown by the prompt; *life* watches the bus."""
 
     def __init__(self, session: Conversation, life: Life) -> None:
         self._session = session
         self._life = life
-        #: the selected node's state as it told by itself when last asked, where nothing is heard of it
+        #: the selected node's state as last read, if none is received
         self._told: NmtState | None = None
 
     def refresh(self, *, ask: bool) -> None:
-        """Look at the node before a prompt is shown; with *ask* it may be asked, since it answered just now.
+        """Update the node's state before a prompt; *ask*: the node may be read, having just answered.
 
-        On a real bus that is the state object of a family that has one, no more: whoever typed a line waits for the
-        next prompt. There the menu says what commands have read.
+        On a real bus only a family's state object is read, to keep the prompt fast; the menu then shows values read by
+        commands.
         """
         self._told = None
         node = self._node()
@@ -163,13 +160,13 @@ class Status:
         return safe(" ".join(words)) + ("*" if self.unstored() else "") + "> "
 
     def unstored(self) -> dict[int, list[str]]:
-        """What is not stored, by node-ID."""
+        """Return unstored changes by node-ID."""
         return {node.node_id: list(node.unstored) for node in self._nodes() if node.unstored}
 
     def toolbar(self, width: int, line: str = "") -> StyleAndTextTuples:
-        """Bus, load, node, state, emergencies and what is not stored, on one line of *width* columns.
+        """Return bus, load, node, state, emergencies and unstored changes on a line of *width* columns.
 
-        Above it, where *line* begins with a command, that command's syntax.
+        Above it, the syntax of the command in *line*, if any.
         """
         parts = [self._bus_part(), *self._load_parts(), *self._node_parts(), *self._unstored_parts(), *self._hints()]
         fragments: StyleAndTextTuples = []
@@ -235,7 +232,7 @@ class Status:
         return [StatusPart(1, "", ("F1 help", ""))] if "help" in command_names() else []
 
     def _bus_name(self) -> str:
-        """The name that `--bus` chose it by, else its channel."""
+        """The name given with `--bus`, else the channel."""
         if self._session.base.bus is not None:
             return self._session.base.bus
         name = self._session.wire.name

@@ -1,7 +1,4 @@
-"""Reading a line at a terminal: with menu, history and toolbar where it can draw them, else plainly.
-
-Knows prompt_toolkit. Does not know what a line does.
-"""
+"""Read lines at a terminal: with menu, history and toolbar by prompt_toolkit if capable, else plainly."""
 
 from __future__ import annotations
 
@@ -22,14 +19,14 @@ if TYPE_CHECKING:
 
 
 class Reader(Protocol):
-    """Where lines come from."""
+    """A source of lines."""
 
     def read(self) -> str:
-        """The next line; KeyboardInterrupt where it was thrown away, EOFError where the user wants to leave."""
+        """Return the next line. Raises KeyboardInterrupt if discarded, EOFError if the user leaves."""
         ...
 
     def left_over(self) -> int:
-        """Forget what came together with the last line, behind it; how many characters that was."""
+        """Discard input received after the last line; returns the number of characters."""
         ...
 
 
@@ -47,7 +44,7 @@ class PlainReader:
         self._status, self._notices, self._output = status, notices, output
 
     def read(self) -> str:
-        """Ask on stderr, so that stdout holds results only."""
+        """Prompt on stderr, so that stdout has results only."""
         with self._notices.shown_by(lambda text: self._output.lines([text])):
             try:
                 self._notices.pump()
@@ -63,7 +60,7 @@ class PlainReader:
         return line
 
     def left_over(self) -> int:
-        """Nothing: a terminal that edits its lines itself hands them out one at a time."""
+        """Return 0: a line-buffered terminal delivers single lines."""
         return 0
 
     def _asked(self, prompt: str) -> str:
@@ -110,7 +107,7 @@ class FullReader:
         return line
 
     def left_over(self) -> int:
-        """Forget what was read of the terminal together with the last line; not what the terminal says of itself."""
+        """Discard input read together with the last line, except the terminal's own replies."""
         from prompt_toolkit.input.typeahead import get_typeahead
         from prompt_toolkit.keys import Keys
 
@@ -118,7 +115,7 @@ class FullReader:
         return sum(len(key.data) for key in keys if key.key is not Keys.CPRResponse)
 
     def _typed(self) -> str | None:
-        """What was typed, None where it was thrown away."""
+        """Return the typed line, None if discarded."""
         from dvtcli.cli.prompt.key_bindings import ThrownAway
 
         try:
@@ -129,9 +126,9 @@ class FullReader:
 
 @contextmanager
 def _held_interrupts() -> Iterator[list[int]]:
-    """Keep SIGINT out of prompt_toolkit's starting and ending, where it breaks the event loop; the list has what came.
+    """Collect SIGINT in the list while prompt_toolkit starts and ends, because it would break the event loop.
 
-    While the line is typed, prompt_toolkit hears it itself and throws the line away.
+    While a line is typed, prompt_toolkit handles Ctrl-C itself and discards the line.
     """
     held: list[int] = []
     before = signal.signal(signal.SIGINT, lambda number, _frame: held.append(number))

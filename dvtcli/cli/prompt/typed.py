@@ -1,7 +1,4 @@
-"""A line that is still being typed, taken apart the way `registry.split` takes apart a finished one.
-
-Does not know commands.
-"""
+"""Split an unfinished line as `registry.split` splits a finished line."""
 
 from __future__ import annotations
 
@@ -10,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class TypedLine:
-    """The finished *words* before the cursor, and the one being typed: its text and where it starts in the line."""
+    """The finished *words* before the cursor, and the current word: text and start in the line."""
 
     words: list[str]
     incomplete: str
@@ -45,15 +42,15 @@ def typed(text: str) -> TypedLine | None:
 
 
 def last_line(text: str) -> str:
-    """The line that the cursor is in: of pasted lines the last one, with the parts that a backslash continues.
+    """Return the cursor's line: the last of pasted lines, joined with lines continued by backslashes.
 
-    As long as the end of *text* that it stands for, so that positions from the end stay what they are.
+    The result is as long as the corresponding end of *text*, so that positions from the end stay valid.
     """
     return text.replace("\\\n", "  ").rpartition("\n")[2]
 
 
 def quoted(word: str) -> str:
-    """*word* as it must be typed to stay one word."""
+    """Quote *word* so that it stays one word."""
     if word and not any(char.isspace() or char in "\"'#" for char in word):
         return word
     return f'"{word}"' if '"' not in word else f"'{word}'"

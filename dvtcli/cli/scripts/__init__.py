@@ -1,1 +1,1 @@
-"""Scripts: parsed whole, run line by line, kept or taken back, rehearsed on twins, and told of in a report."""
+"""Scripts: parsed whole, run line by line, kept or rolled back, rehearsed on twins, and reported."""

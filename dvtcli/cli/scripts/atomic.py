@@ -1,7 +1,4 @@
-"""Which lines of a script can be taken back: what `run --atomic` refuses before its first line runs.
-
-Knows no command: each says what a line of it does. Runs nothing.
-"""
+"""Decide if all lines of a script can be rolled back, for `run --atomic`, before the first line runs."""
 
 from __future__ import annotations
 
@@ -18,44 +15,44 @@ if TYPE_CHECKING:
 
 
 def is_rehearsal(ctx: click.Context) -> bool:
-    """Whether the parsed line, which has not run yet, works on twins by an option of its own."""
+    """Whether the parsed line, not yet run, works on twins by its own option."""
     return bool(ctx.params.get(f"{PREFIX}dry_run"))
 
 
 def final(ctx: click.Context) -> Final | None:
-    """What the parsed line does that no undo reverts; None where it does no such thing."""
+    """Return the part of the parsed line that no undo reverts; None if none."""
     return None if is_rehearsal(ctx) else of_line(ctx).final(ctx.params)
 
 
 def stores(ctx: click.Context) -> Final | None:
-    """What the parsed line may store once its changes are made; None where it stores nothing, or nothing else."""
+    """Return the store that may follow the parsed line's changes; None for lines without changes or stores."""
     return None if is_rehearsal(ctx) else of_line(ctx).stores(ctx.params)
 
 
 def is_changing(ctx: click.Context) -> bool:
-    """Whether the parsed line changes what a node holds, in a way that can be undone."""
+    """Whether the parsed line changes a node in a way that undo can revert."""
     return not is_rehearsal(ctx) and of_line(ctx).effect is Effect.CHANGES and final(ctx) is None
 
 
 def does_other(ctx: click.Context) -> bool:
-    """Whether the parsed line does something to a node that its history does not hold."""
+    """Whether the parsed line affects a node in a way not recorded in its history."""
     return not is_rehearsal(ctx) and (final(ctx) is not None or of_line(ctx).effect is Effect.COMMANDS)
 
 
 @dataclass(slots=True)
 class Reach:
-    """What a script does, from its first line on: whether it *changes*, and its first line that is *final*."""
+    """The effects of a script from its first line: whether it *changes* nodes, and its first *final* line."""
 
     changes: bool = False
     final: tuple[str, str] | None = None
-    #: the first final line that a changing one follows, with that one's place
+    #: the first final line followed by a changing line, with the latter's place
     wrong: tuple[str, str, str] | None = None
-    #: the first line that runs what cannot be parsed before it runs, and one that runs on after a failure
+    #: the first line with a script that cannot be parsed in advance, and with --keep-going
     opaque: str | None = None
     keeps_going: str | None = None
 
     def line(self, place: str, ctx: click.Context) -> None:
-        """Take the line at *place* (`FILE:LINE`) in."""
+        """Add the line at *place* (`FILE:LINE`)."""
         if is_changing(ctx):
             self._change(place)
         found = final(ctx) or stores(ctx)
@@ -63,7 +60,7 @@ class Reach:
             self.final = (place, found.words)
 
     def script(self, place: str, other: Reach) -> None:
-        """Take in the script that the line at *place* runs."""
+        """Add the script run by the line at *place*."""
         if other.changes:
             self._change(place)
         self.wrong, self.opaque = self.wrong or other.wrong, self.opaque or other.opaque
@@ -71,7 +68,7 @@ class Reach:
         self.final = self.final or other.final
 
     def not_parsed(self, place: str, *, tcl: bool) -> None:
-        """Take in a script that does not exist yet, or a Tcl script, which may do anything at all."""
+        """Add a script that does not exist yet, or a Tcl script, with unknown effects."""
         self._change(place)
         if tcl:
             self.opaque = self.opaque or place
@@ -82,7 +79,7 @@ class Reach:
             self.wrong = self.wrong or (*self.final, place)
 
     def refuse(self) -> None:
-        """Raise UsageError with FILE:LINE where an atomic script could not take all its lines back."""
+        """Raise UsageError with FILE:LINE if an atomic script could not roll back all lines."""
         if self.opaque is not None:
             raise UsageError(
                 f"{self.opaque}: a Tcl script is no part of an atomic one: what it does is not known before it runs",

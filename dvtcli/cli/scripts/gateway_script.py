@@ -1,7 +1,4 @@
-"""A file of gateway lines (CiA 309-3) as the words of commands: what they write goes through the plan, as `write` does.
-
-Does not run anything, and does not know what a script is.
-"""
+"""Convert a file of gateway lines (CiA 309-3) to commands, whose writes go through a plan like `write`."""
 
 from __future__ import annotations
 
@@ -17,24 +14,24 @@ from dvtcli.errors import UsageError
 if TYPE_CHECKING:
     from dvtcli.domain.gateway.requests import Command, Request
 
-#: how a comment begins that is carried out
+#: the beginning of a comment that is executed
 _MARK = "#!"
 _NUMBERED = ("bool", "u", "i", "r")
-#: the only net that there is
+#: the only network number
 _NET = 1
 
 
 class GatewayScript:
-    """Turns the lines of one file, in their order, into words: `set node` and `set sdo_timeout` count from there on."""
+    """Converts the lines of a file in order; `set node` and `set sdo_timeout` apply to the following lines."""
 
     def __init__(self) -> None:
         self._node: int | None = None
         self._options: list[str] = []
 
     def words(self, line: str, place: str) -> list[str]:
-        """The command that *line* at *place* means, empty for none; UsageError where there is none.
+        """Return the command of *line* at *place*, empty for none. Raises UsageError if there is no equivalent.
 
-        A comment that begins with `#! require` is one: what a plan was made for holds wherever its lines are run.
+        A comment `#! require` is a command, so that a plan's requirements apply wherever its lines run.
         """
         bare = line.strip()
         if bare.startswith(REQUIRED):
@@ -69,7 +66,7 @@ class GatewayScript:
         return self._set(command, place)
 
     def _set(self, command: Command, place: str) -> list[str]:
-        """Take what a `set` says for the lines below it."""
+        """Apply a `set` to the following lines."""
         match command:
             case Order("set node", (node_id,)):
                 self._node = node_id
@@ -97,7 +94,7 @@ def _type(name: str | None) -> list[str]:
 
 
 def _value(command: Write) -> list[str]:
-    """Value and type as `write` takes them: a number as one, a text as one, and else bytes."""
+    """Return value and type for `write`: numbers and texts as such, all else as bytes."""
     kind = TYPES[command.data_type]
     if command.data_type != HEX and kind.short.startswith(_NUMBERED) and kind.short != "us":
         value = kind.decode(command.data)

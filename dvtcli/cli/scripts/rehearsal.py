@@ -1,4 +1,4 @@
-"""What a script would leave, found by running it on twins of the nodes as they are. Nothing of it reaches the bus."""
+"""Find the result of a script by running it on twins of the nodes; sends nothing to the bus."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.device.node import Node
 
-#: What lines do that a wish has a part in: others set nothing, or act on what was set before.
+#: Effects of lines that matter for the resulting configuration.
 _PLAYED = frozenset({Effect.SELECTS, Effect.CHANGES})
 
 
 def rehearsed(session: Conversation, file: str, node_id: int | None = None) -> dict[int, Wish]:
-    """What the script *file* wishes of each node, given what the nodes hold now; *node_id* is selected when it begins.
+    """Return the configuration set by the script *file* for each node; *node_id* is selected at its beginning.
 
-    A line that cannot run raises what it would raise in `run`, with FILE:LINE.
+    Starts from the nodes' present values. Raises the errors of `run`, with FILE:LINE.
     """
     stage = session.on_twins()
     stage.scripts.append(file)
@@ -42,7 +42,7 @@ def rehearsed(session: Conversation, file: str, node_id: int | None = None) -> d
 
 
 def _wish(twin: Node) -> Wish:
-    """What was set on *twin*, PDOs as they are at the script's end whichever line set which part."""
+    """Return the values set on *twin*, with each changed PDO as a whole at the script's end."""
     pdos = {pdo: twin.pdo(pdo) for pdo in twin.wanted}
     return Wish(pdos, dict(twin.wanted_values), dict(twin.said), unreadable=unreadable_of(twin))
 
@@ -61,7 +61,7 @@ def _play(stage: Conversation, sources: Sequence[str]) -> None:
 
 
 def _play_line(stage: Conversation, line: ScriptLine, sources: Sequence[str]) -> bool:
-    """Run one line on the twins; whether the script ends with it."""
+    """Run a line on the twins; returns whether the script ends here."""
     with parse(line.words, stage) as ctx:
         if ctx.command.name == "exit":
             return True
@@ -76,7 +76,7 @@ def _play_line(stage: Conversation, line: ScriptLine, sources: Sequence[str]) ->
 
 
 def _refuse_unknown(ctx: click.Context) -> None:
-    """Raise UsageError for a line that brings back what is stored, or was: only the device knows that."""
+    """Raise UsageError for a line that loads stored or earlier values, known to the device only."""
     found = final(ctx)
     if found is not None and found.brings_back:
         raise UsageError(
@@ -101,7 +101,7 @@ def _data(source: str) -> bytes:
 
 
 def _placed(wrong: DvtcliError, place: str) -> DvtcliError:
-    """*wrong* with where it is in the script, innermost first, unless it says that itself."""
+    """Add the place in the script to *wrong*, innermost first, unless already present."""
     if ":" not in wrong.text or not wrong.text.startswith(place.rpartition(":")[0]):
         wrong.text, wrong.given = f"{place}: {error_text(wrong)}", {}
     wrong.state, wrong.state_text, wrong.rehearsed = "unchanged", None, True  # what was put back was a twin's

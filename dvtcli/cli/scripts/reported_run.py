@@ -1,4 +1,4 @@
-"""A script run for a report: what its lines say goes into it, and stdout is the report's. Does not know its layout."""
+"""Run a script for a report: collect the lines' output, and write the report to stdout."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.errors import DvtcliError
 
-#: what makes the report of each format
+#: the writer of each report format
 _REPORTS = {"github": "github_script_lines", "junit": "junit_script_lines"}
 
 
 def reported_run(session: Conversation, file: str, run: Callable[[], int]) -> int:
-    """The exit code of *run*, which runs the script *file*; its lines are reported in the format that is asked for.
+    """Call *run* for the script *file*, and report its lines in the requested format; returns the exit code.
 
-    What fails is said on stderr as well. A file that cannot be run, or whose lines nobody knows beforehand (Tcl), is
-    one case; so is what fails behind the last line.
+    Failures also go to stderr. An unusable file, a script with unknown lines (Tcl), and a failure after the last line
+    are
+    one case each.
     """
     output, outer = session.output, session.report
     output.failed = None
@@ -46,13 +47,13 @@ def reported_run(session: Conversation, file: str, run: Callable[[], int]) -> in
 
 
 def _cases(report: ScriptReport, whole: LineRan) -> list[LineRan]:
-    """The lines that ran, and the script as a *whole* where no line has what it failed with, or where there is none."""
+    """Return the executed lines, and the *whole* script if no line has its failure, or if no line ran."""
     if report.lines and (not whole.code or any(line.code for line in report.lines)):
         return report.lines
     return [*report.lines, whole]
 
 
 def _line_of(file: str, error: DvtcliError | None) -> int:
-    """The line of *file* that *error* is about, 0 for none."""
+    """Return the line of *file* for *error*, 0 for none."""
     place, _, number = ((error.place or "") if error is not None else "").rpartition(":")
     return int(number) if place == file and number.isdigit() else 0

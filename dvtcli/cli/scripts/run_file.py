@@ -22,7 +22,7 @@ def run_file(
     atomic: bool = False,
     most_seconds: float | None = None,
 ) -> int:
-    """Run the script *file*, stdin with `-`; the exit code. UsageError where it cannot be read."""
+    """Run the script *file* (`-`: stdin); returns the exit code. Raises UsageError if unreadable."""
     if file == "-":
         return run_script(
             session, sys.stdin.buffer.read(MOST_BYTES + 1), "<stdin>", keep_going=keep_going, atomic=atomic

@@ -1,7 +1,4 @@
-"""Scripts: parsed whole before the first line runs, then run line by line inside one NMT gate.
-
-Does not know where the text came from, and never asks anything.
-"""
+"""Run scripts: parsed whole before the first line runs, then line by line inside one NMT gate; never asks."""
 
 from __future__ import annotations
 
@@ -58,9 +55,9 @@ def _run_noted(session: Conversation, ctx: click.Context) -> Any:
 
 
 def look_again(session: Conversation, changes: ScriptChanges) -> None:
-    """All lines of an atomic script have worked: it fails all the same if a node lost what one of them had set.
+    """Check that nodes still hold all values of a finished atomic script; otherwise roll back and fail.
 
-    The outermost script looks once more when its nodes are in the NMT state in which they were found.
+    The outermost script checks again after restoring the nodes' NMT states.
     """
     if not changes.atomic or changes.ended:
         return
@@ -74,7 +71,7 @@ def look_again(session: Conversation, changes: ScriptChanges) -> None:
 
 
 def _refuse_half(ctx: click.Context, changes: ScriptChanges, code: int) -> None:
-    """A line of an atomic script that ended with *code* but raised nothing, as `verify` does, fails all the same."""
+    """Fail an atomic script if a line ended with *code* without an error, as `verify` may."""
     if not changes.atomic or changes.ended:
         return
     failed = TakenBack(f"{ctx.info_name} ended with {code}: the script's changes are taken back")
@@ -83,7 +80,7 @@ def _refuse_half(ctx: click.Context, changes: ScriptChanges, code: int) -> None:
 
 
 def _take_back(session: Conversation, changes: ScriptChanges, failed: BaseException) -> None:
-    """Take the script's changes back because of *failed*, which learns of it; LeftChanged where some of them stay."""
+    """Roll back the script because of *failed*, which gets the result. Raises LeftChanged if changes remain."""
     undone = changes.changed_anything()
     with session.cancellation.guard():
         try:
@@ -104,7 +101,7 @@ def _take_back(session: Conversation, changes: ScriptChanges, failed: BaseExcept
 
 
 def _of_twins(left: LeftChanged) -> DvtcliError:
-    """What *left* tells of twins: no node is changed, and a bus or node that is gone is what is wrong."""
+    """Convert *left* for twins: no node is changed, and the cause is the lost bus or node."""
     from dvtcli.operations.opening.opened import read_in_vain
 
     left.state, left.state_text = "unchanged", None
@@ -114,11 +111,13 @@ def _of_twins(left: LeftChanged) -> DvtcliError:
 def run_script(
     session: Conversation, data: bytes, source: str, *, keep_going: bool, atomic: bool = False, first_line: int = 1
 ) -> int:
-    """Run a script's *data*; *source* names it in messages, *first_line* is where the data begins in it.
+    """Run a script's *data*; *source* names it in messages, *first_line* is the line number of its beginning.
 
-    The first failing line stops it and gives the exit code; with *keep_going* it runs on and ends with the
-    first failure's code, or 7 where there was one, or that of the signal that ended it. With *atomic* a failing line
-    takes back all lines before it; UsageError where a line could not be.
+    The first failing line stops the script and gives the exit code. *keep_going*: run on, and return the first
+    failure's
+    code, or 7 if any, or a signal's. *atomic*: a failing line rolls back all lines before. Raises UsageError if an
+    atomic
+    script changes nodes after a line without undo.
     """
     refuse_own_run(session, source)
     if atomic and keep_going:
@@ -138,20 +137,20 @@ def run_script(
 
 
 def worst(codes: list[int]) -> int:
-    """The exit code of a script whose failing lines ended with *codes*."""
+    """Return a script's exit code from the *codes* of failing lines."""
     if 7 in codes:
         return 7
     return next((code for code in codes if code in SIGNALLED), codes[0] if codes else 0)
 
 
 def refuse_own_run(session: Conversation, source: str) -> None:
-    """Raise UsageError where the script *source* is under way already."""
+    """Raise UsageError if the script *source* is already running."""
     if source in session.scripts:
         raise UsageError(f"{source} runs itself: {' runs '.join([*session.scripts, source])}", place=source)
 
 
 def enclosed(session: Conversation, source: str, run: Callable[[], int], *, atomic: bool = False) -> int:
-    """Run a script's content inside one NMT gate; its exit code. *atomic* keeps all of its changes, or none."""
+    """Run a script inside one NMT gate; returns its exit code. *atomic*: keep all changes, or none."""
     outer, outer_changes = session.place, session.script_changes
     session.scripts.append(source)
     changes = outer_changes
@@ -174,7 +173,7 @@ def enclosed(session: Conversation, source: str, run: Callable[[], int], *, atom
 
 
 def _settled(session: Conversation, code: int, *, stays: bool) -> int:
-    """Bring the nodes to the NMT state they were found in, at the end of the outermost script; the exit code."""
+    """Restore the nodes' NMT states at the end of the outermost script; returns the exit code."""
     # after a failure (a difference is none) of which some stays, the set-up is neither old nor new: its nodes stay
     # PRE-OPERATIONAL
     half = code in (LeftChanged.exit_code, Bug.exit_code) or (stays and code not in (0, 3))
@@ -184,7 +183,7 @@ def _settled(session: Conversation, code: int, *, stays: bool) -> int:
 def _run_lines(
     session: Conversation, parsed: list[tuple[ScriptLine, click.Context]], source: str, *, keep_going: bool
 ) -> list[int]:
-    """Run the lines and answer the exit codes of those that failed."""
+    """Run the lines; returns the exit codes of failures."""
     codes: list[int] = []
     lines = iter(parsed)
     for line, ctx in lines:
@@ -204,7 +203,7 @@ def _run_lines(
 
 
 def _reported(session: Conversation, source: str, line: ScriptLine, ctx: click.Context) -> int:
-    """Run a parsed line and answer its exit code, which a report learns."""
+    """Run a parsed line, and add it to the report if any; returns its exit code."""
     report = session.report
     if report is None:
         return run_line(session, ctx)
@@ -215,6 +214,6 @@ def _reported(session: Conversation, source: str, line: ScriptLine, ctx: click.C
 
 
 def _shown(session: Conversation, line: ScriptLine) -> str:
-    """The line as a report names it; of one that may hold a passcode the command only."""
+    """Return the line for a report; only the command if a passcode is possible."""
     text = " ".join(line.words)
     return line.words[0] if session.is_secret(text) else text

@@ -1,7 +1,4 @@
-"""What the lines of a script have changed on every node, by line; and, with --atomic, taking all of it back.
-
-Does not know how lines are parsed or run, and shows nothing.
-"""
+"""Track a script's changes on all nodes, by line; with --atomic, roll back all."""
 
 from __future__ import annotations
 
@@ -27,17 +24,17 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class NodeTakenBack:
-    """What *made* of a script was undone on *node*, which had sent *boot_ups* before; or why not (*failure*)."""
+    """The roll-back of *made* on *node*, with *boot_ups* counted before, or its *failure*."""
 
     node: Node
     made: list[Plan]
     boot_ups: int = 0
     failure: LeftChanged | None = None
-    #: of each PDO that the device did not take back what it is now
+    #: PDOs not restored by the device, with their present state
     not_put_back: list[Finding] = field(default_factory=list)
 
     def settled(self, cause: str) -> LeftChanged | None:
-        """Once all nodes had their turn: forget the journal; why something of it stays, where it does."""
+        """After all nodes' turns: close the journal; returns the reason if changes remain."""
         if self.failure is not None:
             return self.failure
         try:
@@ -62,7 +59,7 @@ class NodeTakenBack:
         return left
 
     def _look_again(self) -> None:
-        """Read once more what was put back, a restart need not be heard; DeviceRefused where it is not as before."""
+        """Read the old values once more, because a restart may go unnoticed. Raises DeviceRefused on a difference."""
         if self.not_put_back or not self.made:
             return
         from dvtcli.device.change.expected import still_there
@@ -74,9 +71,9 @@ class NodeTakenBack:
 
 
 def undo_patiently(node: Node, *, force: bool) -> tuple[Finding, ...]:
-    """Undo one change; a node that is silent may be rebooting, so it is asked again for a while.
+    """Undo a change; retries for a while if the node is silent, possibly rebooting.
 
-    With *force* whatever it holds by now. Returns what the device did not take back.
+    *force*: undo even if present values differ. Returns values not accepted by the device.
     """
     from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S
 
@@ -93,7 +90,7 @@ def undo_patiently(node: Node, *, force: bool) -> tuple[Finding, ...]:
 
 
 def left_of(node: Node, plans: list[Plan], cause: str, failed: BaseException) -> LeftChanged:
-    """Some of *plans* stays on *node*, whose journal `recover` takes, where there is one."""
+    """Return the error for *plans* remaining on *node*, with `recover` as the hint if a journal exists."""
     from dvtcli.device.change.failed_change import BUS_BACK, not_taken_back
 
     left = not_taken_back(plans, node.node_id, cause, str(failed) or "interrupted")
@@ -106,41 +103,41 @@ def left_of(node: Node, plans: list[Plan], cause: str, failed: BaseException) ->
     return left
 
 
-#: What stands for a line that is not known, as one of a Tcl script.
+#: The text for unknown lines, e.g. of a Tcl script.
 ABOVE = "lines above it"
 
 
 class ScriptChanges:
-    """The changes of one script, from its beginning; with *atomic* they are all kept, or all taken back."""
+    """The changes of a script since its beginning; *atomic*: keep all, or roll back all."""
 
     def __init__(self, session: Session, name: str, *, atomic: bool, outer: ScriptChanges | None = None) -> None:
         self._session, self.atomic = session, atomic
-        #: whether all of the script works on twins
+        #: whether the whole script works on twins
         self.dry_run = session.dry_run
-        #: those of the script that runs this one
+        #: the changes of the calling script
         self._outer = outer
         self._before = {id(node): len(node.history) for node in session.met_nodes()}
-        #: how many changes of earlier processes had been put back on each node, which no history holds
+        #: number of undone changes of earlier processes on each node, absent in histories
         self._unkept = {id(node): node.unkept for node in session.met_nodes()}
         self._stores = {id(node): node.pending.stores for node in session.met_nodes()}
         self._executed, self._selected = len(session.record.lines), session.selected
-        #: each plan of the script's with its line; kept, so that no other plan gets its id
+        #: the script's plans with their lines; kept, so that no other plan gets their ids
         self._plans: dict[int, tuple[Plan, str]] = {}
-        #: lines that did what no history holds: stores, resets, NMT commands, logins
+        #: lines with effects outside histories: stores, resets, NMT commands, logins
         self._others: list[str] = []
-        #: the nodes whose gates found them OPERATIONAL before such a line was begun; None where none was
+        #: nodes OPERATIONAL before the first line without undo; None before such a line
         self._operational: set[int] | None = None
-        #: the first line that did what cannot be taken back
+        #: the first line without undo
         self.final: str | None = None
-        #: whether a node was seen to hold something else than what was set: it is put back all the same then
+        #: whether a node was seen with other values than set; the roll-back is forced then
         self._lost = False
-        #: whether it was tried to take everything back
+        #: whether a roll-back was attempted
         self.ended = False
         if atomic:
             session.whole.begin(name)
 
     def note(self, place: str, *, other: bool = False, final: bool = False) -> None:
-        """The line at *place* was run; *other* says that it did what no history holds, *final* nor any undo reverts."""
+        """Record the line at *place*; *other*: effects outside histories; *final*: effects without undo."""
         for node in self._session.met_nodes():
             before, made = self._before.get(id(node), 0), self._made(node)
             for plan in made:
@@ -161,20 +158,22 @@ class ScriptChanges:
         return node.history[self._before.get(id(node), 0) :]
 
     def changed_anything(self) -> bool:
-        """Whether any node was changed, and would have to be taken back."""
+        """Whether any node was changed and needs a roll-back."""
         return any(map(self._made, self._session.met_nodes()))
 
     def staying(self) -> tuple[str, ...]:
-        """`FILE:LINE` of each line whose changes the nodes hold, in order."""
+        """Return `FILE:LINE` of each line whose changes are still in the nodes, in order."""
         held = self._held()
         unknown = [ABOVE] if held - self._plans.keys() else []
         outer = self._outer._noted() if self._outer is not None else []  # noqa: SLF001 - one of ours
         return tuple(dict.fromkeys([*outer, *self._noted(), *unknown]))
 
     def differing(self) -> tuple[str, ...] | None:
-        """How nodes differ from what this script's lines set and nobody took back, read now.
+        """Read back how nodes differ from this script's changes, except undone changes.
 
-        None if nothing was set, or if nothing differs and not all of it can be read again. Raises as reading does.
+        Returns None without changes, or if no difference was found and some values cannot be read back. Raises errors
+        of
+        reading.
         """
         from dvtcli.device.change.expected import moves, no_longer_held
         from dvtcli.domain.plan import PdoChange
@@ -191,7 +190,7 @@ class ScriptChanges:
         return tuple(found) if found or (is_read and all(is_read)) else None
 
     def _held(self) -> set[int]:
-        """The ids of the plans that this script made and whose changes the nodes hold."""
+        """Return ids of this script's plans whose changes are still in the nodes."""
         made = {id(plan) for node in self._session.met_nodes() for plan in self._made(node)}
         return made & {id(plan) for node in self._session.met_nodes() for plan in held_plans(node)}
 
@@ -200,21 +199,21 @@ class ScriptChanges:
         return [*(place for number, (_, place) in self._plans.items() if number in held), *self._others]
 
     def begin_final(self, line: str) -> None:
-        """*line* is run next, which no undo reverts: where this process ends in its middle, `recover` says so."""
+        """Record in the journals that *line*, without undo, runs next, for `recover` after a crash."""
         self._note_gates()
         for journal in self._journals():
             journal.final(line)
 
     def _note_gates(self) -> None:
-        """Keep in mind which nodes go back to OPERATIONAL: an NMT line makes their gates forget that."""
+        """Record the nodes to return to OPERATIONAL, because an NMT line resets their gates."""
         nodes = self._session.met_nodes()
         found = {id(node) for node in nodes if node.gate.found is NmtState.OPERATIONAL}
         self._operational = found | (self._operational or set())
 
     def look_again(self) -> None:
-        """Once all lines have worked: do the nodes still hold what the earlier ones set? DeviceRefused where not.
+        """After the last line, check earlier lines' values. Raises DeviceRefused on a difference.
 
-        What the last line set was read back after all else; nothing is looked at behind one that cannot be taken back.
+        The last line's own read-back is recent enough; nothing is checked after a line without undo.
         """
         made = [(node, self._made(node)) for node in self._session.met_nodes()]  # a node, and its twin
         if self.final is not None or sum(len(plans) for _, plans in made) < 2:
@@ -233,9 +232,9 @@ class ScriptChanges:
                 )
 
     def return_nodes(self) -> None:
-        """Bring the nodes to the NMT state they were found in; Restarted if one has lost by then what was set.
+        """Restore the nodes' NMT states. Raises Restarted if a node lost its values by a restart.
 
-        Nothing is done behind a line that cannot be taken back.
+        Does nothing after a line without undo.
         """
         if self.final is not None:
             return
@@ -249,7 +248,7 @@ class ScriptChanges:
             raise
 
     def complete(self) -> None:
-        """Everything stays: no `recover` takes it back any more. JournalKept where a journal cannot be removed."""
+        """Keep all changes: `recover` no longer reverts them. Raises JournalKept if a journal cannot be removed."""
         if not self.atomic:
             return
         from dvtcli.device.change.own_journal import complete_wholes
@@ -260,7 +259,7 @@ class ScriptChanges:
             raise kept
 
     def end(self, *, complete: bool) -> None:
-        """The script has ended, *complete* or with an error; what of it could not be taken back waits for `recover`."""
+        """End the script, *complete* or failed; `recover` handles changes that could not be rolled back."""
         if complete:
             self.complete()
         elif self.atomic:
@@ -269,15 +268,15 @@ class ScriptChanges:
             self._session.whole.end()
 
     def _journals(self) -> list[OwnJournal]:
-        """Those of the nodes that were looked at so far, while the script stands or falls as a whole."""
+        """Return journals of all nodes met so far, for an atomic script that is still open."""
         if not self.atomic or self._session.whole.id is None:
             return []
         return [node.keeper.own_journal for node in self._session.met_nodes() if node.keeper is not None]
 
     def take_back(self, cause: str, failed: LeftChanged | None = None) -> None:
-        """Undo everything, on all nodes, newest first, each verified; LeftChanged if some of it stays.
+        """Undo all changes on all nodes, newest first, each verified. Raises LeftChanged if any remain.
 
-        *cause* is why: what the line that failed said; *failed* is its error, if its own roll-back failed.
+        *cause* is the failing line's message; *failed* is its error, if its own roll-back failed.
         """
         self.ended = True
         made = {node.node_id: (node, self._made(node)) for node in self._session.met_nodes()}
@@ -307,7 +306,7 @@ class ScriptChanges:
         self._session.selected = self._selected
 
     def _leave_stopped(self) -> None:
-        """Nodes that a line of the script had started stay PRE-OPERATIONAL, which is said: they were not found so."""
+        """Leave nodes started by the script PRE-OPERATIONAL, with a warning: they were not OPERATIONAL before."""
         if self._operational is None:
             return
         for node in self._session.met_nodes():
@@ -315,7 +314,7 @@ class ScriptChanges:
                 self._session.tell.warning(said)
 
     def _take_back(self, node: Node, cause: str) -> NodeTakenBack:
-        """Undo what was done to *node*, or find out why that is not possible; its journal stays."""
+        """Undo the changes of *node*, or record the reason for failure; its journal stays."""
 
         made = self._made(node)
         tried = NodeTakenBack(node, made)
@@ -332,7 +331,7 @@ class ScriptChanges:
     def _name_left(
         self, left: LeftChanged, made: Iterable[tuple[Node, Sequence[Plan]]], failed: LeftChanged | None
     ) -> None:
-        """Let *left* name what the nodes hold otherwise than before the script, and before the line that *failed*."""
+        """Add to *left* the nodes' differences from before the script, and before the line that *failed*."""
         from dvtcli.device.change.course import combine_plans
         from dvtcli.device.change.left_behind import Guarded, name_left
         from dvtcli.domain.plan import Plan

@@ -1,4 +1,4 @@
-"""The text of a script as its lines: what ends one, what goes on in the next. Knows no command, and runs nothing."""
+"""Split a script's text into lines, with continuations."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from dvtcli.cli.lexer import split
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 
-#: A script is text typed by people; beyond this many bytes it is something else.
+#: Maximum size of a script (bytes).
 MOST_BYTES = 10_000_000
-#: Each command takes time and memory to parse, and all are parsed before the first one runs.
+#: Maximum number of commands: all are parsed before the first runs.
 MOST_COMMANDS = 10_000
 #: What editors show as the end of a line; `str.splitlines` also splits at characters that nobody sees.
 _LINE_END = re.compile("\r\n|\n|\r")
@@ -18,16 +18,16 @@ _LINE_END = re.compile("\r\n|\n|\r")
 
 @dataclass(frozen=True, slots=True)
 class ScriptLine:
-    """One command of a script with the line number where it begins, 1 and up."""
+    """A command of a script with its first line number, from 1."""
 
     number: int
     words: list[str]
 
 
 def script_lines(data: bytes, source: str, first_line: int = 1) -> list[ScriptLine]:
-    """The commands in *data*, which begins at *first_line*; a backslash at a line's end continues it.
+    """Return the commands in *data*, numbered from *first_line*; a backslash at a line's end continues the line.
 
-    UsageError or InputFileError with FILE:LINE.
+    Raises UsageError or InputFileError with FILE:LINE.
     """
     text = script_text(data, source)
     if source.lower().endswith(".309"):
@@ -50,7 +50,7 @@ def script_lines(data: bytes, source: str, first_line: int = 1) -> list[ScriptLi
 
 
 def _take(found: list[ScriptLine], line: ScriptLine, source: str) -> None:
-    """Put *line* behind those that were *found*, unless it is empty; InputFileError where they are too many."""
+    """Append *line* to *found* unless empty. Raises InputFileError if there are too many."""
     if not line.words:
         return
     found.append(line)
@@ -60,7 +60,7 @@ def _take(found: list[ScriptLine], line: ScriptLine, source: str) -> None:
 
 
 def _gateway_lines(text: str, source: str) -> list[ScriptLine]:
-    """The commands that the lines of a gateway's client mean."""
+    """Convert lines of a gateway's client to commands."""
     from dvtcli.cli.scripts.gateway_script import GatewayScript
 
     script, found = GatewayScript(), list[ScriptLine]()
@@ -70,7 +70,7 @@ def _gateway_lines(text: str, source: str) -> list[ScriptLine]:
 
 
 def script_text(data: bytes, source: str) -> str:
-    """The text of a script; InputFileError with FILE:LINE where it is none."""
+    """Decode a script. Raises InputFileError with FILE:LINE if it is no text."""
     if len(data) > MOST_BYTES:
         raise InputFileError(f"{source}: {len(data)} bytes are no script", place=source)
     try:
@@ -88,7 +88,7 @@ def _words(line: str, place: str) -> list[str]:
 
 
 def placed(wrong: DvtcliError, place: str) -> DvtcliError:
-    """*wrong*, which says now that it is at *place*."""
+    """Return *wrong* with *place* as its place."""
     from dvtcli.cli.view.typed_hints import error_text
 
     wrong.text, wrong.given, wrong.place = f"{place}: {error_text(wrong)}", {}, place

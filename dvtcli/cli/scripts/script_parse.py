@@ -1,4 +1,4 @@
-"""A script parsed whole, with the scripts that it runs, before the first line of any runs."""
+"""Parse a script and all scripts it runs, before the first line runs."""
 
 from __future__ import annotations
 
@@ -16,17 +16,18 @@ from dvtcli.files.input_file import read_input_head
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
 
-#: Scripts that run scripts that run scripts; deeper is a mistake.
+#: Maximum nesting of scripts.
 MOST_NESTED = 20
 
 
 def all_parsed(
     lines: list[ScriptLine], session: Conversation, sources: list[str], checked: dict[str, Reach], reach: Reach
 ) -> list[tuple[ScriptLine, click.Context]]:
-    """Every line parsed, and those of the scripts that it runs, before any of them runs.
+    """Parse all lines, including scripts run by them, before any runs.
 
-    *sources* run each other, the outermost first; *checked* are files that were found right, with what they do;
-    *reach* learns what these lines do.
+    *sources* is the chain of running scripts, outermost first; *checked* has the effects of files already checked;
+    *reach*
+    collects the effects of these lines.
     """
     parsed: list[tuple[ScriptLine, click.Context]] = []
     written: set[str] = set()
@@ -49,14 +50,14 @@ def all_parsed(
 
 
 def script_of(ctx: click.Context) -> str | None:
-    """The script that a parsed line runs, None where it runs none."""
+    """Return the script run by a parsed line, None if none."""
     if ctx.command.name == "source":
         return str(ctx.params["values"][0])
     return str(ctx.params.get("file")) if ctx.command.name == "run" else None
 
 
 def _nested(file: str, session: Conversation, sources: list[str], checked: dict[str, Reach], place: str) -> Reach:
-    """What the script *file* does, which the line at *place* runs; UsageError where it is missing or runs itself."""
+    """Return the effects of *file*, run by the line at *place*. Raises UsageError if missing or recursive."""
     if file in checked:
         return checked[file]
     if file in sources:
@@ -89,7 +90,7 @@ def _parsed(line: ScriptLine, session: Conversation, source: str) -> click.Conte
 
 
 def _parsed_as_asked(line: ScriptLine, session: Conversation) -> click.Context:
-    """The line parsed; an error of a line with --json is a document as its result would have been."""
+    """Parse the line; with --json on the line, its error is a document."""
     try:
         return parse(line.words, session)
     except (click.ClickException, DvtcliError):

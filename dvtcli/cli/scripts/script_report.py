@@ -1,4 +1,4 @@
-"""What each line of a script came to, kept for a report while it runs. Knows no format, and runs nothing."""
+"""The outcome of each script line, collected for a report."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class LineRan:
-    """A line: where it is, what it said on stdout, and its exit *code* (None: it did not run), with its *error*."""
+    """A line: place, output, and exit *code* (None: not run), with its *error*."""
 
     file: str
     number: int
@@ -23,15 +23,15 @@ class LineRan:
     said: str = ""
     error: DvtcliError | None = None
     seconds: float = 0.0
-    #: what its error says to do next, as it is typed
+    #: the next step of its error, as typed
     hint: str = ""
 
 
 @dataclass(slots=True)
 class ScriptReport:
-    """The lines of a script, those of the scripts that it runs among them, while they write to *output*.
+    """The lines of a script and its nested scripts, which write to *output*.
 
-    What they would print is kept here: stdout is the report's.
+    Collects their output, because stdout is for the report.
     """
 
     output: Output
@@ -48,7 +48,7 @@ class ScriptReport:
         return line
 
     def end(self, line: LineRan, code: int) -> None:
-        """It ended with *code*."""
+        """Record that *line* ended with *code*."""
         line.code, line.error, line.said = code, self.output.failed, self.kept.getvalue()
         line.seconds = time.monotonic() - line.seconds
 

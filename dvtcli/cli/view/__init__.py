@@ -1,1 +1,1 @@
-"""Values into text: the only place that knows what results look like. Knows no session and no bus."""
+"""Convert results to text; no other package knows their appearance."""

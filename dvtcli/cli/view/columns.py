@@ -1,15 +1,15 @@
-"""How many columns of a terminal a text takes: an ideograph takes two, a combining accent none. Knows no styles."""
+"""Widths of texts on a terminal: an ideograph takes two columns, a combining accent none."""
 
 from __future__ import annotations
 
 import re
 
-#: what takes one column each, and most screens have nothing else: Latin, punctuation, arrows, boxes, blocks
+#: common characters of one column: Latin, punctuation, arrows, boxes, blocks
 _ONE_EACH = re.compile(r"[ -~\u00a0-\u00ac\u00ae-\u02ff\u2010-\u2027\u2190-\u22ff\u2500-\u25ff]*")
 
 
 def columns(text: str) -> int:
-    """The columns that *text* takes; control characters, which `safe` has replaced before, take none."""
+    """Return the columns of *text*; control characters, replaced earlier by `safe`, count 0."""
     if _ONE_EACH.fullmatch(text):
         return len(text)
     from wcwidth import wcwidth
@@ -18,7 +18,7 @@ def columns(text: str) -> int:
 
 
 def clipped(text: str, width: int, mark: str = "…") -> str:
-    """*text* in at most *width* columns, with *mark* where something is left out."""
+    """Cut *text* to *width* columns, with *mark* at the cut."""
     if columns(text) <= width:
         return text
     room = max(0, width - len(mark))
@@ -29,7 +29,7 @@ def clipped(text: str, width: int, mark: str = "…") -> str:
 
 
 def squeezed(text: str, width: int) -> str:
-    """*text* in at most *width* columns; `…` in its middle where something is left out, so that both ends are seen."""
+    """Cut *text* to *width* columns with `…` in the middle, so that both ends are visible."""
     if columns(text) <= width:
         return text
     begin = clipped(text, (width + 1) // 2)
@@ -42,7 +42,7 @@ def squeezed(text: str, width: int) -> str:
 
 
 def broken(text: str, width: int) -> list[str]:
-    """*text* as lines of at most *width* columns, broken between words; a word that is wider stands alone, whole."""
+    """Wrap *text* at *width* columns between words; a wider word stays whole on its own line."""
     lines: list[str] = []
     for word in text.split():
         if lines and columns(f"{lines[-1]} {word}") <= width:

@@ -1,4 +1,4 @@
-"""How a failure looks: what, where, why, in which state the device is, and what to do next."""
+"""The text of an error: what, where, why, the device's state, and what to do."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from dvtcli.domain.several import join_some, plural
 from dvtcli.errors import DvtcliError, InputFileError, LeftChanged, RuleError, State
 from dvtcli.operations.results.documents import Document, finding_document
 
-#: a longer line is shown around its caret
+#: maximum length of a line; longer lines are shown around their caret
 _LONGEST = 90
 _AHEAD = 40
 
 
 def complaint_lines(complaints: Sequence[FileComplaint], most: int, outcome: str) -> Iterator[Line]:
-    """Each complaint with its line and the one above, *most* of them; *outcome* says what was not done."""
+    """Show up to *most* complaints with source lines; *outcome* says that nothing was done."""
     for complaint in complaints[:most]:
         yield [Cell(f"{complaint.place}: "), Cell("error: ", "red"), Cell(complaint.text, "bold")]
         yield from source_lines(complaint)
@@ -33,7 +33,7 @@ def complaint_lines(complaints: Sequence[FileComplaint], most: int, outcome: str
 
 
 def source_lines(complaint: FileComplaint) -> Iterator[Line]:
-    """The line that *complaint* is about, and the one above, with a caret; none where the file's text is not known."""
+    """Show the line of *complaint* and the line before, with a caret; nothing if the text is unknown."""
     if not complaint.source.strip():
         return
     start = max(0, complaint.column - 1 - _AHEAD) if len(complaint.source) > _LONGEST else 0
@@ -54,7 +54,7 @@ def _shown(text: str) -> str:
     return safe(text.replace("\t", " "))
 
 
-#: What a failure's place may be, beside a file or a line of one.
+#: An error's possible places beside a file or its line.
 _OBJECT = re.compile(r"(?:0x)?[0-9A-F]{4}:[0-9A-F]{2}")
 _PDO = re.compile(r"[RT]PDO[0-9]{1,3}")
 _STATES: dict[State, str] = {
@@ -68,15 +68,15 @@ _BY_THIS_LINE: dict[State, str] = {
     "unchanged": "unchanged by this line",
     "rolled_back": "rolled back: what this line changed is as it was, read back equal",
 }
-#: what stands behind a file's name in the place of an error: its line, and its column
+#: line and column after a file's name in an error's place
 _LINE = re.compile(r":[0-9]+(?::[0-9]+)?$")
-#: of a file, on a screen; documents have more
+#: maximum number of complaints on a screen; documents have more
 _MOST_COMPLAINTS = 20
 _STYLES = {Severity.ERROR: "red", Severity.WARNING: "yellow", Severity.NOTE: "cyan"}
 
 
 def error_document(error: DvtcliError, at: str | None = None) -> Document:
-    """`dvtcli.error/1`; *at* is the `FILE:LINE` of the script line that failed."""
+    """Return `dvtcli.error/1`; *at* is `FILE:LINE` of the failing script line."""
     place = error.place or ""
     is_object = _OBJECT.fullmatch(place) is not None
     document: Document = {
@@ -125,13 +125,13 @@ def error_document(error: DvtcliError, at: str | None = None) -> Document:
 
 
 def _file(error: DvtcliError) -> str | None:
-    """The file that the error is about, with its line where there is one."""
+    """Return the error's file, with the line if known."""
     place = error.place or ""
     return None if _OBJECT.fullmatch(place) or _PDO.fullmatch(place) else error.place
 
 
 def error_lines(error: DvtcliError, at: str | None = None) -> Iterator[Line]:
-    """The error's screen, most telling line first; *at* is the `FILE:LINE` of the script line that failed."""
+    """Show the error, most important line first; *at* is `FILE:LINE` of the failing script line."""
     if isinstance(error, InputFileError) and error.complaints:
         yield from complaint_lines(error.complaints, _MOST_COMPLAINTS, error.outcome)
         yield from _rows([*error.details, *_hint_row(error.hint)])
@@ -169,7 +169,7 @@ def _rows(rows: Iterable[tuple[str, str | Hint]]) -> Iterator[Line]:
 
 
 def _left_rows(error: LeftChanged) -> Iterator[tuple[str, str]]:
-    """What is not as before, a line each PDO or object."""
+    """Return changed values, a line per PDO or object."""
     texts: dict[tuple[int, str], list[str]] = {}
     for row in error.left:
         texts.setdefault((row.node_id, row.label), []).append(row.text)
@@ -178,7 +178,7 @@ def _left_rows(error: LeftChanged) -> Iterator[tuple[str, str]]:
 
 
 def _state(error: DvtcliError, at: str | None) -> str:
-    """The device's state in words: of a script's line, what it did itself, and which lines above it stay."""
+    """Return the device's state in words; for a script line its own effect, and earlier lines that stay."""
     text = error.state_text or _STATES[error.state]
     if at and error.state_text is None and (error.stays or error.state == "unchanged"):
         text = _BY_THIS_LINE.get(error.state, text)
@@ -205,7 +205,7 @@ def _rule_lines(error: RuleError, at: str | None) -> Iterator[Line]:
 
 
 def _placed_lines(error: RuleError, at: str | None) -> Iterator[Line]:
-    """Each finding at its place in the file, in the order of the file; then what is not in it."""
+    """Show findings by place in the file; then findings without a place."""
     ordered = sorted(error.findings, key=_line_of)
     for finding in ordered[:_MOST_COMPLAINTS]:
         node = "" if error.node is None or finding.text.startswith("node ") else f"node {error.node}: "
@@ -227,7 +227,7 @@ def _line_of(finding: Finding) -> tuple[bool, int]:
 
 
 def _forced(error: RuleError) -> str:
-    """What --force would do, where it helps."""
+    """Describe the effect of --force, if applicable."""
     if error.rehearsed or not error.can_force:
         return ""
     return "; --force goes on all the same, and writes nothing" if error.only_looked else "; --force sends it anyway"
@@ -241,7 +241,7 @@ def _rule_text(finding: Finding) -> str:
 
 
 def finding_line(finding: Finding) -> Line:
-    """A finding that stopped nothing, on one line, with its place in a file."""
+    """Show a tolerated finding on one line, with its place in a file."""
     word = "forced" if finding.severity is Severity.ERROR else str(finding.severity)
     place = "" if finding.complaint is None else f"{finding.complaint.place}: "
     line: list[Cell | Hint] = [Cell(place), Cell(f"{word}: ", _STYLES[finding.severity]), Cell(finding.text)]

@@ -1,4 +1,4 @@
-"""Columns and styles: what every screen is made of. Knows no results."""
+"""Columns and styles, the elements of all screens."""
 
 from __future__ import annotations
 
@@ -13,35 +13,34 @@ if TYPE_CHECKING:
     from dvtcli.domain.hint import Hint
 
 
-#: Screens are at most this wide, whatever the terminal.
+#: Maximum width of screens on any terminal.
 MAX_WIDTH = 100
-#: A column that gives way keeps as many signs.
+#: Minimum width of a shrinking column.
 _LEAST = 8
 
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """A piece of text with a style (a click colour name, or `bold`/`dim`); made safe when it is shown."""
+    """A text with a style (a click colour name, or `bold`/`dim`); made safe on output."""
 
     text: str
     style: str = ""
 
 
-#: What a screen shows in one line; a hint is written for the call that it follows when it is shown.
+#: The contents of a line; a hint is written for its call on output.
 Line: TypeAlias = "str | Cell | Hint | Sequence[Cell | Hint]"
 
 
 def part(text: str | Hint) -> Cell | Hint:
-    """*text* as a part of a line."""
+    """Convert *text* to a part of a line."""
     return Cell(text) if isinstance(text, str) else text
 
 
 @dataclass(slots=True)
 class Table:
-    """Rows of cells in aligned columns; *right* names the columns that are aligned to the right.
+    """Rows of cells in aligned columns; *right* are the right-aligned columns.
 
-    *shrink* is the column that gives way where a row is wider than the screen, or several, in that order. The last
-    column *wraps* where that is said, instead of being cut.
+    *shrink* is the column, or several in order, to shorten if a row is too wide. *wraps*: wrap the last column instead.
     """
 
     header: Sequence[str] = ()
@@ -52,11 +51,11 @@ class Table:
     rows: list[Sequence[Cell]] = field(default_factory=list)
 
     def add(self, *cells: str | Cell) -> None:
-        """Add one row."""
+        """Add a row."""
         self.rows.append([cell if isinstance(cell, Cell) else Cell(cell) for cell in cells])
 
     def lines(self, width: int = MAX_WIDTH) -> Iterable[list[Cell]]:
-        """The rows as lines, no wider than *width* columns where a column can shrink."""
+        """Return the rows as lines, within *width* columns if a column can shrink."""
         rows = [[Cell(safe(cell.text), cell.style) for cell in row] for row in self.rows]
         if self.header:
             rows.insert(0, [Cell(text, "dim") for text in self.header])
@@ -66,7 +65,7 @@ class Table:
         return [self._line(part, widths) for row in rows for part in self._parts(row, widths)]
 
     def _parts(self, row: Sequence[Cell], widths: list[int]) -> Iterator[Sequence[Cell]]:
-        """*row*, or as many rows as its last cell needs."""
+        """Return *row*, or as many rows as its last cell needs."""
         if not self.wraps or len(row) < len(widths):
             yield row
             return

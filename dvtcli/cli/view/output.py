@@ -1,8 +1,7 @@
-"""Where results, messages and questions go: results to stdout, everything else to stderr.
+"""Write results to stdout, and messages and questions to stderr.
 
-Owns colour, ASCII and JSON. Does not know what results mean (`view.renderers`). Whoever reads may leave at any time:
-what is said then is said to nobody, and the command that says it goes on, since a device may be in the middle of a
-change.
+Handles colour, ASCII and JSON. If a reader leaves, output is dropped and the command continues, because a device may be
+in the middle of a change.
 """
 
 from __future__ import annotations
@@ -25,16 +24,16 @@ if TYPE_CHECKING:
     from dvtcli.errors import DvtcliError
     from dvtcli.operations.results import Document, Result
 
-#: columns that stay free behind a question: a blank, and a letter
+#: free columns after a question: a blank, and a letter
 _ANSWER = 2
-#: what was not understood makes no report
+#: exit code of usage errors, which make no report
 _USAGE = 2
-#: what tells a failure in the formats of CI
+#: the writers of errors in CI formats
 _ERROR_LINES = {"github": "github_error_lines", "junit": "junit_error_lines"}
 
 
 class Output:
-    """One pair of streams with the options that shape what is written to them."""
+    """A pair of streams with output options."""
 
     def __init__(self, stdout: TextIO | None = None, stderr: TextIO | None = None) -> None:
         self.stdout = stdout or sys.stdout
@@ -44,22 +43,22 @@ class Output:
         self.verbose = 0
         self.quiet = False
         self.plain = False
-        #: shows a text that is more than a screen, and says whether it did
+        #: shows a text longer than a screen; returns whether shown
         self.pager: Callable[[str], bool] | None = None
         self.progress_line = ProgressLine(self.stderr)
-        #: the failure that was shown last
+        #: the last error shown
         self.failed: DvtcliError | None = None
-        #: the call that hints follow, None where they are for no call
+        #: the call before hints, None if none
         self.call: Callable[[], TypedCall] | None = None
-        #: the node that what is shown is about
+        #: the node of the shown error
         self._node: int | None = None
-        #: takes what would be printed as text, and says whether it did
+        #: accepts results instead of printing; returns whether accepted
         self._taker: Callable[[Result], bool] = lambda _result: False
-        #: messages that wait until the screen is free, None where it is
+        #: messages held until the screen is free, None if free
         self._held: list[Line] | None = None
 
     def configure(self, format_name: str, color: str, verbose: int, *, quiet: bool, plain: bool) -> None:
-        """Take the options that count from now on."""
+        """Set the options from now on."""
         self.format, self.color, self.verbose = format_name, color, verbose
         self.quiet, self.plain = quiet, plain
         self.progress_line.end()
@@ -71,14 +70,14 @@ class Output:
 
     @property
     def width(self) -> int:
-        """Columns of the terminal, at most 100; 100 where stdout is none."""
+        """Columns of the terminal, at most 100; 100 if stdout is no terminal."""
         from dvtcli.cli.view.lines import MAX_WIDTH
 
         return min(MAX_WIDTH, _columns(self.stdout) or MAX_WIDTH)
 
     @contextmanager
     def offered_to(self, taker: Callable[[Result], bool]) -> Iterator[None]:
-        """Offer every result to *taker* meanwhile; what it takes (True) is not printed as text."""
+        """Offer every result to *taker* during the block; results it accepts (True) are not printed as text."""
         before, self._taker = self._taker, taker
         try:
             yield
@@ -86,7 +85,7 @@ class Output:
             self._taker = before
 
     def result(self, result: Result) -> None:
-        """Print what a command answered, where anybody reads it; OSError where there is no room for it."""
+        """Print a command's answer. Raises OSError if the disk is full."""
         if self.json:
             self._document(result.document())
             self._taker(result)
@@ -108,7 +107,7 @@ class Output:
                 self.stdout.flush()
 
     def machine_lines(self, lines: Iterable[Line]) -> None:
-        """Print what another program reads: no colours, no wrapping, no pager."""
+        """Print lines for programs: no colours, no wrapping, no pager."""
         from dvtcli.cli.view.paint import painted, with_hints
 
         with self._answering():
@@ -119,7 +118,7 @@ class Output:
 
     @contextmanager
     def _answering(self) -> Iterator[None]:
-        """A block that writes to stdout; it ends early where nobody reads that any more."""
+        """Write to stdout in the block, which ends early if the reader is gone."""
         self.progress_line.erase()
         try:
             yield
@@ -133,7 +132,7 @@ class Output:
 
     @contextmanager
     def _saying(self) -> Iterator[None]:
-        """A block that writes to stderr; it ends early where that takes nothing: the exit code says the outcome."""
+        """Write to stderr in the block, which ends early if stderr fails: the exit code tells the outcome."""
         self.progress_line.erase()
         try:
             yield
@@ -143,9 +142,9 @@ class Output:
             silence(self.stderr)
 
     def error(self, error: DvtcliError, at: str | None = None, *, readable: bool = False) -> None:
-        """Print a failure: as a document on stdout with --json, else as lines on stderr; *at* is `FILE:LINE`.
+        """Print an error: as a document on stdout with --json, else as lines on stderr; *at* is `FILE:LINE`.
 
-        With *readable* it is lines on stderr in any case: for a stdout without documents. CI's formats have it, too.
+        *readable*: always lines on stderr, for a stdout without documents. CI formats include the error too.
         """
         self.failed, self._node = error, error.node
         if self.json and not readable:
@@ -179,7 +178,7 @@ class Output:
 
     @contextmanager
     def held(self) -> Iterator[None]:
-        """A block in which the screen is drawn by somebody else: messages are kept, and printed after it."""
+        """Hold messages during the block, while the screen is drawn by others; print them afterwards."""
         self._held = []
         try:
             yield
@@ -188,7 +187,7 @@ class Output:
             self.lines(held)
 
     def said(self, lines: Iterable[Line], *, error: bool) -> None:
-        """Print what a script says itself: to stdout, or to stderr with *error* and where stdout has documents."""
+        """Print a script's own output: to stdout, or to stderr with *error* or if stdout has documents."""
         if error or self.json:
             self.lines(lines)
             return
@@ -207,31 +206,29 @@ class Output:
                 self._write(self.stderr, line)
 
     def progress(self, text: str, done: int, total: int) -> None:
-        """Show how far long work has come, unless only errors are wanted, or traffic tells it already."""
+        """Show progress of long work, unless --quiet, or traffic is shown."""
         if not self.quiet and not self.json and not self.verbose and self._held is None:
             from dvtcli.domain.safe_text import safe
 
             self.progress_line.show(safe(text), done, total)
 
     def note(self, text: Hint | str) -> None:
-        """Print one message to stderr, unless only errors are wanted."""
+        """Print a message to stderr, unless --quiet."""
         if not self.quiet:
             from dvtcli.cli.view.lines import Cell, part
 
             self.lines([[Cell("note: ", "cyan"), part(text)]])
 
     def warning(self, text: Hint | str) -> None:
-        """Print one warning to stderr, also where only errors are wanted."""
+        """Print a warning to stderr, also with --quiet."""
         from dvtcli.cli.view.lines import Cell, part
 
         self.lines([[Cell("warning: ", "yellow"), part(text)]])
 
     def ask(self, question: str) -> bool:
-        """Ask *question* at the terminal; anything but yes is no, and what was typed before it answers nothing.
+        """Ask *question* at the terminal; any answer but yes is no, and earlier input is discarded.
 
-        Who asks for help is told so, and asked again.
-
-        KeyboardInterrupt after Ctrl-C.
+        A request for help is answered, and the question repeated. Raises KeyboardInterrupt after Ctrl-C.
         """
         from dvtcli.cli.view.paint import painted
         from dvtcli.cli.view.typed_ahead import throw_away
@@ -246,7 +243,7 @@ class Output:
         return answer in ("y", "yes")
 
     def _answer(self, text: str) -> str:
-        """The line that is typed after *text*, in small letters."""
+        """Return the line typed after *text*, in lower case."""
         with self._saying():
             self.stderr.write(text + " ")
             self.stderr.flush()
@@ -266,7 +263,7 @@ class Output:
             print(text, file=self.stdout, flush=True)
 
     def stream(self, results: Iterable[Result]) -> None:
-        """Print many answers of one command as they come: a document or a few lines each. ReaderLeft as below."""
+        """Print a command's many answers as they arrive. Raises ReaderLeft as `documents`."""
         if self.json:
             self.documents(result.document() for result in results)
             return
@@ -280,9 +277,9 @@ class Output:
             self.stdout.flush()
 
     def documents(self, documents: Iterable[Document]) -> None:
-        """Print a stream of documents to stdout, one a line, and hand them over at once.
+        """Print documents to stdout, one per line, flushed at once.
 
-        ReaderLeft where nobody reads them any more: whoever makes them only reads, and may stop.
+        Raises ReaderLeft if the reader is gone: the producer only reads, and may stop.
         """
         import json
 
@@ -293,7 +290,7 @@ class Output:
             self.stdout.flush()
 
     def told(self, document: Document) -> None:
-        """Print one document to stderr, in a line: what happens beside the answers."""
+        """Print a document to stderr on one line, for events beside the answers."""
         import json
 
         text = json.dumps(document, ensure_ascii=True, separators=(",", ":"), default=self._as_json)
@@ -314,7 +311,7 @@ class Output:
             raise ReaderLeft from failed
 
     def _page(self, lines: Sequence[str]) -> bool:
-        """Show *lines* with the pager where they are more than a screen; whether they were shown."""
+        """Show *lines* in the pager if longer than a screen; returns whether shown."""
         rows = sum(line.count("\n") + 1 for line in lines)
         if self.pager is None or not self.stdout.isatty() or rows < os.get_terminal_size(self.stdout.fileno()).lines:
             return False
@@ -324,20 +321,20 @@ class Output:
         print(self._painter(stream)(line), file=stream)
 
     def _painter(self, stream: TextIO) -> Callable[[Line], str]:
-        """What makes lines text for *stream* as it is now: its width, and whether it shows colours."""
+        """Return the converter from lines to text for the present width and colours of *stream*."""
         from dvtcli.cli.view.paint import painted, with_hints
 
         width, colored, plain = _columns(stream), self._colored(stream), self.plain
         return lambda line: painted(with_hints(line, self.hints), stream, colored=colored, plain=plain, width=width)
 
     def hints(self, node: int | None = None) -> TypedHints:
-        """What writes hints for this call, and for *node*, which it failed about."""
+        """Return the writer of hints for this call, and for the failed *node*."""
         from dvtcli.cli.view.typed_hints import TypedCall, TypedHints
 
         return TypedHints(self.call or TypedCall, node or self._node)
 
     def _as_json(self, value: Any) -> Any:
-        """What a document has for a hint, and for the step that is next."""
+        """Convert a hint or a next step for a document."""
         from dvtcli.domain.hint import Hint, NextStep
 
         if isinstance(value, Hint):
@@ -355,7 +352,7 @@ class Output:
 
 
 def _columns(stream: TextIO) -> int:
-    """The width of the terminal that *stream* is, 80 where it does not say; 0 where it is none."""
+    """Return the terminal's width, 80 if unknown; 0 if *stream* is no terminal."""
     if not stream.isatty():
         return 0
     return os.get_terminal_size(stream.fileno()).columns or 80

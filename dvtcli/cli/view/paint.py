@@ -18,15 +18,15 @@ if TYPE_CHECKING:
     from dvtcli.cli.view.typed_hints import TypedHints
 
 
-#: A first cell of at most this many characters is a label: what follows it hangs beside it.
+#: Maximum length of a label, i.e. a first cell with the other cells aligned after it.
 _WIDEST_LABEL = 14
 _PIECES = re.compile(r"\s+|\S+")
 
 
 def wrapped(cells: Sequence[Cell], width: int) -> Iterator[list[Cell]]:
-    """*cells* on lines of at most *width* characters, later ones indented as the first; words are never cut.
+    """Wrap *cells* at *width* characters between words, with later lines indented like the first.
 
-    A word that is wider than the screen stands on a line of its own, as long as it is.
+    A wider word stays whole on its own line.
     """
     if sum(columns(cell.text) for cell in cells) <= width:
         yield list(cells)
@@ -48,7 +48,7 @@ def wrapped(cells: Sequence[Cell], width: int) -> Iterator[list[Cell]]:
 
 
 def _indent(cells: Sequence[Cell]) -> int:
-    """Where later lines begin: beside a label, else below the first word."""
+    """Return the indent of later lines: after a label, else below the first word."""
     label = cells[0].text
     if len(cells) > 1 and label.endswith(" ") and len(label) <= _WIDEST_LABEL and label.strip():
         return len(label)
@@ -63,7 +63,7 @@ def _pieces(cells: Sequence[Cell]) -> Iterator[Cell]:
 
 
 def with_hints(line: Line, hints: Callable[[], TypedHints]) -> str | Cell | Sequence[Cell]:
-    """*line* with its hints as text, which what *hints* makes writes for one call."""
+    """Return *line* with its hints as text, written by the result of *hints*."""
     if isinstance(line, str | Cell):
         return line
     parts = [line] if isinstance(line, Hint) else line
@@ -92,7 +92,7 @@ def _styled(cell: Cell) -> str:
 
 
 def _carried(stream: TextIO, text: str) -> str:
-    """*text* as the stream's encoding has it, which on Windows often lacks characters where a file or pipe is."""
+    """Encode *text* for the stream; files and pipes on Windows often lack characters."""
     encoding = getattr(stream, "encoding", None) or "utf-8"
     try:
         text.encode(encoding)

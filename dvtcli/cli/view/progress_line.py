@@ -1,7 +1,7 @@
-"""How far long work has come, on stderr: a line that is written over at a terminal, else a new one each 10 %.
+"""Progress of long work on stderr: an updated line at a terminal, else a new line each 10 %.
 
-No line is said twice there, however often the work begins anew, nor sooner than 5 s after the one before. Nothing of
-work that is done at once. Does not know what is done.
+Off a terminal no line is repeated, even if the work restarts, and lines are at least 5 s apart. Short work shows
+nothing.
 """
 
 from __future__ import annotations
@@ -10,13 +10,13 @@ import os
 import time
 from typing import TextIO
 
-#: How long work must have taken before it is said how far it is, in seconds: at a terminal, and elsewhere.
+#: Time before progress is shown (s): at a terminal, and elsewhere.
 TERMINAL_S, PIPE_S = 0.3, 5.0
 _ERASE = "\r\x1b[K"
 
 
 class ProgressLine:
-    """What is said on *stream* of the work that runs, once it took *terminal_s* or, elsewhere, *pipe_s* seconds."""
+    """Progress on *stream*, shown once the work took *terminal_s* or, off a terminal, *pipe_s* seconds."""
 
     def __init__(self, stream: TextIO, *, terminal_s: float = TERMINAL_S, pipe_s: float = PIPE_S) -> None:
         self._stream = stream
@@ -28,7 +28,7 @@ class ProgressLine:
         self._is_shown = False
 
     def show(self, text: str, done: int, total: int) -> None:
-        """Say *text*, and that *done* of *total* (0: nobody knows) parts are done."""
+        """Show *text*, and *done* of *total* (0: unknown) parts."""
         now_s = time.monotonic()
         self._since_s = now_s if self._since_s is None else self._since_s
         is_terminal = self._stream.isatty() and os.environ.get("TERM") != "dumb"
@@ -47,7 +47,7 @@ class ProgressLine:
             self._nobody_reads()
 
     def _say(self, text: str, now_s: float) -> None:
-        """Write a line of its own."""
+        """Write a new line."""
         if text not in self._said and now_s - self._said_s >= self._pipe_s:
             self._stream.write(f"{text}\n")
             self._said.add(text)

@@ -1,4 +1,4 @@
-"""The text of every result, found by what its class declares; only that module is imported."""
+"""Find the text renderer declared by a result's class; imports only its module."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 
 
 def text(result: Result, width: int, format_name: str = "text") -> Iterable[Line]:
-    """The lines of *result* for a screen of *width* columns, or in a format that its class has besides text."""
+    """Return the lines of *result* for *width* columns, or in another format of its class."""
     report = result.formats.get(format_name)
     return _renderer(report or result.renderer, is_report=bool(report))(result, width)
 
 
 @cache
 def _renderer(place: str, *, is_report: bool) -> Callable[[Result, int], Iterable[Line]]:
-    """The function that *place* (`pdo_lines:listing_lines`) names."""
+    """Return the function named by *place* (`pdo_lines:listing_lines`)."""
     module, _, function = place.partition("_lines:")
     if is_report:
         written = import_module(f"dvtcli.cli.view.reports.{module}_lines")
@@ -33,7 +33,7 @@ def _renderer(place: str, *, is_report: bool) -> Callable[[Result, int], Iterabl
 
 
 def remarks(result: Result) -> Iterator[Line]:
-    """Warnings and notes that belong to *result*; they go to stderr."""
+    """Return warnings and notes of *result* for stderr."""
     findings = getattr(result, "findings", ())
     if findings and result.remarked:
         from dvtcli.cli.view.error_lines import finding_line

@@ -1,7 +1,4 @@
-"""Streams that nobody reads any more: told from those that are full, and made quiet.
-
-Does not know what is written.
-"""
+"""Detect streams without a reader, as opposed to full disks, and silence them."""
 
 from __future__ import annotations
 
@@ -12,7 +9,7 @@ import sys
 from contextlib import suppress
 from typing import TextIO
 
-#: a pipe, or a socket, whose other end is closed
+#: errors of a pipe or socket with a closed other end
 _LEFT = frozenset({errno.EPIPE, errno.ECONNRESET, errno.ESHUTDOWN})
 
 
@@ -21,7 +18,7 @@ class ReaderLeft(Exception):
 
 
 def nobody_reads(stream: TextIO, failed: OSError) -> bool:
-    """Whether *failed*, which writing to *stream* ended with, says that its reader or its terminal is gone."""
+    """Whether *failed*, from writing to *stream*, means a lost reader or terminal."""
     if failed.errno in _LEFT:
         return True
     if sys.platform == "win32" and failed.errno == errno.EINVAL:  # what Windows says of a pipe whose reader is gone
@@ -30,7 +27,7 @@ def nobody_reads(stream: TextIO, failed: OSError) -> bool:
 
 
 def _is_terminal(stream: TextIO) -> bool:
-    """Whether *stream* is a terminal, also one that is closed: that says no longer that it is one."""
+    """Whether *stream* is a terminal, even if already closed."""
     try:
         return stat.S_ISCHR(os.fstat(stream.fileno()).st_mode)
     except (OSError, ValueError):
@@ -38,7 +35,7 @@ def _is_terminal(stream: TextIO) -> bool:
 
 
 def silence(stream: TextIO) -> None:
-    """Send to nowhere what is written from now on, and what is still kept to be written."""
+    """Discard buffered and future output of *stream*."""
     with suppress(OSError, ValueError):  # a stream without a file has nobody to leave
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())
@@ -46,7 +43,7 @@ def silence(stream: TextIO) -> None:
 
 
 def is_abandoned(stream: TextIO) -> bool:
-    """Whether the reader of *stream* is gone, asked without writing."""
+    """Whether the reader of *stream* is gone, tested without writing."""
     import select
 
     if sys.platform == "win32":
@@ -59,9 +56,9 @@ def is_abandoned(stream: TextIO) -> bool:
 
 
 def open_missing() -> None:
-    """Give a program that was started without stdin, stdout or stderr (`>&-`) one that leads nowhere.
+    """Open null devices for missing stdin, stdout or stderr (`>&-`).
 
-    Else the first file or bus that is opened gets its number, and messages would be written there.
+    Otherwise the first opened file or bus would get their number, and receive messages.
     """
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:

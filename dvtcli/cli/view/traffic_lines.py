@@ -1,4 +1,4 @@
-"""Frames for `-v` and `-vv`: each SDO in words, or every frame as bytes. Knows the SDO protocol's first frames only."""
+"""Frames for `-v` and `-vv`: each SDO in words, or every frame as bytes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dvtcli.domain.abort import abort_text
 from dvtcli.domain.ports import Frame
 
 _REQUEST, _ANSWER = 0x600, 0x580
-#: where an expedited value begins (bytes); a part of a longer one begins before
+#: start of an expedited value (bytes); segments of longer values start earlier
 _VALUE = 4
 
 
@@ -36,7 +36,7 @@ def _object(data: bytes) -> str:
 
 
 def _payload(data: bytes) -> str:
-    """An expedited transfer's bytes, or the length of a segmented one (CiA 301, 7.2.4.3)."""
+    """Return the bytes of an expedited transfer, or the length of a segmented transfer (CiA 301, 7.2.4.3)."""
     command = data[0]
     if not command & 2:
         return f"{int.from_bytes(data[4:8], 'little')} bytes in segments" if command & 1 else "in segments"

@@ -1,7 +1,4 @@
-"""What is typed while nobody asks for it: thrown away, and counted.
-
-Knows terminals of POSIX and of Windows. Does not know what is asked next.
-"""
+"""Discard and count input typed before a question; for terminals of POSIX and Windows."""
 
 from __future__ import annotations
 
@@ -10,14 +7,14 @@ import sys
 from contextlib import suppress
 from typing import TextIO
 
-#: What a terminal says of itself where the prompt asks where the cursor is: nobody typed that.
+#: A terminal's reply to the prompt's query of the cursor position, not typed by the user.
 _ANSWERED = re.compile("\x1b\\[[0-9;]*R")
 
 
 def throw_away(stream: TextIO, read_already: int = 0) -> str | None:
-    """Forget what was typed at the terminal *stream* and not read yet; says how much, None where that was nothing.
+    """Discard unread input of the terminal *stream*; returns a message with its amount, None for none.
 
-    *read_already* is how many characters were thrown away elsewhere.
+    *read_already* is the number of characters discarded elsewhere.
     """
     count = read_already + (_thrown_away(stream) if stream.isatty() else 0)
     if not count:

@@ -13,7 +13,7 @@ from dvtcli.domain.hint import Action, Hint, filled, sentence
 if TYPE_CHECKING:
     from dvtcli.errors import DvtcliError
 
-#: Actions that are commands; a command that names no node takes `-n` (`_OF_THE_BUS` does not).
+#: Actions that are commands; a command without a node gets `-n` (except `_OF_THE_BUS`).
 COMMANDS: dict[Action, str] = {
     Action.SHOW_PDOS: "pdo {pdo} {all?--all}",
     Action.SHOW_NODE: "node {node}",
@@ -87,7 +87,7 @@ COMMANDS: dict[Action, str] = {
     Action.DECODE: "decode {file|FILE}",
     Action.DRAW: "report {file|NAME.html}",
 }
-#: Actions that are an option of the line that was typed.
+#: Actions that are an option for the typed line.
 OPTIONS: dict[Action, str] = {
     Action.SELECT_CAN_ID: "--cob-id {can_id|auto}",
     Action.LEAVE_OFF: "--off",
@@ -111,7 +111,7 @@ OPTIONS: dict[Action, str] = {
     Action.FORCE: "--force",
     Action.SHOW_FRAMES: "-vv",
 }
-#: arguments whose option has another name
+#: arguments with a different option name
 _OPTION_OF = {
     "as_type": "--as", "for_s": "--for", "node": "--for", "services": "--with", "node_id": "-n", "node_ids": "--nodes",
     "nodes": "--sim", "faults": "--fault", "signals": "--signal", "verbose": "-v", "timeout_s": "--timeout",
@@ -119,9 +119,9 @@ _OPTION_OF = {
 }  # fmt: skip
 #: arguments that are the path of a file
 _FILES = frozenset({"file", "save", "target"})
-#: what is taken for an option, and is no number
+#: words that look like an option and are no number
 _OPTION = re.compile(r"-(?![\d.])")
-#: commands that are about no node, or about all
+#: commands about no node, or all nodes
 _OF_THE_BUS = frozenset(
     {
         Action.FIND_NODES, Action.LINK, Action.CHECK_LIVE, Action.SHOW_LOAD, Action.CHECK_SYNC, Action.CHECK_SETUP,
@@ -141,7 +141,7 @@ _WITHOUT_BUS = frozenset(
         Action.TRUST,
     }
 )  # fmt: skip
-#: a word that stands for another one, which only the user knows
+#: a placeholder for a word that only the user knows
 PLACEHOLDER = re.compile(
     r"(?:ADDRESS|COUNT|FILE|HOST|ID|KEY|MS|NAME|NODE|NUMBER|OBJECT|PLAN|RATE|S|TARGET|TEXT|TIME|TYPE|VALUE|WHAT|WHEN)"
     r"(?:[:/=.]\w+)?…?|.*…"
@@ -150,9 +150,9 @@ PLACEHOLDER = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class TypedCall:
-    """The call that a hint follows: the options that chose its bus, those of `-n`, and the node that these select.
+    """The call before a hint: its bus options, its `-n` options, and the selected node.
 
-    *alone*: the next command is typed at a shell, not at the prompt. *script*: the file of the lines that it ran.
+    *alone*: the next command is typed at a shell, not at the prompt. *script*: the file of the executed lines.
     """
 
     bus: tuple[str, ...] = ()
@@ -164,17 +164,17 @@ class TypedCall:
 
 @dataclass(slots=True)
 class TypedHints:
-    """Writes hints for the user of one call; *node* is the node that the failure is about."""
+    """Writes hints for the user of a call; *node* is the failed node."""
 
     call: Callable[[], TypedCall] = field(default=TypedCall)
     node: int | None = None
 
     def text(self, hint: Hint | str) -> str:
-        """*hint* in one line, its commands between marks."""
+        """Return *hint* on one line, with marked commands."""
         return hint if isinstance(hint, str) else sentence(hint, self._marked)
 
     def words(self, hint: Hint) -> list[str] | None:
-        """The first command of *hint* that runs as it is, word by word; None without one."""
+        """Return the words of the first complete command in *hint*; None if none."""
         lines = (self._line(step) for step in hint if step.action in COMMANDS)
         return next((line for line in lines if not any(map(PLACEHOLDER.fullmatch, line))), None)
 
@@ -189,7 +189,7 @@ class TypedHints:
         return f"`{write(self._line(step))}`"
 
     def _line(self, step: Hint) -> list[str]:
-        """The command of a *step*, as it is typed behind this call."""
+        """Return the command of a *step* as typed after this call."""
         if step.action is Action.VERIFY and "file" not in step.arguments and self.call().alone:
             step = self._shown(step)
         action = step.action
@@ -204,41 +204,41 @@ class TypedHints:
         return self._in_call(call, action, [*others, *words])
 
     def _shown(self, step: Hint) -> Hint:
-        """What compares with what was set, for a program of its own, to which only a script's file can say that."""
+        """For a program without a prompt, replace `verify` by a comparison with the script's file, else by `pdo`."""
         if script := self.call().script:
             return replace(step, arguments={**step.arguments, "file": script})
         return replace(step, action=Action.SHOW_PDOS)
 
     def _in_call(self, call: TypedCall, action: Action, words: list[str]) -> list[str]:
-        """*words* behind those that choose the bus of this *call*."""
+        """Return *words* after the bus options of *call*."""
         return ["dvtcli", *(() if action in _WITHOUT_BUS else call.bus), *words] if call.alone else words
 
 
 def _given(step: Hint) -> list[str]:
-    """The option for each argument of a *step*; without a value that is None, or true."""
+    """Return the option for each argument of a *step*; without a value if None or true."""
     return [word for name, value in step.arguments.items() for word in _option(name, value)]
 
 
 def _option(name: str, value: object) -> list[str]:
-    """The option for the argument *name*, with its *value* unless that is None, or true."""
+    """Return the option for the argument *name*, with its *value* unless None or true."""
     option = _OPTION_OF.get(name, f"--{'no-' if value is False else ''}{name.replace('_', '-')}")
     return [option] if value is None or isinstance(value, bool) else [option, str(value)]
 
 
 def error_text(error: DvtcliError, text: str | None = None) -> str:
-    """What *error* says, or *text*, behind the options that it is about."""
+    """Return the text of *error*, or *text*, after its options."""
     options = " and ".join(" ".join(_option(name, value)) for name, value in error.given.items())
     said = error.text if text is None else text
     return f"{options}: {said}" if options else said
 
 
 def _no_option(name: str, value: Any) -> Any:
-    """*value*, which no command takes for an option if it is the path of a file."""
+    """Return *value*, protected from being read as an option if a file's path."""
     return f"./{value}" if name in _FILES and str(value).startswith("-") else value
 
 
 def _behind_options(words: list[str], arguments: Mapping[str, Any]) -> list[str]:
-    """*words*, with `--` in front of an object or a value among the *arguments* that begins as an option does."""
+    """Return *words*, with `--` before an object or value in *arguments* that begins like an option."""
     at = next((at for at, word in enumerate(words) if _OPTION.match(word) and word in map(str, _flat(arguments))), None)
     return words if at is None or words[at - 1].startswith("--") else [*words[:at], "--", *words[at:]]
 
@@ -249,26 +249,26 @@ def _flat(arguments: Mapping[str, Any]) -> Iterator[Any]:
 
 
 def _of_node(call: TypedCall, node: Any) -> Sequence[str]:
-    """What selects *node*, or the node of the *call* itself."""
+    """Return the words to select *node*, or the node of *call*."""
     if node is None or node == call.selected or (isinstance(node, int) and call.node == ("-n", str(node))):
         return call.node if call.alone else ()
     return ("-n", ",".join(map(str, node)) if isinstance(node, tuple | list) else str(node))
 
 
 def typed(hint: Hint | str | None) -> str:
-    """*hint* as it is typed at the prompt, empty without one."""
+    """Return *hint* as typed at the prompt, empty if none."""
     return TypedHints().text(hint) if hint else ""
 
 
 def prompt_line(words: Sequence[str]) -> str:
-    """*words* as a line of the prompt, or of a script."""
+    """Return *words* as a line of the prompt or a script."""
     from shlex import quote
 
     return " ".join(word if _PLAIN.fullmatch(word) else quote(word) for word in words)
 
 
 def shell_line(words: Sequence[str]) -> str:
-    """*words* as a line that a shell takes apart into them again."""
+    """Return *words* quoted as a shell line."""
     if sys.platform == "win32":
         from subprocess import list2cmdline
 
@@ -276,5 +276,5 @@ def shell_line(words: Sequence[str]) -> str:
     return prompt_line(words)
 
 
-#: what a shell takes as it is, and placeholders
+#: characters without a meaning in a shell, and placeholders
 _PLAIN = re.compile(r"[\w@%+=:,./…-]+")

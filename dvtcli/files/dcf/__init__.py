@@ -1,1 +1,1 @@
-"""DCF files (CiA 306): a device's EDS with what one device of its kind holds."""
+"""DCF files (CiA 306): a device's EDS with the values of one device."""

@@ -1,6 +1,6 @@
-"""[FileInfo], [DeviceComissioning] and the revision of a DCF (CiA 306, 4.5 and 5.2; the standard spells it so).
+"""[FileInfo], [DeviceComissioning] (the standard's spelling) and the revision of a DCF (CiA 306, 4.5 and 5.2).
 
-CreationDate and whatever else the EDS says of itself stays. Does not know objects.
+CreationDate and all other keys of the EDS stay.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _MAKER = "dvtcli"
 
 
 class Device(Protocol):
-    """The device that a DCF is about."""
+    """The device of a DCF."""
 
     @property
     def file_name(self) -> str:
@@ -32,32 +32,32 @@ class Device(Protocol):
 
     @property
     def node_id(self) -> int:
-        """Its node-ID."""
+        """The node-ID."""
         ...
 
     @property
     def made(self) -> datetime:
-        """When it was read."""
+        """The time of reading."""
         ...
 
     @property
     def bit_rate_kbit(self) -> int | None:
-        """The bit rate of its bus (kbit/s)."""
+        """The bit rate of the bus (kbit/s)."""
         ...
 
     @property
     def serial(self) -> int | None:
-        """Its serial number (0x1018:4)."""
+        """The serial number (0x1018:4)."""
         ...
 
     @property
     def revision(self) -> int | None:
-        """Its revision number (0x1018:3)."""
+        """The revision number (0x1018:3)."""
         ...
 
 
 def write_device_keys(eds: EdsFile, text: EditedText, source: str, device: Device) -> None:
-    """Say in *text* who wrote it and when, of which *source* it is made, and which node it is about."""
+    """Write author, date, *source* and node data into the device sections of *text*."""
     _set_keys(eds, text, _FILE_INFO, _file_info(eds, source, device), before_first=True)
     if device.revision not in (None, eds.dictionary.info.revision_number):  # it is of the device, not of its EDS
         _set_keys(eds, text, _DEVICE_INFO, {"RevisionNumber": f"0x{device.revision:08X}"})
@@ -67,7 +67,7 @@ def write_device_keys(eds: EdsFile, text: EditedText, source: str, device: Devic
 
 
 def is_read_out(path: Path) -> bool:
-    """Whether the file at *path* is a DCF as it is made here of a device: each value in it was read."""
+    """Whether the file at *path* is a DCF that dvtcli made from a device, so that each value was read."""
     try:
         sections = split_sections(read_input(path, MOST_BYTES, "DCF")).sections
     except (OSError, InputFileError):
@@ -77,7 +77,7 @@ def is_read_out(path: Path) -> bool:
 
 
 def _file_info(eds: EdsFile, source: str, device: Device) -> dict[str, str]:
-    """What becomes of [FileInfo]; a DCF keeps the name of the EDS that it was made of."""
+    """Return the new keys of [FileInfo]; a DCF keeps the name of its original EDS."""
     made = {"ModificationTime": device.made.strftime("%I:%M%p"), "ModificationDate": device.made.strftime("%m-%d-%Y"),
             "ModifiedBy": _MAKER}  # fmt: skip
     of_dcf = "devicecomissioning" in eds.layout.device and eds.values(_FILE_INFO).get("lasteds") is not None
@@ -93,7 +93,7 @@ def _set_keys(
     before_first: bool = False,
     gone: list[str] | None = None,
 ) -> None:
-    """Let *section* have *keys*, and nothing of *gone*; where the file has none, it is made."""
+    """Set *keys* in *section* and remove *gone*; adds the section if the file has none."""
     parts = eds.layout.device.get(section.lower(), [])
     if not parts:
         lines = [f"[{section}]", *(f"{key}={_fitting(text, value)}" for key, value in keys.items())]
@@ -113,7 +113,7 @@ def _set_keys(
 
 
 def _add_section(eds: EdsFile, text: EditedText, lines: list[str], *, before_first: bool) -> None:
-    """Put a section in front of the first one, or of the lists of objects; at the end where there are none."""
+    """Insert a section before the first, or before the lists of objects; append if the file has none."""
     lists = [parts[0].line for name, parts in eds.layout.device.items() if name.endswith("objects")]
     first = eds.text.sections[0].line if before_first else min(lists, default=0)
     if first:
@@ -123,5 +123,5 @@ def _add_section(eds: EdsFile, text: EditedText, lines: list[str], *, before_fir
 
 
 def _fitting(text: EditedText, value: str) -> str:
-    """*value* without what would end its line or steer a terminal, or what the file's encoding lacks."""
+    """Replace characters of *value* that end a line, steer a terminal or are missing in the file's encoding."""
     return "".join(char if char.isprintable() and text.can_hold(char) else "?" for char in value).strip()

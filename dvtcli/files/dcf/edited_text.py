@@ -1,6 +1,6 @@
-"""The text of an INI file of which single lines change: every other byte stays as it is.
+"""Edit single lines of an INI file; every other byte stays unchanged.
 
-Knows encodings, line ends and `key=value`. Does not know what a key means; lines are counted as `files.eds.ini` does.
+Handles encodings, line ends and `key=value`. Lines are counted as in `files.eds.ini`.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from collections import Counter
 from dvtcli.files.eds.ini import decode
 
 _LINE_END = re.compile(r"(\r\n|\r|\n)")
-#: UTF-16 is written with the byte order that the file has
+#: UTF-16 is written in the file's byte order
 _UTF_16 = ((codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"))
 
 
 class EditedText:
-    """A file's *data*, and what becomes of its lines; the first one is line 1."""
+    """A file's *data* with edits of lines; the first line is 1."""
 
     def __init__(self, data: bytes) -> None:
         text, self._encoding = decode(data)
@@ -33,7 +33,7 @@ class EditedText:
 
     @property
     def last_line(self) -> int:
-        """The number of the last line that is not empty, 0 for none."""
+        """The number of the last non-empty line, 0 for none."""
         return next((number for number in range(len(self._lines), 0, -1) if self._lines[number - 1].strip()), 0)
 
     def can_hold(self, text: str) -> bool:
@@ -45,7 +45,7 @@ class EditedText:
         return True
 
     def line(self, number: int) -> str:
-        """Line *number* as it was, without its end."""
+        """Return the original line *number* without its line end."""
         return self._lines[number - 1]
 
     def set_value(self, number: int, value: str, *, is_text: bool = False) -> None:
@@ -62,13 +62,13 @@ class EditedText:
         self._gone.add(number)
 
     def insert(self, number: int, lines: list[str]) -> None:
-        """Put *lines* behind line *number* (0: before the first), and behind what was put there before."""
+        """Insert *lines* after line *number* (0: before the first), after earlier insertions at this place."""
         self._after.setdefault(number, []).extend(lines)
 
     def insert_key(self, number: int, key: str, value: str) -> None:
-        """Put *key* behind line *number*, with blanks as that line has them if it has a key.
+        """Insert *key* after line *number*, with the blanks around `=` of the key on that line, if any.
 
-        Blanks on one side of its `=` are odd: as most lines have them then.
+        If that line has a blank on one side of `=` only, the file's usual blanks count.
         """
         indent, equals, _ = _key_line(self._lines[number - 1])
         if equals.startswith("=") != equals.endswith("="):
@@ -76,12 +76,12 @@ class EditedText:
         self.insert(number, [f"{indent}{key}{equals}{value}"])
 
     def _usual_equals(self) -> str:
-        """The `=` of most lines that have a key and a value, with its blanks."""
+        """The `=` with blanks as on most lines with a key and a value."""
         found = Counter(equals for _, equals, value in map(_key_line, self._lines) if value)
         return next((equals for equals, _ in found.most_common(1)), "=")
 
     def to_bytes(self) -> bytes:
-        """The file as it is now."""
+        """Return the edited file."""
         text = "".join(self._pieces())
         return self._mark + text.encode(self._codec)
 
@@ -98,13 +98,13 @@ class EditedText:
 
 
 def _blanks_around(text: str) -> tuple[str, str]:
-    """The blanks before and behind what stands in *text*; all of them before where nothing does."""
+    """Return the blanks before and after the content of *text*; for a blank text, all of them before."""
     before = text[: len(text) - len(text.lstrip())]
     return before, text[max(len(text.rstrip()), len(before)) :]
 
 
 def _key_line(line: str) -> tuple[str, str, str]:
-    """The blanks before the key of a *line*, its `=` with the blanks around it, its value; no value where no key is."""
+    """Split *line* into blanks before its key, `=` with blanks, and value; the value is empty without a key."""
     left, sign, right = line.partition("=")
     if not sign:
         return "", "=", ""

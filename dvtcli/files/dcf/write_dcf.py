@@ -1,7 +1,4 @@
-"""An EDS, or an older DCF, with what one device holds: a DCF (CiA 306) that is its file in every other byte.
-
-Knows where the values of objects stand. Does not know a device, nor which of its objects are worth writing.
-"""
+"""Write the values of one device into an EDS or an older DCF; all other bytes stay unchanged (CiA 306)."""
 
 from __future__ import annotations
 
@@ -30,9 +27,9 @@ _OPTIONAL, _SUPPORTED_COUNT = "optionalobjects", "supportedobjects"
 
 
 def write_missing(eds: EdsFile, text: EditedText, values: Mapping[Place, bytes]) -> dict[Place, str]:
-    """Put sections behind the file's last one for objects of *values* that have none; what it cannot say, with why.
+    """Append sections for objects of *values* without a section; returns impossible objects with reasons.
 
-    They are named in the list of optional objects, where the file has one.
+    The list of optional objects gets the new objects, if the file has this list.
     """
     left_out: dict[Place, str] = {}
     added = sorted({index for index, _ in values} - eds.layout.objects.keys())
@@ -63,7 +60,7 @@ def _with_values(one: OdObject, values: Mapping[Place, bytes], left_out: dict[Pl
 
 
 def _named(layout: EdsLayout) -> set[int]:
-    """The indices that the file's lists of objects name."""
+    """Return the indices in the file's lists of objects."""
     lists = (section_values(layout.device.get(name, ()), Findings()) for name in OBJECT_LISTS)
     indices = (_index(value.value) for keys in lists for key, value in keys.items() if key.isdecimal())
     return {index for index in indices if index is not None}
@@ -72,9 +69,9 @@ def _named(layout: EdsLayout) -> set[int]:
 def _write_list(
     layout: EdsLayout, text: EditedText, name: str, known: Collection[int], added: Sequence[int]
 ) -> list[int]:
-    """Name *added* at the end of the list *name*, and drop from it what is not *known* by a section; what was dropped.
+    """Append *added* to the list *name*; drop and return indices without a section (not *known*).
 
-    Whoever reads the file takes it for cut short if its lists name objects to the end that have no section.
+    Readers take a file for cut short if its lists end with objects without a section.
     """
     parts = layout.device.get(name)
     if not parts:
@@ -100,7 +97,7 @@ def _write_list(
 
 
 def _index(value: str) -> int | None:
-    """The index that a row of a list names, None where it is no number."""
+    """Return the index in a row of a list, None if the row is no number."""
     try:
         return read_number(without_comment(value))
     except ValueError:
@@ -111,7 +108,7 @@ _COUNT = "nrofentries"
 
 
 class ValueTable:
-    """The table of the object that *sections* describe, in *text*; `write` carries out what was asked."""
+    """The value table of the object of *sections* in *text*; changes take effect with `write`."""
 
     def __init__(self, text: EditedText, sections: ObjectSections) -> None:
         self._text, self._sections = text, sections
@@ -122,20 +119,20 @@ class ValueTable:
         self._taken_out: set[int] = set()
 
     def set(self, sub_index: int, value: str, *, is_text: bool) -> None:
-        """Let the row of *sub_index* say *value*."""
+        """Set the row of *sub_index* to *value*."""
         if sub_index in self.rows:
             self._text.set_value(self.rows[sub_index].line, value, is_text=is_text)
         else:
             self._wanted[sub_index] = value
 
     def remove(self, sub_index: int) -> None:
-        """Let the table say nothing of *sub_index*."""
+        """Remove the row of *sub_index*."""
         if sub_index in self.rows:
             self._text.remove(self.rows[sub_index].line)
             self._taken_out.add(sub_index)
 
     def write(self) -> None:
-        """Put the new rows where they belong, in order, and count them."""
+        """Insert the new rows in order, and update their count."""
         if not self._sections.values:
             if self._wanted:
                 self._text.insert(self._end_of_object(), ["", *self._new_table()])
@@ -159,7 +156,7 @@ class ValueTable:
             self._text.set_value(self._keys[_COUNT].line, count)
 
     def _end_of_object(self) -> int:
-        """The last line of the object's sections that is not empty."""
+        """The last non-empty line of the object's sections."""
         last = max((part for parts in self._sections.each() for part in parts), key=lambda part: part.line)
         lines = last.text.split("\n")
         return last.line + max(number for number, line in enumerate(lines) if not number or line.strip())
@@ -175,14 +172,14 @@ def _rows(keys: Values) -> list[tuple[int, IniValue]]:
     return found
 
 
-#: the longest DOMAIN or OCTET_STRING that is written into a line (bytes)
+#: maximum length of a DOMAIN or OCTET_STRING in a line (bytes)
 MOST_OCTETS = 1 << 16
 
 
 def value_text(data_type: DataType | None, data: bytes, like: str = "") -> str:
-    """*data* of an object of *data_type* as text; hexadecimal where *like*, another value of it, is.
+    """Return *data* of *data_type* as text; hexadecimal if *like*, an earlier value of the object, is.
 
-    ValueError, its text says why, where no text means it.
+    Raises ValueError, with the reason as text, if no text represents *data*.
     """
     if data_type is None:
         raise ValueError("its data type is not known")
@@ -203,10 +200,10 @@ _VALUE, _DEFAULT = "parametervalue", "defaultvalue"
 
 @dataclass(frozen=True, slots=True)
 class Commissioned:
-    """The device that a DCF is about: what its [DeviceComissioning] and [FileInfo] say.
+    """The device of a DCF: contents of [DeviceComissioning] and [FileInfo].
 
-    *file_name* is the DCF's, *made* when its values were read; *bit_rate_kbit*, *serial* (0x1018:4) and *revision*
-    (0x1018:3) are None where nobody knows them.
+    *file_name* is the DCF's name, *made* the time of reading; *bit_rate_kbit*, *serial* (0x1018:4) and *revision*
+    (0x1018:3) are None if unknown.
     """
 
     file_name: str
@@ -219,7 +216,7 @@ class Commissioned:
 
 @dataclass(frozen=True, slots=True)
 class DcfText:
-    """A DCF as bytes; *left_out* are the objects that it cannot say, each with why, *said* those that it says."""
+    """A DCF as bytes; *said* are the objects with a value in the file, *left_out* the others with their reasons."""
 
     data: bytes
     said: tuple[Place, ...] = ()
@@ -227,10 +224,11 @@ class DcfText:
 
 
 def write_dcf(data: bytes, source: str, values: Mapping[Place, bytes], device: Commissioned) -> DcfText:
-    """The EDS or DCF *data* (called *source*) with a ParameterValue for each of *values*, by index and sub-index.
+    """Return the EDS or DCF *data* (named *source*) with a ParameterValue for each of *values*.
 
-    A ParameterValue that the file has already stays as it is written where it means the same, and is taken out where
-    *values* have none. InputFileError where the file is none, or nothing can be written into it.
+    *values* go by index and sub-index. An existing ParameterValue keeps its text if the value is equal, and is removed
+    if
+    *values* have none. Raises InputFileError if *data* is no EDS or DCF, or no value can be written.
     """
     eds = parse_eds(data, source)
     writer = _Writer(eds, EditedText(data), values, device.node_id)
@@ -246,7 +244,7 @@ def write_dcf(data: bytes, source: str, values: Mapping[Place, bytes], device: C
 
 
 def refuse_unlike_values(made: ObjectDictionary, values: Mapping[Place, bytes], node_id: int) -> None:
-    """Raise InputFileError where *made*, a new file as it is read, says something else than *values* of *node_id*."""
+    """Raise InputFileError if the new file, read back as *made*, differs from *values* of *node_id*."""
     for (index, sub_index), data in values.items():
         entry = made.entry(index, sub_index)
         if entry is None or not same_value(entry.data_type, entry.initial(node_id), data):
@@ -259,7 +257,7 @@ def refuse_unlike_values(made: ObjectDictionary, values: Mapping[Place, bytes], 
 
 @dataclass(slots=True)
 class _Writer:
-    """What is written into *text*, of which *eds* was read."""
+    """Writes values into *text*, the text of *eds*."""
 
     eds: EdsFile
     text: EditedText
@@ -268,7 +266,7 @@ class _Writer:
     left_out: dict[Place, str] = field(default_factory=dict)
 
     def write_object(self, index: int) -> None:
-        """Every sub-index: in its own section, or in the object's table where it has a row, or no section."""
+        """Write every sub-index: in its own section, in the object's table if it has a row, or in a new section."""
         sections = self.eds.layout.object_sections(index)
         own = section_values(sections.own, Findings())
         is_short = bool(number_key(own, "compactsubobj", 0, 254, Findings()))
@@ -285,7 +283,7 @@ class _Writer:
         table.write()
 
     def _write_key(self, entry: OdEntry, parts: Parts, wanted: bytes | None) -> None:
-        """The ParameterValue in the section of an object, of which *parts* are the repetitions."""
+        """Write the ParameterValue in an object's section; *parts* are the section's repetitions."""
         keys = section_values(parts, Findings())
         given = keys.get(_VALUE)
         if given is not None and wanted is not None and self._is_said(entry, wanted):
@@ -299,7 +297,7 @@ class _Writer:
             self.text.insert_key(_anchor(keys, parts), "ParameterValue", text)
 
     def _write_row(self, entry: OdEntry, table: ValueTable, wanted: bytes | None, default: str) -> None:
-        """The row of an object in short form; its count needs none where the rows tell it."""
+        """Write the row of an object in short form; the count needs no row if the other rows imply it."""
         sub_index = entry.sub_index
         row = table.rows.get(sub_index)
         is_told = wanted is not None and not sub_index and same_value(entry.data_type, wanted, self._count(entry.index))
@@ -318,7 +316,7 @@ class _Writer:
         return now is not None and same_value(entry.data_type, now, wanted)
 
     def _count(self, index: int) -> bytes | None:
-        """What sub-index 0 of an object in short form is taken for where no row says it."""
+        """Return the implied value of sub-index 0 of an object in short form without a row for it."""
         entries = self.eds.dictionary[index].entries
         if not is_pdo_mapping(index):
             return entries[0].default
@@ -328,7 +326,7 @@ class _Writer:
         return bytes([next((n for n, data in enumerate(held) if data is None or not any(data)), len(held))])
 
     def _text_of(self, entry: OdEntry, wanted: bytes, like: str) -> str | None:
-        """The text for *wanted*; None, and noted, where there is none."""
+        """Return the text for *wanted*; records the reason and returns None if no text represents it."""
         try:
             text = value_text(entry.data_type, wanted, like)
             if safe(text) != text:
@@ -341,7 +339,7 @@ class _Writer:
         return text
 
     def _remove(self, parts: Parts) -> None:
-        """Take out every ParameterValue of a section: of several the last one counts."""
+        """Remove every ParameterValue of a section: readers take the last."""
         for part in parts:
             for number, line in enumerate(part.text.split("\n")[1:], part.line + 1):
                 if line.partition("=")[0].strip().lower() == _VALUE:

@@ -1,7 +1,7 @@
-"""What is remembered of a file of the library beside it, so that a list of sixty opens none: `about/NAME.json`.
+"""Notes about library files (`about/NAME.json`), so that a listing opens no file.
 
-It is a note, never the truth: one that is of another version of dvtcli, of the file before it was changed, too long, or
-not what this file writes counts as none. Only numbers and short texts are taken from it.
+A note is ignored if it comes from another dvtcli version, does not match its file, or is too long or malformed. Only
+numbers and short texts are used.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from typing import Any
 from dvtcli.files.device_library.stored_files import StoredFile, folder
 from dvtcli.version import __version__
 
-#: A note is some hundred bytes; beyond this many it is something else.
+#: Maximum size of a note (bytes), normally some hundred.
 _MOST_BYTES = 20_000
 _LONGEST_TEXT = 4_000
 
 
 @dataclass(frozen=True, slots=True)
 class FileDescription:
-    """What the file itself says: its identity (None where it is silent), names, and how many objects."""
+    """A file's own identity (None if the file has none), names, and number of objects."""
 
     vendor_id: int | None
     product_code: int | None
@@ -33,9 +33,9 @@ class FileDescription:
 
 @dataclass(frozen=True, slots=True)
 class KnownFile:
-    """Where a file came from, empty where nobody knows, and what is in it, None where that is to be read.
+    """A file's origin (empty if unknown) and contents (None: still to be read).
 
-    *preferred*: somebody chose it before others of its identity.
+    *preferred*: the user chose this file among files of the same identity.
     """
 
     origin: str = ""
@@ -44,12 +44,12 @@ class KnownFile:
 
 
 def about_place(one: StoredFile) -> Path:
-    """Where the note about *one* is."""
+    """Return the path of the note about *one*."""
     return folder() / "about" / f"{one.path.name}.json"
 
 
 def remembered(one: StoredFile) -> KnownFile:
-    """What the note about *one* says, as far as it can be believed."""
+    """Return the contents of the note about *one*, as far as credible."""
     try:
         with about_place(one).open("rb") as file:
             note = json.loads(file.read(_MOST_BYTES + 1))
@@ -66,7 +66,7 @@ def remembered(one: StoredFile) -> KnownFile:
 
 
 def note_about(one: StoredFile, known: KnownFile, described: FileDescription) -> str:
-    """The text of the note about *one* as the file is now; OSError where it is not there."""
+    """Return the text of a note about the present state of *one*. Raises OSError if the file is gone."""
     note = {
         "dvtcli": __version__,
         "from": known.origin,
@@ -78,13 +78,13 @@ def note_about(one: StoredFile, known: KnownFile, described: FileDescription) ->
 
 
 def _state(one: StoredFile) -> list[int]:
-    """By what a changed file is known: bytes, and when it was written (ns)."""
+    """Return size (bytes) and modification time (ns), which show a change of the file."""
     found = one.path.stat()
     return [found.st_size, found.st_mtime_ns]
 
 
 def _described(said: Any) -> FileDescription:
-    """ValueError, KeyError or TypeError where it is not what was written."""
+    """Parse a note's description. Raises ValueError, KeyError or TypeError if malformed."""
     found = {field.name: said[field.name] for field in fields(FileDescription)}
     for name in ("vendor_name", "product_name"):
         _text(found[name])

@@ -1,9 +1,8 @@
-"""Which file of the library is taken for an identity, and how well it fits. Opens files to tell rivals from copies.
+"""Select the library file for an identity, and rate its fit; opens files to tell rivals from copies.
 
-The policy: vendor and product are the same. Of revisions (CiA 301, 0x1018:03) the same one goes first; then one of the
-same major part (bits 16 to 31: the same CANopen behaviour), then a file that names none, then any other; of each the
-highest. Of one revision an EDS or XDD goes before the DCF or XDC of one node, then the one that was added last; but
-the one that was preferred last before all, as long as that one is not newer.
+Vendor and product must be equal. Revisions (CiA 301, 0x1018:03) rank: same revision, same major part (bits 16 to 31:
+same CANopen behaviour), file without revision, any other; the highest first. Within a revision EDS and XDD rank before
+the DCF or XDC of one node, then the newest wins. The file preferred last wins unless a newer file was added.
 """
 
 from __future__ import annotations
@@ -29,9 +28,9 @@ class Fit(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Match:
-    """The *file* that is taken for a device of *revision* (None: it tells none), and its *rivals*.
+    """The *file* for a device of *revision* (None: unknown), and its *rivals*.
 
-    These fit as well, say something else, and nobody has chosen. *preferred*: somebody has chosen *file*.
+    Rivals fit equally well and differ in content, and the user chose none. *preferred*: the user chose *file*.
     """
 
     file: StoredFile
@@ -42,12 +41,12 @@ class Match:
 
     @property
     def of_other_revision(self) -> bool:
-        """Whether device and file name revisions, and not the same one."""
+        """Whether device and file both name a revision, and the revisions differ."""
         return self.fit in (Fit.SAME_MAJOR, Fit.OTHER)
 
     @property
     def why(self) -> str:
-        """Why it is taken, in words."""
+        """The reason for the selection, in words."""
         return f"{self._fits}; preferred to others that fit as well" if self.preferred else self._fits
 
     @property
@@ -63,16 +62,16 @@ class Match:
 
     @property
     def doubtful(self) -> bool:
-        """Whether it may describe another device: by its revision, or since others fit as well."""
+        """Whether the file may describe another device: by revision, or because others fit equally well."""
         return self.fit is Fit.OTHER or bool(self.rivals)
 
     @property
     def note(self) -> str:
-        """What somebody should know who relies on the file; empty for nothing."""
+        """The warning to users of the file; empty for none."""
         return self.remark("on the device")
 
     def remark(self, told: str) -> str:
-        """The same, where the device's revision stands where *told* says."""
+        """Return `note` with *told* as the place of the device's revision."""
         notes = []
         if self.of_other_revision:
             device, described = f"0x{self.revision or 0:08X}", f"0x{self.file.revision:08X}"
@@ -87,7 +86,7 @@ class Match:
 
 
 def match(files: Iterable[StoredFile], vendor_id: int, product_code: int, revision: int | None) -> Match | None:
-    """The one of *files* for a device of that identity; None where there is none."""
+    """Return the best of *files* for a device of this identity; None if no file fits."""
     fitting = [file for file in files if (file.vendor_id, file.product_code) == (vendor_id, product_code)]
     if not fitting or not vendor_id:
         return None
@@ -102,9 +101,9 @@ def match(files: Iterable[StoredFile], vendor_id: int, product_code: int, revisi
 
 
 def first_of(same: Sequence[StoredFile], added: StoredFile | None = None) -> tuple[StoredFile, bool]:
-    """The one of files of the *same* identity that is taken, and whether it is since somebody preferred it.
+    """Select a file among files of the *same* identity; the flag tells whether the user preferred it.
 
-    *added* is one of them that counts as the newest and as not preferred, whether it is there already or not.
+    *added*, present or not, counts as the newest and as not preferred.
     """
     if len(same) == 1:
         return same[0], False
@@ -120,7 +119,7 @@ def first_of(same: Sequence[StoredFile], added: StoredFile | None = None) -> tup
 
 
 def taken_of(files: Iterable[StoredFile]) -> dict[StoredFile, bool]:
-    """The one of *files* that is taken for each of their identities, with whether it is since somebody preferred it."""
+    """Return the selected file for each identity in *files*, with a flag: preferred by the user."""
     by_identity: dict[tuple[int, int, int], list[StoredFile]] = {}
     for file in files:
         by_identity.setdefault(file.identity, []).append(file)
@@ -140,7 +139,7 @@ def _rank(one: StoredFile, revision: int | None) -> tuple[int, int]:
 
 
 def _newest(one: StoredFile) -> tuple[int, str]:
-    """When it was added, or preferred, last (ns); of equal ones the last by name."""
+    """Return the time (ns) when the file was last added or preferred; ties go by name."""
     try:
         return (one.path.stat().st_mtime_ns, one.path.name)
     except OSError:

@@ -1,6 +1,6 @@
-"""The files of the library, by the identity that stands in their names: `0000001E-0705302D-00010025_gen4.eds`.
+"""Library files, with the identity in their names: `0000001E-0705302D-00010025_gen4.eds`.
 
-So nothing is opened to find one. Does not know which of several is taken, nor what is in them.
+Finding a file opens none.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from dvtcli.files.device_file import VALUE_SUFFIXES
 from dvtcli.files.user_folders import user_folder
 
 _NAME = re.compile(r"([0-9A-F]{8})-([0-9A-F]{8})-([0-9A-F]{8})_(.+)", re.DOTALL)
-#: As many bytes as a file system takes in a name, and a little room for the identity in front.
+#: Maximum length of a name in a file system (bytes), less the identity before it.
 _LONGEST = 200
 
 
 @dataclass(frozen=True, slots=True)
 class StoredFile:
-    """A file of the library, with the *vendor_id*, *product_code* and *revision* that it is for; 0: no revision."""
+    """A library file for *vendor_id*, *product_code* and *revision* (0: no revision)."""
 
     path: Path
     vendor_id: int
@@ -29,7 +29,7 @@ class StoredFile:
 
     @property
     def label(self) -> str:
-        """What it was called when it was added."""
+        """The file's original name."""
         return label_of(self.path.name)
 
     @property
@@ -39,23 +39,23 @@ class StoredFile:
 
     @property
     def is_of_one_node(self) -> bool:
-        """Whether it has the values of one node (DCF, XDC), and does not only say what such devices are like."""
+        """Whether the file has the values of one node (DCF, XDC)."""
         return self.path.name.lower().endswith(VALUE_SUFFIXES)
 
 
 def label_of(name: str) -> str:
-    """What a file called *name* was called when it was added; *name* where it is none of the library."""
+    """Return the original name of the library file *name*; *name* itself if not of the library."""
     found = _NAME.fullmatch(name)
     return found[4] if found else name
 
 
 def folder() -> Path:
-    """Where the library is, whether it exists or not."""
+    """Return the library's folder, existing or not."""
     return user_folder("data") / "eds"
 
 
 def stored_files() -> tuple[StoredFile, ...]:
-    """Every file of the library, by identity and name; none is opened."""
+    """Return all library files, by identity and name, without opening any."""
     try:
         with os.scandir(folder()) as found:  # a pipe or a folder of such a name is no file of the library
             names = sorted(entry.name for entry in found if _NAME.fullmatch(entry.name) and entry.is_file())
@@ -66,7 +66,7 @@ def stored_files() -> tuple[StoredFile, ...]:
 
 
 def stored_file(path: Path) -> StoredFile:
-    """The file at *path*, whose name is one of the library."""
+    """Return the library file at *path*, whose name must have an identity."""
     found = _NAME.fullmatch(path.name)
     assert found is not None  # noqa: S101 - who calls has looked
     vendor_id, product_code, revision = (int(found[number], 16) for number in (1, 2, 3))
@@ -74,7 +74,7 @@ def stored_file(path: Path) -> StoredFile:
 
 
 def stored_path(name: str) -> Path | None:
-    """The file of the library whose whole name *name* is; None where it has none."""
+    """Return the library file with the full name *name*; None if absent."""
     path = folder() / name
     return path if _NAME.fullmatch(name) and path.parent == folder() and path.is_file() else None
 
@@ -87,7 +87,7 @@ def stored_place(identity: tuple[int, int, int], name: str) -> Path:
 
 
 def identity_word(identity: tuple[int, int, int]) -> str:
-    """*identity* as the names of the library begin."""
+    """Return *identity* as the beginning of a library file's name."""
     return "-".join(f"{number:08X}" for number in identity)
 
 

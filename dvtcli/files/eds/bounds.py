@@ -1,6 +1,6 @@
-"""How much an EDS or DCF may hold: far more than any real one, and few enough to be read in seconds.
+"""Limits for the size of an EDS or DCF: far above any real file, low enough to read in seconds.
 
-Looks at bytes only, before anything is built. Does not know what a file means.
+Counts bytes only, before anything is built.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _PER_OBJECT = 254
 
 
 def too_much(data: bytes) -> str | None:
-    """What *data* has too much of, None where it can be read."""
+    """Describe the limit that *data* exceeds; None if within all limits."""
     if len(data) > MOST_BYTES:
         return f"larger than {MOST_BYTES >> 20} MiB"
     if max(data.count(b"\n"), data.count(b"\r")) > _MOST_LINES:
@@ -30,7 +30,7 @@ def too_much(data: bytes) -> str | None:
 
 
 def _compact_sub_indices(data: bytes) -> int:
-    """How many sub-indices CompactSubObj stands for at most; counted one by one only where there are very many."""
+    """Return an upper bound for the sub-indices of all CompactSubObj; counts exactly only if the bound is too high."""
     text = data.replace(b"\0", b"").lower()  # UTF-16 has a zero beside each letter
     most = text.count(b"compactsubobj") * _PER_OBJECT
     if most <= _MOST_COMPACT:

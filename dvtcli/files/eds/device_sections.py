@@ -1,6 +1,6 @@
 """The device sections of an EDS or DCF: DeviceInfo, DummyUsage, DeviceComissioning, and the lists of objects.
 
-Knows CiA 306, 4.5, 4.6.1 and 5. Does not know objects beyond the identity that stands in for missing numbers.
+See CiA 306, 4.5, 4.6.1 and 5. Numbers missing in DeviceInfo come from the identity object.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _BIT_RATES_KBIT = (10, 20, 50, 100, 125, 250, 500, 800, 1000)
 
 
 def read_device_info(values: Values, layout: EdsLayout, identity: OdObject | None, findings: Findings) -> DeviceInfo:
-    """What the file says about the device; numbers that *values* (DeviceInfo) lack come from *identity* (0x1018)."""
+    """Read the device data of *values* (DeviceInfo); missing numbers come from *identity* (0x1018)."""
     return DeviceInfo(
         vendor_name=text_key(values, "vendorname"),
         product_name=text_key(values, "productname"),
@@ -60,13 +60,13 @@ def read_device_info(values: Values, layout: EdsLayout, identity: OdObject | Non
 
 
 def _flag(values: Values, key: str) -> bool | None:
-    """A key that is 0 or 1; what is neither is what `lint_device_info` says."""
+    """Read a key with the value 0 or 1; `lint_device_info` reports other values."""
     number = number_key(values, key, 0, 1, Findings())
     return None if number is None else bool(number)
 
 
 def _commissioning(layout: EdsLayout) -> Commissioning:
-    """DeviceComissioning without the node-ID; what is no number there is what `lint_commissioning` says."""
+    """Read DeviceComissioning without the node-ID; `lint_commissioning` reports malformed numbers."""
     unsaid = Findings()
     values = section_values(layout.device.get("devicecomissioning", ()), unsaid)
     return Commissioning(
@@ -80,7 +80,7 @@ def _commissioning(layout: EdsLayout) -> Commissioning:
 
 
 def _identity(values: Values, key: str, identity: OdObject | None, sub_index: int, findings: Findings) -> int | None:
-    """A number of DeviceInfo, else the default of 1018:*sub_index*; where both are there and differ, a warning."""
+    """Read a number of DeviceInfo, else the default of 1018:*sub_index*; warns if both exist and differ."""
     given = number_key(values, key, 0, _U32, findings)
     entry = None if identity is None else identity.entries.get(sub_index)
     data = None if entry is None else entry.initial(0)
@@ -119,7 +119,7 @@ def _node_id(layout: EdsLayout, findings: Findings) -> int | None:
 
 
 def _whole(given: IniValue) -> int | None:
-    """The number that a key gives, None where it is none."""
+    """Return the number of a key, None if malformed."""
     try:
         return read_number(without_comment(given.value))
     except ValueError:
@@ -127,7 +127,7 @@ def _whole(given: IniValue) -> int | None:
 
 
 def _given_node_ids(sections: Iterable[IniSection]) -> dict[int, int]:
-    """Every node-ID that the sections give, with its line; a key may stand twice."""
+    """Return every node-ID in the sections with its line; a key may occur twice."""
     found: dict[int, int] = {}
     for section in sections:
         for line, text in enumerate(section.text.split("\n")):
@@ -156,7 +156,7 @@ def _dummies(layout: EdsLayout, findings: Findings) -> frozenset[int] | None:
 
 
 def check_lists(layout: EdsLayout, findings: Findings) -> tuple[int, ...]:
-    """Compare the lists of objects with the objects that the file has; what they name, in their order."""
+    """Compare the lists of objects with the file's objects; returns the listed indices in order."""
     listed: dict[int, None] = {}
     for name in OBJECT_LISTS:
         listed |= _check_list(layout, name, listed, findings)

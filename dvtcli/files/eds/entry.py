@@ -1,6 +1,6 @@
-"""One sub-index of an EDS or DCF: the keys of its section -> an `OdEntry`.
+"""Read a sub-index of an EDS or DCF: the keys of its section become an `OdEntry`.
 
-Knows the keys of CiA 306, 4.6.3, and `Unit` and `Factor`, common private ones. Does not know sections.
+Reads the keys of CiA 306, 4.6.3, and the common private keys `Unit` and `Factor`.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ _DOMAIN = DATA_TYPES[0x0F]
 
 @dataclass(frozen=True, slots=True)
 class EntryPlace:
-    """Which entry is read: *line* of its section; *of_many* in an ARRAY or RECORD; *domain* by its ObjectType."""
+    """The place of an entry: *line* of its section; *of_many*: in an ARRAY or RECORD; *domain*: by its ObjectType."""
 
     index: int
     sub_index: int
@@ -59,7 +59,7 @@ class EntryPlace:
 
     @property
     def shown(self) -> str:
-        """The object as findings name it."""
+        """The object as named in findings."""
         return f"{self.index:04X}:{self.sub_index:02X}" if self.of_many else f"{self.index:04X}"
 
 
@@ -104,9 +104,9 @@ def read_entry(values: Values, place: EntryPlace, findings: Findings) -> OdEntry
 def read_value(
     given: IniValue | None, data_type: DataType | None, findings: Findings, *, is_wanted: bool = False
 ) -> EncodedValue | None:
-    """Encode one DefaultValue, or with *is_wanted* a ParameterValue.
+    """Encode a DefaultValue, or a ParameterValue if *is_wanted*.
 
-    None where it is absent, or empty or malformed (both reported).
+    Returns None if the value is absent, empty or malformed; reports the last two.
     """
     if given is None:
         return None
@@ -132,7 +132,7 @@ def read_value(
 
 
 def _tell_other(given: IniValue, data_type: DataType | None, findings: Findings) -> None:
-    """An error where an earlier line says another value: readers differ in which counts."""
+    """Report an error if an earlier line has another value: readers differ in their choice."""
     other = given.other
     while other is not None:
         if not _means_same(given.value, other.value, data_type):
@@ -173,13 +173,13 @@ def _data_type(values: Values, place: EntryPlace, findings: Findings) -> DataTyp
 
 
 def _unknown_type(values: Values) -> int | None:
-    """The code of a data type that is not known, which `_data_type` has reported."""
+    """Return the code of an unknown data type, already reported by `_data_type`."""
     code = number_key(values, "datatype", 0, 0xFFFF, Findings())
     return None if code in DATA_TYPES else code
 
 
 def _implied_data_type(place: EntryPlace, findings: Findings) -> DataType | None:
-    """What the standards say where the file has no DataType."""
+    """Return the data type by the standards for an entry without DataType."""
     standard = standard_entry(place.index, place.sub_index)
     implied, source = (None, "") if standard is None else (standard.data_type, "CiA 301")
     if implied is None and place.of_many and place.sub_index == 0:
@@ -234,9 +234,10 @@ def _limits(values: Values, data_type: DataType | None, findings: Findings) -> _
 def _bounds_nothing(
     given: IniValue, data_type: DataType | None, limit: float, low: float | None, findings: Findings
 ) -> bool:
-    """Whether *given* is above all that a signed *data_type* holds, and stands for no negative *limit*, which is said.
+    """Report *given*, and return True, if the limit exceeds a signed *data_type* and means no negative number.
 
-    32768 bounds no INTEGER16. 0x8000 as LowLimit is -32768, and as HighLimit above such a *low* one a negative number.
+    Example: 32768 bounds no INTEGER16. But 0x8000 means -32768 as LowLimit, and a negative number as HighLimit if *low*
+    is below.
     """
     if data_type is None or data_type.kind is not Kind.INTEGER or not (why := above_type(data_type, given.value)):
         return False
@@ -255,7 +256,7 @@ def _crossed_as_written(low: IniValue, high: IniValue) -> bool:
 
 
 def _limit(given: IniValue | None, data_type: DataType | None, findings: Findings) -> tuple[int | float | None, bool]:
-    """One limit; empty is the same as absent (CiA 306, 4.6.3)."""
+    """Read a limit; empty equals absent (CiA 306, 4.6.3)."""
     if given is None or not given.value or data_type is None or not without_comment(given.value):
         return None, False
     if data_type.kind not in (Kind.BOOLEAN, Kind.INTEGER, Kind.UNSIGNED, Kind.REAL):

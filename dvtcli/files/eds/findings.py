@@ -1,7 +1,4 @@
-"""What the EDS/DCF reader has to say about a file.
-
-Knows lines. Does not know the file format, nor what a finding means for a device.
-"""
+"""Findings of the EDS/DCF reader about a file, by line."""
 
 from __future__ import annotations
 
@@ -14,12 +11,13 @@ from dvtcli.files.eds.read_rules import EMPTY_VALUE
 
 @dataclass(frozen=True, slots=True)
 class EdsFinding:
-    """One oddity of a file: its *line* (1 and up), how bad it is, its short name *rule*, and what was done about it.
+    """An oddity of a file: *line* (from 1), severity, *rule* by its short name, and *text* with the reader's reaction.
 
-    *text* quotes the file as it is; a view must make control characters harmless. *object* is the one that it is
-    about, as it is printed (`6C01:01`), empty where it is about none or where nobody has looked it up. With
-    *value_lost* it is a ParameterValue (actualValue) that could not be read: nobody knows what the file wants there.
-    With *value_unread* a value stands there that is for no object, or is said twice alike: nothing is wanted by it.
+    *text* quotes the file unchanged; a view must make control characters harmless. *object* is the object concerned in
+    printed form (`6C01:01`), empty if none or not yet looked up. *value_lost*: a ParameterValue (actualValue) could not
+    be
+    read, so the wanted value is unknown. *value_unread*: a value belongs to no object, or is repeated, and has no
+    effect.
     """
 
     line: int
@@ -33,25 +31,25 @@ class EdsFinding:
 
 @dataclass(slots=True)
 class Findings:
-    """Collects findings while a file, or one object of it, is read."""
+    """Findings collected while a file, or a single object, is read."""
 
     found: list[EdsFinding] = field(default_factory=list)
 
     def add(
         self, rule: LintRule, line: int, text: str, *, value_lost: bool = False, value_unread: bool = False
     ) -> None:
-        """Keep that *rule* was met in *line*; *text* says how, and what was done about it."""
+        """Record a finding of *rule* in *line*; *text* has the details and the reader's reaction."""
         self.found.append(EdsFinding(line, rule.severity, rule.name, text, "", value_lost, value_unread))
 
     def in_order(self) -> tuple[EdsFinding, ...]:
-        """All findings by line, those about empty values as one note per key name."""
+        """Return all findings by line, with one note per key name for empty values."""
         empty = [finding for finding in self.found if finding.rule == EMPTY_VALUE.name]
         rest = [finding for finding in self.found if finding.rule != EMPTY_VALUE.name]
         return tuple(sorted([*rest, *_summarised(empty)], key=lambda finding: finding.line))
 
 
 def _summarised(empty: list[EdsFinding]) -> list[EdsFinding]:
-    """One note per key instead of hundreds: CiA 306 allows an empty value, it only says nothing."""
+    """Replace hundreds of notes by one per key: CiA 306 allows an empty value without meaning."""
     lines: dict[str, list[int]] = {}
     for finding in empty:
         lines.setdefault(finding.text, []).append(finding.line)

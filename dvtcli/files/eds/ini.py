@@ -1,7 +1,7 @@
-"""INI text as EDS and DCF files use it: bytes -> sections -> keys with their lines.
+"""Parse the INI text of EDS and DCF files: bytes -> sections -> keys with their lines.
 
-Knows encodings, line ends, headers, comments and `key=value`. Does not know what any section or key means.
-A section's lines are looked at only when its values are asked for: that is what makes reading fast.
+Handles encodings, line ends, headers, comments and `key=value`. For speed, a section's lines are parsed only when its
+values are requested.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ _SHOWN = 60
 
 
 class IniValue(NamedTuple):
-    """One `key=value` line: *key* as written, *value* without blanks around it, *line* 1 and up.
+    """A `key=value` line: *key* as written, *value* without surrounding blanks, *line* from 1.
 
-    *other* is an earlier line of the same key in the section that has another text, if there is any.
+    *other* is an earlier line of the same key in the section with another text, if any.
     """
 
     key: str
@@ -34,7 +34,7 @@ class IniValue(NamedTuple):
 
 
 class IniSection(NamedTuple):
-    """One section: *name* as written in its header on *line*; *text* is everything up to the next header."""
+    """A section: *name* as written in its header on *line*; *text* extends to the next header."""
 
     name: str
     line: int
@@ -47,9 +47,9 @@ Values = dict[str, IniValue]
 
 @dataclass(frozen=True, slots=True)
 class IniText:
-    """A whole file: *sections* in its order, *preamble* before the first one, and how its bytes were read.
+    """A whole file: *sections* in order, *preamble* before the first section, and the encoding.
 
-    With *mixed_line_ends* some lines end with *newline* and others do not.
+    *mixed_line_ends*: some lines do not end with *newline*.
     """
 
     preamble: IniSection
@@ -60,9 +60,9 @@ class IniText:
 
 
 def decode(data: bytes) -> tuple[str, str]:
-    """Turn a file's bytes into text and name the encoding: by its BOM, else UTF-8, else Windows-1252.
+    """Decode a file and name its encoding: by its BOM, else UTF-8, else Windows-1252.
 
-    Bytes that Windows-1252 leaves undefined make the file Latin-1, which has no undefined bytes.
+    Bytes undefined in Windows-1252 make the file Latin-1, which defines all bytes.
     """
     encoding = next((name for bom, name in _BOMS if data.startswith(bom)), "utf-8")
     for name in (encoding, "cp1252", "latin-1"):
@@ -91,9 +91,9 @@ def split_sections(data: bytes) -> IniText:
 
 
 def section_values(sections: Sequence[IniSection], findings: Findings) -> Values:
-    """The values of a section, given every part of it that the file has; a key's last value wins.
+    """Return the values of a section from all its parts; a key's last value wins.
 
-    Lines that are neither comment (`;`, `#`) nor `key=value`, and keys that occur twice in one part, are reported.
+    Reports lines that are neither comment (`;`, `#`) nor `key=value`, and keys repeated within a part.
     """
     values: Values = {}
     for section in sections:
@@ -112,7 +112,7 @@ def _check_header(section: IniSection, findings: Findings) -> None:
 
 
 def _begins_a_value(text: str) -> bool:
-    """Whether the line *text*, which is no `KEY=VALUE`, was meant to say a ParameterValue: `ParameterValue: 5`."""
+    """Whether the line *text*, without `=`, was probably meant as a ParameterValue: `ParameterValue: 5`."""
     key, _, said = text.strip().lower().partition("parametervalue")
     return not key and bool(said)
 
@@ -138,5 +138,5 @@ def _read_lines(section: IniSection, values: Values, findings: Findings) -> None
 
 
 def _after(before: IniValue, given: IniValue) -> IniValue:
-    """The line *given* of a key that the line *before* has said already."""
+    """Return *given* with a reference to the line *before* of the same key."""
     return given._replace(other=before.other if before.value == given.value else before)

@@ -1,7 +1,4 @@
-"""Single keys of a section: numbers and flags, with findings where they are malformed.
-
-Knows how a key's value is read. Does not know which section it is in.
-"""
+"""Read single keys of a section: numbers and flags, with findings if malformed."""
 
 from __future__ import annotations
 
@@ -14,19 +11,19 @@ _SHOWN = 60
 
 
 def quoted(value: IniValue) -> str:
-    """A `key=value` as a finding shows it, long values cut."""
+    """Return `key=value` for a finding, with long values cut."""
     text = value.value if len(value.value) <= _SHOWN else value.value[:_SHOWN] + "…"
     return f"{value.key}={text}"
 
 
 def text_key(values: Values, key: str) -> str:
-    """The text of *key* (in lower case), empty where absent."""
+    """Return the text of *key* (in lower case), empty if absent."""
     found = values.get(key)
     return "" if found is None else found.value
 
 
 def number_key(values: Values, key: str, low: int, high: int, findings: Findings) -> int | None:
-    """The number of *key* (in lower case) within *low*..*high*; None where absent, empty or malformed (reported)."""
+    """Return the number of *key* (in lower case), *low*..*high*; None if absent, empty or malformed (reported)."""
     found = values.get(key)
     if found is None:
         return None

@@ -1,6 +1,6 @@
-"""Which section of an EDS or DCF is what: device sections, objects, sub-indices, compact tables.
+"""Sort the sections of an EDS or DCF by name: device sections, objects, sub-indices, compact tables.
 
-Knows section names (CiA 306, 4.5 to 4.8). Does not look into a section.
+See CiA 306, 4.5 to 4.8.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ OBJECT_LISTS = ("mandatoryobjects", "optionalobjects", "manufacturerobjects")
 
 _OBJECT = re.compile(r"([0-9a-f]{4})(?:sub[0-9a-f]{1,2}|(name|value))?", re.IGNORECASE | re.ASCII)
 _DEVICE = {"fileinfo", "deviceinfo", "dummyusage", "comments", "devicecomissioning", *OBJECT_LISTS}
-#: CiA 306 spells it with one m; some tools correct that.
+#: CiA 306 spells it with one m; some tools correct the spelling.
 _SAME = {"devicecommissioning": "devicecomissioning"}
 
-#: Every part of a section that occurs more than once, in the file's order; nearly always one.
+#: All parts of a repeated section, in order; nearly always one.
 Parts = list[IniSection]
 
 
 @dataclass(slots=True)
 class ObjectSections:
-    """The sections of one object: *own*, by sub-index, and the tables of names and of values of a compact one."""
+    """An object's sections: *own*, by sub-index, and tables of names and values of a compact object."""
 
     own: Parts = field(default_factory=list)
     sub_indices: dict[int, Parts] = field(default_factory=dict)
@@ -36,18 +36,18 @@ class ObjectSections:
 
     @property
     def line(self) -> int:
-        """The line where the object begins: its own section, else the first of its sub-indices."""
+        """The object's first line: of its own section, else of its first sub-index."""
         return self.own[0].line if self.own else min(parts[0].line for parts in self.sub_indices.values())
 
     def each(self) -> Iterator[Parts]:
-        """Every section with its repetitions."""
+        """Iterate over every section with its repetitions."""
         yield from (self.own, self.names, self.values)
         yield from self.sub_indices.values()
 
 
 @dataclass(slots=True)
 class EdsLayout:
-    """A file's sections by meaning; *stray* holds those without one. *objects* is by index, not yet by sub-index."""
+    """A file's sections by meaning, *objects* by index only; *stray* sections have no known meaning."""
 
     device: dict[str, Parts] = field(default_factory=dict)
     objects: dict[int, Parts] = field(default_factory=dict)
@@ -55,11 +55,11 @@ class EdsLayout:
 
     @property
     def recognised(self) -> bool:
-        """Whether anything in the file makes it an EDS."""
+        """Whether the file has any section of an EDS."""
         return bool(self.objects or self.device.keys() - {"comments"})
 
     def object_sections(self, index: int) -> ObjectSections:
-        """The sections of object *index*, which the file has, sorted by what they describe."""
+        """Return the sections of the existing object *index*, sorted by content."""
         found = ObjectSections()
         for section in self.objects[index]:
             name = section.name[4:].lower()
@@ -73,7 +73,7 @@ class EdsLayout:
 
 
 def object_place(name: str) -> tuple[int, int | None] | None:
-    """The object that a section called *name* describes, with its sub-index if it is one's; None for other sections."""
+    """Return index and sub-index (None: the object) of the section *name*; None for other sections."""
     if _OBJECT.fullmatch(name) is None:
         return None
     sub = name[7:] if name[4:7].lower() == "sub" else ""
@@ -114,14 +114,14 @@ def _add_device_section(layout: EdsLayout, section: IniSection) -> None:
 
 
 def report_stray(layout: EdsLayout, findings: Findings) -> None:
-    """One note for each section that was not understood; its text is kept."""
+    """Report a note for each unknown section; its text is kept."""
     for section in layout.stray:
         kind = "belongs to no object in this file" if _OBJECT.fullmatch(section.name) else "is not known here"
         findings.add(NOT_UNDERSTOOD, section.line, f"section [{section.name}] {kind}: not understood, kept as it is")
 
 
 def report_repeated(every: Iterable[Parts], findings: Findings, *, have_values: bool = False) -> None:
-    """A warning for each section that occurs again; with *have_values* it is one in which values stand."""
+    """Report a warning for each repeated section; *have_values*: the section contains values."""
     for parts in every:
         for part in parts[1:]:
             text = f"[{part.name}] stands in line {parts[0].line} too; where both have a key, the later one counts"

@@ -1,7 +1,7 @@
-"""Numbers and typed values as EDS and DCF files write them (CiA 306, 4.2).
+"""Read numbers and typed values of EDS and DCF files (CiA 306, 4.2).
 
-Knows decimal, hexadecimal, octal, `$NODEID+x`, two's complement written as unsigned, REAL bit patterns and
-hexadecimal byte strings. Does not know which key a value comes from, nor where it stands.
+Reads decimal, hexadecimal, octal, `$NODEID+x`, two's complement written as unsigned, REAL bit patterns and
+hexadecimal byte strings.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _TEXT_KINDS = (Kind.VISIBLE_STRING, Kind.UNICODE_STRING)
 
 @dataclass(frozen=True, slots=True)
 class EncodedValue:
-    """A value's bytes for node-ID 0; *relative* says that the node-ID is added. *remark* is empty or an oddity."""
+    """A value's bytes for node-ID 0; *relative*: the node-ID is added. *remark* is empty or an oddity."""
 
     data: bytes
     relative: bool = False
@@ -31,7 +31,7 @@ class EncodedValue:
 
 
 def without_comment(text: str) -> str:
-    """*text* up to a `;`, for every value that is not itself text."""
+    """Return *text* up to a `;`; not for text values."""
     return text.partition(";")[0].strip() if ";" in text else text
 
 
@@ -39,7 +39,7 @@ def without_comment(text: str) -> str:
 def read_number(text: str) -> int:
     """Read a whole number: `16`, `0x10` and `020` are the same (CiA 306 writes octal with a leading 0).
 
-    ValueError where it is none; `08` is no octal number and means 8.
+    Raises ValueError if malformed; `08` is no octal number and means 8.
     """
     text = without_comment(text).removeprefix("+")
     digits = text.removeprefix("-")
@@ -50,7 +50,7 @@ def read_number(text: str) -> int:
 
 @lru_cache(maxsize=_REMEMBERED)
 def leading_zero_remark(text: str) -> str:
-    """What to say about a leading 0 of *text*; empty where every reader understands the same number."""
+    """Return a remark on a leading 0 of *text*; empty if all readers get the same number."""
     digits = without_comment(text).lstrip("+-")
     if len(digits) < 2 or digits[0] != "0" or not digits.isdecimal() or len(digits) > _LONGEST_NUMBER:
         return ""
@@ -61,12 +61,12 @@ def leading_zero_remark(text: str) -> str:
 
 
 def octal_in(text: str) -> bool:
-    """Whether a leading 0 makes *text*, or one of its terms (`$NODEID+0200`), another number than its digits say."""
+    """Whether a leading 0 changes the number of *text* or a term (`$NODEID+0200`)."""
     return any(leading_zero_remark(term) and _is_octal(term.lstrip("-")) for term in _terms(text))
 
 
 def leading_zero_in(text: str) -> str:
-    """What to say about a leading 0 of *text* or of one of its terms; empty where there is nothing to say."""
+    """Return a remark on a leading 0 of *text* or a term; empty for none."""
     return next(filter(None, map(leading_zero_remark, _terms(text))), "")
 
 
@@ -79,7 +79,7 @@ def _is_octal(digits: str) -> bool:
 
 
 def encode_value(data_type: DataType, text: str) -> EncodedValue:
-    """Turn a DefaultValue or ParameterValue, not empty, into bytes; ValueError where it does not fit *data_type*."""
+    """Encode a non-empty DefaultValue or ParameterValue. Raises ValueError if unfit for *data_type*."""
     if data_type.kind in _TEXT_KINDS:
         return EncodedValue(_encode_text(data_type, text))
     text = without_comment(text)
@@ -94,7 +94,7 @@ def encode_value(data_type: DataType, text: str) -> EncodedValue:
 
 @lru_cache(maxsize=_REMEMBERED)
 def read_limit(data_type: DataType, text: str) -> tuple[int | float, bool]:
-    """Read a LowLimit or HighLimit in the object's own type and say whether the node-ID is added; ValueError else."""
+    """Read a LowLimit or HighLimit in the object's own type, and whether the node-ID is added. Raises ValueError."""
     text = without_comment(text)
     if data_type.kind is Kind.REAL:
         (limit,) = struct.unpack("<f" if data_type.bits == 32 else "<d", _encode_real(data_type, text))
@@ -157,7 +157,7 @@ def is_hexadecimal(text: str) -> bool:
 
 
 def above_type(data_type: DataType, text: str) -> str:
-    """What to say of a limit *text* that is above all that *data_type*, a signed one, holds; empty where it is not."""
+    """Return a remark if the limit *text* exceeds a signed *data_type*; empty otherwise."""
     low, high = data_type.limits or (0, 0)
     number, relative, _ = _sum_of_terms(without_comment(text)) if isinstance(high, int) and low < 0 else (0, False, "")
     if relative or number <= high:
@@ -171,9 +171,9 @@ def _range(data_type: DataType) -> str:
 
 
 def _in_range(data_type: DataType, number: int) -> int:
-    """*number*, where a signed type's bits were written as an unsigned number: as the number meant.
+    """Convert *number*, if a signed type's bits were written as unsigned.
 
-    Some tools write 32 or 64 bits whatever the type: 0xFFFFFFFE is -2 for an INTEGER8 too.
+    Some tools write 32 or 64 bits for all types: 0xFFFFFFFE is -2 for an INTEGER8 too.
     """
     low, high = data_type.limits or (0, 0)
     if low < 0 and number > high:

@@ -1,7 +1,4 @@
-"""The rules that the reader of EDS and DCF files checks while it reads, each declared once.
-
-Knows no file: the reader says which of them it met, where, and what it did about it.
-"""
+"""The rules that the reader of EDS and DCF files checks while reading."""
 
 from __future__ import annotations
 
@@ -77,5 +74,5 @@ NOT_LISTED = LintRule("not-listed", WARNING, "an object is in no list: tools tha
 LISTED_TWICE = LintRule("listed-twice", NOTE, "an object is listed twice", "CiA 306, 4.6.2")
 NO_SECTION = LintRule("no-section", ERROR, "an object is listed and not described", "CiA 306, 4.6.2")
 
-#: Every rule of this file.
+#: All rules of this file.
 READ_RULES = tuple(value for value in tuple(globals().values()) if isinstance(value, LintRule))

@@ -1,8 +1,7 @@
-"""EDS and DCF files (CiA 306): read them whatever their tool made of the standard, and say what was odd.
+"""Read EDS and DCF files (CiA 306) in any tool's dialect, and report oddities.
 
-`read_eds` gives an object dictionary at once; objects are built when first looked at, and findings when asked
-for. Nothing is dropped in silence: a section is understood or a finding says that it was not, and the text of
-all stays in `EdsFile.text` with its lines. Does not know devices, nor XML descriptions, nor modules.
+`read_eds` returns quickly: objects are built on first access, and findings on request. Each section is either
+understood or reported; `EdsFile.text` keeps the whole text with lines.
 """
 
 from __future__ import annotations
@@ -65,7 +64,7 @@ def compact_entries(values: Values, place: EntryPlace, count: int, findings: Fin
 
 
 def _count_entry(member: OdEntry, count: int, findings: Findings) -> OdEntry:
-    """Sub-index 0: NrOfObjects, UNSIGNED8, ro, *count* (CiA 306, 4.6.3.3), but not where CiA 301 has it written to."""
+    """Build sub-index 0: NrOfObjects, UNSIGNED8, *count*, ro (CiA 306, 4.6.3.3) unless CiA 301 makes it rw."""
     access = Access.RO
     standard = standard_entry(member.index, 0)
     if standard is not None and standard.access is Access.RW and member.access.writable:
@@ -86,11 +85,12 @@ def _count_entry(member: OdEntry, count: int, findings: Findings) -> OdEntry:
 
 
 def mapping_count(entries: dict[int, OdEntry]) -> OdEntry:
-    """Sub-index 0 of a compact PDO mapping: how many of its *entries*, from the first, map something.
+    """Build sub-index 0 of a compact PDO mapping: the number of leading *entries* that map an object.
 
-    CiA 306 gives sub-index 0 the number of sub-indices, but in a mapping it is the number of mapped objects
-    (CiA 301, 7.5.2.36). Not known (None) where the file has no mapping entry at all. A list of values that says the
-    entries from the first on, and no count, wants as many.
+    CiA 306 sets sub-index 0 to the number of sub-indices, but a mapping holds the number of mapped objects (CiA 301,
+    7.5.2.36). None (unknown) if the file has no mapping entry. If ParameterValues set the leading entries without a
+    count,
+    the wanted count is their number.
     """
     held = [entry.initial(0) for sub_index, entry in sorted(entries.items()) if sub_index]
     mapped = next((n for n, data in enumerate(held) if data is None or not any(data)), len(held))
@@ -101,10 +101,11 @@ def mapping_count(entries: dict[int, OdEntry]) -> OdEntry:
 
 
 def compact_pdo_indices(present: set[int], rpdo_count: int, tpdo_count: int) -> list[int]:
-    """The PDO parameters that CompactPDO makes exist beside those *present*.
+    """Return the PDO parameters that CompactPDO adds to those *present*.
 
-    The lowest PDO numbers that no section describes, until there are *rpdo_count* RPDOs and *tpdo_count* TPDOs;
-    and the other half of every PDO that has only its communication or only its mapping described.
+    Adds the lowest PDO numbers without a section up to *rpdo_count* RPDOs and *tpdo_count* TPDOs, and the missing half
+    of
+    PDOs with only a communication or a mapping section.
     """
     missing: list[int] = []
     for first, wanted in ((0x1400, rpdo_count), (0x1800, tpdo_count)):
@@ -117,9 +118,9 @@ def compact_pdo_indices(present: set[int], rpdo_count: int, tpdo_count: int) -> 
 
 
 def compact_pdo_object(index: int, mask: int, line: int) -> OdObject:
-    """The PDO parameter *index* as CompactPDO=*mask* describes it: bit 0..5 set = sub-index 1..6 exists.
+    """Build the PDO parameter *index* of CompactPDO=*mask*; bit 0..5 set means sub-index 1..6 exists.
 
-    Access and types are CiA 301's; *line* is where the file says CompactPDO.
+    Access and types follow CiA 301; *line* is the line of CompactPDO.
     """
     kind = "RPDO" if index < 0x1800 else "TPDO"
     if is_pdo_mapping(index):
@@ -175,7 +176,7 @@ def apply_tables(sections: ObjectSections, entries: dict[int, OdEntry], findings
 
 
 def _own_values(sections: ObjectSections) -> dict[int, IniValue]:
-    """The ParameterValues that sub-indices have in sections of their own, beside the table."""
+    """Return the ParameterValues in sections of sub-indices, outside the table."""
     if not sections.values:
         return {}
     own = ((sub, section_values(parts, Findings())) for sub, parts in sections.sub_indices.items())
@@ -185,7 +186,7 @@ def _own_values(sections: ObjectSections) -> dict[int, IniValue]:
 def _rows(
     parts: Parts, entries: dict[int, OdEntry], findings: Findings, *, has_values: bool = False
 ) -> Iterator[tuple[int, IniValue]]:
-    """The rows `sub-index=text` of a table whose sub-index exists; the others are reported."""
+    """Iterate over rows `sub-index=text` of a table for existing sub-indices; reports other rows."""
     if not parts:
         return
     values = section_values(parts, findings)
@@ -213,7 +214,7 @@ _OF_ONE_ENTRY = (ObjectType.NULL, ObjectType.DOMAIN, ObjectType.DEFTYPE, ObjectT
 
 
 def build_object(layout: EdsLayout, index: int, findings: Findings) -> OdObject:
-    """Read object *index*, which the file has at least one section of."""
+    """Build object *index* from its sections, at least one."""
     sections = layout.object_sections(index)
     line = sections.line
     report_repeated(sections.each(), findings, have_values=True)
@@ -241,7 +242,7 @@ def build_object(layout: EdsLayout, index: int, findings: Findings) -> OdObject:
 
 
 def _object_type(values: Values, has_subs: bool, compact: int, line: int, findings: Findings) -> int:
-    """ObjectType, by default VAR (CiA 306, 4.6.3), but what has sub-indices is none."""
+    """Return ObjectType, by default VAR (CiA 306, 4.6.3), but never VAR for an object with sub-indices."""
     given = number_key(values, "objecttype", 0, 0xFF, findings)
     likely = ObjectType.RECORD if has_subs else ObjectType.ARRAY if compact else ObjectType.VAR
     if given is None:
@@ -260,7 +261,7 @@ def _object_type(values: Values, has_subs: bool, compact: int, line: int, findin
 def _check_parts(
     index: int, sections: ObjectSections, values: Values, entries: dict[int, OdEntry], findings: Findings
 ) -> None:
-    """What does not add up between an object's section and its sub-indices."""
+    """Report contradictions between an object's section and its sub-indices."""
     line = sections.line
     if not sections.own:
         findings.add(NO_PARENT, line, f"sub-indices, but no section [{index:04X}]")
@@ -286,9 +287,9 @@ _PDO_SUB_INDICES = 0x3F
 
 @dataclass(frozen=True)
 class EdsFile:
-    """A file that was read: its *dictionary*, and everything it says as *text* (sections in its order, with lines).
+    """A parsed file: its *dictionary*, and its whole *text* (sections in order, with lines).
 
-    *first_findings* came up while the device sections were read; `findings` has all of them.
+    *first_findings* are those of the device sections; `findings` has all.
     """
 
     dictionary: ObjectDictionary
@@ -308,7 +309,7 @@ class EdsFile:
 
     @property
     def understood(self) -> int:
-        """How many of them were understood; a finding of rule `section-not-understood` names each of the others."""
+        """The number of understood sections; the rule `section-not-understood` reports the others."""
         return self.sections - len(self.layout.stray)
 
     @cached_property
@@ -327,9 +328,9 @@ class EdsFile:
 
     @property
     def lacks_to_its_end(self) -> str:
-        """Where the file ends too early, what it lacks: the last objects that its lists name; empty where it does not.
+        """Describe the missing objects of a file that ends too early; empty for a whole file.
 
-        The last by the lists, or by the index: sections stand in either order.
+        Ends too early: the last object by list order or by index has no section.
         """
         listed = check_lists(self.layout, Findings())
         lacking = set(listed) - self.layout.objects.keys()
@@ -338,7 +339,7 @@ class EdsFile:
         return f"{len(lacking)} of {len(listed)} objects that its lists name have no section, to the last one"
 
     def values(self, section: str) -> Mapping[str, IniValue]:
-        """The keys (in lower case) of every part of *section*, known or not, with value and line; empty if absent."""
+        """Return all keys (in lower case) of *section* with value and line; empty if absent."""
         wanted = section.strip().lower()
         parts = [part for part in self.text.sections if part.name.lower() == wanted]
         return section_values(parts, Findings())
@@ -347,20 +348,20 @@ class EdsFile:
 def read_eds(path: Path) -> EdsFile:
     """Read the EDS or DCF file at *path*.
 
-    InputFileError where it is none, OSError where it cannot be read.
+    Raises InputFileError if the file is no EDS or DCF, OSError if it cannot be read.
     """
     return parse_eds(read_input_head(path, MOST_BYTES + 1), path.name)
 
 
 def parse_eds(data: bytes, source: str) -> EdsFile:
-    """Read the bytes of an EDS or DCF file; *source* is its name for messages.
+    """Parse the bytes of an EDS or DCF file; *source* is its name for messages.
 
-    InputFileError where it is none: no section of an EDS in it, or more than any device describes.
+    Raises InputFileError if *data* has no section of an EDS, or is larger than any device needs.
     """
     return _parsed(data, source)
 
 
-#: the nodes of a machine often have copies of one file, and a session reads its files with each command
+#: nodes of a machine often share a file, and each command of a session reads its files again
 @lru_cache(maxsize=8)
 def _parsed(data: bytes, source: str) -> EdsFile:
     if excess := too_much(data):
@@ -381,7 +382,7 @@ def _parsed(data: bytes, source: str) -> EdsFile:
 
 
 def _build(layout: EdsLayout, index: int) -> OdObject:
-    """Build an object when it is first looked at; its findings are collected by `EdsFile.findings`."""
+    """Build an object on first access; `EdsFile.findings` collects its findings."""
     return build_object(layout, index, Findings())
 
 

@@ -1,4 +1,4 @@
-"""Writing an object dictionary as an EDS or DCF (CiA 306). Does not know where its objects come from."""
+"""Write an object dictionary as an EDS or DCF (CiA 306)."""
 
 from __future__ import annotations
 
@@ -24,9 +24,10 @@ def eds_text(
     made: datetime | None,
     said: Mapping[str, str] | None = None,
 ) -> str:
-    """*dictionary* as the text of an EDS called *file_name*; *description* is one line about it.
+    """Return *dictionary* as the text of an EDS named *file_name*; *description* is a line about it.
 
-    It was made at *made* (None: as *said*); *said* are keys of FileInfo that stay. It is a DCF where *dictionary* has a
+    *said* are keys of FileInfo to keep; *made* is the date (None: as in *said*). The result is a DCF if *dictionary*
+    has a
     node-ID or values of its own.
     """
     sections = [
@@ -42,7 +43,7 @@ def eds_text(
 
 
 def eds_bytes(text: str) -> bytes:
-    """*text* with CRLF, in Windows-1252 where that can say it and is read as it again, else in UTF-8."""
+    """Encode *text* with CRLF in Windows-1252 if the result reads back equal, else in UTF-8."""
     text = text.replace("\n", "\r\n")
     try:
         data = text.encode("cp1252")
@@ -56,7 +57,7 @@ def _section(name: str, keys: Mapping[str, str]) -> str:
 
 
 def _one_line(text: str) -> str:
-    """*text*, which may come from a device, without anything that would end a line or steer a terminal."""
+    """Replace characters of *text*, possibly from a device, that end a line or steer a terminal."""
     return "".join(char if char.isprintable() or char == "\xa0" else "?" for char in text).strip()
 
 
@@ -76,7 +77,7 @@ def _file_info(file_name: str, description: str, made: datetime | None) -> dict[
 
 
 def _device_info(dictionary: ObjectDictionary) -> dict[str, str]:
-    """What is known of the device; a key without a value says that it is not."""
+    """Return the device's data; a key without a value means unknown."""
     info = dictionary.info
     rates = sorted({*_RATES, *info.bit_rates_kbit})
     return {
@@ -114,7 +115,7 @@ def _dummy_usage(dictionary: ObjectDictionary) -> Iterator[str]:
 
 
 def _commissioning(dictionary: ObjectDictionary) -> Iterator[str]:
-    """[DeviceComissioning], which the standard spells so; none where there is nothing to say."""
+    """Write [DeviceComissioning] (the standard's spelling); nothing if empty."""
     info, placed = dictionary.info, dictionary.info.commissioning
     keys = {
         "NodeID": _count(info.node_id), "NodeName": placed.node_name, "Baudrate": _count(placed.bit_rate_kbit),
@@ -139,7 +140,7 @@ def _lists(dictionary: ObjectDictionary) -> Iterator[str]:
 
 
 def object_sections(one: OdObject) -> Iterable[str]:
-    """The sections of an object, lines with LF, without one at the end."""
+    """Return the sections of an object, lines with LF except the last."""
     if one.object_type in _OF_ONE_ENTRY and set(one.entries) == {0}:
         yield _section(f"{one.index:04X}", _entry(one.entries[0], one.object_type))
         return

@@ -1,7 +1,4 @@
-"""What an entry holds, as the text of an EDS or XDD that reads back as the same (CiA 306, 4.2; CiA 311 has its form).
-
-Knows values and limits. Does not know which key takes the text.
-"""
+"""Write values and limits as text of an EDS or XDD that reads back equal (CiA 306, 4.2, also for CiA 311)."""
 
 from __future__ import annotations
 
@@ -17,12 +14,12 @@ _NUMBER_KINDS = (Kind.BOOLEAN, Kind.INTEGER, Kind.UNSIGNED)
 
 
 def is_text(data_type: DataType | None) -> bool:
-    """Whether a value of this type is text, so that `;` begins no comment in it."""
+    """Whether values of this type are text, so that `;` begins no comment."""
     return data_type is not None and data_type.kind in _TEXT_KINDS
 
 
 def same_value(data_type: DataType | None, one: bytes | None, other: bytes | None) -> bool:
-    """Whether both mean the same: a text with and without zeros behind it, any byte but 0 of a BOOLEAN."""
+    """Whether both values are equal, apart from zeros after a text, and the byte that means true."""
     if one == other or one is None or other is None or data_type is None:
         return one == other
     if data_type.kind not in (*_TEXT_KINDS, Kind.BOOLEAN) or (data_type.size or len(one)) != len(one):
@@ -31,18 +28,19 @@ def same_value(data_type: DataType | None, one: bytes | None, other: bytes | Non
 
 
 def written_value(data_type: DataType | None, data: bytes, *, relative: bool) -> str | None:
-    """*data* as text, with the node-ID added where it is *relative*; None where no text of one line means it."""
+    """Return *data* as text, with `$NODEID+` if *relative*; None if no text of one line represents it."""
     return text_of(data_type, data, hexadecimal=True, exact=True, relative=relative)
 
 
 def text_of(
     data_type: DataType | None, data: bytes, *, hexadecimal: bool, exact: bool, relative: bool = False
 ) -> str | None:
-    """The first text of one line that means *data*, None where there is none.
+    """Return the preferred one-line text for *data*, None if there is none.
 
-    Numbers are *hexadecimal* where they can be. *exact*: every byte reads back, characters are printable, a negative
-    number has its sign, a REAL all its digits; else it only means the same, and a REAL is as short as it can be.
-    With the node-ID added where the value is *relative*.
+    Numbers are *hexadecimal* if possible. *exact*: every byte reads back, characters are printable, negative numbers
+    have
+    a sign, a REAL has all digits; otherwise the value is equal, and a REAL is as short as possible. *relative* adds
+    `$NODEID+`.
     """
     if data_type is None:
         return None
@@ -54,7 +52,7 @@ def text_of(
 
 
 def written_limit(limit: int | float, *, relative: bool) -> str:
-    """A limit as text, with the node-ID added where it is *relative*."""
+    """Return a limit as text, with `$NODEID+` if *relative*."""
     text = _number(limit) if isinstance(limit, int) else repr(limit)
     return f"{_NODE_ID}+{text}" if relative else text
 
@@ -64,7 +62,7 @@ def _number(number: int) -> str:
 
 
 def _candidates(data_type: DataType, data: bytes, *, hexadecimal: bool, exact: bool) -> Iterator[str]:
-    """Texts that may mean *data*, the one that is liked best first."""
+    """Iterate over texts that may represent *data*, preferred first."""
     if data_type.kind is Kind.OCTETS:
         yield data.hex().upper() or "0x"
         return

@@ -1,1 +1,1 @@
-"""A whole network in one YAML file: read, and written."""
+"""Read and write a whole network as a YAML file."""

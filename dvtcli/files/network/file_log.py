@@ -1,4 +1,4 @@
-"""What is found while a network file is read: complaints, all of them, and notes. Knows lines, not what they mean."""
+"""Collect complaints and notes while a network file is read."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from dvtcli.domain.network.wanted_state import FileNote, Mark
 from dvtcli.domain.several import plural
 from dvtcli.errors import InputFileError
 
-#: nobody mends more than this at once
+#: maximum number of complaints to show
 MOST_COMPLAINTS = 100
 
 
 class FileLog:
-    """Complaints and notes about the text of *file*; what defaults bring to several nodes is said once."""
+    """Complaints and notes about the text of *file*; repeats by defaults are merged."""
 
     def __init__(self, file: str, text: str) -> None:
         self.file = file
@@ -24,11 +24,11 @@ class FileLog:
         self._nearest: dict[tuple[str, tuple[str, ...], float], str | None] = {}
 
     def complain(self, mark: Mark, text: str) -> None:
-        """Something at *mark* is wrong."""
+        """Record an error at *mark*."""
         self._complaints.setdefault(self.shown(mark, text))
 
     def shown(self, mark: Mark, text: str) -> FileComplaint:
-        """*text* with the line that *mark* is in; nothing is complained."""
+        """Return *text* as a complaint with the line of *mark*, without recording it."""
         return FileComplaint(
             self.file, mark.line, mark.column, text, mark.width, self._line(mark.line), self._line(mark.line - 1)
         )
@@ -38,42 +38,42 @@ class FileLog:
 
     @property
     def count(self) -> int:
-        """How many complaints there are so far."""
+        """The number of complaints so far."""
         return len(self._complaints)
 
     @property
     def is_silent(self) -> bool:
-        """Whether nothing is wrong so far."""
+        """Whether no complaint has been recorded."""
         return not self._complaints
 
     def unknown(self, mark: Mark, key: str, where: str, known: Iterable[str]) -> None:
-        """The key *key* of *where* is not one of *known*."""
+        """Complain about the unknown key *key* of *where*, and suggest a name of *known*."""
         known = tuple(known)
         near = self.nearest(key, known)
         said = f"did you mean {near!r}?" if near else f"known are {', '.join(known)}"
         self.complain(mark, f"unknown key {key[:40]!r} in {where}, {said}")
 
     def nearest(self, key: str, known: Iterable[str], cutoff: float = 0.6) -> str | None:
-        """The one of *known* that *key* may be a slip of; searched once, however many nodes have it by defaults."""
+        """Return the name of *known* that *key* may be a slip of; cached for nodes with the same defaults."""
         asked = (key, tuple(known), cutoff)
         if asked not in self._nearest:
             self._nearest[asked] = nearest(*asked)
         return self._nearest[asked]
 
     def note(self, mark: Mark, text: str) -> None:
-        """Something at *mark* is no fault, and is not carried out."""
+        """Record that the content at *mark* is correct but has no effect."""
         marks = self._notes.setdefault(text, [])
         if mark not in marks:
             marks.append(mark)
 
     def notes(self) -> tuple[FileNote, ...]:
-        """Every note once, in the order of its first places."""
+        """Return every note once, in order of first places."""
         return tuple(
             sorted((FileNote(text, min(marks), len(marks)) for text, marks in self._notes.items()), key=_place)
         )
 
     def end(self, *, read: bool = False) -> None:
-        """InputFileError with every complaint, where there is one; *read*: nodes were asked to find it."""
+        """Raise InputFileError with all complaints, if any; *read*: nodes were read to find them."""
         if not self._complaints:
             return
         found = sorted(self._complaints)
@@ -85,7 +85,7 @@ class FileLog:
 
 
 def nearest(key: str, known: Iterable[str], cutoff: float = 0.6) -> str | None:
-    """The one of *known* that *key* may be a slip of, or the beginning of; letter case and - for _ count as slips."""
+    """Return the name of *known* that *key* misspells or begins; ignores case and - for _."""
     from difflib import get_close_matches
 
     names, typed = {spelled(name): name for name in reversed(list(known))}, spelled(key)
@@ -102,7 +102,7 @@ def spelled(key: str) -> str:
 
 
 def _one_edit_apart(typed: str, name: str) -> bool:
-    """Whether one character more, less or other, or two swapped ones, are all that parts the two words."""
+    """Whether the words differ by one inserted, deleted or replaced character, or one swap."""
     if min(len(typed), len(name)) < 3 or abs(len(typed) - len(name)) > 1:
         return False
     same = next((at for at, (a, b) in enumerate(zip(typed, name, strict=False)) if a != b), min(len(typed), len(name)))

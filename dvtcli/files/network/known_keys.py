@@ -1,4 +1,4 @@
-"""Mappings of a network file by the table of keys: each value read by its kind, what is unknown told or left alone."""
+"""Read mappings of a network file by the table of keys: each value by its kind, unknown keys reported."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from dvtcli.files.network.file_log import FileLog, spelled
 from dvtcli.files.network.network_keys import OF, Kind, NetworkKey, Where
 from dvtcli.files.network.yaml_tree import Branch, Leaf, Tree, YamlList
 
-#: where keys of other tools may stand
+#: mappings that may have keys of other tools
 _OPEN = {Where.FILE, Where.OPTIONS, Where.MASTER, Where.NODE}
 _SLIP = 0.82
 _IN_A_FILE = "the file: it stands at the top level"
 _IN_A_NODE = "a node: it stands below the node's name"
 _IN_A_PDO = "a PDO: it stands below a number of tpdo or rpdo"
-#: by the mapping that a key stands in by mistake: the mappings that it may be meant for, and what they belong to
+#: by the mapping with a misplaced key: the mappings it may be meant for, and their place in words
 _BELONGS: dict[Where, dict[Where, str]] = {
     Where.FILE: {Where.NODE: _IN_A_NODE, Where.TPDO: _IN_A_PDO, Where.RPDO: _IN_A_PDO, Where.MASTER: "master"},
     Where.OPTIONS: {Where.FILE: _IN_A_FILE},
@@ -44,7 +44,7 @@ def _object(tree: Tree, _key: NetworkKey, log: FileLog) -> object:
     return leaves.object_word(tree, log)
 
 
-#: by the kind of a key, what reads it; mappings and lists are handed on as they are
+#: the reader of each kind of key; mappings and lists are passed on unchanged
 _READERS: dict[Kind, Callable[[Any, NetworkKey, FileLog], object]] = {
     Kind.ANYTHING: _as_it_is,
     Kind.INTEGER: leaves.integer,
@@ -72,7 +72,7 @@ _READERS: dict[Kind, Callable[[Any, NetworkKey, FileLog], object]] = {
 
 
 def read_keys(branch: Branch, where: Where, title: str, log: FileLog) -> dict[str, Any]:
-    """The values of *branch* by key, without what is wrong or means nothing here; *title* is what it is called."""
+    """Return the values of *branch* by key, without wrong or ignored keys; *title* names it in complaints."""
     known, found = OF[where], dict[str, Any]()
     for name, (leaf, value) in branch.items.items():
         key = known.get(name)
@@ -92,7 +92,7 @@ def read_keys(branch: Branch, where: Where, title: str, log: FileLog) -> dict[st
 
 
 def unknown_key(leaf: Leaf, where: Where, title: str, log: FileLog) -> None:
-    """A key that the table does not have: another tool's is noted, a slip or one where no others may be complained."""
+    """Note a key of another tool; complain about a misspelt key, and about any unknown key in closed mappings."""
     name = leaf.text
     if belongs := belongs_to(name, where):
         log.complain(leaf.mark, f"{name[:40]!r} in {title} belongs to {belongs}")
@@ -105,7 +105,7 @@ def unknown_key(leaf: Leaf, where: Where, title: str, log: FileLog) -> None:
 
 
 def belongs_to(name: str, where: Where) -> str:
-    """What the key *name*, which *where* does not have, belongs to; empty if no other mapping has it either."""
+    """Return the right mapping for the key *name*, misplaced in *where*; empty if no mapping has this key."""
     found = spelled(name)
     for other, what in _BELONGS.get(where, {}).items():
         if found in OF[other] and not OF[other][found].noted and found not in OF[where]:
@@ -114,12 +114,12 @@ def belongs_to(name: str, where: Where) -> str:
 
 
 def is_slip(name: str, where: Where, log: FileLog) -> bool:
-    """Whether *name*, which no table has, is meant for a key of *where* that is carried out: close or its beginning."""
+    """Whether the unknown *name* is close to, or begins, an effective key of *where*."""
     return log.nearest(name, (key.name for key in OF[where].values() if not key.noted), _SLIP) is not None
 
 
 def number_key(leaf: Leaf, low: int, high: int, what: str, log: FileLog) -> int | None:
-    """A key that is a number of *what* within *low*..*high*, quoted or not; None after a complaint."""
+    """Read a key that is a number of *what* within *low*..*high*, quoted or not; None after a complaint."""
     number = leaves.as_number(leaf, log) if leaf.kind == "int" or leaf.text.isdecimal() else None
     if number is not None and low <= number <= high:
         return number
@@ -128,5 +128,5 @@ def number_key(leaf: Leaf, low: int, high: int, what: str, log: FileLog) -> int 
 
 
 def key_mark(branch: Branch, name: str) -> Mark:
-    """Where the key *name* of *branch* stands."""
+    """Return the place of the key *name* of *branch*."""
     return branch.items[name][0].mark

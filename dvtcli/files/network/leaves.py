@@ -1,6 +1,6 @@
-"""Single values of a network file: what a key takes, or a complaint that says what belongs there.
+"""Read single values of a network file, or complain with the expected form.
 
-Each reader answers None after it complained. Knows no key by name.
+Each reader returns None after a complaint.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def whole_number(tree: Tree, log: FileLog) -> int | None:
 
 
 def as_number(leaf: Leaf, log: FileLog) -> int | None:
-    """The number that *leaf* writes; a complaint where YAML 1.1 and 1.2 take it for different ones."""
+    """Return the number in *leaf*; complains if YAML 1.1 and 1.2 read different numbers."""
     if not _INTEGER.fullmatch(leaf.text):
         log.complain(leaf.mark, f"{leaf.text[:40]!r} is no number; write it decimal or 0x…")
         return None
@@ -94,7 +94,7 @@ def _is_text(tree: Tree) -> bool:
 
 
 def text(tree: Tree, _key: NetworkKey, log: FileLog) -> FileWord | None:
-    """A text that is not blank."""
+    """Read a text that is not blank."""
     if isinstance(tree, Leaf) and tree.kind == "str" and tree.text.strip():
         return FileWord(tree.text, tree.mark)
     log.complain(tree.mark, f"a text belongs here, not {shown(tree)}")
@@ -102,7 +102,7 @@ def text(tree: Tree, _key: NetworkKey, log: FileLog) -> FileWord | None:
 
 
 def cob_id(tree: Tree, key: NetworkKey, log: FileLog) -> int | Literal["auto"] | None:
-    """A COB-ID of 32 bits, or auto."""
+    """Read a COB-ID of 32 bits, or auto."""
     if isinstance(tree, Leaf) and tree.kind == "str" and tree.text == "auto":
         return "auto"
     return integer(tree, key, log)
@@ -126,7 +126,7 @@ def object_word(tree: Tree, log: FileLog) -> FileWord | None:
 
 
 def value_word(tree: Tree, _key: NetworkKey, log: FileLog) -> FileWord | None:
-    """A value of an object, as typed: which type it needs is known by the node's dictionary."""
+    """Read an object's value as typed; the node's dictionary gives its type later."""
     if not isinstance(tree, Leaf) or tree.is_null:
         log.complain(tree.mark, f"a value belongs here, not {shown(tree)}")
         return None
@@ -138,7 +138,7 @@ def value_word(tree: Tree, _key: NetworkKey, log: FileLog) -> FileWord | None:
 
 
 def store_word(tree: Tree, key: NetworkKey, log: FileLog) -> str | Literal[False] | None:
-    """What to store: a word or sub-index as `store` takes it; false for nothing."""
+    """Read the argument of `store`: a word or sub-index; false for nothing."""
     if isinstance(tree, Leaf) and tree.kind == "bool":
         return "all" if tree.text.lower() == "true" else False
     if isinstance(tree, Leaf) and tree.kind == "int":
@@ -158,7 +158,7 @@ def heartbeat(tree: Tree, key: NetworkKey, log: FileLog) -> int | Literal[False]
 
 
 def table(tree: Tree, _key: NetworkKey, log: FileLog) -> Branch | None:
-    """A mapping; nothing at all is an empty one."""
+    """Read a mapping; null is an empty mapping."""
     if isinstance(tree, Leaf) and tree.is_null:
         return Branch(tree.mark, {})
     if isinstance(tree, Branch):

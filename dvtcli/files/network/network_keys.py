@@ -1,6 +1,6 @@
-"""Every key of a network file, once: the reader, the JSON schema and the documentation are made from this table.
+"""The table of all keys of a network file, from which reader, JSON schema and documentation are made.
 
-The keys are those of dcfgen's YAML (Lely core, python/dcf-tools), and our own. Knows no file.
+Keys are those of dcfgen's YAML (Lely core, python/dcf-tools), and dvtcli's own.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 
 class Where(StrEnum):
-    """The mapping that a key stands in."""
+    """The mapping that contains a key."""
 
     FILE = "file"
     OPTIONS = "options"
@@ -26,7 +26,7 @@ class Where(StrEnum):
 
 
 class Kind(StrEnum):
-    """What a key takes."""
+    """The kind of a key's value."""
 
     ANYTHING = "anything"
     INTEGER = "integer"
@@ -53,9 +53,9 @@ class Kind(StrEnum):
 
 
 class NetworkKey(NamedTuple):
-    """A key: where it stands, what it takes and means; *noted*: understood, and not carried out.
+    """A key: its place, kind of value and meaning; *noted*: known, but without effect.
 
-    Numbers are within *low*..*high* of *unit*. *object* is the one that it sets, with the size of its value in bytes.
+    Numbers are within *low*..*high* of *unit*. *object* is the object set by the key, with its size in bytes.
     """
 
     where: Where
@@ -210,7 +210,7 @@ KEYS: tuple[NetworkKey, ...] = (
 OF: dict[Where, dict[str, NetworkKey]] = {
     where: {key.name: key for key in KEYS if key.where is where} for where in Where
 }
-#: what stands for the same thing: where a node has one of them, `defaults` do not bring the other
+#: equivalent keys: if a node has either, `defaults` do not add the other
 INSTEAD = {"inhibit_time": "inhibit_ms", "inhibit_ms": "inhibit_time"}
-#: the words that `store` takes beside true, false and a number
+#: words for `store` beside true, false and a number
 STORE_WORDS = ("all", "communication", "application")

@@ -1,4 +1,4 @@
-"""One node of a network file. Does not know its device."""
+"""Read a node of a network file, without its device."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from dvtcli.files.network.network_keys import OF, Where
 from dvtcli.files.network.physical_keys import read_physical
 from dvtcli.files.network.yaml_tree import Branch, Leaf, Tree, YamlList
 
-#: the keys of a PDO, the last of several that mean one sub-index; 0: the mapping
+#: the keys of a PDO by sub-index, the last of equivalent keys; 0: the mapping
 _SUB_INDICES = {
     "mapping": 0, "enabled": 1, "cob_id": 1, "transmission": 2, "inhibit_time": 3, "inhibit_ms": 3, "event_timer": 5,
     "event_deadline": 5, "sync_start": 6,
@@ -38,7 +38,7 @@ _SUB_INDICES = {
 
 
 def read_pdos(branch: Branch, direction: Direction, title: str, log: FileLog) -> Iterator[PdoWish]:
-    """The PDOs of *branch* by their numbers."""
+    """Read the PDOs of *branch*, which has PDO numbers as keys."""
     lines: dict[int, int] = {}
     for leaf, value in branch.items.values():
         if spelled(leaf.text) in OF[Where.TPDO if direction is Direction.TPDO else Where.RPDO]:
@@ -90,7 +90,7 @@ def _inhibit(branch: Branch, found: dict[str, Any], log: FileLog) -> int | None:
 
 
 def _with_cob_id(wish: PdoWish, said: int | str, branch: Branch, log: FileLog) -> PdoWish:
-    """*wish* with the COB-ID as dcfgen has it: bits 31, 30 and 29 are part of the number."""
+    """Return *wish* with a COB-ID as in dcfgen: bits 31, 30 and 29 are part of the number."""
     if said == "auto":
         return replace(wish, cob_id="auto")
     cob_id, mark = CobId.from_raw(int(said)), branch.items["cob_id"][1].mark
@@ -134,7 +134,7 @@ NONE = "none"
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """What a node's keys refer to: node-IDs by name, the master, and after how many of its heartbeats it is late."""
+    """The context of a node's keys: node-IDs by name, the master, and its heartbeat multiplier."""
 
     node_ids: Mapping[str, int]
     master: MasterRole | None
@@ -142,7 +142,7 @@ class Surroundings:
 
 
 def read_node(name: str, branch: Branch, around: Surroundings, log: FileLog) -> NodeWish | None:
-    """The node *name*; None without a node-ID, which was complained."""
+    """Read the node *name*; None after a complaint about its node-ID."""
     found = read_keys(branch, Where.NODE, f"node {name}", log)
     objects = tuple(sorted(_objects(branch, found, log), key=lambda wish: (wish.index, wish.sub_index)))
     values = tuple(_values(found.get("sdo"), f"sdo of {name}", {(o.index, o.sub_index): o.key for o in objects}, log))
@@ -173,7 +173,7 @@ def _pdos(found: dict[str, Any], name: str, log: FileLog) -> Iterator[PdoWish]:
 
 
 def _identity(branch: Branch, found: dict[str, Any], name: str, log: FileLog) -> tuple[WantedIdentity, dict[int, Mark]]:
-    """What `identity` says, and dcfgen's keys, whose 0 is not asked for; with the places of both by sub-index."""
+    """Read `identity` and dcfgen's keys (0: not asked for), with their places by sub-index."""
     said: dict[str, int] = {}
     marks: dict[str, Mark] = {}
     if "identity" in found:
@@ -203,7 +203,7 @@ def _objects(branch: Branch, found: dict[str, Any], log: FileLog) -> Iterator[Ob
 
 
 def _values(row: YamlList | None, title: str, said: dict[tuple[int, int], str], log: FileLog) -> Iterator[ValueWish]:
-    """The entries of `sdo`; *said* are the objects that keys of the node set."""
+    """Read the entries of `sdo`; *said* are the objects already set by the node's keys."""
     lines: dict[str, int] = {}
     for tree in row.items if row else ():
         if not isinstance(tree, Branch):
@@ -223,7 +223,7 @@ def _values(row: YamlList | None, title: str, said: dict[tuple[int, int], str], 
 
 
 def _object(tree: Branch, found: dict[str, Any], title: str, log: FileLog) -> FileWord | None:
-    """The object of an entry, whose number is written one way."""
+    """Read an entry's object, which must be written in one way only."""
     numbers = {"index", "sub_index"} & tree.items.keys()
     if "object" in tree.items and numbers:
         log.complain(key_mark(tree, "object"), "object and index are the same: say one of them")

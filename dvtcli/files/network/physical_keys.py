@@ -1,4 +1,4 @@
-"""The key `physical` of a network file's node: what the values of its objects mean, as a profile says it."""
+"""The key `physical` of a node: the meaning of its objects' values, in the form of a profile."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def read_physical(branch: Branch, log: FileLog) -> Iterator[tuple[str, str]]:
-    """The objects with JSON of what is said of them; what a profile could not say is complained."""
+    """Read objects with their meaning as JSON; complains if a profile could not have it."""
     for name, (leaf, tree) in branch.items.items():
         said = _plain(tree, log)
         try:
@@ -29,12 +29,12 @@ def read_physical(branch: Branch, log: FileLog) -> Iterator[tuple[str, str]]:
 
 
 def rules_of(physical: Iterable[tuple[str, str]]) -> Rules:
-    """What a node's wish says of its objects, as a profile has it."""
+    """Return the meanings of a node's objects in the form of a profile."""
     return _rules({name: json.loads(text) for name, text in physical}, "")
 
 
 def rules_by_node(nodes: Iterable[NodeWish]) -> dict[int, Rules]:
-    """The same of each of *nodes*, by node-ID."""
+    """Return `rules_of` for each of *nodes*, by node-ID."""
     return {node.node_id: rules_of(node.physical) for node in nodes}
 
 

@@ -1,7 +1,7 @@
-"""The YAML that network files are mostly written in, read in a fraction of a general reader's time.
+"""Parse the plain YAML of most network files in a fraction of a general reader's time.
 
-Block mappings and lists; flow mappings, lists, words and quoted texts that end on their line; comments. Of any other
-YAML it says only that it is another.
+Supports block mappings and lists; flow mappings, flow lists, words and quoted texts that end on their line; comments.
+Raises OtherYamlError for all other YAML.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from functools import lru_cache
 from dvtcli.domain.network.wanted_state import Mark
 from dvtcli.files.network.yaml_tree import Branch, Leaf, Tree, YamlList
 
-#: how deep mappings and lists may stand in each other
+#: maximum nesting of mappings and lists
 _DEEPEST = 30
 #: YAML 1.2 allows more; of these each is one column wide, and ends no line
 _CHARACTERS = re.compile(r"[\n -~\u00a1-\u1fff]*")
-#: a word outside of brackets may hold nearly anything, one inside of them what names and numbers consist of
+#: words outside of brackets may have nearly any character, words inside only those of names and numbers
 _WORD = r"(?:[A-Za-z0-9_./+$(]|-(?=[^\s:#-]))(?:[^\s:#]|(?<=[^\s:]):(?=[^\s:])|(?<=[^\s])#| +(?=[^\s:#]))*"
 _FLOW_WORD = r"(?:[A-Za-z0-9_./+$(]|-(?=\w))(?:[\w./+-]|:(?=\w)| +(?=[\w./+-]))*"
 _QUOTED = r"\"[^\"\\\n]*\"|'[^'\n]*'(?!')"
@@ -26,7 +26,7 @@ _VALUE = re.compile(rf"{_QUOTED}|{_WORD}")
 _END = re.compile(r"(?: +#.*| *)")
 _FLOW = re.compile(rf" *(?:([\[\]{{}},])|({_QUOTED}|{_FLOW_WORD})(:(?= ))?)")
 _DASH = re.compile(r"- +")
-#: what YAML 1.2 takes words for (10.3.2), with the underscores in numbers that ruamel takes, too
+#: types of words in YAML 1.2 (10.3.2), with ruamel's underscores in numbers
 _KINDS = {
     "bool": re.compile(r"true|True|TRUE|false|False|FALSE"),
     "float": re.compile(
@@ -43,7 +43,7 @@ Pair = tuple[Leaf, Tree]
 
 
 class OtherYamlError(ValueError):
-    """The text is YAML of another kind, or none."""
+    """The text is YAML of another kind, or no YAML."""
 
 
 @lru_cache(maxsize=4096)
@@ -55,13 +55,13 @@ def _kind(word: str) -> str:
 
 
 class PlainYaml:
-    """Reads one text; *twice* gets each key that stands twice in a mapping, with the line of the first."""
+    """Parses a text; *twice* collects each repeated key with the line of its first occurrence."""
 
     def __init__(self, text: str) -> None:
         self.twice: list[tuple[Leaf, int]] = []
         if not _CHARACTERS.fullmatch(text):
             raise OtherYamlError
-        #: number, indentation and text of each line that says something
+        #: number, indentation and text of each non-empty line
         self._lines: list[tuple[int, int, str]] = []
         lines = text.split("\n")
         self._end = len(lines), len(lines[-1])
@@ -74,7 +74,7 @@ class PlainYaml:
         self._at = 0
 
     def tree(self) -> Tree:
-        """The tree of the text; OtherYamlError if it is not that plain."""
+        """Return the tree of the text. Raises OtherYamlError if the text is not plain."""
         if not self._lines:
             raise OtherYamlError
         tree = self._block(_DEEPEST)
@@ -83,7 +83,7 @@ class PlainYaml:
         return tree
 
     def _block(self, deeper: int) -> Tree:
-        """What begins in this line: a list or a mapping."""
+        """Parse the list or mapping that begins in this line."""
         if deeper == 0:
             raise OtherYamlError
         number, indent, said = self._lines[self._at]
@@ -132,7 +132,7 @@ class PlainYaml:
             self.twice.append((name, items[name.text][0].mark.line))
 
     def _below(self, indent: int, deeper: int) -> Tree:
-        """What stands in the lines below a key at *indent*; nothing has the place of what follows it."""
+        """Parse the lines below a key at *indent*; null gets the place of the following content."""
         number, below = self._end
         if self._at < len(self._lines):
             number, below, said = self._lines[self._at]
@@ -141,7 +141,7 @@ class PlainYaml:
         return Leaf(Mark(number, below + 1), "", "null")
 
     def _value(self, number: int, column: int, text: str, indent: int) -> Tree:
-        """The value that *text* at *column* is to its end; it does not go on below."""
+        """Parse the value *text* at *column* to its end; it must not continue on the next line."""
         if text[0] in "[{":
             brackets = _Brackets(text, number, column, self._name)
             value, end = brackets.value(_DEEPEST), brackets.end
@@ -156,14 +156,14 @@ class PlainYaml:
 
 
 class _Brackets:
-    """Reads what stands in brackets of the *text* at *column*; *name* is told each key, and what is there before it."""
+    """Parses the bracketed part of *text* at *column*; calls *name* for each key with the earlier items."""
 
     def __init__(self, text: str, number: int, column: int, name: Callable[[Leaf, dict[str, Pair]], None]) -> None:
         self._text, self._number, self._column, self._name = text, number, column, name
         self.end = 0
 
     def value(self, deeper: int) -> Tree:
-        """The list or mapping that begins here."""
+        """Parse the list or mapping that begins here."""
         return self._value(self._next(), deeper)
 
     def _next(self) -> re.Match[str]:
@@ -210,7 +210,7 @@ class _Brackets:
         return Branch(mark, items)
 
     def _is_over(self, bracket: str) -> bool:
-        """Whether the *bracket* is next; else it is a comma."""
+        """Whether the closing *bracket* is next, and not a comma."""
         sign = self._next()[1]
         if sign not in (bracket, ","):
             raise OtherYamlError
@@ -222,6 +222,6 @@ def _is_item(said: str) -> bool:
 
 
 def _leaf(number: int, column: int, word: str) -> Leaf:
-    """The *word* at *column*, from 0, of a line."""
+    """Build a leaf from *word* at *column* (from 0) of a line."""
     mark = Mark(number, column + 1, len(word))
     return Leaf(mark, word[1:-1], "str") if word[0] in "\"'" else Leaf(mark, word, _kind(word))

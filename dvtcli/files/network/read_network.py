@@ -1,6 +1,6 @@
-"""A network file, read: every node with what it should hold, or all that is wrong with the place of each.
+"""Read a network file: every node's configuration, or all errors with their places.
 
-Reads dcfgen's files as they are. Opens nothing but the file itself, and knows no device.
+Reads dcfgen's files unchanged. Opens only the file itself.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from dvtcli.files.network.yaml_tree import Branch, Leaf, Tree, YamlList, overlai
 
 
 def read_links(row: YamlList, node_ids: Mapping[str, int], log: FileLog) -> Iterator[LinkWish]:
-    """The links of *row*; *node_ids* are the file's nodes by name."""
+    """Read the links of *row*; *node_ids* are the file's nodes by name."""
     heard: dict[Endpoint, int] = {}
     for tree in row.items:
         if not isinstance(tree, Branch):
@@ -50,7 +50,7 @@ def read_links(row: YamlList, node_ids: Mapping[str, int], log: FileLog) -> Iter
 
 
 def _endpoint(tree: Tree, direction: Direction, node_ids: Mapping[str, int], log: FileLog) -> Endpoint | None:
-    """`NODE:tpdo1`, with the node's name or its node-ID."""
+    """Read `NODE:tpdo1`, with the node's name or its node-ID."""
     if not isinstance(tree, Leaf) or tree.kind != "str":
         log.complain(tree.mark, f"NODE:{direction}N belongs here, not {leaves.shown(tree)}")
         return None
@@ -75,27 +75,31 @@ def _endpoint(tree: Tree, direction: Direction, node_ids: Mapping[str, int], log
     return Endpoint(node_id, pdo)
 
 
-#: how many of its heartbeats may be missed unless the file says it (dcfgen's own)
+#: default heartbeat multiplier (dcfgen's)
 _MULTIPLIER = 3.0
 _MOST_NODES = 127
-#: a network file of 127 nodes with all that can be said of them is smaller
+#: maximum size (bytes), more than a complete network file of 127 nodes has
 MOST_BYTES = 1 << 20
 _NODE_ID = OF[Where.NODE]["node_id"]
-#: tells why a word of a key names nothing, empty if it names something
+#: returns why a key's word names nothing, empty if valid
 WhyNot = Callable[[str], str]
 Named = dict[str, tuple[Leaf, Branch]]
 
 
 def read_network_file(path: Path, why_not: Mapping[str, WhyNot] | None = None) -> NetworkWish:
-    """Read what the file *path* wants; InputFileError with all that is wrong, OSError if it cannot be read.
+    """Read the configuration in the file *path*.
 
-    *why_not* has for `dcf` and `profile` what tells why a word of theirs names nothing, empty if it does.
+    *why_not* has, for `dcf` and `profile`, a function from a word to the reason why it names nothing (empty if valid).
+    Raises InputFileError with all errors, OSError if the file cannot be read.
     """
     return read_network(network_text(path), str(path), why_not)
 
 
 def network_text(path: Path | str) -> str:
-    """Read the text of the network file *path*; InputFileError if it is no UTF-8 or too large, OSError if absent."""
+    """Read the text of the network file *path*.
+
+    Raises InputFileError if it is no UTF-8 or too large, OSError if absent.
+    """
     try:
         return read_input(path, MOST_BYTES, "network file").decode("utf-8-sig")
     except UnicodeDecodeError as wrong:
@@ -103,9 +107,9 @@ def network_text(path: Path | str) -> str:
 
 
 def read_network(text: str, file: str, why_not: Mapping[str, WhyNot] | None = None) -> NetworkWish:
-    """Read what *text* wants; *file* is its name for messages, *why_not* as of `read_network_file`.
+    """Read the configuration in *text*; *file* is its name for messages, *why_not* as in `read_network_file`.
 
-    InputFileError with all that is wrong.
+    Raises InputFileError with all errors.
     """
     log = FileLog(file, text)
     tree = read_tree(text, log)
@@ -120,7 +124,7 @@ def read_network(text: str, file: str, why_not: Mapping[str, WhyNot] | None = No
 
 
 def _named(node: NodeWish) -> Iterator[tuple[str, Mark, str]]:
-    """The words of *node* that name a file or a family, each with its key and place."""
+    """Iterate over words of *node* that name a file or a family, each with its key and place."""
     if node.dcf is not None:
         yield "dcf", node.dcf.mark, node.dcf.text
     if node.profile is not None:
@@ -158,7 +162,7 @@ def _read_all(named: Named, around: Surroundings, log: FileLog) -> Iterator[Node
 
 
 def _nodes(root: Branch, found: dict[str, Branch], log: FileLog) -> Named:
-    """Every node by name: those of `nodes`, and what stands at the top level as dcfgen has it."""
+    """Return every node by name: those of `nodes`, and dcfgen's at the top level."""
     nodes: Named = {}
     listed = found.get("nodes")
     for leaf, value in listed.items.values() if listed else ():
@@ -170,7 +174,7 @@ def _nodes(root: Branch, found: dict[str, Branch], log: FileLog) -> Named:
 
 
 def _top_level(leaf: Leaf, value: Tree, nodes: Named, log: FileLog, *, only_nodes: bool) -> None:
-    """A key at the top level that is none of ours: a node, a slip, one that belongs elsewhere, or another tool's."""
+    """Sort a foreign key at the top level: a node, a slip, a misplaced key, or another tool's."""
     has_id = isinstance(value, Branch) and "node_id" in value.items
     if has_id and _is_master(leaf.text, log):
         log.complain(leaf.mark, f"unknown key {leaf.text[:40]!r} in this file, did you mean 'master'? "
@@ -187,7 +191,7 @@ def _top_level(leaf: Leaf, value: Tree, nodes: Named, log: FileLog, *, only_node
 
 
 def _is_master(name: str, log: FileLog) -> bool:
-    """Whether *name* of what has a node-ID is a slip of `master`; `master2` is a name."""
+    """Whether *name*, a mapping with a node-ID, is a slip of `master`; `master2` is a node's name."""
     return not name[-1:].isdigit() and log.nearest(name, ("master",), 1.0) is not None
 
 
@@ -207,7 +211,7 @@ def _take(leaf: Leaf, value: Tree, nodes: Named, log: FileLog) -> None:
 
 
 def _master(branch: Branch | None, multiplier: float, log: FileLog) -> tuple[MasterRole | None, float]:
-    """Who the master is, and after how many of its heartbeats it is late."""
+    """Read the master, and its heartbeat multiplier."""
     if branch is None:
         return None, multiplier
     found = read_keys(branch, Where.MASTER, "master", log)
@@ -225,7 +229,7 @@ def _master(branch: Branch | None, multiplier: float, log: FileLog) -> tuple[Mas
 
 
 def _node_ids(named: Named, master: MasterRole | None, log: FileLog) -> dict[str, int]:
-    """Node-IDs by name; one that stands twice is a complaint, and what is none is said where the node is read."""
+    """Return node-IDs by name; complains about duplicates. The node's own reader reports invalid node-IDs."""
     silent = FileLog(log.file, "")
     owners = {master.node_id: "the master"} if master and master.node_id else {}
     ids: dict[str, int] = {}

@@ -1,7 +1,4 @@
-"""A network file, written: in a stable order, with what is read again; remarks stand behind what they are about.
-
-Knows no device.
-"""
+"""Write a network file that reads back equal, in a stable order, with remarks behind their words."""
 
 from __future__ import annotations
 
@@ -16,16 +13,16 @@ from dvtcli.files.network.network_keys import OF, STORE_WORDS, Where
 _PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_]*|[0-9A-F]{4}:[0-9A-F]{2}(/[0-9]{1,2})?|dummy/[0-9]{1,2}")
 _PLAIN_LINK = re.compile(r"[A-Za-z_][A-Za-z0-9_]*:[rt]pdo[0-9]+")
 _NUMBER = re.compile(r"-?(0|[1-9][0-9]{0,18}|0x[0-9A-F]{1,16})")
-#: what YAML, of one version or the other, takes for something else than a text
+#: words that are no text in YAML 1.1 or 1.2
 _WORDS = {"true", "false", "yes", "no", "on", "off", "null", "y", "n", "auto"}
 _REMARK_AT = 40
 Remarks = Mapping[str, str]
-#: what is said behind a word of the node with that ID
+#: comments by node-ID and word
 NodeRemarks = Mapping[tuple[int, str], str]
 
 
 def write_network(wish: NetworkWish, title: str = "", remarks: NodeRemarks | None = None) -> str:
-    """The text of *wish*; *title* is its first line, *remarks* what is said behind a word, as the name of an object."""
+    """Return the text of *wish*; *title* is the first line, *remarks* are comments behind words, e.g. names."""
     names = {node.node_id: node.name for node in wish.nodes}
     lines = [f"# {_one_line(title)}"] if title else []
     if wish.multiplier is not None:
@@ -44,7 +41,7 @@ def _one_line(text: str) -> str:
 
 
 def _word(text: str) -> str:
-    """A text as YAML has it: in quotes where it could be taken for something else."""
+    """Return a text as YAML, in quotes if ambiguous."""
     return text if _PLAIN.fullmatch(text) and text.lower() not in _WORDS else _quoted(text)
 
 
@@ -112,7 +109,7 @@ def _identity(node: NodeWish) -> Iterator[str]:
 
 
 def _objects(node: NodeWish) -> Iterator[str]:
-    """What keys of the node set; those of 0x1029 share one."""
+    """Write a node's keys for objects; those of 0x1029 share a key."""
     behaviour = [f"{wish.sub_index}: {wish.data[0]}" for wish in node.objects if wish.key == "error_behavior"]
     for wish in node.objects:
         if wish.key != "error_behavior":

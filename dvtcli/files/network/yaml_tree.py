@@ -9,7 +9,7 @@ from dvtcli.domain.network.wanted_state import Mark
 
 @dataclass(frozen=True, slots=True)
 class Leaf:
-    """One value: its *text*, and its *kind*: int, float, bool, null or str (also of what is quoted)."""
+    """A value: its *text*, and its *kind*: int, float, bool, null or str (also for quoted values)."""
 
     mark: Mark
     text: str
@@ -17,7 +17,7 @@ class Leaf:
 
     @property
     def is_null(self) -> bool:
-        """Whether nothing stands there."""
+        """Whether the value is null."""
         return self.kind == "null"
 
 
@@ -31,7 +31,7 @@ class YamlList:
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """A mapping: by the text of each key the key itself and its value."""
+    """A mapping: by the text of each key, the key itself and its value."""
 
     mark: Mark
     items: dict[str, tuple[Leaf, Tree]]
@@ -41,7 +41,7 @@ Tree = Leaf | YamlList | Branch
 
 
 def overlaid(base: Branch, own: Branch, instead: dict[str, str]) -> Branch:
-    """*own* on top of *base*, key by key at every depth; a key of *own* also takes the place of its *instead*."""
+    """Merge *own* over *base*, key by key at every depth; a key of *own* also replaces its *instead*."""
     items = {key: pair for key, pair in base.items.items() if instead.get(key) not in own.items}
     for key, (name, value) in own.items.items():
         below = items[key][1] if key in items else None

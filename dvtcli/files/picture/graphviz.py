@@ -9,7 +9,7 @@ from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.safe_text import safe
 from dvtcli.files.picture.picture_words import byte_count, cob_id, title_of
 
-#: what means something in the label of a record
+#: special characters in a record's label
 _SPECIAL = '\\"{}|<> '
 
 
@@ -33,7 +33,7 @@ def _lines(picture: NetworkPicture) -> Iterator[str]:
 
 
 def _from_below(picture: NetworkPicture) -> list[PictureNode]:
-    """The nodes so that the first one stands on top: Graphviz stacks what is not linked from below."""
+    """Sort nodes for Graphviz, which stacks unlinked nodes from below, so that the first is on top."""
     linked = {end.node_id for link in picture.links for end in (link.producer, link.consumer)}
     alone = [node for node in picture.nodes if node.node_id not in linked]
     return [*reversed(alone), *(node for node in picture.nodes if node.node_id in linked)]

@@ -1,4 +1,4 @@
-"""A network as a page: one HTML file that asks for nothing else, the same for the same network. Reads nothing."""
+"""A network as a self-contained HTML page; equal networks give equal pages."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _COLOURS = 6
 
 @dataclass(frozen=True, slots=True)
 class BitCell:
-    """So many neighbouring *bits* of one byte: those of field *number* (1 and up; 0: free), and what stands there."""
+    """Neighbouring *bits* of a byte: those of field *number* (from 1; 0: free), and their text."""
 
     bits: int
     number: int
@@ -46,7 +46,7 @@ class BitCell:
 
 @dataclass(frozen=True, slots=True)
 class FieldRow:
-    """One object of a frame: its number, its bits in the frame, what it is, and as what others hear it."""
+    """An object of a frame: number, bits in the frame, name, and the receivers' objects."""
 
     number: int
     colour: str
@@ -60,7 +60,7 @@ class FieldRow:
 
 @dataclass(frozen=True, slots=True)
 class FrameCard:
-    """A PDO as a page shows it."""
+    """A PDO on the page."""
 
     anchor: str
     title: str
@@ -119,14 +119,14 @@ def _colour(number: int, field: PictureField | None) -> str:
 
 
 def _bytes(pdo: PicturePdo) -> Iterator[tuple[int, tuple[BitCell, ...]]]:
-    """Each byte with its cells, from bit 7 down to bit 0."""
+    """Iterate over bytes with their cells, from bit 7 down to bit 0."""
     last = min(max((field.end_bit for field in pdo.fields), default=0), MAX_PDO_BITS)
     for byte in range((last + 7) // 8):
         yield byte, tuple(reversed(list(_cells(pdo, byte))))
 
 
 def _cells(pdo: PicturePdo, byte: int) -> Iterator[BitCell]:
-    """The cells of one byte from bit 0 up."""
+    """Iterate over the cells of a byte from bit 0 up."""
     bit, end = 8 * byte, 8 * byte + 8
     for number, field in enumerate(pdo.fields, 1):
         first, behind = max(field.start_bit, bit), min(field.end_bit, end)
@@ -138,7 +138,7 @@ def _cells(pdo: PicturePdo, byte: int) -> Iterator[BitCell]:
 
 
 def _text(field: PictureField, first: int, behind: int) -> str:
-    """The name where a field begins; behind that which of its bits lie here."""
+    """Return the name in a field's first cell; in later cells the bits."""
     if first == field.start_bit:
         return field.label
     return "" if field.is_dummy else f"{behind - field.start_bit - 1}…{first - field.start_bit}"
@@ -149,13 +149,13 @@ _ROWS = (
     "SDO request", "-", "heartbeat", "LSS",
 )  # fmt: skip
 _ROW, _TOP = 17, 26
-#: what the legend tells apart
+#: the entries of the legend
 _KINDS = ("unsent", "used", "late")
 _MARKS = (1, 32, 64, 96, 127)
 
 
 def cob_id_map(picture: NetworkPicture, width: int = 960, name: str = "map") -> Element:
-    """The drawing, *width* wide; its ids begin with *name*."""
+    """Draw the map of COB-IDs, *width* wide; ids begin with *name*."""
     frames = [frame for frame in picture.frames if not frame.identifier[1]]
     used = plural(len({frame.identifier for frame in frames}), "CAN-ID")
     title = f"Map of the CAN-IDs: {used} used; its table is below"
@@ -190,7 +190,7 @@ def _place(root: Element, frame: PictureFrame, left: float, step: float) -> None
 
 
 def _kind(frame: PictureFrame) -> str:
-    """Which of the legend's colours it has."""
+    """Return the frame's colour class in the legend."""
     return "late" if frame.is_late or frame.has_no_limit else "used" if frame.is_computed else "unsent"
 
 
@@ -198,13 +198,13 @@ def _warning(frame: PictureFrame) -> str:
     return ", no limit" if frame.has_no_limit else ", may be late" if frame.is_late else ""
 
 
-#: how wide drawings are: on a desk, and on a phone
+#: widths of drawings: for a desktop, and for a phone
 _WIDE, _NARROW = 960, 352
 
 
 @dataclass(frozen=True, slots=True)
 class Tile:
-    """A number of the summary, what it counts, and how good that is (`good`, `bad`, or nothing)."""
+    """A number in the summary, its label, and its rating (`good`, `bad`, or empty)."""
 
     value: str
     label: str
@@ -214,7 +214,7 @@ class Tile:
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A line of the contents: a section, and how many things are in it (empty where that says nothing)."""
+    """A line of the contents: a section, and its number of items (empty if pointless)."""
 
     target: str
     title: str
@@ -227,7 +227,7 @@ def page(picture: NetworkPicture) -> bytes:
     from markupsafe import Markup
 
     def plain(value: Any) -> Any:
-        """Texts without what could steer a reader; markup of ours as it is."""
+        """Remove control characters from texts; leave dvtcli's own markup."""
         return value if isinstance(value, Markup) else safe(value) if isinstance(value, str) else value
 
     environment = Environment(
@@ -253,7 +253,7 @@ def page(picture: NetworkPicture) -> bytes:
 
 
 def _hash(text: str) -> str:
-    """How a page's policy names what it may run: nothing else is run, whatever a text gets in."""
+    """Return the hash by which the page's policy allows a script; no other script runs."""
     return f"sha256-{b64encode(sha256(text.encode()).digest()).decode()}"
 
 
@@ -275,7 +275,7 @@ def _contents(picture: NetworkPicture) -> Iterator[Entry]:
 
 
 def _tiles(picture: NetworkPicture) -> Iterator[Tile]:
-    """What somebody wants to know first."""
+    """Return the most important numbers."""
     load, count = picture.load, Counter(finding.severity for finding in picture.findings)
     yield Tile(str(len(picture.nodes)), "node" if len(picture.nodes) == 1 else "nodes", target="nodes")
     on = sum(pdo.config.enabled for _, pdo in picture.pdos)

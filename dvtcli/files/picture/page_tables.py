@@ -1,4 +1,4 @@
-"""The tables of a page: columns and rows with what they are sorted by. Knows no markup."""
+"""The tables of a page: columns, and rows with sort keys."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from dvtcli.files.picture.picture_words import (
 )
 
 _SEVERITIES = ("error", "warning", "note")
-#: a bar that is shorter says nothing
+#: minimum length of a bar
 _LEAST_BAR = 0.02
-#: so many characters of a node's name need no second line
+#: length of a node's name without a second line
 _SHORT_NAME = 20
-#: behind every number
+#: sorts after every number
 _LAST = float("inf")
 
 
 @dataclass(frozen=True, slots=True)
 class TableCell:
-    """What stands in a cell, what it is sorted by (None: its text), its *style*, a link's *target*, a *bar* of 0…1."""
+    """A cell: text, sort key (None: the text), *style*, link *target*, *bar* of 0…1."""
 
     text: str
     key: float | None = None
@@ -41,7 +41,7 @@ class TableCell:
 
 @dataclass(frozen=True, slots=True)
 class TableColumn:
-    """The head of a column; numbers stand on the right."""
+    """The head of a column; numbers are aligned right."""
 
     title: str
     is_number: bool = False
@@ -49,7 +49,7 @@ class TableColumn:
 
 @dataclass(frozen=True, slots=True)
 class PageTable:
-    """A table that can be sorted by each column."""
+    """A table with sortable columns."""
 
     name: str
     caption: str
@@ -58,7 +58,7 @@ class PageTable:
 
 
 def findings_table(picture: NetworkPicture) -> PageTable:
-    """What the rules of `check` say."""
+    """Return the findings of `check`."""
     has_lines = any(finding.line for finding in picture.findings)
     columns = ("Severity", "Node", "What", "Rule", *(("Line",) if has_lines else ()))
     rows = (
@@ -81,7 +81,7 @@ def _line(finding: PictureFinding) -> TableCell:
 
 
 def differences_table(picture: NetworkPicture) -> PageTable:
-    """What nodes hold otherwise than a file says."""
+    """Return the differences between nodes and a file."""
     columns = ("Node", "PDO or object", "What", "On the node", f"In {picture.compared}")
     rows = (
         (
@@ -97,7 +97,7 @@ def differences_table(picture: NetworkPicture) -> PageTable:
 
 
 def nodes_table(picture: NetworkPicture) -> PageTable:
-    """Every node with what it is and what it produces."""
+    """Return every node with its device, number of PDOs, and services."""
     columns = ("Node-ID", "Name", "Device", "TPDOs", "RPDOs", "Heartbeat", "Watches", "SYNC", "EMCY")
     rows = []
     for node in picture.nodes:
@@ -113,7 +113,7 @@ def nodes_table(picture: NetworkPicture) -> PageTable:
 
 
 def pdos_table(picture: NetworkPicture) -> PageTable:
-    """Every PDO, also those that are off."""
+    """Return every PDO, including disabled PDOs."""
     columns = ("Node", "PDO", "State", "COB-ID", "Length", "Timing", "Maps", "Linked with")
     rows = []
     for node, pdo in picture.pdos:
@@ -131,7 +131,7 @@ def pdos_table(picture: NetworkPicture) -> PageTable:
 
 
 def frames_table(picture: NetworkPicture) -> PageTable:
-    """Every CAN-ID with who sends and hears it, and what it needs of the bus."""
+    """Return every CAN-ID with producer, consumers and bus load."""
     heard = picture.load.measured is not None
     columns = ["COB-ID", "What", "Sent by", "Heard by", "Bytes", "At most", "Load", "Response", "Deadline"]
     columns += ["Heard/s", "Heard load"] if heard else []
@@ -166,7 +166,7 @@ def _node(picture: NetworkPicture, node_id: int | None) -> TableCell:
 
 
 def _name_style(text: str) -> str:
-    """A short name stays in one line, a long one is broken where there is no other room."""
+    """Keep a short name on one line; break a long name if space requires."""
     return "node short" if len(text) <= _SHORT_NAME else "node"
 
 
@@ -191,7 +191,7 @@ def _at_most(one: PictureFrame) -> TableCell:
 
 
 def _times(one: PictureFrame, most: float) -> Iterator[TableCell]:
-    """What a frame needs of the bus, when it is there, and until when it has to be."""
+    """Return a frame's bus load, response time and deadline."""
     if not one.is_computed:
         yield from (TableCell("-", _LAST) for _ in range(3))
         return

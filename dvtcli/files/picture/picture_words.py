@@ -15,7 +15,7 @@ _MOST_WORDS = 6
 
 
 def cob_id(identifier: Identifier) -> str:
-    """`0x181`; a 29-bit one with eight digits."""
+    """Return `0x181`; a 29-bit CAN-ID with eight digits."""
     can_id, extended = identifier
     return f"0x{can_id:08X}" if extended else f"0x{can_id:03X}"
 
@@ -52,7 +52,7 @@ def ms(time_us: Fraction | None) -> str:
 
 
 def percent(share: Fraction | float | None) -> str:
-    """A share of the bus; `no limit` where nothing limits it."""
+    """Return a share of the bus as text; `no limit` if unbounded."""
     return "no limit" if share is None else f"{100 * float(share):.2f} %"
 
 
@@ -83,7 +83,7 @@ def timing(pdo: PicturePdo) -> str:
 
 
 def bit_range(field: PictureField) -> str:
-    """The bits of the frame that a field fills: `0–15`."""
+    """Return a field's bits in the frame: `0–15`."""
     return f"{field.start_bit}–{field.end_bit - 1}" if field.bits > 1 else str(field.start_bit)
 
 
@@ -93,7 +93,7 @@ def object_text(field: PictureField) -> str:
 
 
 def meaning_text(meaning: Scaling) -> str:
-    """What a raw value means, in a few words: `1/256 V`, `0 off, 1 on`, the names of bits."""
+    """Return the meaning of a raw value in a few words: `1/256 V`, `0 off, 1 on`, names of bits."""
     if meaning.has_number:
         return meaning.scale
     words = [f"{raw} {word}" for raw, word in sorted(meaning.values.items())]

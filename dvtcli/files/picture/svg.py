@@ -1,4 +1,4 @@
-"""Drawings as SVG: elements whose texts are safe, and cut where there is no room. Knows no network."""
+"""Draw SVG: elements with safe texts, cut to the available space."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from xml.etree import ElementTree
 from dvtcli.domain.safe_text import safe
 
 Element = ElementTree.Element
-#: how wide a character of the drawings is at most, on average, in units of its size
+#: maximum average width of a character, relative to its size
 _WIDTH = 0.56
-#: the same of bold ones
+#: the same for bold characters
 _BOLD = 0.68
 
 
 def drawing(width: int, height: int, name: str, title: str) -> Element:
-    """An empty drawing; *name* goes before its ids, *title* is what it shows, for who cannot see it."""
+    """Return an empty drawing; *name* begins its ids, *title* is its text for screen readers."""
     root = Element(
         "svg", {"xmlns": "http://www.w3.org/2000/svg", "viewBox": f"0 0 {width} {height}", "width": str(width),
                 "height": str(height), "class": "drawing", "role": "img", "aria-labelledby": safe(f"{name}-title")},
@@ -25,7 +25,7 @@ def drawing(width: int, height: int, name: str, title: str) -> Element:
 
 
 def add(parent: Element, tag: str, text: str | None = None, **attributes: str | float) -> Element:
-    """A child of *parent*; `class_` is its class, `_` in a name is `-`."""
+    """Add a child to *parent*; `class_` is its class, `_` in names becomes `-`."""
     named = {key.rstrip("_").replace("_", "-"): safe(str(value)) for key, value in attributes.items()}
     child = ElementTree.SubElement(parent, tag, named)
     child.text = None if text is None else safe(text)
@@ -33,14 +33,14 @@ def add(parent: Element, tag: str, text: str | None = None, **attributes: str | 
 
 
 def clipped(text: str, room: float, size: float = 13) -> str:
-    """*text* as far as *room* reaches, `…` where it is cut."""
+    """Cut *text* to *room*, with `…` at the end."""
     most = max(1, int(room / (_WIDTH * size)))
     shown = safe(text)
     return shown if len(shown) <= most else f"{shown[: most - 1].rstrip()}…"
 
 
 def clipped_name(text: str, room: float, size: float) -> str:
-    """*text* in bold, cut in its middle: names of one kind often differ at their ends alone."""
+    """Cut bold *text* in the middle, because similar names often differ at their ends only."""
     most = max(1, int(room / (_BOLD * size)))
     shown = safe(text)
     if len(shown) <= most:
@@ -56,12 +56,12 @@ def markup(root: Element) -> str:
 
 
 def style(*names: str) -> str:
-    """The style sheets of that names, which stand beside this file."""
+    """Return the style sheets *names*, stored beside this file."""
     return "\n".join((files(__package__) / name).read_text("utf-8") for name in names)
 
 
 def alone(root: Element) -> bytes:
-    """The drawing as a file of its own, with its colours."""
+    """Return the drawing as a file of its own, with its colours."""
     sheet = Element("style")
     sheet.text = style("palette.css", "drawing.css")
     root.insert(0, sheet)

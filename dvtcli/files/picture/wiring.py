@@ -1,6 +1,6 @@
-"""The wiring of a network as a drawing: who sends on the left, who hears on the right, a curve for each link.
+"""Draw a network's wiring: producers on the left, consumers on the right, a curve for each link.
 
-A node that does both stands on both sides, so that every curve goes from left to right. Reads nothing.
+A node with both roles appears on both sides, so that all curves run from left to right.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from dvtcli.files.picture.svg import Element, add, clipped, clipped_name, drawin
 
 _HEAD, _ROW, _FOOT, _GAP, _TOP, _MARGIN = 36, 26, 8, 16, 40, 4
 _COLOURS = 6
-#: up to which share of the drawing a box goes on each side
+#: share of the drawing for the boxes of each side
 _BOX = 0.36
 
 
 @dataclass(frozen=True, slots=True)
 class _Column:
-    """One side of the drawing: its boxes from *x* on, and where the ports of their PDOs are (*port_x*)."""
+    """A side of the drawing: its boxes from *x* on, and the ports of their PDOs at *port_x*."""
 
     x: float
     port_x: float
@@ -31,7 +31,7 @@ class _Column:
 
 
 def wiring(picture: NetworkPicture, width: int = 960, name: str = "wiring") -> Element:
-    """The drawing, *width* wide; its ids begin with *name*."""
+    """Draw the wiring, *width* wide; ids begin with *name*."""
     box = round(width * _BOX)
     left = _Column(_MARGIN, _MARGIN + box, box, is_tpdo=True)
     right = _Column(width - _MARGIN - box, width - _MARGIN - box, box, is_tpdo=False)
@@ -51,7 +51,7 @@ def wiring(picture: NetworkPicture, width: int = 960, name: str = "wiring") -> E
 
 
 def _sides(picture: NetworkPicture) -> tuple[list[PictureNode], list[PictureNode]]:
-    """Who sends or has no PDO that is on, and who hears."""
+    """Split nodes into producers (and nodes without an enabled PDO) and consumers."""
     hears = [node for node in picture.nodes if node.enabled(is_tpdo=False)]
     ids = {node.node_id for node in hears}
     sends = [node for node in picture.nodes if node.enabled(is_tpdo=True) or node.node_id not in ids]
@@ -67,7 +67,7 @@ def _height(nodes: Sequence[PictureNode], *, is_tpdo: bool) -> int:
 
 
 def _arrows(root: Element, name: str) -> None:
-    """The points of the links, one of each colour."""
+    """Define an arrow head for each link colour."""
     defs = add(root, "defs")
     for number in (*map(str, range(_COLOURS)), "bad"):
         marker = add(
@@ -80,7 +80,7 @@ def _arrows(root: Element, name: str) -> None:
 def _boxes(
     root: Element, column: _Column, nodes: Sequence[PictureNode]
 ) -> Iterator[tuple[Endpoint, tuple[float, float]]]:
-    """Draw the boxes of one side; where the port of each PDO is."""
+    """Draw the boxes of a side; yields the position of each PDO's port."""
     y = _TOP
     for node in nodes:
         height = _box_height(node, is_tpdo=column.is_tpdo)

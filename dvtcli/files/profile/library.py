@@ -1,6 +1,6 @@
-"""Where device profiles are found: those that come with dvtcli, and the user's own in the configuration folder.
+"""Find device profiles: built-in profiles, and the user's own in the configuration folder.
 
-A user's profile goes before a built-in one of the same name. Knows files; how one is written is `toml`'s.
+A user's profile replaces a built-in profile of the same name.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ _HEADER = re.compile(r"\s*\[+(?!\[)([^\]]+)\]+\s*(?:#.*)?")
 
 @dataclass(frozen=True, slots=True)
 class Reason:
-    """A key (with its tables, `store.timeout_s`), its value as it is written, and why; *line* is 1 and up.
+    """A key (with its tables, `store.timeout_s`), its value as written, and why; *line* is from 1.
 
-    *reason* is the comment behind the value, else the one above the table; empty where there is none.
+    *reason* is the comment behind the value, else the comment above the table; empty if none.
     """
 
     key: str
@@ -41,7 +41,7 @@ class Reason:
 
 
 def reasons(text: str) -> Iterator[Reason]:
-    """Every value of a profile's *text* that stands on a line of its own, in order."""
+    """Iterate over values in a profile's *text* that have a line of their own."""
     table = above = previous = ""
     for number, line in enumerate(text.splitlines(), 1):
         content, comment = split_comment(line)
@@ -54,7 +54,7 @@ def reasons(text: str) -> Iterator[Reason]:
 
 
 def split_comment(line: str) -> tuple[str, str]:
-    """What stands before a line's comment, and the comment; a `#` inside a TOML string begins none."""
+    """Split a line into contents and comment; a `#` inside a TOML string begins none."""
     quote = ""
     for place, char in enumerate(line):
         if quote:
@@ -71,7 +71,7 @@ _FOLDER, _FILES = "standard", ("cia301.toml", "cia401.toml", "cia402.toml")
 
 @cache
 def standards() -> tuple[Standard, ...]:
-    """All of them, read once."""
+    """Return all standards, read once."""
     return tuple(_read(name) for name in _FILES)
 
 
@@ -88,26 +88,26 @@ def _names(item: Item) -> dict[int, str]:
 _KEYS: Schema = {"number": integer(301, 999), "physical": physical_rules, "names": _names}
 
 
-#: A profile is a page of text; beyond this many bytes it is something else.
+#: Maximum size of a profile (bytes), normally a page of text.
 _MOST_BYTES = 1_000_000
-#: The file of a profile that is in a folder of its own, with a simulated family.
+#: The profile's file in the folder of a simulated family.
 _FILE = "profile.toml"
 #: the user's own files, each with its `file_state`
 OwnFiles = tuple[tuple[Path, tuple[int, ...]], ...]
 
 
 def folder() -> Path:
-    """Where the user's own profiles are kept, whether it exists or not."""
+    """Return the folder of the user's own profiles, existing or not."""
     return user_folder("config") / "profiles"
 
 
 def own_names() -> tuple[str, ...]:
-    """Names of the user's own profiles, sorted; no file is opened."""
+    """Return the names of the user's own profiles, sorted, without opening files."""
     return tuple(sorted(path.stem for path in folder().glob("*.toml")))
 
 
 def _own_files() -> OwnFiles:
-    """The user's own files as they are now: what was read of others, or of them before, is old."""
+    """Return the present state of the user's own files, to detect outdated caches."""
     found = []
     for path in sorted(folder().glob("*.toml")):
         with suppress(OSError):  # a link to nowhere: whoever reads it says so
@@ -116,12 +116,12 @@ def _own_files() -> OwnFiles:
 
 
 def profile_names() -> tuple[str, ...]:
-    """Names of all profiles, sorted; no file is opened."""
+    """Return the names of all profiles, sorted, without opening files."""
     return tuple(sorted({*builtin_names(), *own_names()}))
 
 
 def profile_path(name: str) -> Path:
-    """The file of profile *name*; UsageError, with the nearest name as a hint, where there is none."""
+    """Return the file of profile *name*. Raises UsageError, with the nearest name as hint, if unknown."""
     if name in own_names():
         return folder() / f"{name}.toml"
     if name in builtin_names():
@@ -131,7 +131,7 @@ def profile_path(name: str) -> Path:
 
 
 def profile_text(name: str) -> str:
-    """What the file of profile *name* says; InputFileError where it is no text of a sensible size."""
+    """Return the text of profile *name*. Raises InputFileError if it is no text of a sensible size."""
     return _text(profile_path(name))
 
 
@@ -147,18 +147,21 @@ def _text(path: Path) -> str:
 
 
 def has_profile(family: Path) -> bool:
-    """Whether the folder *family* of a simulated device has a profile, too."""
+    """Whether the folder *family* of a simulated device has a profile."""
     return os.path.isfile(family / _FILE)  # noqa: PTH113 - Path raises for a name that is too long
 
 
 def load_folder_profile(family: Path) -> DeviceProfile:
-    """The profile in the folder *family*; InputFileError with line and key where it is wrong."""
+    """Load the profile in the folder *family*. Raises InputFileError with line and key if malformed."""
     path = family / _FILE
     return read_profile(_text(path), str(path))
 
 
 def load_profile(name: str) -> DeviceProfile:
-    """The profile *name*; UsageError where there is none, InputFileError with line and key where its file is wrong."""
+    """Load the profile *name*.
+
+    Raises UsageError if unknown, InputFileError with line and key if malformed.
+    """
     return _loaded(name, _own_files())
 
 
@@ -176,16 +179,17 @@ def _loaded(name: str, _own: OwnFiles) -> DeviceProfile:
 
 
 def profile_for_identity(vendor_id: int, product_code: int) -> DeviceProfile:
-    """The profile for a device's identity (0x1018:1 and :2), the generic one where none fits.
+    """Return the profile for an identity (0x1018:1 and :2), the generic profile if none fits.
 
-    A profile that names the very product goes before one that fits by mask, and that before one for all of the
-    vendor's products; among equals the user's own goes first.
+    A profile for the exact product ranks before a mask, and a mask before all of the vendor's products; among equals
+    the
+    user's own ranks first.
     """
     return _fitting(vendor_id, product_code, profile_names(), _own_files())
 
 
 def builtin_for_identity(vendor_id: int, product_code: int) -> DeviceProfile:
-    """The same of the profiles that come with dvtcli, whatever the user has kept of such a device."""
+    """Return the built-in profile for an identity, ignoring the user's own."""
     return _fitting(vendor_id, product_code, tuple(builtin_names()), _own_files())
 
 
@@ -201,7 +205,7 @@ def _fitting(vendor_id: int, product_code: int, names: tuple[str, ...], _own: Ow
 
 
 def passcode_objects() -> frozenset[ObjectAddress]:
-    """The objects that take a passcode, of every family: what is written there is nobody's business."""
+    """Return the passcode objects of all families, whose values must be kept secret."""
     return _passcode_objects(_own_files())
 
 
@@ -212,7 +216,7 @@ def _passcode_objects(_own: OwnFiles) -> frozenset[ObjectAddress]:
 
 
 def profile_of(dictionary: ObjectDictionary | None) -> DeviceProfile:
-    """The profile for the device that a file describes (`[DeviceInfo]`), the generic one where it does not say."""
+    """Return the profile for a file's device (`[DeviceInfo]`), the generic profile if unnamed."""
     if dictionary is None or dictionary.info.vendor_id is None:
         return GENERIC
     return profile_for_identity(dictionary.info.vendor_id, dictionary.info.product_code or 0)

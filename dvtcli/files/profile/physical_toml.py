@@ -1,7 +1,4 @@
-"""The table `[physical]` of a profile, and of a standard's file: objects, and what their values mean.
-
-Knows how a meaning is written. Does not know which devices it is for.
-"""
+"""The table `[physical]` of a profile or a standard's file: objects, and the meaning of their values."""
 
 from __future__ import annotations
 
@@ -21,7 +18,7 @@ _PLACE = re.compile(
 
 
 def physical_rules(item: Item) -> dict[ObjectRange, Meaning]:
-    """By objects (`"5100:01"`, `"6C01:01-05"`, `2220-2224`) what they mean: `"1/256 V"`, or a table."""
+    """Read meanings (`"1/256 V"`, or a table) by objects (`"5100:01"`, `"6C01:01-05"`, `2220-2224`)."""
     return {_place(member): _meaning(member) for member in item.items()}
 
 
@@ -48,7 +45,7 @@ def _meaning(item: Item) -> Meaning:
 
 
 def _fraction(item: Item) -> Fraction:
-    """A number, or a text such as `1/256`."""
+    """Read a number, or a text like `1/256`."""
     if isinstance(item.value, bool) or not isinstance(item.value, int | float | str):
         item.fail(f"must be a number, or a text such as '1/256', not {item.value!r}")
     try:
@@ -66,7 +63,7 @@ def _unit(item: Item) -> str:
 
 
 def _texts(low: int, high: int) -> Any:
-    """A reader of tables number -> text, each number within *low*..*high*."""
+    """Return a reader of tables number -> text, numbers within *low*..*high*."""
 
     def read(item: Item) -> dict[int, str]:
         texts = {}
@@ -81,7 +78,7 @@ def _texts(low: int, high: int) -> Any:
 
 
 def _states(item: Item) -> tuple[State, ...]:
-    """A list of [mask, bits, text]; or `"statusword"`, the states that a drive's tells."""
+    """Read a list of [mask, bits, text], or `"statusword"` for a drive's states."""
     if item.value == "statusword":
         return tuple(State(*row) for row in STATES)
     states = []

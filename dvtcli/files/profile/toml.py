@@ -1,7 +1,6 @@
-"""Device profiles from TOML files: strict, with the line and the key named in every complaint.
+"""Read device profiles from TOML strictly: every complaint names line and key.
 
-The keys are those of `DeviceProfile`, plus `like`, the built-in profile that a file starts from. Knows how a
-profile is written and where the built-in ones are kept. Does not know what a behaviour means to the rest.
+Keys are those of `DeviceProfile`, plus `like`, the built-in profile to start from.
 """
 
 from __future__ import annotations
@@ -55,26 +54,26 @@ if TYPE_CHECKING:
     from dvtcli.domain.meanings import Rules
 
 _FILE = "profile.toml"
-#: How "not worth a word" is written, since TOML has no null.
+#: The word for "no remark", since TOML has no null.
 _FINE = "fine"
 #: The highest number of a program of one device (CiA 302-3).
 _PROGRAMS = 254
-#: How a built-in profile writes its vendors, and what it is like.
+#: The lines of a built-in profile with its vendors and its base profile.
 _VENDORS, _LIKE = re.compile(r"^vendor_ids = \[([^\[\]]*)\]", re.M), re.compile(r'^like = "([^"]*)"', re.M)
 
 
 def builtin_names() -> tuple[str, ...]:
-    """Names of the built-in profiles, sorted; no file is opened."""
+    """Return the names of the built-in profiles, sorted, without opening files."""
     return families_with(_FILE)
 
 
 def builtin_path(name: str) -> Path:
-    """Where the built-in profile *name* is kept."""
+    """Return the path of the built-in profile *name*."""
     return family_path(name, _FILE)
 
 
 def may_be_of(name: str, vendor_id: int) -> bool:
-    """Whether a device of the vendor *vendor_id* can be of the built-in profile *name*; it is not parsed for that."""
+    """Whether the built-in profile *name* may apply to the vendor *vendor_id*, without parsing it."""
     text = builtin_path(name).read_text(encoding="utf-8")
     if said := _VENDORS.search(text):
         return vendor_id in [int(number, 0) for number in said[1].split(",") if number.strip()]
@@ -94,7 +93,7 @@ def read_profile(text: str, source: str) -> DeviceProfile:
 
 
 def _over(base: Any, given: Any) -> Any:
-    """What a profile says of a key over what the one it is like says: of a table only the keys that differ."""
+    """Merge a profile's value over its base profile's; a table replaces only its own keys."""
     if isinstance(base, StorePolicy) and isinstance(given, dict):
         return replace(base, **given)
     return {**base, **given} if isinstance(base, dict) and isinstance(given, dict) else given
@@ -174,7 +173,7 @@ def _fault_list(item: Item) -> FaultList:
 
 
 def _faults(item: Item) -> dict[int, KnownFault]:
-    """By error code what it means, and what helps: a text, or a list of the two."""
+    """Read, by error code, the meaning and the remedy: a text, or a list of the two."""
     found = {}
     for member in item.items():
         if not re.fullmatch(r"0x[0-9A-Fa-f]{4}", member.key):
@@ -187,7 +186,7 @@ def _faults(item: Item) -> dict[int, KnownFault]:
 
 
 def _software_identification(item: Item) -> dict[int, int | str]:
-    """By program what 0x1F56 says of the right one."""
+    """Read, by program, the value of 0x1F56 for the right program."""
     found: dict[int, int | str] = {}
     for member in item.items():
         if not (re.fullmatch(r"[1-9][0-9]{0,2}", member.key) and int(member.key) <= _PROGRAMS):

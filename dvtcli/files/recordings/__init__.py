@@ -1,1 +1,1 @@
-"""The formats that recordings of frames have, a file each, which is found by being here."""
+"""Formats of recordings, a module each, found by being in this folder."""

@@ -1,4 +1,4 @@
-"""Vector's ASCII: what python-can's reader passes by is told, and what its writer writes wrongly is avoided."""
+"""Vector's ASCII: reports lines skipped by python-can's reader, and avoids errors of its writer."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import can
 from dvtcli.files.recorded_lines import LeftLines
 from dvtcli.files.recordings.recording_format import RecordingFormat
 
-#: lines that have no time: comments, its header, triggers
+#: lines without a time: comments, header, triggers
 _ASIDE = re.compile(r"//|;|date\b|base\b|(no )?\s*internal\s+events|begin\b|end\b|previous log", re.I)
 _TIME, _ID = re.compile(r"\d+\.\d+", re.ASCII), re.compile(r"[0-9A-F]+x?", re.I | re.ASCII)
 _DATA_FRAME = re.compile(r"\b[RT]x\s+[dr]\b", re.I)
-#: what begins an event that is no frame: `Statistic:`, `J1939TP`, `SV:`
+#: beginnings of events that are no frames: `Statistic:`, `J1939TP`, `SV:`
 _WORD = re.compile(r"[A-Za-z][\w:/]*", re.ASCII)
 
 
@@ -29,31 +29,31 @@ class AscFormat(RecordingFormat):
     flushes = True
 
     def source(self, raw: BinaryIO, _path: Path) -> Any:
-        """Its lines."""
+        """Return the file's lines."""
         return _AscLines(raw, encoding="utf-8", errors="replace")
 
     def reader(self, source: Any) -> Iterator[can.Message]:
-        """The frames, with the times that they had."""
+        """Iterate over frames with their original times."""
         return iter(can.ASCReader(source, relative_timestamp=False))
 
     def write(self, writer: Any, message: can.Message) -> None:
-        """Write *message*.
+        """Write *message*; the recording begins at a whole second.
 
-        Times count from the beginning in its head, whose milliseconds python-can writes without leading zeros (.001
-        becomes .1): it begins at a whole second.
+        Times count from the beginning in the header, and python-can writes its milliseconds without leading zeros (.001
+        becomes .1).
         """
         if not writer.header_written:
             writer.log_event("Start of measurement", float(int(message.timestamp)))
         super().write(writer, message)
 
     def note(self, writer: Any, text: str, time_s: float) -> None:
-        """An event between the frames, as soon as there is one."""
+        """Write an event between frames, once the file has a frame."""
         if writer.header_written:
             writer.log_event(text, time_s)
 
 
 class _AscLines(LeftLines):
-    """Its lines. python-can's reader takes the first line behind the header for a part of it."""
+    """Lines of an .asc file; python-can's reader takes the first line after the header for a part of it."""
 
     held = ""
     has_time = False
@@ -69,7 +69,7 @@ class _AscLines(LeftLines):
         return "\n"
 
     def is_lost(self, text: str) -> bool:
-        """Whether it is neither header, comment nor an event of another kind."""
+        """Whether the line is neither header, comment nor another kind of event."""
         words = text.split()
         if not words or _ASIDE.match(text.strip()):
             return False

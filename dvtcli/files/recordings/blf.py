@@ -1,4 +1,4 @@
-"""Vector's binary log: one that is shorter than it says itself is told."""
+"""Vector's binary log; reports files shorter than their header states."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from dvtcli.files.recordings.recording_format import RecordingFormat
 #: an object's header: signature, the header's size and version, the object's size and type
 _OBJECT = struct.Struct("<4sHHLL")
 _CONTAINER, _PLAIN, _PACKED = 10, 0, 2
-#: a container's own header: how it is packed, and the size of what is in it
+#: a container's own header: compression, and unpacked size
 _HEAD = struct.Struct("<H6xL4x")
 #: writers begin a new container at 128 KiB; some bytes can hold a thousand times as many
 _MOST_BYTES = 16 << 20
@@ -27,14 +27,14 @@ _MOST_COPIES = 16
 
 
 class Unpacked:
-    """A BLF file whose containers are unpacked here, with a limit, before python-can, which has none, reads them."""
+    """A BLF file, unpacked here within a limit, because python-can's reader has none."""
 
     def __init__(self, raw: BinaryIO) -> None:
         self._raw = raw
         self._is_container = False
 
     def read(self, count: int) -> bytes:
-        """Read the next *count* bytes; a container's as if it had not been packed. NoFrameError if too many."""
+        """Read the next *count* bytes, containers unpacked. Raises NoFrameError if too many."""
         if count > _MOST_BYTES:
             raise NoFrameError(f"an object of {count} bytes; writers make them of 128 KiB")
         data = self._raw.read(count)
@@ -63,7 +63,7 @@ class Unpacked:
 
 
 class _Reader(can.BLFReader):
-    """python-can's reader, which keeps an object that goes on in the next container, and copies it for each of them."""
+    """python-can's reader with limits, because it copies an object that spans containers once per container."""
 
     _copied = _taken = 0
 
@@ -76,7 +76,7 @@ class _Reader(can.BLFReader):
 
 
 class BlfFormat(RecordingFormat):
-    """Vector's .blf, which keeps a block back until it is full or closed."""
+    """Vector's .blf; holds a block back until full or closed."""
 
     suffix = ".blf"
     title = "Vector binary"
@@ -85,11 +85,11 @@ class BlfFormat(RecordingFormat):
     broken = (*RecordingFormat.broken, BLFParseError, zlib.error)
 
     def source(self, raw: BinaryIO, _path: Path) -> Any:
-        """The file itself, whose size is asked for."""
+        """Return the file itself, for its size."""
         return raw
 
     def reader(self, source: Any) -> Iterator[can.Message]:
-        """The frames; NoFrameError behind the last one where the file is shorter than it says itself."""
+        """Iterate over frames; raises NoFrameError after the last if the file is shorter than its header states."""
         blocks, size = _Reader(Unpacked(source)), fstat(source.fileno()).st_size  # type: ignore[arg-type]
         yield from blocks
         if size < blocks.file_size:

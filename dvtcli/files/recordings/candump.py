@@ -1,4 +1,4 @@
-"""candump's log: error frames of every kind are read as such, and remote frames keep their length."""
+"""candump's log; reads all kinds of error frames, and keeps the length of remote frames."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.files.recorded_lines import CountedLines, LostLineError
 from dvtcli.files.recordings.recording_format import RecordedFrame, RecordingFormat
 
-#: a data frame as candump writes it: time, channel, CAN-ID, data; each that fits is a frame that there can be
+#: a data frame of candump: time, channel, CAN-ID, data; every match is a valid frame
 _DATA_FRAME = re.compile(
     r"\((?P<time>[0-9]{1,10}\.[0-9]{1,9})\) (?P<channel>\S+)"
     r" (?P<can_id>[0-7][0-9A-F]{2}|[01][0-9A-F]{7})#(?P<data>(?:[0-9A-F]{2}){0,8})(?: [RT])?\s*",
@@ -34,7 +34,7 @@ class CandumpFormat(RecordingFormat):
     flushes = True
 
     def source(self, raw: BinaryIO, _path: Path) -> Any:
-        """Its lines."""
+        """Return the file's lines."""
         return CountedLines(raw, encoding="utf-8", errors="replace")
 
     def reader(self, source: Any) -> Iterator[can.Message | RecordedFrame]:
@@ -58,7 +58,7 @@ class CandumpFormat(RecordingFormat):
 
 
 def _by_python_can(line: int, text: str) -> Iterator[can.Message]:
-    """The frame in *text*, if any; error frames of all kinds become the kind that python-can does not take for data."""
+    """Parse the frame in *text*, if any; maps all error frames to the kind that python-can recognises."""
     time, *_ = text.split() or ["()"]
     if time[0] != "(" or time[-1] != ")":  # python-can cuts off one character at each end, whichever it is
         raise LostLineError(line, text)

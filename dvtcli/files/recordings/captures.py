@@ -1,7 +1,7 @@
-"""Captures of CAN frames as Wireshark and tcpdump write them: pcapng and pcap read, pcapng written.
+"""Captures of CAN frames as by Wireshark and tcpdump: reads pcapng and pcap, writes pcapng.
 
-Blocks by draft-ietf-opsawg-pcapng, packets by LINKTYPE_CAN_SOCKETCAN (227), and Linux "cooked" captures (113, 276) of
-CAN interfaces. Whatever a file says of its sizes is checked before it is read. Knows no bus and no service.
+Blocks follow draft-ietf-opsawg-pcapng; packets are LINKTYPE_CAN_SOCKETCAN (227), or Linux "cooked" captures (113, 276)
+of CAN interfaces. All sizes in a file are checked before use.
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ from typing import BinaryIO, NamedTuple
 import can
 
 _CAN, _COOKED, _COOKED_2 = 227, 113, 276
-#: behind the header of a cooked capture: where its protocol stands, and how long it is
+#: header of a cooked capture: position of the protocol, and length
 _COOKED_HEADS = {_COOKED: (14, 16), _COOKED_2: (0, 20)}
 _CAN_PROTOCOLS = (0x000C, 0x000D)
 _EXTENDED, _REMOTE, _ERROR, _ID = 1 << 31, 1 << 30, 1 << 29, 0x1FFF_FFFF
 _FD, _MOST_BYTES, _MOST_FD_BYTES = 0x04, 8, 64
-#: no block, and no packet, is longer
+#: maximum length of a block or packet
 _MOST = 16 << 20
 _SECTION, _INTERFACE, _PACKET, _SIMPLE, _ENHANCED = 0x0A0D0D0A, 1, 2, 3, 6
 _ORDER_MARK = 0x1A2B3C4D
 _NAME, _RESOLUTION, _OFFSET = 2, 9, 14
-#: the highest power of 2 or 10 that ticks a second are, which fits the 64 bits of a time
+#: maximum exponent of 2 or 10 for ticks per second, within the 64 bits of a time
 _FINEST = {2: 63, 10: 19}
-#: of pcap: ticks a second, by its first number
+#: ticks per second of a pcap, by its first number
 _TICKS = {0xA1B2C3D4: 10**6, 0xA1B23C4D: 10**9}
 
 
 class _Interface(NamedTuple):
-    """One interface of a capture: *ticks* a second, times counted from *begin_s*."""
+    """An interface of a capture: *ticks* per second, times counted from *begin_s*."""
 
     link: int
     name: str = ""
@@ -43,7 +43,7 @@ class _Interface(NamedTuple):
 
 
 class _Packet(NamedTuple):
-    """What one interface heard; *length* is how long it was on the wire."""
+    """A packet received by an interface; *length* is the length on the wire."""
 
     interface: _Interface
     time_s: float
@@ -52,9 +52,9 @@ class _Packet(NamedTuple):
 
 
 def read_capture(file: BinaryIO) -> Iterator[can.Message]:
-    """The CAN frames of *file*, a pcapng or a pcap, in its order; ValueError where it is neither, or is damaged.
+    """Iterate over CAN frames of *file*, a pcapng or a pcap, in order; other packets are left out.
 
-    What is no frame of CAN or CAN FD is left out; ValueError where there is nothing else.
+    Raises ValueError if the file is neither, is damaged, or has no frame of CAN or CAN FD.
     """
     others: Counter[int] = Counter()
     found = False
@@ -91,7 +91,7 @@ def _of_pcap(file: BinaryIO, order: str, ticks: int) -> Iterator[_Packet]:
 
 @dataclass(slots=True)
 class _Blocks:
-    """The blocks of a pcapng *file*, whose first number was read; each section has its own *order* and interfaces."""
+    """The blocks of a pcapng *file* after its first number; each section has its own byte *order* and interfaces."""
 
     file: BinaryIO
     order: str = "<"
@@ -100,7 +100,7 @@ class _Blocks:
     time_s: float = 0.0
 
     def packets(self) -> Iterator[_Packet]:
-        """Every packet of every section."""
+        """Iterate over the packets of all sections."""
         self._begin_section()
         while head := self.file.read(4):
             kind = int.from_bytes(_whole(head, 4), "little" if self.order == "<" else "big")
@@ -113,11 +113,11 @@ class _Blocks:
                 yield packet
 
     def _numbers(self, form: str, data: bytes) -> tuple[int, ...]:
-        """The numbers at the beginning of *data*; struct.error where it is too short."""
+        """Unpack the numbers at the beginning of *data*. Raises struct.error if too short."""
         return struct.unpack_from(self.order + form, data)
 
     def _begin_section(self) -> None:
-        """A section's head says in which order the bytes of its numbers are, its length among them."""
+        """Read a section header, which gives the byte order of all numbers, including its own length."""
         length, mark = _read(self.file, 4), _read(self.file, 4)
         for self.order in "<>":
             if self._numbers("I", mark)[0] == _ORDER_MARK:
@@ -128,7 +128,7 @@ class _Blocks:
         self.interfaces.clear()
 
     def _body(self, length: int, had: int = 8) -> bytes:
-        """The rest of a block that is *length* bytes long, of which *had* were read; its end repeats the length."""
+        """Read the rest of a block of *length* bytes after *had* bytes; its end repeats the length."""
         if length % 4 or length < had + 4:
             raise ValueError(f"a block says that it is {length} bytes long")
         body = _read(self.file, _bounded(length) - had)
@@ -185,7 +185,7 @@ class _Blocks:
 
 
 def _message(packet: _Packet) -> can.Message | None:
-    """The frame in *packet*; None where it holds none of CAN or CAN FD. ValueError where it is cut off."""
+    """Return the frame in *packet*; None if not CAN or CAN FD. Raises ValueError if cut off."""
     data, link = packet.data, packet.interface.link
     if link in _COOKED_HEADS:
         at, length = _COOKED_HEADS[link]
@@ -229,12 +229,12 @@ def _whole(data: bytes, length: int) -> bytes:
 
 
 def _cut(data: bytes, length: int) -> bytes:
-    """The first *length* bytes of *data*."""
+    """Return the first *length* bytes of *data*."""
     return _whole(data[:length], length)
 
 
 class PcapngWriter:
-    """Writes CAN messages to *path* as a pcapng with one interface, to the nanosecond; OSError where it cannot."""
+    """Writes CAN messages to *path* as a pcapng with one interface, times in ns. Raises OSError on failure."""
 
     def __init__(self, path: Path) -> None:
         self.file = path.open("wb")
@@ -243,7 +243,7 @@ class PcapngWriter:
         self._block(_INTERFACE, struct.pack("<HHI", _CAN, 0, 0) + options)
 
     def on_message_received(self, message: can.Message) -> None:
-        """Write one message."""
+        """Write a message."""
         word = message.arbitration_id | (_EXTENDED if message.is_extended_id else 0)
         word |= _REMOTE if message.is_remote_frame else 0
         data = b"" if message.is_remote_frame else bytes(message.data)

@@ -1,6 +1,6 @@
-"""ASAM's measurement data, by asammdf: in a process of its own, as a few bytes of it can unpack to anything.
+"""ASAM's measurement data, by asammdf in a child process, because a few bytes can unpack without limit.
 
-The process says a frame a line, as JSON, and that it came to the end, or what is wrong.
+The process writes a frame per line as JSON, then the end of the file or the error.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from dvtcli.version import DISTRIBUTION
 #: what asammdf may take: memory beside the file itself (bytes), of which its own libraries are 250 MB, and time of the
 #: processor for the next frames (s), which beside other work is longer
 _MOST_MEMORY, _CPU_S, _SECONDS = 720 << 20, 8, 24.0
-#: so many frames count as the next ones
+#: number of frames per time limit
 _FRAMES = 1000
-#: no frame is a longer line
+#: maximum length of a frame's line
 _MOST_LINE = 4096
 _END = "end"
 
@@ -39,12 +39,12 @@ class MdfFormat(RecordingFormat):
     tells = True
 
     def require(self) -> None:
-        """UsageError where asammdf is not installed."""
+        """Raise UsageError if asammdf is not installed."""
         if find_spec("asammdf") is None:
             raise UsageError(".mf4 files need asammdf", hint=f"pip install '{DISTRIBUTION}[mdf]'")
 
     def reader(self, source: Any) -> Iterator[can.Message]:
-        """The frames of the file at the path *source*; NoFrameError if it is damaged, or takes too much to read."""
+        """Iterate over frames of the file at the path *source*. Raises NoFrameError if damaged or too costly."""
         from dvtcli.files.bounded_process import BoundedProcess, child_command
 
         with BoundedProcess(child_command(__name__), "asammdf") as process:
@@ -82,7 +82,7 @@ def _message(said: list[Any]) -> can.Message:
 
 
 def main() -> None:
-    """Say the frames of the file whose path is on stdin, then end the process."""
+    """Write the frames of the file whose path is on stdin to stdout, then end the process."""
     try:
         os.environ["OPENBLAS_NUM_THREADS"] = "1"  # each thread of numpy's would count as memory
         path = os.fsdecode(sys.stdin.buffer.read())

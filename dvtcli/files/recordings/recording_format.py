@@ -1,4 +1,4 @@
-"""What a format of recordings says of itself, and what it does where it is python-can's. Knows no bus and no PDO."""
+"""The interface of a recording format, with python-can's reader and writer as defaults."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from dvtcli.domain.ports import Frame
 
 
 class RecordedFrame(NamedTuple):
-    """One frame of a recording, with the name of the *channel* it came from; an *error* frame, or one of CAN *fd*."""
+    """A frame of a recording with its *channel*; *error*: an error frame; *fd*: CAN FD."""
 
     frame: Frame
     channel: str = ""
@@ -24,27 +24,28 @@ class RecordedFrame(NamedTuple):
 
 
 class RecordingFormat:
-    """A format, found by the *suffix* of its files; *title* says in a word or two whose it is.
+    """A format with the *suffix* of its files; *title* names its origin in a word or two.
 
-    It is read and written by python-can's reader and writer of that suffix; another one says here what reads and writes
-    it: `reader`, `writer`. An instance of it stands in its file's `FORMATS`.
+    The defaults are python-can's reader and writer for the suffix; override `reader` and `writer` for others. Each
+    format's
+    module has an instance in `FORMATS`.
     """
 
     suffix: ClassVar[str]
     title: ClassVar[str]
-    #: whether it is written, too
+    #: whether dvtcli writes the format
     is_written: ClassVar[bool] = True
-    #: whether frames can be written behind those that a file has
+    #: whether frames can be appended to a file
     appends: ClassVar[bool] = False
-    #: whether a recording can go on in another file (python-can's formats alone)
+    #: whether a recording can continue in another file (python-can's formats only)
     rotates: ClassVar[bool] = False
-    #: whether it holds remote frames
+    #: whether the format has remote frames
     keeps_remote: ClassVar[bool] = True
-    #: whether the writer's *file* may be handed to the system at any time
+    #: whether the writer's *file* may be flushed at any time
     flushes: ClassVar[bool] = False
-    #: whether what its reader raises says what is wrong, in words for users
+    #: whether the reader's errors have texts for users
     tells: ClassVar[bool] = False
-    #: what its reader and writer raise at a file that is damaged or of another format
+    #: errors of reader and writer for a file that is damaged or of another format
     broken: ClassVar[tuple[type[Exception], ...]] = (
         ValueError, LookupError, TypeError, AttributeError, NotImplementedError, ArithmeticError, EOFError,
         AssertionError, struct.error, zlib.error, can.CanError,
@@ -56,18 +57,18 @@ class RecordingFormat:
                 raise TypeError(f'{cls.__module__}: {cls.__name__} lacks a line such as {said} = "{example}"')
 
     def require(self) -> None:
-        """UsageError where a package is missing that it needs."""
+        """Raise UsageError if a required package is missing."""
 
     def source(self, _raw: BinaryIO, path: Path) -> Any:
-        """What the reader takes, of the open file or of its path."""
+        """Return the reader's input: the open file, or its path."""
         return str(path)
 
     def reader(self, source: Any) -> Iterator[can.Message | RecordedFrame]:
-        """The frames of *source*, in its order: python-can's, or those that it made itself, which need no check."""
+        """Iterate over frames of *source* in order: python-can's, or finished frames that need no check."""
         return iter(can.LogReader(source))
 
     def writer(self, path: Path, *, append: bool, most_bytes: int) -> Any:
-        """What writes to *path*: it has `on_message_received` and `stop`, and `file` where it `flushes`."""
+        """Return a writer to *path* with `on_message_received` and `stop`, and `file` if the format `flushes`."""
         extra: dict[str, Any] = {"append": True} if append else {}
         return can.SizedRotatingLogger(path, most_bytes, **extra) if most_bytes else can.Logger(path, **extra)
 
@@ -76,4 +77,4 @@ class RecordingFormat:
         writer.on_message_received(message)
 
     def note(self, writer: Any, text: str, time_s: float) -> None:
-        """Say *text* between the frames, at *time_s* (s since 1970), where the format can."""
+        """Write *text* between frames, at *time_s* (s since 1970), if the format can."""

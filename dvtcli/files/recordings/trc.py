@@ -1,4 +1,4 @@
-"""PEAK's trace: what python-can's reader passes by is told."""
+"""PEAK's trace; reports lines skipped by python-can's reader."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import can
 from dvtcli.files.recorded_lines import LeftLines
 from dvtcli.files.recordings.recording_format import RecordingFormat
 
-#: kinds of events that are no frames; in its first version a CAN-ID that no frame has
+#: kinds of events that are no frames; in version 1 an impossible CAN-ID
 _EVENTS = frozenset({"ST", "ER", "EC", "EV", "Warng", "Error", "FFFFFFFF"})
-#: where a line says its kind: behind number and time, or behind the bus that follows them
+#: the kind in a line: after number and time, or after the bus that follows them
 _KIND = slice(2, 4)
 
 
 class TrcFormat(RecordingFormat):
-    """PEAK's .trc, whose writer leaves out remote frames."""
+    """PEAK's .trc; its writer omits remote frames."""
 
     suffix = ".trc"
     title = "PEAK"
@@ -26,7 +26,7 @@ class TrcFormat(RecordingFormat):
     flushes = True
 
     def source(self, raw: BinaryIO, _path: Path) -> Any:
-        """Its lines."""
+        """Return the file's lines."""
         return _TrcLines(raw, encoding="utf-8", errors="replace")
 
     def reader(self, source: Any) -> Iterator[can.Message]:
@@ -35,9 +35,9 @@ class TrcFormat(RecordingFormat):
 
 
 class _TrcLines(LeftLines):
-    """Its lines."""
+    """Lines of a .trc file."""
 
     def is_lost(self, text: str) -> bool:
-        """Whether it is neither comment nor an event of another kind."""
+        """Whether the line is neither comment nor another kind of event."""
         words = text.split()
         return bool(words) and not words[0].startswith(";") and _EVENTS.isdisjoint(words[_KIND])

@@ -1,4 +1,4 @@
-"""Captures of CAN frames: Wireshark's pcapng, and tcpdump's pcap, which is only read."""
+"""Captures of CAN frames: Wireshark's pcapng, and tcpdump's pcap (read only)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class PcapFormat(RecordingFormat):
         return raw
 
     def reader(self, source: Any) -> Iterator[can.Message]:
-        """The frames among its packets; its first bytes say which of the two formats it is."""
+        """Iterate over frames among the packets; the first bytes tell pcap from pcapng."""
         from dvtcli.files.recordings.captures import read_capture
 
         return read_capture(source)
@@ -39,7 +39,7 @@ class PcapngFormat(PcapFormat):
     flushes = True
 
     def writer(self, path: Path, *, append: bool, most_bytes: int) -> Any:  # noqa: ARG002 - it declares neither
-        """What writes one interface's frames to *path*."""
+        """Return a writer of one interface's frames to *path*."""
         from dvtcli.files.recordings.captures import PcapngWriter
 
         return PcapngWriter(path)

@@ -1,4 +1,4 @@
-"""Columns of a file of values by their heads: `TPDO1 node 5 606C:00 Velocity actual value [rpm]`. Knows no form."""
+"""Column heads of value files: `TPDO1 node 5 606C:00 Velocity actual value [rpm]`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _OBJECT = re.compile(r"(?:\d{1,3}:)?(?P<object>[0-9A-F]{4}:[0-9A-F]{2})(?: (?P<n
 
 
 def column_of(head: str) -> Column:
-    """The column whose head is *head*: its signal's name, object and unit as far as that tells."""
+    """Return the column for *head*: its signal's name, object and unit, as far as given."""
     match = _HEAD.fullmatch(head)
     name, unit = (match["name"], match["unit"] or "") if match else (head, "")
     of_pdo = _OF_PDO.fullmatch(name)

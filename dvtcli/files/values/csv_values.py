@@ -1,4 +1,4 @@
-"""Values as CSV: a row for each frame, a column for each signal with its unit in the head. Knows no bus."""
+"""Values as CSV: a row for each frame, a column for each signal with its unit in the head."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TIME, FRAME, SECONDS = "time", "frame", "time_s"
 
 
 class CsvWriter:
-    """Writes the frames that *rows* knows to *file*, its head at once."""
+    """Writes frames known to *rows* to *file*; writes the head at once."""
 
     def __init__(self, file: IO[str], rows: SignalRows) -> None:
         self._file = file
@@ -34,13 +34,13 @@ class CsvWriter:
         self._csv.writerow([TIME, FRAME, *(no_formula(column.header) for column in rows.columns)])
 
     def write(self, frame: Frame, _bus: str = "") -> None:
-        """Write one frame."""
+        """Write a frame."""
         cells = self._rows.row(frame)
         if cells is not None:
             self._csv.writerow([utc(frame.timestamp_s), no_formula(self._rows.title(frame)), *map(csv_text, cells)])
 
     def flush(self) -> None:
-        """Hand what was written to the system."""
+        """Flush to the system."""
         self._file.flush()
         self.size = size_of_open(self._file)
 
@@ -68,7 +68,7 @@ def no_formula(text: str) -> str:
 
 
 def read_csv(path: Path) -> ValueRows:
-    """What `log --decode`, `decode --csv` or `read --every -o` wrote; InputFileError where it is none of these."""
+    """Read output of `log --decode`, `decode --csv` or `read --every -o`. Raises InputFileError for other files."""
     lines = _lines(path)
     head = _checked(path, 1, next(lines, []))
     first = 1 if head[:1] == [SECONDS] else 2

@@ -1,4 +1,4 @@
-"""Values as JSON lines: `dvtcli.frame/1`, one document a frame, raw values with their physical ones beside them."""
+"""Values as JSON lines: `dvtcli.frame/1`, a document per frame, raw and physical values side by side."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ _Name = tuple[str, str]
 
 
 class JsonlWriter:
-    """Writes the frames that *rows* knows to *file*, as *document* makes them."""
+    """Writes frames known to *rows* to *file*, in the form of *document*."""
 
     def __init__(self, file: IO[str], rows: SignalRows, document: Callable[[Frame], dict[str, Any]]) -> None:
         self._file, self._rows, self._document = file, rows, document
         self.size = 0
 
     def write(self, frame: Frame, _bus: str = "") -> None:
-        """Write one frame."""
+        """Write a frame."""
         if self._rows.row(frame) is not None:
             self._file.write(json.dumps(self._document(frame), ensure_ascii=False, separators=(",", ":")) + "\n")
 
     def flush(self) -> None:
-        """Hand what was written to the system."""
+        """Flush to the system."""
         self._file.flush()
         self.size = size_of_open(self._file)
 
@@ -46,9 +46,9 @@ class JsonlWriter:
 
 
 def read_jsonl(path: Path) -> ValueRows:
-    """What `log run.jsonl --decode`, and `monitor` and `decode` with --json, write; other documents are left out.
+    """Read output of `log run.jsonl --decode`, or of `monitor` and `decode` with --json; skips other documents.
 
-    Read twice: the first time for the columns. InputFileError, with the line, for what is no document.
+    Reads the file twice, first for the columns. Raises InputFileError, with the line, if malformed.
     """
     columns: dict[_Name, Column] = {}
     for document in _documents(path):
@@ -71,7 +71,7 @@ def _rows(path: Path, columns: dict[_Name, int]) -> Iterator[tuple[float, list[f
 
 
 def _numbers(document: dict[str, Any]) -> Iterator[tuple[_Name, dict[str, Any]]]:
-    """Each number of a frame: its name, and its physical value and unit, else raw."""
+    """Iterate over a frame's numbers: name, and physical value and unit, else the raw value."""
     pdo, node = document.get("pdo"), document.get("node")
     title = f"{str(pdo).upper()} node {node}" if pdo else ""
     physical = document.get("physical") or {}
@@ -84,7 +84,7 @@ def _numbers(document: dict[str, Any]) -> Iterator[tuple[_Name, dict[str, Any]]]
 
 
 def _object(document: dict[str, Any], key: str) -> str:
-    """Which object a signal is; empty where the document, one of an older version, does not say."""
+    """Return a signal's object; empty in documents of older versions."""
     objects = document.get("objects")
     return str(objects.get(key, "")) if isinstance(objects, dict) else ""
 

@@ -1,4 +1,4 @@
-"""Lines of a text file of values; what is missing or no text is said. Knows no form."""
+"""Read lines of a text file of values."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from dvtcli.files.input_file import open_input
 
 
 def opened_text(path: Path) -> Iterator[str]:
-    """The lines of *path*; UsageError where it cannot be opened, InputFileError where it is no UTF-8."""
+    """Iterate over lines of *path*. Raises UsageError if absent, InputFileError if not UTF-8."""
     try:
         with TextIOWrapper(open_input(path), encoding="utf-8-sig", newline="") as file:
             yield from file

@@ -1,8 +1,7 @@
-"""A Parquet file while it is written: it gets its name when it is whole, and can be made of what a power-off left.
+"""Write a Parquet file: it gets its name when complete, and can be recovered after a power-off.
 
-Parquet has its table of contents at the end. Until then the file is called `_run.parquet.part`, which is no .parquet
-for those who read a whole folder; and where its values cannot be had again, they stand in `_run.arrows`, too, an Arrow
-stream, which is on the disk to its last batch. Knows no layout.
+Parquet has its table of contents at the end. Until then the file is named `_run.parquet.part`, which readers of a
+folder ignore. Live values also go to `_run.arrows`, an Arrow stream that is on the disk up to its last batch.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from dvtcli.errors import SafetyRefusal
 from dvtcli.files.values.parquet_values import ROWS, pyarrow
 from dvtcli.files.values.value_rows import STREAM
 
-#: how long a value may wait until it is on the disk (s)
+#: maximum time until a value is on the disk (s)
 _AT_MOST_S = 1.0
 #: batches that are kept back for a row group
 _MOST_BATCHES = 64
@@ -34,20 +33,20 @@ class Table(Protocol):
     group: int
 
     def __len__(self) -> int:
-        """How many rows were taken since the last batch."""
+        """The number of rows since the last batch."""
         ...
 
     def add(self, frame: Frame, bus: str) -> None:
-        """Take the values of *frame*, which was on *bus*."""
+        """Add the values of *frame* from *bus*."""
         ...
 
     def batch(self) -> Any:
-        """The rows that were taken since the last batch."""
+        """Return the rows added since the last batch."""
         ...
 
 
 class _WholeParquet:
-    """The file at *path*, written in row groups of *group* rows or more under another name until it is closed."""
+    """The file at *path*, in row groups of at least *group* rows, under another name until closed."""
 
     def __init__(self, path: Path, schema: Any, group: int) -> None:
         self._path, self._group = path, group
@@ -59,11 +58,11 @@ class _WholeParquet:
 
     @property
     def size(self) -> int:
-        """How many bytes were written, and are kept back."""
+        """The number of bytes written or pending."""
         return self._file.tell() + self._bytes
 
     def write(self, batch: Any) -> None:
-        """Write the rows of *batch* with those that were kept back, once they are enough."""
+        """Add *batch*, and write all pending rows if they fill a row group."""
         self._kept.append(batch)
         self._rows += len(batch)
         self._bytes += batch.nbytes
@@ -78,7 +77,7 @@ class _WholeParquet:
             self._kept, self._rows, self._bytes = [], 0, 0
 
     def close(self) -> int:
-        """Write the rest and the end, and give the file its name; its size in bytes."""
+        """Write pending rows and the end, and give the file its name; returns its size in bytes."""
         with self._file:
             self._write_group()
             self._parquet.close()
@@ -91,7 +90,7 @@ class _WholeParquet:
 
 
 class ParquetWriter:
-    """Writes *table* to a new file at *path*; if it is *live*, a power-off takes the values of the last second only."""
+    """Writes *table* to a new file at *path*; *live*: a power-off loses at most the last second."""
 
     def __init__(self, path: Path, table: Table, *, live: bool = False) -> None:
         self._table = table
@@ -104,7 +103,7 @@ class ParquetWriter:
         self.size = 0
 
     def write(self, frame: Frame, bus: str = "") -> None:
-        """Write one frame, which was on *bus*."""
+        """Write a frame from *bus*."""
         self._table.add(frame, bus)
         if len(self._table) >= self._table.batch_rows:
             self._write_batch()
@@ -129,7 +128,7 @@ class ParquetWriter:
         self.size = self._parquet.size
 
     def close(self) -> None:
-        """Write what is kept back, and the end."""
+        """Write pending rows and the end."""
         self._write_batch()
         self.size = self._parquet.close()
         if self._stream is not None:
@@ -170,19 +169,19 @@ class _Stream:
 
 
 def part_of(path: Path) -> Path:
-    """How the .parquet file *path* is called until it is whole."""
+    """Return the name of the unfinished .parquet file *path*."""
     return path.with_name(f"_{path.name}.part")
 
 
 def stream_of(path: Path) -> Path:
-    """Where the values of the .parquet file *path* stand until it is whole."""
+    """Return the path of the Arrow stream with the values of the unfinished .parquet file *path*."""
     return path.with_name(f"_{path.stem}{STREAM}")
 
 
 def finish(stream: Path, path: Path) -> int | None:
-    """Make the .parquet file *path* of the Arrow *stream* that a killed `log` left; how many rows it has.
+    """Make the .parquet file *path* from the Arrow *stream* of a killed `log`; returns the number of rows.
 
-    What is torn at the end is left out. None if *stream* has no rows, or is still being written; OSError.
+    A torn end is left out. Returns None if *stream* has no rows, or is still being written. Raises OSError.
     """
     if not stream.is_file():  # a pipe of that name would be waited for
         return None
@@ -206,7 +205,7 @@ def finish(stream: Path, path: Path) -> int | None:
 
 
 def _whole_batches(file: Any) -> Iterator[Any]:
-    """The batches of the Arrow stream in *file* up to the first that is torn."""
+    """Iterate over the batches of the Arrow stream in *file* up to the first torn batch."""
     arrow = pyarrow()
     with suppress(StopIteration, arrow.ArrowException, OSError):
         reader = arrow.ipc.open_stream(file)

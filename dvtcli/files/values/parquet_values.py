@@ -1,7 +1,7 @@
-"""Values as Apache Parquet, through pyarrow, which is an optional extra: a row for each value, or a column a signal.
+"""Values as Apache Parquet by pyarrow, an optional extra: a row per value, or a column per signal.
 
-The long layout has one schema for all devices and files, so that files of a fleet are one table; the wide one is a
-table of one recording. Texts stand in both as the device and its file have them. Knows no bus.
+The long layout has the same schema for all devices and files, so that a fleet's files form one table; the wide layout
+is a table of one recording. Texts are kept as in the device and its file.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from dvtcli.files.values.value_rows import Origin, ValueRows
 from dvtcli.watch.decoder import Signal
 from dvtcli.watch.table import Column, SignalRows, signal_name
 
-#: the long layout: its columns, and their types as pyarrow calls them
+#: the long layout's columns, with pyarrow's names of their types
 _LONG = {
     TIME: "timestamp", "source": "string", "bus": "string", "node": "int32", "serial": "int64", "pdo": "string",
     "object": "string", "name": "string", "unit": "string", "value": "float64", "raw": "int64", "text": "string",
 }  # fmt: skip
-#: columns of the long layout that are the same in all rows of a signal
+#: columns of the long layout with equal values in all rows of a signal
 _OF_SIGNAL = ("node", "serial", "pdo", "object", "name", "unit")
 _INT64 = range(-(1 << 63), 1 << 63)
 #: rows of a batch and of a row group; in the wide layout, which has a column for each signal, both are the same
@@ -44,12 +44,12 @@ _CODES = {"int32": "i", "int64": "q", "double": "d", "timestamp[us, tz=UTC]": "q
 
 
 def pyarrow(module: str = "pyarrow") -> Any:
-    """pyarrow, or its *module*; UsageError where it is missing."""
+    """Import pyarrow, or its *module*. Raises UsageError if missing."""
     return extra(module, "parquet", "a .parquet file")
 
 
 class LongTable:
-    """Rows of the long layout, one for each value of a frame that *rows* knows."""
+    """Rows of the long layout, one for each value of a frame known to *rows*."""
 
     batch_rows, group = BATCH, ROWS
 
@@ -75,7 +75,7 @@ class LongTable:
         return len(self._numbers)
 
     def add(self, frame: Frame, bus: str) -> None:
-        """Take the values of *frame*, which was on *bus*."""
+        """Add the values of *frame* from *bus*."""
         time_us = round(frame.timestamp_s * 1_000_000)
         for number, value in self._rows.values(frame) or ():
             self._times.append(time_us)
@@ -84,7 +84,7 @@ class LongTable:
             self._values.append(long_cells(self._signals[number], value))
 
     def batch(self) -> Any:
-        """The rows that were taken since the last batch."""
+        """Return the rows added since the last batch."""
         arrow = self._arrow
         numbers = cells_array(arrow, arrow.int32(), self._numbers)
         columns: dict[str, Any] = {name: told.take(numbers) for name, told in self._of_signal.items()}
@@ -100,7 +100,7 @@ class LongTable:
 
 
 def _told(signal: Signal, service: Any, origin: Origin) -> dict[str, Any]:
-    """What the long layout has in each row of *signal*."""
+    """Return the constant columns of *signal* in the long layout."""
     node, pdo = service.node, service.label.lower() if service.kind == "pdo" else service.label
     return {
         "node": node, "serial": origin.serials.get(node), "pdo": text_cell(pdo), "object": signal.object or None,
@@ -109,9 +109,9 @@ def _told(signal: Signal, service: Any, origin: Origin) -> dict[str, Any]:
 
 
 def long_cells(signal: Signal, raw: Value) -> tuple[float | None, int | None, str | None]:
-    """Value, raw value and text of *raw*: the number in the signal's unit, the whole number that was sent, the words.
+    """Return value in the signal's unit, raw whole number, and text of *raw*.
 
-    A number that 64 bits with a sign do not hold has its digits as the text. What a DBC file gives is no raw value.
+    A number beyond 64 bits with sign becomes a text of digits. Values of a DBC file have no raw value.
     """
     if not isinstance(raw, int | float):
         return None, None, text_cell(raw)
@@ -125,16 +125,17 @@ def long_cells(signal: Signal, raw: Value) -> tuple[float | None, int | None, st
 
 
 def text_cell(value: Value) -> str:
-    """What is no number as a cell: bytes in hex, a text as it is but for halves of surrogates, which no UTF-8 has."""
+    """Return a non-number as a cell: bytes in hex, texts without lone surrogates (not valid in UTF-8)."""
     text = value.hex(" ").upper() if isinstance(value, bytes) else str(value)
     return text.encode("utf-8", "replace").decode()
 
 
 class WideTable:
-    """Rows of the wide layout, one for each frame that *rows* knows, with a column for each signal.
+    """Rows of the wide layout, one for each frame known to *rows*, with a column per signal.
 
-    A column's type follows from what its signal is, and not from its values: a number with a unit is a double, any
-    other whole number has a sign, so that differences are right. One of 64 bits without sign is a decimal number.
+    A column's type depends on the signal, not on its values: a number with a unit is a double, any other whole number
+    is
+    signed, so that differences are right. An unsigned 64-bit number is a decimal.
     """
 
     batch_rows = group = _WIDE_ROWS
@@ -165,7 +166,7 @@ class WideTable:
         return len(self._times)
 
     def add(self, frame: Frame, _bus: str) -> None:
-        """Take the values of *frame*."""
+        """Add the values of *frame*."""
         values = self._rows.values(frame)
         if values is None:
             return
@@ -178,7 +179,7 @@ class WideTable:
         self._titles.append(text_cell(self._rows.title(frame)))
 
     def batch(self) -> Any:
-        """The rows that were taken since the last batch."""
+        """Return the rows added since the last batch."""
         kinds = (each.type for each in self.schema)
         columns: Iterable[Sequence[Any]] = chain(
             (self._times, self._titles), map(self._column, self._places, self._cells)
@@ -195,9 +196,9 @@ class WideTable:
 
 
 def cells_array(arrow: Any, kind: Any, cells: Sequence[Any]) -> Any:
-    """*cells*, with None for none, as an array of pyarrow's *kind*.
+    """Return *cells* (None: null) as an array of pyarrow's *kind*.
 
-    `pyarrow.array` imports pandas to look at a list, where that is installed: 50 MB, and a second.
+    `pyarrow.array` would import pandas for a list, if installed: 50 MB, and a second.
     """
     valid = _bits(arrow, [cell is not None for cell in cells]) if None in cells else None
     if kind == arrow.string():
@@ -214,7 +215,7 @@ def cells_array(arrow: Any, kind: Any, cells: Sequence[Any]) -> Any:
 
 
 def _bits(arrow: Any, cells: Iterable[object]) -> Any:
-    """A buffer with a bit for each of *cells*, set if that is true."""
+    """Return a buffer with a bit for each of *cells*, set if true."""
     each = bytes(map(bool, cells))
     return (
         arrow.Array.from_buffers(arrow.uint8(), len(each), [None, arrow.py_buffer(each)])
@@ -238,7 +239,7 @@ def _about(signal: Signal) -> dict[str, str]:
 
 
 def _kind(column: Column) -> str:
-    """The type of a column's cells in the wide layout, as pyarrow calls it."""
+    """Return pyarrow's name for the type of a column in the wide layout."""
     signal, kind = column.signal, column.signal.data_type and column.signal.data_type.kind
     if signal.meaning.has_number or not signal.object or kind is Kind.REAL:
         return "float64"  # also of a DBC file, whose values are scaled already
@@ -260,7 +261,7 @@ def _cell(value: Value, kind: str) -> object:
 
 
 def read_parquet(path: Path) -> ValueRows:
-    """What `log` or `decode` wrote in either layout; InputFileError where it is none of these, or has no end."""
+    """Read output of `log` or `decode` in either layout. Raises InputFileError for other or cut files."""
     arrow = pyarrow()
     if not path.is_file():
         raise UsageError(f"{path}: no such file", hint=Hint(Action.LOG_VALUES, {"file": path}, "records one"))
@@ -286,7 +287,7 @@ def _wide_rows(file: Any, columns: list[str]) -> Iterator[tuple[float, list[floa
 
 
 def _read_long(file: Any) -> ValueRows:
-    """The values of a file in the long layout, which is read twice: the first time for the signals in it."""
+    """Read a file in the long layout, twice: first for its signals."""
     numbers: dict[tuple[object, ...], int] = {}
     columns: list[Column] = []
     for signal in _long_rows(file, ("bus", *_OF_SIGNAL)):

@@ -1,4 +1,4 @@
-"""Values over time as a file, in the form that its suffix says. Knows no bus, and not where values come from."""
+"""Files of values over time, in the form given by the suffix."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from dvtcli.errors import UsageError
 from dvtcli.files.values.value_rows import WIDE, ParquetForm, ValueRows, ValueWriter
 from dvtcli.watch.table import SignalRows
 
-#: what a person reads of each form
+#: a description of each form for users
 FORMS = {".csv": "text", ".jsonl": "one JSON document a frame", ".parquet": "for DuckDB and pandas, needs pyarrow"}
 
 
 def is_value_file(path: Path) -> bool:
-    """Whether the suffix of *path* is that of values, and not of frames."""
+    """Whether *path* has the suffix of a value file, not of a frame recording."""
     return path.suffix.lower() in FORMS
 
 
 def checked_form(path: Path) -> str:
-    """The form of *path*; UsageError where there is none by its suffix, or its package is missing."""
+    """Return the form of *path*. Raises UsageError if its suffix is unknown, or its package is missing."""
     form = path.suffix.lower()
     if form not in FORMS:
         known = ", ".join(f"{suffix} ({what})" for suffix, what in FORMS.items())
@@ -43,9 +43,9 @@ def write_file(
     document: Callable[[Frame], dict[str, Any]],
     parquet: ParquetForm | None = None,
 ) -> ValueWriter:
-    """The writer of a new file at *path*; *document* makes that of a frame, *parquet* says how a .parquet file is.
+    """Open a new file at *path*; *document* converts a frame to JSON, *parquet* is the form of .parquet.
 
-    UsageError as `checked_form`, OSError.
+    Raises UsageError as `checked_form`, OSError.
     """
     form = checked_form(path)
     if form == ".parquet":
@@ -66,7 +66,7 @@ def write_file(
 
 
 def read_values(path: Path) -> ValueRows:
-    """The values in the file at *path*; UsageError where it is missing, InputFileError where it is damaged."""
+    """Read the values in the file at *path*. Raises UsageError if missing, InputFileError if damaged."""
     form = checked_form(path)
     if form == ".parquet":
         from dvtcli.files.values.parquet_values import read_parquet

@@ -1,6 +1,6 @@
-"""Values in one file after the other: `run.parquet`, `run-0002.parquet`, …, each whole when the next one begins.
+"""Write values into a series of files: `run.parquet`, `run-0002.parquet`, …, each complete before the next.
 
-What a `log` left that was killed becomes a whole file first. Knows no form but for that.
+First completes the files of a killed `log`.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from dvtcli.files.values.value_rows import STREAM, ValueWriter
 
 @dataclass(frozen=True, slots=True)
 class Rotation:
-    """When a new file begins: after *seconds* or after *size_bytes*; 0 of either: never for that."""
+    """The limit of a file: *seconds* or *size_bytes*; 0 for no limit."""
 
     seconds: float = 0.0
     size_bytes: int = 0
 
 
 class ValueParts:
-    """Writes frames into files that *opened* opens, the first at *path*, the next ones by *rotation*."""
+    """Writes frames into files opened by *opened*, the first at *path*, the next by *rotation*."""
 
     def __init__(self, path: Path, opened: Callable[[Path], ValueWriter], rotation: Rotation) -> None:
         self._path, self._opened, self._rotation = path, opened, rotation
-        #: the files, in their order, and the bytes of those that are closed
+        #: the files in order, and the bytes of closed files
         self.files: list[Path] = []
         self.size = 0
         self._open(path)
@@ -39,12 +39,12 @@ class ValueParts:
         self._since_s, self._frames = monotonic(), 0
 
     def write(self, frame: Frame, bus: str = "") -> None:
-        """Write one frame."""
+        """Write a frame."""
         self._file.write(frame, bus)
         self._frames += 1
 
     def flush(self) -> None:
-        """Hand what was written to the system; begin a new file if it is time."""
+        """Flush to the system; begin a new file if due."""
         self._file.flush()
         if self._frames and self._is_full:
             self.close()
@@ -56,19 +56,19 @@ class ValueParts:
         return bool((seconds and monotonic() - self._since_s >= seconds) or (most and self._file.size >= most))
 
     def close(self) -> None:
-        """Write the end of the open file."""
+        """Complete the open file."""
         self._file.close()
         self.size += self._file.size
 
 
 def next_part(path: Path) -> Path:
-    """The first of `run.parquet`, `run-0002.parquet`, … behind all that are there or being written."""
+    """Return the first free name of `run.parquet`, `run-0002.parquet`, … after all finished and unfinished files."""
     numbers = [number for number, _ in _parts(path, "_?", f"(?:{re.escape(path.suffix)}|{re.escape(STREAM)})")]
     return _part(path, max(numbers, default=0) + 1)
 
 
 def finish_parts(path: Path) -> list[tuple[Path, int]]:
-    """Make whole files of what killed recordings into *path*, a .parquet file, left; each with its number of rows."""
+    """Complete files left by killed recordings into the .parquet file *path*; returns each with its rows."""
     from dvtcli.files.values.parquet_file import finish
 
     found = sorted(_parts(path, "_", re.escape(STREAM)))
@@ -81,7 +81,7 @@ def _part(path: Path, number: int) -> Path:
 
 
 def _parts(path: Path, before: str, after: str) -> list[tuple[int, Path]]:
-    """The files beside *path* that are parts of it, with their numbers; patterns say what stands about their stems."""
+    """Return the numbered parts beside *path*; *before* and *after* are patterns around the stem."""
     names = re.compile(rf"{before}{re.escape(path.stem)}(?:-([0-9]{{4,9}}))?{after}")
     beside = [*path.parent.iterdir()] if path.parent.is_dir() else []
     return [(int(found[1] or 1), each) for each in beside if (found := names.fullmatch(each.name))]

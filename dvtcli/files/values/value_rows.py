@@ -1,4 +1,4 @@
-"""What every form of a file of values has: a writer of frames, and columns with rows. Knows no form."""
+"""The common interface of value files: a writer of frames, and columns with rows."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import IO, Protocol
 from dvtcli.domain.ports import Frame
 from dvtcli.watch.table import Column
 
-#: the suffix of what stands for a .parquet file until that is whole
+#: the suffix of the Arrow stream kept until a .parquet file is complete
 STREAM = ".arrows"
 
 
@@ -20,9 +20,9 @@ LONG, WIDE = "long", "wide"
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """Where values are from: *source* is who recorded them, *serials* are the serial numbers of nodes by node-ID.
+    """The origin of values: *source* is the recorder, *serials* are serial numbers of nodes by node-ID.
 
-    *facts* are for the file's metadata, by their keys.
+    *facts* are further metadata for the file, by key.
     """
 
     source: str = ""
@@ -32,7 +32,7 @@ class Origin:
 
 @dataclass(frozen=True, slots=True)
 class ParquetForm:
-    """How a .parquet file is written: in *layout*, and if it is *live* so that a power-off takes one second at most."""
+    """The form of a .parquet file: its *layout*; *live*: a power-off loses at most one second."""
 
     layout: str = LONG
     origin: Origin = Origin()
@@ -40,7 +40,7 @@ class ParquetForm:
 
 
 class ValueWriter(Protocol):
-    """A file of values that frames are written to."""
+    """A file of values to which frames are written."""
 
     @property
     def size(self) -> int:
@@ -48,7 +48,7 @@ class ValueWriter(Protocol):
         ...
 
     def write(self, frame: Frame, bus: str = "") -> None:
-        """Write one frame, which was on *bus*, where it has any of the signals."""
+        """Write a frame from *bus*, if any signal is in the frame."""
         ...
 
     def flush(self) -> None:
@@ -56,7 +56,7 @@ class ValueWriter(Protocol):
         ...
 
     def close(self) -> None:
-        """Write the end, so that the file can be read."""
+        """Complete the file, so that it can be read."""
         ...
 
 
@@ -67,7 +67,7 @@ def size_of_open(file: IO[str]) -> int:
 
 @dataclass(frozen=True, slots=True)
 class ValueRows:
-    """A file's *columns* in order, and its rows: a time (s) and a number a column, None where there is none."""
+    """A file's *columns* in order, and its rows: a time (s), and a number or None per column."""
 
     columns: list[Column]
     rows: Iterator[tuple[float, list[float | None]]]

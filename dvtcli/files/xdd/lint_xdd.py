@@ -1,7 +1,6 @@
-"""The rules over one XDD or XDC: what the reader met, and what the described device has.
+"""Apply all rules to an XDD or XDC: findings of the reader, and rules about the described device.
 
-Gives each finding its line, and the object with its data type in its text. Judges nothing itself. The rules about an
-EDS's text have nothing to look at here.
+Findings get their line; their text names the object and its data type. Rules about an EDS's text do not apply.
 """
 
 from __future__ import annotations
@@ -19,9 +18,9 @@ from dvtcli.files.xdd.xdd_reader import XddFile
 def lint_xdd(
     file: XddFile, name: str, wanted: Collection[str], profile: DeviceProfile = GENERIC
 ) -> tuple[EdsFinding, ...]:
-    """Everything that the rules named in *wanted* say of *file*, which is called *name*, by line.
+    """Return findings of the rules *wanted* in *file*, named *name*, by line.
 
-    Its PDOs are judged as on a device of that *profile*.
+    PDOs are checked as on a device of *profile*.
     """
     objects = _objects_by_line(file)
     found = [finding for finding in file.findings if finding.rule in wanted]
@@ -41,7 +40,7 @@ def lint_xdd(
 
 
 def _objects_by_line(file: XddFile) -> dict[int, str]:
-    """The object that the element of a line describes; of several in one line the first."""
+    """Return the object of each line; the first, if a line has several."""
     found: dict[int, str] = {}
     for index in file.dictionary:
         held = file.dictionary[index]
@@ -54,7 +53,7 @@ def _objects_by_line(file: XddFile) -> dict[int, str]:
 
 
 def _line(file: XddFile, spot: Spot) -> int:
-    """The line of *spot*: its sub-index's, else its object's, else 1."""
+    """Return the line of *spot*: of its sub-index, else its object, else 1."""
     held = None if spot.index is None else file.dictionary.get(spot.index)
     if held is None:
         return 1

@@ -1,6 +1,6 @@
-"""What an XDD or XDC says of the device as a whole: DeviceIdentity, NetworkManagement, baudRate, dummyUsage.
+"""Read the device data of an XDD or XDC: DeviceIdentity, NetworkManagement, baudRate, dummyUsage (CiA 311).
 
-Knows CiA 311. Does not know objects beyond the identity that stands in for missing numbers.
+Missing numbers come from the identity object.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ _UNCONFIGURED = 255
 _DUMMY = re.compile(r"Dummy([0-9a-fA-F]{4})\s*=\s*([01])")
 _RATE = re.compile(r"\s*([0-9]{1,4})\s*(?:[kK]\s*[bB]|$)")
 _TRUE = {"true": True, "1": True, "false": False, "0": False}
-#: What dvtcli writes as characteristics.
+#: The characteristics written by dvtcli.
 OWN_CHARACTERISTICS = ("RevisionNumber", "LSS_SerialNumber")
 _NOTHING = XmlElement("", 1, {})
 
 
 def read_device_info(root: XmlElement, identity: OdObject | None, findings: Findings) -> DeviceInfo:
-    """What the file below *root* says about the device; numbers that it lacks come from *identity* (0x1018)."""
+    """Read the device data below *root*; missing numbers come from *identity* (0x1018)."""
     device = next(root.anywhere("DeviceIdentity"), _NOTHING)
     general = next(root.anywhere("CANopenGeneralFeatures"), _NOTHING)
     master = next(root.anywhere("CANopenMasterFeatures"), _NOTHING)
@@ -57,7 +57,7 @@ def read_device_info(root: XmlElement, identity: OdObject | None, findings: Find
 def _identity(
     device: XmlElement, name: str, identity: OdObject | None, sub_index: int, findings: Findings
 ) -> int | None:
-    """A number of DeviceIdentity, else the default of 1018:*sub_index*; where both are there and differ, a warning."""
+    """Read a number of DeviceIdentity, else the default of 1018:*sub_index*; warns if both exist and differ."""
     in_object = _of_identity(identity, sub_index)
     element = device.first(name)
     text = "" if element is None else element.text.strip()
@@ -87,7 +87,7 @@ def _whole(text: str) -> int | None:
 
 
 def _number(element: XmlElement, name: str, highest: int, findings: Findings) -> int | None:
-    """The decimal number *name* of *element*; None where it is absent, or malformed (reported)."""
+    """Read the decimal number *name* of *element*; None if absent, or malformed (reported)."""
     text = element.attributes.get(name, "").strip()
     if not text:
         return None
@@ -109,7 +109,7 @@ def _bit_rates(root: XmlElement) -> tuple[int, ...]:
 
 
 def _dummies(root: XmlElement, findings: Findings) -> frozenset[int] | None:
-    """The data types that may pad an RPDO; None where the file has no dummyUsage."""
+    """Return the data types that may pad an RPDO; None if the file has no dummyUsage."""
     usage = next(root.anywhere("dummyUsage"), None)
     if usage is None:
         return None
@@ -139,7 +139,7 @@ def _node_id(placed: XmlElement, findings: Findings) -> int | None:
 
 
 def _characteristics(root: XmlElement) -> dict[str, int]:
-    """What dvtcli says of a device by DeviceFunction, since CiA 311 has no place of its own for it."""
+    """Read dvtcli's entries in DeviceFunction, because CiA 311 has no other place for them."""
     found: dict[str, int] = {}
     for name, content in map(characteristic, root.anywhere("characteristic")):
         number = _whole(content)
@@ -149,7 +149,7 @@ def _characteristics(root: XmlElement) -> dict[str, int]:
 
 
 def characteristic(element: XmlElement) -> tuple[str, str]:
-    """The name of a characteristic, and what it is said to be; empty where it has none."""
+    """Return the name and content of a characteristic; empty if it has none."""
     labels = (element.first(part, "label") for part in ("characteristicName", "characteristicContent"))
     name, content = ("" if label is None else label.text.strip() for label in labels)
     return name, content

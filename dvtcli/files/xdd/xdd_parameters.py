@@ -1,7 +1,4 @@
-"""The parameters of an XDD's ApplicationProcess: what an object's uniqueIDRef leads to.
-
-Knows CiA 311's parameter and its data types. Does not know objects.
-"""
+"""The parameters of an XDD's ApplicationProcess (CiA 311), referenced by an object's uniqueIDRef."""
 
 from __future__ import annotations
 
@@ -23,57 +20,57 @@ _ACCESS = {
     "const": "const", "read": "ro", "write": "wo", "readWrite": "rw", "readWriteInput": "rwr",
     "readWriteOutput": "rww",
 }  # fmt: skip
-#: A number is not longer than this.
+#: Maximum length of a number.
 _LONGEST = 40
-#: What CiA 311 gives a parameter that has no access.
+#: The default access of a parameter in CiA 311.
 _DEFAULT_ACCESS = "ro"
 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A *parameter* of the file; *element* is it, *template* the one that it takes its missing parts from."""
+    """A *parameter* of the file: its *element*, and the *template* for missing parts."""
 
     element: XmlElement
     template: XmlElement | None = None
 
     @property
     def access(self) -> str:
-        """The access type in the words of an EDS; empty for one that CANopen does not have."""
+        """The access type in an EDS's words; empty if unknown to CANopen."""
         given = self._attribute("access")
         return _DEFAULT_ACCESS if given is None else _ACCESS.get(given, "")
 
     @property
     def type_code(self) -> int | None:
-        """The code of its data type, None where it is a type of the file's own, or none."""
+        """The code of the data type, None for the file's own types or none."""
         return next(
             (TYPES[element.name] for part in self._parts() for element in part.children if element.name in TYPES), None
         )
 
     @property
     def label(self) -> str:
-        """What it is called, in English where the file has several languages."""
+        """The name, in English if the file has several languages."""
         return _label(self.element)
 
     @property
     def denotation(self) -> str:
-        """What somebody called it in this device."""
+        """The user's name for the parameter in this device."""
         found = self._child("denotation")
         return "" if found is None else found.attributes.get("value") or _label(found) or found.text.strip()
 
     @property
     def unit(self) -> str:
-        """The label of its unit; behind it what the file says of a scale where nobody can know which one counts."""
+        """The label of the unit, followed by the file's scales if ambiguous."""
         label = self._unit_label
         return label if self._is_clear else f"{label} ({', '.join(self._scale_words)})".strip()
 
     @property
     def factor(self) -> str:
-        """What its value and offset are multiplied by; empty for 1, and where it is not clear."""
+        """The multiplier for value plus offset; empty for 1 or an ambiguous scale."""
         return next(iter(self._multipliers), "") if self._is_clear else ""
 
     @property
     def offset(self) -> str:
-        """What is added to its value before it is multiplied; empty for 0, and where the scale is not clear."""
+        """The number added to the value before multiplication; empty for 0 or an ambiguous scale."""
         return self._given_offset if self._is_clear else ""
 
     @property
@@ -83,7 +80,7 @@ class Parameter:
 
     @property
     def _multipliers(self) -> list[str]:
-        """That of the parameter and that of its unit, without those that are 1."""
+        """The multipliers of parameter and unit other than 1."""
         unit = self._child("unit")
         given = (self._attribute("multiplier"), None if unit is None else unit.attributes.get("multiplier"))
         return [
@@ -104,19 +101,19 @@ class Parameter:
 
     @property
     def _is_clear(self) -> bool:
-        """Whether one scale is said at most once, and by numbers: a label such as `1/256 V` is one, too."""
+        """Whether the file has at most one scale, in numbers; a label like `1/256 V` counts as a scale."""
         numbers = [*map(_number, self._multipliers), *([_number(self._given_offset)] if self._given_offset else [])]
         if None in numbers or 0 in numbers or len(self._multipliers) > 1:
             return False
         return not numbers or parse_scale(self._unit_label)[0] == 1
 
     def value(self, name: str) -> str | None:
-        """The value of *name* (`defaultValue`, `actualValue`), None where it has none."""
+        """Return the value of *name* (`defaultValue`, `actualValue`), None if absent."""
         found = self._child(name)
         return None if found is None else found.attributes.get("value")
 
     def limit(self, name: str) -> str | None:
-        """`minValue` or `maxValue` of its one range; of several ranges none is a limit."""
+        """Return `minValue` or `maxValue` of the range; None if the parameter has several ranges."""
         allowed = self._child("allowedValues")
         ranges = [] if allowed is None or allowed.all("value") else allowed.all("range")
         found = ranges[0].first(name) if len(ranges) == 1 else None
@@ -146,7 +143,7 @@ def read_parameters(root: XmlElement, findings: Findings) -> dict[str, Parameter
 
 
 def _number(text: str) -> Fraction | None:
-    """The number that *text* is, None where it is none."""
+    """Return the number in *text*, None if malformed."""
     try:
         return parse_offset(text)
     except ValueError:
@@ -154,7 +151,7 @@ def _number(text: str) -> Fraction | None:
 
 
 def _label(element: XmlElement) -> str:
-    """The English label, else the first one."""
+    """Return the English label, else the first label."""
     labels = element.all("label")
     best = next((label for label in labels if label.attributes.get("lang", "").lower().startswith("en")), None)
     chosen = best or (labels[0] if labels else None)

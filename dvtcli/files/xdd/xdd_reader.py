@@ -1,7 +1,7 @@
-"""XDD and XDC files (CiA 311): read them, and say what was odd.
+"""Read XDD and XDC files (CiA 311), and report oddities.
 
-`read_xdd` gives the same object dictionary as the EDS of the same device; objects are built when first looked at, and
-findings when asked for. Refuses by name what is no CANopen description. Does not know devices, nor how a file is shown.
+`read_xdd` gives the same object dictionary as the EDS of the same device; objects are built on first access, findings
+on request. Refuses files of other kinds by name.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _XDD = "an XDD or XDC (CiA 311) has the element CANopenObjectList"
 
 
 def must_be_canopen(tree: XmlTree, source: str) -> None:
-    """InputFileError, naming what it is instead, where *tree* is not CiA 311; *source* is its name for messages."""
+    """Raise InputFileError, naming the actual kind, if *tree* is not CiA 311; *source* is its name for messages."""
     what = _other(tree)
     if what is not None:
         name, hint = what
@@ -47,7 +47,7 @@ def must_be_canopen(tree: XmlTree, source: str) -> None:
 
 
 def _other(tree: XmlTree) -> tuple[str, str | None] | None:
-    """What it is, and what helps; None where it is CiA 311."""
+    """Return the kind of another file and a remedy; None for CiA 311."""
     named = [tree.namespace, *tree.types]
     if any("powerlink" in name.lower() for name in named):
         return (
@@ -69,13 +69,13 @@ _OF_ONE_ENTRY = (ObjectType.NULL, ObjectType.DOMAIN, ObjectType.DEFTYPE, ObjectT
 #: PDOmapping -> whether it can be mapped, and the access type of EDS files that stands for that direction alone.
 _MAPPING = {"no": "", "default": "rw", "optional": "rw", "tpdo": "rwr", "rpdo": "rww"}
 _FORBIDS = {"tpdo": ("wo", "rww"), "rpdo": ("ro", "const", "rwr")}
-#: An attribute or child of a parameter -> the key of an EDS that means the same.
+#: An attribute or child of a parameter -> the equivalent key of an EDS.
 _VALUES = {"defaultValue": "defaultvalue", "actualValue": "parametervalue"}
 _LIMITS = {"lowLimit": ("lowlimit", "minValue"), "highLimit": ("highlimit", "maxValue")}
 
 
 def number_of(element: XmlElement, attribute: str, highest: int, findings: Findings) -> int | None:
-    """The index or sub-index of *element*, 0..*highest*, hexadecimal; None where it has none (reported)."""
+    """Return index or sub-index of *element*, hexadecimal, 0..*highest*; None if missing or malformed (reported)."""
     text = element.attributes.get(attribute, "").strip()
     try:
         number = int(text.removeprefix("0x"), 16) if text[:1].isalnum() else -1
@@ -89,13 +89,13 @@ def number_of(element: XmlElement, attribute: str, highest: int, findings: Findi
 
 @dataclass(frozen=True, slots=True)
 class _XddObject:
-    """An object or sub-object: its *element*, and the *parameter* that it refers to."""
+    """An object or sub-object: its *element*, and the referenced *parameter*."""
 
     element: XmlElement
     parameter: Parameter | None
 
     def values(self, findings: Findings) -> Values:
-        """What both say, as the keys of an EDS."""
+        """Return the contents of both as the keys of an EDS."""
         found: Values = {}
         self._take(found, "parametername", "name", self._own("name") or self._parameter_text("label"))
         self._take(found, "datatype", "dataType", self._data_type())
@@ -116,16 +116,16 @@ class _XddObject:
         return found
 
     def entry(self, values: Values, place: EntryPlace, findings: Findings) -> OdEntry:
-        """The entry that *values* say, with the offset, of which an EDS has no key."""
+        """Build the entry from *values*, with the offset, for which an EDS has no key."""
         return replace(read_entry(values, place, findings), offset=self._parameter_text("offset") or "")
 
     def _take(self, found: Values, key: str, name: str, value: str | None) -> None:
-        """Keep *value* as *key*, which the file calls *name*; nothing where it is empty, which says nothing."""
+        """Set *key* to *value*, named *name* in the file; an empty value has no effect."""
         if value is not None and value.strip():
             found[key] = IniValue(name, value.strip(), self.element.line)
 
     def _take_other(self, found: Values, key: str, name: str) -> None:
-        """Keep beside the object's own value that of its parameter, where both say one."""
+        """Keep the parameter's value beside the object's own, if both exist."""
         said = (self.parameter.value(name) or "").strip() if self.parameter else ""
         if self.parameter and said and key in found and found[key].value != said:
             found[key] = found[key]._replace(other=IniValue(name, said, self.parameter.element.line))
@@ -160,7 +160,7 @@ class _XddObject:
         self._take(found, "pdomapping", "PDOmapping", mapped)
 
     def _mapped(self, word: str, access: str, findings: Findings) -> str:
-        """`1` where it can be mapped, `0` where not, empty where the file does not say."""
+        """Return `1` if mappable, `0` if not, empty if unknown."""
         if word and word not in _MAPPING:
             findings.add(MAPPING_WORD, self.element.line, f"PDOmapping={word[:20]} is not known; ignored")
             return ""
@@ -172,7 +172,7 @@ class _XddObject:
 
 
 def build_object(index: int, element: XmlElement, parameters: Mapping[str, Parameter], findings: Findings) -> OdObject:
-    """Read the object *index* from its CANopenObject; *parameters* by their uniqueID."""
+    """Build the object *index* from its CANopenObject; *parameters* by uniqueID."""
     described = _described(element, parameters, findings)
     subs = element.all("CANopenSubObject")
     values = described.values(Findings() if subs else findings)
@@ -217,7 +217,7 @@ def _sub_entries(
 
 
 def _object_type(element: XmlElement, *, has_subs: bool, findings: Findings) -> int:
-    """What kind of object it is; what has sub-indices is no VAR."""
+    """Return the object type, never VAR for an object with sub-indices."""
     text = element.attributes.get("objectType", "").strip()
     likely = ObjectType.RECORD if has_subs else ObjectType.VAR
     given = int(text) if text.isascii() and text.isdecimal() and len(text) < 4 else None
@@ -248,9 +248,9 @@ _IDENTITY = 0x1018
 
 @dataclass(frozen=True)
 class XddFile:
-    """A file that was read: its *dictionary*, the *tree* of its elements, and the elements of its objects by index.
+    """A parsed file: its *dictionary*, the *tree* of elements, and its objects' elements by index.
 
-    *first_findings* came up while the device was read; `findings` has all of them.
+    *first_findings* are those of the device data; `findings` has all.
     """
 
     dictionary: ObjectDictionary
@@ -276,7 +276,7 @@ class XddFile:
 
     @property
     def understood(self) -> int:
-        """How many of them are in the dictionary."""
+        """The number of objects in the dictionary."""
         many = (len(entry.entries) for entry in self.dictionary.values())
         of_many = sum(1 for element in self.objects.values() if element.first("CANopenSubObject") is None)
         return len(self.objects) + sum(many) - of_many
@@ -293,15 +293,15 @@ class XddFile:
 def read_xdd(path: Path) -> XddFile:
     """Read the XDD or XDC file at *path*.
 
-    InputFileError where it is none, OSError where it cannot be read.
+    Raises InputFileError if the file is no XDD or XDC, OSError if it cannot be read.
     """
     return parse_xdd(read_input_head(path, MOST_BYTES + 1), path.name)
 
 
 def parse_xdd(data: bytes, source: str) -> XddFile:
-    """Read the bytes of an XDD or XDC file; *source* is its name for messages.
+    """Parse the bytes of an XDD or XDC file; *source* is its name for messages.
 
-    InputFileError, with the line, where it is none: no XML, with a document type, of another bus, or without objects.
+    Raises InputFileError, with the line, for bad XML, a document type, another bus, or a file without objects.
     """
     tree = read_xml(data, source)
     must_be_canopen(tree, source)
@@ -318,18 +318,18 @@ def parse_xdd(data: bytes, source: str) -> XddFile:
 
 
 def _build(elements: dict[int, XmlElement], parameters: dict[str, Parameter], index: int) -> OdObject:
-    """Build an object when it is first looked at; its findings are collected by `XddFile.findings`."""
+    """Build an object on first access; `XddFile.findings` collects its findings."""
     return build_object(index, elements[index], parameters, Findings())
 
 
 def _values(element: XmlElement) -> list[tuple[str, str]]:
-    """The actual values of an object and its sub-indices, as they are written."""
+    """Return the actual values of an object and its sub-indices, as written."""
     every = [element, *element.all("CANopenSubObject")]
     return [(item.attributes.get("subIndex", ""), item.attributes.get("actualValue", "").strip()) for item in every]
 
 
 def _objects(root: XmlElement, findings: Findings) -> dict[int, XmlElement]:
-    """The objects of the first list, by index."""
+    """Return the objects of the first list, by index."""
     first, *others = root.anywhere("CANopenObjectList")
     for other in others:
         text = f"a list of objects stands in line {first.line} too; this one is left out"

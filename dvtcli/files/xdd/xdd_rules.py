@@ -1,7 +1,4 @@
-"""The rules that the reader of XDD and XDC files checks while it reads, beside those that it shares with an EDS.
-
-Knows no file: the reader says which of them it met, where, and what it did about it.
-"""
+"""The rules that the reader of XDD and XDC files checks while reading, beside those shared with an EDS."""
 
 from __future__ import annotations
 
@@ -23,5 +20,5 @@ OTHER_NAMESPACE = LintRule("other-namespace", NOTE, "the file is in none of the 
 COMMISSIONING = LintRule("commissioned", NOTE, "a value of deviceCommissioning is none; it is left out",
                          "CiA 311, deviceCommissioning")  # fmt: skip
 
-#: Every rule of this file.
+#: All rules of this file.
 XDD_RULES = tuple(value for value in tuple(globals().values()) if isinstance(value, LintRule))

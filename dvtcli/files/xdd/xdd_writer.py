@@ -1,7 +1,7 @@
-"""Writing an object dictionary as an XDD or XDC (CiA 311, version 1.1). Does not know where its objects come from.
+"""Write an object dictionary as an XDD or XDC (CiA 311, version 1.1).
 
-An object says everything in its own attributes; a parameter of the ApplicationProcess is made only for what those
-cannot say: a unit, or an access type of EDS files without a mapping.
+An object's attributes hold its data; the ApplicationProcess gets a parameter only for contents without an attribute: a
+unit, or an access type of EDS files without a mapping.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _DIRECTED = {Access.RWR: ("readWriteInput", "TPDO"), Access.RWW: ("readWriteOutp
 _PARAMETER_ACCESS = {Access.RO: "read", Access.WO: "write", Access.RW: "readWrite", Access.CONST: "const"}
 _MAPPED = {Access.RO: "TPDO", Access.CONST: "TPDO", Access.WO: "RPDO", Access.RW: "optional"}
 _TYPE_NAMES = {code: name for name, code in reversed(TYPES.items()) if name not in ("BYTE", "WORD", "DWORD", "LWORD")}
-#: Characters that XML 1.0 does not have, beside control characters and surrogates.
+#: Characters not allowed in XML 1.0, beside control characters and surrogates.
 _REFUSED = "\ufffe\uffff"
 Element = ElementTree.Element
 
@@ -37,10 +37,11 @@ Element = ElementTree.Element
 def xdd_bytes(
     dictionary: ObjectDictionary, file_name: str, made: datetime | None, said: Mapping[str, str] | None = None
 ) -> bytes:
-    """*dictionary* as an XDD called *file_name*, made at *made* (None: as *said*).
+    """Return *dictionary* as an XDD named *file_name*, dated *made* (None: as in *said*).
 
-    It is an XDC where it has a node-ID or values of its own. *said* is what stays of what the file it is made of says
-    about itself, by the keys of an EDS.
+    The result is an XDC if *dictionary* has a node-ID or values of its own. *said* are the original file's statements
+    about
+    itself, by the keys of an EDS.
     """
     root = Element("co:ISO15745ProfileContainer", {"xmlns:co": NAMESPACES[-1], "xmlns:xsi": _XSI})
     file = _file(file_name, made, as_attributes(said or {}))
@@ -97,7 +98,7 @@ def _device_body(dictionary: ObjectDictionary, file: Mapping[str, str], paramete
 
 
 def _characteristics(dictionary: ObjectDictionary, body: Element) -> None:
-    """What CiA 311 has no place of its own for: a revision number that 0x1018 does not have, an LSS serial number."""
+    """Write data without a place in CiA 311: a revision number missing in 0x1018, an LSS serial number."""
     info = dictionary.info
     held = dictionary.entry(0x1018, 3)
     default = None if held is None else held.initial(0)
@@ -153,7 +154,7 @@ def _management(dictionary: ObjectDictionary, body: Element) -> None:
 
 
 def _known(given: Mapping[str, int | str | None]) -> dict[str, str]:
-    """Attributes for what is known; flags are `true` and `false`."""
+    """Return attributes for known values; flags become `true` and `false`."""
     return {
         name: str(value).lower() if isinstance(value, bool) else str(value)
         for name, value in given.items()
@@ -187,7 +188,7 @@ def _object(found: Element, one: OdObject, parameters: Element) -> None:
 
 
 def _said(entry: OdEntry, parameters: Element) -> dict[str, str]:
-    """The attributes of one entry; a parameter is made where they do not say all of it."""
+    """Return an entry's attributes; adds a parameter if they do not suffice."""
     code = entry.unknown_type if entry.data_type is None else entry.data_type.code
     mapped = entry.pdo_mapping
     direction = _DIRECTED[entry.access][1] if entry.access in _DIRECTED else _MAPPED[entry.access]
@@ -218,7 +219,7 @@ def _flags(flags: int) -> str:
 
 
 def _parameter(entry: OdEntry, parameters: Element) -> str:
-    """Make the parameter that *entry* refers to, and give its name."""
+    """Add the parameter for *entry*; returns its name."""
     name = f"UID_{entry.index:04X}_{entry.sub_index:02X}"
     access = _DIRECTED[entry.access][0] if entry.access in _DIRECTED else _PARAMETER_ACCESS[entry.access]
     one = _add(parameters, "co:parameter", {"uniqueID": name, "access": access, **_scale(entry)})
@@ -231,7 +232,7 @@ def _parameter(entry: OdEntry, parameters: Element) -> str:
 
 
 def _scale(entry: OdEntry) -> dict[str, str]:
-    """Offset and multiplier in decimal; one that is no number is not written."""
+    """Return offset and multiplier in decimal, without malformed values."""
     found = {}
     for name, text in (("offset", entry.offset), ("multiplier", entry.factor)):
         with suppress(ValueError):
@@ -248,5 +249,5 @@ def _add(parent: Element, name: str, attributes: Mapping[str, str] | None = None
 
 
 def _allowed(text: str) -> str:
-    """*text* with a ? for each character that XML 1.0 does not have."""
+    """Return *text* with ? for each character not allowed in XML 1.0."""
     return "".join("?" if char < " " or char in _REFUSED or "\ud800" <= char <= "\udfff" else char for char in text)

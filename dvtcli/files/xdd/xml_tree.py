@@ -1,8 +1,7 @@
-"""XML as XDD and XDC files use it: bytes -> elements by their local names, each with its line.
+"""Parse the XML of XDD and XDC files: bytes -> elements by local names, each with its line.
 
-Refuses a document type and with it every entity that a file could define, and more than any device describes. Does
-not know what an element means. Namespaces are kept of the root only: CiA 311 has global elements in one, local ones in
-none, and files differ in which they follow.
+Refuses a document type, and with it all entity definitions, and files larger than any device needs. Keeps the root's
+namespace only: CiA 311 has global elements in a namespace and local elements in none, and files differ.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ _SEPARATOR = " "
 
 @dataclass(slots=True)
 class XmlElement:
-    """One element: its local *name*, *line* (1 and up), attributes and child elements; *text* is its own characters."""
+    """An element: local *name*, *line* (from 1), attributes and child elements; *text* is its own characters."""
 
     name: str
     line: int
@@ -37,14 +36,14 @@ class XmlElement:
         return [child for child in self.children if child.name == name]
 
     def first(self, *path: str) -> XmlElement | None:
-        """The element at *path*, the first child of each name; None where there is none."""
+        """Return the element at *path*, the first child of each name; None if absent."""
         found: XmlElement | None = self
         for name in path:
             found = next((child for child in found.children if child.name == name), None) if found else None
         return found
 
     def anywhere(self, name: str) -> Iterator[XmlElement]:
-        """This element and every one below it that is called *name*, in the file's order."""
+        """Iterate over this element and all below it named *name*, in order."""
         left = [self]
         while left:
             one = left.pop()
@@ -53,14 +52,14 @@ class XmlElement:
             left += reversed(one.children)
 
     def said(self, name: str) -> str:
-        """The text of the first child called *name*, without blanks around it; empty where there is none."""
+        """Return the stripped text of the first child *name*; empty if absent."""
         found = self.first(name)
         return "" if found is None else found.text.strip()
 
 
 @dataclass(frozen=True, slots=True)
 class XmlTree:
-    """A whole file: its *root*, the namespace that the root is in, and what types its elements name (`xsi:type`)."""
+    """A whole file: *root*, the root's namespace, and the types named by its elements (`xsi:type`)."""
 
     root: XmlElement
     namespace: str
@@ -68,9 +67,9 @@ class XmlTree:
 
 
 def read_xml(data: bytes, source: str) -> XmlTree:
-    """The elements of *data*; *source* is its name for messages.
+    """Parse the elements of *data*; *source* is its name for messages.
 
-    InputFileError where it is no well-formed XML, has a document type, or is larger or deeper than any device needs.
+    Raises InputFileError for malformed XML, a document type, or more size or depth than any device needs.
     """
     if len(data) > MOST_BYTES:
         why = "an XDD or XDC is some 200 kB"
@@ -79,7 +78,7 @@ def read_xml(data: bytes, source: str) -> XmlTree:
 
 
 class _XmlReading:
-    """One file being read."""
+    """A file being parsed."""
 
     def __init__(self, source: str) -> None:
         self._source = source

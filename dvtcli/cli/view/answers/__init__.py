@@ -1,1 +1,1 @@
-"""What commands answer, as lines of text: a file for each kind of result."""
+"""Answers of commands as lines of text: a file per kind of result."""

@@ -1,4 +1,4 @@
-"""The text of what was heard at each bit rate."""
+"""The text of `bitrate`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def bit_rate_lines(result: BitRateFound, width: int) -> Iterator[Line]:
-    """The bit rate that was found, and what came at those that were tried."""
+    """Show the detected bit rate, and the frames received at each bit rate."""
     table = Table(("BIT/S", "FRAMES", "ERROR FRAMES"))
     for trial in result.heard:
         table.add(str(trial.bit_rate), str(trial.frames), str(trial.error_frames))

@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 
 
 def changed_nodes_lines(result: ChangedNodes, width: int) -> Iterator[Line]:
-    """Each node's lines, one node after the other."""
+    """Show each node's lines, one node after another."""
     for node in result.nodes:
         yield from change_lines(node, width)
 
 
 def change_lines(result: Changed, width: int) -> Iterator[Line]:
-    """The steps as they were taken, and what became of them."""
+    """Show the executed steps and their outcome."""
     count = len(result.plan)
     labels = join_some(_written(result))
     labels += f" of node {result.node}" if result.named else ""
@@ -54,7 +54,7 @@ def change_lines(result: Changed, width: int) -> Iterator[Line]:
 
 
 def _outcome_lines(result: Changed, labels: str, writes: str) -> Iterator[Line]:
-    """What became of *labels* with so many *writes*, who keeps it, and what reverts it."""
+    """Show the outcome of *labels* with their number of *writes*, how they are stored, and how to revert them."""
     verb = "put back" if result.undone else "set"
     equal = _read_back(result)
     others = (f"{_unrestored(result)}. " if result.unrestored else "") + _others(result)
@@ -75,13 +75,13 @@ def _outcome_lines(result: Changed, labels: str, writes: str) -> Iterator[Line]:
 
 
 def _unrestored(result: Changed) -> str:
-    """Which objects keep what was written, though they were to be put back."""
+    """Name objects that keep a new value despite the roll-back."""
     of_node = f" of node {result.node}" if result.named else ""
     return f"{join_some(result.unrestored)}{of_node} NOT put back: what was there before is not known"
 
 
 def _read_back(result: Changed) -> str:
-    """What of the writes was read back equal, and what could not be read back."""
+    """Say how many writes read back equal, and name the unreadable objects."""
     count = len(result.unreadable)
     if not count:
         return "read back equal"
@@ -93,14 +93,14 @@ def _read_back(result: Changed) -> str:
 
 
 def _written(result: Changed) -> list[str]:
-    """What the answer names: of what was put back what had to be written, if anything had."""
+    """Return labels for the answer; for an undo those actually written, if any."""
     changes = result.plan.changes
     written = [change for change in changes if change.steps] if result.undone else []
     return _labels(result, written or changes)
 
 
 def _labels(result: Changed, changes: Sequence[Change]) -> list[str]:
-    """Each once; an entry behind the count of a PDO that is put back goes by the name of that PDO."""
+    """Return each label once; entries beyond the count of a restored PDO go by the PDO's name."""
     pdos = {change.pdo for change in result.plan.changes if isinstance(change, PdoChange)}
     names = []
     for change in changes:
@@ -114,7 +114,7 @@ def _is(result: Changed) -> str:
 
 
 def _counted(result: Changed, labels: str, verb: str) -> str:
-    """What was changed with what became of it; many are counted before some of them are named."""
+    """Return the changes with their outcome; many are counted, with a few names."""
     names = _written(result)
     if join_some(names) == ", ".join(names):
         return f"{labels} {verb}"
@@ -123,13 +123,13 @@ def _counted(result: Changed, labels: str, verb: str) -> str:
 
 
 def _others(result: Changed) -> str:
-    """How many more were looked at, where something is put back."""
+    """Return the number of further values checked during an undo."""
     count = len(_labels(result, result.plan.changes)) - len(_written(result))
     return f"{count} more {'is' if count == 1 else 'are'} as before. " if count else ""
 
 
 def _value(result: Changed, step: Step, data: bytes | None) -> str:
-    """A step's value with what it means, where that is known."""
+    """Return a step's value with its meaning, if known."""
     from dvtcli.domain.shown_value import step_text
 
     return step_text(step, data, result.understood.get(step.object))

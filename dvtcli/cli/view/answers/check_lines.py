@@ -1,4 +1,4 @@
-"""The text of `eds check`: findings by line, then how often each rule spoke."""
+"""The text of `eds check`: findings by line, then a count per rule."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from dvtcli.domain.several import plural
 from dvtcli.operations.results.checked_files import SEVERITIES, FileReport, FileReports
 
 STYLES = {"error": "red", "warning": "yellow", "note": "cyan"}
-#: A rule that speaks more often than this is cut short; `--rule` shows all of it, and other formats always have all.
+#: Maximum number of findings per rule; `--rule` shows all, and other formats always have all.
 _SHOWN = 10
 
 
 def check_lines(result: FileReport, width: int) -> Iterator[Line]:
-    """Findings of a file with their lines, a line for each rule that found something, and the sum."""
+    """Show a file's findings with lines, a line for each rule with findings, and the sum."""
     times = Counter(finding.rule for finding in result.findings)
     most = len(result.findings) if len(result.rules) == 1 else _SHOWN
     said: Counter[str] = Counter()
@@ -39,7 +39,7 @@ def check_lines(result: FileReport, width: int) -> Iterator[Line]:
 
 
 def checks_lines(result: FileReports, width: int) -> Iterator[Line]:
-    """The same of each file, and the sum of all."""
+    """Show `check_lines` for each file, and the total."""
     for file in result.files:
         yield from check_lines(file, width)
     counted, bad = result.count(), sum(1 for report in result.files if report.exit_code)

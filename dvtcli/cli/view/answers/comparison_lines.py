@@ -1,4 +1,4 @@
-"""The text of a read-back against what was wanted."""
+"""The text of a comparison of read and wanted values."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ if TYPE_CHECKING:
 
 
 def compared_nodes_lines(result: ComparedNodes, width: int) -> Iterator[Line]:
-    """Each node's lines, one node after the other."""
+    """Show each node's lines, one node after another."""
     for node in result.nodes:
         yield from compared_lines(node, width)
 
 
 def compared_lines(result: Compared, _width: int) -> Iterator[Line]:
-    """What reads back equal, and every difference."""
+    """Show equal values as a count, and every difference."""
     where = f" of node {result.node}" if result.named else ""
     for label, difference in result.differences:
         yield [Cell(f"  {label}{where}  ", "red"), Cell(difference)]

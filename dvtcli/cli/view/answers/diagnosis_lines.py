@@ -1,4 +1,4 @@
-"""The text of what `doctor` found."""
+"""The text of `doctor`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _STYLES = {"ok": "green", "warn": "yellow", "FAIL": "red"}
 
 
 def diagnosis_lines(result: Diagnosis, _width: int) -> Iterator[Line]:
-    """A line a check, its next step under it, and the sum."""
+    """Show a line per check with its next step, and the sum."""
     for check in result.checks:
         yield [Cell(f"{check.verdict:<4}", _STYLES[check.verdict]), Cell(f"  {check.name:<11} {check.text}")]
         if check.hint:

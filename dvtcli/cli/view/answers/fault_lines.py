@@ -1,4 +1,4 @@
-"""The text of errors."""
+"""The text of faults and EMCY messages."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _SOURCES = {"active": "active now", "history": "history", "heard": "EMCY heard"}
 
 
 def fault_lines(result: Faults, width: int) -> Iterator[Line]:
-    """A node's errors with what helps, and what its error register says."""
+    """Show a node's errors with remedies, and its error register."""
     yield from _remembered(result)
     if result.rows:
         table = Table(("WHERE", "CODE", "MEANING", "COUNT", "LAST", "MORE"), frozenset({3}), shrink=2)
@@ -52,7 +52,7 @@ def _register(result: Faults) -> Line:
 
 
 def _remedies(rows: Iterable[FaultRow]) -> Iterator[Line]:
-    """What helps, once for each code."""
+    """Show the remedy once per error code."""
     for code, remedy in {row.code: row.remedy for row in rows if row.remedy}.items():
         yield [Cell(f"  0x{code:04X}: ", "dim"), part(remedy)]
 
@@ -62,14 +62,14 @@ def _at(row: FaultRow) -> str:
 
 
 def _more(row: FaultRow) -> str:
-    """What the maker adds, as far as it is not 0."""
+    """Return the manufacturer's bytes unless 0."""
     if row.information:
         return f"0x{row.information:04X}"
     return row.manufacturer.hex(" ").upper() if row.manufacturer and any(row.manufacturer) else ""
 
 
 def fault_seen_lines(result: FaultSeen, _width: int) -> Iterator[Line]:
-    """An EMCY message with its local time of day, what it means, and what helps when it comes for the first time."""
+    """Show an EMCY message with local time and meaning, and with the remedy on first occurrence."""
     fault = result.fault
     register = ", ".join(register_words(fault.register or 0)) or "no error now"
     more = _more(fault)

@@ -1,4 +1,4 @@
-"""The text of answers that say it themselves."""
+"""The text of answers that have their own lines."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dvtcli.operations.results.files import DvtAnswer
 
 
 class HasLines(Protocol):
-    """An answer that says its lines itself."""
+    """An answer with its own lines."""
 
     @property
     def text(self) -> Sequence[Hint | str]:
@@ -25,5 +25,5 @@ def text_lines(result: HasLines, _width: int) -> Iterable[Line]:
 
 
 def answer_lines(result: DvtAnswer, _width: int) -> Iterable[Line]:
-    """The word's answer alone, as the DVT prints it; rows where it has several."""
+    """Show a word's answer alone, as the DVT prints it, in rows if it has several."""
     return result.rows or (result.answer,)

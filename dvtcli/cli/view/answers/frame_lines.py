@@ -17,7 +17,7 @@ from dvtcli.operations.results.sent import FramesSent, Outcome, Replayed
 
 
 def explained_lines(result: FrameExplained, width: int) -> Iterator[Line]:
-    """The frame, what it is, and a line for each of its parts."""
+    """Show the frame, its kind, and a line per part."""
     yield [Cell(f"{frame_text(result.frame)}  "), Cell(result.what, "bold")]
     table = Table(("PLACE", "RAW", "NAME", "SAYS"), shrink=3)
     for part in result.parts:
@@ -27,7 +27,7 @@ def explained_lines(result: FrameExplained, width: int) -> Iterator[Line]:
 
 
 def trace_lines(result: Traced, _width: int) -> Iterator[Line]:
-    """A line for each frame: when, whose, its bytes, and what it says in short."""
+    """Show a line per frame: time, node, bytes, and a short meaning."""
     began_s = result.frames[0].frame.frame.timestamp_s if result.frames else 0.0
     for frame in result.frames:
         at_ms = (frame.frame.frame.timestamp_s - began_s) * 1000
@@ -51,7 +51,7 @@ def sent_lines(result: FramesSent, _width: int) -> Iterator[Line]:
 
 
 def replayed_lines(result: Replayed, width: int) -> Iterator[Line]:
-    """How many frames were sent, and how late, and what was left out; under --dry-run a table of what would be sent."""
+    """Show the number of frames sent and left out, and delays; with --dry-run a table of frames to send."""
     if result.dry_run:
         yield f"dry run: nothing was sent of {plural(result.outcome.wanted, 'frame')}"
         table = Table(("COB-ID", "WHAT", "FRAMES", "ASKED BECAUSE"), frozenset({2}), shrink=3, wraps=True)
@@ -67,7 +67,7 @@ def replayed_lines(result: Replayed, width: int) -> Iterator[Line]:
 
 
 def outcome_text(outcome: Outcome) -> str:
-    """How many frames were sent of how many, in what time, and how late they were."""
+    """Return the number of frames sent, the total, the time, and the delay."""
     said = outcome.counted
     said += " handed to the interface" if outcome.sent is None else " sent"
     if outcome.handed > 1:
@@ -78,7 +78,7 @@ def outcome_text(outcome: Outcome) -> str:
 
 
 def frame_lines(result: FrameSeen, _width: int) -> Iterator[Line]:
-    """A frame with its local time of day and its offset, what it is, its bytes and its signals."""
+    """Show a frame with local time and UTC offset, kind, bytes and signals."""
     frame = result.frame
     data = "remote request" if frame.remote else frame.data.hex(" ").upper()
     signals = "  ".join(
@@ -97,18 +97,18 @@ def frame_lines(result: FrameSeen, _width: int) -> Iterator[Line]:
 
 @lru_cache(maxsize=4096)
 def _who(can_id: int, extended: bool, label: str, node: int | None) -> tuple[Cell, Cell]:
-    """The CAN-ID of a frame, and what it is."""
+    """Return a frame's CAN-ID and kind."""
     who = f"{label} node {node}" if node else label
     return Cell(f"0x{can_id:0{8 if extended else 3}X}  "), Cell(f"{who:<18}  ", "bold")
 
 
 def bus_event_lines(result: BusEvent, _width: int) -> Iterator[Line]:
-    """A bus that is gone, or back."""
+    """Show a lost or restored bus."""
     yield result.text
 
 
 def plot_lines(result: Plotted, _width: int) -> Iterator[Line]:
-    """Each signal with its least and most, and its drawing; or where the picture is."""
+    """Show each signal with minimum, maximum and graph; or the picture's path."""
     for signal in result.signals:
         low, high = signal.meaning.number_text(signal.low), signal.meaning.number_text(signal.high)
         spread = f"{low} .. {high} {signal.meaning.unit}".rstrip()

@@ -1,7 +1,4 @@
-"""The picture of a PDO's frame: one cell a byte, objects across the bytes they fill.
-
-Knows layouts and names it is given; nothing of devices.
-"""
+"""Draw a PDO's frame: a cell per byte, objects across their bytes."""
 
 from __future__ import annotations
 
@@ -13,13 +10,13 @@ from dvtcli.domain.mapping import MAX_PDO_BITS
 from dvtcli.domain.safe_text import safe
 from dvtcli.operations.results.pdos import PdoRow
 
-#: What stands before a picture and its left border, and the least characters of a byte with its right border.
+#: The indent of a picture with its left border, and the minimum width of a byte with its right border.
 _MARGIN, _LEAST = 7, 9
 
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """A run of whole bytes under one label; *fields* are the sub-byte parts, where it has any."""
+    """A run of whole bytes with one label; *fields* are the sub-byte parts, if any."""
 
     first: int
     last: int
@@ -30,7 +27,7 @@ class Box:
 
 
 def boxes(row: PdoRow) -> list[Box]:
-    """The frame as boxes: an object on byte borders is its own box, bytes that are shared become one box."""
+    """Split the frame into boxes: an object on byte borders has its own box, shared bytes form one box."""
     spans: list[tuple[int, int, str, str, bool]] = []
     start = 0
     for number, entry in enumerate(row.config.mapping):

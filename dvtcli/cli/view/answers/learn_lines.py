@@ -1,4 +1,4 @@
-"""The text of what `learn` found out."""
+"""The text of `learn`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from dvtcli.operations.results.learnt import LearnForecast, LearntDevice
 
 
 def habit_lines(result: HabitListing, width: int) -> Iterator[Line]:
-    """What was forgotten, then a line for each thing that a device takes only if a PDO, or the node, is in a state."""
+    """Show forgotten habits, then a line per setting accepted only in a certain PDO or node state."""
     if result.forgotten:
         yield f"forgotten: what {join_some(result.forgotten)} was found to want"
     if not result.rows:
@@ -37,18 +37,18 @@ def habit_lines(result: HabitListing, width: int) -> Iterator[Line]:
 
 
 def _refused(wanted: Wanted) -> str:
-    """The parameter by its place, and the refusal."""
+    """Return the parameter by its place, and the refusal."""
     base = "0x1800" if wanted.direction == "tpdo" else "0x1400"
     return f"{base}:{wanted.sub_index:02X} and alike while the PDO is on, 0x{wanted.abort:08X}"
 
 
-#: How many questions of one reason are named.
+#: Maximum number of questions to name for a reason.
 _NAMED = 4
 _ABSENT = "absent."
 
 
 def learnt_lines(result: LearntDevice, width: int) -> Iterator[Line]:
-    """What the device takes, how it answers the rest, and what is written."""
+    """Show accepted values, answers to other values, and the files written."""
     yield [Cell(f"node {result.node}", "bold"), Cell(f"  {result.title}: what it takes")]
     table = Table(("VALUE", "LEARNT", "EVIDENCE"), shrink=2)
     for learnt in result.conclusions.profile:
@@ -72,7 +72,7 @@ def learnt_lines(result: LearntDevice, width: int) -> Iterator[Line]:
 
 
 def _use(result: LearntDevice) -> str:
-    """Which nodes use what was saved."""
+    """Say which nodes use the saved profile."""
     if result.identified:
         return "nodes of its identity use the last one from now on; delete that file to take it back"
     name = Path(result.saved[-1]).stem
@@ -103,7 +103,7 @@ def _code(code: int | None) -> str:
 
 
 def _lacking(result: LearntDevice, width: int) -> Iterator[Line]:
-    """Objects that the EDS lists and the device does not have."""
+    """Show objects in the EDS that the device lacks."""
     codes: dict[int, list[str]] = {}
     for learnt in result.conclusions.family:
         if learnt.key.startswith(_ABSENT) and isinstance(learnt.value, int):
@@ -151,7 +151,7 @@ def _compared(result: LearntDevice, width: int) -> Iterator[Line]:
 
 
 def _saving(result: LearntDevice) -> Iterator[str]:
-    """What came of --with-store."""
+    """Show the result of --with-store."""
     for answer in result.answers:
         if answer.probe.pdo is None and answer.code is not None:
             said = f"answered 0x{answer.code:08X} ({abort_text(answer.code)})" if answer.code else "accepted"
@@ -176,7 +176,7 @@ def value_text(value: Value) -> str:
 
 
 def forecast_lines(result: LearnForecast, width: int) -> Iterator[Line]:
-    """Every probe that would be made."""
+    """Show every planned probe."""
     table = Table(("PDO", "QUESTION", "WRITE", "NEEDS"), shrink=1)
     for probe in result.probes:
         table.add(probe.label, probe.sense, str(probe.asked), str(probe.where))

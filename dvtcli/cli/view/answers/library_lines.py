@@ -22,7 +22,7 @@ from dvtcli.operations.results.library_files import (
 
 
 def profile_list_lines(result: ProfileListing, width: int) -> Iterator[Line]:
-    """A line for each profile, and where to put one's own."""
+    """Show a line per profile, and the folder for the user's own."""
     table = Table(("PROFILE", "DEVICES", "VENDOR", "FROM"), shrink=3)
     for row in result.rows:
         table.add(Cell(row.name, "bold"), row.title, _vendors(row), row.file if row.own else "dvtcli")
@@ -31,7 +31,7 @@ def profile_list_lines(result: ProfileListing, width: int) -> Iterator[Line]:
 
 
 def profile_lines(result: ProfileShown, _width: int) -> Iterator[Line]:
-    """Every value with the reason for it; nothing is cut off, since a reason is what is asked for."""
+    """Show every value with its full reason."""
     yield [Cell(result.row.name, "bold"), Cell(f"  {result.row.title}  {_vendors(result.row)}".rstrip())]
     key_width = max(len(key) for key, _, _ in result.values)
     value_width = min(40, max(len(value) for _, value, _ in result.values))
@@ -49,7 +49,7 @@ _STYLES = {ADDED: "green", THERE: "dim", REFUSED: "red"}
 
 
 def added_lines(result: LibraryAdded, width: int) -> Iterator[Line]:
-    """What became of each file, then why some were left out, and what there is to know of the others."""
+    """Show each file's result, reasons for omissions, and notes on the others."""
     table = Table(("", "VENDOR", "PRODUCT", "REVISION", "FILE"), shrink=4)
     for row in result.rows:
         table.add(
@@ -80,7 +80,7 @@ def _remarks(row: AddedFile) -> Iterator[Line]:
 
 
 def listing_lines(result: LibraryListing, width: int) -> Iterator[Line]:
-    """What was done, then a line for each file."""
+    """Show changes, then a line per file."""
     if result.removed or result.preferred:
         yield from _changed(result)
         return
@@ -108,7 +108,7 @@ def listing_lines(result: LibraryListing, width: int) -> Iterator[Line]:
 
 
 def _first_of_several(result: LibraryListing) -> Iterator[Line]:
-    """Which file is taken where several are of one identity, and why."""
+    """Show the selected file among files of the same identity, with the reason."""
     for row in result.rows:
         others = [other for other in result.rows if other.identity == row.identity and other is not row]
         if row.taken and others:
@@ -118,7 +118,7 @@ def _first_of_several(result: LibraryListing) -> Iterator[Line]:
 
 
 def _changed(result: LibraryListing) -> Iterator[Line]:
-    """What was removed or put first."""
+    """Show removed or preferred files."""
     dry = Cell(" (dry run: nothing was changed)" if result.dry_run else "", "cyan")
     if result.removed:
         yield [Cell(f"removed: {', '.join(result.removed)}"), dry]
@@ -139,12 +139,12 @@ def _revision(value: int | None) -> str:
 
 
 def _at_home(folder: str) -> str:
-    """*folder*, short where it is the user's."""
+    """Abbreviate the user's home in *folder*."""
     home = os.path.expanduser("~")  # noqa: PTH111 - Path raises where there is no home
     return f"~{folder.removeprefix(home)}" if folder.startswith(home + os.sep) else folder
 
 
 def _from(origin: str) -> str:
-    """The family, or the folder alone: all of it is in JSON."""
+    """Return the family, or the folder only; JSON has the whole origin."""
     parts = origin.replace("\\", "/").split("/")
     return f"{parts[-2]}/" if len(parts) > 1 else origin or "-"

@@ -1,4 +1,4 @@
-"""The text of `load`: each frame with what it needs and what was heard of it, and what that comes to."""
+"""The text of `load`: each frame with computed and measured load, and the sum."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ if TYPE_CHECKING:
     from dvtcli.domain.network.stream import Stream
     from dvtcli.operations.results.loads import FrameLoad, Measured, NetworkLoad
 
-#: how wide a bar is, and how wide where what was heard stands before it
+#: width of a bar, and width with measured values before it
 _BAR, _NARROW = 12, 5
-#: columns that a row with bars and what was heard takes
+#: columns of a row with bars and measured values
 _WHOLE = 100
-#: columns that a row with bars takes where nothing was heard
+#: columns of a row with bars but no measured values
 _BARRED = 92
 _HEADER = ("COB-ID", "WHAT", "NODE", "LEN", "AT MOST", "LOAD", "RESPONSE", "DEADLINE")
 _HEARD = ("HEARD/S", "LOAD")
 
 
 def load_lines(result: NetworkLoad, width: int) -> Iterator[Line]:
-    """A line a frame, the sum, what does not fit, and what was taken for granted."""
+    """Show a line per frame, the sum, frames that do not fit, and assumptions."""
     measured = result.measured if result.measured is not None and result.measured.seconds else None
     rate = f"{result.need.bit_rate / 1000:g} kbit/s"
     assumed = " (assumed: -b says another one)" if result.is_assumed else ""
@@ -98,7 +98,7 @@ def _row(
 
 
 def _shorter(cell: str | Cell) -> str | Cell:
-    """`inhibit 10.0 ms`, where there is little room."""
+    """Abbreviate `inhibit 10.0 ms` for narrow screens."""
     if isinstance(cell, Cell):
         return Cell(cell.text.replace("inhibit ", "inh. "), cell.style)
     return cell.replace("inhibit ", "inh. ")
@@ -142,7 +142,7 @@ def _sums(result: NetworkLoad, measured: Measured | None) -> Iterator[Line]:
 
 
 def _too_often(result: NetworkLoad, measured: Measured | None) -> Iterator[Line]:
-    """What came more often than it is to at worst, which then is not the worst."""
+    """Show frames received more often than the assumed worst case, which is then too low."""
     if measured is None:
         return
     for load in result.too_often:
@@ -155,14 +155,14 @@ def _too_often(result: NetworkLoad, measured: Measured | None) -> Iterator[Line]
 
 
 def _unlimited(streams: Iterable[Stream]) -> Iterator[Line]:
-    """What has no limit, by the reason, and what would give it one."""
+    """Show unbounded frames by reason, and the remedy."""
     for names, text, hint in unbounded(streams):
         yield f"      {names}: {text}"
         yield [Cell("      hint: ", "cyan"), Cell(hint)]
 
 
 def unbounded(streams: Iterable[Stream]) -> Iterator[tuple[str, str, str]]:
-    """The names of the *streams* of each reason why nothing limits them, the reason, and what would."""
+    """Group unbounded *streams*: names, reason, and remedy."""
     streams = list(streams)
     for why, text, hint in (
         (NO_LIMIT, "event-driven, without inhibit time and event timer", "--inhibit NODE:tpdoN=MS tries one"),

@@ -1,4 +1,4 @@
-"""The text of what LSS found and changed."""
+"""The text of `lss`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _WOULD = {
 
 
 def found_lines(result: LssFound, width: int) -> Iterator[Line]:
-    """The nodes that were found, with their LSS addresses."""
+    """Show the nodes found, with LSS addresses."""
     if result.dry_run:
         yield [_DRY_RUN, Cell(f"lss {result.action} would ask the bus by LSS. Nothing was sent.")]
         return
@@ -64,7 +64,7 @@ def _summary(result: LssFound) -> str:
 
 
 def changed_lines(result: LssChanged, _width: int) -> Iterator[Line]:
-    """Who has which node-ID now."""
+    """Show the nodes' new node-IDs."""
     if result.dry_run:
         what = _WOULD[result.action].format(result.wanted)
         yield [_DRY_RUN, Cell(f"lss {result.action} would {what} by LSS. Nothing was sent.")]
@@ -94,7 +94,7 @@ def _given(node: LssGiven) -> list[Cell]:
 
 
 def bit_rate_lines(result: LssBitRate, _width: int) -> Iterator[Line]:
-    """What the bus and its nodes run at now."""
+    """Show the new bit rate of the bus and its nodes."""
     if result.dry_run:
         yield [_DRY_RUN, Cell(f"lss bitrate would set {result.bit_rate} bit/s by LSS. Nothing was sent.")]
         return

@@ -1,4 +1,4 @@
-"""The text of `check`: what each network's file means nothing by, what the rules found, and the sum."""
+"""The text of `check`: ignored keys and findings for each network file, and the sum."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The text of what a network is planned to be, and of what was made of it."""
+"""The text of a network plan, and of its application."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.networks import NetworkApplied, NetworkPlanned
 
 
-#: how many settings that differ and are not written have a line each
+#: maximum number of lines for settings that differ and are not written
 _MOST_REMAINING = 12
 _SIGNS = {"prune": ("-", "red"), "disable": ("~", "yellow"), "enable": ("~", "yellow"), "change": ("~", "yellow")}
 
 
 def node_plan_lines(file: str, node: NodePlan, width: int, *, compares: bool = False) -> Iterator[Line]:
-    """What *file* changes on the node, what of it is not written, and why; with *compares* what is, and is expected."""
+    """Show a node's changes by *file*, and values not written with reasons; *compares*: as is and expected."""
     place = f"  {file}:{node.line}" if node.line else ""
     title = f"({node.title})" if node.title else ""
     said = " ".join(filter(None, (node.name, title)))
@@ -58,7 +58,7 @@ def node_plan_lines(file: str, node: NodePlan, width: int, *, compares: bool = F
 
 
 def _left_out(node: NodePlan) -> Iterator[Line]:
-    """What the file says and nobody writes, by why; what is read-only is only counted."""
+    """Show values of the file that are not written, by reason; read-only values are only counted."""
     for left_out in node.remaining[:_MOST_REMAINING]:
         yield _otherwise(node, left_out)
         yield from _downloads(left_out.object, left_out.held, left_out.said)
@@ -77,12 +77,12 @@ def _left_out(node: NodePlan) -> Iterator[Line]:
 
 
 def _otherwise(node: NodePlan, one: LeftOut) -> Line:
-    """A setting in which the node differs from the file, and why it stays so."""
+    """Show a setting that differs from the file, and the reason for not writing it."""
     return [Cell("  ! ", "yellow"), Cell(f"differs, not written: {one.object}{_values(node, one)} {one.why}")]
 
 
 def _values(node: NodePlan, one: LeftOut) -> str:
-    """What the node holds of an object and what the file says, where both are known."""
+    """Return the node's and the file's value of an object, if both are known."""
     if one.held is None or one.said is None:
         return ""
     index, sub_index = (int(part, 16) for part in one.object.split(":"))
@@ -91,17 +91,17 @@ def _values(node: NodePlan, one: LeftOut) -> str:
 
 
 def _downloads(place: str, before: bytes | None, after: bytes | None) -> Iterator[Line]:
-    """What a manager would download otherwise to its nodes, where that is what changes."""
+    """Show the changes in a manager's downloads to its nodes, if *place* is a concise DCF."""
     yield from ([Cell(f"      {text}")] for text in download_lines(place, before, after))
 
 
 def _sides(held: str, wanted: str, *, compares: bool) -> tuple[str, ...]:
-    """The cells for what a node holds and what it is to hold: a difference, or a change."""
+    """Return the cells for present and wanted value: a difference, or a change."""
     return (f"is {held}, expected {wanted}",) if compares else (held, "->", wanted)
 
 
 def _object(node: NodePlan, step: Step, *, compares: bool) -> Line:
-    """A single object: what it holds, what it is to hold, and what that means."""
+    """Show an object with present value, wanted value, and reason."""
     known = node.understood.get(step.object)
     before, after = step_text(step, step.before, known), step_text(step, step.after, known)
     said = "" if step.reason == "write" else f"  {step.reason}"
@@ -142,12 +142,12 @@ def _entries(table: Table, node: NodePlan, was: list[str], will: list[str], *, c
             table.add(f"map {number + 1}", *_sides(entry_text(before), wanted, compares=compares))
 
 
-#: why an object is not written that --include lifts
+#: reasons against writing that --include lifts
 _LIFTED = frozenset(str(reason) for reason in NotWritten if reason.is_lifted_by_include)
 
 
 def plan_lines(plan: NetworkPlan, width: int, *, compares: bool = False) -> Iterator[Line]:
-    """Each node with what differs, and what that comes to; *compares* is as of `node_plan_lines`."""
+    """Show each node's differences, and the sum; *compares* is as in `node_plan_lines`."""
     for node in plan.nodes:
         yield from node_plan_lines(plan.file, node, width, compares=compares)
     yield ""
@@ -156,7 +156,7 @@ def plan_lines(plan: NetworkPlan, width: int, *, compares: bool = False) -> Iter
 
 
 def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
-    """The plan, and what to do with it."""
+    """Show the plan, and the next step."""
     yield from plan_lines(result.plan, width, compares=result.tells)
     yield from _remaining(result.plan)
     yield from _untold(result.plan)
@@ -189,7 +189,7 @@ def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
 
 
 def _remaining(plan: NetworkPlan) -> Iterator[Line]:
-    """That settings of the file are otherwise and stay so: the last word on whether the device is as the file."""
+    """Show the settings that differ from the file and are not written."""
     for node in plan.nodes:
         if not node.remaining:
             continue
@@ -204,7 +204,7 @@ def _remaining(plan: NetworkPlan) -> Iterator[Line]:
 
 
 def _includes(node: NodePlan) -> list[str]:
-    """What names just those settings of *node* that could be written: sub-indices, or the index of several."""
+    """Return --include words for just the writable settings in *node.remaining*: sub-indices, or a common index."""
     could = [left_out.object for left_out in node.remaining if left_out.why in _LIFTED]
     others = {
         left_out.object[:4] for left_out in node.left_out if left_out.why in _LIFTED and left_out.object not in could
@@ -216,7 +216,7 @@ def _includes(node: NodePlan) -> list[str]:
 
 
 def _untold(plan: NetworkPlan) -> Iterator[Line]:
-    """Of whom the manager gets nothing, so that nobody can say whether it has what the file says."""
+    """Show nodes without a download by the manager, whose state is therefore unknown."""
     if not plan.untold:
         return
     nodes = f"node{'' if len(plan.untold) == 1 else 's'} {', '.join(map(str, plan.untold))}"
@@ -224,14 +224,14 @@ def _untold(plan: NetworkPlan) -> Iterator[Line]:
 
 
 def _so(plan: NetworkPlan, already: str = "") -> str:
-    """That all nodes are so, where anything is asked of them."""
+    """Say that all nodes are as in the file, if it asks for anything."""
     if all(node.is_asked_nothing for node in plan.nodes):
         return "the file asks for nothing"
     return f"{_every(plan)} holds {_what(plan)}{already}"
 
 
 def _every(plan: NetworkPlan) -> str:
-    """Of whom it is said that nothing differs."""
+    """Name the nodes without differences."""
     if plan.manager is not None:
         return f"node {plan.manager}"
     if len(plan.unread) == len(plan.nodes):
@@ -242,7 +242,7 @@ def _every(plan: NetworkPlan) -> str:
 
 
 def _what(plan: NetworkPlan) -> str:
-    """What a node holds of which nothing differs; `link` and `unlink` have no file."""
+    """Name the source of the compared values; `link` and `unlink` have no file."""
     if plan.file.startswith(("link ", "unlink ")):
         return f"what `{plan.file}` makes"
     is_all = not plan.remains and not plan.untold and not any(map(_not_written, plan.nodes))
@@ -250,7 +250,7 @@ def _what(plan: NetworkPlan) -> str:
 
 
 def _aside(plan: NetworkPlan) -> Iterator[Line]:
-    """That the file says more than what is written of it."""
+    """Show the number of other values in the file that are not written."""
     if count := sum(len(_not_written(node)) for node in plan.nodes):
         more = "1 more is" if count == 1 else f"{count} more are"
         compare = Hint(Action.COMPARE, {"file": plan.file, "all": True}, f"{more} not written, and may differ: {{}}")
@@ -258,14 +258,14 @@ def _aside(plan: NetworkPlan) -> Iterator[Line]:
 
 
 def _not_written(node: NodePlan) -> list[str]:
-    """What the file says that could be set and is left out."""
+    """Return writable values of the file that are left out."""
     return [
         left_out.object for left_out in node.left_out if left_out.why != NotWritten.READ_ONLY and not left_out.remains
     ]
 
 
 def _load(need: BusNeed) -> Iterator[Line]:
-    """What all frames need of the bus then."""
+    """Show the worst-case bus load after the change."""
     rate, share = f"{need.bit_rate / 1000:g} kbit/s", f"{100 * float(need.limited):.1f} %"
     if need.unlimited:
         from dvtcli.cli.view.answers.load_lines import unbounded
@@ -285,7 +285,7 @@ def _load(need: BusNeed) -> Iterator[Line]:
 
 
 def applied_lines(result: NetworkApplied, _width: int) -> Iterator[Line]:
-    """What was made of a plan that was shown before, and where that is kept."""
+    """Show the result of a plan shown before, and how it is stored."""
     plan = result.plan
     yield from _untold(plan)
     if not plan.changed and not result.stored:
@@ -308,7 +308,7 @@ def applied_lines(result: NetworkApplied, _width: int) -> Iterator[Line]:
 
 
 def _kept(result: NetworkApplied) -> Iterator[Line]:
-    """What keeps that on the nodes that did not store, as `write` says it."""
+    """Show how to store on nodes without a store, as `write` does."""
     stored, told = {store.node for store in result.stored}, dict[str, list[str]]()
     for node_id, words in result.keep.items():
         if node_id not in stored:
@@ -324,7 +324,7 @@ def _kept(result: NetworkApplied) -> Iterator[Line]:
 
 
 def _stored(result: NetworkApplied) -> Iterator[Line]:
-    """Who acknowledged the store, and of whom a restart has shown more than that."""
+    """Show the nodes that acknowledged the store, and the result of a restart if any."""
     told: dict[str, list[str]] = {}
     for store in result.stored:
         if store.proof is None:

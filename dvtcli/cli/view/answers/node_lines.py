@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def program_lines(result: ProgramLoaded, _width: int) -> Iterator[Line]:
-    """What runs now, and by what that is known."""
+    """Show the running program, and the evidence."""
     what = f"program {result.number} of node {result.node}"
     if result.dry_run:
         new = f"load {result.file} ({result.size:,} bytes) and start it"
@@ -41,7 +41,7 @@ def _compared(result: ProgramLoaded) -> str:
 
 
 def login_lines(result: LoggedIn, _width: int) -> Iterator[Line]:
-    """The level that the node is at, and what it allows."""
+    """Show the node's access level and its rights."""
     if result.dry_run:
         yield [
             Cell("dry run: ", "cyan"),
@@ -58,14 +58,14 @@ _STATE_STYLES = {
     NmtState.PRE_OPERATIONAL.label: "yellow",
     NmtState.STOPPED.label: "red",
 }
-#: states that leave room beside them, as the prompt says them
+#: short names of states, as in the prompt
 _SHORT = {state.label: state.short for state in NmtState} | {"state unknown": "unknown", "no heartbeat": "no HB"}
-#: A node's name has so many columns at least, and a file's, by which it can be told from others.
+#: Minimum columns of a node's name and a file's name, to remain distinguishable.
 _NAME, _FILE = 8, 16
 
 
 def node_lines(result: NodeListing, width: int) -> Iterator[Line]:
-    """The nodes that were found, or what one says of itself."""
+    """Show the nodes found, or the details of a single node."""
     if result.detail and result.rows:
         yield from _node_detail(result.rows[0])
         return
@@ -84,7 +84,7 @@ def node_lines(result: NodeListing, width: int) -> Iterator[Line]:
 
 
 def _listed(rows: Sequence[NodeRow], width: int) -> Iterator[Line]:
-    """A line for each node; where one has no room for the file's name, that stands on a line of its own."""
+    """Show a line per node; the file's name goes to a second line if space is short."""
     table = Table(("NODE", "STATE", "TYPE", "VENDOR", "PRODUCT", ""), frozenset({0}))
     for row in rows:
         table.add(
@@ -108,20 +108,20 @@ def _listed(rows: Sequence[NodeRow], width: int) -> Iterator[Line]:
 
 
 def _squeezed(file: str, width: int) -> str:
-    """The file's name in *width* columns, the profile before it whole where there is room."""
+    """Return the file's name in *width* columns, with the profile uncut if possible."""
     profile, colon, name = file.rpartition(": ")
     return squeezed(f"{profile}{colon}{squeezed(name, max(_NAME, width - columns(profile + colon)))}", width)
 
 
 def _shared(room: int, name: int, file: int) -> tuple[int, int]:
-    """How many of *room* columns a name and a file get that want *name* and *file*; 0 for a file: a line of its own."""
+    """Divide *room* columns between *name* and *file*; 0 for a file means a second line."""
     name_width = max(min(name, _NAME), min(name, max(room - 2 - file, (room - 2) // 3)))
     file_width = min(file, room - 2 - name_width)
     return (name_width, file_width) if file_width >= min(file, _FILE) else (max(min(name, _NAME), min(name, room)), 0)
 
 
 def _known_by(row: NodeRow) -> Cell:
-    """The file that names the node's objects, behind the profile that has rules of its own for it."""
+    """Return the file that names the node's objects, after the profile with its rules."""
     from dvtcli.files.device_library.stored_files import label_of
 
     if not row.source and not row.profile:
@@ -131,7 +131,7 @@ def _known_by(row: NodeRow) -> Cell:
 
 
 def _files_of_others(result: NodeListing) -> Iterator[Line]:
-    """What to know of the nodes' files, once for all nodes of which it is so, and of which there is none."""
+    """Show notes on the nodes' files, merged for nodes with the same note, and nodes without a file."""
     unknown = [str(row.node) for row in result.rows if not row.source and not row.note]
     if unknown:
         yield [Cell(f"  no EDS is known of node {', '.join(unknown)}: `eds add FILE`, or --eds FILE", "dim")]
@@ -165,14 +165,14 @@ def _node_detail(row: NodeRow) -> Iterator[Line]:
 
 
 def _found_by(row: NodeRow) -> str:
-    """Why the file describes it, where that is a question."""
+    """Return the reason for the choice of the file, if not obvious."""
     from dvtcli.operations.opening.simulated_nodes import SIMULATED
 
     return "" if row.eds_why == SIMULATED else row.eds_why
 
 
 def commanded_lines(result: Commanded, _width: int) -> Iterator[Line]:
-    """An NMT command and the state that each node is seen in."""
+    """Show an NMT command and each node's state."""
     dry = Cell(" (dry run: nothing was sent)" if result.dry_run else "", "cyan")
     if result.node:
         state = result.states[0][1]
@@ -193,7 +193,7 @@ def _seen(result: Commanded, state: str | None) -> list[Cell]:
 
 
 def synced_lines(result: Synced, width: int) -> Iterator[Line]:
-    """How many SYNCs went out, and what came in answer."""
+    """Show the number of SYNCs sent, and the frames received."""
     dry = " (dry run: nothing was sent)" if result.dry_run else ""
     came = sum(count for _, count, _ in result.frames)
     with_id = "" if result.can_id == 0x080 else f" with CAN-ID 0x{result.can_id:03X} (the node's 0x1005)"
@@ -208,7 +208,7 @@ def synced_lines(result: Synced, width: int) -> Iterator[Line]:
 
 
 def sync_check_lines(result: SyncCheck, _width: int) -> Iterator[Line]:
-    """What each node says of SYNC, and how many were heard."""
+    """Show each node's SYNC settings, and the number of SYNCs received."""
     yield from (_source_text(source) for source in result.nodes)
     yield f"on the bus: {result.heard or 'no'} SYNC in {result.listened_ms} ms"
 

@@ -1,4 +1,4 @@
-"""The text of PDOs: the list of a node's, and one with its frame picture."""
+"""The text of PDOs: a node's list, and a single PDO with its frame picture."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from dvtcli.operations.results.pdos import LastFrame, MappedName, PdoListing, Pd
 
 
 def vpdo_lines(result: VpdoListing, width: int) -> Iterator[Line]:
-    """A line for each active pin, and one for a group that has none."""
+    """Show a line per active pin, and a line for a group without any."""
     if result.said:
         yield result.said
     table = Table(("GROUP", "PIN", "OBJECT", "NAME"), frozenset({1}), 3)
@@ -32,7 +32,7 @@ def vpdo_lines(result: VpdoListing, width: int) -> Iterator[Line]:
 
 
 def listing_lines(result: PdoListing, width: int) -> Iterator[Line]:
-    """The PDOs of a node, or the one that was asked for."""
+    """Show the PDOs of a node, or a single PDO."""
     if result.detail:
         yield from _detail(result, result.rows[0], width)
         return
@@ -57,7 +57,7 @@ def _is_of_interest(row: PdoRow) -> bool:
 
 
 def _inconsistency(row: PdoRow) -> Iterator[Line]:
-    """What is wrong with a PDO as it stands, and what mends it."""
+    """Show the error in a PDO's configuration, and the remedy."""
     yield from _impossible(row)
     if not row.config.inconsistency:
         return
@@ -71,7 +71,7 @@ def _inconsistency(row: PdoRow) -> Iterator[Line]:
 
 
 def _impossible(row: PdoRow) -> Iterator[Line]:
-    """What an enabled PDO maps that no frame can hold."""
+    """Show an enabled PDO's mapping beyond the size of a frame."""
     if not row.config.enabled or row.config.mpdo is not None:
         return
     if row.config.bits > 64:
@@ -94,7 +94,7 @@ def _cells(row: PdoRow) -> list[str | Cell]:
 
 
 def _state(row: PdoRow, off: str) -> Cell:
-    """Whether it is on the bus; *off* is the style of one that is not."""
+    """Return whether the PDO is enabled; *off* is the style of a disabled PDO."""
     if not row.config.has_cob_id:
         return Cell("?", "yellow")
     return Cell("enabled", "green") if row.config.enabled else Cell("off", off)

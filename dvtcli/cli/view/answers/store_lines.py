@@ -14,12 +14,12 @@ from dvtcli.operations.results.failures import compared_text
 if TYPE_CHECKING:
     from dvtcli.operations.results import Stored
 
-#: characters that a sentence takes of a line, also where no terminal says how wide it is
+#: width of sentences, also without a terminal
 _WIDTH = 98
 
 
 def stored_lines(result: Stored, _width: int) -> Iterator[Line]:
-    """Where the signature went, what it keeps, and what the proof showed."""
+    """Show the object of the signature, the stored values, and the result of the proof."""
     word = "save" if result.word == "store" else "load"
     if result.skipped:
         yield f"not stored, since {result.skipped}"
@@ -55,7 +55,7 @@ def _outcome(result: Stored) -> Iterator[Line]:
 
 
 def _shown_by(result: Stored, proof: Proof) -> Iterator[Line]:
-    """What the restart showed; what to do where that is nothing is said by the answer's failure."""
+    """Show the result of the restart; a failed proof's remedy is in the error."""
     what, after = compared_text(proof), f"after the {RESTART_NAMES[proof.by]}"
     stored = result.word == "store"
     if proof.differences:

@@ -1,4 +1,4 @@
-"""The text of several objects' values, and of the course they took."""
+"""The text of several objects' values and their trend."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def value_lines(result: ValueRead, _width: int) -> Iterator[Line]:
-    """An object with its value; of a drive's word also the names of the bits that are set."""
+    """Show an object with its value; for a drive's statusword also the names of set bits."""
     yield [*value_line(result), *_into_file(result)]
     number, meaning = result.value, result.meaning
     if meaning.states and isinstance(number, int) and (bits := meaning.set_bits(number)):
@@ -24,7 +24,7 @@ def value_lines(result: ValueRead, _width: int) -> Iterator[Line]:
 
 
 def value_line(result: ValueRead) -> list[Cell]:
-    """An object with its value, decoded and raw."""
+    """Show an object with its value, decoded and raw."""
     number = result.value
     if isinstance(number, str):
         shown = repr(number)
@@ -41,13 +41,13 @@ def value_line(result: ValueRead) -> list[Cell]:
 
 
 def _into_file(result: ValueRead) -> Iterator[Cell | Hint]:
-    """What gives the whole of a value that is shown in part."""
+    """Show the command for the whole of a value shown in part."""
     if isinstance(result.value, bytes) and len(result.value) > MOST_SHOWN and not result.written:
         yield from (Cell("; "), Hint(Action.READ, {"object": result.object, "into": "FILE"}, "has all"))
 
 
 def object_lines(result: ObjectListing, width: int) -> Iterator[Line]:
-    """Entries of the object dictionary."""
+    """Show entries of the object dictionary."""
     table = Table(("OBJECT", "NAME", "TYPE", "ACCESS", "MAPPABLE", "DEFAULT"), shrink=1)
     for row in result.rows:
         table.add(row.object, Cell(row.name, "bold"), row.type_name, row.access, row.mappable, row.default)
@@ -75,7 +75,7 @@ _LEVELS = "▁▂▃▄▅▆▇█"
 
 
 def values_lines(result: ValuesRead, width: int) -> Iterator[Line]:
-    """One object a line, or all of them in a line with its time."""
+    """Show an object per line, or all on a line with its time."""
     if result.at_s is not None:
         values = [value for value in result.values if isinstance(value, ValueRead)]
         yield [
@@ -91,7 +91,7 @@ def values_lines(result: ValuesRead, width: int) -> Iterator[Line]:
 
 
 def watched_lines(result: ValuesWatched, width: int) -> Iterator[Line]:
-    """Least, most and last of each object, and its last values as a picture."""
+    """Show minimum, maximum and last value of each object, and a graph of the last values."""
     header = ("NODE", "OBJECT", "NAME", "READ", "LEAST", "MOST", "LAST", "COURSE")
     table = Table(header, right=frozenset({3, 4, 5, 6}), shrink=2)
     for course in result.courses:

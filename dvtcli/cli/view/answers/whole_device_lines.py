@@ -1,4 +1,4 @@
-"""The text of a whole device against what a file says of it."""
+"""The text of a comparison of a whole device and a file."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from dvtcli.domain.shown_value import value_text as physical_text
 if TYPE_CHECKING:
     from dvtcli.operations.results.whole_devices import ObjectDifference, WholeCompared
 
-#: how many bytes of a long value are shown
+#: number of bytes to show of a long value
 _MOST_SHOWN = 8
-#: unsigned objects that are written in hexadecimal: COB-IDs and mapping entries, identities, device types
+#: unsigned objects to show in hexadecimal: COB-IDs and mapping entries, identities, device types
 _IN_HEX = range(0x1000, 0x2000)
 
 
 def whole_compared_lines(result: WholeCompared, width: int) -> Iterator[Line]:
-    """What differs, setting by setting; then what the device says of itself, and what is no setting."""
+    """Show differing settings; then the device's identity data, and objects that are no settings."""
     if result.unlike:
         yield [Cell("another device: ", "yellow"), Cell(result.unlike)]
     if result.differences:
@@ -51,7 +51,7 @@ def whole_compared_lines(result: WholeCompared, width: int) -> Iterator[Line]:
 
 
 def _reasons(found: Iterable[ObjectDifference]) -> Iterator[Line]:
-    """Why they are no settings, where that is known: some of it is a guess."""
+    """Show why objects are no settings, if known: in part a guess."""
     by_why: dict[str, list[str]] = {}
     for difference in found:
         if difference.apart:
@@ -73,7 +73,7 @@ def _rows(result: WholeCompared, found: Iterable[ObjectDifference], width: int) 
 
 
 def value_text(one: ObjectDifference, data: bytes | None) -> str:
-    """A value for a person; of a long one the beginning, and how long it is."""
+    """Return a value for display; for a long value its beginning and length."""
     if data is None:
         return "-"
     value = one.value(data)

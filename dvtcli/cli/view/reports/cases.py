@@ -1,4 +1,4 @@
-"""What a comparison of nodes looked at, case by case, as tools of CI count it. Knows none of their formats."""
+"""The cases of a comparison, as counted by CI tools."""
 
 from __future__ import annotations
 
@@ -24,10 +24,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One PDO or object of a *node*, or of a file: *says* what is not as it should be, nothing where all is.
+    """A PDO or object of a *node* or a file; *says* are the deviations, empty if none.
 
-    *level* is `error`, `warning` or `notice`, or `skipped` where nobody looked; *file* with *line* and *column* (0:
-    nowhere) says what should be.
+    *level* is `error`, `warning` or `notice`, or `skipped` if not checked; *file* with *line* and *column* (0: unknown)
+    is the
+    place of the wanted value.
     """
 
     node: int | str
@@ -40,12 +41,12 @@ class Case:
 
     @property
     def where(self) -> str:
-        """Whose it is, for a person."""
+        """The owner of the case for display."""
         return self.node if isinstance(self.node, str) else f"node {self.node}"
 
 
 def cases_of(result: NetworkPlanned | Compared | ComparedNodes | WholeCompared) -> Iterator[Case]:
-    """Every case of *result*, node by node."""
+    """Return every case of *result*, node by node."""
     if isinstance(result, NetworkPlanned):
         for node in result.plan.nodes:
             yield from _planned(result, node)
@@ -61,7 +62,7 @@ def cases_of(result: NetworkPlanned | Compared | ComparedNodes | WholeCompared) 
 
 
 def _planned(result: NetworkPlanned, node: NodePlan) -> Iterator[Case]:
-    """What differs is an error where that is to be told, else a notice: it is what `apply` would write."""
+    """Return differences: errors if requested, else notices of planned writes by `apply`."""
     level = "error" if result.tells else "notice"
     if not node.is_read:
         says = ("not read: its stamp (0x1020) is that of the file",)
@@ -86,14 +87,14 @@ def _planned(result: NetworkPlanned, node: NodePlan) -> Iterator[Case]:
 
 
 def _lacking(lacking: Sequence[Lacked], file: str) -> Iterator[Case]:
-    """The PDOs and objects of *file* that nodes have not."""
+    """Return PDOs and objects of *file* missing in nodes."""
     for lacked in lacking:
         line = 0 if lacked.complaint is None else lacked.complaint.line
         yield Case(lacked.node_id, lacked.label, (lacked.finding.text,), "error", file, line)
 
 
 def _line(node: NodePlan, change: Change) -> int:
-    """Where the file says what *change* comes to: its PDO or object, else its node."""
+    """Return the file's line for *change*: of its PDO or object, else its node."""
     if isinstance(change, PdoChange):
         return node.lines.get(change.pdo, 0) or node.line
     return node.object_lines.get((change.step.index, change.step.sub_index), 0) or node.line
@@ -123,7 +124,7 @@ def _compared(one: Compared) -> Iterator[Case]:
 
 
 def _whole(result: WholeCompared) -> Iterator[Case]:
-    """Each setting that differs, the equal ones together; what is no setting is a notice where it is asked for."""
+    """Return each differing setting, and equal settings together; other objects are notices on request."""
     where = result.second if result.node is None else result.node
     equal = result.objects - len(result.differences)
     yield Case(where, plural(equal, "equal setting"), file=result.first)

@@ -20,7 +20,7 @@ _LEVELS = {"error": "error", "warning": "warning", "notice": "notice", "skipped"
 
 
 def github_case_lines(result: NetworkPlanned | Compared | ComparedNodes | WholeCompared, _width: int) -> Iterator[Line]:
-    """A command for each PDO or object that differs, errors first, and their sum: GitHub shows ten of a kind."""
+    """Show a command per difference, errors first, and the sum: GitHub shows ten of a kind."""
     cases = list(cases_of(result))
     for level, command in _LEVELS.items():
         for case in cases:
@@ -32,7 +32,7 @@ def github_case_lines(result: NetworkPlanned | Compared | ComparedNodes | WholeC
 
 
 def github_error_lines(error: DvtcliError) -> Iterator[Line]:
-    """A command for each complaint about a file, else one for the failure, and one for what failed with it."""
+    """Show a command per complaint about a file, else for the failure, and for related failures."""
     complaints = error.complaints if isinstance(error, InputFileError | RuleError) else ()
     for complaint in complaints:
         yield workflow_command("error", complaint.file, complaint.line, "dvtcli", complaint.text, complaint.column)
@@ -44,7 +44,7 @@ def github_error_lines(error: DvtcliError) -> Iterator[Line]:
 
 
 def workflow_command(level: str, file: str, line: int, title: str, text: str, column: int = 0) -> str:
-    """A workflow command of *level* about a place, the parts of which may be empty."""
+    """Return a workflow command of *level* for a place, with possibly empty parts."""
     places = (("file", file), ("line", line), ("col", column), ("title", title))
     words = ",".join(f"{key}={as_property(str(value))}" for key, value in places if value)
     return f"::{level} {words}::{as_data(text)}"

@@ -12,7 +12,7 @@ _COMMANDS = {"error": "error", "warning": "warning", "note": "notice"}
 
 
 def github_lines(result: Reported, _width: int) -> Iterator[Line]:
-    """A command for each finding, errors first, and the sum of each file: GitHub shows ten of a kind and step."""
+    """Show a command per finding, errors first, and each file's sum: GitHub shows ten of a kind and step."""
     reports = result.reports
     for severity in SEVERITIES:
         for report in reports:
@@ -30,16 +30,16 @@ def _place(report: Report, finding: FileFinding) -> str:
 
 
 def as_data(text: str) -> str:
-    """*text* as the message of a workflow command."""
+    """Escape *text* for the message of a workflow command."""
     return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
 
 
 def as_path(text: str) -> str:
-    """*text* that begins with a path, as a line that is no workflow command, of neither form: `::x::`, `##[x]`."""
+    """Return *text*, beginning with a path, as a line that is no workflow command: `::x::`, `##[x]`."""
     plain = text.replace("##[", "## [")
     return f"./{plain}" if plain.lstrip().startswith("::") else plain
 
 
 def as_property(text: str) -> str:
-    """*text* as a property of a workflow command."""
+    """Escape *text* for a property of a workflow command."""
     return as_data(text).replace(":", "%3A").replace(",", "%2C")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def junit_case_lines(result: NetworkPlanned | Compared | ComparedNodes | WholeCompared, _width: int) -> Iterator[Line]:
-    """A PDO or object that differs is a failure; what rules note of a node stands in a case's output."""
+    """Show a failure per differing PDO or object; findings about a node go to a case's output."""
     suites = (_suite(where, list(cases)) for where, cases in groupby(cases_of(result), key=lambda case: case.where))
     yield from suites_text(suites)
 
@@ -51,7 +51,7 @@ def _fails(case: Case) -> bool:
 
 
 def junit_error_lines(error: DvtcliError) -> Iterator[Line]:
-    """The failure as a test case with an error, so that a report is never empty."""
+    """Show the failure as a test case with an error, to avoid an empty report."""
     complaints = error.complaints if isinstance(error, InputFileError | RuleError) else ()
     suite = ET.Element("testsuite", {"name": "dvtcli", "tests": "1", "failures": "0", "errors": "1"})
     element = ET.SubElement(suite, "testcase", {"classname": "dvtcli", "name": error.slug})

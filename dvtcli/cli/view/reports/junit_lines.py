@@ -1,4 +1,4 @@
-"""JUnit's XML, as CI servers read it: a suite for each file, a test case for each rule that was asked."""
+"""JUnit's XML for CI servers: a suite per file, a test case per rule."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from dvtcli.operations.results.checked_files import FileFinding, Report, Reporte
 
 
 def junit_lines(result: Reported, _width: int) -> Iterator[Line]:
-    """A rule that found what makes the file invalid is a failure; what else was found stands in the case's output."""
+    """Show a failure per rule that makes the file invalid; other findings go to the case's output."""
     yield from suites_text(_suite(report) for report in result.reports)
 
 
 def suites_text(made: Iterable[ET.Element]) -> Iterator[Line]:
-    """The text of the suites *made*, with their sums."""
+    """Return the text of the suites *made*, with sums."""
     suites = ET.Element("testsuites")
     suites.extend(made)
     for name in ("tests", "failures", "errors"):
@@ -28,7 +28,7 @@ def suites_text(made: Iterable[ET.Element]) -> Iterator[Line]:
 
 
 def _suite(result: Report) -> ET.Element:
-    """One file."""
+    """Return the suite of a file."""
     found: dict[str, list[FileFinding]] = {}
     for finding in result.findings:
         found.setdefault(finding.rule, []).append(finding)

@@ -1,4 +1,4 @@
-"""SARIF 2.1.0: findings as code scanning services take them. One run of all files."""
+"""SARIF 2.1.0: findings for code scanning services, in one run for all files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
 
 
 def sarif_lines(result: Reported, _width: int) -> Iterator[Line]:
-    """The whole document, with every rule that was asked: who reads it sees what is settled since."""
+    """Show the whole document, with all rules applied, for services that track fixed findings."""
     reports = result.reports
     rules = list({rule.name: rule for report in reports for rule in report.rules}.values())
     places = {rule.name: number for number, rule in enumerate(rules)}
@@ -55,5 +55,5 @@ def _rule(rule: Any) -> dict[str, Any]:
 
 
 def _uri(path: str) -> str:
-    """A path as a reference: relative ones stay so, which is how a service finds the file in its repository."""
+    """Return a path as a reference; relative paths stay relative, for the service's repository."""
     return Path(path).as_uri() if Path(path).is_absolute() else quote(os.fsencode(Path(path).as_posix()))

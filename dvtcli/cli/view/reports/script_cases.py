@@ -1,4 +1,4 @@
-"""The lines of a script that ran, as tools of CI count them: JUnit's XML, and GitHub's workflow commands."""
+"""The executed lines of a script for CI tools: JUnit's XML, and GitHub's workflow commands."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def junit_script_lines(lines: Sequence[LineRan]) -> Iterator[Line]:
-    """A suite for each script, a test case for each of its lines; one that was not reached is skipped."""
+    """Show a suite per script, a test case per line; unreached lines are skipped."""
     by_file = sorted(lines, key=lambda line: (line.file != lines[0].file, line.file))
     yield from suites_text(_suite(file, list(ran)) for file, ran in groupby(by_file, key=lambda line: line.file))
 
@@ -65,9 +65,9 @@ def _why(line: LineRan) -> str:
 
 
 def github_script_lines(lines: Sequence[LineRan]) -> Iterator[Line]:
-    """What each line said, in a group, an error for each that failed, and how many lines there were.
+    """Show each line's output in a group, an error per failure, and the number of lines.
 
-    What a device says may not begin a line: it could be a workflow command.
+    A device's text must not begin a line: it could be a workflow command.
     """
     for line in lines:
         if line.said:

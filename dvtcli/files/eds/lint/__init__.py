@@ -1,1 +1,1 @@
-"""The linter of EDS and DCF files: what is odd in the text, and, by `domain.lint`, in the device it describes."""
+"""Lint EDS and DCF files: oddities of the text and, by `domain.lint`, of the described device."""

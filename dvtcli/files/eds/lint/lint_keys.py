@@ -1,4 +1,4 @@
-"""Rules about keys: those that the standard does not have, and those that say nothing where they stand."""
+"""Rules about keys: keys unknown to the standard, and keys without effect at their place."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
 _OBJECT = ("ParameterName", "ObjectType", "DataType", "AccessType", "DefaultValue", "PDOMapping", "LowLimit",
            "HighLimit", "SubNumber", "CompactSubObj", "ObjFlags", "ParameterValue", "Denotation", "UploadFile",
            "DownloadFile", "ParamRefd", "Unit", "Factor", "Description")  # fmt: skip
-#: Every key of a section, as it is spelled. Unit, Factor and Description are no standard's, but common.
+#: All keys of a section in their spelling. Unit, Factor and Description are common but not standard.
 _KEYS = {
     "fileinfo": ("FileName", "FileVersion", "FileRevision", "EDSVersion", "Description", "CreationTime",
                  "CreationDate", "CreatedBy", "ModificationTime", "ModificationDate", "ModifiedBy", "LastEDS"),
@@ -31,16 +31,16 @@ _SECTIONS = {
                  "OptionalObjects", "ManufacturerObjects")
 }  # fmt: skip
 _NEARLY_OBJECT = re.compile(r"(0x)?[0-9a-f]{3,5}h?((sub|s)[0-9a-z]*|_[0-9a-z]+|:[0-9a-z]+)?")
-#: The keys that only an entry has: an object with sub-indices has them in those.
+#: Keys of entries: in an object with sub-indices they belong to these.
 _OF_ENTRIES = ("datatype", "accesstype", "defaultvalue", "lowlimit", "highlimit", "pdomapping", "parametervalue")
-#: So many misspelt keys are looked up; in a file with more the others are only unknown.
+#: Maximum number of keys to check for misspelling; further keys are reported as unknown.
 _MOST_LOOKED_UP = 200
 _LONGEST = 40
 
 
 @check("misspelt-key", WARNING, "a key that is nearly one of the standard's: it is not read", "CiA 306, 4.4 to 4.6")
 def misspelt_key(text: LintedText) -> Found:
-    """What it should say is missing."""
+    """The intended value is missing."""
     for value, near in unknown_keys(text):
         if near:
             yield value.line, f"{value.key} is not known; is {near} meant?"
@@ -48,7 +48,7 @@ def misspelt_key(text: LintedText) -> Found:
 
 @check("unknown-key", NOTE, "a key that the standard does not have", "CiA 306, 4.4 to 4.6")
 def unknown_key(text: LintedText) -> Found:
-    """A tool's own, most likely; it is kept as it is."""
+    """Most likely a tool's private key; kept unchanged."""
     for value, near in unknown_keys(text):
         if not near:
             yield value.line, f"{value.key} is not known"
@@ -58,7 +58,7 @@ def unknown_key(text: LintedText) -> Found:
     "misspelt-section", WARNING, "a section that is nearly one of the standard's: it is not read", "CiA 306, 4.4 to 4.8"
 )
 def misspelt_section(text: LintedText) -> Found:
-    """What it should say is missing."""
+    """The intended section is missing."""
     for section in text.file.layout.stray[:_MOST_LOOKED_UP]:
         name = section.name.replace(" ", "").lower()
         near = get_close_matches(name, _SECTIONS, 1, 0.8) if len(name) <= _LONGEST else []
@@ -70,7 +70,7 @@ def misspelt_section(text: LintedText) -> Found:
 
 @check("no-sub-number", NOTE, "an object with sub-indices has no SubNumber", "CiA 306, 4.6.3: SubNumber")
 def no_sub_number(text: LintedText) -> Found:
-    """Readers that count by it find none."""
+    """Readers that rely on SubNumber find no sub-index."""
     for entry in text.objects:
         if (
             entry.sub_index is None
@@ -82,7 +82,7 @@ def no_sub_number(text: LintedText) -> Found:
 
 @check("key-without-effect", NOTE, "an object with sub-indices has keys that only those have", "CiA 306, 4.6.3")
 def key_without_effect(text: LintedText) -> Found:
-    """What it says counts for none of them."""
+    """The key applies to none of the sub-indices."""
     for entry in text.objects:
         if is_head(text, entry):
             for key in _OF_ENTRIES:
@@ -92,7 +92,7 @@ def key_without_effect(text: LintedText) -> Found:
 
 
 def unknown_keys(text: LintedText) -> Iterator[tuple[IniValue, str]]:
-    """Every value of a key that is not known, with the known one that is nearly the same, or nothing."""
+    """Iterate over values of unknown keys, each with the most similar known key, or an empty text."""
     seen: dict[tuple[str, str], str] = {}
     sections = [(name, text.values(name).items()) for name in _KEYS]
     for name, values in [*sections, *(("", entry.values.items()) for entry in text.objects)]:

@@ -20,7 +20,7 @@ def byte_order_mark(text: LintedText) -> Found:
 
 @check("non-ascii", NOTE, "a character beyond ASCII: readers differ in which one it is", _FORMAT)
 def non_ascii(text: LintedText) -> Found:
-    """Said once, of the first."""
+    """Reports the first line only."""
     for section in _parts(text):
         if not section.text.isascii():
             line, words = next((n, part) for n, part in enumerate(section.text.split("\n")) if not part.isascii())
@@ -41,7 +41,7 @@ def line_ends(text: LintedText) -> Found:
 
 @check("long-line", NOTE, "a line has more than 255 characters", _FORMAT)
 def long_line(text: LintedText) -> Found:
-    """Some readers cut it."""
+    """Some readers cut long lines."""
     for section in _parts(text):
         if len(section.text) > _LONGEST:
             for number, words in enumerate(section.text.split("\n"), section.line):

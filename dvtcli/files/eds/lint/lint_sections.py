@@ -1,4 +1,4 @@
-"""Rules about FileInfo: what a file says about itself."""
+"""Rules about sections: FileInfo, DeviceInfo, DummyUsage, lists, short forms, DeviceComissioning."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ _TIME = re.compile(r"(0[1-9]|1[0-2]):[0-5][0-9](AM|PM)")
 
 @check("no-file-info", WARNING, "there is no FileInfo", _SOURCE)
 def no_file_info(text: LintedText) -> Found:
-    """Nobody can tell two versions of the file."""
+    """Versions of the file cannot be told apart."""
     return no_section(text, "FileInfo", "nobody can tell two versions of the file")
 
 
 @check("missing-file-info", NOTE, "FileInfo lacks keys that it must have", _SOURCE)
 def missing_file_info(text: LintedText) -> Found:
-    """Said once, with all of them."""
+    """Reports all missing keys in one finding."""
     return missing_keys(text, "FileInfo", _NEEDED)
 
 
 @check("file-name", NOTE, "FileName is not the file's name", _SOURCE)
 def file_name(text: LintedText) -> Found:
-    """A copy under another name, or a copied FileInfo."""
+    """The file was renamed, or its FileInfo was copied."""
     named = given(text.values("fileinfo"), "filename")
     if named is not None and re.split(r"[\\/]", named.value)[-1].lower() != text.name.lower():
         yield named.line, f"{quoted(named)}, but the file is called {text.name}"
@@ -54,7 +54,7 @@ def file_version(text: LintedText) -> Found:
 
 @check("eds-version", NOTE, "EDSVersion is no version of the standard (3.0, 4.0)", _SOURCE)
 def eds_version(text: LintedText) -> Found:
-    """Absent, it means 3.0."""
+    """An absent EDSVersion means 3.0."""
     value = given(text.values("fileinfo"), "edsversion")
     if value is not None and value.value not in ("3.0", "4.0"):
         yield value.line, f"{quoted(value)}: the versions are 3.0 and 4.0"
@@ -70,7 +70,7 @@ def file_date(text: LintedText) -> Found:
 
 @check("file-time", NOTE, "a time is not written HH:MMAM or HH:MMPM", _SOURCE)
 def file_time(text: LintedText) -> Found:
-    """Of twelve hours."""
+    """Times are in the 12-hour form."""
     for value in all_given(text.values("fileinfo"), ("creationtime", "modificationtime")):
         if not _TIME.fullmatch(value.value.upper()):
             yield value.line, f"{quoted(value)} is no time; one is written HH:MMAM or HH:MMPM"
@@ -78,7 +78,7 @@ def file_time(text: LintedText) -> Found:
 
 @check("modified-before-created", NOTE, "the file was modified before it was created", _SOURCE)
 def modified_before_created(text: LintedText) -> Found:
-    """One of the dates is another file's."""
+    """Either date belongs to another file."""
     values = text.values("fileinfo")
     created, modified = (given(values, key) for key in ("creationdate", "modificationdate"))
     if created is None or modified is None:
@@ -112,7 +112,7 @@ _NEEDED_IN_DEVICE_INFO = (
     "VendorName", "VendorNumber", "ProductName", "ProductNumber", "RevisionNumber", "OrderCode", *_FLAGS,
     "Granularity", "NrOfRXPDO", "NrOfTXPDO",
 )  # fmt: skip
-#: Keys that may also be a number: how many dynamic channels there are.
+#: Keys that may also be a count, e.g. of dynamic channels.
 _COUNTS = ("DynamicChannelsSupported",)
 
 
@@ -124,7 +124,7 @@ def no_device_info(text: LintedText) -> Found:
 
 @check("missing-device-info", NOTE, "DeviceInfo lacks keys that it must have", _DEVICE_INFO)
 def missing_device_info(text: LintedText) -> Found:
-    """Said once, with all of them."""
+    """Reports all missing keys in one finding."""
     return missing_keys(text, "DeviceInfo", _NEEDED_IN_DEVICE_INFO)
 
 
@@ -140,7 +140,7 @@ def vendor_id(text: LintedText) -> Found:
 
 @check("no-bit-rate", WARNING, "no bit rate is supported", _DEVICE_INFO)
 def no_bit_rate(text: LintedText) -> Found:
-    """A device has one at least."""
+    """Every device supports at least one bit rate."""
     section = text.section("deviceinfo")
     if section is not None and not text.file.dictionary.info.bit_rates_kbit:
         yield section.line, "no BaudRate_… is 1: the device would support no bit rate"
@@ -148,7 +148,7 @@ def no_bit_rate(text: LintedText) -> Found:
 
 @check("flag-value", WARNING, "a key of DeviceInfo that is 0 or 1 has another value", _DEVICE_INFO)
 def flag_value(text: LintedText) -> Found:
-    """Tools differ in what it means then."""
+    """Tools differ in reading other values."""
     flags = (key.lower() for key in _FLAGS if key not in _COUNTS)
     for value in all_given(text.values("deviceinfo"), flags):
         if without_comment(value.value).lower() not in _ZERO_OR_ONE:
@@ -171,7 +171,7 @@ def lss_identity(text: LintedText) -> Found:
     "group-messaging", NOTE, "GroupMessaging=0, and a PDO comes up multiplexed", "CiA 306, DeviceInfo: GroupMessaging"
 )
 def group_messaging(text: LintedText) -> Found:
-    """Multiplexed PDOs are what it is about."""
+    """GroupMessaging is about multiplexed PDOs."""
     value, dictionary = given(text.values("deviceinfo"), "groupmessaging"), text.file.dictionary
     if value is not None and value.value == "0":
         multiplexed = [pdo for pdo in default_pdos(dictionary, 1) if pdo.config.mpdo is not None]
@@ -204,7 +204,7 @@ def granularity_zero(text: LintedText) -> Found:
 
 @check("no-dummy-usage", NOTE, "there is no DummyUsage: nobody knows by what an RPDO may skip bits", _DUMMIES)
 def no_dummy_usage(text: LintedText) -> Found:
-    """Only a file with RPDOs needs it."""
+    """Applies to files with RPDOs only."""
     pdos = [pdo for pdo in map(Pdo.at, text.file.dictionary) if pdo is not None]
     if any(not pdo.is_tpdo for pdo in pdos):
         yield from no_section(text, "DummyUsage", "by what an RPDO may skip bits is not known")
@@ -218,7 +218,7 @@ def missing_dummy(text: LintedText) -> Found:
 
 @check("dummy-type", WARNING, "DummyUsage allows what is no data type of a fixed length", _DUMMIES)
 def dummy_type(text: LintedText) -> Found:
-    """A dummy skips as many bits as its type has."""
+    """A dummy skips the bits of its data type."""
     for index in sorted(text.file.dictionary.info.dummies or ()):
         known = DATA_TYPES.get(index)
         if known is None or known.bits is None:
@@ -257,7 +257,7 @@ def list_numbering(text: LintedText) -> Found:
 
 @check("compact-record", NOTE, "CompactSubObj of what is no ARRAY", _COMPACT)
 def compact_record(text: LintedText) -> Found:
-    """All its sub-indices would be alike, and a RECORD's are not."""
+    """CompactSubObj makes all sub-indices equal, unlike in a RECORD."""
     for entry in text.objects:
         if "compactsubobj" in entry.values and entry.sub_index is None:
             held = text.file.dictionary[entry.index]
@@ -284,7 +284,7 @@ def compact_and_sub(text: LintedText) -> Found:
 
 @check("table-without-compact", NOTE, "a table of names or values of an object that is not in short form", _COMPACT)
 def table_without_compact(text: LintedText) -> Found:
-    """Other readers do not look at it."""
+    """Other readers ignore the table."""
     compact = {entry.index for entry in text.objects if "compactsubobj" in entry.values}
     for index in text.file.layout.objects:
         if index not in compact:
@@ -297,7 +297,7 @@ def table_without_compact(text: LintedText) -> Found:
 @check("missing-deftype", WARNING, "DataType names a type of the device's own that is not in the file",
        "CiA 301, 7.4.1")  # fmt: skip
 def missing_deftype(text: LintedText) -> Found:
-    """What such an object holds is not known."""
+    """The object's contents are unknown."""
     for entry in text.objects:
         value = entry.values.get("datatype")
         code = None if value is None else _number(value)
@@ -327,7 +327,7 @@ _RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
 
 @check("parameter-value-in-eds", WARNING, "an EDS sets values (ParameterValue)", f"{_COMMISSIONING}: ParameterValue")
 def parameter_value_in_eds(text: LintedText) -> Found:
-    """It describes one device and not all of its kind; tools that read an EDS pass it by."""
+    """The value belongs to a single device, not to the type; tools that read an EDS ignore it."""
     if text.is_eds:
         for entry in text.objects:
             value = given(entry.values, "parametervalue")
@@ -345,7 +345,7 @@ def commissioning_in_eds(text: LintedText) -> Found:
 
 @check("no-commissioning", NOTE, "a DCF without NodeID in DeviceComissioning", f"{_COMMISSIONING}: DeviceComissioning")
 def no_commissioning(text: LintedText) -> Found:
-    """It does not say which node it is for."""
+    """The file does not name its node."""
     section = text.section(_SECTION)
     if text.is_dcf and "nodeid" not in text.values(_SECTION):
         yield section.line if section else 1, "no NodeID in [DeviceComissioning]: for which node it is, is not said"
@@ -363,7 +363,7 @@ def commissioning_spelling(text: LintedText) -> Found:
 @check("commissioned-bit-rate", WARNING, "Baudrate is none of CiA 301's (kbit/s), or one that DeviceInfo says 0 to",
        f"{_COMMISSIONING}: Baudrate")  # fmt: skip
 def commissioned_bit_rate(text: LintedText) -> Found:
-    """The node would not be heard."""
+    """The node could not communicate."""
     value = given(text.values(_SECTION), "baudrate")
     if value is None:
         return

@@ -1,6 +1,6 @@
-"""What the rules about a file's text look at: its sections with their values, each read once.
+"""A file's text as lint rules see it: sections with their values, each read once.
 
-Judges nothing. What the reader found odd is in `EdsFile.findings` already.
+Findings of the reader are in `EdsFile.findings`.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from dvtcli.files.eds.reader import EdsFile
 
 
 def no_section(text: LintedText, name: str, lost: str) -> Found:
-    """A file without the section *name*, whereby *lost* is not known."""
+    """Find a file without the section *name*; *lost* is the missing information."""
     if text.section(name.lower()) is None:
         yield 1, f"there is no [{name}]: {lost}"
 
 
 def missing_keys(text: LintedText, name: str, needed: Iterable[str]) -> Found:
-    """A section *name* without some of the keys *needed*: said once, with all of them."""
+    """Find missing keys (of *needed*) in the section *name*, all in one finding."""
     section, values = text.section(name.lower()), text.values(name.lower())
     missing = [key for key in needed if key.lower() not in values]
     if section is not None and missing:
@@ -44,13 +44,13 @@ def named(finding: EdsFinding, shown: str, dictionary: ObjectDictionary) -> EdsF
     return replace(finding, object=shown, text=f"{shown}{kind}: {finding.text}")
 
 
-#: What a rule finds: a line (1 and up), and what.
+#: Results of a rule: line (from 1) and text.
 Found = Iterator[tuple[int, str]]
 
 
 @dataclass(frozen=True, slots=True)
 class ObjectText:
-    """One section of an object (*sub_index* None) or of a sub-index of it, with its *values* by key in lower case."""
+    """A section of an object (*sub_index* None) or a sub-index, with *values* by key in lower case."""
 
     index: int
     sub_index: int | None
@@ -60,32 +60,32 @@ class ObjectText:
 
 @dataclass(frozen=True)
 class LintedText:
-    """A *file* that was read, and its *name* without a folder."""
+    """A parsed *file* and its *name* without folder."""
 
     file: EdsFile
     name: str
 
     @property
     def is_dcf(self) -> bool:
-        """Whether it is called a DCF."""
+        """Whether the name ends in .dcf."""
         return self.name.lower().endswith(".dcf")
 
     @property
     def is_eds(self) -> bool:
-        """Whether it is called an EDS."""
+        """Whether the name ends in .eds."""
         return self.name.lower().endswith(".eds")
 
     def section(self, name: str) -> IniSection | None:
-        """The device section *name* (in lower case), the first where it stands twice; None where there is none."""
+        """Return the (first) device section *name* (in lower case); None if absent."""
         return next(iter(self.file.layout.device.get(name, ())), None)
 
     def values(self, name: str) -> Values:
-        """What the device section *name* (in lower case) says, by key in lower case; empty where there is none."""
+        """Return the device section *name* (in lower case) by key in lower case; empty if absent."""
         return section_values(self.file.layout.device.get(name, ()), Findings())
 
     @cached_property
     def objects(self) -> tuple[ObjectText, ...]:
-        """Every section of every object, tables aside, in the file's order."""
+        """All sections of objects in the file's order, without tables."""
         return tuple(self._objects())
 
     def _objects(self) -> Iterator[ObjectText]:
@@ -96,23 +96,23 @@ class LintedText:
 
     @cached_property
     def of_many(self) -> frozenset[int]:
-        """The objects that have sections of sub-indices."""
+        """The objects with sections of sub-indices."""
         return frozenset(text.index for text in self.objects if text.sub_index is not None)
 
 
 def is_head(text: LintedText, one: ObjectText) -> bool:
-    """Whether *one* is an object whose sub-indices have sections: what only those have says nothing in it."""
+    """Whether *one* is an object with sections of sub-indices, so that keys of entries have no effect."""
     return one.sub_index is None and one.index in text.of_many and "compactsubobj" not in one.values
 
 
 def given(values: Values, key: str) -> IniValue | None:
-    """The value of *key* (in lower case), None where it is absent or empty."""
+    """Return the value of *key* (in lower case), None if absent or empty."""
     found = values.get(key)
     return found if found is not None and found.value else None
 
 
 def all_given(values: Values, keys: Iterable[str]) -> Iterator[IniValue]:
-    """The values of those of *keys* (in lower case) that are there and not empty."""
+    """Iterate over the non-empty values of *keys* (in lower case)."""
     return (value for key in keys if (value := given(values, key)) is not None)
 
 

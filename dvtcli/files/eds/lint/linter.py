@@ -1,6 +1,6 @@
-"""All rules over one EDS or DCF file: what the reader met, what the text has, and what the described device has.
+"""Apply all rules to an EDS or DCF: findings of the reader, rules about the text and about the device.
 
-Gives each finding its line, and the object with its data type in its text. Judges nothing itself.
+Findings get their line; their text names the object and its data type.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ DEVICE_CHECKS: list[RuleCheck[DescribedDevice, Spot]] = [
     *lint_pdo_defaults.CHECKS,
     *checks_of(lint_pdos, lint_standard, lint_objects),
 ]
-#: Every rule there is.
+#: All rules.
 RULES: tuple[LintRule, ...] = (
     *READ_RULES,
     *(check.rule for check in TEXT_CHECKS),
@@ -44,9 +44,9 @@ RULES: tuple[LintRule, ...] = (
 
 
 def lint(file: EdsFile, name: str, wanted: Collection[str], profile: DeviceProfile = GENERIC) -> tuple[EdsFinding, ...]:
-    """Everything that the rules named in *wanted* say of *file*, which is called *name*, by line.
+    """Return findings of the rules *wanted* in *file*, named *name*, by line.
 
-    Its PDOs are judged as on a device of that *profile*.
+    PDOs are checked as on a device of *profile*.
     """
     places = _Places(file)
     found = [finding for finding in file.findings if finding.rule in wanted]
@@ -68,7 +68,7 @@ def _finding(rule: LintRule, line: int, text: str, about: str = "") -> EdsFindin
 
 
 class _Places:
-    """Lines of a file → objects, and spots → lines."""
+    """Convert lines of a file to objects, and spots to lines."""
 
     def __init__(self, file: EdsFile) -> None:
         self._file = file
@@ -78,17 +78,17 @@ class _Places:
         return [section.line for section in self._file.text.sections]
 
     def named(self, finding: EdsFinding) -> EdsFinding:
-        """*finding* with the object that it is about, else that its line belongs to, and its data type, in the text."""
+        """Add the object, by the finding or its line, and its data type to the text."""
         return named(finding, finding.object or self._at(finding.line), self._file.dictionary)
 
     def _at(self, line: int) -> str:
-        """The object whose section *line* is in, empty where it is in none."""
+        """Return the object whose section contains *line*, empty if none."""
         at = bisect_right(self._starts, line) - 1
         place = object_place(self._file.text.sections[at].name) if at >= 0 else None
         return "" if place is None else object_text(*place)
 
     def line(self, spot: Spot) -> int:
-        """The line of *spot*: its key's, else its section's, else its object's, else 1."""
+        """Return the line of *spot*: of its key, else its section, else its object, else 1."""
         parts = self._parts(spot)
         for key in spot.key.split("|") if spot.key else ():
             for part in reversed(parts):
@@ -97,7 +97,7 @@ class _Places:
         return parts[0].line if parts else 1
 
     def _parts(self, spot: Spot) -> Parts:
-        """Every part of the section of *spot*; of an object in short form, or without a section, the nearest one's."""
+        """Return all parts of the section of *spot*, or of the nearest section if *spot* has none."""
         layout = self._file.layout
         if spot.index is None:
             return layout.device.get(spot.section, [])
