@@ -9,6 +9,7 @@ import pytest
 
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged
+from dvtcli.operations.network.network_files import applied
 from dvtcli.operations.recover.recover_change import recover
 from tests.network.bench import Chain, Heard
 from tests.sample import heavy
@@ -88,11 +89,49 @@ def test_after_each_number_of_writes_the_nodes_are_said_to_be_changed_and_come_b
 class CutWhereAsked(Cut):
     """The same, once it has sent so many requests."""
 
+    #: requests before the first that writes
+    requests = 0
+
     def _send(self, frame: Frame) -> None:
         super(Cut, self)._send(frame)
         if 0x600 < frame.can_id < 0x680 and self.left > 0:
             self.left -= 1
             self.cut = not self.left
+
+
+class CutAtTheFirstWrite(CutWhereAsked):
+    """The same, once, at the first request that writes; it counts those before it."""
+
+    was_cut = False
+
+    def _send(self, frame: Frame) -> None:
+        super(Cut, self)._send(frame)
+        if 0x600 < frame.can_id < 0x680 and not self.was_cut:
+            self.cut = self.was_cut = frame.data[0] >> 5 == 1
+            self.requests += not self.cut
+
+
+@pytest.mark.parametrize("before", [1, 2, 3, 5, 8, 13])
+def test_a_change_that_fails_before_its_first_write_is_over(home: Path, before: int) -> None:
+    """The next change of the session is no part of it."""
+    folder, path = home.parent / "files", home.parent / "net.yaml"
+    folder.mkdir()
+    path.write_text("".join(f"n{node_id}:\n  node_id: {node_id}\n{PART}" for node_id in (5, 7)))
+    families = dict.fromkeys((5, 7), "generic")
+    counting = Chain(folder, families=families, bus=CutAtTheFirstWrite, operational=False)
+    with pytest.raises(DvtcliError):
+        counting.apply(path)
+    assert isinstance(counting.bus, CutAtTheFirstWrite)
+    counting.bus.cut = False
+    with counting.session() as session:
+        recover(session)
+    chain = Chain(home.parent / "others", families=families, bus=CutWhereAsked, operational=False)
+    assert isinstance(chain.bus, Cut)
+    chain.bus.left = counting.bus.requests - before
+    with chain.session() as session:
+        with pytest.raises(DvtcliError, match="the bus is gone"):
+            applied(session, str(path))
+        assert session.whole.id is None
 
 
 @pytest.mark.parametrize("cut", ["request 133", "request 205", "first write"])

@@ -53,12 +53,16 @@ def carry_out_together(
     also = also or AlsoClaimed()
     boot_ups = {node_id: read_part.boot_ups for node_id, read_part in found.items()}
     course = NetworkTransaction(session, nodes, name, boot_ups, held=dict(also.held))
-    for node_id, plan in plans.items():
-        if len(plan):
-            course.plans[node_id], _ = with_way_back(nodes[node_id], plan)
-            own = present_beside(nodes[node_id], course.guarded(node_id))
-            read = wholes_beside(nodes[node_id], plan, found[node_id])
-            course.beside[node_id] = as_they_are({pdo: config for pdo, config in read.items() if pdo in own})
+    try:
+        for node_id, plan in plans.items():
+            if len(plan):
+                course.plans[node_id], _ = with_way_back(nodes[node_id], plan)
+                own = present_beside(nodes[node_id], course.guarded(node_id))
+                read = wholes_beside(nodes[node_id], plan, found[node_id])
+                course.beside[node_id] = as_they_are({pdo: config for pdo, config in read.items() if pdo in own})
+    except BaseException:
+        with course:  # nothing was written: the change ends, so that the next one is not taken for a part of it
+            raise
     run = _Run(session, course, found, findings, sum(map(len, course.plans.values())))
     boot_ups = {node_id: boot_ups[node_id] for node_id in plans}
     try:
