@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.nmt_gate import NodeAccess
@@ -15,10 +14,6 @@ from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.ports import SdoTransport
 from dvtcli.domain.profile import StorePolicy
 from dvtcli.errors import BusUnavailable, DeviceRefused, Interrupted, NoAnswer, SdoAborted
-
-if TYPE_CHECKING:
-    pass
-
 
 STORE, RESTORE = 0x1010, 0x1011
 SIGNATURES = {STORE: b"save", RESTORE: b"load"}
@@ -39,7 +34,7 @@ class Signed:
         return f"{self.index:04X}:{self.sub_index:02X}"
 
 
-def sign(
+def write_signature(
     access: NodeAccess,
     policy: StorePolicy,
     index: int,

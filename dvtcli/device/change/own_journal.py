@@ -13,8 +13,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from dvtcli.device.change.change_group import ChangeGroup, GroupMember, Storing
-from dvtcli.device.change.course import JournalContents, combine_plans, covers
 from dvtcli.device.change.journal import Journal, Journals
+from dvtcli.device.change.journal_contents import JournalContents, combine_plans, covers
 from dvtcli.device.change.lock import NodeLock
 from dvtcli.device.change.plan_document import Identity, change_document
 from dvtcli.device.change.private_file import remove

@@ -59,7 +59,7 @@ def apply_with_retry(
     """
     plan = _as_known(node, plan)
 
-    run: _Run = partial(apply_plan, node, findings=findings, done=done, is_kept=is_kept)
+    run: _ApplyOnce = partial(apply_plan, node, findings=findings, done=done, is_kept=is_kept)
     if _wants_pre_operational(node, plan) and present_state(node.access) is NmtState.OPERATIONAL:
         node.gate.wanted = node.gate.consent
     try:
@@ -74,10 +74,10 @@ def apply_with_retry(
 
 
 #: carries a plan out; None: the node is claimed anew
-_Run = Callable[[Plan, "InitialState | None"], None]
+_ApplyOnce = Callable[[Plan, "InitialState | None"], None]
 
 
-def _apply_again(node: Changeable, plan: Plan, refused: DeviceRefused, run: _Run) -> tuple[Plan, Finding]:
+def _apply_again(node: Changeable, plan: Plan, refused: DeviceRefused, run: _ApplyOnce) -> tuple[Plan, Finding]:
     """Repeat *plan* after a refused step in another way; the final plan, and a finding.
 
     Raises *refused* if there is no other way.
@@ -117,7 +117,7 @@ def _is_for_its_state(node: Changeable, plan: Plan, refused: DeviceRefused) -> b
     )
 
 
-def _in_pre_operational(node: Changeable, plan: Plan, refused: DeviceRefused, run: _Run) -> Finding:
+def _in_pre_operational(node: Changeable, plan: Plan, refused: DeviceRefused, run: _ApplyOnce) -> Finding:
     """Apply *plan* in PRE-OPERATIONAL after consent; raises *refused* without consent."""
     try:
         node.consent_anew(node.gate.question)

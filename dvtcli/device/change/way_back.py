@@ -72,7 +72,8 @@ class TakeBack:
     """The changes to undo: the newest of *plans* (oldest first), or *everything*.
 
     *own*: the plans are of this session's history; *rolls_back*: nothing was stored since. With *force* present values
-    of the device do not matter. *is_part*: further parts follow, and the last compares the untouched PDOs.
+    of the device do not matter. With *is_part* the undo has further parts;
+    the last one compares the untouched PDOs.
     """
 
     plans: Sequence[Plan]

@@ -20,7 +20,7 @@ from dvtcli.domain.network.phases import phases
 from dvtcli.domain.plan import PdoChange, Plan
 from dvtcli.errors import Interrupted
 from dvtcli.operations.changes.final_verify import AlsoClaimed, final_verify
-from dvtcli.operations.changes.roll_back_network import NetworkTransaction
+from dvtcli.operations.changes.network_transaction import NetworkTransaction
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
 
 
-def carry_out_together(
+def apply_together(
     session: Session,
     nodes: Mapping[int, Node],
     plans: Mapping[int, Plan],
@@ -52,52 +52,52 @@ def carry_out_together(
     """
     also = also or AlsoClaimed()
     boot_ups = {node_id: read_part.boot_ups for node_id, read_part in found.items()}
-    course = NetworkTransaction(session, nodes, name, boot_ups, held=dict(also.held))
+    transaction = NetworkTransaction(session, nodes, name, boot_ups, held=dict(also.held))
     try:
         for node_id, plan in plans.items():
             if len(plan):
-                course.plans[node_id], _ = with_way_back(nodes[node_id], plan)
-                own = present_beside(nodes[node_id], course.guarded(node_id))
+                transaction.plans[node_id], _ = with_way_back(nodes[node_id], plan)
+                own = present_beside(nodes[node_id], transaction.guarded(node_id))
                 read = wholes_beside(nodes[node_id], plan, found[node_id])
-                course.beside[node_id] = as_they_are({pdo: config for pdo, config in read.items() if pdo in own})
+                transaction.beside[node_id] = as_they_are({pdo: config for pdo, config in read.items() if pdo in own})
     except BaseException:
-        with course:  # nothing was written: the change ends, so that the next one is not taken for a part of it
+        with transaction:  # nothing was written: the change ends, so that the next one is not taken for a part of it
             raise
-    run = _Run(session, course, found, findings, sum(map(len, course.plans.values())))
+    run = _Run(session, transaction, found, findings, sum(map(len, transaction.plans.values())))
     boot_ups = {node_id: boot_ups[node_id] for node_id in plans}
     try:
-        _open_journals(course, found, also)
+        _open_journals(transaction, found, also)
         faults = run.phases(plans)
         for _ in range(2 if len(also.stores) > 1 else 1):
-            faults = faults or final_verify(session, nodes, course.claims(), boot_ups, also.others)
+            faults = faults or final_verify(session, nodes, transaction.claims(), boot_ups, also.others)
         if also.stores:
             faults = faults or one_by_one([partial(_stop_if_cancelled, session, "before any node stored")])
     except BaseException as fault:  # a bug of ours must not leave a network half configured either
-        with course:
-            course.take_back([fault])
+        with transaction:
+            transaction.take_back([fault])
         raise
     if faults:
-        with course:
-            course.take_back(faults)
+        with transaction:
+            transaction.take_back(faults)
         raise faults[0]
-    return course
+    return transaction
 
 
-def _open_journals(course: NetworkTransaction, found: Mapping[int, InitialState], also: AlsoClaimed) -> None:
+def _open_journals(transaction: NetworkTransaction, found: Mapping[int, InitialState], also: AlsoClaimed) -> None:
     """Open the journals of all nodes before the first write, with room for all their later contents.
 
     A node has a single journal for all its parts: each further journal would make all nodes wait for the disk.
     """
     ids = ", ".join(str(store.node_id) for store in also.stores)
     ends = GroupMember(
-        final=f"{course.name}: store on node {ids}; stored on node {ids}", stores=also.stores, equal=also.equal
+        final=f"{transaction.name}: store on node {ids}; stored on node {ids}", stores=also.stores, equal=also.equal
     )
     only_store = {store.node_id: Plan(store.node_id, store.holds) for store in also.stores if store.holds}
     written = {node_id: plan for node_id, plan in only_store.items() if also.proves or any(map(is_stamp, plan.changes))}
-    for node_id, plan in {**written, **course.plans}.items():
-        node = course.nodes[node_id]
+    for node_id, plan in {**written, **transaction.plans}.items():
+        node = transaction.nodes[node_id]
         if node.keeper is not None:
-            node.keeper.own_journal.guard(Plan(node_id, tuple(course.held.get(node_id, ()))))
+            node.keeper.own_journal.guard(Plan(node_id, tuple(transaction.held.get(node_id, ()))))
             node.keeper.prepare(
                 plan, node.identity(), found[node_id].state, node.known_pdos, node.last_read, ends, proves=also.proves
             )
@@ -109,10 +109,10 @@ _PHASES = ("producers off", "consumers off", "writing", "consumers on", "produce
 
 @dataclass(slots=True)
 class _Run:
-    """The parts of *course* in progress, *total* writes; parallel within a phase if the bus allows it."""
+    """The parts of *transaction* in progress, *total* writes; parallel within a phase if the bus allows it."""
 
     session: Session
-    course: NetworkTransaction
+    transaction: NetworkTransaction
     found: Mapping[int, InitialState]
     findings: Mapping[int, tuple[Finding, ...]]
     total: int
@@ -131,12 +131,12 @@ class _Run:
 
     def _part(self, phase: int, part: Plan) -> None:
         """Carry out *part*; noted beforehand, as a failure after its verification must roll it back, too."""
-        node = self.course.nodes[part.node_id]
-        changes = self.course.plans[part.node_id].changes
+        node = self.transaction.nodes[part.node_id]
+        changes = self.transaction.plans[part.node_id].changes
         part = replace(part, looked_at=frozenset(change.pdo for change in changes if isinstance(change, PdoChange)))
         with self._told(phase, node):
             _stop_if_cancelled(self.session)
-            with self.course.doing(with_way_back(node, part)[0]):
+            with self.transaction.doing(with_way_back(node, part)[0]):
                 node.apply(
                     part,
                     self.findings[part.node_id],
@@ -182,8 +182,8 @@ def _stop_if_cancelled(session: Session, where: str = "before the next part") ->
         raise stopped
 
 
-def complete(course: NetworkTransaction) -> None:
+def complete(transaction: NetworkTransaction) -> None:
     """Keep the changes; raises JournalKept if a journal cannot be removed."""
-    kept = complete_wholes(course.journals())
+    kept = complete_wholes(transaction.journals())
     if kept is not None:
         raise kept

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.applied import Applied
 from dvtcli.device.change.apply_plan import enter
-from dvtcli.device.change.course import combine_plans
+from dvtcli.device.change.journal_contents import combine_plans
 from dvtcli.device.change.taken_back import foreseen
 from dvtcli.device.change.untouched_pdos import as_they_are, present_beside
 from dvtcli.device.change.way_back import TakeBack, WayBack, way_back
 from dvtcli.domain.plan import STAMP, Change, PdoChange, Plan, ValueChange, plan_pdo
 from dvtcli.operations.changes.change import changed
-from dvtcli.operations.changes.change_together import carry_out_together, complete
+from dvtcli.operations.changes.change_together import apply_together, complete
 from dvtcli.operations.changes.final_verify import AlsoClaimed, NoOtherClaims, require_held
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ def undo_together(session: Session, undoings: Sequence[Undoing]) -> tuple[Change
 
         equal = {node_id: held[node_id] for node_id, back in backs.items() if not len(back.plan)}
         also = AlsoClaimed(held, others=_EqualNodes(nodes, equal))
-        with carry_out_together(session, nodes, plans, found, "undo of all", findings, also) as course:
+        with apply_together(session, nodes, plans, found, "undo of all", findings, also) as course:
             complete(course)
     done = []
     for undoing in undoings:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
 from dvtcli.operations.network.described_network import simulated_word
-from dvtcli.operations.wanted.identify_nodes import is_wanted, meet
+from dvtcli.operations.wanted.identify_nodes import identify_nodes, is_wanted
 from dvtcli.simulator.network.family_file import family_of
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def words_of_present(session: Session, file: str, wish: NetworkWish) -> dict[int
     A node without a word has no EDS, rather than no power.
     """
     with session.network.as_it_was_if_refused():
-        met = meet(session, file, replace(wish, nodes=tuple(_untold(file, wish)), links=()))
+        met = identify_nodes(session, file, replace(wish, nodes=tuple(_untold(file, wish)), links=()))
         met.end()
     return {node_id: word for node in met.nodes for node_id, word in _word(session, node).items()}
 

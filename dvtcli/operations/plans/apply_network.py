@@ -16,7 +16,7 @@ from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.script_line import change_lines
 from dvtcli.domain.several import plural
 from dvtcli.operations.changes.change import keep_words
-from dvtcli.operations.changes.change_together import carry_out_together, complete
+from dvtcli.operations.changes.change_together import apply_together, complete
 from dvtcli.operations.changes.final_verify import AlsoClaimed, ClaimsAtStore
 from dvtcli.operations.consent.other_master import refuse_other_master
 from dvtcli.operations.consent.power_stage import refuse_powered
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from dvtcli.device.observe import InitialState
     from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
     from dvtcli.domain.plan import Plan
-    from dvtcli.operations.changes.roll_back_network import NetworkTransaction
+    from dvtcli.operations.changes.network_transaction import NetworkTransaction
     from dvtcli.operations.session.session import Session
 
 
@@ -76,7 +76,7 @@ def apply_network(
         also = AlsoClaimed(claims.held(), stores, equal, prove is not None, claims)
         findings = {node_plan.node_id: node_plan.findings for node_plan in planned}
         with claims.rolled_back_whole():
-            course = carry_out_together(session, nodes, plans, found, name or f"apply {plan.file}", findings, also)
+            course = apply_together(session, nodes, plans, found, name or f"apply {plan.file}", findings, also)
         with course:
             _keep(session, nodes, course.plans)
             at_store = _claims_at_store(session, course, claims, found)

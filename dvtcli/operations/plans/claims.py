@@ -1,4 +1,4 @@
-"""Verify the values of a network plan that need no write. Writes nothing."""
+"""Verify values of a network file that the nodes hold already, so that the plan does not write them. Writes nothing."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ class Claims:
 
     @contextmanager
     def rolled_back_whole(self) -> Iterator[None]:
-        """LeftChanged if a fault was rolled back, and the device altered a setting besides that nobody writes."""
+        """LeftChanged if, after a roll-back, the device holds another value of a setting that the plan does not write."""
         try:
             yield
         except DvtcliError as fault:

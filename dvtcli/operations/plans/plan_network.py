@@ -32,7 +32,7 @@ from dvtcli.operations.results.failures import lacking_error, together
 from dvtcli.operations.stores.possible_stores import refuse_stores_of
 from dvtcli.operations.sync.unknown_sync import short_frames, sync_note, unknown_syncs
 from dvtcli.operations.wanted.chosen_nodes import named_nodes, of_nodes
-from dvtcli.operations.wanted.identify_nodes import IdentifiedNodes, meet
+from dvtcli.operations.wanted.identify_nodes import IdentifiedNodes, identify_nodes
 from dvtcli.operations.wanted.linked_wishes import with_links
 from dvtcli.operations.wanted.missing_objects import LackedOfWish, refuse_lacking, without_lacked
 from dvtcli.operations.wanted.network_wish import read_wish, skipped_rules
@@ -173,7 +173,7 @@ def _planned_wish(
     failures: list[DvtcliError] | None,
     by_rules: bool,
 ) -> NetworkPlan:
-    met = meet(session, log.file, wish)
+    met = identify_nodes(session, log.file, wish)
     unread = trusted(met.nodes, wish) if trust_stamp else frozenset()
     planned: list[NodePlan] = []
     lacked = LackedOfWish(log)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from dvtcli.device.change.own_journal import OwnJournal
     from dvtcli.operations.changes.final_verify import ClaimsAtStore
-    from dvtcli.operations.changes.roll_back_network import NetworkTransaction
+    from dvtcli.operations.changes.network_transaction import NetworkTransaction
     from dvtcli.operations.results import Stored
     from dvtcli.operations.session.session import Session
 

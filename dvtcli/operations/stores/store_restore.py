@@ -12,7 +12,7 @@ from dvtcli.device.change.proven_restore import prove_restore, restart_and_read
 from dvtcli.device.resets import await_power_cycle, reset_and_wait, return_to
 from dvtcli.device.snapshot import Snapshot
 from dvtcli.device.stamped import NO_STAMP, held_stamp, stamp_changes
-from dvtcli.device.store_parameters import RESTORE, STORE, chosen, sign
+from dvtcli.device.store_parameters import RESTORE, STORE, chosen, write_signature
 from dvtcli.device.storing import mark_stored, prepare_store, require_storable
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtCommand
@@ -61,7 +61,7 @@ def store_settings(
         before = Snapshot.now(node)
         place = prepare_proof(node, before, sub_index, restart)
     stored_at = node.pending.stored_at
-    done = sign(
+    done = write_signature(
         node.access,
         node.profile.store,
         STORE,
@@ -197,7 +197,7 @@ def restore_defaults(session: Session, node: Node, sub_index: int | None, *, pro
     before, lost = _before_restore(node, restart) if prove else (None, ())
     node.require_not_restarted()
     _end_stamp_before(session, node, sub_index)
-    done = sign(
+    done = write_signature(
         node.access,
         node.profile.store,
         RESTORE,

@@ -55,7 +55,7 @@ class IdentifiedNodes:
         raise first
 
 
-def meet(session: Session, file: str, wish: NetworkWish) -> IdentifiedNodes:
+def identify_nodes(session: Session, file: str, wish: NetworkWish) -> IdentifiedNodes:
     """Identify the nodes of *wish*, each with its EDS or profile."""
     met = IdentifiedNodes()
     for node in wish.nodes:

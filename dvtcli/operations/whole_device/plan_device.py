@@ -24,7 +24,7 @@ from dvtcli.operations.plans.judge_network import checked
 from dvtcli.operations.plans.plan_network import checked_network, plans_of, with_unknown_syncs
 from dvtcli.operations.results.failures import together
 from dvtcli.operations.sync.unknown_sync import short_frames
-from dvtcli.operations.wanted.identify_nodes import meet, unlike_wanted
+from dvtcli.operations.wanted.identify_nodes import identify_nodes, unlike_wanted
 from dvtcli.operations.whole_device.device_suffix import refuse_kind
 from dvtcli.operations.whole_device.held_device import held_by, told_of
 from dvtcli.operations.whole_device.included import included_of
@@ -89,7 +89,7 @@ def plan_device(session: Session, file: str, options: DeviceOptions | None = Non
     wish = NetworkWish(tuple(_wish(held, node_id) for node_id in _node_ids(session, held, options)))
     _refuse_nobody(held, options)
     with short_frames(session.bus) as frames, heard_ids(session.bus) as heard:
-        met = meet(session, file, wish)
+        met = identify_nodes(session, file, wish)
         met.end()
         planned = [
             replace(node_plan, boot_ups=met.boot_ups[node_plan.node_id])

@@ -1,4 +1,4 @@
-"""The changes of one node that its journal can roll back, combined into one plan."""
+"""The changes of one node in its journal, from which `recover` makes the plan that rolls them back."""
 
 from __future__ import annotations
 

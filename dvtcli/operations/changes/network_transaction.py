@@ -10,8 +10,8 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.course import combine_plans
 from dvtcli.device.change.failed_change import BUS_BACK, beside, not_taken_back
+from dvtcli.device.change.journal_contents import combine_plans
 from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S, first_difference
 from dvtcli.device.change.untouched_pdos import as_they_are, present_beside
 from dvtcli.device.change.way_back import TakeBack
