@@ -195,7 +195,7 @@ class CanopenBus(Protocol):
         ...
 
     def happened(self, node_id: int) -> tuple[int, int]:
-        """Number of events that may have changed *node_id*: `upsets` and `downloads_of_others`; does not read the bus."""
+        """Number of events that may have changed *node_id*: `upsets` and `downloads_of_others`; reads no bus."""
         ...
 
     def wait_boot_up(self, node_id: int, seen: int, timeout_s: float) -> bool:

@@ -94,7 +94,7 @@ class Claims:
 
     @contextmanager
     def rolled_back_whole(self) -> Iterator[None]:
-        """LeftChanged if, after a roll-back, the device holds another value of a setting that the plan does not write."""
+        """LeftChanged if a device holds another value of a setting without a write after a roll-back."""
         try:
             yield
         except DvtcliError as fault:
