@@ -99,7 +99,7 @@ class Transaction:
         with self.cancellation.guard():
             self._boot_ups = self.witness.boot_ups()
             try:
-                for change, step in self.plan.steps_in_order():
+                for change, step in self.plan.course():
                     self._started.append(change)
                     self._stop_if_cancelled(done, total)
                     self._stop_if_restarted()
