@@ -58,7 +58,7 @@ def test_what_cangen_sends_is_decoded(tmp_path: Path) -> None:
         with subprocess.Popen(words, stdin=subprocess.DEVNULL) as generator:
             rows = seen_by(watching, lambda rows: "tpdo1" in {row.get("pdo") for row in rows})
             generator.terminate()
-    (tpdo1, *_) = [row for row in rows if row["pdo"] == "tpdo1"]
+    (tpdo1, *_) = [row for row in rows if row.get("pdo") == "tpdo1"]
     assert list(tpdo1["signals"].values()) == [0x1237, -1500]
 
 
