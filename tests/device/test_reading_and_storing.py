@@ -11,7 +11,7 @@ from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.nmt_gate import Gate, NodeAccess
 from dvtcli.device.read_pdos import exists, read_pdo
 from dvtcli.device.resets import reset_and_wait
-from dvtcli.device.store_parameters import RESTORE, STORE, sign
+from dvtcli.device.store_parameters import RESTORE, STORE, write_signature
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo
 from dvtcli.errors import DeviceRefused, SafetyRefusal, SdoAborted, SdoProtocolError
@@ -119,11 +119,11 @@ def test_a_store_survives_a_reset_and_an_unstored_change_does_not(family: str) -
     reset_and_wait(reached, NmtCommand.RESET_NODE)
     assert bus.sdo(NODE).upload(0x1800, 2) == raw
     bus.sdo(NODE).download(0x1800, 2, b"\x0a")
-    done = sign(reached, profile(family).store, STORE, None, Cancellation())
+    done = write_signature(reached, profile(family).store, STORE, None, Cancellation())
     assert done.index == STORE
     reset_and_wait(reached, NmtCommand.RESET_NODE)
     assert bus.sdo(NODE).upload(0x1800, 2) == b"\x0a"
-    sign(reached, profile(family).store, RESTORE, None, Cancellation())
+    write_signature(reached, profile(family).store, RESTORE, None, Cancellation())
     reset_and_wait(reached, NmtCommand.RESET_NODE)
     assert bus.sdo(NODE).upload(0x1800, 2) == raw
 
@@ -131,11 +131,11 @@ def test_a_store_survives_a_reset_and_an_unstored_change_does_not(family: str) -
 def test_a_device_without_0x1010_cannot_store() -> None:
     reached, bus = access("roboteq")
     with pytest.raises(DeviceRefused) as caught:
-        sign(reached, profile("roboteq").store, STORE, None, Cancellation())
+        write_signature(reached, profile("roboteq").store, STORE, None, Cancellation())
     assert "cannot store" in caught.value.text
     assert "2017" in typed(caught.value.hint)
     with pytest.raises(DeviceRefused) as other:
-        sign(reached, profile("roboteq").store, RESTORE, None, Cancellation())
+        write_signature(reached, profile("roboteq").store, RESTORE, None, Cancellation())
     assert "2017" not in typed(other.value.hint)
     assert isinstance(bus.channel, DirectSdo)
     assert bus.channel.writes == []
@@ -146,7 +146,7 @@ def test_what_does_not_store_on_command_is_said(capability: int, text: str) -> N
     reached, bus = access("generic")
     bus.device.set_value(STORE, 1, capability.to_bytes(4, "little"))
     with pytest.raises(DeviceRefused) as caught:
-        sign(reached, profile("generic").store, STORE, None, Cancellation())
+        write_signature(reached, profile("generic").store, STORE, None, Cancellation())
     assert text in (caught.value.why or "")
 
 
@@ -154,7 +154,7 @@ def test_a_broken_memory_is_a_refusal_with_its_code() -> None:
     reached, bus = access("generic")
     bus.device.areas.fails = True
     with pytest.raises(DeviceRefused) as caught:
-        sign(reached, profile("generic").store, STORE, None, Cancellation())
+        write_signature(reached, profile("generic").store, STORE, None, Cancellation())
     assert caught.value.abort == 0x06060000
     assert "memory" in typed(caught.value.hint)
 
@@ -163,7 +163,7 @@ def test_a_store_in_the_wrong_state_gives_the_device_s_reason() -> None:
     reached, bus = access("gen4")
     bus.device.nmt(NmtCommand.START)
     with pytest.raises(DeviceRefused) as caught:
-        sign(reached, profile("gen4").store, STORE, None, Cancellation())
+        write_signature(reached, profile("gen4").store, STORE, None, Cancellation())
     assert caught.value.abort == 0x08000000
     assert "4" in (caught.value.why or "")
     assert "not pre-operational" in (caught.value.why or "")

@@ -10,7 +10,7 @@ from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.nmt_gate import NodeAccess
 from dvtcli.device.read_pdos import read_identity, service_ids
-from dvtcli.device.store_parameters import RESTORE, STORE, sign
+from dvtcli.device.store_parameters import RESTORE, STORE, write_signature
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.profile import GENERIC, StorePolicy
 from dvtcli.errors import DeviceRefused, SdoAborted
@@ -47,7 +47,7 @@ def access(memory: Memory) -> NodeAccess:
 
 def refusal(memory: Memory, index: int = STORE, sub_index: int | None = None, **policy: object) -> DeviceRefused:
     with pytest.raises(DeviceRefused) as caught:
-        sign(access(memory), StorePolicy(**policy), index, sub_index, Cancellation())  # type: ignore[arg-type]
+        write_signature(access(memory), StorePolicy(**policy), index, sub_index, Cancellation())  # type: ignore[arg-type]
     assert memory.taken == []
     return caught.value
 
@@ -55,24 +55,24 @@ def refusal(memory: Memory, index: int = STORE, sub_index: int | None = None, **
 def test_the_first_sub_index_that_there_is_takes_it_or_the_one_that_is_named() -> None:
     memory = Memory({(STORE, 3): b"\1\0\0\0", (STORE, 1): b"\3\0\0\0"})
     policy = StorePolicy(sub_indices=(2, 3, 1))
-    done = sign(access(memory), policy, STORE, None, Cancellation())
+    done = write_signature(access(memory), policy, STORE, None, Cancellation())
     assert (done.place, done.capability) == ("1010:03", 1)
-    assert sign(access(memory), policy, STORE, 1, Cancellation()).capability == 3
+    assert write_signature(access(memory), policy, STORE, 1, Cancellation()).capability == 3
     assert memory.taken == [(STORE, 3, b"save"), (STORE, 1, b"save")]
 
 
 def test_one_that_only_takes_values_is_believed_to() -> None:
     memory = Memory({}, hidden={(RESTORE, 1): int(Abort.WRITE_ONLY)})
-    assert sign(access(memory), StorePolicy(), RESTORE, None, Cancellation()).capability is None
+    assert write_signature(access(memory), StorePolicy(), RESTORE, None, Cancellation()).capability is None
     assert memory.taken == [(RESTORE, 1, b"load")]
     other = Memory({}, hidden={(RESTORE, 1): int(Abort.GENERAL)})
     with pytest.raises(SdoAborted):
-        sign(access(other), StorePolicy(), RESTORE, None, Cancellation())
+        write_signature(access(other), StorePolicy(), RESTORE, None, Cancellation())
 
 
 def test_a_restore_asks_for_no_capability() -> None:
     memory = Memory({(RESTORE, 1): bytes(4)})
-    assert sign(access(memory), StorePolicy(), RESTORE, None, Cancellation()).capability == 0
+    assert write_signature(access(memory), StorePolicy(), RESTORE, None, Cancellation()).capability == 0
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,9 @@ BREAKS = [
     Break("senders", "operations/helper.py", in_a_function("session.canopen(1).nmt.state = 'OPERATIONAL'")),
     Break("senders", "operations/nodes/helper.py", "import dvtcli.device.store_parameters as keeping"),
     Break("senders", "operations/nodes/helper.py", "from dvtcli.device.store_parameters import *"),
-    Break("senders", "operations/nodes/helper.py", "from dvtcli.device.store_parameters import sign as chosen"),
+    Break(
+        "senders", "operations/nodes/helper.py", "from dvtcli.device.store_parameters import write_signature as chosen"
+    ),
     Break("senders", "operations/nodes/helper.py", "from dvtcli.device import store_parameters"),
     Break("senders", "operations/nodes/helper.py", "from dvtcli.operations.stores.store_restore import sign"),
     Break("senders", "operations/nodes/helper.py", "from dvtcli.operations.stores.store_restore import *"),
@@ -41,12 +43,14 @@ BREAKS = [
     Break(
         "senders",
         "operations/nodes/helper.py",
-        in_a_function('importlib.import_module("dvtcli.device.store_parameters").sign(node)'),
+        in_a_function('importlib.import_module("dvtcli.device.store_parameters").write_signature(node)'),
     ),
     Break(
         "senders",
         "operations/nodes/helper.py",
-        in_a_function("import dvtcli.device.change.transaction", "dvtcli.device.store_parameters.sign(node)"),
+        in_a_function(
+            "import dvtcli.device.change.transaction", "dvtcli.device.store_parameters.write_signature(node)"
+        ),
     ),
     Break("senders", "cli/commands/map.py", in_a_function("s = node.sdo", "getattr(s, node.word)(1)")),
     Break("senders", "cli/commands/map.py", in_a_function("s: object = node.sdo", 'getattr(s, "down" + "load")(1)')),
