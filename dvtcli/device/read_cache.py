@@ -25,10 +25,10 @@ class OnBus(Protocol):
 
 
 def read_side_by_side(nodes: Iterable[OnBus], jobs: Sequence[Callable[[], None]]) -> None:
-    """Run *jobs* in parallel, each reading one of *nodes* on one bus. Raises Ctrl-C, and the loss of the bus."""
-    for node in list(nodes)[:1]:
-        for fault in node.bus.side_by_side(jobs):
-            raise fault
+    """Run *jobs*, each of which reads one of *nodes*, all on one bus; raises Ctrl-C, and the loss of the bus."""
+    bus = next((node.bus for node in nodes), None)
+    if bus is not None and (faults := bus.side_by_side(jobs)):
+        raise faults[0]
 
 
 @dataclass(slots=True)

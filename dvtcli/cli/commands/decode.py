@@ -54,10 +54,10 @@ def command(
     text = (wanted or "").lower()
     if output is not None:
         from dvtcli.operations.frames.decode_recording import values_into_file
-        from dvtcli.operations.frames.values_origin import ValuesWish
+        from dvtcli.operations.frames.values_origin import ValuesOptions
 
         return values_into_file(
-            session, Path(file), Path(output), nodes, dbc, text, ValuesWish(parquet["layout"], parquet["source"])
+            session, Path(file), Path(output), nodes, dbc, text, ValuesOptions(parquet["layout"], parquet["source"])
         )
     if any(parquet.values()):
         raise UsageError("--layout and --source are of a .parquet file", hint="give one with -o")

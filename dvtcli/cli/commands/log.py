@@ -73,10 +73,10 @@ def command(
     path, (masks, text) = Path(file), _masks_and_text(filters, decode=decode)
     if decode:
         from dvtcli.operations.frames.record_values import record_values
-        from dvtcli.operations.frames.values_origin import ValuesWish
+        from dvtcli.operations.frames.values_origin import ValuesOptions
 
-        wish = ValuesWish(layout, source, rotate or (0.0, 0), append)
-        return record_values(session, path, masks, duration, **values, text=text, wish=wish)
+        options = ValuesOptions(layout, source, rotate or (0.0, 0), append)
+        return record_values(session, path, masks, duration, **values, text=text, options=options)
     from dvtcli.operations.frames.running_recording import record_frames
 
     return record_frames(session, path, masks, duration, append=append, most_bytes=size or 0)

@@ -178,13 +178,20 @@ def stream_of(path: Path) -> Path:
     return path.with_name(f"_{path.stem}{STREAM}")
 
 
+def has_rows_of(path: Path, stream: Path) -> bool:
+    """Tell whether the .parquet file *path* is the recording in the Arrow *stream*, by their numbers of rows."""
+    with stream.open("rb") as file:
+        count = sum(map(len, _whole_batches(file)))
+    with suppress(pyarrow().ArrowException, OSError):
+        return count in (0, pyarrow("pyarrow.parquet").read_metadata(path).num_rows)
+    return False
+
+
 def finish(stream: Path, path: Path) -> int | None:
     """Make the .parquet file *path* from the Arrow *stream* of a killed `log`; returns the number of rows.
 
     A torn end is left out. Returns None if *stream* has no rows, or is still being written. Raises OSError.
     """
-    if not stream.is_file():  # a pipe of that name would be waited for
-        return None
     rows = 0
     with stream.open("rb") as file:
         try:

@@ -68,12 +68,23 @@ def next_part(path: Path) -> Path:
 
 
 def finish_parts(path: Path) -> list[tuple[Path, int]]:
-    """Complete files left by killed recordings into the .parquet file *path*; returns each with its rows."""
-    from dvtcli.files.values.parquet_file import finish
+    """Complete files left by killed recordings into the .parquet file *path*; returns each with its rows.
 
-    found = sorted(_parts(path, "_", re.escape(STREAM)))
-    rows = [(whole, finish(stream, whole)) for number, stream in found for whole in [_part(path, number)]]
-    return [(whole, count) for whole, count in rows if count is not None]
+    If a file of that name has another recording by now, the next free name is taken.
+    """
+    from dvtcli.files.values.parquet_file import finish, has_rows_of
+
+    finished: list[tuple[Path, int]] = []
+    for number, stream in sorted(_parts(path, "_", re.escape(STREAM))):
+        if not stream.is_file():  # a pipe of that name would be waited for
+            continue
+        whole = _part(path, number)
+        if whole.exists() and not has_rows_of(whole, stream):
+            whole = next_part(path)
+        count = finish(stream, whole)
+        if count is not None:
+            finished.append((whole, count))
+    return finished
 
 
 def _part(path: Path, number: int) -> Path:

@@ -12,7 +12,7 @@ from dvtcli.errors import DvtcliError, UsageError
 from dvtcli.files.recording import check_readable, read_recorded, read_recording
 from dvtcli.operations.frames.frame_answer import frame_seen
 from dvtcli.operations.frames.recorded import decoder_for
-from dvtcli.operations.frames.values_origin import ANY, ValuesWish, parquet_form
+from dvtcli.operations.frames.values_origin import DEFAULTS, ValuesOptions, parquet_form
 from dvtcli.watch.layout_fit import Misfits
 from dvtcli.watch.table import SignalRows
 
@@ -46,11 +46,11 @@ def write_values(
     nodes: tuple[int, ...] | None = None,
     dbc: str | None = None,
     text: str = "",
-    wish: ValuesWish = ANY,
+    options: ValuesOptions = DEFAULTS,
 ) -> SignalRows:
     """Write the values of the recording at *path* to *target*: CSV to a text, else by the file's suffix.
 
-    A row per frame, a column per signal with *text* (lower case) in its name. *wish* has options of a .parquet file;
+    A row per frame, a column per signal with *text* (lower case) in its name. *options* has options of a .parquet file;
     its recorder defaults to the recording's name. Raises UsageError if no such signal is known; else as
     `decode_recording`.
     """
@@ -70,7 +70,7 @@ def write_values(
     if isinstance(target, Path):
         is_live = dbc is None and session.base.eds is None and not rows.decoder.identities
         asked = tuple(range(1, 128)) if is_live else ()
-        form = parquet_form(session, target, rows.decoder, wish, path.name, asked=asked, dbc=dbc)
+        form = parquet_form(session, target, rows.decoder, options, path.name, asked=asked, dbc=dbc)
     _write(rows, _seen(session, path, rows), target, text, form)
     if rows.other:
         session.tell.note(f"{rows.other} frames without known signals were left out")
@@ -84,7 +84,7 @@ def values_into_file(
     nodes: tuple[int, ...] | None = None,
     dbc: str | None = None,
     text: str = "",
-    wish: ValuesWish = ANY,
+    options: ValuesOptions = DEFAULTS,
 ) -> Facts:
     """Write the values in the recording at *path* into *target*, a .csv, .parquet or .jsonl; else as `write_values`."""
     from dvtcli.files.values.value_file import checked_form
@@ -93,7 +93,7 @@ def values_into_file(
 
     checked_form(target)
     ask_before_overwriting(session, target)
-    rows = write_values(session, path, target, nodes, dbc, text, wish)
+    rows = write_values(session, path, target, nodes, dbc, text, options)
     session.made.append(str(target))
     names = [column.header for column in rows.columns]
     said = (("file", str(target)), ("frames", rows.frames), ("columns", names))

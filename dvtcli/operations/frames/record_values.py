@@ -14,7 +14,7 @@ from dvtcli.files.values.value_parts import Rotation, ValueParts, finish_parts, 
 from dvtcli.operations.frames.frame_answer import frame_seen
 from dvtcli.operations.frames.layouts import live_decoder, open_wire
 from dvtcli.operations.frames.running_recording import Filters, RunningRecording
-from dvtcli.operations.frames.values_origin import ANY, ValuesWish, is_parquet, parquet_form
+from dvtcli.operations.frames.values_origin import DEFAULTS, ValuesOptions, is_parquet, parquet_form
 from dvtcli.operations.session.save_script import ask_before_overwriting
 from dvtcli.operations.session.steady_listener import SteadyListener
 from dvtcli.watch.layout_fit import Misfits
@@ -36,12 +36,12 @@ def record_values(
     nodes: tuple[int, ...] | None = None,
     dbc: str | None = None,
     text: str = "",
-    wish: ValuesWish = ANY,
+    options: ValuesOptions = DEFAULTS,
 ) -> Facts:
     """Record the values of known frames to *path*, a .csv, .parquet or .jsonl, decoded by *nodes* and *dbc*.
 
     Only signals with *text* (lower case) in their names. Ends after *duration_s* seconds (None: never), or when the
-    session is cancelled. *wish* has options of the file; the recorder defaults to this machine.
+    session is cancelled. *options* has options of the file; the recorder defaults to this machine.
 
     Raises UsageError if no such signal is known, DvtcliError if the file cannot be written; SafetyRefusal if the bus
     returns with other mappings.
@@ -49,7 +49,7 @@ def record_values(
     from dvtcli.files.values.value_file import checked_form, write_file
 
     checked_form(path)
-    path = _first_file(session, path, append=wish.append)
+    path = _first_file(session, path, append=options.append)
     open_wire(session)
     listening = SteadyListener(session)
 
@@ -59,13 +59,13 @@ def record_values(
     rows = _rows(known(), text)
     misfits = Misfits(rows.layout, session.tell.warning)
     asked = nodes or (tuple(range(1, 128)) if dbc is None else ())
-    form = parquet_form(session, path, rows.decoder, wish, platform.node(), asked=asked, dbc=dbc, live=True)
+    form = parquet_form(session, path, rows.decoder, options, platform.node(), asked=asked, dbc=dbc, live=True)
 
     def document(frame: Frame) -> Document:
         return frame_seen(frame, rows.decoder).chosen(text).document()
 
     with _refused_writes(path):
-        parts = ValueParts(path, lambda part: write_file(part, rows, document, form), Rotation(*wish.rotation))
+        parts = ValueParts(path, lambda part: write_file(part, rows, document, form), Rotation(*options.rotation))
         with closing(parts) as file, listening as listener:
             bus = session.wire.name
 

@@ -21,7 +21,7 @@ _MOST_BYTES = 64 << 20
 
 
 @dataclass(frozen=True, slots=True)
-class ValuesWish:
+class ValuesOptions:
     """Options of recorded values: *layout* of a .parquet file (None: long), *source* (None: the actual recorder).
 
     A new file begins by *rotation* (seconds, bytes; 0: never), and with *append* after an existing file.
@@ -33,14 +33,14 @@ class ValuesWish:
     append: bool = False
 
 
-ANY = ValuesWish()
+DEFAULTS = ValuesOptions()
 
 
 def parquet_form(
     session: Session,
     path: Path,
     decoder: Decoder,
-    wish: ValuesWish,
+    options: ValuesOptions,
     recorder: str,
     *,
     asked: tuple[int, ...] = (),
@@ -53,14 +53,14 @@ def parquet_form(
     others is from the network file *dbc*, or from the source of *decoder*.
     """
     if not is_parquet(path):
-        if wish.layout or wish.source:
+        if options.layout or options.source:
             raise UsageError(
                 f"both are of a .parquet file, not of {path.name}",
                 given={"layout": None, "source": None},
                 hint="leave them out",
             )
         return None
-    layout, source = wish.layout or LONG, wish.source or recorder
+    layout, source = options.layout or LONG, options.source or recorder
     nodes = sorted({each.service.node for each in decoder.layouts.values() if each.service.node})
     identities = dict(decoder.identities)
     identities.update(_of_file(dbc))
@@ -70,8 +70,8 @@ def parquet_form(
     }
     facts = {"layout": layout, "source": source, **_of_bus(session), **_of_files(session, dbc)}
     facts["nodes"] = json.dumps([{"node": node_id, **identities.get(node_id, {})} for node_id in nodes])
-    told = {f"dvtcli.{key}": said for key, said in facts.items()}
-    return ParquetForm(layout, Origin(source, serials, told), live)
+    metadata = {f"dvtcli.{key}": text for key, text in facts.items()}
+    return ParquetForm(layout, Origin(source, serials, metadata), live)
 
 
 def is_parquet(path: Path) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import os
 import signal
 import subprocess
 import sys
@@ -162,6 +163,33 @@ def test_a_whole_file_is_not_made_again(tmp_path: Path) -> None:
     assert finish_parts(path) == []
     assert path.read_bytes() == whole
     assert not stream.exists()
+
+
+def test_a_killed_recording_is_kept_beside_another_file_of_its_name(tmp_path: Path) -> None:
+    """As if a recording was decoded into that name since the kill."""
+    path, stream = tmp_path / "run.parquet", tmp_path / "_run.arrows"
+    rows = SignalRows(layouts_of(5, [0x2000]))
+    writer = write_file(path, rows, lambda _: {}, ParquetForm(live=True))
+    for number in range(3):
+        writer.write(frame(number))
+    writer._write_batch()  # type: ignore[attr-defined]
+    killed = stream.read_bytes()
+    writer.close()
+    sent = [cells for _, cells in read_values(path).rows]
+    other = write_file(path, rows, lambda _: {}, ParquetForm())
+    other.write(frame(7))
+    other.close()
+    stream.write_bytes(killed)
+    whole = path.read_bytes()
+    ((found, count),) = finish_parts(path)
+    assert (found.name, count > 0, path.read_bytes() == whole) == ("run-0002.parquet", True, True)
+    assert [cells for _, cells in read_values(found).rows] == sent
+    assert not stream.exists()
+
+
+def test_a_pipe_of_a_streams_name_is_left_alone(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "_run.arrows")
+    assert finish_parts(tmp_path / "run.parquet") == []
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".jsonl", ".parquet"])
