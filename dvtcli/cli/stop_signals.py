@@ -24,7 +24,6 @@ _LOST = b"\nthat signal came at a moment that lets none through: once more\n"
 
 def catch_signals(cancellation: Cancellation) -> None:
     """Hand every signal that ends a program to *cancellation*; SIGHUP not under `nohup`."""
-
     swallowed = _Swallowed(sys.unraisablehook)
 
     def stop(number: int, _frame: FrameType | None) -> None:

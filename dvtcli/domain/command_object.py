@@ -43,7 +43,6 @@ def is_command(index: int, entry: OdEntry | None) -> bool:
 
     A manufacturer-specific object counts if the file says that a PDO can carry it.
     """
-
     if not 0x6000 <= index <= _LAST:
         return index in _MAKERS and entry is not None and may_be_commanded(entry)
     first = 0x6000 + (index - 0x6000) % _AXIS

@@ -315,7 +315,6 @@ class ScriptChanges:
 
     def _take_back(self, node: Node, cause: str) -> NodeTakenBack:
         """Undo the changes of *node*, or record the reason for failure; its journal stays."""
-
         made = self._made(node)
         tried = NodeTakenBack(node, made)
         if not made and (node.keeper is None or node.keeper.open_journal() is None):

@@ -155,7 +155,6 @@ class DeviceFileFormat(ConversionFormat):
 
     def write(self, session: Session, wanted: Converted) -> Facts:
         """Write it by `convert_device_file`; raises UsageError for another suffix."""
-
         return convert_device_file(session, wanted.source, wanted.target)
 
 
@@ -175,7 +174,6 @@ class ConciseDcfFormat(ConversionFormat):
 @cache
 def conversion_formats() -> Mapping[str, ConversionFormat]:
     """Map suffixes to formats."""
-
     formats: tuple[ConversionFormat, ...] = (ConciseDcfFormat(), DbcFormat(), DeviceFileFormat())
     return {suffix: format_ for format_ in formats for suffix in format_.suffixes}
 

@@ -123,7 +123,6 @@ class NodelistExport(ExportFormat):
 
     def write(self, session: Session, file: str, wanted: ExportRequest) -> Facts:
         """Write it by `export_nodelist`."""
-
         return export_nodelist(session, file, twice=wanted.twice)
 
 
@@ -169,7 +168,6 @@ class NetworkFileExport(ExportFormat):
 @cache
 def export_formats() -> Mapping[str, ExportFormat]:
     """Map suffixes to formats."""
-
     formats: tuple[ExportFormat, ...] = (DbcExport(), DcfExport(), NetworkFileExport(), NodelistExport())
     return {suffix: format_ for format_ in formats for suffix in format_.suffixes}
 

@@ -87,7 +87,6 @@ class Session(Opened):
     @cached_property
     def record(self) -> Record:
         """Return the successful changes as script lines."""
-
         return Record()
 
     @contextmanager
