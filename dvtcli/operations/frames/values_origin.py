@@ -53,12 +53,8 @@ def parquet_form(
     others is from the network file *dbc*, or from the source of *decoder*.
     """
     if not is_parquet(path):
-        if options.layout or options.source:
-            raise UsageError(
-                f"both are of a .parquet file, not of {path.name}",
-                given={"layout": None, "source": None},
-                hint="leave them out",
-            )
+        if given := {name: None for name in ("layout", "source") if getattr(options, name)}:
+            raise UsageError(f"only for a .parquet file, not for {path.name}", given=given, hint="leave it out")
         return None
     layout, source = options.layout or LONG, options.source or recorder
     nodes = sorted({each.service.node for each in decoder.layouts.values() if each.service.node})
