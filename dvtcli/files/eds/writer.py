@@ -77,10 +77,10 @@ def _file_info(file_name: str, description: str, made: datetime | None) -> dict[
 
 
 def _device_info(dictionary: ObjectDictionary) -> dict[str, str]:
-    """Return the device's data; a key without a value means unknown."""
+    """Return the keys of the known data: readers stop at a number that is empty."""
     info = dictionary.info
     rates = sorted({*_RATES, *info.bit_rates_kbit})
-    return {
+    keys = {
         "VendorName": info.vendor_name,
         "VendorNumber": _id(info.vendor_id),
         "ProductName": info.product_name,
@@ -93,6 +93,7 @@ def _device_info(dictionary: ObjectDictionary) -> dict[str, str]:
         "GroupMessaging": _flag(info.group_messaging), "NrOfRXPDO": _count(info.rpdo_count),
         "NrOfTXPDO": _count(info.tpdo_count), "LSS_Supported": _flag(info.lss_supported),
     }  # fmt: skip
+    return {key: value for key, value in keys.items() if value}
 
 
 def _id(number: int | None) -> str:

@@ -9,6 +9,8 @@ from dvtcli.domain.datatypes import DataType, Kind
 from dvtcli.files.eds.numbers import EncodedValue, encode_value
 
 _NODE_ID = "$NODEID"
+#: Below this every whole number is a REAL64 of its own.
+_ALL_WHOLE = 1 << 53
 _TEXT_KINDS = (Kind.VISIBLE_STRING, Kind.UNICODE_STRING)
 _NUMBER_KINDS = (Kind.BOOLEAN, Kind.INTEGER, Kind.UNSIGNED)
 
@@ -53,7 +55,7 @@ def text_of(
 
 def written_limit(limit: int | float, *, relative: bool) -> str:
     """Return a limit as text, with `$NODEID+` if *relative*."""
-    text = _number(limit) if isinstance(limit, int) else repr(limit)
+    text = _number(limit) if isinstance(limit, int) else next(_exact_reals(limit))
     return f"{_NODE_ID}+{text}" if relative else text
 
 
@@ -74,12 +76,19 @@ def _candidates(data_type: DataType, data: bytes, *, hexadecimal: bool, exact: b
         yield from () if value is None else [str(value)]
         return
     if isinstance(value, float):
-        yield from [repr(value)] if exact else _reals(value)
+        yield from _exact_reals(value) if exact else _reals(value)
     decimal = [str(int(value))] if isinstance(value, int) and data_type.kind in _NUMBER_KINDS else []
     if not hexadecimal or (exact and isinstance(value, int) and value < 0):
         yield from decimal
     yield f"0x{int.from_bytes(data, 'little'):0{2 * len(data)}X}"
     yield from decimal
+
+
+def _exact_reals(value: float) -> Iterator[str]:
+    """Iterate over texts with all digits, without a point if possible: dcfgen reads no REAL that has one."""
+    if value.is_integer() and abs(value) < _ALL_WHOLE and math.copysign(1, value) == math.copysign(1, int(value)):
+        yield str(int(value))
+    yield repr(value)
 
 
 def _reals(value: float) -> Iterator[str]:
