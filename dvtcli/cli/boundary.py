@@ -1,4 +1,4 @@
-"""Where every failure ends: as a message and an exit code. Nothing else in the house calls `sys.exit`."""
+"""Where every failure ends: as a message and an exit code. Only `__main__` calls `sys.exit` with it."""
 
 from __future__ import annotations
 

@@ -50,8 +50,7 @@ class _Swallowed:
     """Repeats a signal whose KeyboardInterrupt was swallowed.
 
     A `__del__` swallows exceptions, e.g. python-can's after a failed open: Python prints the exception and continues.
-    `hear`
-    swallows too, so a signal during it must not raise.
+    `hear` swallows too, so a signal during it must not raise.
     """
 
     def __init__(self, shown: Callable[[sys.UnraisableHookArgs], object]) -> None:

@@ -6,6 +6,7 @@ Does not know CANopen: what is right, what differs and what may be written is dv
 from __future__ import annotations
 
 import json
+import unicodedata
 
 from ansible.module_utils.basic import AnsibleModule
 
@@ -53,15 +54,17 @@ def bus_words(bus):
 
 
 class Ended:
-    """One run of dvtcli: its exit code *code*, its answers *results*, and its *error*, None if there is none."""
+    """One run of dvtcli: its exit code *code*, its answers *results*, its *errors*, one for each node that failed."""
 
     def __init__(self, module, words):
         self.module = module
         self.messages = ""
         self.results = []
-        self.error = None
+        self.errors = []
+        self.is_torn = False
         asked = module.params
-        program = asked["executable"] or module.get_bin_path("dvtcli", opt_dirs=[HOME]) or "dvtcli"
+        found = module.get_bin_path("dvtcli") or module.get_bin_path("dvtcli", opt_dirs=[HOME])
+        program = asked["executable"] or found or "dvtcli"
         command = [program, "--json", "--color", "never", *bus_words(asked["bus"])]
         if asked["timeout"] is not None:
             command += ["--timeout", str(asked["timeout"])]
@@ -70,14 +73,18 @@ class Ended:
         except OSError as failed:
             self.code = NOT_FOUND
             why = f"{program} cannot be run: {failed.strerror}; the role dvtcli.canopen.bench installs it"
-            self.error = {"message": why, "state": "unchanged"}
+            self.errors.append({"message": why, "state": "unchanged"})
             return
-        documents = [json.loads(line) for line in stdout.splitlines() if line.startswith("{")]
-        for document in documents:
-            if document["schema"].startswith("dvtcli.error/"):
-                self.error = document
-            else:
-                self.results.append(document)
+        for line in stdout.splitlines():
+            if not line.startswith("{"):
+                continue
+            try:
+                document = json.loads(line)
+            except ValueError:  # dvtcli was killed while it wrote the line
+                self.is_torn = True
+                continue
+            is_error = document["schema"].startswith("dvtcli.error/")
+            (self.errors if is_error else self.results).append(document)
         self.warn()
 
     @property
@@ -86,10 +93,25 @@ class Ended:
         return self.results[-1] if self.results else None
 
     @property
+    def error(self):
+        """The first error, whose exit code is that of the run; None if there is none."""
+        return self.errors[0] if self.errors else None
+
+    @property
+    def state(self):
+        """The state of the nodes: that of the errors if they agree, C(unknown) if they do not, or if none says it."""
+        if self.is_torn:
+            return "unknown"
+        states = {error.get("state", "unknown") for error in self.errors}
+        if not states:
+            return "unchanged" if self.code == DONE else "unknown"
+        return states.pop() if len(states) == 1 else "unknown"
+
+    @property
     def wrote(self):
         """Whether anything was written to a node, as far as is known."""
-        state = (self.error or {}).get("state", "unchanged" if self.code == DONE else "unknown")
-        return state != "unchanged" or any(map(changes, self.results))
+        others = any(error.get("done") for error in self.errors)
+        return self.state != "unchanged" or others or any(map(changes, self.results))
 
     def warn(self):
         """Hand on notes and warnings: those of stderr, and what rules found."""
@@ -99,15 +121,15 @@ class Ended:
                 said += [finding_text(finding, part.get("node")) for finding in part.get("findings", ())]
             said += ["note: " + note for note in result.get("notes", ())]
         for line in dict.fromkeys(said):
-            self.module.warn(line)
+            self.module.warn(safe(line))
 
     def unless(self, *fine):
         """The last answer; the task fails if the exit code is none of *fine*."""
         if self.code in fine and self.result is not None:
             return self.result
-        error = self.error or {}
-        message = error.get("message") or self.messages.strip() or f"dvtcli ended with {self.code} and said nothing"
-        return self.fail(message, error.get("state", "unknown"))
+        told = [error["message"] for error in self.errors if error.get("message")]
+        message = "\n".join(told) or self.messages.strip() or f"dvtcli ended with {self.code} and said nothing"
+        return self.fail(message, self.state)
 
     def fail(self, message, state, code=None):
         """End the task as failed, with all that is known."""
@@ -137,6 +159,14 @@ def changes(result):
     if schema == "dvtcli.change/1":
         return result["writes"] > 0
     return schema == "dvtcli.store/1" and not result["skipped"]
+
+
+def safe(text):
+    """*text* with each character escaped that could control a terminal: a device or a file may have written it."""
+    unsafe = ("Cc", "Cf", "Cs", "Co", "Zl", "Zp")
+    return "".join(
+        char.encode("unicode_escape").decode("ascii") if unicodedata.category(char) in unsafe else char for char in text
+    )
 
 
 def finding_text(finding, node):

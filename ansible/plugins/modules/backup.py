@@ -92,8 +92,9 @@ def main():
     changed = True
     if Path(dest).exists():
         compared = Ended(module, ["compare", dest, made])
-        compared.unless(DONE, DIFFERS)
-        changed = compared.code == DIFFERS
+        result = compared.unless(DONE, DIFFERS)
+        # identity, and settings that one of the files lacks, are no difference to `compare`
+        changed = compared.code == DIFFERS or bool(result["about"] or result["unsaid"] or result["unlike"])
     if changed and not module.check_mode:
         module.atomic_move(made, dest)
     ended.done(changed=changed, file=dest, objects=document["objects"])

@@ -88,7 +88,7 @@ def main():
         "node": document["node"],
         "recovered": False,
     }
-    nodes = [node["node"] for node in document.get("nodes", [document])]
+    nodes = document.get("looked_at") or [node["node"] for node in document.get("nodes", [document])]
     ended.done(changed=not is_idle, nodes=[] if is_idle else nodes)
 
 

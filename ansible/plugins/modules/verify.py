@@ -7,7 +7,7 @@ DOCUMENTATION = r"""
 module: verify
 short_description: Compare CANopen nodes with a file
 description:
-  - Runs C(dvtcli verify) on the host that has the bus. Nothing is written.
+  - Runs C(dvtcli verify) on the host that has the bus. No object is written; O(frame=true) commands the nodes.
   - The task fails with exit code 3 if anything differs.
 options:
   file:
@@ -18,7 +18,7 @@ options:
     description: The node-ID, for a file that is about one device.
     type: int
   frame:
-    description: Start the nodes, and look at a frame of each enabled TPDO.
+    description: Start the nodes (NMT), look at a frame of each enabled TPDO, and stop those again that were STOPPED.
     type: bool
     default: false
 extends_documentation_fragment:

@@ -26,8 +26,7 @@ def node_line(store: FrameStore, reading: int | None, width: int, *, plain: bool
     """Return the nodes on the bus or known, with names and states; *reading* marks a node being read.
 
     If space is short, states are abbreviated, then names are cut and dropped. Last, nodes are grouped by state, rare
-    states
-    first, listed by number or only counted.
+    states first, listed by number or only counted.
     """
     names, heard = store.decoder.names, {row.service.node for row in store.rows.values()}
     shown = sorted({node for node in heard if node is not None} | set(names))

@@ -21,8 +21,7 @@ def reported_run(session: Conversation, file: str, run: Callable[[], int]) -> in
     """Call *run* for the script *file*, and report its lines in the requested format; returns the exit code.
 
     Failures also go to stderr. An unusable file, a script with unknown lines (Tcl), and a failure after the last line
-    are
-    one case each.
+    are one case each.
     """
     output, outer = session.output, session.report
     output.failed = None

@@ -114,10 +114,8 @@ def run_script(
     """Run a script's *data*; *source* names it in messages, *first_line* is the line number of its beginning.
 
     The first failing line stops the script and gives the exit code. *keep_going*: run on, and return the first
-    failure's
-    code, or 7 if any, or a signal's. *atomic*: a failing line rolls back all lines before. Raises UsageError if an
-    atomic
-    script changes nodes after a line without undo.
+    failure's code, or 7 if any, or a signal's. *atomic*: a failing line rolls back all lines before. Raises UsageError
+    if an atomic script changes nodes after a line without undo.
     """
     refuse_own_run(session, source)
     if atomic and keep_going:

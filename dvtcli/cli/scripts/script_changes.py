@@ -172,8 +172,7 @@ class ScriptChanges:
         """Read back how nodes differ from this script's changes, except undone changes.
 
         Returns None without changes, or if no difference was found and some values cannot be read back. Raises errors
-        of
-        reading.
+        of reading.
         """
         from dvtcli.device.change.expected import moves, no_longer_held
         from dvtcli.domain.plan import PdoChange

@@ -96,6 +96,7 @@ def error_document(error: DvtcliError, at: str | None = None) -> Document:
         "stays": list(error.stays),
         "stays_differing": None if error.stays_differing is None else list(error.stays_differing),
         "also": [text for label, text in error.details if label == "also"],
+        "done": [text for label, text in error.details if label == "done"],
     }
     if isinstance(error, LeftChanged):
         document["left"] = [

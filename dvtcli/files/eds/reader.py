@@ -104,8 +104,7 @@ def compact_pdo_indices(present: set[int], rpdo_count: int, tpdo_count: int) -> 
     """Return the PDO parameters that CompactPDO adds to those *present*.
 
     Adds the lowest PDO numbers without a section up to *rpdo_count* RPDOs and *tpdo_count* TPDOs, and the missing half
-    of
-    PDOs with only a communication or a mapping section.
+    of PDOs with only a communication or a mapping section.
     """
     missing: list[int] = []
     for first, wanted in ((0x1400, rpdo_count), (0x1800, tpdo_count)):

@@ -40,9 +40,8 @@ def text_of(
     """Return the preferred one-line text for *data*, None if there is none.
 
     Numbers are *hexadecimal* if possible. *exact*: every byte reads back, characters are printable, negative numbers
-    have
-    a sign, a REAL has all digits; otherwise the value is equal, and a REAL is as short as possible. *relative* adds
-    `$NODEID+`.
+    have a sign, a REAL has all digits; otherwise the value is equal, and a REAL is as short as possible. *relative*
+    adds `$NODEID+`.
     """
     if data_type is None:
         return None

@@ -182,8 +182,7 @@ def profile_for_identity(vendor_id: int, product_code: int) -> DeviceProfile:
     """Return the profile for an identity (0x1018:1 and :2), the generic profile if none fits.
 
     A profile for the exact product ranks before a mask, and a mask before all of the vendor's products; among equals
-    the
-    user's own ranks first.
+    the user's own ranks first.
     """
     return _fitting(vendor_id, product_code, profile_names(), _own_files())
 

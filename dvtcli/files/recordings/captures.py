@@ -54,7 +54,7 @@ class _Packet(NamedTuple):
 def read_capture(file: BinaryIO) -> Iterator[can.Message]:
     """Iterate over CAN frames of *file*, a pcapng or a pcap, in order; other packets are left out.
 
-    Raises ValueError if the file is neither, is damaged, or has no frame of CAN or CAN FD.
+    Raises ValueError if the file is neither, is damaged, or has packets but no frame of CAN or CAN FD.
     """
     others: Counter[int] = Counter()
     found = False

@@ -27,8 +27,7 @@ class RecordingFormat:
     """A format with the *suffix* of its files; *title* names its origin in a word or two.
 
     The defaults are python-can's reader and writer for the suffix; override `reader` and `writer` for others. Each
-    format's
-    module has an instance in `FORMATS`.
+    format's module has an instance in `FORMATS`.
     """
 
     suffix: ClassVar[str]

@@ -134,8 +134,7 @@ class WideTable:
     """Rows of the wide layout, one for each frame known to *rows*, with a column per signal.
 
     A column's type depends on the signal, not on its values: a number with a unit is a double, any other whole number
-    is
-    signed, so that differences are right. An unsigned 64-bit number is a decimal.
+    is signed, so that differences are right. An unsigned 64-bit number is a decimal.
     """
 
     batch_rows = group = _WIDE_ROWS

@@ -40,8 +40,7 @@ def xdd_bytes(
     """Return *dictionary* as an XDD named *file_name*, dated *made* (None: as in *said*).
 
     The result is an XDC if *dictionary* has a node-ID or values of its own. *said* are the original file's statements
-    about
-    itself, by the keys of an EDS.
+    about itself, by the keys of an EDS.
     """
     root = Element("co:ISO15745ProfileContainer", {"xmlns:co": NAMESPACES[-1], "xmlns:xsi": _XSI})
     file = _file(file_name, made, as_attributes(said or {}))

@@ -125,7 +125,7 @@ class Result(Protocol):
 
     @property
     def exit_code(self) -> int:
-        """0, or 3 for differences."""
+        """0 if all is as requested, else the code for what is not (1, 3, 4, 5, 7 or 130)."""
         ...
 
     def document(self) -> Document:

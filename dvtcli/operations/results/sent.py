@@ -47,7 +47,7 @@ class Outcome(Short):
 
     @property
     def error(self) -> DvtcliError | None:
-        """The error unless all are known to be sent."""
+        """The error if the bus failed or error frames came; None otherwise, also after Ctrl-C."""
         error: DvtcliError
         if self.failure is not None:
             failed = self.failure
@@ -105,7 +105,7 @@ class OfFrames(Answer):
 
     @property
     def failure(self) -> DvtcliError | None:
-        """The error unless all were sent."""
+        """The error if the bus failed or error frames came; None otherwise, also after Ctrl-C."""
         return self.outcome.error
 
     @property

@@ -16,7 +16,6 @@ from dvtcli.domain.network.network_state import (
 )
 
 _CONSUMER = "CiA 301, 7.5.2.17"
-_PRODUCER = "CiA 301, 7.5.2.18"
 _GUARDING = "CiA 301, 7.2.8.3.2"
 
 
