@@ -100,7 +100,8 @@ def _made_again(kind: type[DvtcliError], *args: object) -> DvtcliError:
 
 def ended_with(exit_code: int, text: str, *, hint: Hint | str | None = None, state: State = "unchanged") -> DvtcliError:
     """Why an answer whose own screen says all of it ended with *exit_code*: for documents."""
-    failed = DvtcliError(text, hint=hint, state=state)
+    is_signal = exit_code > 128
+    failed = (Interrupted if is_signal else DvtcliError)(text, hint=hint, state=state)
     failed.exit_code = exit_code
     return failed
 

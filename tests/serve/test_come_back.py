@@ -96,7 +96,8 @@ def test_a_log_goes_on_in_the_same_file(tmp_path: Path, port: int) -> None:
         wait_for(lambda: file.stat().st_size > size, "more frames in the file")
         code, out, _ = ended(log)
     assert code == 130
-    facts = documents(out)[-1]
+    facts, error = documents(out)[-2:]
+    assert (error["schema"], error["error"], error["exit_code"]) == ("dvtcli.error/1", "interrupted", 130)
     assert (facts["schema"], facts["frames"]) == ("dvtcli.log/1", len(file.read_text("utf-8").splitlines()))
     assert facts["gaps"] == 1
     assert facts["gone_s"] > 0
@@ -124,6 +125,17 @@ def test_ctrl_c_ends_the_waiting_at_once(tmp_path: Path, words: tuple[str, ...])
     code, out, errors = ended(stopped)
     assert (code, "Traceback" in errors) == (130, False)
     assert ("x.log:" in out) == (words[0] == "log")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_document_says_by_which_signal_a_log_ended(tmp_path: Path, number: signal.Signals) -> None:
+    with served(tmp_path, "gen4@5") as server:
+        log = listening(server, "log", "x.log", "--json")
+        wait_for(lambda: "recording" in said(log), "it to listen")
+        code, out, _ = ended(log, number)
+    facts, error = documents(out)
+    assert (facts["schema"], error["schema"], error["error"]) == ("dvtcli.log/1", "dvtcli.error/1", "interrupted")
+    assert (code, error["exit_code"], error["state"]) == (128 + number, 128 + number, "unchanged")
 
 
 @pytest.mark.parametrize("words", WAITING, ids=["monitor", "log"])

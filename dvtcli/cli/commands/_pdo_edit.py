@@ -40,7 +40,7 @@ def edit(session: Conversation, pdo: Pdo, node_id: int | None) -> Changed | Fact
                 raise  # the device was asked: another text changes nothing about it
             session.output.error(wrong)
             if not session.output.ask("Edit it again?"):
-                return _left(pdo, wrong.exit_code)
+                return _left(pdo, wrong)
 
 
 def _edited(text: str) -> str | None:
@@ -54,6 +54,6 @@ def _edited(text: str) -> str | None:
         raise UsageError(why, hint="EDITOR names your editor: EDITOR=nano dvtcli") from failed
 
 
-def _left(pdo: Pdo, exit_code: int = 0) -> Facts:
+def _left(pdo: Pdo, wrong: DvtcliError | None = None) -> Facts:
     rows = (("pdo", str(pdo)), ("changed", False))
-    return Facts("edit", rows, (f"{pdo.label} is left as it is.",), exit_code)
+    return Facts("edit", rows, (f"{pdo.label} is left as it is.",), wrong)

@@ -12,7 +12,7 @@ from dvtcli.cli.dvt.tcl_safe import Exit
 from dvtcli.cli.dvt.tcl_wire import Call, End, Frame, Go, Limits
 from dvtcli.cli.scripts.script import enclosed, refuse_own_run
 from dvtcli.cli.scripts.script_lines import script_text
-from dvtcli.errors import UsageError
+from dvtcli.errors import UsageError, ended_with
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
@@ -86,15 +86,16 @@ class TclScript(TclRun):
         raise self._placed(self._failure(end, self._place(end.file, end.line)))
 
     def _verdict(self) -> int:
-        """Return 0, or the code of the first failed word that the script did not accept."""
+        """Return 0, or the code of the first failed word that the script did not accept; for documents, raise it."""
         if not self._calls.failures:
             return 0
         place, first = self._calls.failures[0]
         count = len(self._calls.failures)
-        self._session.output.warning(
-            f"{count} word{' was' if count == 1 else 's were'} refused, first at {place} ({first.word}: "
-            f"{first.answer}); where that is meant, end the script with `exit 0`"
-        )
+        text = f"{count} word{' was' if count == 1 else 's were'} refused, first at {place} ({first.word}: {first.answer})"
+        hint = "where that is meant, end the script with `exit 0`"
+        if self._session.output.json:
+            raise self._placed(ended_with(first.exit_code, text, hint=hint))
+        self._session.output.warning(f"{text}; {hint}")
         return first.exit_code
 
     def _place(self, file: str, line: int) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 from time import monotonic, time
 from typing import TYPE_CHECKING
 
-from dvtcli.errors import BusUnavailable
+from dvtcli.errors import BusUnavailable, DvtcliError, ended_with
 from dvtcli.operations.frames.layouts import open_wire
 from dvtcli.operations.frames.watch_bus import ListeningTime
 from dvtcli.operations.results.files import Facts
@@ -58,8 +58,6 @@ def record_frames(
 
 #: CAN-IDs with their masks
 Filters = tuple[tuple[int, int], ...]
-#: exit code of a recording that ended during a loss of the bus
-_GONE = BusUnavailable.exit_code
 
 
 @dataclass(slots=True)
@@ -138,5 +136,9 @@ class RunningRecording:
         text = f"{path}: {frames} frames in {seconds:.2f} s, {listener.dropped} dropped, {size} bytes{more}"
         if listener.gaps_s:
             text += f"; the bus was gone {len(listener.gaps_s)}x, for {sum(listener.gaps_s):.1f} s in all"
-        code = session.cancellation.exit_code if session.cancellation.requested else _GONE if listener.is_gone else 0
-        return Facts("log", rows, (text,), exit_code=code)
+        failure: DvtcliError | None = None
+        if session.cancellation.requested:
+            failure = ended_with(session.cancellation.exit_code, "the recording was interrupted")
+        elif listener.is_gone:
+            failure = BusUnavailable("the bus was gone when the recording ended")
+        return Facts("log", rows, (text,), failure)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.several import plural
-from dvtcli.errors import UsageError
+from dvtcli.errors import UsageError, ended_with
 from dvtcli.operations.picture.gather import PictureOptions, network_picture
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
@@ -69,4 +69,5 @@ def _answer(target: str, picture: NetworkPicture, size: int) -> Facts:
         ("findings", len(picture.findings)), ("differences", differing if picture.compared else None),
         ("bytes", size), ("notes", list(picture.notes)),
     )  # fmt: skip
-    return Facts("report", rows, tuple(text), picture.exit_code)
+    failure = ended_with(picture.exit_code, "; ".join(picture.notes)) if picture.exit_code else None
+    return Facts("report", rows, tuple(text), failure)

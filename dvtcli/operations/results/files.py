@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 from dvtcli.domain.hint import Hint
 from dvtcli.domain.rules import Finding
+from dvtcli.errors import DvtcliError
 from dvtcli.operations.results.documents import Answer, Document, finding_document
 
 
@@ -57,11 +58,17 @@ class Facts(Answer):
     schema: str
     rows: tuple[tuple[str, Any], ...]
     text: tuple[Hint | str, ...]
-    exit_code: int = 0
+    #: why the command does not end with 0, for documents; the text says it, too
+    failure_of_document: DvtcliError | None = None
     #: warnings and notes
     findings: tuple[Finding, ...] = ()
     #: whether certainly no node was written to, if the command may do so
     changed_nothing: bool = False
+
+    @property
+    def exit_code(self) -> int:
+        """0, or the code of the failure."""
+        return 0 if self.failure_of_document is None else self.failure_of_document.exit_code
 
     def document(self) -> Document:
         """The rows under the result's own schema."""

@@ -34,6 +34,7 @@ ENDS = {
     "refused and rolled back": (1, ("--fault", "refuse@1=0x06040041"), ("apply", "net.yaml")),
     "silent": (5, ("-n", "9"), ("pdo",)),
     "doctor": (5, ("-n", "9"), ("doctor",)),
+    "a report of what cannot be planned": (1, (), ("report", "now.html", "lacks.yaml")),
     "a plan of what a device lacks": (1, (), ("plan", "lacks.yaml")),
 }
 
