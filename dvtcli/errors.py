@@ -23,7 +23,7 @@ The number is the exit code.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 #: How the line is labelled that says that a failure was a twin's.
 DRY_RUN = "dry run"
 State = Literal["unchanged", "rolled_back", "left_changed", "unknown"]
+#: the less is as it was before the command, the later
+_STATES: tuple[State, ...] = ("unchanged", "rolled_back", "unknown", "left_changed")
 
 
 class DvtcliError(Exception):
@@ -74,6 +76,8 @@ class DvtcliError(Exception):
         self.state: State = state
         #: the state in words, if the words for *state* do not fit
         self.state_text: str | None = None
+        #: the state of each node, by node-ID, if the command was about several and they fared differently
+        self.nodes: dict[int, State] = {}
         #: whether the start's own options are wrong, whichever line of a script found out
         self.at_start = False
         #: true if the failed action was never meant for the bus and cannot be forced
@@ -88,6 +92,19 @@ class DvtcliError(Exception):
         self.traced_by = ""
         #: further labelled lines for the screen, e.g. ("step", "0x1A00:03 <- 0x27030120")
         self.details: list[tuple[str, str]] = []
+
+    @property
+    def worst_state(self) -> State:
+        """The state of all nodes that the command was about: that of the one of which least is as it was."""
+        return max((self.state, *self.nodes.values()), key=_STATES.index)
+
+    def beside(self, done: Iterable[int], failures: Iterable[DvtcliError], text: str) -> None:
+        """Note the nodes *done*, which went back, and those of *failures*; *text* says what was done."""
+        self.nodes = dict.fromkeys(done, "rolled_back")
+        if not self.nodes:
+            return
+        self.details.append(("done", f"node {', '.join(map(str, self.nodes))}: {text}"))
+        self.nodes |= {failed.node: failed.state for failed in failures if failed.node is not None}
 
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle and copy the error with all of its fields."""

@@ -5,8 +5,11 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from can import Message
+
 import dvtcli
 from tests.commands.bench import Bench
+from tests.process import PATIENCE_S
 from tests.serve.served import served
 from tests.small_eds import INPUTS, communication, mapping, plain
 
@@ -85,6 +88,25 @@ def test_a_document_says_what_is_not_put_back(tmp_path: Path) -> None:
         (text,) = document["not_put_back"]
         assert "TPDO2 was inconsistent, and the device does not take that back: it is off and empty now" in text
         assert text in [finding["text"] for finding in document["findings"]]
+
+
+def test_an_undo_that_ends_at_a_node_says_which_nodes_were_put_back_before(tmp_path: Path) -> None:
+    path = odd_eds(tmp_path)
+    with served(tmp_path, f"{path}@1", f"{path}@2") as server:
+        for node in ("1", "2"):
+            done = server.dvtcli("-n", node, "--eds", str(path), "map", "rpdo1", "6200:1")
+            assert done.returncode == 0, done
+        write = bytes.fromhex("2F00140264000000")
+        with server.attach() as other:
+            other.send(Message(arbitration_id=0x601, data=write, is_extended_id=False))
+            assert other.recv(PATIENCE_S)
+        ran = server.dvtcli("--json", "undo", "--all")
+        *_, error = map(json.loads, ran.stdout.splitlines())
+        assert (ran.returncode, error["exit_code"], error["node"]) == (6, 6, 1), ran
+        assert error["done"] == ["node 2: put back before this"]
+        assert error["nodes"] == [{"node": 1, "state": "unchanged"}, {"node": 2, "state": "rolled_back"}]
+        assert error["state"] == "rolled_back"
+        assert "state   node 1 unchanged: nothing was written" in error["message"]
 
 
 def test_undo_of_everything_says_it_and_a_program_sees_false(tmp_path: Path) -> None:

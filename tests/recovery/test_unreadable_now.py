@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from dvtcli.cli.view.error_lines import error_document, error_lines
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, Plan, Step, ValueChange, plan_pdo
 from dvtcli.errors import DvtcliError, LeftChanged
@@ -146,5 +147,11 @@ def test_a_journal_that_cannot_be_used_does_not_keep_other_nodes_from_going_back
         4 if spoilt == "damaged" else 6,
         True,
     )
-    assert ("done", "node 9: put back") in told.value.details
+    document = error_document(told.value)
+    assert (document["done"], document["state"]) == (["node 9: put back"], "rolled_back")
+    own = [] if spoilt == "damaged" else [{"node": 5, "state": "unchanged"}]
+    assert document["nodes"] == [*own, {"node": 9, "state": "rolled_back"}]
+    *_, state = error_lines(told.value)
+    said = "nothing was written, but for node 9" if spoilt == "damaged" else "node 5 unchanged: nothing was written"
+    assert said in str(state)
     assert (values(chain, 9), first.exists(), second.exists()) == (before, True, False)

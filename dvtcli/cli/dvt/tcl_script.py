@@ -91,7 +91,8 @@ class TclScript(TclRun):
             return 0
         place, first = self._calls.failures[0]
         count = len(self._calls.failures)
-        text = f"{count} word{' was' if count == 1 else 's were'} refused, first at {place} ({first.word}: {first.answer})"
+        words = f"{count} word{' was' if count == 1 else 's were'} refused"
+        text = f"{words}, first at {place} ({first.word}: {first.answer})"
         hint = "where that is meant, end the script with `exit 0`"
         if self._session.output.json:
             raise self._placed(ended_with(first.exit_code, text, hint=hint))

@@ -91,7 +91,8 @@ def error_document(error: DvtcliError, at: str | None = None) -> Document:
         "why": error.why,
         "hint": error.hint,
         "next": next_step(error.hint),
-        "state": error.state,
+        "state": error.worst_state,
+        "nodes": [{"node": node_id, "state": state} for node_id, state in sorted(error.nodes.items())],
         "at": at,
         "stays": list(error.stays),
         "stays_differing": None if error.stays_differing is None else list(error.stays_differing),
@@ -153,7 +154,7 @@ def error_lines(error: DvtcliError, at: str | None = None) -> Iterator[Line]:
         rows.append(("abort", f"0x{error.abort:08X}  {abort_text(error.abort)}"))
     rows += [("why", error.why)] if error.why else []
     rows += _hint_row(error.hint)
-    if error.exit_code not in (2, 4) or error.stays or error.state_text or error.state != "unchanged":
+    if error.exit_code not in (2, 4) or error.stays or error.state_text or error.worst_state != "unchanged":
         rows.append(("state", _state(error, at)))
     if error.traced_by:
         rows.append(("frames", error.traced_by))
@@ -183,6 +184,9 @@ def _state(error: DvtcliError, at: str | None) -> str:
     text = error.state_text or _STATES[error.state]
     if at and error.state_text is None and (error.stays or error.state == "unchanged"):
         text = _BY_THIS_LINE.get(error.state, text)
+    others = [str(node_id) for node_id, state in sorted(error.nodes.items()) if state != error.state]
+    if others and error.state_text is None:
+        text = f"{text}, but for node {', '.join(others)}" if error.node is None else f"node {error.node} {text}"
     if not error.stays:
         return text
     stays = f"what {join_some(error.stays)} changed is not taken back"

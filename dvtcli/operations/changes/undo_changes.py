@@ -82,9 +82,8 @@ def _one_by_one(session: Session, things: Iterable[T], put_back: Callable[[T], C
                 state="unknown",
             )
     except DvtcliError as error:
-        ids = [str(undone.node) for undone in done if undone.node not in again]
-        if ids:
-            error.details.append(("done", f"node {', '.join(ids)}: put back before this"))
+        error.beside([undone.node for undone in done if undone.node not in again], [error], "put back before this")
+        error.nodes |= dict.fromkeys(again, "unknown")
         raise
     return done[0] if len(done) == 1 else ChangedNodes(tuple(done))
 

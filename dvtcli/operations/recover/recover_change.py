@@ -73,11 +73,12 @@ def _recovered(session: Session, file: str | None, *, finish: bool) -> Changed |
     session.consent(lambda: _question(session, journals), _only(journals))
     for said in dict.fromkeys(_whole_text(journal, journals) for journal in journals if journal.part.whole is not None):
         session.tell.note(said)
-    done, failed = _put_back(session, journals, refused)
-    if failed is not None:
-        ids = [str(recovered.node) for recovered in done if not _restarted_since(session.node(recovered.node))]
-        if ids:
-            failed.details.append(("done", f"node {', '.join(ids)}: put back"))
+    done, failures = _put_back(session, journals, refused)
+    if failures:
+        lost = [recovered.node for recovered in done if _restarted_since(session.node(recovered.node))]
+        failed = _first_of(failures)
+        failed.beside([recovered.node for recovered in done if recovered.node not in lost], failures, "put back")
+        failed.nodes |= dict.fromkeys(lost, "unknown")
         raise failed
     return done[0] if len(done) == 1 else ChangedNodes(tuple(done))
 
@@ -181,8 +182,8 @@ def _first_of(failures: Sequence[DvtcliError]) -> DvtcliError:
 
 def _put_back(
     session: Session, journals: list[Journal], refused: Sequence[DvtcliError]
-) -> tuple[list[Changed], DvtcliError | None]:
-    """Roll back, and return the results and the first error; an error does not stop other roll-backs.
+) -> tuple[list[Changed], list[DvtcliError]]:
+    """Roll back, and return the results and the errors; an error does not stop other roll-backs.
 
     *refused* are unusable journals.
     """
@@ -211,9 +212,8 @@ def _put_back(
         except DvtcliError as error:
             failures.append(error)
     failures += refused
-    if failures:
-        return done, _first_of(failures)
-    return done, _restarted(session, done)
+    restarted = None if failures else _restarted(session, done)
+    return done, failures if restarted is None else [restarted]
 
 
 def _restarted(session: Session, done: list[Changed]) -> Restarted | None:
