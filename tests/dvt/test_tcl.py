@@ -87,6 +87,9 @@ def test_a_failure_that_nobody_meant_is_the_exit_code(tmp_path: Path) -> None:
         assert (ran.code, ran.stdout) == (1, "on\n")
         assert "x.tcl:2" in ran.stderr
         assert "exit 0" in ran.stderr
+        error = tcl(bench, tmp_path, "sdo_wnx 1 0x1800 5 0x0700\nsdo_rnx 1 0x5FFF 0\nputs on\n", "--json").documents[-1]
+        assert (error["schema"], error["exit_code"], error["state"]) == ("dvtcli.error/1", 1, "unknown")
+        assert (f"at {tmp_path}/x.tcl:2 " in error["text"], "exit 0" in error["hint"]) == (True, True)
         assert tcl(bench, tmp_path, "sdo_rnx 9 0x1018 1", "--timeout 0.05").code == 5
         assert tcl(bench, tmp_path, "sdo_rnx 1 0x5FFF 0\nexit 0").code == 0
         assert tcl(bench, tmp_path, "catch {exit 3}\nputs never").code == 3
