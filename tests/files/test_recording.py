@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import re
+import struct
 import tempfile
+import zlib
 from importlib.util import find_spec
 from pathlib import Path
 
 import can
 import pytest
+from can.io import MF4Writer
 from hypothesis import given, settings
 
 from dvtcli.cli.view.typed_hints import typed
@@ -166,3 +169,24 @@ def test_an_mf4_that_is_none_is_an_error_of_the_file(tmp_path: Path, data: bytes
     (tmp_path / "a.mf4").write_bytes(data)
     with pytest.raises(InputFileError, match=r"a\.mf4: damaged after 0 frames"):
         list(read_recorded(tmp_path / "a.mf4"))
+
+
+@pytest.mark.needs("asammdf")
+def test_an_mf4_of_a_megabyte_that_unpacks_to_a_gigabyte_is_refused(tmp_path: Path) -> None:
+    """Its only block of data (DZ) is replaced: a gigabyte of zeros, as the file itself says."""
+    path = tmp_path / "a.mf4"
+    with MF4Writer(path, compression_level=2) as writer:
+        for number in range(2000):
+            writer.on_message_received(can.Message(timestamp=number / 1000, arbitration_id=0x181, data=bytes(8)))
+    file = path.read_bytes()
+    file += bytes(-len(file) % 8)
+    block, size = file.index(b"##DZ"), 1 << 30
+    deflate = zlib.compressobj(9)
+    packed = b"".join(deflate.compress(bytes(1 << 20)) for _ in range(size >> 20)) + deflate.flush()
+    header = struct.pack("<4sIQQ2sBBIQQ", b"##DZ", 0, 48 + len(packed), 0, b"DT", 0, 0, 0, size, len(packed))
+    linked = file.replace(struct.pack("<Q", block), struct.pack("<Q", len(file)))
+    assert linked != file
+    path.write_bytes(linked + header + packed)
+    with pytest.raises(InputFileError, match=r"a\.mf4: damaged after 0 frames") as refused:
+        list(read_recorded(path))
+    assert "asammdf takes more than 720 MB for it" in str(refused.value.why)
