@@ -46,9 +46,8 @@ class CsvWriter:
 
     def close(self) -> None:
         """Close the file."""
-        self._file.flush()
-        self.size = size_of_open(self._file)
-        self._file.close()
+        with self._file:
+            self.flush()
 
 
 def csv_text(value: Value | None) -> str:

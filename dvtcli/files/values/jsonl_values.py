@@ -40,9 +40,8 @@ class JsonlWriter:
 
     def close(self) -> None:
         """Close the file."""
-        self._file.flush()
-        self.size = size_of_open(self._file)
-        self._file.close()
+        with self._file:
+            self.flush()
 
 
 def read_jsonl(path: Path) -> ValueRows:

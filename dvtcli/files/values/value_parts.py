@@ -6,13 +6,19 @@ First completes the files of a killed `log`.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
+from types import TracebackType
+from typing import TYPE_CHECKING
 
 from dvtcli.domain.ports import Frame
-from dvtcli.files.values.value_rows import STREAM, ValueWriter
+from dvtcli.domain.several import join_some
+from dvtcli.files.values.value_rows import STREAM, ValueWriter, stream_of
+
+if TYPE_CHECKING:
+    from dvtcli.files.values.parquet_file import Finished
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,41 +30,70 @@ class Rotation:
 
 
 class ValueParts:
-    """Writes frames into files opened by *opened*, the first at *path*, the next by *rotation*."""
+    """Writes frames into files opened by *opened*, the first at *path*, the next by *rotation*.
+
+    Use as a context manager: it completes the open file.
+    """
 
     def __init__(self, path: Path, opened: Callable[[Path], ValueWriter], rotation: Rotation) -> None:
         self._path, self._opened, self._rotation = path, opened, rotation
-        #: the files in order, and the bytes of closed files
+        #: the files in order, and the bytes of complete files
         self.files: list[Path] = []
         self.size = 0
         self._open(path)
 
     def _open(self, path: Path) -> None:
-        self._file = self._opened(path)
         self.files.append(path)
+        self._file: ValueWriter | None = self._opened(path)
         self._since_s, self._frames = monotonic(), 0
 
     def write(self, frame: Frame, bus: str = "") -> None:
         """Write a frame."""
+        assert self._file is not None  # noqa: S101 - nothing is written after a failure
         self._file.write(frame, bus)
         self._frames += 1
 
     def flush(self) -> None:
         """Flush to the system; begin a new file if due."""
+        assert self._file is not None  # noqa: S101
         self._file.flush()
-        if self._frames and self._is_full:
+        if self._frames and self._is_full(self._file):
             self.close()
             self._open(next_part(self._path))
 
-    @property
-    def _is_full(self) -> bool:
+    def _is_full(self, file: ValueWriter) -> bool:
         seconds, most = self._rotation.seconds, self._rotation.size_bytes
-        return bool((seconds and monotonic() - self._since_s >= seconds) or (most and self._file.size >= most))
+        return bool((seconds and monotonic() - self._since_s >= seconds) or (most and file.size >= most))
 
     def close(self) -> None:
-        """Complete the open file."""
-        self._file.close()
-        self.size += self._file.size
+        """Complete the open file, if there is one. Raises OSError: then it is closed, too."""
+        file, self._file = self._file, None
+        if file is not None:
+            file.close()
+            self.size += file.size
+
+    def kept(self) -> str:
+        """Say which files have what was written until a failure; empty if none has."""
+        said = [f"what was recorded is in {join_some(map(str, written))}"] if (written := _existing(self.files)) else []
+        if _existing([stream_of(self.files[-1])]):
+            said.append(f"the next log into {self._path} completes {self.files[-1].name}")
+        return "; ".join(said)
+
+    def __enter__(self) -> ValueParts:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _at: TracebackType | None
+    ) -> None:
+        try:
+            self.close()
+        except OSError:
+            if error is None:  # else what ended the recording is the news
+                raise
+
+
+def _existing(paths: Iterable[Path]) -> list[Path]:
+    return [path for path in paths if path.exists()]
 
 
 def next_part(path: Path) -> Path:
@@ -67,24 +102,20 @@ def next_part(path: Path) -> Path:
     return _part(path, max(numbers, default=0) + 1)
 
 
-def finish_parts(path: Path) -> list[tuple[Path, int]]:
-    """Complete files left by killed recordings into the .parquet file *path*; returns each with its rows.
+def finish_parts(path: Path) -> list[Finished]:
+    """Complete files left by killed recordings into the .parquet file *path*; returns what has rows or is damaged.
 
-    If a file of that name has another recording by now, the next free name is taken.
+    If a file of that name has another recording by now, the next free name is taken. Raises OSError, SafetyRefusal if
+    another process writes such a file.
     """
-    from dvtcli.files.values.parquet_file import finish, has_rows_of
+    from dvtcli.files.values.parquet_file import finish
 
-    finished: list[tuple[Path, int]] = []
-    for number, stream in sorted(_parts(path, "_", re.escape(STREAM))):
-        if not stream.is_file():  # a pipe of that name would be waited for
-            continue
-        whole = _part(path, number)
-        if whole.exists() and not has_rows_of(whole, stream):
-            whole = next_part(path)
-        count = finish(stream, whole)
-        if count is not None:
-            finished.append((whole, count))
-    return finished
+    found = (
+        finish(stream, _part(path, number), lambda: next_part(path))
+        for number, stream in sorted(_parts(path, "_", re.escape(STREAM)))
+        if stream.is_file()  # a pipe of that name would be waited for
+    )
+    return [each for each in found if each is not None and (each.rows or each.aside)]
 
 
 def _part(path: Path, number: int) -> Path:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import IO, Protocol
 
 from dvtcli.domain.ports import Frame
@@ -32,11 +33,10 @@ class Origin:
 
 @dataclass(frozen=True, slots=True)
 class ParquetForm:
-    """The form of a .parquet file: its *layout*; *live*: a power-off loses at most one second."""
+    """The form of a .parquet file: its *layout*, and where its values come from."""
 
     layout: str = LONG
     origin: Origin = Origin()
-    live: bool = False
 
 
 class ValueWriter(Protocol):
@@ -56,8 +56,13 @@ class ValueWriter(Protocol):
         ...
 
     def close(self) -> None:
-        """Complete the file, so that it can be read."""
+        """Complete the file, so that it can be read. Raises OSError; the file is closed even so."""
         ...
+
+
+def stream_of(path: Path) -> Path:
+    """Return the path of the Arrow stream with the values of the unfinished .parquet file *path*."""
+    return path.with_name(f"_{path.stem}{STREAM}")
 
 
 def size_of_open(file: IO[str]) -> int:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.errors import DvtcliError, UsageError
+from dvtcli.errors import DvtcliError, InputFileError, UsageError
 from dvtcli.files.recording import check_readable, read_recorded, read_recording
+from dvtcli.files.values.value_parts import next_part
 from dvtcli.operations.frames.frame_answer import frame_seen
 from dvtcli.operations.frames.recorded import decoder_for
 from dvtcli.operations.frames.values_origin import DEFAULTS, ValuesOptions, parquet_form
@@ -30,8 +30,8 @@ def decode_recording(
 ) -> Iterator[FrameSeen]:
     """Yield the decoded frames of the recording at *path* with *text* (lower case) in a name; see `decoder_for`.
 
-    Raises UsageError for an unknown suffix, and at the end if no name has *text*; InputFileError if the file is
-    invalid.
+    Raises UsageError if the file is missing or its format unknown, and at the end if no known signal has *text* in its
+    name; InputFileError, after the frames before it, where the file is damaged.
     """
     check_readable(path)
     decoder = decoder_for(session, nodes, dbc, path)
@@ -50,9 +50,10 @@ def write_values(
 ) -> SignalRows:
     """Write the values of the recording at *path* to *target*: CSV to a text, else by the file's suffix.
 
-    A row per frame, a column per signal with *text* (lower case) in its name. *options* has options of a .parquet file;
-    its recorder defaults to the recording's name. Raises UsageError if no such signal is known; else as
-    `decode_recording`.
+    A row per frame, in the long layout of a .parquet file a row per value; a column per signal with *text* (lower
+    case) in its name. *options* has options of a .parquet file; its recorder defaults to the recording's name. If the
+    recording is damaged, what is before that gets another name. Raises UsageError if no such signal is known,
+    DvtcliError if *target* cannot be written; else as `decode_recording`.
     """
     check_readable(path)
     rows = SignalRows(decoder_for(session, nodes, dbc, path), text)
@@ -71,7 +72,15 @@ def write_values(
         is_live = dbc is None and session.base.eds is None and not rows.decoder.identities
         asked = tuple(range(1, 128)) if is_live else ()
         form = parquet_form(session, target, rows.decoder, options, path.name, asked=asked, dbc=dbc)
-    _write(rows, _seen(session, path, rows), target, text, form)
+    frames = _seen(session, path, rows)
+    if isinstance(target, Path):
+        _write_file(session, rows, frames, target, text, form)
+    else:
+        from dvtcli.files.values.csv_values import CsvWriter
+
+        writer = CsvWriter(target, rows)
+        for frame, _ in frames:
+            writer.write(frame)
     if rows.other:
         session.tell.note(f"{rows.other} frames without known signals were left out")
     return rows
@@ -97,7 +106,7 @@ def values_into_file(
     session.made.append(str(target))
     names = [column.header for column in rows.columns]
     said = (("file", str(target)), ("frames", rows.frames), ("columns", names))
-    return Facts("decode", said, (f"{target}: {rows.frames} rows, {len(names)} signals",))
+    return Facts("decode", said, (f"{target}: {rows.frames} frames, {len(names)} signals",))
 
 
 def _seen(session: Session, path: Path, rows: SignalRows) -> Iterator[tuple[Frame, str]]:
@@ -109,32 +118,40 @@ def _seen(session: Session, path: Path, rows: SignalRows) -> Iterator[tuple[Fram
             yield recorded.frame, recorded.channel
 
 
-def _write(
+def _write_file(
+    session: Session,
     rows: SignalRows,
     frames: Iterable[tuple[Frame, str]],
-    target: TextIO | Path,
+    target: Path,
     text: str,
     form: ParquetForm | None,
 ) -> None:
-    if not isinstance(target, Path):
-        from dvtcli.files.values.csv_values import CsvWriter
+    """Write *rows* of *frames* to *target*; if the recording is damaged, what is before that to another file."""
+    from dvtcli.files.values.value_file import WholeFile
 
-        writer = CsvWriter(target, rows)
-        for frame, _ in frames:
-            writer.write(frame)
-        return
-    from dvtcli.files.values.value_file import write_file
+    def document(frame: Frame) -> Document:
+        return frame_seen(frame, rows.decoder).chosen(text).document()
 
     try:
-
-        def document(frame: Frame) -> Document:
-            return frame_seen(frame, rows.decoder).chosen(text).document()
-
-        with closing(write_file(target, rows, document, form)) as to:
+        to = WholeFile(target, rows, document, form)
+        try:
             for frame, bus in frames:
                 to.write(frame, bus)
+        except InputFileError:
+            kept = next_part(target.with_stem(f"{target.stem}-until-damage"))
+            to.complete(kept.name)
+            session.tell.warning(f"{target} is not written; the {rows.frames} frames before the damage are in {kept}")
+            raise
+        except BaseException:
+            to.discard()
+            raise
+        to.complete()
     except OSError as failed:
-        raise DvtcliError(f"{target}: {failed.strerror or failed}", place=str(target)) from failed
+        raise DvtcliError(
+            f"{target}: {failed.strerror or failed} after {rows.frames} frames",
+            place=str(target),
+            hint="an older file of that name is as it was",
+        ) from failed
 
 
 def _fitting(session: Session, path: Path, frames: Iterable[Frame], decoder: Decoder, text: str) -> Iterator[FrameSeen]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -41,10 +41,12 @@ def record_values(
     """Record the values of known frames to *path*, a .csv, .parquet or .jsonl, decoded by *nodes* and *dbc*.
 
     Only signals with *text* (lower case) in their names. Ends after *duration_s* seconds (None: never), or when the
-    session is cancelled. *options* has options of the file; the recorder defaults to this machine.
+    session is cancelled. *options* has options of the file; the recorder defaults to this machine. Completes first what
+    a killed recording left of a .parquet file; if that gets the name *path*, records into the next free name.
 
-    Raises UsageError if no such signal is known, DvtcliError if the file cannot be written; SafetyRefusal if the bus
-    returns with other mappings.
+    Raises UsageError if no such signal is known or the suffix is another one, DvtcliError if the file cannot be
+    written, BusUnavailable if the bus is lost and not waited for, SafetyRefusal if another process writes the file,
+    *path* exists and may not be overwritten, or the bus returns with other mappings.
     """
     from dvtcli.files.values.value_file import checked_form, write_file
 
@@ -59,22 +61,22 @@ def record_values(
     rows = _rows(known(), text)
     misfits = Misfits(rows.layout, session.tell.warning)
     asked = nodes or (tuple(range(1, 128)) if dbc is None else ())
-    form = parquet_form(session, path, rows.decoder, options, platform.node(), asked=asked, dbc=dbc, live=True)
+    form = parquet_form(session, path, rows.decoder, options, platform.node(), asked=asked, dbc=dbc)
 
     def document(frame: Frame) -> Document:
         return frame_seen(frame, rows.decoder).chosen(text).document()
 
     with _refused_writes(path):
         parts = ValueParts(path, lambda part: write_file(part, rows, document, form), Rotation(*options.rotation))
-        with closing(parts) as file, listening as listener:
-            bus = session.wire.name
+    with _refused_writes(path, parts, rows), parts, listening as listener:
+        bus = session.wire.name
 
-            def write(frame: Frame) -> None:
-                misfits.look(frame)
-                file.write(frame, bus)
+        def write(frame: Frame) -> None:
+            misfits.look(frame)
+            parts.write(frame, bus)
 
-            recording = RunningRecording(session, listener, filters, write, file.flush, _the_same(path, rows, known))
-            seconds = recording.run(duration_s)
+        recording = RunningRecording(session, listener, filters, write, parts.flush, _the_same(path, rows, known))
+        seconds = recording.run(duration_s)
     more = f", in {len(parts.files)} files" if len(parts.files) > 1 else ""
     more += f", {rows.other} others left out" if rows.other else ""
     session.made += [str(part) for part in parts.files[1:]]
@@ -82,11 +84,17 @@ def record_values(
 
 
 def _first_file(session: Session, path: Path, *, append: bool) -> Path:
-    """Return the first file after repairing killed recordings: *path*, with *append* a file after it."""
+    """Return the first file after completing killed recordings: *path*, or a file after it.
+
+    After it with *append*, and if *path* is a recording that was completed just now.
+    """
     with _refused_writes(path):
-        if is_parquet(path):
-            for whole, count in finish_parts(path):
-                session.tell.note(f"{whole}: {count} rows of a recording that was killed")
+        for finished in finish_parts(path) if is_parquet(path) else ():
+            if finished.rows:
+                session.tell.note(f"{finished.path}: {finished.rows} rows of a recording that was killed")
+            if finished.aside is not None:
+                session.tell.warning(f"the recording is damaged behind them; all of it is kept in {finished.aside}")
+            append = append or finished.path == path
         if append:
             return next_part(path)
     ask_before_overwriting(session, path)
@@ -122,9 +130,12 @@ def _the_same(path: Path, rows: SignalRows, known: Callable[[], Decoder]) -> Cal
 
 
 @contextmanager
-def _refused_writes(path: Path) -> Iterator[None]:
-    """Turn OSError into DvtcliError with *path*."""
+def _refused_writes(path: Path, parts: ValueParts | None = None, rows: SignalRows | None = None) -> Iterator[None]:
+    """Turn OSError into DvtcliError with *path*, or the last of *parts* and what is kept of *rows*."""
     try:
         yield
     except OSError as failed:
-        raise DvtcliError(f"{path}: {failed.strerror or failed}", place=str(path)) from failed
+        at, after, kept = path, "", ""
+        if parts is not None and rows is not None:
+            at, after, kept = parts.files[-1], f" after {rows.frames} frames", parts.kept()
+        raise DvtcliError(f"{at}: {failed.strerror or failed}{after}", place=str(at), hint=kept or None) from failed

@@ -116,10 +116,18 @@ class RunningRecording:
         return (frame for frame in taken if any(frame.can_id & mask == can_id & mask for can_id, mask in self.filters))
 
     def _is_back(self, failed: BusUnavailable, is_over: Callable[[], bool]) -> bool:
-        """Wait for the bus, which *failed*, until *is_over*() or Ctrl-C; returns whether it is back."""
+        """Wait for the bus, which *failed*, until *is_over*() or Ctrl-C; returns whether it is back.
+
+        Flushes meanwhile: what was received is on the disk by then.
+        """
+
+        def flush_and_look() -> bool:
+            self.flush()
+            return is_over()
+
         try:
             with self.session.cancellation.released():
-                return self.listener.come_back(failed, is_over)
+                return self.listener.come_back(failed, flush_and_look)
         except KeyboardInterrupt:
             self.session.cancellation.requested = True
             return False

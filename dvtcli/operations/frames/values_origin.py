@@ -45,9 +45,8 @@ def parquet_form(
     *,
     asked: tuple[int, ...] = (),
     dbc: str | None = None,
-    live: bool = False,
 ) -> ParquetForm | None:
-    """Return the options for *path* if it is a .parquet file, *live* or not; None for other formats.
+    """Return the options for *path* if it is a .parquet file; None for other formats.
 
     *recorder* is the default recorder. Nodes of *decoder* in *asked* are asked for their identity (0x1018); that of
     others is from the network file *dbc*, or from the source of *decoder*.
@@ -67,7 +66,7 @@ def parquet_form(
     facts = {"layout": layout, "source": source, **_of_bus(session), **_of_files(session, dbc)}
     facts["nodes"] = json.dumps([{"node": node_id, **identities.get(node_id, {})} for node_id in nodes])
     metadata = {f"dvtcli.{key}": text for key, text in facts.items()}
-    return ParquetForm(layout, Origin(source, serials, metadata), live)
+    return ParquetForm(layout, Origin(source, serials, metadata))
 
 
 def is_parquet(path: Path) -> bool:
