@@ -129,6 +129,31 @@ def standard_entry(index: int, sub_index: int) -> StandardEntry | None:
     return None
 
 
+#: Objects whose access CiA 301 leaves open, though it has them rw: a value that the device cannot change.
+_MAY_BE_FIXED = {0x100C: (_RO, _CONST), 0x100D: (_RO, _CONST), 0x1017: (_CONST,)}
+#: Objects of the communication area with PDO mapping *optional*; of all others CiA 301 says *no*.
+_MAPPABLE = (0x1001, 0x1002, 0x1013)
+_SDO_COB_IDS = (1, 2)
+
+
+def must_be_writable(index: int, sub_index: int, access: Access) -> bool:
+    """Whether *access*, of an object that cannot be written, is against CiA 301; a PDO may be fixed as a whole."""
+    standard = standard_entry(index, sub_index)
+    is_fixed = access in _MAY_BE_FIXED.get(index, ()) or is_pdo_communication(index) or is_pdo_mapping(index)
+    return standard is not None and standard.access is _RW and not access.writable and not is_fixed
+
+
+def must_not_be_mapped(index: int, sub_index: int) -> bool:
+    """Whether CiA 301 says *PDO mapping: no* of *index*:*sub_index*."""
+    is_sdo_cob_id = 0x1200 <= index <= 0x12FF and sub_index in _SDO_COB_IDS
+    return standard_entry(index, sub_index) is not None and index not in _MAPPABLE and not is_sdo_cob_id
+
+
+def reserved_sub_index(index: int, sub_index: int) -> bool:
+    """Whether CiA 301 reserves *sub_index* of the PDO communication parameter *index* (7.5.2.35 and 7.5.2.37)."""
+    return is_pdo_communication(index) and sub_index == 4
+
+
 def standard_object_type(index: int) -> ObjectType | None:
     """The object type of *index* in CiA 301, or None."""
     if index in _VARIABLES:

@@ -90,6 +90,24 @@ def test_a_mapping_word_is_a_direction(word: str, access: str, mapped: bool, as_
     assert ("mapping-direction" in rules(file)) is ((word, access) in (("RPDO", "ro"), ("TPDO", "wo")))
 
 
+@pytest.mark.parametrize(
+    ("word", "access", "as_access"),
+    [("TPDO", "readWriteOutput", Access.RWR), ("RPDO", "readWriteInput", Access.RWW)],
+)
+def test_the_mapping_word_decides_against_the_direction_of_a_parameter(
+    word: str, access: str, as_access: Access
+) -> None:
+    parameter = PARAMETER.replace("readWriteOutput", access)
+    objects = OBJECTS + f'<CANopenObject index="2000" objectType="7" PDOmapping="{word}" uniqueIDRef="U1"/>'
+    file = read(xdd(objects, parameter))
+    entry = file.dictionary.entry(0x2000, 0)
+    assert entry is not None
+    assert (entry.pdo_mapping, entry.access) == (True, as_access)
+    (finding,) = file.findings
+    assert (finding.rule, finding.severity) == ("mapping-direction", "warning")
+    assert f"PDOmapping={word}" in finding.text
+
+
 def test_without_a_mapping_word_it_is_not_known() -> None:
     entry = read(xdd(OBJECTS + variable(0x2000, "x"))).dictionary.entry(0x2000, 0)
     assert entry is not None

@@ -226,12 +226,20 @@ VALUES = (
     s("constant-without-value", "1008", "DefaultValue=Pump\n", "", "[1008]"),
     p("parameter-value-in-eds", "HighLimit=500", "HighLimit=500\nParameterValue=7", "ParameterValue=7"),
 )  # fmt: skip
+#: More faults of rules with several.
+OTHERS = (
+    s("standard-read-only", "1010sub1", "AccessType=rw", "AccessType=const"),
+    s("sdo-can-id", "1200sub1", "DefaultValue=$NODEID+0x600", "DefaultValue=0x601", said="$NODEID+0x600"),
+    s("mappable-parameter", "1017", "PDOMapping=0", "PDOMapping=1"),
+    s("mappable-parameter", "1018sub1", "PDOMapping=0", "PDOMapping=1"),
+)
 STANDARD = (
     Planted("mandatory-object", without("1001"), "[MandatoryObjects]", said="1001"),
     Planted("vendor-id-object", changed(section("1018sub1"), ""), "[1018]"),
     s("standard-type", "1001", "DataType=0x0005", "DataType=0x0006"),
     s("standard-kind", "1017", "DataType=0x0006", "DataType=0x0003"),
     s("standard-access", "1000", "AccessType=ro", "AccessType=rw", twin="AccessType=const"),
+    s("standard-read-only", "1017", "AccessType=rw", "AccessType=ro", twin="AccessType=const"),
     Planted("standard-object-type", without("1005") + record("1005", "SYNC", ("n", 5, "const", "0")),
             "ObjectType=0x9\nSubNumber=1\n"),
     s("array-or-record", "1010", "ObjectType=0x8", "ObjectType=0x9"),
@@ -243,6 +251,7 @@ STANDARD = (
     more("sync-counter", var("1019", "SYNC counter", 5, "rw", "241"), "DefaultValue=241",
          twin=var("1019", "SYNC counter", 5, "rw", "240")),
     s("sdo-can-id", "1200sub2", "DefaultValue=$NODEID+0x580", "DefaultValue=$NODEID+0x500"),
+    more("reserved-sub-index", var("1800sub4", "Reserved", 5, "rw", "0")),
     s("base-cob-id", "1800sub1", "DefaultValue=$NODEID+0x180", "DefaultValue=0x280", said="$NODEID+0x180"),
     s("fixed-cob-id", "1014", "DefaultValue=$NODEID+0x80", "DefaultValue=0x81", twin="DefaultValue=0x80000081"),
     Planted("store-without-restore", without("1011"), "[1010]"),
@@ -251,7 +260,12 @@ STANDARD = (
 MAPPABILITY = (
     Planted("mappability-unknown", SOUND.replace("PDOMapping=0\n", "").replace("PDOMapping=1\n", "")),
     s("unmappable-type", "2001", "PDOMapping=0", "PDOMapping=1"),
-    s("mappable-parameter", "1800sub5", "PDOMapping=0", "PDOMapping=1"),
+    Planted(
+        "mappable-parameter",
+        in_section("1800sub5", "PDOMapping=0", "PDOMapping=1"),
+        "[1800sub5]|PDOMapping=1",
+        in_section("1200sub1", "PDOMapping=0", "PDOMapping=1"),
+    ),
     s("mappable-count", "2003sub0", "PDOMapping=0", "PDOMapping=1"),
     s("mappable-constant", "6000", "AccessType=ro", "AccessType=const", "PDOMapping=1"),
     s("process-access", "2000", "AccessType=rw", "AccessType=rwr"),

@@ -19,11 +19,12 @@ def var(index: str, name: str, data_type: int, access: str, default: str = "", *
     return "\n".join([*lines, *more, "", ""])
 
 
-def record(index: str, name: str, *rows: tuple[str, int, str, str], kind: int = 9) -> str:
-    """An object of many: name, data type, access and default of each sub-index, from 0."""
-    text = f"[{index}]\nParameterName={name}\nObjectType=0x{kind}\nSubNumber={len(rows)}\n\n"
+def record(index: str, name: str, *rows: tuple[str, int, str, str] | None, kind: int = 9) -> str:
+    """An object of many: name, data type, access and default of each sub-index, from 0; None is a gap."""
+    count = sum(row is not None for row in rows)
+    text = f"[{index}]\nParameterName={name}\nObjectType=0x{kind}\nSubNumber={count}\n\n"
     for sub_index, row in enumerate(rows):
-        text += var(f"{index}sub{sub_index:X}", *row)
+        text += "" if row is None else var(f"{index}sub{sub_index:X}", *row)
     return text
 
 
@@ -38,7 +39,7 @@ def pdo(number: int, kind: str, cob_id: str, mapped: Iterable[str], transmission
         ("Highest sub-index", 5, "const", "5" if kind == "TPDO" else "2"),
         ("COB-ID", 7, "rw", cob_id),
         ("Transmission type", 5, "rw", str(transmission_type)),
-        *([("Inhibit time", 6, "rw", "0"), ("Reserved", 5, "rw", "0"), ("Event timer", 6, "rw", "0")]
+        *([("Inhibit time", 6, "rw", "0"), None, ("Event timer", 6, "rw", "0")]
           if kind == "TPDO" else []),
     ) + record(
         f"{mapping}{number - 1:02X}", f"{kind} {number} mapping", ("Count", 5, "rw", str(len(words))), *rows

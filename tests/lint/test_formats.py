@@ -60,11 +60,25 @@ def test_text_has_place_severity_rule_and_a_summary_of_rules(tmp_path: Path) -> 
 
 
 def test_a_rule_that_speaks_often_is_cut_short_unless_it_is_asked_alone(tmp_path: Path) -> None:
-    many = SOUND + "".join(f"[2002sub{number:X}]\nParameterName=P{number}\n" for number in range(0x10, 0x20))
-    short = check(tmp_path, many, "--without", "duplicate-key").stdout
-    assert short.count("[no-data-type]") == 10
-    assert "10 shown, --rule no-data-type shows all" in short
-    assert check(tmp_path, many, "--rule", "no-data-type").stdout.count("[no-data-type]") == 16
+    colours = "".join(f"Colour{letter}=1\n" for letter in "ABCDEFGHIJKLMNOP")
+    many = SOUND.replace("HighLimit=500\n", f"HighLimit=500\n{colours}")
+    short = check(tmp_path, many).stdout
+    assert short.count("[unknown-key]") == 10
+    assert "10 shown, --rule unknown-key shows all" in short
+    assert check(tmp_path, many, "--rule", "unknown-key").stdout.count("[unknown-key]") == 16
+
+
+def test_findings_of_one_cause_are_one_line_with_their_number(tmp_path: Path) -> None:
+    many = SOUND.replace("=0x60000008", "=0x50000008").replace("=0x60010010", "=0x50000108")
+    (line,) = [line for line in check(tmp_path, many).stdout.splitlines() if "[object-exists]" in line]
+    first, second = (many[: many.index(word)].count("\n") + 1 for word in ("0x50000008", "0x50000108"))
+    assert line == (
+        f"pump.eds:{first}: error: 1A00:01 UNSIGNED32: 0x5000 is not in pump.eds (2 times: also line {second}) "
+        "[object-exists]"
+    )
+    alone = check(tmp_path, many, "--rule", "object-exists").stdout
+    assert alone.count("[object-exists]") == 2
+    assert len(json.loads(check(tmp_path, many, "--json").stdout.splitlines()[0])["findings"]) == 2
 
 
 def test_json_names_the_rule_and_the_object(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from dvtcli.files.eds.findings import EdsFinding
 from dvtcli.files.eds.lint.linter import RULES
-from tests.lint.planted import DCF, PLANTED, Planted, in_section
+from tests.lint.planted import DCF, OTHERS, PLANTED, Planted, in_section
 from tests.lint.sample import NAME, SOUND, found, record
 
 #: what is no file of that name, or with other line ends, than the sound one
@@ -29,7 +29,7 @@ def expected_line(case: Planted) -> int:
 
 
 @pytest.mark.drawn(20)
-@pytest.mark.parametrize("case", PLANTED, ids=str)
+@pytest.mark.parametrize("case", [*PLANTED, *OTHERS], ids=str)
 def test_a_planted_fault_is_found_in_its_line(case: Planted) -> None:
     (rule,) = [rule for rule in RULES if rule.name == case.rule]
     mine = [one for one in checked(case.text, case.name) if one.rule == case.rule]
@@ -110,3 +110,8 @@ def test_a_finding_names_object_and_type() -> None:
     assert (one.rule, one.object, one.text) == (
         "default-outside-limits", "2000:00", "2000:00 INTEGER16: DefaultValue 100 (0x64) is above HighLimit 99 (0x63)",
     )  # fmt: skip
+
+
+def test_a_bit_rate_that_the_standard_lacks_is_no_slip_of_the_pen() -> None:
+    text = SOUND.replace("BaudRate_125=", "BaudRate_100=1\nBaudRate_125=")
+    assert [(one.rule, one.text) for one in found(text)] == [("unknown-key", "BaudRate_100 is not known")]

@@ -43,11 +43,11 @@ RECORDS = """
 0018 02 01000000 01   0018 03 02000000 6400   0018 05 02000000 3200
 001A 00 01000000 00   001A 01 04000000 20000720   001A 02 04000000 08000220   001A 00 01000000 02
 0018 01 04000000 85010000
-0118 01 04000000 90020080   011A 01 04000000 40000820   011A 00 01000000 01   0118 01 04000000 90020000
+0118 01 04000000 90020080   011A 00 01000000 00   011A 01 04000000 40000820   011A 00 01000000 01   0118 01 04000000 90020000
 0218 02 01000000 FE   0218 06 01000000 03
 0620 00 02000000 3412   0820 00 08000000 0500000000000000
 """
-COUNT = 25
+COUNT = 26
 
 
 @pytest.fixture
@@ -142,7 +142,7 @@ def test_a_manager_gets_it_with_consent_only(file: str) -> None:
         )
     with Bench((manager(),), {"yes": True}) as bench:
         cut = bench.run("write 1F22:5 @cut.cdcf")
-        assert (cut.code, "ends in entry 25 of 25" in cut.stderr) == (4, True), cut
+        assert (cut.code, "ends in entry 26 of 26" in cut.stderr) == (4, True), cut
         assert bench.session.node().sdo.upload(0x1F22, 5) != data
         assert bench.run("write 1F22:5 @node5.cdcf").code == 0
         assert bench.session.node().sdo.upload(0x1F22, 5) == data

@@ -149,10 +149,10 @@ def test_entries_end_where_the_file_or_the_family_ends() -> None:
     assert code_of(narrow, 0x1A00, 3, 0x60000008, 4) == 0x06090011
 
 
-def test_reserved_sub_index_4_is_absent_whatever_the_file_says() -> None:
-    subject = client(*tpdo(), var(0x1800, U8, 4, 0))
+def test_reserved_sub_index_4_is_there_where_the_file_describes_it() -> None:
+    assert client(*tpdo(), var(0x1800, U8, 4, 0)).read(0x1800, 4) == b"\0"
     with pytest.raises(Aborted, match="06090011"):
-        subject.read(0x1800, 4)
+        client(*tpdo()).read(0x1800, 4)
 
 
 def test_an_rpdo_of_sub_0_and_1_only_acts_at_once() -> None:

@@ -11,7 +11,7 @@ from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
 from dvtcli.domain.mapping import MAX_PDO_BITS
 from dvtcli.domain.object_dictionary import Access, ObjectType, OdEntry, OdObject, normalised
 from dvtcli.domain.rules.described_step import leave_a_choice
-from dvtcli.domain.standard_objects import is_pdo_mapping
+from dvtcli.domain.standard_objects import is_pdo_mapping, must_not_be_mapped
 
 _SHAPE = "CiA 301, 7.4.3"
 _NAMES = "CiA 306, 4.6.3: ParameterName"
@@ -105,8 +105,6 @@ def _of_many(device: DescribedDevice) -> list[OdObject]:
 
 
 _SOURCE = "CiA 306, 4.6.3: PDOMapping"
-#: Store, restore, and the parameters of SDOs and PDOs.
-_PARAMETERS = ((0x1010, 0x1011), (0x1200, 0x1BFF))
 
 
 @check("mappability-unknown", WARNING, "the file has PDOs and no PDOMapping: what they may carry is not known", _SOURCE)
@@ -125,12 +123,12 @@ def unmappable_type(device: DescribedDevice) -> Found:
             yield at(entry, "pdomapping"), f"PDOMapping=1, but a PDO cannot carry a {entry.data_type.name}"
 
 
-@check("mappable-parameter", WARNING, "PDOMapping=1 on a parameter of SDOs or PDOs, or on store or restore",
-       "CiA 301, 7.5.2")  # fmt: skip
+@check("mappable-parameter", WARNING, "PDOMapping=1 on an object of 0x1000 to 0x1BFF that CiA 301 keeps out of PDOs",
+       "CiA 301, 7.5.2: PDO mapping")  # fmt: skip
 def mappable_parameter(device: DescribedDevice) -> Found:
     """A PDO that changes PDOs."""
     for entry in device.entries:
-        if entry.pdo_mapping and any(first <= entry.index <= last for first, last in _PARAMETERS):
+        if entry.pdo_mapping and must_not_be_mapped(entry.index, entry.sub_index):
             yield at(entry, "pdomapping"), "PDOMapping=1 on a communication parameter"
 
 

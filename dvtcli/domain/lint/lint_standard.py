@@ -8,7 +8,13 @@ from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
 from dvtcli.domain.object_dictionary import Access, ObjectType, OdEntry
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.rules.can_id import restricted_use
-from dvtcli.domain.standard_objects import reserved, standard_entry, standard_object_type
+from dvtcli.domain.standard_objects import (
+    must_be_writable,
+    reserved,
+    reserved_sub_index,
+    standard_entry,
+    standard_object_type,
+)
 
 _NAMES = {0x1000: "device type", 0x1001: "error register", 0x1018: "identity object"}
 _HEARTBEAT, _GUARD_TIME, _LIFE_TIME = 0x1017, 0x100C, 0x100D
@@ -52,6 +58,24 @@ def standard_access(device: DescribedDevice) -> Found:
             continue
         if entry.access is Access.WO or (entry.access.writable and not standard.access.writable):
             yield at(entry, "accesstype"), f"is {entry.access}; CiA 301 has {standard.access}"
+
+
+@check("standard-read-only", WARNING, "an object of 0x1000 to 0x13FF cannot be written, where CiA 301 has it rw",
+       "CiA 301, 7.5.2")  # fmt: skip
+def standard_read_only(device: DescribedDevice) -> Found:
+    """A master that configures the object gets an abort; for PDOs see `fixed-pdo`."""
+    for entry in device.entries:
+        if must_be_writable(entry.index, entry.sub_index, entry.access):
+            yield at(entry, "accesstype"), f"is {entry.access}; CiA 301 has rw"
+
+
+@check("reserved-sub-index", NOTE, "a PDO communication parameter has sub-index 04, which is reserved",
+       "CiA 301, 7.5.2.35 and 7.5.2.37")  # fmt: skip
+def reserved_sub_indices(device: DescribedDevice) -> Found:
+    """CiA 301 lets no device have it; a device that is as its file does."""
+    for entry in device.entries:
+        if reserved_sub_index(entry.index, entry.sub_index):
+            yield at(entry), "CiA 301 reserves this sub-index"
 
 
 @check("standard-object-type", WARNING, "an object of 0x1000 to 0x1BFF is of one entry where CiA 301 has sub-indices, "
@@ -153,14 +177,20 @@ def sync_counter(device: DescribedDevice) -> Found:
         yield Spot(_COUNTER, 0, HELD), f"is {number}; the SYNC counter overflows at 2..{_MOST_COUNTED}, or is 0"
 
 
-@check("sdo-can-id", WARNING, "the default SDO server has other CAN-IDs than 0x600 and 0x580 plus node-ID",
+@check("sdo-can-id", WARNING, "the default SDO server has other CAN-IDs than 0x600 and 0x580 plus node-ID, or without "
+       "$NODEID",
        "CiA 301, 7.5.2.33")  # fmt: skip
 def sdo_can_id(device: DescribedDevice) -> Found:
     """No client could reach the node."""
     for sub_index, base in _SDO.items():
-        number = device.number(0x1200, sub_index)
-        if number is not None and number != base + device.node_id:
+        number, entry = device.number(0x1200, sub_index), device.dictionary.entry(0x1200, sub_index)
+        if number is None or entry is None:
+            continue
+        if number != base + device.node_id:
             text = f"is 0x{number:X}; the default SDO has 0x{base:X} plus node-ID ($NODEID+0x{base:X})"
+            yield Spot(0x1200, sub_index, HELD), text
+        elif not device.configured and not entry.default_relative:
+            text = f"is 0x{number:X} without $NODEID: it is right for node {device.node_id} only ($NODEID+0x{base:X})"
             yield Spot(0x1200, sub_index, HELD), text
 
 

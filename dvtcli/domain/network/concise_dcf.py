@@ -15,25 +15,30 @@ from dvtcli.domain.network.network_state import CONCISE_DCF
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import PdoChange, Step, ValueChange
 
-_FIRST = (0x1017, 0x1029)
+#: Objects that are written before the PDOs, unless `sdo` sets them, in the order of dcfgen.
+BEFORE_PDOS = (0x1016, 0x1012, 0x1017, 0x100C, 0x100D, 0x1029)
 
 
-def concise_of(plan: NodePlan, mapped: Collection[Pdo]) -> tuple[ConciseEntry, ...]:
-    """Downloads that configure a new device as in *plan*; the mapping of *mapped* PDOs is always written."""
+def concise_of(plan: NodePlan, mapped: Collection[Pdo], own: Collection[tuple[int, int]]) -> tuple[ConciseEntry, ...]:
+    """Downloads that configure a new device as in *plan*.
+
+    The mapping of *mapped* PDOs is always written, COB-IDs of enabled PDOs, and the values of `sdo`, objects *own*.
+    """
     changed = {change.pdo: change.before for change in plan.plan.changes if isinstance(change, PdoChange)}
     values = [step for change in plan.plan.changes if isinstance(change, ValueChange) for step in change.steps]
-    first = sorted((step for step in values if step.index in _FIRST), key=lambda step: (step.index, step.sub_index))
+    first = [step for step in values if step.index in BEFORE_PDOS and (step.index, step.sub_index) not in own]
+    first.sort(key=lambda step: (BEFORE_PDOS.index(step.index), step.sub_index))
     wanted = dict(sorted(plan.wanted.items(), key=lambda item: item[0].communication_index))
     entries = [ConciseEntry(step.index, step.sub_index, step.after) for step in first]
     for pdo, after in wanted.items():
         entries += _pdo(pdo, changed.get(pdo, after), after, always=pdo in mapped)
-    said = {(step.index, step.sub_index) for step in first}
-    rest = {place: data for place, data in plan.values.items() if place[0] not in _FIRST and place not in said}
+    rest = {place: data for place, data in plan.values.items() if place[0] not in BEFORE_PDOS or place in own}
     return (*entries, *(ConciseEntry(*place, data) for place, data in rest.items()))
 
 
 def _pdo(pdo: Pdo, before: PdoConfig, after: PdoConfig, *, always: bool) -> Iterator[ConciseEntry]:
-    if before == after and not always:
+    is_enabled = after.communication.cob_id.valid
+    if before == after and not always and not is_enabled:
         return
     at, cob_id = pdo.communication_index, after.communication.cob_id.raw
     off = cob_id | INVALID_BIT
@@ -42,7 +47,7 @@ def _pdo(pdo: Pdo, before: PdoConfig, after: PdoConfig, *, always: bool) -> Iter
     yield from _communication(pdo, before, after)
     if always or before.mapping != after.mapping:
         yield from _mapping(pdo, before, after)
-    if after.communication.cob_id.valid:
+    if is_enabled:
         yield _number(at, 1, cob_id, 4)
 
 
@@ -60,7 +65,7 @@ def _communication(pdo: Pdo, before: PdoConfig, after: PdoConfig) -> Iterator[Co
 
 def _mapping(pdo: Pdo, before: PdoConfig, after: PdoConfig) -> Iterator[ConciseEntry]:
     at = pdo.mapping_index
-    if before.mapping:
+    if before.mapping or after.mapping:
         yield _number(at, 0, 0, 1)
     yield from (_number(at, place, entry.raw, 4) for place, entry in enumerate(after.mapping, 1))
     if after.mapping:

@@ -14,7 +14,9 @@ from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.network_keys import STORE_WORDS, NetworkKey
 from dvtcli.files.network.yaml_tree import Branch, Leaf, Tree
 
-_INTEGER = re.compile(r"-?(?:0[xX][0-9A-Fa-f]+|[0-9]+)")
+_INTEGER = re.compile(r"-?(?:0[xX][0-9A-Fa-f]+|0b[01]+|[0-9]+)")
+#: 64 bits in binary, with their prefix
+_MOST_BITS = 66
 _LENGTH = re.compile(r"(.+)/([0-9]{1,3})", re.S)
 _HEX_FROM = 0x1000
 #: 2**64 - 1 in decimal
@@ -22,7 +24,7 @@ _MOST_DIGITS = 20
 
 
 def integer(tree: Tree, key: NetworkKey, log: FileLog) -> int | None:
-    """A whole number within the key's range, decimal or 0x."""
+    """A whole number within the key's range, decimal, 0x or 0b."""
     value = whole_number(tree, log)
     if value is None or key.low <= value <= key.high:
         return value
@@ -31,7 +33,7 @@ def integer(tree: Tree, key: NetworkKey, log: FileLog) -> int | None:
 
 
 def whole_number(tree: Tree, log: FileLog) -> int | None:
-    """A whole number, decimal or 0x."""
+    """A whole number, decimal, 0x or 0b."""
     if not isinstance(tree, Leaf) or tree.kind != "int":
         quoted = isinstance(tree, Leaf) and tree.kind == "str" and _INTEGER.fullmatch(tree.text)
         hint = "; it is written without quotes" if quoted else ""
@@ -46,11 +48,13 @@ def as_number(leaf: Leaf, log: FileLog) -> int | None:
         log.complain(leaf.mark, f"{leaf.text[:40]!r} is no number; write it decimal or 0x…")
         return None
     digits = leaf.text.removeprefix("-")
-    if len(digits) > _MOST_DIGITS:
+    if len(digits) > (_MOST_BITS if digits.startswith("0b") else _MOST_DIGITS):
         log.complain(leaf.mark, f"a number of {len(digits)} characters is longer than any of 64 bits")
         return None
     if digits[:2] in ("0x", "0X"):
         return int(leaf.text, 16)
+    if digits.startswith("0b"):
+        return int(leaf.text, 2)
     if len(digits) > 1 and digits[0] == "0" and set(digits) <= set("01234567") and int(digits, 8) != int(digits):
         log.complain(
             leaf.mark, f"{leaf.text} is {int(digits, 8)} for some readers and {int(digits)} for others; write one"
@@ -130,8 +134,11 @@ def value_word(tree: Tree, _key: NetworkKey, log: FileLog) -> FileWord | None:
     if not isinstance(tree, Leaf) or tree.is_null:
         log.complain(tree.mark, f"a value belongs here, not {shown(tree)}")
         return None
-    if tree.kind == "int" and as_number(tree, log) is None:
-        return None
+    if tree.kind == "int":
+        number = as_number(tree, log)
+        if number is None:
+            return None
+        return FileWord(str(number) if "0b" in tree.text else tree.text, tree.mark)
     if tree.kind == "bool":
         return FileWord("1" if tree.text.lower() == "true" else "0", tree.mark)
     return FileWord(tree.text, tree.mark)

@@ -118,6 +118,7 @@ KEYS: tuple[NetworkKey, ...] = (
     NetworkKey(Where.NODE, "dcf", Kind.TEXT, "its EDS, DCF, XDD or XDC, beside this file; `@BUS_CONFIG_PATH@` is its "
                 "folder; a simulated family's name is that one's, the whole name of a file "
                 "in the EDS library is that file"),
+    NetworkKey(Where.NODE, "eds", Kind.TEXT, "as `dcf`, where that is absent"),
     NetworkKey(Where.NODE, "profile", Kind.TEXT, "its device family, a profile's name; else found by its identity"),
     NetworkKey(Where.NODE, "identity", Kind.TABLE, "what 0x1018 must say before anything is written"),
     NetworkKey(Where.NODE, "vendor_id", Kind.INTEGER, "as `identity.vendor`; 0 is not asked for", 0, _U32),

@@ -145,7 +145,7 @@ def read_node(name: str, branch: Branch, around: Surroundings, log: FileLog) -> 
     """Read the node *name*; None after a complaint about its node-ID."""
     found = read_keys(branch, Where.NODE, f"node {name}", log)
     objects = tuple(sorted(_objects(branch, found, log), key=lambda wish: (wish.index, wish.sub_index)))
-    values = tuple(_values(found.get("sdo"), f"sdo of {name}", {(o.index, o.sub_index): o.key for o in objects}, log))
+    values = tuple(_values(found.get("sdo"), f"sdo of {name}", {(o.index, o.sub_index): o for o in objects}, log))
     watches = tuple(sorted(_watches(branch, found, around, log), key=lambda watch: watch.producer))
     pins = tuple(_pins(found.get("vpdo"), log))
     identity, identity_marks = _identity(branch, found, name, log)
@@ -156,8 +156,11 @@ def read_node(name: str, branch: Branch, around: Surroundings, log: FileLog) -> 
     if "node_id" not in found:
         return None
     profile: FileWord | None = found.get("profile")
+    if "dcf" in found and "eds" in found:
+        log.note(key_mark(branch, "eds"), "eds is left alone: dcf is what describes the node")
     return NodeWish(
-        name, found["node_id"], identity, None if profile is None else profile.text, found.get("dcf"),
+        name, found["node_id"], identity, None if profile is None else profile.text,
+        found.get("dcf", found.get("eds")),
         tuple(pdos), objects, values, watches, pins,
         found.get("store"), found.get("prune"), found.get("stamp"), branch.mark,
         key_mark(branch, "store") if "store" in found else NOWHERE,
@@ -202,24 +205,47 @@ def _objects(branch: Branch, found: dict[str, Any], log: FileLog) -> Iterator[Ob
             yield ObjectWish("error_behavior", _ERROR_BEHAVIOUR, behaves, bytes([number]), leaf.mark)
 
 
-def _values(row: YamlList | None, title: str, said: dict[tuple[int, int], str], log: FileLog) -> Iterator[ValueWish]:
+def _values(
+    row: YamlList | None, title: str, said: Mapping[tuple[int, int], ObjectWish], log: FileLog
+) -> Iterator[ValueWish]:
     """Read the entries of `sdo`; *said* are the objects already set by the node's keys."""
-    lines: dict[str, int] = {}
+    wishes: dict[str, ValueWish] = {}
     for tree in row.items if row else ():
         if not isinstance(tree, Branch):
             log.complain(tree.mark, f"index, sub_index and value belong here, not {leaves.shown(tree)}")
             continue
         found = read_keys(tree, Where.SDO, title, log)
         word = _object(tree, found, title, log)
-        if word is None:
+        if word is None or ("value" in tree.items and "value" not in found):
             continue
-        if word.text in lines:
-            log.complain(word.mark, f"{word.text} has a value already (line {lines[word.text]}), and can have one only")
-        elif (place := parse_object(word.text)) in said:
-            log.complain(word.mark, f"{word.text} is what {said[place]} of this node sets already")
-        elif "value" in found or "value" not in tree.items:
-            yield ValueWish(word, found.get("value", FileWord("0")))
-        lines[word.text] = word.mark.line
+        wish = ValueWish(word, found.get("value", FileWord("0")))
+        earlier = wishes.setdefault(word.text, wish)
+        own = said.get(parse_object(word.text) or (-1, -1))
+        if own is not None:
+            text = f"{word.text} is what {own.key} of this node sets already"
+            if _number_in(wish.value.text) == int.from_bytes(own.data, "little"):
+                log.note(word.mark, f"{text}, to the same value")
+            else:
+                log.complain(word.mark, text)
+        elif earlier is wish:
+            yield wish
+        elif _same_text(wish.value.text, earlier.value.text):
+            log.note(word.mark, f"{word.text} has this value already (line {earlier.object.mark.line})")
+        else:
+            text = f"{word.text} has a value already (line {earlier.object.mark.line}), and can have one only"
+            log.complain(word.mark, text)
+
+
+def _same_text(one: str, other: str) -> bool:
+    """Whether the values *one* and *other* of a file are the same text, or the same number."""
+    return one == other or (_number_in(one) is not None and _number_in(one) == _number_in(other))
+
+
+def _number_in(text: str) -> int | None:
+    try:
+        return int(text, 0)
+    except ValueError:
+        return None
 
 
 def _object(tree: Branch, found: dict[str, Any], title: str, log: FileLog) -> FileWord | None:

@@ -68,7 +68,9 @@ _KNOWN = frozenset(ObjectType)
 _OF_ONE_ENTRY = (ObjectType.NULL, ObjectType.DOMAIN, ObjectType.DEFTYPE, ObjectType.VAR)
 #: PDOmapping -> whether it can be mapped, and the access type of EDS files that stands for that direction alone.
 _MAPPING = {"no": "", "default": "rw", "optional": "rw", "tpdo": "rwr", "rpdo": "rww"}
-_FORBIDS = {"tpdo": ("wo", "rww"), "rpdo": ("ro", "const", "rwr")}
+_FORBIDS = {"tpdo": ("wo",), "rpdo": ("ro", "const")}
+#: PDOmapping -> the access type of a parameter about process data of the other direction: CANopenEditor writes so.
+_OTHER_DIRECTION = {"tpdo": "rww", "rpdo": "rwr"}
 #: An attribute or child of a parameter -> the equivalent key of an EDS.
 _VALUES = {"defaultValue": "defaultvalue", "actualValue": "parametervalue"}
 _LIMITS = {"lowLimit": ("lowlimit", "minValue"), "highLimit": ("highlimit", "maxValue")}
@@ -154,6 +156,10 @@ class _XddObject:
         access = of_parameter if not given or (given == "rw" and of_parameter in ("rwr", "rww")) else given
         word = (self._own("PDOmapping") or self._own("PDOMapping") or "").strip().lower()
         mapped = self._mapped(word, access, findings)
+        if access == _OTHER_DIRECTION.get(word):
+            text = f"PDOmapping={word.upper()}, and the parameter's access is {of_parameter}: PDOmapping counts"
+            findings.add(MAPPING_DIRECTION, self.element.line, text)
+            access = "rw"
         if mapped == "1" and access == "rw":
             access = _MAPPING[word]
         self._take(found, "accesstype", "accessType", access)

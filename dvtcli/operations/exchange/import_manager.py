@@ -16,7 +16,7 @@ from dvtcli.device.store_parameters import SIGNATURES
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import CanopenTime, DataType, Kind
 from dvtcli.domain.mapping import MAX_ENTRIES, MAX_PDO_BITS, PdoMappingEntry
-from dvtcli.domain.network.concise_dcf import ConciseEntry, concise_entries
+from dvtcli.domain.network.concise_dcf import BEFORE_PDOS, ConciseEntry, concise_entries
 from dvtcli.domain.network.network_state import CONCISE_DCF
 from dvtcli.domain.network.wanted_state import (
     FileWord,
@@ -85,8 +85,6 @@ def _text(kind: DataType, data: bytes) -> str:
 
 Place = tuple[int, int]
 _BEHAVIOUR, _CONSUMER = 0x1029, 0x1016
-#: downloads before PDOs, in either order of downloads
-_FIRST = (0x1017, _BEHAVIOUR)
 
 
 @dataclass(slots=True)
@@ -185,15 +183,15 @@ def _mapping(device: NamedNode, pdo: Pdo, left: _Left, remarks: dict[str, str]) 
 
 
 def _watches(left: _Left) -> tuple[HeartbeatWatch, ...]:
-    """Convert the entries of 0x1016 if they are the last downloads and as `heartbeat_consumer` would write them.
+    """Convert the entries of 0x1016 if they are the first downloads and as `heartbeat_consumer` would write them.
 
     The entries must begin at sub-index 1, ordered by producer. Others stay values.
     """
     places = [place for place in left.data if place[0] == _CONSUMER]
-    last = list(left.data)[len(left.data) - len(places) :]
+    first = list(left.data)[: len(places)]
     numbers = [int.from_bytes(left.data[place], "little") for place in places]
     producers = [number >> 16 for number in numbers]
-    in_order = [sub_index for _, sub_index in places] == list(range(1, len(places) + 1)) and last == places
+    in_order = [sub_index for _, sub_index in places] == list(range(1, len(places) + 1)) and first == places
     if not in_order or producers != sorted({producer for producer in producers if 1 <= producer <= 127}):
         return ()
     if not all(number & 0xFFFF for number in numbers):
@@ -209,7 +207,9 @@ def _objects(left: _Left) -> list[ObjectWish]:
     found: list[ObjectWish] = []
     for place in [place for place in left.data if Pdo.at(place[0]) is None]:
         name, size = ("error_behavior", 1) if place[0] == _BEHAVIOUR and place[1] else keys.get(place, ("", 0))
-        is_next = place[0] in _FIRST or all(wish.index < place[0] for wish in found if wish.index not in _FIRST)
+        is_next = place[0] in BEFORE_PDOS or all(
+            wish.index < place[0] for wish in found if wish.index not in BEFORE_PDOS
+        )
         if len(left.data[place]) != size or not is_next:
             break
         found.append(ObjectWish(name, *place, left.data.pop(place)))

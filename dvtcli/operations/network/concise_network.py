@@ -13,6 +13,7 @@ from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.concise_dcf import ConciseEntry, concise_bytes, concise_entries, concise_of
 from dvtcli.domain.network.wanted_state import WantedIdentity
+from dvtcli.domain.object_syntax import parse_object
 from dvtcli.domain.several import join_some, plural
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.input_file import read_input
@@ -103,7 +104,8 @@ def _concise(
 
 def _made(wish: NodeWish, plan: NodePlan) -> ConciseDcf:
     mapped = {pdo.pdo for pdo in wish.pdos if pdo.mapping is not None}
-    return ConciseDcf(wish.node_id, wish.name, concise_of(plan, mapped), plan.findings)
+    own = {place for value in wish.values if (place := parse_object(value.object.text)) is not None}
+    return ConciseDcf(wish.node_id, wish.name, concise_of(plan, mapped, own), plan.findings)
 
 
 def _chosen(file: str, wish: NetworkWish, node: str | int | None) -> NodeWish:

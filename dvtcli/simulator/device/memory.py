@@ -16,7 +16,6 @@ Key = tuple[int, int]
 
 STORE, RESTORE = 0x1010, 0x1011
 _MISSING = (Abort.NO_OBJECT, Abort.NO_SUB_INDEX)
-_RESERVED_SUB_INDEX = 4
 #: What a PDO wakes with whose file tells no COB-ID, or 0x000, which is NMT: it does not exist (bit 31).
 _OFF, _COB_ID_BYTES = bytes([0, 0, 0, 0x80]), 4
 _COMMUNICATION_TYPES = {0: U8, 1: U32, 2: U8, 3: U16, 5: U16, 6: U8}
@@ -77,7 +76,7 @@ class Memory:
             raise Refusal(code)
         if index not in self.dictionary:
             raise Refusal(Abort.NO_OBJECT)
-        if self.entry(index, sub_index) is None or _is_reserved(index, sub_index):
+        if self.entry(index, sub_index) is None:
             raise Refusal(Abort.NO_SUB_INDEX)
         self._existing.add((index, sub_index))
 
@@ -206,11 +205,3 @@ class Memory:
 def _is_cob_id(index: int, sub_index: int) -> bool:
     pdo = Pdo.at(index)
     return pdo is not None and (index, sub_index) == (pdo.communication_index, 1)
-
-
-def _is_reserved(index: int, sub_index: int) -> bool:
-    """CiA 301, 7.5.2.37: sub-index 4 of a communication parameter is reserved and answers 06090011."""
-    if sub_index != _RESERVED_SUB_INDEX:
-        return False
-    pdo = Pdo.at(index)
-    return pdo is not None and index == pdo.communication_index

@@ -3,33 +3,39 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from dvtcli.cli.view.lines import Cell, Line, Table
-from dvtcli.domain.several import plural
-from dvtcli.operations.results.checked_files import SEVERITIES, FileReport, FileReports
+from dvtcli.domain.several import join_some, plural
+from dvtcli.operations.results.checked_files import SEVERITIES, FileFinding, FileReport, FileReports
 
 STYLES = {"error": "red", "warning": "yellow", "note": "cyan"}
-#: Maximum number of findings per rule; `--rule` shows all, and other formats always have all.
+#: Maximum number of causes per rule; `--rule` shows every finding, and other formats always have all.
 _SHOWN = 10
 
 
 def check_lines(result: FileReport, width: int) -> Iterator[Line]:
     """Show a file's findings with lines, a line for each rule with findings, and the sum."""
     times = Counter(finding.rule for finding in result.findings)
-    most = len(result.findings) if len(result.rules) == 1 else _SHOWN
+    is_alone = len(result.rules) == 1
+    most = len(result.findings) if is_alone else _SHOWN
+    causes = [[finding] for finding in result.findings] if is_alone else _by_cause(result.findings)
     said: Counter[str] = Counter()
-    for finding in result.findings:
+    shown: Counter[str] = Counter()
+    for finding, *others in causes:
         said[finding.rule] += 1
         if said[finding.rule] > most:
             continue
+        shown[finding.rule] += 1 + len(others)
+        more = f"({len(others) + 1} times: also line {join_some([str(one.line) for one in others])}) " if others else ""
         yield [
             Cell(f"{result.path}:{finding.line}: "),
             Cell(f"{finding.severity}: ", STYLES[finding.severity]),
             Cell(f"{finding.text} "),
+            Cell(more, "dim"),
             Cell(f"[{finding.rule}]", "dim"),
         ]
-    yield from _summary(result, times, most, width)
+    yield from _summary(result, times, shown, width)
     counted = result.count()
     found = ", ".join(plural(counted[severity], severity) for severity in SEVERITIES)
     yield (
@@ -47,11 +53,21 @@ def checks_lines(result: FileReports, width: int) -> Iterator[Line]:
     yield f"{plural(len(result.files), 'file')}, {bad} of them invalid: {found}"
 
 
-def _summary(result: FileReport, times: Counter[str], most: int, width: int) -> Iterator[Line]:
+def _by_cause(findings: Iterable[FileFinding]) -> list[list[FileFinding]]:
+    """Put findings of a rule that say the same, whatever their objects, behind the first."""
+    causes: dict[tuple[str, str], list[FileFinding]] = {}
+    for finding in findings:
+        about = finding.text.removeprefix(finding.object)
+        causes.setdefault((finding.rule, about), []).append(finding)
+    return list(causes.values())
+
+
+def _summary(result: FileReport, times: Counter[str], shown: Counter[str], width: int) -> Iterator[Line]:
     table = Table(right=frozenset({0}), shrink=3)
     for severity in SEVERITIES:
         for rule in sorted((rule for rule in result.rules if rule.severity == severity), key=lambda rule: rule.name):
             if times[rule.name]:
-                more = f"{most} shown, --rule {rule.name} shows all: " if times[rule.name] > most else ""
+                is_cut = times[rule.name] > shown[rule.name]
+                more = f"{shown[rule.name]} shown, --rule {rule.name} shows all: " if is_cut else ""
                 table.add(str(times[rule.name]), Cell(severity, STYLES[severity]), rule.name, f"{more}{rule.sense}")
     yield from table.lines(width)

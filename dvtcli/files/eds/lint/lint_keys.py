@@ -36,6 +36,8 @@ _OF_ENTRIES = ("datatype", "accesstype", "defaultvalue", "lowlimit", "highlimit"
 #: Maximum number of keys to check for misspelling; further keys are reported as unknown.
 _MOST_LOOKED_UP = 200
 _LONGEST = 40
+#: BaudRate_100 is another key than BaudRate_10, and no slip of the pen.
+_NUMBER = re.compile(r"\d+")
 
 
 @check("misspelt-key", WARNING, "a key that is nearly one of the standard's: it is not read", "CiA 306, 4.4 to 4.6")
@@ -107,7 +109,8 @@ def unknown_keys(text: LintedText) -> Iterator[tuple[IniValue, str]]:
 
 def _nearest(key: str, known: Collection[str]) -> str:
     near = get_close_matches(key.replace(" ", ""), known, 1, 0.8)
-    return _SPELLED[near[0]] if near else ""
+    is_same_number = bool(near) and _NUMBER.findall(key) == _NUMBER.findall(near[0])
+    return _SPELLED[near[0]] if is_same_number else ""
 
 
 _LOWER = {name: frozenset(key.lower() for key in keys) for name, keys in {**_KEYS, "": _OBJECT}.items()}
