@@ -34,8 +34,8 @@ TRAITS = {
     "mapping: [{index: 0x6000, sub_index: 2}, {index: 0x6000, sub_index: 3}]}\n",
     "cob_id auto": NODE + "  rpdo:\n    1: {enabled: true, cob_id: auto}\n    2: {enabled: true, cob_id: auto, "
     "mapping: [{index: 0x6200, sub_index: 1}]}\n",
-    "a PDO that is off": NODE
-    + "  heartbeat_producer: 300\n  rpdo:\n    2: {enabled: false}\n  tpdo:\n    2: {enabled: false, cob_id: 0x80000285}\n",
+    "a PDO that is off": NODE + "  heartbeat_producer: 300\n  rpdo:\n    2: {enabled: false}\n"
+    "  tpdo:\n    2: {enabled: false, cob_id: 0x80000285}\n",
     "an anchor": ".common: &common\n  dcf: device.eds\n  heartbeat_producer: 250\na:\n  <<: *common\n  node_id: 5\n",
     "keys of others": "options:\n  dcf_path: '@BUS_CONFIG_PATH@'\n" + NODE + "  driver: ros2_canopen::Cia402Driver\n"
     "  package: canopen_402_driver\n  period: 10\n  scale_pos_to_dev: 1000.0\n  heartbeat_producer: 300\n",
