@@ -17,6 +17,8 @@ from dvtcli.domain.unit import parse_factor, parse_offset, parse_scale
 NOTHING = Scaling()
 #: the device type, whose lower half is the number of a device profile (CiA 301, 7.5.2.1)
 _DEVICE_TYPE = 0x1000
+#: the device profile of drives
+_DRIVE = 402
 #: objects up to here have the types in CiA 301, whatever a file says
 _LAST_OF_CIA_301 = 0x1FFF
 #: index distance between axes or modules (CiA 301, 7.4.1: logical devices)
@@ -91,13 +93,16 @@ class Standard:
     names: Mapping[int, str] = field(default_factory=dict)
 
     def rule(self, index: int, sub_index: int, dictionary: ObjectDictionary | None) -> Scaling | None:
-        """Scaling of *index*:*sub_index* in the device described by *dictionary*, None if undefined."""
+        """Scaling of *index*:*sub_index* in the device described by *dictionary*, None if undefined.
+
+        Further axes of a drive have the objects of the first axis, each 0x800 higher (CiA 402-2, 7).
+        """
         told = _profile_number(dictionary)
-        if self.number == 301 or told in (None, self.number):
-            return best(self.rules, index, sub_index)
         base = index
         if _FIRST_STANDARDISED <= index <= _LAST_STANDARDISED:
             base = _FIRST_STANDARDISED + (index - _FIRST_STANDARDISED) % _LOGICAL_DEVICE
+        if self.number == 301 or told in (None, self.number):
+            return best(self.rules, base if self.number == _DRIVE else index, sub_index)
         known = dictionary is not None and index in dictionary and base in self.names
         if known and dictionary is not None and normalised(dictionary[index].name) == self.names[base]:
             return best(self.rules, base, sub_index)

@@ -14,13 +14,22 @@ _PARTS = {
     0x1018: ("vendor-ID", "product code", "revision number", "serial number"),
     0x1029: ("communication error",),
 }
+_NAMES = {
+    0x1000: "device type", 0x1001: "error register", 0x1002: "manufacturer status register", 0x1005: "COB-ID SYNC",
+    0x1006: "communication cycle period", 0x1007: "synchronous window length", 0x1008: "manufacturer device name",
+    0x1009: "manufacturer hardware version", 0x100A: "manufacturer software version", 0x100C: "guard time",
+    0x100D: "life time factor", 0x1012: "COB-ID TIME", 0x1013: "high resolution time stamp", 0x1014: "COB-ID EMCY",
+    0x1015: "inhibit time EMCY", 0x1017: "producer heartbeat time", 0x1019: "synchronous counter overflow value",
+}  # fmt: skip
 _ONE_EACH = {0x1003: "error", 0x1016: "consumer heartbeat time"}
 _SDO = ("COB-ID client to server", "COB-ID server to client", "node-ID of the other side")
 _COMMUNICATION = ("COB-ID", "transmission type", "inhibit time", "reserved", "event timer", "SYNC start value")
 
 
 def standard_name(index: int, sub_index: int) -> str:
-    """The name of *index*:*sub_index* (1…254) in CiA 301, 7.5.2, empty if unnamed."""
+    """The name of *index*:*sub_index* in CiA 301, 7.5.2, empty if unnamed, as sub-index 0 of a record or an array."""
+    if sub_index == 0:
+        return _NAMES.get(index, "")
     if index in _ONE_EACH:
         return f"{_ONE_EACH[index]} {sub_index}"
     if is_pdo_mapping(index):

@@ -61,7 +61,7 @@ class Layout:
     *mapping* is the PDO's, dummies included; empty if a file gives the signals' places. *is_consumers*: only the part
     that an RPDO receives. *byte_length* is the required length according to *source*, in words (`the mapping in
     gen4.eds`); None if unknown. *guess* names the origin of a mapping taken from elsewhere and not from this very node;
-    empty otherwise.
+    empty otherwise. *mpdo* is the count of a multiplexed PDO, whose frames name their objects themselves.
     """
 
     service: Service
@@ -72,6 +72,7 @@ class Layout:
     byte_length: int | None = None
     source: str = ""
     guess: str = ""
+    mpdo: int | None = None
     #: constant data by signal key: meaning and object
     meanings: Mapping[str, Scaling] = field(init=False, repr=False, compare=False)
     objects: Mapping[str, str] = field(init=False, repr=False, compare=False)
@@ -164,7 +165,7 @@ def pdo_layouts(
             bits = sum(entry.bits for entry in config.mapping)
             layout = replace(
                 _layout(service, config.mapping, dictionary, meanings), is_consumers=not pdo.is_tpdo, source=source,
-                byte_length=byte_length(bits) if config.mpdo is None else None,
+                byte_length=byte_length(bits) if config.mpdo is None else None, mpdo=config.mpdo,
             )  # fmt: skip
             layouts.setdefault((cob_id.can_id, cob_id.extended), layout)
     return layouts

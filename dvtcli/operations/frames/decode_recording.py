@@ -10,9 +10,11 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 from dvtcli.files.recording import check_readable, read_recorded, read_recording
 from dvtcli.files.values.value_parts import next_part
+from dvtcli.operations.frames.explain_frame import described_nodes
 from dvtcli.operations.frames.frame_answer import frame_seen
 from dvtcli.operations.frames.recorded import decoder_for
 from dvtcli.operations.frames.values_origin import DEFAULTS, ValuesOptions, parquet_form
+from dvtcli.watch.frame_reader import FrameReader
 from dvtcli.watch.layout_fit import Misfits
 from dvtcli.watch.table import SignalRows
 
@@ -26,9 +28,16 @@ if TYPE_CHECKING:
 
 
 def decode_recording(
-    session: Session, path: Path, nodes: tuple[int, ...] | None = None, dbc: str | None = None, text: str = ""
+    session: Session,
+    path: Path,
+    nodes: tuple[int, ...] | None = None,
+    dbc: str | None = None,
+    text: str = "",
+    only: frozenset[str] = frozenset(),
 ) -> Iterator[FrameSeen]:
-    """Yield the decoded frames of the recording at *path* with *text* (lower case) in a name; see `decoder_for`.
+    """Yield the decoded frames of the recording at *path*, with *text* (lower case) in a name; see `decoder_for`.
+
+    *only* are kinds of frames, as in `frame_reader.KINDS`; none: all.
 
     Raises UsageError if the file is missing or its format unknown, and at the end if no known signal has *text* in its
     name; InputFileError, after the frames before it, where the file is damaged.
@@ -36,7 +45,9 @@ def decode_recording(
     check_readable(path)
     decoder = decoder_for(session, nodes, dbc, path)
     misfits = Misfits(decoder.layout, session.tell.warning)
-    return _fitting(session, path, misfits.passing(read_recording(path)), decoder, text)
+    frames = misfits.passing(read_recording(path))
+    seen = _seen_frames(frames, FrameReader(decoder, described_nodes(session, dbc)), only)
+    return _matching(session, path, seen, decoder, text) if text else seen
 
 
 def write_values(
@@ -154,14 +165,18 @@ def _write_file(
         ) from failed
 
 
-def _fitting(session: Session, path: Path, frames: Iterable[Frame], decoder: Decoder, text: str) -> Iterator[FrameSeen]:
-    if not text:
-        for frame in frames:
-            yield frame_seen(frame, decoder)
-        return
-    count = 0
+def _seen_frames(frames: Iterable[Frame], reader: FrameReader, only: frozenset[str]) -> Iterator[FrameSeen]:
     for frame in frames:
-        seen = frame_seen(frame, decoder)
+        seen = frame_seen(frame, reader.decoder, reader)
+        if not only or seen.reading.is_one_of(only):
+            yield seen
+
+
+def _matching(
+    session: Session, path: Path, frames: Iterable[FrameSeen], decoder: Decoder, text: str
+) -> Iterator[FrameSeen]:
+    count = 0
+    for seen in frames:
         if seen.matches(text):
             count += 1
             yield seen.chosen(text)

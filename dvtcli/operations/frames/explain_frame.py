@@ -12,13 +12,14 @@ from dvtcli.errors import UsageError
 from dvtcli.operations.frames.recorded import decoder_for
 from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.operations.results.frames import FrameExplained
-from dvtcli.watch.explain.frame_parts import KnownNode, frame_parts
+from dvtcli.watch.explain.frame_parts import frame_parts
+from dvtcli.watch.explain.known_node import KnownNode
+from dvtcli.watch.frame_reader import FrameReader
 from dvtcli.watch.layout_fit import doubts
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.session.session import Session
-    from dvtcli.watch.decoder import Decoder
 
 _NETWORK = (".yaml", ".yml")
 HOW = "write it as 185#1027, as candump does, or as 0x185 10 27"
@@ -44,15 +45,14 @@ def explain_frame(
     decoder = decoder_for(session, nodes, file)
     for doubt in doubts(frame, decoder.layout(frame)):
         session.tell.warning(doubt)
-    return explained(frame, decoder, described_nodes(session, file))
+    return explained(frame, FrameReader(decoder, described_nodes(session, file)))
 
 
-def explained(frame: Frame, decoder: Decoder, described: Callable[[int], KnownNode]) -> FrameExplained:
-    """Explain every bit of *frame* by *decoder* and *described*(node-ID)."""
-    service = decoder.layout(frame).service
-    return FrameExplained(
-        frame, service.kind, service.label, service.node, tuple(frame_parts(frame, decoder, described))
-    )
+def explained(frame: Frame, reader: FrameReader) -> FrameExplained:
+    """Explain every bit of *frame*, the next frame for *reader*."""
+    service = reader.decoder.layout(frame).service
+    parts = tuple(frame_parts(frame, reader.decoder, reader.described))
+    return FrameExplained(frame, service.kind, service.label, service.node, parts, reader.read(frame))
 
 
 def described_nodes(session: Session, file: str | None = None) -> Callable[[int], KnownNode]:

@@ -95,11 +95,14 @@ def trace_last(session: Session, count: int | None = None) -> Traced:
     from dvtcli.operations.frames.explain_frame import described_nodes, explained
     from dvtcli.operations.results.frames import Traced, TracedFrame
     from dvtcli.watch.decoder import Decoder
+    from dvtcli.watch.frame_reader import FrameReader
 
     exchanged = _exchanged(session) or _of_a_failed_run(session)
     found = exchanged[-(_count_of_refusal(exchanged) if count is None else count) :]
-    decoder, described = Decoder(), described_nodes(session)
-    frames = (TracedFrame(explained(frame, decoder, described), sent, secret) for frame, sent, secret in found)
+    reader = FrameReader(Decoder(), described_nodes(session))
+    for frame, _, _ in exchanged[: len(exchanged) - len(found)]:
+        reader.read(frame)  # a transfer may have begun before
+    frames = (TracedFrame(explained(frame, reader), sent, secret) for frame, sent, secret in found)
     return Traced(tuple(frames))
 
 

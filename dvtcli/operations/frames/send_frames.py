@@ -14,6 +14,7 @@ from dvtcli.operations.frames.known_parties import KnownParties
 from dvtcli.operations.frames.layouts import open_wire
 from dvtcli.operations.results.sent import FramesSent, FrameToSend, Outcome
 from dvtcli.watch.frame_effect import effects
+from dvtcli.watch.frame_reader import FrameReader
 from dvtcli.watch.layout_fit import Misfits
 
 if TYPE_CHECKING:
@@ -93,12 +94,12 @@ def _looked_at(
     known = KnownParties(session, nodes, file)
     if not session.options.yes and not all(effects(frame, known.parties) for frame in frames):
         known.look_around()
-    described = described_nodes(session, file)
+    reader = FrameReader(known.decoder, described_nodes(session, file))
     shown, misfits, secret = [], Misfits(known.decoder.layout, session.tell.warning), _followed(session)
     for frame in frames:
         misfits.look(frame)
         told, is_secret = secret.without(frame)
-        one = explained(told, known.decoder, described)
+        one = explained(told, reader)
         shown.append(FrameToSend(one, effects(frame, known.parties), is_secret))
     return tuple(shown)
 

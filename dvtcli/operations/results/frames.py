@@ -14,6 +14,7 @@ from dvtcli.domain.typed_frame import frame_text
 from dvtcli.domain.wall_clock import utc
 from dvtcli.operations.results.documents import Answer, Document, Short, hex_bytes, json_value, physical_document
 from dvtcli.watch.explain.parts import FramePart
+from dvtcli.watch.frame_reader import OTHER, Reading
 
 #: protocol parts of a frame
 _ASIDE = frozenset({"index", "reserved", "n: bytes without data", "e: transfer type", "s: size", "without data", "c"})
@@ -38,9 +39,15 @@ def part_document(part: FramePart) -> Document:
     }
 
 
+def reading_document(reading: Reading) -> Document:
+    """The fields of a frame in words, the same in all documents of frames."""
+    fields = {name: json_value(value) if value is not None else None for name, value in reading.facts.items()}
+    return {"what": reading.what, "text": reading.text, "fields": fields}
+
+
 @dataclass(frozen=True, slots=True)
 class FrameExplained(Answer):
-    """A frame explained: *kind*, *label*, its *node* if known, its *parts*."""
+    """A frame explained: *kind*, *label*, its *node* if known, its *parts*, and what it says as a whole."""
 
     renderer: ClassVar = "frame_lines:explained_lines"
     at_leisure: ClassVar = True
@@ -50,6 +57,7 @@ class FrameExplained(Answer):
     label: str
     node: int | None
     parts: tuple[FramePart, ...]
+    reading: Reading
     exit_code: int = 0
 
     @property
@@ -62,7 +70,11 @@ class FrameExplained(Answer):
 
     @property
     def short(self) -> str:
-        """The frame's contents in a line: service and values, without single bits."""
+        """The frame's contents in a line, without its service: of a PDO the values, without single bits."""
+        if self.reading.text:
+            service = self.kind.upper()
+            text = "" if self.frame.remote else self.reading.text
+            return "" if text == service else text.removeprefix(f"{service} ")
         said = ((f"{part.object} {part.text}".strip(), part) for part in self.parts)
         return ", ".join(words for words, part in said if words and _tells(part))
 
@@ -81,6 +93,7 @@ class FrameExplained(Answer):
             "kind": self.kind,
             "label": self.label,
             "node": self.node,
+            **reading_document(self.reading),
             "parts": [part_document(part) for part in self.parts],
         }
 
@@ -120,7 +133,7 @@ class FrameSeen(Answer):
 
     *signals* are raw; *meanings* has their scalings, *objects* their objects (`606C:00`), as far as known.
     *mapped_bytes* is the length of its mapping if the frame does not fit. *layout_from* names the layout's source,
-    empty for none; *layout_is_guess*: the source is not about this very node.
+    empty for none; *layout_is_guess*: the source is not about this very node. *reading* is the frame in words.
     """
 
     renderer: ClassVar = "frame_lines:frame_lines"
@@ -137,6 +150,7 @@ class FrameSeen(Answer):
     mapped_bytes: int | None = None
     layout_from: str = ""
     layout_is_guess: bool = False
+    reading: Reading = OTHER
 
     def document(self) -> Document:
         """`dvtcli.frame/1`."""
@@ -159,11 +173,16 @@ class FrameSeen(Answer):
             "objects": {name: place for name, place in self.objects.items() if name in self.signals},
             "layout_from": self.layout_from or None,
             "layout_is_guess": self.layout_is_guess,
+            **reading_document(self.reading),
         }
 
     def matches(self, text: str) -> bool:
         """Tell whether *text* (lower case) is in the name of the frame, a signal or an object."""
-        return self._is_called(text) or any(self._has(name, text) for name in self.signals)
+        return (
+            self._is_called(text)
+            or text in self.reading.text.lower()
+            or any(self._has(name, text) for name in self.signals)
+        )
 
     def _has(self, name: str, text: str) -> bool:
         return text in _signal(self.objects.get(name, ""), name)
@@ -173,7 +192,7 @@ class FrameSeen(Answer):
 
     def chosen(self, text: str) -> FrameSeen:
         """Keep only signals with *text* (lower case) in their names, or their frame's."""
-        if self._is_called(text):
+        if not self.signals or self._is_called(text):
             return self
         return replace(self, signals={name: value for name, value in self.signals.items() if self._has(name, text)})
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
 from dvtcli.domain.abort import abort_text
@@ -11,16 +10,13 @@ from dvtcli.domain.datatypes import Value
 from dvtcli.domain.emergency_codes import emergency_text, register_words
 from dvtcli.domain.frame import Field, layout
 from dvtcli.domain.lss_services import REQUEST_ID
-from dvtcli.domain.meanings import Meanings
 from dvtcli.domain.nmt import NmtCommand, NmtState
-from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.ports import Frame
-from dvtcli.domain.scaling import Scaling
-from dvtcli.domain.standard_objects import standard_name
 from dvtcli.watch.decoder import Decoder, Layout, Signal
+from dvtcli.watch.explain.known_node import KnownNode, of_mpdo, said
 from dvtcli.watch.explain.lss_parts import lss_parts
 from dvtcli.watch.explain.parts import BIT_INDENT, Bytes, FramePart
-from dvtcli.watch.service import service_of
+from dvtcli.watch.service import Service, service_of
 
 #: name and value text of an object, by index, sub-index and bytes (None: no value)
 NameOf = Callable[[int, int, bytes | None], tuple[str, str]]
@@ -232,8 +228,6 @@ def heartbeat_parts(data: bytes) -> Iterator[FramePart]:
 
 
 _STANDARD_BITS, _NODE_BITS, _BYTE = 11, 7, 8
-#: base CAN-ID of SDO requests
-REQUESTS = 0x600
 _BY_KIND: dict[str, Callable[[bytes], Iterator[FramePart]]] = {
     "nmt": nmt_parts,
     "sync": sync_parts,
@@ -248,36 +242,6 @@ _FUNCTION_NAMES = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class KnownNode:
-    """Dictionary of a node, if any, and meanings of its objects."""
-
-    dictionary: ObjectDictionary | None
-    meanings: Meanings
-
-    def value(self, index: int, sub_index: int, data: bytes | None) -> tuple[str, str]:
-        """The object's name, and its value in *data* as text; empty if unknown."""
-        entry = self.dictionary.entry(index, sub_index) if self.dictionary is not None else None
-        name = self.dictionary.display_name(index, sub_index) if self.dictionary is not None else ""
-        name = name or standard_name(index, sub_index)
-        meaning = self.meanings.of(index, sub_index)
-        if data is None:
-            return name, ""
-        kind = entry.data_type if entry is not None else None
-        try:
-            value: Value = kind.decode(data) if kind is not None else int.from_bytes(data, "little")
-        except ValueError:
-            value = int.from_bytes(data, "little")
-        return name, said(value, meaning, 8 * len(data))
-
-
-def said(value: Value, meaning: Scaling, bits: int) -> str:
-    """*value* in words, with unit or meaning if known."""
-    if isinstance(value, bytes):
-        return value.hex(" ").upper()
-    return meaning.text(value, bits) or str(value)
-
-
 def frame_parts(frame: Frame, decoder: Decoder, described: Callable[[int], KnownNode]) -> list[FramePart]:
     """All parts of *frame*, the CAN-ID's first; *described* returns a node's known data, by node-ID."""
     known = decoder.layout(frame)
@@ -285,17 +249,19 @@ def frame_parts(frame: Frame, decoder: Decoder, described: Callable[[int], Known
     if frame.remote:
         return parts
     service, data = known.service, frame.data
-    if service.kind == "sdo" and not frame.extended:
+    if service.kind == "sdo":
         node = service.node
 
         def name_of(index: int, sub_index: int, value: bytes | None) -> tuple[str, str]:
-            return described(node or 0).value(index, sub_index, value)
+            return described(node or 0).value(index, sub_index, value)[:2]
 
-        return [*parts, *sdo_parts(data, request=frame.can_id & 0x780 == REQUESTS, name_of=name_of)]
+        return [*parts, *sdo_parts(data, request=service.label.endswith("request"), name_of=name_of)]
     if service.kind == "lss":
         return [*parts, *lss_parts(data, request=frame.can_id == REQUEST_ID)]
     if service.kind in _BY_KIND:
         return [*parts, *_BY_KIND[service.kind](data)]
+    if known.mpdo is not None:
+        return [*parts, *_mpdo_parts(data, service, described)]
     return [*parts, *_pdo_parts(data, known)]
 
 
@@ -314,6 +280,22 @@ def _id_parts(frame: Frame, known: Layout) -> Iterator[FramePart]:
     certain = "" if usual.kind != "pdo" or not service.label.endswith("?") else " by the pre-defined connection set"
     yield FramePart(_NODE_BITS, 4, function, "function code", named + certain, in_id=True)
     yield FramePart(0, _NODE_BITS, node, "node-ID", f"node {node}", in_id=True)
+
+
+def _mpdo_parts(data: bytes, service: Service, described: Callable[[int], KnownNode]) -> Iterator[FramePart]:
+    """A multiplexed PDO: addressing and node, object, value (CiA 301, 7.2.2.6)."""
+    cut = Bytes(data)
+    if len(data) < _SDO_BYTES:
+        yield from cut.rest(0, "too short: a multiplexed PDO has 8 bytes")
+        return
+    node = cut.raw(0, 7)
+    index, sub_index = cut.number(1, 2), data[3]
+    name, text, _ = of_mpdo(described, node, service.node).value(index, sub_index, data[4:8], padded=True)
+    yield cut.part(7, 1, "addressing", "of the destination" if cut.raw(7, 1) else "of the source")
+    yield cut.part(0, 7, "node-ID", f"node {node}" if node else "all nodes")
+    yield cut.part(8, 16, "index", f"0x{index:04X}")
+    yield cut.part(24, 8, "sub-index", name, f"{index:04X}:{sub_index:02X}")
+    yield cut.part(32, 32, "data", text)
 
 
 def _pdo_parts(data: bytes, known: Layout) -> Iterator[FramePart]:

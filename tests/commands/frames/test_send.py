@@ -229,7 +229,7 @@ def test_it_is_said_what_each_one_is() -> None:
     with Bench() as bench:
         said = bench.run("send 181#3706 601#2B17100007000000 --yes").stderr
         assert "181#3706  TPDO1, node 1: 6041:00 operation enabled (0x0637)" in said
-        assert "1017:00 Producer heartbeat time, 7 ms" in said
+        assert "write 1017:00 Producer heartbeat time = 7 ms" in said
 
 
 def test_a_passcode_is_neither_shown_nor_kept() -> None:

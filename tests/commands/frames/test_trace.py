@@ -27,7 +27,7 @@ def test_a_write_is_shown_with_its_answers() -> None:
         ]
         text = bench.run("trace last").stdout
         assert "-> 601#2B17100007000000" in text
-        assert "1017:00 Producer heartbeat time, 7 ms" in text
+        assert "write 1017:00 Producer heartbeat time = 7 ms" in text
 
 
 @pytest.mark.parametrize("fault", ["refuse@3=0x06090030", "lose-request@3"])

@@ -175,6 +175,7 @@ def paths(document: Document, before: str = "") -> Iterator[tuple[str, Any]]:
         yield before + key, value
         inner = value[0] if isinstance(value, list) and value else value
         by_signal = key == "signals" or (key in ("physical", "objects") and "signals" in document)
+        by_signal = by_signal or (key == "fields" and "what" in document)  # as many names as there are services
         if isinstance(inner, dict) and (not by_signal or isinstance(value, list)):
             yield from paths(inner, f"{before}{key}[]." if isinstance(value, list) else f"{before}{key}.")
 

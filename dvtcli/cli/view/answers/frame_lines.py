@@ -18,7 +18,8 @@ from dvtcli.operations.results.sent import FramesSent, Outcome, Replayed
 
 def explained_lines(result: FrameExplained, width: int) -> Iterator[Line]:
     """Show the frame, its kind, and a line per part."""
-    yield [Cell(f"{frame_text(result.frame)}  "), Cell(result.what, "bold")]
+    text = result.short if result.reading.text else ""
+    yield [Cell(f"{frame_text(result.frame)}  "), Cell(result.what, "bold"), Cell(f": {text}" if text else "")]
     table = Table(("PLACE", "RAW", "NAME", "SAYS"), shrink=3)
     for part in result.parts:
         name = f"{part.name}  {part.object}" if part.object and part.object != part.name else part.name
@@ -81,7 +82,7 @@ def frame_lines(result: FrameSeen, _width: int) -> Iterator[Line]:
     """Show a frame with local time and UTC offset, kind, bytes and signals."""
     frame = result.frame
     data = "remote request" if frame.remote else frame.data.hex(" ").upper()
-    signals = "  ".join(
+    signals = result.reading.text or "  ".join(
         [f"{name}={value_text(value, result.meanings.get(name, NOTHING))}" for name, value in result.signals.items()]
     )
     cells = [

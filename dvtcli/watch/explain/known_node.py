@@ -1,0 +1,119 @@
+"""A node's objects by name, and their values in words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.datatypes import DataType, Kind, Value
+from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.meanings import Meanings
+from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.scaling import Scaling
+from dvtcli.domain.several import hex_preview, plural
+from dvtcli.domain.shown_value import cut_text
+from dvtcli.domain.standard_objects import is_pdo_communication, is_pdo_mapping, standard_entry, standard_name
+
+#: objects that are one COB-ID, and those whose bit 31 is no switch
+_COB_IDS, _WITHOUT_OFF = (0x1005, 0x1012, 0x1014), (0x1005, 0x1012)
+_CONSUMER_HEARTBEAT, _SDO_PARAMETERS = 0x1016, range(0x1200, 0x1300)
+#: the longest number (bytes) of an object of unknown type
+_LONGEST_NUMBER = 8
+_NUMBERS = (Kind.BOOLEAN, Kind.INTEGER, Kind.UNSIGNED, Kind.REAL)
+
+
+class NamedValue(NamedTuple):
+    """An object's *name*, and its *value*, also as *text*; None and empty if unknown."""
+
+    name: str
+    text: str = ""
+    value: Value | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class KnownNode:
+    """Dictionary of a node, if any, and meanings of its objects."""
+
+    dictionary: ObjectDictionary | None
+    meanings: Meanings
+
+    def value(self, index: int, sub_index: int, data: bytes | None, *, padded: bool = False) -> NamedValue:
+        """The object's name, and its value in *data* in words; *padded*: *data* may be longer than the value."""
+        name = self.dictionary.display_name(index, sub_index) if self.dictionary is not None else ""
+        name = name or standard_name(index, sub_index)
+        if data is None:
+            return NamedValue(name)
+        kind = self._type(index, sub_index)
+        size = kind.size if kind is not None else None
+        if padded and size is not None:
+            data = data[:size]
+        value = _value(kind, data)
+        text = self._mapped(index, sub_index, value) or _communication_text(index, sub_index, value)
+        return NamedValue(name, text or said(value, self.meanings.of(index, sub_index), 8 * len(data)), value)
+
+    @property
+    def device_type(self) -> int | None:
+        """The device type (0x1000) in the node's file."""
+        entry = self.dictionary.entry(0x1000, 0) if self.dictionary is not None else None
+        data = None if entry is None else entry.initial(0)
+        return None if data is None else int.from_bytes(data, "little")
+
+    def _mapped(self, index: int, sub_index: int, value: Value) -> str:
+        """An object mapped into a PDO in words; empty for any other object."""
+        if not is_pdo_mapping(index) or not sub_index or not isinstance(value, int) or not 0 < value < 1 << 32:
+            return ""
+        entry = PdoMappingEntry.from_raw(value)
+        name = self.value(entry.index, entry.sub_index, None).name
+        return f"{' '.join(filter(None, (entry.object, name)))}, {plural(entry.bits, 'bit')}"
+
+    def _type(self, index: int, sub_index: int) -> DataType | None:
+        entry = self.dictionary.entry(index, sub_index) if self.dictionary is not None else None
+        if entry is not None and entry.data_type is not None:
+            return entry.data_type
+        standard = standard_entry(index, sub_index)
+        return None if standard is None else standard.data_type
+
+
+def of_mpdo(described: Callable[[int], KnownNode], node: int, producer: int | None) -> KnownNode:
+    """What names the objects of an MPDO: the *node* in it, else its *producer* if nothing is known of that node."""
+    known = described(node or producer or 0)
+    return known if known.dictionary is not None or producer is None else described(producer)
+
+
+def _value(kind: DataType | None, data: bytes) -> Value:
+    """The value of *kind* in *data*; of an unknown type a number, a printable text, or the bytes."""
+    if kind is not None and (kind.kind not in _NUMBERS or kind.size == len(data)):
+        with suppress(ValueError):  # the device disagrees with its file: show what it sent
+            return kind.decode(data)
+    if 0 < len(data) <= _LONGEST_NUMBER:
+        return int.from_bytes(data, "little")
+    text = data.rstrip(b"\0")
+    return text.decode("ascii") if text and all(0x20 <= byte < 0x7F for byte in text) else data
+
+
+def _communication_text(index: int, sub_index: int, value: Value) -> str:
+    """A COB-ID, or a consumer heartbeat time, in words; empty for any other object."""
+    if not isinstance(value, int) or not 0 <= value < 1 << 32:
+        return ""
+    if index == _CONSUMER_HEARTBEAT and sub_index:
+        return f"node {value >> 16 & 0xFF}, {value & 0xFFFF} ms"
+    is_sdo = index in _SDO_PARAMETERS and sub_index in (1, 2)
+    if not is_sdo and not (is_pdo_communication(index) and sub_index == 1) and index not in _COB_IDS:
+        return ""
+    cob_id = CobId.from_raw(value)
+    if value == cob_id.can_id:
+        return str(cob_id)
+    is_off = not cob_id.valid and index not in _WITHOUT_OFF
+    return f"{cob_id}{', disabled' if is_off else ''} (0x{value:08X})"
+
+
+def said(value: Value, meaning: Scaling, bits: int) -> str:
+    """*value* in words, with unit or meaning if known."""
+    if isinstance(value, bytes):
+        return hex_preview(value)
+    if isinstance(value, str):
+        return cut_text(value)
+    return meaning.text(value, bits) or str(value)

@@ -1,0 +1,263 @@
+"""Frames in words: what each frame of CANopen's services says, one after the other.
+
+`explain`, `decode`, `monitor`, `log`, `trace`, `send` and `replay` take their words from here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime, timedelta
+from types import MappingProxyType
+from typing import NamedTuple
+
+from dvtcli.domain.abort import abort_text
+from dvtcli.domain.datatypes import Value
+from dvtcli.domain.emergency_codes import emergency_text
+from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.ports import Frame
+from dvtcli.domain.several import plural
+from dvtcli.watch.decoder import Address, Decoder, Layout
+from dvtcli.watch.explain.known_node import KnownNode, of_mpdo
+from dvtcli.watch.explain.lss_parts import lss_parts
+from dvtcli.watch.sdo_transfers import SDO_BYTES, SdoStep, SdoTransfers
+from dvtcli.watch.service import Service
+
+#: facts of a frame by name, for machines
+Facts = Mapping[str, Value | None]
+_NO_FACTS: Facts = MappingProxyType({})
+#: first day of TIME (CiA 301, 7.2.6), and the milliseconds of a day
+_EPOCH, _DAY_MS = datetime(1984, 1, 1, tzinfo=UTC), 86_400_000
+_DESTINATION = 0x80
+_COMMANDS, _STATES = frozenset(NmtCommand), frozenset(NmtState)
+#: the kinds of frames that a frame may be asked for by
+KINDS = (
+    "pdo", "mpdo", "sdo", "sdo-abort", "nmt", "emcy", "heartbeat", "boot-up", "guarding", "sync", "time", "lss",
+    "other",
+)  # fmt: skip
+#: kinds that are part of another one
+_PARTS = {"mpdo": "pdo", "sdo-abort": "sdo", "boot-up": "heartbeat"}
+
+
+class Reading(NamedTuple):
+    """What a frame is, one of `KINDS`; its *text*, empty for a PDO, whose signals tell; and its *facts* by name."""
+
+    what: str
+    text: str = ""
+    facts: Facts = _NO_FACTS
+
+    def is_one_of(self, kinds: frozenset[str]) -> bool:
+        """Whether the frame is of one of *kinds*; `sdo` has aborts, `pdo` MPDOs, `heartbeat` boot-ups."""
+        return self.what in kinds or _PARTS.get(self.what) in kinds
+
+
+_PDO, OTHER = Reading("pdo"), Reading("other")
+_Read = Callable[[Frame], Reading]
+
+
+class FrameReader:
+    """Read the frames of one bus in their order; *described* returns what is known of a node, by node-ID."""
+
+    def __init__(self, decoder: Decoder, described: Callable[[int], KnownNode]) -> None:
+        self.decoder = decoder
+        self.described = described
+        self._transfers = SdoTransfers()
+        #: nodes that were asked for their state: what they send next is no heartbeat
+        self._guarded: set[int | None] = set()
+        self._by_address: dict[Address, _Read] = {}
+        self._by_kind: dict[str, Callable[[Service, Frame], Reading]] = {
+            "nmt": _nmt, "sync": _sync, "time": _time, "emcy": self._emergency, "heartbeat": self._heartbeat,
+            "sdo": self._sdo, "lss": _lss,
+        }  # fmt: skip
+
+    def know(self, decoder: Decoder) -> None:
+        """Use *decoder* from now on; running transfers stay."""
+        self.decoder = decoder
+        self._by_address.clear()
+
+    def read(self, frame: Frame) -> Reading:
+        """Return what *frame* says, the next frame on the bus."""
+        address = frame.can_id, frame.extended
+        read = self._by_address.get(address)
+        if read is None:
+            read = self._by_address[address] = self._reader_of(self.decoder.layout(frame))
+        return read(frame)
+
+    def _reader_of(self, layout: Layout) -> _Read:
+        service = layout.service
+        read = self._by_kind.get(service.kind)
+        if layout.mpdo is not None:
+            return lambda frame: _asked(_PDO) if frame.remote else self._mpdo(service, frame.data)
+        if read is None:
+            reading = _PDO if service.kind == "pdo" else OTHER
+            return lambda frame: _asked(reading) if frame.remote else reading
+        if service.kind == "heartbeat":
+            return lambda frame: read(service, frame)
+        return lambda frame: _asked(Reading(service.kind)) if frame.remote else read(service, frame)
+
+    def _heartbeat(self, service: Service, frame: Frame) -> Reading:
+        if frame.remote:
+            self._guarded.add(service.node)
+            return Reading("guarding", "node guarding request")
+        if not frame.data:
+            return Reading("heartbeat", "too short: a heartbeat has 1 byte")
+        state, toggle = frame.data[0] & 0x7F, frame.data[0] >> 7
+        words = NmtState(state).label if state in _STATES else f"reserved state 0x{state:02X}"
+        is_answer = service.node in self._guarded or bool(toggle)
+        self._guarded.discard(service.node)
+        if frame.data == b"\0":
+            self._transfers.forget(service.node)
+            return Reading("boot-up", "boot-up", {"state": words})
+        if is_answer:
+            return Reading("guarding", f"{words}, toggle bit {toggle}", {"state": words, "toggle": toggle})
+        return Reading("heartbeat", words, {"state": words})
+
+    def _emergency(self, service: Service, frame: Frame) -> Reading:
+        data = frame.data
+        if len(data) < 2:
+            return Reading("emcy", "EMCY too short: it has 8 bytes")
+        code = int.from_bytes(data[:2], "little")
+        device_type = self.described(service.node or 0).device_type
+        text = f"EMCY 0x{code:04X} {emergency_text(code, device_type)}"
+        facts: dict[str, Value | None] = {"code": code, "meaning": emergency_text(code, device_type)}
+        if len(data) > 2:
+            facts["register"] = data[2]
+            text += f", register 0x{data[2]:02X}"
+        if any(data[3:]):
+            facts["data"] = data[3:]
+            text += f", data {data[3:].hex(' ').upper()}"
+        return Reading("emcy", text, facts)
+
+    def _mpdo(self, service: Service, data: bytes) -> Reading:
+        """Multiplexed PDO: node, object and value (CiA 301, 7.2.2.6)."""
+        if len(data) < SDO_BYTES:
+            return Reading("mpdo", f"too short: a multiplexed PDO has {SDO_BYTES} bytes")
+        node, is_destination = data[0] & 0x7F, bool(data[0] & _DESTINATION)
+        index, sub_index = int.from_bytes(data[1:3], "little"), data[3]
+        of = of_mpdo(self.described, node, service.node)
+        name, text, value = of.value(index, sub_index, data[4:8], padded=True)
+        place = f"{index:04X}:{sub_index:02X}"
+        who = ("to " if is_destination else "from ") + (f"node {node}" if node else "all nodes")
+        return Reading(
+            "mpdo", f"{who}: {_named(place, name)} = {text}",
+            {"to" if is_destination else "from": node, "object": place, "name": name, "value": value},
+        )  # fmt: skip
+
+    def _sdo(self, service: Service, frame: Frame) -> Reading:
+        request = service.label.endswith("request")
+        step = self._transfers.take(_channel(service), frame.data, request=request)
+        if step.step == "unknown":
+            short = len(frame.data) < SDO_BYTES
+            return Reading("sdo", "too short: an SDO has 8 bytes" if short else _unknown(frame.data, request=request))
+        has_value = step.step == "done" or (step.step == "start" and step.data)
+        known = self.described(service.node or 0).value(
+            step.index, step.sub_index, step.data if has_value and step.data else None
+        )
+        text, value = known.text, known.value
+        if step.size is not None and len(step.data) < step.size and has_value:
+            text, value = f"{plural(step.size, 'byte')}, beginning with {text}", None
+        named = _named(step.object, known.name)
+        facts: dict[str, Value | None] = {
+            "transfer": None if step.is_write is None else "write" if step.is_write else "read", "step": step.step,
+            "object": step.object, "name": known.name,
+        }  # fmt: skip
+        if step.step == "abort":
+            facts |= {"abort_code": step.code, "meaning": abort_text(step.code)}
+            return Reading("sdo-abort", f"abort 0x{step.code:08X} of {named}: {abort_text(step.code)}", facts)
+        if has_value and (step.data or step.size is not None):
+            facts |= {"value": value, "bytes": step.size if step.size is not None else len(step.data)}
+        return Reading("sdo", _sdo_text(step, named, text), facts)
+
+
+def _asked(reading: Reading) -> Reading:
+    return reading._replace(text="remote request")
+
+
+def _channel(service: Service) -> tuple[int | None, str]:
+    """The pair of CAN-IDs of a client and a server: `SDO request` and `SDO answer` of a node, or `SDO2 …`."""
+    return service.node, service.label.partition(" ")[0]
+
+
+def _named(place: str, name: str) -> str:
+    return f"{place} {name}" if name else place
+
+
+def _sdo_text(step: SdoStep, named: str, value: str) -> str:
+    """A frame of a transfer in words; *value* is the value's text."""
+    way = "write" if step.is_write else "read"
+    how = " by blocks" if step.way == "blocks" else ""
+    size = "" if step.size is None else f", {plural(step.size, 'byte')}"
+    if step.step == "start":
+        return f"{way} {named} = {value}" if step.data else f"{way} {named}{how}{size}"
+    if step.step == "accepted":
+        return f"{way} {named}: accepted{how}{'' if step.is_write else size}"
+    if step.step == "segment":
+        of = "" if step.size is None else f" of {step.size}"
+        return f"{way} {named}: bytes {step.position - len(step.data) + 1} to {step.position}{of}"
+    if step.step == "next":
+        return f"{way} {named}: {plural(step.position, 'byte')} taken" if step.position else f"{way} {named}: go on"
+    if step.step == "end":
+        return f"{way} {named}: end of blocks, {plural(step.position, 'byte')}"
+    if not step.is_write:
+        return f"{named} = {value or 'empty'}"
+    return f"{named} written{f' = {value}' if step.way not in ('', 'expedited') else ''}"
+
+
+_REQUESTS = ("download segment", "download", "upload", "upload segment", "abort", "block upload", "block download")
+_ANSWERS = (
+    "upload segment",
+    "download segment taken",
+    "upload",
+    "download taken",
+    "abort",
+    "block download",
+    "block upload",
+)
+
+
+def _unknown(data: bytes, *, request: bool) -> str:
+    """A frame of a transfer whose beginning is missing."""
+    command = data[0] >> 5
+    words = _REQUESTS if request else _ANSWERS
+    return f"{words[command]} of an unknown object" if command < len(words) else "unknown command specifier"
+
+
+def _nmt(_service: Service, frame: Frame) -> Reading:
+    data = frame.data
+    if len(data) < 2:
+        return Reading("nmt", "NMT too short: it has 2 bytes")
+    word = (
+        NmtCommand(data[0]).name.removeprefix("ENTER_").replace("_", "-").lower()
+        if data[0] in _COMMANDS
+        else f"reserved command 0x{data[0]:02X}"
+    )
+    who = f"node {data[1]}" if data[1] else "all nodes"
+    return Reading("nmt", f"NMT {word} -> {who}", {"command": word, "to": data[1]})
+
+
+def _sync(_service: Service, frame: Frame) -> Reading:
+    if not frame.data:
+        return Reading("sync", "SYNC")
+    return Reading("sync", f"SYNC {frame.data[0]}", {"counter": frame.data[0]})
+
+
+def _time(_service: Service, frame: Frame) -> Reading:
+    data = frame.data
+    if len(data) < 6:
+        return Reading("time", "TIME too short: it has 6 bytes")
+    milliseconds, days = int.from_bytes(data[:4], "little") & 0x0FFF_FFFF, int.from_bytes(data[4:6], "little")
+    if milliseconds >= _DAY_MS:
+        return Reading("time", f"TIME {milliseconds} ms: more than a day has")
+    at = (
+        (_EPOCH + timedelta(days=days, milliseconds=milliseconds)).isoformat(" ", "milliseconds").removesuffix("+00:00")
+    )
+    return Reading("time", f"TIME {at}", {"at": at})
+
+
+def _lss(service: Service, frame: Frame) -> Reading:
+    parts = [part for part in lss_parts(frame.data, request=service.label == "LSS") if part.text]
+    if not parts:
+        return Reading("lss", "LSS without data")
+    first, *others = parts
+    named = [part.text if first.text.endswith(part.name) else f"{part.name} {part.text}" for part in others]
+    text = f"LSS {first.text}{': ' if named else ''}{', '.join(named)}"
+    return Reading("lss", text, {"command": first.raw, **{part.name: part.text for part in others}})
