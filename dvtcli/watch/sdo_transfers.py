@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+#: index and sub-index
+Place = tuple[int, int]
 #: the server's node-ID, None if unknown, and its name of the pair of CAN-IDs
 Channel = tuple[int | None, str]
 #: bytes of an SDO frame, and the first byte of an abort
@@ -25,15 +27,15 @@ class SdoStep(NamedTuple):
     """What a frame is in a transfer.
 
     *step* is `start`, `accepted`, `segment`, `next` (a segment was taken, or is asked for), `end` (of blocks), `done`,
-    `abort`, or `unknown`. *is_write* is None, *index* -1 for a transfer whose beginning is missing. *data* is the value
+    `abort`, or `unknown`. *is_write* and *place* (index, sub-index) are
+    None if the beginning is missing. *data* is the value
     if complete, else the frame's own bytes; *size* is the value's length if known, *position* the bytes so far.
     *code* is the abort code, *way* is `expedited`, `segments` or `blocks`, empty if unknown.
     """
 
     step: str
     is_write: bool | None = None
-    index: int = -1
-    sub_index: int = 0
+    place: Place | None = None
     data: bytes = b""
     size: int | None = None
     position: int = 0
@@ -43,7 +45,7 @@ class SdoStep(NamedTuple):
     @property
     def object(self) -> str:
         """The object: `6060:00`; empty if unknown."""
-        return f"{self.index:04X}:{self.sub_index:02X}" if self.index >= 0 else ""
+        return f"{self.place[0]:04X}:{self.place[1]:02X}" if self.place is not None else ""
 
 
 UNKNOWN = SdoStep("unknown")
@@ -57,8 +59,7 @@ class _Transfer:
     """
 
     is_write: bool
-    index: int
-    sub_index: int
+    place: Place
     size: int | None = None
     way: str = "segments"
     data: bytearray = field(default_factory=bytearray)
@@ -70,7 +71,7 @@ class _Transfer:
 
     def step(self, step: str, data: bytes = b"", more: int = 0) -> SdoStep:
         size = self.count if step == "done" else self.size
-        return SdoStep(step, self.is_write, self.index, self.sub_index, data, size, self.count + more, way=self.way)
+        return SdoStep(step, self.is_write, self.place, data, size, self.count + more, way=self.way)
 
     def done(self) -> SdoStep:
         return self.step("done", bytes(self.data))
@@ -179,8 +180,8 @@ class SdoTransfers:
             running = self._running[channel] = begun
             step = running.step("start", bytes(running.data)) if request else running.answered()
         elif not request and data[0] >> 5 == _DOWNLOADED:
-            is_known = running is not None and (running.index, running.sub_index) == _object(data)
-            step = running.answered() if running and is_known else SdoStep("done", True, *_object(data))
+            is_known = running is not None and running.place == _place(data)
+            step = running.answered() if running and is_known else SdoStep("done", True, _place(data))
         else:
             step = _goes_on(running, data, request=request)
         if step.step in ("done", "abort"):
@@ -196,9 +197,9 @@ def _goes_on(running: _Transfer | None, data: bytes, *, request: bool) -> SdoSte
 
 
 def _aborted(running: _Transfer | None, data: bytes) -> SdoStep:
-    index, sub_index = _object(data)
-    is_write = running.is_write if running and (running.index, running.sub_index) == (index, sub_index) else None
-    return SdoStep("abort", is_write, index, sub_index, code=int.from_bytes(data[4:8], "little"))
+    place = _place(data)
+    is_write = running.is_write if running and running.place == place else None
+    return SdoStep("abort", is_write, place, code=int.from_bytes(data[4:8], "little"))
 
 
 def _begun(data: bytes) -> _Transfer | None:
@@ -207,11 +208,11 @@ def _begun(data: bytes) -> _Transfer | None:
     if command == _DOWNLOAD:
         return _first(data, is_write=True)
     if command == _UPLOAD:
-        return _Transfer(False, *_object(data))
+        return _Transfer(False, _place(data))
     if command == _BLOCK_DOWNLOAD and not data[0] & _END:
-        return _Transfer(True, *_object(data), _size(data, bit=2), way="blocks")
+        return _Transfer(True, _place(data), _size(data, bit=2), way="blocks")
     if command == _BLOCK_UPLOAD and data[0] & 3 == _INITIATE:
-        return _Transfer(False, *_object(data), way="blocks")
+        return _Transfer(False, _place(data), way="blocks")
     return None
 
 
@@ -223,14 +224,14 @@ def _uploaded(data: bytes) -> _Transfer | None:
 def _first(data: bytes, *, is_write: bool) -> _Transfer:
     """The transfer of the first frame with a value of up to four bytes, or with the length of a longer value."""
     is_whole = bool(data[0] & 2)
-    found = _Transfer(is_write, *_object(data), None if is_whole else _size(data, bit=1), is_whole=is_whole)
+    found = _Transfer(is_write, _place(data), None if is_whole else _size(data, bit=1), is_whole=is_whole)
     if is_whole:
         found.way = "expedited"
         found.add(data[4 : SDO_BYTES - (data[0] >> 2 & 3 if data[0] & 1 else 0)])
     return found
 
 
-def _object(data: bytes) -> tuple[int, int]:
+def _place(data: bytes) -> Place:
     return int.from_bytes(data[1:3], "little"), data[3]
 
 
