@@ -6,6 +6,7 @@ import json
 import re
 import struct
 from bisect import bisect_right
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -60,7 +61,12 @@ def read_dbc(file: str) -> dict[Address, Layout]:
         )
     _refuse_sizes(text, path)
     require("cantools", "dbc", f"reading {path.name}, a DBC file,", instead=_INSTEAD)
-    return {(said["id"], said["extended"]): _layout(said, path.name) for said in _messages(data, path)}
+    messages = _messages(data, path)
+    names = Counter(said["name"] for said in messages)
+    for said in messages:
+        if names[said["name"]] > 1:  # values of both would be in one column
+            said["name"] += f" 0x{said['id']:03X}"
+    return {(said["id"], said["extended"]): _layout(said, path.name) for said in messages}
 
 
 def _messages(data: bytes, path: Path) -> list[dict[str, Any]]:

@@ -22,7 +22,7 @@ from dvtcli.domain.unit import parse_scale
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.values.csv_values import csv_text
 from dvtcli.files.values.parquet_values import MOST_COLUMNS, _kind, _schema, cells_array, long_cells
-from dvtcli.files.values.value_file import FORMS, read_values, write_file
+from dvtcli.files.values.value_file import FORMS, WholeFile, read_values, write_file
 from dvtcli.files.values.value_rows import Origin, ParquetForm
 from dvtcli.operations.frames.frame_answer import frame_seen
 from dvtcli.operations.frames.recorded_tracks import find_tracks
@@ -241,3 +241,40 @@ def test_the_wide_layout_has_an_end(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=f"takes {MOST_COLUMNS} signals, and there are {MOST_COLUMNS + 1}"):
         write_file(tmp_path / "a.parquet", rows, lambda _: {}, ParquetForm("wide"))
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.needs("pyarrow")
+@pytest.mark.parametrize("layout", ["long", "wide"])
+def test_a_parquet_file_that_is_damaged_anywhere_is_an_input_file_error(tmp_path: Path, layout: str) -> None:
+    """Whichever byte is wrong: values, or an error with the file's place; also where only its rows are damaged."""
+    path, rows = tmp_path / "a.parquet", SignalRows(layouts_of(5, [0x2000, 0x2005]))
+    writer = WholeFile(path, rows, lambda _: {}, ParquetForm(layout))
+    for number in range(40):
+        writer.write(Frame(0x185, 2 * number.to_bytes(2, "little"), timestamp_s=BEGIN_S + number))
+    writer.complete()
+    whole, in_rows = path.read_bytes(), 0
+    for at in range(4, len(whole), 5):
+        for wrong in (whole[at] ^ 0xFF, whole[at] ^ 0x10):
+            path.write_bytes(whole[:at] + bytes([wrong]) + whole[at + 1 :])
+            damaged, read = None, None
+            try:
+                read = read_values(path).rows
+                assert len(list(read)) <= 2 * 40
+            except InputFileError as failed:
+                damaged = failed
+            in_rows += damaged is not None and read is not None
+            assert damaged is None or (damaged.place == str(path) and (damaged.why or "column" in damaged.text))
+    assert in_rows > 10
+
+
+@pytest.mark.needs("pyarrow")
+def test_a_parquet_file_of_somebody_else_is_read_or_said(tmp_path: Path) -> None:
+    import pyarrow
+    import pyarrow.parquet
+
+    path = tmp_path / "a.parquet"
+    times = pyarrow.array([BEGIN_S * 1_000_000, None], pyarrow.timestamp("us", tz="UTC"))
+    for cells, says in (([[1], [2]], "no plain values"), ([1.0, 2.0], "a row without a time")):
+        pyarrow.parquet.write_table(pyarrow.table({"time": times, "a [V]": cells}), path)
+        with pytest.raises(InputFileError, match=says):
+            list(read_values(path).rows)

@@ -10,6 +10,7 @@ import math
 import sys
 from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Sized
+from datetime import datetime
 from decimal import Decimal
 from itertools import accumulate, chain
 from pathlib import Path
@@ -260,40 +261,62 @@ def _cell(value: Value, kind: str) -> object:
 
 
 def read_parquet(path: Path) -> ValueRows:
-    """Read output of `log` or `decode` in either layout. Raises InputFileError for other or cut files."""
+    """Read output of `log` or `decode` in either layout. Raises InputFileError, also in its rows, if damaged."""
     arrow = pyarrow()
     if not path.is_file():
         raise UsageError(f"{path}: no such file", hint=Hint(Action.LOG_VALUES, {"file": path}, "records one"))
     try:
         file = pyarrow("pyarrow.parquet").ParquetFile(str(path))
-    except (arrow.ArrowException, OSError) as wrong:
-        why = str(wrong).partition("\n")[0]
-        raise InputFileError(f"{path.name} is no whole Parquet file", why=why, place=str(path)) from wrong
-    names = file.schema_arrow.names
-    if TIME not in names or not arrow.types.is_timestamp(file.schema_arrow.field(TIME).type):
+        schema, names = file.schema_arrow, file.schema_arrow.names
+    except (arrow.ArrowException, OSError, ValueError) as wrong:
+        raise InputFileError(f"{path.name} is no whole Parquet file", why=_why(wrong), place=str(path)) from wrong
+    if nested := [name for name in names if arrow.types.is_nested(schema.field(name).type)]:
+        raise InputFileError(f"{path.name}: column {nested[0]!r} has no plain values", place=str(path))
+    if TIME not in names or not arrow.types.is_timestamp(schema.field(TIME).type):
         raise InputFileError(f"{path.name} has no column {TIME!r} of times", place=str(path))
     if {"pdo", *_OF_SIGNAL, "value"} <= {*names}:
-        return _read_long(file)
+        return _read_long(path, file)
     columns = [name for name in names if name not in (TIME, FRAME)]
-    return ValueRows([column_of(name) for name in columns], _wide_rows(file, columns))
+    return ValueRows([column_of(name) for name in columns], _wide_rows(path, file, columns))
 
 
-def _wide_rows(file: Any, columns: list[str]) -> Iterator[tuple[float, list[float | None]]]:
-    for batch in file.iter_batches(columns=[TIME, *columns]):
-        cells = [batch.column(name).to_pylist() for name in columns]
-        for number, time in enumerate(batch.column(TIME).to_pylist()):
-            yield time.timestamp(), [_number(values[number]) for values in cells]
+def _cells(path: Path, file: Any, names: Sequence[str]) -> Iterator[tuple[Any, ...]]:
+    """Iterate over the rows of *file*, cells of columns *names*. Raises InputFileError with the row if damaged."""
+    row = 0
+    try:
+        for batch in file.iter_batches(columns=list(names)):
+            batch.validate(full=True)
+            for cells in zip(*(batch.column(name).to_pylist() for name in names), strict=True):
+                yield cells
+                row += 1
+    except (pyarrow().ArrowException, OSError, ValueError, OverflowError) as wrong:
+        raise InputFileError(f"{path.name} is damaged after row {row}", why=_why(wrong), place=str(path)) from wrong
 
 
-def _read_long(file: Any) -> ValueRows:
+def _why(wrong: Exception) -> str:
+    return str(wrong).partition("\n")[0] or type(wrong).__name__
+
+
+def _time_s(path: Path, time: datetime | None) -> float:
+    if time is None:
+        raise InputFileError(f"{path.name} has a row without a time", place=str(path))
+    return time.timestamp()
+
+
+def _wide_rows(path: Path, file: Any, columns: list[str]) -> Iterator[tuple[float, list[float | None]]]:
+    for time, *cells in _cells(path, file, [TIME, *columns]):
+        yield _time_s(path, time), [_number(cell) for cell in cells]
+
+
+def _read_long(path: Path, file: Any) -> ValueRows:
     """Read a file in the long layout, twice: first for its signals."""
     numbers: dict[tuple[object, ...], int] = {}
     columns: list[Column] = []
-    for signal in _long_rows(file, ("bus", *_OF_SIGNAL)):
+    for signal in _cells(path, file, ("bus", *_OF_SIGNAL)):
         if signal not in numbers:
             numbers[signal] = len(numbers)
             columns.append(_long_column(*signal))
-    return ValueRows(columns, _frames(file, numbers))
+    return ValueRows(columns, _frames(path, file, numbers))
 
 
 def _long_column(_bus: object, node: Any, _serial: object, pdo: Any, place: Any, name: Any, unit: Any) -> Column:
@@ -303,17 +326,19 @@ def _long_column(_bus: object, node: Any, _serial: object, pdo: Any, place: Any,
     return Column(signal_name(title, signal.object, key), signal)
 
 
-def _frames(file: Any, numbers: Mapping[tuple[object, ...], int]) -> Iterator[tuple[float, list[float | None]]]:
+def _frames(
+    path: Path, file: Any, numbers: Mapping[tuple[object, ...], int]
+) -> Iterator[tuple[float, list[float | None]]]:
     """A row for each frame: what follows each other with the same time, bus, node and PDO."""
     last: object = None
     time_s, cells = 0.0, _no_cells(numbers)
-    for time, value, *signal in _long_rows(file, (TIME, "value", "bus", *_OF_SIGNAL)):
+    for time, value, *signal in _cells(path, file, (TIME, "value", "bus", *_OF_SIGNAL)):
         number = numbers[tuple(signal)]
         frame = (time, *signal[:4])
         if frame != last or cells[number] is not None:
             if last is not None:
                 yield time_s, cells
-            last, time_s, cells = frame, time.timestamp(), _no_cells(numbers)
+            last, time_s, cells = frame, _time_s(path, time), _no_cells(numbers)
         cells[number] = _number(value)
     if last is not None:
         yield time_s, cells
@@ -321,11 +346,6 @@ def _frames(file: Any, numbers: Mapping[tuple[object, ...], int]) -> Iterator[tu
 
 def _no_cells(numbers: Sized) -> list[float | None]:
     return [None] * len(numbers)
-
-
-def _long_rows(file: Any, names: tuple[str, ...]) -> Iterator[tuple[Any, ...]]:
-    for batch in file.iter_batches(columns=list(names)):
-        yield from zip(*(batch.column(name).to_pylist() for name in names), strict=True)
 
 
 def _number(value: object) -> float | None:

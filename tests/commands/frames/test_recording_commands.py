@@ -7,6 +7,7 @@ import io
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.dbc import read_dbc
 from dvtcli.files.extras import extra
 from dvtcli.files.recorder import Recorder
+from dvtcli.files.values.value_file import read_values
 from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench
 from tests.files.recordings import APPENDABLE, BEGIN_S, FORMATS, ROTATING
@@ -156,6 +158,24 @@ def test_decode_by_a_dbc(tmp_path: Path) -> None:
     found = documents(dvtcli("decode", str(ramp(tmp_path / "run.asc")), "--dbc", str(dbc), "--json").stdout)
     assert [one["signals"]["Speed"] for one in found] == [5.0 * n - 50 for n in range(50)]
     assert found[0]["kind"] == "message"
+
+
+@pytest.mark.needs("cantools")
+@pytest.mark.needs("pyarrow")
+@pytest.mark.parametrize("layout", ["long", "wide"])
+def test_messages_of_one_name_in_a_dbc_are_told_apart(tmp_path: Path, layout: str) -> None:
+    (tmp_path / "two.dbc").write_text(DBC + DBC[DBC.index("BO_ ") :].replace("BO_ 641", "BO_ 642"))
+    with Recorder(tmp_path / "run.log") as recorder:
+        for can_id in (0x281, 0x282):
+            recorder.write(replace(velocity(can_id, 0.1), can_id=can_id))
+    words = ["run.log", "-d", "two.dbc"]
+    done = dvtcli("decode", *words, "-o", "a.parquet", "--layout", layout, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    read = read_values(tmp_path / "a.parquet")
+    names = [column.name for column in read.columns]
+    assert len({*names}) == len(names)
+    assert {name.split()[1] for name in names} == {"0x281", "0x282"}
+    assert len(list(read.rows)) == 2
 
 
 def test_decode_by_a_network_file(tmp_path: Path) -> None:
