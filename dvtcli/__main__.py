@@ -14,6 +14,8 @@ NEW_OBJECTS = 100_000
 def entry() -> None:
     """Run dvtcli and end the process with its exit code."""
     gc.set_threshold(NEW_OBJECTS)
+    # python-can imports asammdf if it is there, which takes a second; `files.recordings.mdf` does it for an .mf4
+    sys.modules.setdefault("asammdf", None)  # type: ignore[arg-type]
     try:
         if None in (sys.stdin, sys.stdout, sys.stderr):
             from dvtcli.cli.view.streams import open_missing

@@ -10,7 +10,9 @@ import json
 import os
 import sys
 from collections.abc import Iterator
+from importlib import reload
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 import can
@@ -39,9 +41,19 @@ class MdfFormat(RecordingFormat):
     tells = True
 
     def require(self) -> None:
-        """Raise UsageError if asammdf is not installed."""
+        """Let python-can have asammdf, which the program's start keeps from it; raise UsageError if there is none."""
+        if sys.modules.get("asammdf", sys) is None:
+            del sys.modules["asammdf"]
         if find_spec("asammdf") is None:
             raise UsageError(".mf4 files need asammdf", hint=f"pip install '{DISTRIBUTION}[mdf]'")
+
+    def writer(self, path: Path, *, append: bool, most_bytes: int) -> Any:
+        """As for every format; by a module of python-can that has asammdf."""
+        from can.io import mf4
+
+        if mf4.asammdf is None:
+            reload(mf4)
+        return super().writer(path, append=append, most_bytes=most_bytes)
 
     def reader(self, source: Any) -> Iterator[can.Message]:
         """Iterate over frames of the file at the path *source*. Raises NoFrameError if damaged or too costly."""

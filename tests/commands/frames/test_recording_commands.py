@@ -24,7 +24,7 @@ from dvtcli.files.values.value_file import read_values
 from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench
 from tests.files.recordings import APPENDABLE, BEGIN_S, FORMATS, ROTATING
-from tests.process import PATIENCE_S, documents, dvtcli
+from tests.process import PATIENCE_S, documents, dvtcli, environment, run
 from tests.serve.served import bus_words, own_environment, served, wait_for
 
 pytestmark = pytest.mark.drawn(8, "recording commands")
@@ -87,6 +87,18 @@ def test_mf4_is_decoded(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     found = documents(dvtcli("--sim", "gen4", "decode", str(path), "--json").stdout)
     assert len(found) == documents(done.stdout)[-1]["frames"]
+
+
+@pytest.mark.needs("asammdf")
+def test_asammdf_which_takes_a_second_is_imported_for_mf4_alone(tmp_path: Path) -> None:
+    imports = environment() | {"PYTHONPROFILEIMPORTTIME": "1"}
+    silent = ("-i", "virtual", "-c", "x", "-n", "1", "--timeout", "0.05", "read", "1018:1")
+    ran = run(silent, env=imports)
+    assert (ran.returncode, "can.io.mf4" in ran.stderr, "asammdf.blocks" in ran.stderr) == (5, True, False)
+    ran = run(("--sim", "gen4", "log", str(tmp_path / "run.mf4"), "--duration", "1"), env=imports)
+    assert (ran.returncode, "asammdf.blocks" in ran.stderr) == (0, True)
+    ran = run(("decode", str(tmp_path / "run.mf4"), "--json"), env=imports)
+    assert len(documents(ran.stdout)) >= 2, ran
 
 
 @pytest.mark.parametrize("words", [["log", "run.log"], ["--no-reconnect", "monitor"]])
