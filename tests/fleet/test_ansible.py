@@ -175,6 +175,7 @@ def test_an_interrupted_host_is_found_in_check_mode_and_finished(fleet: Fleet) -
         assert (result["exit_code"], result["state"], result["changed"]) == (6, "unchanged", False)
         nodes = ", ".join(map(str, interrupted))
         assert f"an interrupted change of node {nodes} is not finished yet" in result["msg"]
+        assert not result["error"], "of a comparison, which had ended otherwise"
         looked = fleet.play([task(fleet, "recover")], "--check", "-v").results("set")["bench"]
         assert (looked["changed"], looked["nodes"]) == (True, interrupted)
         finished = fleet.play([task(fleet, "recover")], "-v").results("set")["bench"]
@@ -301,6 +302,17 @@ def test_verify_store_backup_and_undo_say_what_they_changed(fleet: Fleet) -> Non
         result = undone.results("look")["bench"]
         assert (result["exit_code"], result["changed"], result["retry"]) == (3, False, False)
         assert "differ from" in result["msg"]
+
+
+@by_lot
+def test_a_backup_that_cannot_be_kept_is_wrong_arguments_and_names_the_file_that_was_asked_for(fleet: Fleet) -> None:
+    wrong = {"folder": "none/x.dcf", "suffix": "x.txt", "itself": "."}
+    for name, file in wrong.items():
+        fleet.host(name, None, canopen_bus={"sim": ["gen4@1"]}, kept=str(fleet.folder / file))
+    results = fleet.play([task(fleet, "backup", node=1, dest="{{ kept }}")]).results("set")
+    assert {(one["exit_code"], one["state"], one["retry"]) for one in results.values()} == {(2, "unchanged", False)}
+    for name, file in wrong.items():
+        assert str(fleet.folder / file) in results[name]["msg"], results[name]
 
 
 @by_lot

@@ -98,6 +98,18 @@ def test_a_backup_is_put_back_only_by_who_holds_the_lock_and_is_said_before_anyt
             assert not asked & {0x1800, 0x1A00}, "nothing is planned on what somebody else is changing"
 
 
+def test_a_backup_of_a_node_of_which_no_change_is_left_is_put_back_by_its_node_id(tmp_path: Path) -> None:
+    with Wire(device("generic")) as wire:
+        options = {**wire.options, "yes": True, "journal": str(tmp_path)}
+        with Bench((), options) as bench:
+            assert bench.run("set tpdo1 --timer 5").code == 0
+        for line in ("undo", "undo --backup --json"):
+            with Bench((), {**options, "node": None}) as bench:
+                ran = bench.run(line)
+        assert (ran.code, "no change on this bus is remembered" in ran.document["text"]) == (2, True)
+        assert "-n ID undo --backup" in ran.document["hint"]
+
+
 def test_a_backup_of_no_pdo_is_a_usage_error(tmp_path: Path) -> None:
     with Wire(device("generic")) as wire:
         options = {**wire.options, "yes": True, "journal": str(tmp_path)}

@@ -11,7 +11,7 @@ import unicodedata
 from ansible.module_utils.basic import AnsibleModule
 
 #: exit codes that a task's result is made of (docs/how-to/fleets.md)
-DONE, DIFFERS, NO_ANSWER, REFUSED, NOT_FOUND = 0, 3, 5, 6, 127
+DONE, USAGE, DIFFERS, NO_ANSWER, REFUSED, NOT_FOUND = 0, 2, 3, 5, 6, 127
 #: where the role bench puts the program
 HOME = "/opt/dvtcli/venv/bin"
 
@@ -35,6 +35,13 @@ def dvtcli_module(**arguments):
     return AnsibleModule(argument_spec=dict(ARGUMENTS, **arguments), supports_check_mode=True)
 
 
+def refuse(module, message):
+    """End the task as failed before dvtcli is run, with the exit code of wrong arguments."""
+    module.fail_json(
+        msg=message, changed=False, exit_code=USAGE, retry=False, state="unchanged", error={}, document=None
+    )
+
+
 def flags(module, *names):
     """The options of dvtcli that are called as the arguments *names* are, of those that are true."""
     return ["--" + name.replace("_", "-") for name in names if module.params[name]]
@@ -54,9 +61,12 @@ def bus_words(bus):
 
 
 class Ended:
-    """One run of dvtcli: its exit code *code*, its answers *results*, its *errors*, one for each node that failed."""
+    """One run of dvtcli: its exit code *code*, its answers *results*, its *errors*, one for each node that failed.
 
-    def __init__(self, module, words):
+    *instead* is a path that *words* name, and the one that is said of it.
+    """
+
+    def __init__(self, module, words, instead=("", "")):
         self.module = module
         self.messages = ""
         self.results = []
@@ -69,12 +79,14 @@ class Ended:
         if asked["timeout"] is not None:
             command += ["--timeout", str(asked["timeout"])]
         try:
-            self.code, stdout, self.messages = module.run_command(command + words, handle_exceptions=False)
+            self.code, *said = module.run_command(command + words, handle_exceptions=False)
         except OSError as failed:
             self.code = NOT_FOUND
             why = f"{program} cannot be run: {failed.strerror}; the role dvtcli.canopen.bench installs it"
             self.errors.append({"message": why, "state": "unchanged"})
             return
+        named, meant = instead
+        stdout, self.messages = (text.replace(named, meant) if named else text for text in said)
         for line in stdout.splitlines():
             if not line.startswith("{"):
                 continue
@@ -132,7 +144,8 @@ class Ended:
         return self.fail(message, self.state)
 
     def fail(self, message, state, code=None):
-        """End the task as failed, with all that is known."""
+        """End the task as failed, with all that is known; *code*: dvtcli itself would have gone on."""
+        error = self.error if code is None else None
         code = self.code if code is None else code
         self.module.fail_json(
             msg=message,
@@ -140,7 +153,7 @@ class Ended:
             exit_code=code,
             retry=code == NO_ANSWER,
             state=state,
-            error=self.error or {},
+            error=error or {},
             document=self.result,
         )
 

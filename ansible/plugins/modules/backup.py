@@ -74,6 +74,7 @@ from ansible_collections.dvtcli.canopen.plugins.module_utils.dvtcli_command impo
     Ended,
     dvtcli_module,
     flags,
+    refuse,
 )
 
 
@@ -86,12 +87,16 @@ def main():
     )
     asked = module.params
     dest = asked["dest"]
+    if not Path(dest).parent.is_dir():
+        refuse(module, f"the folder of {dest} is not there")
+    if Path(dest).is_dir():
+        refuse(module, f"{dest} is a folder; name a file in it")
     made = str(Path(tempfile.mkdtemp(dir=module.tmpdir)) / Path(dest).name)
-    ended = Ended(module, ["-n", str(asked["node"]), "--yes", "backup", made, *flags(module, "twice")])
+    ended = Ended(module, ["-n", str(asked["node"]), "--yes", "backup", made, *flags(module, "twice")], (made, dest))
     document = ended.unless(DONE)
     changed = True
     if Path(dest).exists():
-        compared = Ended(module, ["compare", dest, made])
+        compared = Ended(module, ["compare", dest, made], (made, dest))
         result = compared.unless(DONE, DIFFERS)
         # identity, and settings that one of the files lacks, are no difference to `compare`
         changed = compared.code == DIFFERS or bool(result["about"] or result["unsaid"] or result["unlike"])

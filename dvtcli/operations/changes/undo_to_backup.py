@@ -64,7 +64,9 @@ def _keeper(session: Session) -> ChangeGuard:
     if node_id is None and network.keeping is not None:
         entry = network.keeping.past().newest_of_all()
         if entry is None:
-            raise nothing_remembered(network.keeping, None)
+            error = nothing_remembered(network.keeping, None)
+            error.hint = Hint(Action.UNDO, {"node": "ID", "backup": True}, "{} puts the newest backup of a node back")
+            raise error
         node_id = entry.plan.node_id
     keeper = network.node(session.node_id() if node_id is None else node_id).keeper
     if keeper is None:
