@@ -51,7 +51,7 @@ class MdfFormat(RecordingFormat):
         """As for every format; by a module of python-can that has asammdf."""
         from can.io import mf4
 
-        if mf4.asammdf is None:
+        if vars(mf4)["asammdf"] is None:
             reload(mf4)
         return super().writer(path, append=append, most_bytes=most_bytes)
 
