@@ -25,7 +25,7 @@ from dvtcli.bus.sdo.sdo_link import (
     SdoSettings,
 )
 from dvtcli.bus.traffic import Tap, Traffic
-from dvtcli.bus.watched_bus import NMT_CAN_ID, WatchedBus
+from dvtcli.bus.watched_bus import NMT_CAN_ID, WatchedBus, act_of
 from dvtcli.domain.cob_id import fits
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
@@ -87,9 +87,9 @@ class ReadBus(WatchedBus, Generic[M]):
         """Time base of deadlines in seconds (time.monotonic)."""
         return monotonic()
 
-    def delay_s(self) -> float:
+    def delay_s(self, *, anew: bool) -> float:
         """See `SdoLink.delay_s`."""
-        return self._receiver.delay_s(anew=len(self._transfers) < 2)
+        return self._receiver.delay_s(anew=anew and len(self._transfers) < 2)
 
     def sleep(self, duration_s: float) -> None:
         """Wait *duration_s*, reading the bus meanwhile unless another thread does. Raises BusUnavailable."""
@@ -283,8 +283,6 @@ class FrameBus(ReadBus[M]):
         """
         if not fits(frame.can_id, extended=frame.extended):
             raise UsageError(f"CAN-ID 0x{frame.can_id:X} has more than {29 if frame.extended else 11} bits: not sent")
-        from dvtcli.bus.watched_bus import act_of
-
         self.drain()
         self.note_act(act_of(frame))
         self._traffic.keep_answers()
@@ -299,9 +297,10 @@ class FrameBus(ReadBus[M]):
         """Send a frame (*dlc* for a remote frame only), and inform observers. Raises BusUnavailable."""
 
     def _most_at_once(self) -> int:
-        """1 while a machine may be running, or if the bit rate is unknown.
+        """1 while a machine may be running, or if the bit rate and the pace are unknown.
 
-        SDO at full speed would keep heartbeats off the bus; with a known bit rate its pace is limited.
+        SDO at full speed would keep heartbeats off the bus: with a known bit rate its pace is limited, with only a
+        pace few nodes are asked at once.
         """
         running = NmtState.OPERATIONAL in self._watch.states.values() or monotonic() - self._pdo_s < QUIET_S
         if running:

@@ -71,6 +71,7 @@ class Receiver(Generic[M]):
         #: how long in all this machine kept the bus from being read (s), and until when that is known, with the
         #: processor time by then
         self._delay_s = 0.0
+        self._delay_lock = threading.Lock()
         self._seen_s, self._seen_cpu_s = monotonic(), process_time()
 
     def take(self, inbox: SimpleQueue[T | Wake], deadline_s: float) -> T | None:
@@ -143,11 +144,12 @@ class Receiver(Generic[M]):
 
     def _note_delay(self, waited_s: float = 0.0, *, counts: bool = True) -> None:
         """Count the time since the last call, less *waited_s* and the computing time of this process."""
-        now_s, cpu_s = monotonic(), process_time()
-        delay_s = now_s - self._seen_s - waited_s - (cpu_s - self._seen_cpu_s)
-        self._seen_s, self._seen_cpu_s = now_s, cpu_s
-        if counts and delay_s >= LATE_S:
-            self._delay_s += delay_s
+        with self._delay_lock:
+            now_s, cpu_s = monotonic(), process_time()
+            delay_s = now_s - self._seen_s - waited_s - (cpu_s - self._seen_cpu_s)
+            self._seen_s, self._seen_cpu_s = now_s, cpu_s
+            if counts and delay_s >= LATE_S:
+                self._delay_s += delay_s
 
     def _join(self, inbox: SimpleQueue[T | Wake], deadline_s: float) -> bool:
         """Start to wait for *inbox* until *deadline_s*; whether as the leader."""

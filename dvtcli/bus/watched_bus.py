@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from dvtcli.bus.wire_pace import KeptPace
 
 
-_NMT_CAN_ID = 0x000
+NMT_CAN_ID = 0x000
 #: LSS services that change a slave (CiA 305); finding and selecting slaves does not
 _LSS = {
     CONFIGURE_NODE_ID: "LSS configure node-ID",
@@ -51,7 +51,7 @@ def act_of(frame: Frame) -> str | None:
         return None
     if frame.can_id == REQUEST_ID:
         return _LSS.get(frame.data[0]) if frame.data else None
-    if frame.can_id == _NMT_CAN_ID and len(frame.data) == 2 and frame.data[0] in list(NmtCommand):
+    if frame.can_id == NMT_CAN_ID and len(frame.data) == 2 and frame.data[0] in list(NmtCommand):
         return command_text(NmtCommand(frame.data[0]), frame.data[1])
     return f"frame 0x{frame.can_id:03X}"
 
@@ -138,7 +138,6 @@ class Oddities:
             )
 
 
-NMT_CAN_ID = 0x000
 #: time after a sent reset during which a boot-up counts as its answer (s)
 RESTART_S = 10.0
 
@@ -294,7 +293,7 @@ class WatchedBus(HeardNodes):
                 self._pace = KeptPace(self)
         self._pace.wait(bit_rate)
 
-    def delay_s(self) -> float:
+    def delay_s(self, *, anew: bool) -> float:  # noqa: ARG002 - as SdoLink has it
         """Always 0, see `SdoLink.delay_s`."""
         return 0.0
 

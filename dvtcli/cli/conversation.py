@@ -79,7 +79,10 @@ class CliReporter:
         """Ask at the terminal; returns None in a script, or without a terminal."""
         if not self._may_ask() or not (sys.stdin.isatty() and sys.stderr.isatty()):
             return None
-        return self._output.ask(question)
+        from dvtcli.bus.turns import in_callers_thread
+
+        # Ctrl-C reaches the main thread alone: nodes that are asked side by side have threads of their own
+        return in_callers_thread(lambda: self._output.ask(question))
 
     def progress(self, text: str, done: int, total: int) -> None:
         """Show the progress of long work."""

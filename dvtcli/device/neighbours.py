@@ -7,7 +7,7 @@ from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING
 
-from dvtcli.device.read_pdos import read_cob_id, sdo_channels, service_ids_beside
+from dvtcli.device.read_pdos import UNREADABLE, read_cob_id, sdo_channels, service_ids_beside
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.rules.finding import Producer
@@ -95,16 +95,25 @@ def _cob_ids(node: KnownPdos, sdo: SdoReader) -> dict[Pdo, CobId]:
     known = {pdo: config.communication.cob_id for pdo, config in {**node.last_read, **node.wanted}.items()}
     boot_ups = node.bus.boot_ups(node.node_id)
     try:
-        held = {pdo: _cob_id(sdo, pdo, known) for pdo in node.present() if pdo.is_tpdo}
+        held = {pdo: _cob_id(node, sdo, pdo, known) for pdo in node.present() if pdo.is_tpdo}
         node.sent = boot_ups, {pdo: cob_id for pdo, cob_id in held.items() if cob_id is not None}
     except (NoAnswer, SdoAborted, SdoProtocolError):  # a node that is off or STOPPED does not block changes of others
         held = {pdo: cob_id for pdo, cob_id in known.items() if pdo.is_tpdo}
     return {pdo: cob_id for pdo, cob_id in held.items() if cob_id is not None}
 
 
-def _cob_id(sdo: SdoReader, pdo: Pdo, known: Mapping[Pdo, CobId]) -> CobId | None:
-    """Sub-index 1 of a TPDO; the *known* COB-ID if unreadable, or None for a missing TPDO."""
+def _cob_id(node: KnownPdos, sdo: SdoReader, pdo: Pdo, known: Mapping[Pdo, CobId]) -> CobId | None:
+    """Sub-index 1 of a TPDO; the *known* COB-ID if unreadable, or None for a missing TPDO.
+
+    A refusal that may pass is not believed: it may be an old one of the cache, so the node is asked once more.
+    """
     try:
         return read_cob_id(sdo, pdo)
+    except SdoAborted as aborted:
+        if aborted.code in UNREADABLE:
+            return known.get(pdo)
+    node.memory.forget_one(pdo.communication_index, 1)
+    try:
+        return read_cob_id(node.memory.look(), pdo)
     except SdoAborted:
         return known.get(pdo)

@@ -40,7 +40,7 @@ class Senders:
     def read_ahead(self, changed: Collection[int]) -> None:
         """Read the TPDOs of all nodes, and the services of *changed* nodes, in parallel.
 
-        A read error is reported at first use of the value.
+        A read error of a service is reported at its first use; of a node that does not answer the known TPDOs count.
         """
         nodes = self.nodes.values()
         read_side_by_side(nodes, [partial(self._read_ahead, node, services=node.node_id in changed) for node in nodes])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import pytest
@@ -199,6 +200,28 @@ def test_a_neighbour_that_no_longer_tells_a_cob_id_sends_what_it_was_known_to() 
     node.pdos()
     channel.is_shy = True
     assert producers([node])[:2] == sent
+
+
+@pytest.mark.parametrize("code", [0x0800_0022, 0x0800_0000, 0x0504_0000])
+def test_a_passing_refusal_in_the_cache_hides_no_cob_id(code: int) -> None:
+    class ShyOnce(DirectSdo):
+        asked = 0
+
+        def upload(
+            self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
+        ) -> bytes:
+            if (index, sub_index) == (0x1800, 1):
+                self.asked += 1
+                if self.asked == 1:
+                    raise SdoAborted(index, sub_index, code)
+            return super().upload(index, sub_index, timeout_s=timeout_s, retries=retries)
+
+    device = booted()
+    device.set_value(0x1800, 1, (0x181).to_bytes(4, "little"))
+    node = Node(DirectBus(device, ShyOnce(device)), NODE, dictionary("generic"))
+    with suppress(SdoAborted):
+        node.memory.upload(0x1800, 1)
+    assert producers([node], anew=False)[0] == Producer(NODE, TPDO1, CobId(0x181))
 
 
 def test_of_what_is_unknown_nothing_that_was_read_before_is_believed() -> None:

@@ -2,7 +2,7 @@
 
 Multiplexer, command specifier and toggle bit must fit (CiA 301, 7.2.4.3). canopen 2.4.1 mistakes an earlier write's
 late acknowledgement for the present acknowledgement, even if the device aborts the present write.
-One transfer at a time: see channel.
+One transfer at a time: see `SdoChannel`.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class _Wait:
     def __init__(self, link: SdoLink, timeout_s: float) -> None:
         self._link, self._timeout_s = link, timeout_s
         self._deadline_s: float | None = None
-        self._delay_s, self._left_s = link.delay_s(), _MOST_DELAY_S
+        self._delay_s, self._left_s = link.delay_s(anew=True), _MOST_DELAY_S
 
     def take(self, inbox: Inbox) -> bytes | None:
         """The next item of *inbox*; None if none came in time."""
@@ -98,7 +98,7 @@ class _Wait:
         if self._deadline_s is None:
             self._deadline_s = link.now_s() + self._timeout_s
         while (item := link.take(inbox, self._deadline_s)) is None:
-            delay_s = link.delay_s()
+            delay_s = link.delay_s(anew=False)
             more_s, self._delay_s = min(delay_s - self._delay_s, self._left_s), delay_s
             if more_s <= 0:
                 return None
@@ -107,11 +107,9 @@ class _Wait:
         return item
 
     def shorten(self, timeout_s: float) -> None:
-        """Limit the rest of the wait to *timeout_s* (s)."""
-        now_s = self._link.now_s()
-        self._deadline_s = min(
-            now_s + self._timeout_s if self._deadline_s is None else self._deadline_s, now_s + timeout_s
-        )
+        """Limit the rest of a wait that began to *timeout_s* (s)."""
+        if self._deadline_s is not None:
+            self._deadline_s = min(self._deadline_s, self._link.now_s() + timeout_s)
 
 
 class Dialogue:

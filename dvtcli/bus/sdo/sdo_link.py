@@ -73,8 +73,11 @@ class SdoLink(Protocol):
         """Give *turn* back: the transfer has ended."""
         ...
 
-    def delay_s(self) -> float:
-        """Total time in seconds during which this machine, not a node, kept answers from being read."""
+    def delay_s(self, *, anew: bool) -> float:
+        """Total time in seconds during which this machine, not a node, kept answers from being read.
+
+        *anew*: a wait begins, and the time since the last wait ended is not counted if no other thread waits.
+        """
         ...
 
     def now_s(self) -> float:

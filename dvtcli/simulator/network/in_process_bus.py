@@ -181,6 +181,7 @@ class InProcessBus(FrameBus[Frame]):
         self._nodes.boot(monotonic())
         self._devices = {device.node_id: device for device in devices}
         self._reads_at_once = False
+        self._at_once: dict[int, _AtOnce] = {}
 
     @property
     def runs_at(self) -> int | None:
@@ -215,7 +216,11 @@ class InProcessBus(FrameBus[Frame]):
     def sdo(self, node_id: int) -> SdoTransport:
         """The default SDO channel of *node_id* (1..127)."""
         channel, device = super().sdo(node_id), self._devices.get(node_id)
-        return channel if device is None or not self._reads_at_once else _AtOnce(device, channel)
+        if device is None or not self._reads_at_once:
+            return channel
+        if node_id not in self._at_once:
+            self._at_once[node_id] = _AtOnce(device, channel)
+        return self._at_once[node_id]
 
     def drain(self) -> None:
         """Deliver pending frames; none if no frame was sent and no action is due, or if nodes are read at once."""
