@@ -82,7 +82,7 @@ class HostileLink:
         item = inbox.get_nowait()
         return None if isinstance(item, Wake) else item
 
-    def delay_s(self, *, anew: bool) -> float:  # noqa: ARG002 - as SdoLink has it
+    def delay_s(self, *, anew: bool) -> float:
         return 0.0
 
     def now_s(self) -> float:
