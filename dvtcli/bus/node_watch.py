@@ -1,11 +1,14 @@
-"""Boot-ups, heartbeats and emergencies of nodes."""
+"""Boot-ups, heartbeats and emergencies of nodes, and signs of a second SDO client or of two nodes with one node-ID."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from time import monotonic
 
-from dvtcli.domain.nmt import NmtState
+from dvtcli.bus.sdo.sdo_link import DroppedAnswers
+from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import BootUp, Emergency, Frame, HeardEmergency, NodeEvent, StateChange
 
 HEARTBEAT = 0x700
@@ -132,87 +135,78 @@ class NodeWatch:
             listener(event)
 
 
-class HeardNodes(ABC):
-    """A bus with the messages of its nodes since it was opened."""
+#: A single doubled answer may come from the bus; this many mean a second node.
+SECOND_ANSWERS = 3
+#: Time after a reset during which boot-ups count as its answers, in seconds.
+_RESETTING_S = 5.0
 
-    def __init__(self) -> None:
-        self._watch = NodeWatch()
 
-    def nmt_state(self, node_id: int, timeout_s: float = 0.0) -> NmtState | None:
-        """The last received state of *node_id* since its last NMT command; waits up to *timeout_s* for a *new* state.
+@dataclass(slots=True)
+class Oddities:
+    """Signs already reported, so that each is reported once; *now_s* returns the bus's time in seconds."""
 
-        None: no state was received. After a boot-up a node is PRE-OPERATIONAL (CiA 301, 7.2.8.3.3).
+    now_s: Callable[[], float] = monotonic
+    _dropped: dict[int, DroppedAnswers] = field(default_factory=dict)
+    _boot_ups: Counter[int] = field(default_factory=Counter)
+    _resets: Counter[int] = field(default_factory=Counter)
+    _doubled: Counter[int] = field(default_factory=Counter)
+    _double_boot_ups: Counter[int] = field(default_factory=Counter)
+    _reset_s: dict[int, float] = field(default_factory=dict)
+
+    def commanded(self, command: NmtCommand, node_id: int, boot_ups: Mapping[int, int]) -> None:
+        """Note any master's NMT command: after a reset a boot-up of *node_id* (0: all) is expected.
+
+        *boot_ups* were received before and do not answer it.
         """
-        self.drain()
-        signs = self._watch.signs_of_life
-        seen = signs.get(node_id, 0)
-        if timeout_s > 0:
-            self._wait_for(lambda: signs.get(node_id, 0) > seen, timeout_s)
-        return self._watch.states.get(node_id)
+        if command.is_reset:
+            if not self._resets:
+                self._boot_ups = Counter(boot_ups)
+            elif not (self._resets[node_id] or self._resets[0]):
+                self._boot_ups[node_id] = boot_ups.get(node_id, 0)
+            self._resets[node_id] += 1
+            self._reset_s[node_id] = self.now_s()
 
-    def boot_ups(self, node_id: int) -> int:
-        """See `CanopenBus.boot_ups`."""
-        self.drain()
-        return self._watch.boot_ups.get(node_id, 0)
+    def news(
+        self, dropped: Mapping[int, DroppedAnswers], boot_ups: Mapping[int, int], double_boot_ups: Mapping[int, int]
+    ) -> list[str]:
+        """News since the last call, in words; *double_boot_ups* came right after another boot-up."""
+        found = [text for node_id, now in dropped.items() for text in self._of_channel(node_id, now)]
+        found += [text for node_id, count in dict(boot_ups).items() for text in self._of_boot_ups(node_id, count)]
+        found += [text for node_id, count in dict(double_boot_ups).items() for text in self._of_doubles(node_id, count)]
+        self._resets.clear()
+        return found
 
-    def restarts(self, node_id: int) -> int:
-        """See `CanopenBus.restarts`."""
-        self.drain()
-        return self._watch.restarts.get(node_id, 0)
+    def _of_channel(self, node_id: int, now: DroppedAnswers) -> Iterator[str]:
+        before = self._dropped.get(node_id)
+        self._dropped[node_id] = replace(now)
+        others = now.other_client - (before.other_client if before else 0)
+        if others > 0:
+            yield (
+                f"another SDO client talks to node {node_id}: {others} frames on its SDO channel were not ours; a "
+                "dvtcli beside this one is such a client, too, also if it only monitors"
+            )
+            self._doubled[node_id] = now.doubled  # answers to the other client may look like duplicates
+        doubled = now.doubled - self._doubled[node_id]
+        if doubled >= SECOND_ANSWERS:
+            self._doubled[node_id] = now.doubled
+            yield f"{doubled} answers came twice: are there two nodes with node-ID {node_id}?"
 
-    def order_restart(self, node_id: int, within_s: float) -> None:
-        """See `CanopenBus.order_restart`."""
-        self.drain()
-        self._watch.order_restart(node_id, within_s)
+    def _of_boot_ups(self, node_id: int, count: int) -> Iterator[str]:
+        new = count - self._boot_ups[node_id]
+        self._boot_ups[node_id] = count
+        expected = self._resets[node_id] + self._resets[0]
+        if expected and new > expected:
+            yield (
+                f"{new} boot-ups after {expected} reset{'' if expected == 1 else 's'}: are there two nodes with "
+                f"node-ID {node_id}, or does it restart by itself?"
+            )
 
-    def upsets(self, node_id: int) -> int:
-        """See `CanopenBus.upsets`."""
-        return self.boot_ups(node_id) + self._repeated(node_id)
-
-    def downloads_of_others(self, node_id: int) -> int:
-        """See `CanopenBus.downloads_of_others`."""
-        self.drain()
-        return self._watch.downloads_of_others.get(node_id, 0)
-
-    def happened(self, node_id: int) -> tuple[int, int]:
-        """See `CanopenBus.happened`."""
-        return (
-            self._watch.boot_ups.get(node_id, 0) + self._repeated(node_id),
-            self._watch.downloads_of_others.get(node_id, 0),
-        )
-
-    def wait_boot_up(self, node_id: int, seen: int, timeout_s: float) -> bool:
-        """See `CanopenBus.wait_boot_up`."""
-        return self._wait_for(lambda: self._watch.boot_ups.get(node_id, 0) > seen, timeout_s)
-
-    def heard_nodes(self) -> dict[int, NmtState]:
-        """See `CanopenBus.heard_nodes`."""
-        self.drain()
-        return dict(self._watch.states)
-
-    def emergency(self, node_id: int) -> Emergency | None:
-        """See `CanopenBus.emergency`."""
-        self.drain()
-        return self._watch.emergencies.get(node_id)
-
-    def heard_emergencies(self, node_id: int) -> tuple[HeardEmergency, ...]:
-        """See `CanopenBus.heard_emergencies`."""
-        self.drain()
-        return tuple(reversed(self._watch.heard_emergencies.get(node_id, {}).values()))
-
-    def on_event(self, callback: Callable[[NodeEvent], None]) -> Callable[[], None]:
-        """See `CanopenBus.on_event`."""
-        self._watch.listeners.append(callback)
-        return lambda: self._watch.listeners.remove(callback)
-
-    @abstractmethod
-    def drain(self) -> None:
-        """Process received frames without waiting."""
-
-    @abstractmethod
-    def _wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
-        """Wait until *condition* holds, usually by a heartbeat or boot-up; whether it holds after *timeout_s*."""
-
-    def _repeated(self, _node_id: int) -> int:
-        """Number of repeated uploads of a node so far."""
-        return 0
+    def _of_doubles(self, node_id: int, count: int) -> Iterator[str]:
+        new = count - self._double_boot_ups[node_id]
+        self._double_boot_ups[node_id] = count
+        reset_s = max((self._reset_s[key] for key in (0, node_id) if key in self._reset_s), default=None)
+        if new > 0 and (reset_s is None or self.now_s() - reset_s > _RESETTING_S):
+            yield (
+                f"two boot-ups within a second, and no reset was seen: are there two nodes with node-ID {node_id}, "
+                "or does it restart by itself?"
+            )

@@ -5,17 +5,14 @@ A transport adds SDO access, frames or commands, and waiting.
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from collections import Counter
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
 from math import inf
 from threading import Lock
-from time import monotonic
 from typing import TYPE_CHECKING
 
-from dvtcli.bus.node_watch import HeardNodes
+from dvtcli.bus.node_watch import NodeWatch, Oddities
 from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, DroppedAnswers, Inbox, SdoSettings
 from dvtcli.bus.traffic import Tap
 from dvtcli.bus.turns import Turns, one_by_one
@@ -27,7 +24,7 @@ from dvtcli.domain.lss_services import (
     STORE_CONFIGURATION,
 )
 from dvtcli.domain.nmt import UNCONFIGURED, NmtCommand, NmtState
-from dvtcli.domain.ports import Frame, SdoTransport
+from dvtcli.domain.ports import Emergency, Frame, HeardEmergency, NodeEvent, SdoTransport
 from dvtcli.errors import BusUnavailable, SafetyRefusal, UsageError
 
 if TYPE_CHECKING:
@@ -61,83 +58,6 @@ def command_text(command: NmtCommand, node_id: int) -> str:
     return f"NMT {command.word} to {f'node {node_id}' if node_id else 'all nodes'}"
 
 
-#: A single doubled answer may come from the bus; this many mean a second node.
-SECOND_ANSWERS = 3
-#: Time after a reset during which boot-ups count as its answers, in seconds.
-_RESETTING_S = 5.0
-
-
-@dataclass(slots=True)
-class Oddities:
-    """Signs already reported, so that each is reported once; *now_s* returns the bus's time in seconds."""
-
-    now_s: Callable[[], float] = monotonic
-    _dropped: dict[int, DroppedAnswers] = field(default_factory=dict)
-    _boot_ups: Counter[int] = field(default_factory=Counter)
-    _resets: Counter[int] = field(default_factory=Counter)
-    _doubled: Counter[int] = field(default_factory=Counter)
-    _double_boot_ups: Counter[int] = field(default_factory=Counter)
-    _reset_s: dict[int, float] = field(default_factory=dict)
-
-    def commanded(self, command: NmtCommand, node_id: int, boot_ups: Mapping[int, int]) -> None:
-        """Note any master's NMT command: after a reset a boot-up of *node_id* (0: all) is expected.
-
-        *boot_ups* were received before and do not answer it.
-        """
-        if command.is_reset:
-            if not self._resets:
-                self._boot_ups = Counter(boot_ups)
-            elif not (self._resets[node_id] or self._resets[0]):
-                self._boot_ups[node_id] = boot_ups.get(node_id, 0)
-            self._resets[node_id] += 1
-            self._reset_s[node_id] = self.now_s()
-
-    def news(
-        self, dropped: Mapping[int, DroppedAnswers], boot_ups: Mapping[int, int], double_boot_ups: Mapping[int, int]
-    ) -> list[str]:
-        """News since the last call, in words; *double_boot_ups* came right after another boot-up."""
-        found = [text for node_id, now in dropped.items() for text in self._of_channel(node_id, now)]
-        found += [text for node_id, count in dict(boot_ups).items() for text in self._of_boot_ups(node_id, count)]
-        found += [text for node_id, count in dict(double_boot_ups).items() for text in self._of_doubles(node_id, count)]
-        self._resets.clear()
-        return found
-
-    def _of_channel(self, node_id: int, now: DroppedAnswers) -> Iterator[str]:
-        before = self._dropped.get(node_id)
-        self._dropped[node_id] = replace(now)
-        others = now.other_client - (before.other_client if before else 0)
-        if others > 0:
-            yield (
-                f"another SDO client talks to node {node_id}: {others} frames on its SDO channel were not ours; a "
-                "dvtcli beside this one is such a client, too, also if it only monitors"
-            )
-            self._doubled[node_id] = now.doubled  # answers to the other client may look like duplicates
-        doubled = now.doubled - self._doubled[node_id]
-        if doubled >= SECOND_ANSWERS:
-            self._doubled[node_id] = now.doubled
-            yield f"{doubled} answers came twice: are there two nodes with node-ID {node_id}?"
-
-    def _of_boot_ups(self, node_id: int, count: int) -> Iterator[str]:
-        new = count - self._boot_ups[node_id]
-        self._boot_ups[node_id] = count
-        expected = self._resets[node_id] + self._resets[0]
-        if expected and new > expected:
-            yield (
-                f"{new} boot-ups after {expected} reset{'' if expected == 1 else 's'}: are there two nodes with "
-                f"node-ID {node_id}, or does it restart by itself?"
-            )
-
-    def _of_doubles(self, node_id: int, count: int) -> Iterator[str]:
-        new = count - self._double_boot_ups[node_id]
-        self._double_boot_ups[node_id] = count
-        reset_s = max((self._reset_s[key] for key in (0, node_id) if key in self._reset_s), default=None)
-        if new > 0 and (reset_s is None or self.now_s() - reset_s > _RESETTING_S):
-            yield (
-                f"two boot-ups within a second, and no reset was seen: are there two nodes with node-ID {node_id}, "
-                "or does it restart by itself?"
-            )
-
-
 #: time after a sent reset during which a boot-up counts as its answer (s)
 RESTART_S = 10.0
 
@@ -145,7 +65,7 @@ RESTART_S = 10.0
 DEFAULT_SHARE_PERCENT = 50
 
 
-class WatchedBus(HeardNodes):
+class WatchedBus(ABC):
     """The common part of every CanopenBus, called *name* on screens.
 
     *timeout_s* (s) and *retries* (0..) are those of `SdoSettings`; *bitrate* is in bit/s, None if unknown.
@@ -169,7 +89,7 @@ class WatchedBus(HeardNodes):
         #: pace (bit/s) of parallel requests if the bit rate is unknown; None for no parallel requests
         self.unknown_pace: int | None = None
         self.settings = SdoSettings(timeout_s, retries)
-        super().__init__()
+        self._watch = NodeWatch()
         self._watch.now_s = self.now_s
         self._turns: Turns | None = None
         self._percent = DEFAULT_SHARE_PERCENT
@@ -191,6 +111,73 @@ class WatchedBus(HeardNodes):
             raise UsageError(f"node-ID {node_id} is outside 1..127")
         return self._channel(node_id)
 
+    def nmt_state(self, node_id: int, timeout_s: float = 0.0) -> NmtState | None:
+        """The last received state of *node_id* since its last NMT command; waits up to *timeout_s* for a *new* state.
+
+        None: no state was received. After a boot-up a node is PRE-OPERATIONAL (CiA 301, 7.2.8.3.3).
+        """
+        self.drain()
+        signs = self._watch.signs_of_life
+        seen = signs.get(node_id, 0)
+        if timeout_s > 0:
+            self._wait_for(lambda: signs.get(node_id, 0) > seen, timeout_s)
+        return self._watch.states.get(node_id)
+
+    def boot_ups(self, node_id: int) -> int:
+        """See `CanopenBus.boot_ups`."""
+        self.drain()
+        return self._watch.boot_ups.get(node_id, 0)
+
+    def restarts(self, node_id: int) -> int:
+        """See `CanopenBus.restarts`."""
+        self.drain()
+        return self._watch.restarts.get(node_id, 0)
+
+    def order_restart(self, node_id: int, within_s: float) -> None:
+        """See `CanopenBus.order_restart`."""
+        self.drain()
+        self._watch.order_restart(node_id, within_s)
+
+    def upsets(self, node_id: int) -> int:
+        """See `CanopenBus.upsets`."""
+        return self.boot_ups(node_id) + self._repeated(node_id)
+
+    def downloads_of_others(self, node_id: int) -> int:
+        """See `CanopenBus.downloads_of_others`."""
+        self.drain()
+        return self._watch.downloads_of_others.get(node_id, 0)
+
+    def happened(self, node_id: int) -> tuple[int, int]:
+        """See `CanopenBus.happened`."""
+        return (
+            self._watch.boot_ups.get(node_id, 0) + self._repeated(node_id),
+            self._watch.downloads_of_others.get(node_id, 0),
+        )
+
+    def wait_boot_up(self, node_id: int, seen: int, timeout_s: float) -> bool:
+        """See `CanopenBus.wait_boot_up`."""
+        return self._wait_for(lambda: self._watch.boot_ups.get(node_id, 0) > seen, timeout_s)
+
+    def heard_nodes(self) -> dict[int, NmtState]:
+        """See `CanopenBus.heard_nodes`."""
+        self.drain()
+        return dict(self._watch.states)
+
+    def emergency(self, node_id: int) -> Emergency | None:
+        """See `CanopenBus.emergency`."""
+        self.drain()
+        return self._watch.emergencies.get(node_id)
+
+    def heard_emergencies(self, node_id: int) -> tuple[HeardEmergency, ...]:
+        """See `CanopenBus.heard_emergencies`."""
+        self.drain()
+        return tuple(reversed(self._watch.heard_emergencies.get(node_id, {}).values()))
+
+    def on_event(self, callback: Callable[[NodeEvent], None]) -> Callable[[], None]:
+        """See `CanopenBus.on_event`."""
+        self._watch.listeners.append(callback)
+        return lambda: self._watch.listeners.remove(callback)
+
     def side_by_side(self, jobs: Sequence[Callable[[], None]]) -> list[BaseException]:
         """See `CanopenBus.side_by_side`."""
         if len(jobs) < 2 or self._turns is not None or not self.carries_frames:
@@ -203,7 +190,7 @@ class WatchedBus(HeardNodes):
             self._turns = None
         return turns.faults
 
-    def read_at_once(self) -> None:
+    def read_at_once(self) -> None:  # noqa: B027 - only simulated buses can
         """Read objects of simulated nodes without frames from now on; real nodes are read as before."""
 
     def begin_transfer(self, turn: Lock) -> None:
@@ -381,6 +368,18 @@ class WatchedBus(HeardNodes):
     def exchanged(self) -> list[tuple[Frame, bool]]:
         """The last frames sent from here and their answers; empty unless a transport records them."""
         return []
+
+    @abstractmethod
+    def drain(self) -> None:
+        """Process received frames without waiting."""
+
+    @abstractmethod
+    def _wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
+        """Wait until *condition* holds, usually by a heartbeat or boot-up; whether it holds after *timeout_s*."""
+
+    def _repeated(self, _node_id: int) -> int:
+        """Number of repeated uploads of a node so far."""
+        return 0
 
     @abstractmethod
     def tap(self, callback: Tap) -> Callable[[], None]:

@@ -145,7 +145,7 @@ class Conversation(Session):
         self.settings.variables = {name: (value, f"DVTCLI_{name.upper()}") for name, value in variables.items()}
 
     def require_settings(self) -> None:
-        """Raise errors and show warnings about settings, as in `SessionOptions`, with the remedy."""
+        """Raise errors and show warnings about settings, as in `Opened`, with the remedy."""
         for said in self.settings.required():
             self.output.warning(said)
 

@@ -10,7 +10,8 @@ import click
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.commands._live_params import DurationType
 from dvtcli.cli.effect import Effect
-from dvtcli.cli.object_params import NodeObjectType, Objects, ObjectWord
+from dvtcli.cli.object_params import OBJECT, Objects, ObjectWord
+from dvtcli.cli.params import CanopenType
 from dvtcli.cli.pdo_params import NodePdo, PdoType
 
 if TYPE_CHECKING:
@@ -24,19 +25,19 @@ if TYPE_CHECKING:
 _PDO = re.compile(r"(?:\d+:)?[rt]pdo\d+", re.IGNORECASE | re.ASCII)
 
 
-class _WatchedType(NodeObjectType):
+class _WatchedType(CanopenType):
     """An object, or a PDO: `606C`, `3:6041`, `tpdo1`, `3:tpdo1`."""
 
     name = "object"
 
-    def parse(self, text: str, ctx: click.Context | None) -> object:  # type: ignore[override]
+    def parse(self, text: str, ctx: click.Context | None) -> object:
         """The word; ValueError as for an object or a PDO."""
-        return PdoType().parse(text, ctx) if _PDO.fullmatch(text) else super().parse(text, ctx)
+        return (PdoType() if _PDO.fullmatch(text) else OBJECT).parse(text, ctx)
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         """Offer PDOs, then objects."""
         pdos = PdoType().shell_complete(ctx, param, incomplete) if incomplete[:1].lower() in ("t", "r") else []
-        return [*pdos, *super().shell_complete(ctx, param, incomplete)]
+        return [*pdos, *OBJECT.shell_complete(ctx, param, incomplete)]
 
 
 @click.command("watch", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)

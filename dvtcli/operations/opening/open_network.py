@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.profile import DeviceProfile
     from dvtcli.operations.opening.simulated_nodes import Simulated
     from dvtcli.operations.user.keeping import Keeping
-    from dvtcli.operations.user.said import SessionOptions
+    from dvtcli.operations.user.session_user import SessionUser
 
 
 def step_progress(progress: Progress) -> tuple[str, int, int]:
@@ -50,7 +50,7 @@ def look_progress(looking: ReadProgress) -> tuple[str, int, int]:
 
 
 def network_on_bus(
-    session: SessionOptions,
+    session: SessionUser,
     bus: CanopenBus,
     simulated: tuple[Simulated, ...],
     *,
@@ -73,7 +73,7 @@ def network_on_bus(
     )  # fmt: skip
 
 
-def _keeping(session: SessionOptions, bus: CanopenBus, whole: ChangeGroup) -> Keeping:
+def _keeping(session: SessionUser, bus: CanopenBus, whole: ChangeGroup) -> Keeping:
     """Return the change files, kept only for nodes that outlive this process."""
     from dvtcli.operations.user.keeping import Keeping, state_folder
 

@@ -89,8 +89,8 @@ class Outcome(Short):
         }
 
 
-class OfFrames(Answer):
-    """A result about sent frames; true if all were sent."""
+class OfFrames:
+    """What results about sent frames share; true if all were sent."""
 
     __slots__ = ()
     outcome: Outcome
@@ -148,7 +148,7 @@ class FrameToSend(Short):
 
 
 @dataclass(frozen=True, slots=True)
-class FramesSent(OfFrames):
+class FramesSent(OfFrames, Answer):
     """The outcome of *frames*; true if all were sent."""
 
     renderer: ClassVar = "frame_lines:sent_lines"
@@ -208,7 +208,7 @@ class FramesToReplay(Short):
 
 
 @dataclass(frozen=True, slots=True)
-class Replayed(OfFrames):
+class Replayed(OfFrames, Answer):
     """The outcome of the recording *file*: its *frames*, and *left_out* frames by reason.
 
     True if all frames were sent.

@@ -17,7 +17,7 @@ _CONTRACT = "domain/ports.py"
 _TELLS = ("isinstance", "issubclass", "type")
 #: what finds out by a name whether a bus can do something, instead of asking it
 _PEEKS = ("hasattr", "getattr", "dir")
-_ANCESTOR = "HeardNodes"
+_ANCESTOR = "WatchedBus"
 
 
 def no_kind_of_bus_is_asked_for(tree: SourceTree) -> Iterator[str]:

@@ -7,7 +7,9 @@ from tests.house.laws.breaks.way import Break, for_types, in_a_function
 BREAKS = [
     Break("folders", "operations/helper.py", "A_NUMBER = 1"),
     Break(
-        "folders", "operations/user/said.py", in_a_function("from dvtcli.operations.session.session import Rehearse")
+        "folders",
+        "operations/user/session_user.py",
+        in_a_function("from dvtcli.operations.session.session import Rehearse"),
     ),
     Break("folders", "operations/meanings/named_objects.py", for_types("from dvtcli.operations import pdos")),
     Break("direction", "domain/plan.py", "from dvtcli.device.node import Node"),
