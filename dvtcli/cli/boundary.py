@@ -28,6 +28,7 @@ from dvtcli.errors import (
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 #: The result of `exit`, which stops readers of lines; never an exit code of the process.
 LEAVE = -1
@@ -170,7 +171,7 @@ def _lost(session: Conversation, failed: OSError) -> int:
     return lost.exit_code
 
 
-def _bug(session: Conversation, bug: BaseException) -> Bug:
+def _bug(session: SessionNodes, bug: BaseException) -> Bug:
     """Convert *bug* to an error; saves its traceback and the last frames to a file if possible."""
     from dvtcli.cli.crash import keep
 
@@ -186,7 +187,7 @@ def _bug(session: Conversation, bug: BaseException) -> Bug:
     return unsent
 
 
-def _last_exchange(session: Conversation) -> list[str]:
+def _last_exchange(session: SessionNodes) -> list[str]:
     """Return the last frames as text; a note if *session* fails to provide them."""
     from dvtcli.operations.frames.last_exchange import exchange_text
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from dvtcli.errors import DvtcliError
     from dvtcli.operations.results import Result
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
 #: effects without a change of nodes; lines run by others count by themselves
@@ -134,7 +135,7 @@ def _notation_notes(values: Iterable[Any]) -> Iterator[str]:
             yield note
 
 
-def _of_several(session: Conversation, ctx: click.Context) -> bool:
+def _of_several(session: SessionNodes, ctx: click.Context) -> bool:
     """Whether -n names several nodes, no node was selected since, and the line names no node."""
     base = session.base
     several = base.every_node or len(base.nodes) > 1

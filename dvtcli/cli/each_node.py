@@ -21,7 +21,7 @@ from dvtcli.errors import (
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.cli.object_params import ObjectWord
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 #: makes the final error from all node-IDs and the outcomes (answers or errors) of nodes that ran
 Ending = Callable[[Sequence[int], Mapping[int, Any]], DvtcliError | None]
@@ -29,7 +29,7 @@ Ending = Callable[[Sequence[int], Mapping[int, Any]], DvtcliError | None]
 _OF_A_NODE = (DeviceRefused, NoAnswer, Restarted, SdoAborted, SdoProtocolError)
 
 
-def several_ids(session: Session) -> tuple[int, ...]:
+def several_ids(session: SessionNodes) -> tuple[int, ...]:
     """Return the nodes of -n; `all` means the simulated nodes, else the nodes found on the bus.
 
     The search runs once per session: a second search could miss a slow node and skip it silently. Nodes received since
@@ -50,14 +50,14 @@ def several_ids(session: Session) -> tuple[int, ...]:
     return found
 
 
-def nodes_meant(session: Session) -> tuple[int | None, ...]:
+def nodes_meant(session: SessionNodes) -> tuple[int | None, ...]:
     """Return the nodes of -n if several and none was selected since; else None for the selected node."""
     base = session.base
     several = base.every_node or len(base.nodes) > 1
     return several_ids(session) if several and session.selected is None else (None,)
 
 
-def objects_meant(session: Session, words: Sequence[ObjectWord]) -> list[tuple[str, int | None]]:
+def objects_meant(session: SessionNodes, words: Sequence[ObjectWord]) -> list[tuple[str, int | None]]:
     """Return each object with its node; an object without a node is repeated for each node of -n."""
     nodes = nodes_meant(session) if words else ()
     return [(word.text, node) for word in words for node in ((word.node_id,) if word.node_id is not None else nodes)]

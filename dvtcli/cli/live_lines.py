@@ -23,6 +23,8 @@ from dvtcli.errors import BusUnavailable, InputFileError, LeftChanged
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
 
 #: Size of a pipe: if so much arrives at once, more follows within this time (s).
 _FULL, _MORE_S = 65_536, 0.2
@@ -62,7 +64,7 @@ def _run(session: Conversation, lines: bytes, number: int) -> int:
     return run_script(session, lines, _SOURCE, keep_going=False, first_line=number)
 
 
-def chunks(session: Conversation, file: int) -> Iterator[bytes]:
+def chunks(session: SessionUser, file: int) -> Iterator[bytes]:
     """Iterate over whole lines of the descriptor *file* as they arrive, lines waiting together in one chunk."""
     pending = b""
     while data := _waiting(session, file):
@@ -77,7 +79,7 @@ def chunks(session: Conversation, file: int) -> Iterator[bytes]:
         yield pending
 
 
-def _waiting(session: Conversation, file: int) -> bytes:
+def _waiting(session: SessionUser, file: int) -> bytes:
     """Wait for data in the pipe, and return it; empty at its end."""
     with session.cancellation.released():
         if session.cancellation.requested:  # a signal that came when the last line was complete already
@@ -95,7 +97,7 @@ def _comes(file: int) -> bool:
 
 
 @contextmanager
-def _listening(session: Conversation) -> Iterator[None]:
+def _listening(session: SessionUser) -> Iterator[None]:
     """Read the bus during the block even without requests: heartbeats, boot-ups and EMCY count."""
     stopping = Event()
     thread = Thread(target=_listen, args=(session, stopping), name="listening", daemon=True)
@@ -107,7 +109,7 @@ def _listening(session: Conversation) -> Iterator[None]:
         thread.join(1.0)
 
 
-def _listen(session: Conversation, stopping: Event) -> None:
+def _listen(session: SessionNodes, stopping: Event) -> None:
     while not stopping.is_set():
         if not session.is_open:
             stopping.wait(_TICK_S)

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import os
 import sys
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dvtcli.cli.boundary import COMPLETING, LEAVE, guarded
 from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.registry import REGISTRY
 from dvtcli.cli.view.output import Output
 from dvtcli.cli.ways_in import install
+
+if TYPE_CHECKING:
+    from dvtcli.operations.user.session_user import SessionUser
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -43,7 +46,7 @@ def main(argv: list[str] | None = None) -> int:
     return code or settling or closing
 
 
-def _catch_signals(session: Conversation) -> None:
+def _catch_signals(session: SessionUser) -> None:
     from dvtcli.cli.stop_signals import catch_signals
 
     catch_signals(session.cancellation)

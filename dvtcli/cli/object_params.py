@@ -28,7 +28,7 @@ from dvtcli.operations.meanings.named_objects import entry_at, name_hint, object
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
-    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class ObjectWord:
         """A remark on the notation, or None."""
         return notation_note(self.text)
 
-    def resolve(self, node: Node) -> tuple[int, int]:
+    def resolve(self, node: NodeDescription) -> tuple[int, int]:
         """Return index and sub-index. Raises UsageError if the node's dictionary lacks the name."""
         return object_at(node, self.text)
 
@@ -60,7 +60,7 @@ class EntryWord:
         """A remark on the notation, or None."""
         return notation_note(self.text)
 
-    def resolve(self, node: Node) -> MappedObject | Skipped:
+    def resolve(self, node: NodeDescription) -> MappedObject | Skipped:
         """Return the object and its length, or the bits to skip. Raises UsageError for an unknown name."""
         return entry_at(node, self.text)
 

@@ -15,6 +15,7 @@ from dvtcli.errors import SafetyRefusal, UsageError
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
+    from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.user.settings import File
 
 VARIABLE = "DVTCLI_PASSCODE"
@@ -39,7 +40,7 @@ def passcode(session: Conversation, node_id: int, level: int) -> int:
     return _number(_asked(session, f"passcode of node {node_id} for level {level}: ", node_id), "the passcode")
 
 
-def _agreed(session: Conversation, project: File, node_id: int) -> None:
+def _agreed(session: SessionNodes, project: File, node_id: int) -> None:
     """Raise SafetyRefusal unless the user agrees to send a passcode on the *project* file's bus; no option agrees."""
     from dvtcli.bus.python_can_settings import is_network
 

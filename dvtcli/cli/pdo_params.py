@@ -14,7 +14,7 @@ from dvtcli.domain.object_syntax import parse_cob_id
 from dvtcli.domain.pdo import Pdo
 
 if TYPE_CHECKING:
-    from dvtcli.cli.conversation import Conversation
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 #: The word of `pdo edit tpdo1`.
 EDIT = "edit"
@@ -60,7 +60,7 @@ def _node_id(text: str) -> int | None:
         return None
 
 
-def _known_pdos(session: Conversation, node_id: int | None) -> list[tuple[str, str]]:
+def _known_pdos(session: SessionNodes, node_id: int | None) -> list[tuple[str, str]]:
     """Return known PDOs of the open node (None: the selected node) without using the bus on a key press."""
     if not session.is_open:
         return []

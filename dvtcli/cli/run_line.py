@@ -12,9 +12,10 @@ from dvtcli.cli.registry import REGISTRY
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
+    from dvtcli.operations.user.session_user import SessionUser
 
 
-def parse(words: Sequence[str], session: Conversation) -> click.Context:
+def parse(words: Sequence[str], session: SessionUser) -> click.Context:
     """Find and parse a line's command without running it. Raises usage errors."""
     root = click.Context(REGISTRY, info_name="", obj=session)
     name, *args = meant(words)
@@ -35,7 +36,7 @@ def run_words(words: Sequence[str], session: Conversation) -> int:
     return boundary(session, lambda: _parse_and_invoke(words, session))
 
 
-def _parse_and_invoke(words: Sequence[str], session: Conversation) -> Any:
+def _parse_and_invoke(words: Sequence[str], session: SessionUser) -> Any:
     from dvtcli.files.input_file import forget_pipes
 
     forget_pipes()

@@ -34,6 +34,7 @@ from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, LeftChange
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
 
 #: How many places of a kind are tried before a device counts as one that has none of it.
 _TRIES = 3
@@ -94,7 +95,7 @@ class CanaryParameter:
         """The canary as a change."""
         return plan_pdo(self.pdo, self.before, self.after)
 
-    def survived(self, _node: Node, pdos: Mapping[Pdo, PdoConfig]) -> bool:
+    def survived(self, _node: NodeDescription, pdos: Mapping[Pdo, PdoConfig]) -> bool:
         """True if *pdos*, read after a restart, still have the changed value."""
         held = pdos.get(self.pdo)
         return held is not None and _value(held, self.field) == _value(self.after, self.field)
@@ -130,7 +131,7 @@ class CanaryObject:
         """The canary as a change."""
         return ValueChange(self.step)
 
-    def survived(self, node: Node, _pdos: Mapping[Pdo, PdoConfig]) -> bool:
+    def survived(self, node: ReadableNode, _pdos: Mapping[Pdo, PdoConfig]) -> bool:
         """True if *node* still holds the changed value after a restart."""
         return node.upload(self.step.index, self.step.sub_index) == self.step.after
 
@@ -191,7 +192,7 @@ def _places_of_enabled(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[Ca
         yield replace(place, is_on=True)
 
 
-def _number(node: Node, index: int) -> int | None:
+def _number(node: ReadableNode, index: int) -> int | None:
     try:
         return read_optional(node.memory, index, 0, 2)
     except SdoAborted:
@@ -218,7 +219,7 @@ def _unused_entries(node: Node, pdo: Pdo, pdos: Mapping[Pdo, PdoConfig]) -> Iter
             return
 
 
-def _is_whole_and_on(node: Node, pdo: Pdo, config: PdoConfig) -> bool:
+def _is_whole_and_on(node: NodeDescription, pdo: Pdo, config: PdoConfig) -> bool:
     is_whole = config.has_cob_id and config.mpdo is None and not config.inconsistency
     return is_whole and config.enabled and node.profile.store.needed_for(pdo.communication_index)
 
@@ -268,7 +269,7 @@ def choose_canary(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> AnyPlace | None:
     return None
 
 
-def _is_default(node: Node, place: AnyPlace) -> bool:
+def _is_default(node: NodeDescription, place: AnyPlace) -> bool:
     """True if the new value of *place* may equal the node's boot value without a store."""
     step = place.change.steps[-1]
     entry = node.dictionary.entry(step.index, step.sub_index) if node.dictionary else None
@@ -332,7 +333,7 @@ class Canary:
                 fault.details.append(("changed", f"{self.place.text}: put back, read back equal"))
 
 
-def holds_test(node: Node, changes: Sequence[Change]) -> bool:
+def holds_test(node: ReadableNode, changes: Sequence[Change]) -> bool:
     """True if *node* still holds the test values in *changes*: no restart has cleared RAM."""
     return bool(changes) and node.observed(
         lambda: all(first_difference(node.sdo, change) is None for change in changes)

@@ -16,6 +16,7 @@ from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
 
 if TYPE_CHECKING:
     from dvtcli.device.known_pdos import KnownPdos
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.ports import SdoReader
 
 
@@ -27,7 +28,7 @@ def producers(nodes: Iterable[KnownPdos], *, anew: bool = True) -> tuple[Produce
     return tuple(producer for node in nodes for producer in _producers(node, anew=anew))
 
 
-def channels_taken(nodes: Iterable[KnownPdos]) -> dict[tuple[int, bool], str]:
+def channels_taken(nodes: Iterable[ReadableNode]) -> dict[tuple[int, bool], str]:
     """CAN-IDs of further SDO channels of *nodes*, each with a description; none for a silent node.
 
     A node without an EDS and without any read so far is not asked.
@@ -40,7 +41,7 @@ def channels_taken(nodes: Iterable[KnownPdos]) -> dict[tuple[int, bool], str]:
     return found
 
 
-def services_taken(nodes: Iterable[KnownPdos], *, without: int | None = None) -> dict[tuple[int, bool], str]:
+def services_taken(nodes: Iterable[ReadableNode], *, without: int | None = None) -> dict[tuple[int, bool], str]:
     """CAN-IDs of SYNC, EMCY, TIME and further SDO channels of *nodes* (see `channels_taken`), except *without*."""
     found: dict[tuple[int, bool], str] = {}
     for node in nodes:
@@ -102,7 +103,7 @@ def _cob_ids(node: KnownPdos, sdo: SdoReader) -> dict[Pdo, CobId]:
     return {pdo: cob_id for pdo, cob_id in held.items() if cob_id is not None}
 
 
-def _cob_id(node: KnownPdos, sdo: SdoReader, pdo: Pdo, known: Mapping[Pdo, CobId]) -> CobId | None:
+def _cob_id(node: ReadableNode, sdo: SdoReader, pdo: Pdo, known: Mapping[Pdo, CobId]) -> CobId | None:
     """Sub-index 1 of a TPDO; the *known* COB-ID if unreadable, or None for a missing TPDO.
 
     A refusal that may pass is not believed: it may be an old one of the cache, so the node is asked once more.

@@ -14,6 +14,7 @@ from dvtcli.domain.rules import Proposal
 
 if TYPE_CHECKING:
     from dvtcli.device.known_pdos import KnownPdos
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.rules.finding import Producer
 
 
@@ -81,7 +82,7 @@ def proposal(
 
 
 def _others(
-    node: KnownPdos, pdo: Pdo, together: Mapping[Pdo, PdoConfig]
+    node: ReadableNode, pdo: Pdo, together: Mapping[Pdo, PdoConfig]
 ) -> tuple[Mapping[Pdo, PdoConfig], Mapping[Pdo, CobId]]:
     """The other PDOs of *node* after the plan, and their COB-IDs, each read on first use."""
 

@@ -28,6 +28,7 @@ from dvtcli.errors import SdoAborted
 
 if TYPE_CHECKING:
     from dvtcli.device.known_pdos import KnownPdos
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.rules import Finding
 
 
@@ -69,7 +70,7 @@ def taken_can_id_findings(node: KnownPdos, index: int, sub_index: int, data: byt
     yield from service_taken_findings(index, sub_index, raw, taken)
 
 
-def raw_change(node: KnownPdos, step: Step) -> Change:
+def raw_change(node: ReadableNode, step: Step) -> Change:
     """The effect of a write: a PDO change if possible, to be undone and verified like any other.
 
     A parameter of unusual length is no PDO change: its effect on the device is unknown.
@@ -87,7 +88,7 @@ def raw_change(node: KnownPdos, step: Step) -> Change:
     return ValueChange(step) if after == now else PdoChange(pdo, now, after, (step,))
 
 
-def _with_count(node: KnownPdos, pdo: Pdo, now: PdoConfig, count: int) -> PdoConfig:
+def _with_count(node: ReadableNode, pdo: Pdo, now: PdoConfig, count: int) -> PdoConfig:
     """*now* with *count*, as read back: an MPDO, or inconsistent if entries are missing."""
     if is_mpdo(count):
         first = _entries(node, pdo, 1)
@@ -100,7 +101,7 @@ def _with_count(node: KnownPdos, pdo: Pdo, now: PdoConfig, count: int) -> PdoCon
     return replace(now, mapping=entries, held_count=count, unread=(*now.lacking, *gap))
 
 
-def _entries(node: KnownPdos, pdo: Pdo, count: int) -> tuple[PdoMappingEntry, ...]:
+def _entries(node: ReadableNode, pdo: Pdo, count: int) -> tuple[PdoMappingEntry, ...]:
     """The mapping entries activated by a raw *count*."""
     numbers = range(1, min(count, MAX_ENTRIES) + 1)
     words = (read_optional(node.memory, pdo.mapping_index, number, 4) for number in numbers)
@@ -109,7 +110,7 @@ def _entries(node: KnownPdos, pdo: Pdo, count: int) -> tuple[PdoMappingEntry, ..
     )
 
 
-def held_value(node: KnownPdos, index: int, sub_index: int) -> bytes | None:
+def held_value(node: ReadableNode, index: int, sub_index: int) -> bytes | None:
     """The present value for comparison and roll-back; None if it cannot be read back.
 
     This concerns write-only objects, by the file or by the device's answer, and objects that return a state by the

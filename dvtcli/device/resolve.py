@@ -17,6 +17,7 @@ from dvtcli.errors import RuleError, UsageError
 
 if TYPE_CHECKING:
     from dvtcli.device.known_pdos import KnownPdos
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.device.proposal import Elsewhere
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.profile import ObjectAddress
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 Lengths = Mapping["ObjectAddress", int | None]
 
 
-def untyped_lengths(node: KnownPdos, wants: Iterable[PdoWant]) -> Lengths:
+def untyped_lengths(node: ReadableNode, wants: Iterable[PdoWant]) -> Lengths:
     """Lengths in bits of the objects named without a length in *wants*, from the EDS or *node*; None if unknown."""
     places = [place for want in wants if isinstance(want, PdoRequest) for place in want.untyped_lengths]
     return {place: node.length_of(*place) for place in dict.fromkeys(places)}

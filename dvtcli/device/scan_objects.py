@@ -13,7 +13,7 @@ from dvtcli.domain.standard_objects import standard_entry, standard_object_type
 from dvtcli.errors import NoAnswer, SdoAborted
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.device.read_whole import OnObject
     from dvtcli.domain.configuration import Configuration
     from dvtcli.domain.profile import ObjectAddress
@@ -32,7 +32,10 @@ _IS_THERE = (
 
 
 def scan_objects(
-    node: Node, known: Configuration, areas: tuple[range, ...] = AREAS, on_object: OnObject = lambda *_progress: None
+    node: ReadableNode,
+    known: Configuration,
+    areas: tuple[range, ...] = AREAS,
+    on_object: OnObject = lambda *_progress: None,
 ) -> dict[ObjectAddress, ReadObject]:
     """Ask *node* for each index in *areas*, and for the sub-indices of existing objects.
 
@@ -52,7 +55,7 @@ def scan_objects(
 class _Scan:
     """A scan of *node* with the objects *found* so far."""
 
-    def __init__(self, node: Node, known: Configuration) -> None:
+    def __init__(self, node: ReadableNode, known: Configuration) -> None:
         self._node, self._known = node, known
         self.found: dict[ObjectAddress, ReadObject] = {}
         self._silent = self._size = 0

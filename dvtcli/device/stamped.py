@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from dvtcli.device.known_pdos import KnownPdos
+    from dvtcli.device.node_parts import NodeDescription
     from dvtcli.domain.plan import Change
 
 #: What 0x1020 says of a configuration that nobody vouches for.
@@ -99,7 +100,7 @@ def is_stamp(change: Change) -> TypeGuard[ValueChange]:
     return isinstance(change, ValueChange) and change.step.index == STAMP
 
 
-def _configures(node: KnownPdos, change: Change) -> bool:
+def _configures(node: NodeDescription, change: Change) -> bool:
     """True if *change* alters the configuration, including a restore, but not a command, target or store."""
     if not isinstance(change, ValueChange):
         return alters(change)

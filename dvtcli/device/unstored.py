@@ -14,11 +14,11 @@ from dvtcli.errors import InputFileError, SdoAborted, UsageError
 if TYPE_CHECKING:
     from dvtcli.device.change.plan_document import Identity
     from dvtcli.device.change_history import ChangeHistory
-    from dvtcli.device.known_pdos import KnownPdos
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.domain.plan import Change
 
 
-def held_unstored(node: KnownPdos, past: ChangeHistory, identity: Identity) -> Mapping[str, int]:
+def held_unstored(node: ReadableNode, past: ChangeHistory, identity: Identity) -> Mapping[str, int]:
     """Labels of changes present in *node* and not known to be stored, each with its index.
 
     *past* is the history of the device with this *identity* (0x1018). Reads the node, to exclude changes lost by a
@@ -31,12 +31,12 @@ def held_unstored(node: KnownPdos, past: ChangeHistory, identity: Identity) -> M
     }
 
 
-def is_remembered(node: KnownPdos, past: ChangeHistory) -> bool:
+def is_remembered(node: ReadableNode, past: ChangeHistory) -> bool:
     """True if *past* has a change of *node* not known to be stored; does not read the PDOs or objects."""
     return bool(last_unstored(node, past, node.identity()))
 
 
-def last_unstored(node: KnownPdos, past: ChangeHistory, identity: Identity) -> dict[str, Change]:
+def last_unstored(node: NodeDescription, past: ChangeHistory, identity: Identity) -> dict[str, Change]:
     """The last recorded change of each PDO and object, if not stored; oldest first."""
     try:
         entries = past.all_of(node.node_id, identity)
@@ -51,7 +51,7 @@ def last_unstored(node: KnownPdos, past: ChangeHistory, identity: Identity) -> d
     return {label: change for label, change in last.items() if change is not None}
 
 
-def _is_held(node: KnownPdos, change: Change) -> bool:
+def _is_held(node: ReadableNode, change: Change) -> bool:
     with suppress(SdoAborted, UsageError):  # what cannot be read is not claimed
         if isinstance(change, PdoChange):
             return not list(differences(change.pdo, change.after, node.pdo(change.pdo)))

@@ -14,6 +14,7 @@ from dvtcli.errors import DvtcliError, UsageError
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.domain.profile import VpdoGroup
     from dvtcli.domain.rules import Finding
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 _MOST_PINS = 0xFE
 
 
-def group_names(node: Node) -> list[str]:
+def group_names(node: NodeDescription) -> list[str]:
     """The groups of virtual PDOs of the node's family. Raises DvtcliError if it has none."""
     if node.profile.vpdo:
         return list(node.profile.vpdo)
@@ -33,7 +34,7 @@ def group_names(node: Node) -> list[str]:
     )
 
 
-def read_pins(node: Node, name: str) -> Pins:
+def read_pins(node: ReadableNode, name: str) -> Pins:
     """The present pins of the group called *name*. Raises UsageError if the node has no such group."""
     if name not in group_names(node):
         have = ", ".join(node.profile.vpdo)
@@ -44,7 +45,7 @@ def read_pins(node: Node, name: str) -> Pins:
     return Pins(name, group, min(active, len(values)), values)
 
 
-def _values(node: Node, group: VpdoGroup) -> Iterable[int]:
+def _values(node: ReadableNode, group: VpdoGroup) -> Iterable[int]:
     """The value of each pin; the number of sub-indices is the device's number of pins of the kind."""
     for pin in range(1, _MOST_PINS + 1):
         held = read_optional(node.sdo, group.index, pin, 2)
@@ -53,14 +54,14 @@ def _values(node: Node, group: VpdoGroup) -> Iterable[int]:
         yield held
 
 
-def tie_findings(node: Node, index: int, sub_index: int, data: bytes) -> Iterator[Finding]:
+def tie_findings(node: NodeDescription, index: int, sub_index: int, data: bytes) -> Iterator[Finding]:
     """Findings against *data* at *index*:*sub_index* if the object is a pin of virtual PDOs."""
     for name, group in node.profile.vpdo.items():
         if group.index == index and sub_index and len(data) == 2:
             yield from Pins(name, group, 0, ()).findings(sub_index, int.from_bytes(data, "little"), node.dictionary)
 
 
-def names_objects(node: Node, index: int, sub_index: int) -> bool:
+def names_objects(node: NodeDescription, index: int, sub_index: int) -> bool:
     """True if a value at *index*:*sub_index* is the index of another object, as for a pin."""
     return bool(sub_index) and any(group.index == index for group in node.profile.vpdo.values())
 

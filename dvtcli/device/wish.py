@@ -12,6 +12,7 @@ from dvtcli.domain.several import value_text
 
 if TYPE_CHECKING:
     from dvtcli.device.known_pdos import KnownPdos
+    from dvtcli.device.node_parts import ReadableNode
 
 Place = tuple[int, int]
 #: What differs: the PDO's label or the object, and the difference in words.
@@ -89,7 +90,7 @@ def value_in_hex(_index: int, _sub_index: int, data: bytes) -> str:
     return value_text(data)
 
 
-def unlike(node: KnownPdos, wish: Wish, says: Says = value_in_hex) -> tuple[Difference, ...]:
+def unlike(node: ReadableNode, wish: Wish, says: Says = value_in_hex) -> tuple[Difference, ...]:
     """Every difference between *wish* and *node* now, with values formatted by *says*.
 
     Raises NoAnswer after repeated restarts of the node.
@@ -97,14 +98,14 @@ def unlike(node: KnownPdos, wish: Wish, says: Says = value_in_hex) -> tuple[Diff
     return node.observed(lambda: tuple(_unlike(node, wish, says)))
 
 
-def _unlike(node: KnownPdos, wish: Wish, says: Says) -> Iterator[Difference]:
+def _unlike(node: ReadableNode, wish: Wish, says: Says) -> Iterator[Difference]:
     for pdo, wanted in wish.pdos.items():
         yield from ((pdo.label, text) for text in differences(pdo, wanted, node.pdo(pdo)))
     yield from unlike_values(node, wish.values, says)
     yield from wish.unwritten
 
 
-def unlike_values(node: KnownPdos, values: Mapping[Place, bytes], says: Says = value_in_hex) -> Iterator[Difference]:
+def unlike_values(node: ReadableNode, values: Mapping[Place, bytes], says: Says = value_in_hex) -> Iterator[Difference]:
     """Every single object that differs from *values*."""
     for (index, sub_index), value in values.items():
         held = node.upload(index, sub_index)

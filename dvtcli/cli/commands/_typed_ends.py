@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from dvtcli.cli.pdo_params import NodePdo
     from dvtcli.domain.network.wanted_state import Endpoint
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
-def endpoints(session: Session, words: Iterable[NodePdo]) -> list[Endpoint]:
+def endpoints(session: SessionNodes, words: Iterable[NodePdo]) -> list[Endpoint]:
     """Return the PDOs of *words*, each with its node."""
     from dvtcli.domain.network.wanted_state import Endpoint
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.operations.exchange.dbc_options import DbcOptions
     from dvtcli.operations.results import Facts, FileReport, FileReports, LibraryAdded, LibraryListing
+    from dvtcli.operations.user.session_user import SessionUser
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +159,7 @@ def _one(action: str, files: tuple[str, ...]) -> str:
 
 
 def _library(
-    session: Conversation, action: str, files: tuple[str, ...], identity: dict[str, int] | None
+    session: SessionUser, action: str, files: tuple[str, ...], identity: dict[str, int] | None
 ) -> LibraryAdded | LibraryListing:
     from dvtcli.operations.eds_library.list_files import list_files, prefer_file, remove_files
 
@@ -183,7 +184,7 @@ def _convert(session: Conversation, files: tuple[str, ...], conversion: Conversi
     return convert_file(session, *files, conversion.node, conversion.wishes)
 
 
-def _show(session: Conversation, file: str) -> Facts:
+def _show(session: SessionUser, file: str) -> Facts:
     from dvtcli.domain.network.concise_dcf import SUFFIX
     from dvtcli.operations.known_devices.eds_files import show_eds
 

@@ -17,6 +17,7 @@ from dvtcli.cli.params import FILE, TEXT
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.operations.results import Plotted, PlottedSignal
+    from dvtcli.operations.user.session_user import SessionUser
     from dvtcli.watch.tracks import Track
 
 #: a graph's maximum columns, minimum and maximum lines
@@ -58,7 +59,7 @@ def command(
     return Plotted(file, shown, span_s[1] - span_s[0], output)
 
 
-def _draw(session: Conversation, path: Path, found: list[Track], span_s: tuple[float, float]) -> None:
+def _draw(session: SessionUser, path: Path, found: list[Track], span_s: tuple[float, float]) -> None:
     from dvtcli.cli.monitor.chart import draw_chart
 
     if os.path.exists(path):  # noqa: PTH110 - Path.exists raises OSError for a name that is too long

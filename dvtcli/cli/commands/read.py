@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.domain.datatypes import DataType
     from dvtcli.operations.results import Facts, RecordRead, ValueRead, ValuesRead, ValuesWatched
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
 @click.command(
@@ -71,7 +72,7 @@ def command(
 
 
 def _once(
-    session: Conversation, objects: tuple[ObjectWord, ...], data_type: DataType | None
+    session: SessionNodes, objects: tuple[ObjectWord, ...], data_type: DataType | None
 ) -> ValueRead | RecordRead | ValuesRead:
     if len(objects) > 1:
         from dvtcli.cli.each_node import objects_meant
@@ -83,7 +84,7 @@ def _once(
     return read_object(session, objects[0].text, data_type, objects[0].node_id)
 
 
-def _to_file(session: Conversation, objects: tuple[ObjectWord, ...], data_type: DataType | None, output: str) -> Facts:
+def _to_file(session: SessionNodes, objects: tuple[ObjectWord, ...], data_type: DataType | None, output: str) -> Facts:
     """Write the bytes of the object into the file *output*."""
     from dvtcli.operations.objects.object_files import read_to_file
 
@@ -97,7 +98,7 @@ def _to_file(session: Conversation, objects: tuple[ObjectWord, ...], data_type: 
     return read_to_file(session, only.text, output, only.node_id)
 
 
-def _require_one_node(session: Conversation) -> None:
+def _require_one_node(session: SessionNodes) -> None:
     """Raise UsageError if -n names several nodes: a file holds the bytes of a single node."""
     from dvtcli.cli.each_node import nodes_meant
 

@@ -19,9 +19,10 @@ if TYPE_CHECKING:
     from dvtcli.errors import LeftChanged
     from dvtcli.operations.results import Stored
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
-def _look_ahead(session: Session, node_ids: Sequence[int], params: Mapping[str, Any]) -> None:
+def _look_ahead(session: SessionNodes, node_ids: Sequence[int], params: Mapping[str, Any]) -> None:
     """Check all of *node_ids* before the first store."""
     way, group = way_and_group(params["prove"], params["group"])
     look_before_stores(session, node_ids, group, prove=way)

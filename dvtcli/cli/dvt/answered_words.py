@@ -13,13 +13,13 @@ from dvtcli.operations.results import DvtAnswer
 
 if TYPE_CHECKING:
     from dvtcli.cli.dvt.word import DvtWord
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
 _NOT_THERE = (Abort.NO_OBJECT, Abort.NO_SUB_INDEX)
 
 
-def answer(word: DvtWord, session: Session, values: Sequence[Any]) -> DvtAnswer:
+def answer(word: DvtWord, session: SessionNodes, values: Sequence[Any]) -> DvtAnswer:
     """Run *word*: what our rules or the device refuse is `Abort`, silence is `Timeout`; all else is raised on."""
     given = next((value for arg, value in zip(word.arguments, values, strict=False) if arg.name == "NODE"), None)
     node, dry_run = _node(session, given), session.dry_run
@@ -37,11 +37,11 @@ def answer(word: DvtWord, session: Session, values: Sequence[Any]) -> DvtAnswer:
     return DvtAnswer(word.name, node, done.text, findings=done.findings, dry_run=dry_run, rows=done.rows)
 
 
-def _node(session: Session, given: int | None) -> int | None:
+def _node(session: SessionNodes, given: int | None) -> int | None:
     return session.selected_id() if given is None else given
 
 
-def _meant(session: Session, word: DvtWord, values: Sequence[Any]) -> str:
+def _meant(session: SessionNodes, word: DvtWord, values: Sequence[Any]) -> str:
     """Suggest an object for an absent index whose digits, read as hexadecimal, name an existing object."""
     named = {argument.name: value for argument, value in zip(word.arguments, values, strict=False)}
     if "INDEX" not in named:

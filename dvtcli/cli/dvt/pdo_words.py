@@ -12,24 +12,24 @@ from dvtcli.cli.effect import Effect
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import PdoRow
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
-def map_in(session: Session, node_id: int, index: int, sub_index: int, given: int | None) -> WordResult:
+def map_in(session: SessionNodes, node_id: int, index: int, sub_index: int, given: int | None) -> WordResult:
     """Map an object into the first TPDO with room, or into the TPDO with CAN-ID *given*; see `first_tpdo`."""
     from dvtcli.operations.pdos.first_tpdo import map_in_tpdo
 
     return WordResult(findings=map_in_tpdo(session, node_id, index, sub_index, given))
 
 
-def locate(session: Session, node_id: int, index: int, sub_index: int) -> WordResult:
+def locate(session: SessionNodes, node_id: int, index: int, sub_index: int) -> WordResult:
     """Return `TPDO1 0x181 bit 0` for the first TPDO that maps the object, enabled first; else `not mapped`."""
     from dvtcli.operations.pdos.first_tpdo import locate_tpdo
 
     return WordResult(locate_tpdo(session, node_id, index, sub_index))
 
 
-def config(session: Session, node_id: int | None) -> WordResult:
+def config(session: SessionNodes, node_id: int | None) -> WordResult:
     """List the settings of every non-empty PDO of a node, a line each, and the words to set PDOs."""
     from dvtcli.operations.pdos.list_pdos import list_pdos
 
@@ -47,7 +47,7 @@ def _one(row: PdoRow) -> str:
     return f"{row.pdo.label} {where} type {parameter.transmission_type}: {', '.join(mapped) or 'nothing'}"
 
 
-def clear(session: Session, node_id: int) -> WordResult:
+def clear(session: SessionNodes, node_id: int) -> WordResult:
     """Empty and disable every PDO with a writable mapping."""
     from dvtcli.operations.pdos.switch import clear_all
 

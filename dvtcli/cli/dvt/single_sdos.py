@@ -12,18 +12,19 @@ from dvtcli.cli.effect import Effect, Final, final_write
 
 if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 #: Longer values are no numbers: they are answered byte by byte, in wire order.
 _MOST_NUMBER_BYTES = 8
 
 
-def read_hex(session: Session, node_id: int, index: int, sub_index: int) -> WordResult:
+def read_hex(session: SessionNodes, node_id: int, index: int, sub_index: int) -> WordResult:
     """An object as `0x…`, two digits a byte."""
     data = session.node(node_id).upload(index, sub_index)
     return WordResult(_hex(data))
 
 
-def read_decimal(session: Session, node_id: int, index: int, sub_index: int) -> WordResult:
+def read_decimal(session: SessionNodes, node_id: int, index: int, sub_index: int) -> WordResult:
     """Read an object in decimal; signed or as text if the node's file says so."""
     from dvtcli.operations.meanings.object_values import value_result
 

@@ -13,11 +13,12 @@ from dvtcli.domain.nmt import NmtState
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 _STATES = {"pre": NmtState.PRE_OPERATIONAL, "op": NmtState.OPERATIONAL}
 
 
-def force(session: Conversation, node_id: int | None, state: str | None) -> WordResult:
+def force(session: SessionNodes, node_id: int | None, state: str | None) -> WordResult:
     """Bring a node to PRE-OPERATIONAL (with `op` OPERATIONAL) in its family's way, and confirm the state."""
     node, wanted = session.node(node_id), state or "pre"
     node.commanded()
@@ -40,7 +41,7 @@ def log_in_at(session: Conversation, node_id: int | None, asked: int | None) -> 
     return WordResult()
 
 
-def store(session: Conversation, node_id: int | None) -> WordResult:
+def store(session: SessionNodes, node_id: int | None) -> WordResult:
     """0x1010 "save", as the command `store`."""
     from dvtcli.operations.stores.store_restore import store_settings
 

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.cli.prompt.status import Status
     from dvtcli.cli.prompt.terminal import Reader
-    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import ReadableNode
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 #: Exit code of a line that Ctrl-C ended; another signal (SIGTERM, SIGHUP) ends the prompt too, with its own code.
 INTERRUPTED = 130
@@ -213,14 +214,14 @@ def _banner(session: Conversation) -> None:
         session.output.lines([*lines, ""])
 
 
-def _simulated(node: Node) -> str:
+def _simulated(node: ReadableNode) -> str:
     pdos = node.present()
     sent = sum(pdo.is_tpdo for pdo in pdos)
     file = node.dictionary.source if node.dictionary is not None else "no EDS"
     return f'node {node.node_id} "{node.title}" ({file}, {sent} TPDO, {len(pdos) - sent} RPDO)'
 
 
-def _reached(session: Conversation) -> str:
+def _reached(session: SessionNodes) -> str:
     """Return the selected node's answer or silence; the prompt starts in either case."""
     node_id = session.selected_id()
     if node_id is None:

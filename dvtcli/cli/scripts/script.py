@@ -17,6 +17,7 @@ from dvtcli.errors import Bug, DvtcliError, LeftChanged, Restarted, TakenBack, U
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
+    from dvtcli.operations.user.session_user import SessionUser
 
 
 _ALL_BACK = "rolled back: what the script changed is as it was, read back equal; nothing was stored"
@@ -79,7 +80,7 @@ def _refuse_half(ctx: click.Context, changes: ScriptChanges, code: int) -> None:
     raise failed
 
 
-def _take_back(session: Conversation, changes: ScriptChanges, failed: BaseException) -> None:
+def _take_back(session: SessionUser, changes: ScriptChanges, failed: BaseException) -> None:
     """Roll back the script because of *failed*, which gets the result. Raises LeftChanged if changes remain."""
     undone = changes.changed_anything()
     with session.cancellation.guard():

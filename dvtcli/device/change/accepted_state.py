@@ -15,10 +15,10 @@ from dvtcli.errors import SafetyRefusal, SdoAborted
 if TYPE_CHECKING:
     from dvtcli.device.change.journal import Journal
     from dvtcli.device.change.plan_document import Identity
-    from dvtcli.device.known_pdos import KnownPdos
+    from dvtcli.device.node_parts import ReadableNode
 
 
-def refuse_other_device(node: KnownPdos, journal: Journal) -> None:
+def refuse_other_device(node: ReadableNode, journal: Journal) -> None:
     """Raise SafetyRefusal if *journal* was made on another device than *node*."""
     if journal.plan.node_id != node.node_id or journal.identity != node.identity():
         raise SafetyRefusal(
@@ -59,7 +59,7 @@ class AcceptedState:
         }
 
 
-def accepted_states(node: KnownPdos, journal: Journal) -> list[AcceptedState]:
+def accepted_states(node: ReadableNode, journal: Journal) -> list[AcceptedState]:
     """The present values of everything in the interrupted change, as far as *node* can be read."""
     states = []
     for change in journal.plan.changes:
@@ -78,7 +78,7 @@ def accepted_states(node: KnownPdos, journal: Journal) -> list[AcceptedState]:
     return states
 
 
-def _accepted_value(node: KnownPdos, step: Step) -> AcceptedState:
+def _accepted_value(node: ReadableNode, step: Step) -> AcceptedState:
     if step.before is None:
         return AcceptedState(
             step.object, f"# {step.object} is write-only", f"# {step.object} was not known", (), is_known=False

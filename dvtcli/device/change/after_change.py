@@ -16,6 +16,7 @@ from dvtcli.errors import DvtcliError, JournalKept, LeftChanged
 
 if TYPE_CHECKING:
     from dvtcli.device.change.changeable import Changeable
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.device.observe import InitialState
     from dvtcli.domain.rules import Finding
 
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 HEARTBEAT_S = 1.2
 
 
-def restarted_since(node: Changeable, found: InitialState) -> bool:
+def restarted_since(node: ReadableNode, found: InitialState) -> bool:
     """True if *node* may have restarted since *found*: a boot-up was received or an upload was repeated."""
     return node.bus.upsets(node.node_id) != found.upsets
 
@@ -114,7 +115,7 @@ def explain_refusal(node: Changeable, error: DvtcliError, findings: tuple[Findin
         node.pending.suspicions[CHANGE] = f"the device answered 0x{error.abort:08X} to a change"
 
 
-def _hint(node: Changeable, error: DvtcliError) -> str | None:
+def _hint(node: NodeDescription, error: DvtcliError) -> str | None:
     """The maker's hint for a refusal at this step."""
     if error.abort is None or error.place is None or ":" not in error.place:
         return None
@@ -122,7 +123,7 @@ def _hint(node: Changeable, error: DvtcliError) -> str | None:
     return node.profile.hint(index, sub_index, error.abort)
 
 
-def _hint_of_state(node: Changeable, error: DvtcliError) -> Hint | None:
+def _hint_of_state(node: ReadableNode, error: DvtcliError) -> Hint | None:
     """What to try if a running device refuses for a reason of its own or for its state."""
     if error.abort not in (Abort.GENERAL, Abort.DEVICE_STATE):
         return None
@@ -130,7 +131,7 @@ def _hint_of_state(node: Changeable, error: DvtcliError) -> Hint | None:
     return pre_operational_first(node.node_id) if running else None
 
 
-def _rebooted(node: Changeable, found: InitialState) -> bool:
+def _rebooted(node: ReadableNode, found: InitialState) -> bool:
     return node.bus.boot_ups(node.node_id) != found.boot_ups
 
 

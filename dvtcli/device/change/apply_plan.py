@@ -34,6 +34,7 @@ from dvtcli.errors import DvtcliError, LeftChanged, Restarted, SafetyRefusal
 
 if TYPE_CHECKING:
     from dvtcli.device.change.changeable import Changeable
+    from dvtcli.device.node_parts import NodeDescription
     from dvtcli.device.observe import InitialState
     from dvtcli.domain.rules import Finding
 
@@ -166,7 +167,7 @@ def _transaction(node: Changeable, plan: Plan, others: UntouchedPdos, found: Ini
     )
 
 
-def _control_words(node: Changeable, plan: Plan) -> frozenset[tuple[int, int]]:
+def _control_words(node: NodeDescription, plan: Plan) -> frozenset[tuple[int, int]]:
     """The control word if *plan* writes nothing else, unless a virtual PDO of the device writes it."""
     step = next(iter(plan.steps)) if len(plan) == 1 else None
     if step is None or Pdo.at(step.index) is not None or step.index < _FIRST_OF_MAKER:

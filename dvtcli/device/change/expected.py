@@ -15,7 +15,7 @@ from dvtcli.domain.several import value_text
 from dvtcli.errors import SafetyRefusal
 
 if TYPE_CHECKING:
-    from dvtcli.device.known_pdos import KnownPdos
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.device.wish import Difference, Wish
     from dvtcli.domain.plan import Change
 
@@ -59,7 +59,7 @@ class Expected:
         self.values.clear()
         self.is_whole = False
 
-    def require(self, node: KnownPdos, who_else: str) -> None:
+    def require(self, node: ReadableNode, who_else: str) -> None:
         """Read everything again; raise SafetyRefusal, naming *who_else* as a possible cause, on a difference."""
         if not self.pdos and not self.values:
             return
@@ -78,7 +78,7 @@ class Expected:
                 ),
             )
 
-    def lost(self, node: KnownPdos, labels: Collection[str]) -> list[str]:
+    def lost(self, node: ReadableNode, labels: Collection[str]) -> list[str]:
         """The differences between *node*, read again now, and the changes called *labels*."""
         from dvtcli.device.wish import Wish, unlike
 
@@ -88,7 +88,7 @@ class Expected:
             return []
         return [f"{label} {text}" for label, text in unlike(node, still_there(node, Wish(pdos, values)))]
 
-    def _differences(self, node: KnownPdos) -> Iterator[tuple[str, str, str]]:
+    def _differences(self, node: ReadableNode) -> Iterator[tuple[str, str, str]]:
         """Each difference as label, object and description."""
         from dvtcli.device.compare import differences
 
@@ -106,7 +106,7 @@ class Expected:
                 yield f"0x{place}", place, f"0x{place} is {value_text(data)}, was set to {value_text(value)}"
 
 
-def no_longer_held(node: KnownPdos, changes: Iterable[Change]) -> tuple[Difference, ...]:
+def no_longer_held(node: ReadableNode, changes: Iterable[Change]) -> tuple[Difference, ...]:
     """The results of *changes* lost by *node*, read again."""
     from dvtcli.device.wish import Wish, unlike
 
@@ -116,14 +116,14 @@ def no_longer_held(node: KnownPdos, changes: Iterable[Change]) -> tuple[Differen
     return unlike(node, still_there(node, Wish(expected.pdos, expected.values)))
 
 
-def still_there(node: KnownPdos, wish: Wish) -> Wish:
+def still_there(node: ReadableNode, wish: Wish) -> Wish:
     """*wish* without commands and target values of the machine, which change all the time."""
     from dvtcli.device.wish import Wish
 
     return Wish(wish.pdos, {place: value for place, value in wish.values.items() if not moves(node, *place)})
 
 
-def moves(node: KnownPdos, index: int, sub_index: int) -> bool:
+def moves(node: ReadableNode, index: int, sub_index: int) -> bool:
     """True if an object is process data, changed by the machine all the time; false without a file."""
     from dvtcli.device.process_data import is_process_data
 

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from dvtcli.device.change.changeable import Changeable
     from dvtcli.device.change.journal import Journal
     from dvtcli.device.known_pdos import KnownPdos
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.plan import Change
     from dvtcli.domain.rules import Finding
@@ -249,7 +250,7 @@ class Recovery:
         return left
 
 
-def _readable(node: KnownPdos, pdos: Iterable[Pdo]) -> dict[Pdo, PdoConfig]:
+def _readable(node: ReadableNode, pdos: Iterable[Pdo]) -> dict[Pdo, PdoConfig]:
     """The readable configurations among *pdos* of *node*; unreadable PDOs delay nothing else."""
     found: dict[Pdo, PdoConfig] = {}
     for pdo in pdos:
@@ -310,7 +311,7 @@ def _reason(fault: BaseException) -> str:
     return ": ".join(text for text in (str(fault), why) if text) or "interrupted"
 
 
-def _next_step(node: KnownPdos, fault: BaseException, journal: Journal) -> Hint:
+def _next_step(node: NodeDescription, fault: BaseException, journal: Journal) -> Hint:
     again = Hint(Action.RECOVER, why=f"tries again, from {verbatim(journal.path)}")
     if isinstance(fault, SdoAborted | DeviceRefused):  # the same again would be refused, or corrected, again
         return (

@@ -26,6 +26,7 @@ from dvtcli.errors import DeviceRefused, DvtcliError, Interrupted, LeftChanged
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
 
 
 #: What to do where a proof shows nothing of PDOs, or of some objects.
@@ -62,7 +63,7 @@ def acknowledged(node: Node, signed: Signed) -> Iterator[None]:
         raise stopped from torn
 
 
-def _say_acknowledged(node: Node, signed: Signed, failed: DvtcliError) -> None:
+def _say_acknowledged(node: NodeDescription, signed: Signed, failed: DvtcliError) -> None:
     word = word_of(signed.index)
     failed.details.insert(0, (word, f"0x{signed.place} acknowledged it before; it is not proved"))
     said = f"0x{signed.place} acknowledged the {word}, which is not proved; read back what node {node.node_id} holds"
@@ -160,13 +161,13 @@ def _refuse_altered(node: Node, before: Snapshot, place: AnyPlace) -> None:
     raise refused
 
 
-def _unlike(node: Node, before: Snapshot, pdos: Pdos) -> list[str]:
+def _unlike(node: ReadableNode, before: Snapshot, pdos: Pdos) -> list[str]:
     """The differences between *node*, whose *pdos* were just read, and *before*, in words."""
     values = (f"{place}: {text}" for place, text in unlike_values(node, before.values))
     return [*_differences(before.pdos, pdos), *values]
 
 
-def refuse_unprovable(node: Node, sub_index: int | None, *, certain: bool) -> Signed:
+def refuse_unprovable(node: ReadableNode, sub_index: int | None, *, certain: bool) -> Signed:
     """The signature to write for a store. Raises DeviceRefused if no restart could prove the store.
 
     *certain* stands for a power cycle. Uses known facts only; writes nothing and reads no configuration.
@@ -182,7 +183,7 @@ def refuse_unprovable(node: Node, sub_index: int | None, *, certain: bool) -> Si
     return signed
 
 
-def refuse_deaf_to_reset(node: Node, hint: Hint | str) -> None:
+def refuse_deaf_to_reset(node: ReadableNode, hint: Hint | str) -> None:
     """Raise DeviceRefused, with *hint*, if *node* is an NMT master, which obeys no NMT reset."""
     if node.access.is_master():
         place = node.profile.master_object
@@ -193,7 +194,7 @@ def refuse_deaf_to_reset(node: Node, hint: Hint | str) -> None:
         )  # fmt: skip
 
 
-def _unprovable(node: Node, why: str, hint: Hint) -> DeviceRefused:
+def _unprovable(node: NodeDescription, why: str, hint: Hint) -> DeviceRefused:
     """The error: nothing was stored, as a restart could not prove that *node* keeps the values."""
     text = f"node {node.node_id} is not stored: that it keeps it could not be proved"
     return DeviceRefused(

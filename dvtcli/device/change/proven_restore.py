@@ -24,6 +24,7 @@ from dvtcli.errors import SdoAborted
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +168,7 @@ def prove_restore(
 
 
 def _against_defaults(
-    node: Node,
+    node: NodeDescription,
     dictionary: ObjectDictionary,
     signed: Signed,
     restart: Restart,

@@ -26,6 +26,7 @@ from dvtcli.errors import DeviceRefused, DvtcliError, SafetyRefusal
 
 if TYPE_CHECKING:
     from dvtcli.device.change.changeable import Changeable
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.device.observe import InitialState
 
 #: What stricter families answer to a parameter of a PDO that is on.
@@ -153,7 +154,7 @@ def _noted(node: Changeable, change: PdoChange, step: Step, refused: DeviceRefus
     return _remembered(node, times, "disabled")
 
 
-def _remembered(node: Changeable, times: int, what: str) -> str:
+def _remembered(node: ReadableNode, times: int, what: str) -> str:
     """The consequence of a requirement seen *times* times, for display; *what* is done first from then on."""
     if times < OFTEN_ENOUGH:
         return "where that comes again it is remembered"
@@ -162,7 +163,7 @@ def _remembered(node: Changeable, times: int, what: str) -> str:
     return "this is remembered of devices like this one, as a habit that can be shown and forgotten"
 
 
-def _may_pass(node: Changeable, refused: DeviceRefused) -> bool:
+def _may_pass(node: ReadableNode, refused: DeviceRefused) -> bool:
     """True if *refused* gives the device's present state as the only reason, and the device is running."""
     return refused.abort == Abort.DEVICE_STATE and present_state(node.access) is NmtState.OPERATIONAL
 

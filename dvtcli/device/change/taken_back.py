@@ -12,18 +12,18 @@ from dvtcli.domain.rules import Proposal
 from dvtcli.domain.rules.no_way_back import put_back_finding, way_back
 
 if TYPE_CHECKING:
-    from dvtcli.device.known_pdos import KnownPdos
+    from dvtcli.device.node_parts import NodeDescription
     from dvtcli.domain.rules import Finding
 
 
-def with_way_back(node: KnownPdos, plan: Plan) -> tuple[Plan, tuple[Finding, ...]]:
+def with_way_back(node: NodeDescription, plan: Plan) -> tuple[Plan, tuple[Finding, ...]]:
     """*plan* with an accepted substitute for each PDO value that *node* would refuse in a roll-back, and findings."""
     found = [_foreseen(node, change) for change in plan.changes]
     findings = tuple(finding for _, finding in found if finding is not None)
     return replace(plan, changes=tuple(change for change, _ in found)), findings
 
 
-def _foreseen(node: KnownPdos, change: Change) -> tuple[Change, Finding | None]:
+def _foreseen(node: NodeDescription, change: Change) -> tuple[Change, Finding | None]:
     if not isinstance(change, PdoChange) or not change.steps or not alters(change):
         return change, None
     back = Proposal(node.node_id, change.pdo, change.after, change.before, {}, node.profile, node.dictionary)

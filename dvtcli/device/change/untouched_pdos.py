@@ -21,6 +21,7 @@ from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, SdoAborted
 
 if TYPE_CHECKING:
     from dvtcli.device.change.changeable import Changeable
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.device.observe import InitialState
     from dvtcli.domain.ports import SdoReader, SdoTransport
 
@@ -121,7 +122,7 @@ def altered_too(plan: Plan, altered: Mapping[Pdo, str]) -> DeviceRefused:
     )
 
 
-def cob_ids_beside(node: Changeable, plan: Plan) -> dict[Pdo, CobId]:
+def cob_ids_beside(node: ReadableNode, plan: Plan) -> dict[Pdo, CobId]:
     """The COB-IDs outside *plan*, to compare directly afterwards; empty if *plan* writes no COB-ID.
 
     Without PDOs that are compared whole after the complete change.
@@ -132,7 +133,7 @@ def cob_ids_beside(node: Changeable, plan: Plan) -> dict[Pdo, CobId]:
     return {pdo: cob_id for pdo, cob_id in node.known_cob_ids().items() if pdo not in own}
 
 
-def wholes_beside(node: Changeable, plan: Plan, found: InitialState) -> dict[Pdo, PdoConfig]:
+def wholes_beside(node: ReadableNode, plan: Plan, found: InitialState) -> dict[Pdo, PdoConfig]:
     """The PDOs outside *plan* read whole since *found*, to compare before a store."""
     if not is_of_pdo(plan) or node.bus.boot_ups(node.node_id) != found.boot_ups:
         return {}
@@ -183,7 +184,7 @@ def others_left(plan: Plan, altered: Mapping[PdoChange, str], failed: DvtcliErro
     return left
 
 
-def present_beside(node: Changeable, plan: Plan) -> list[Pdo]:
+def present_beside(node: ReadableNode, plan: Plan) -> list[Pdo]:
     """The PDOs not written by *plan*."""
     own = {*_own(plan), *(Pdo.at(change.step.index) for change in plan.changes if isinstance(change, ValueChange))}
     return [pdo for pdo in node.present() if pdo not in own]

@@ -23,6 +23,7 @@ from dvtcli.errors import SafetyRefusal, SdoAborted, UsageError
 if TYPE_CHECKING:
     from dvtcli.device.change.changeable import Changeable
     from dvtcli.device.known_pdos import KnownPdos
+    from dvtcli.device.node_parts import ReadableNode
 
 
 def refuse_gap(node: Changeable, plans: Sequence[Plan]) -> None:
@@ -159,7 +160,7 @@ def _stamp_ended(
 
 
 def _value_changes(
-    node: KnownPdos, pdos: dict[Pdo, PdoConfig], values: dict[tuple[int, int], Step], *, patient: bool
+    node: ReadableNode, pdos: dict[Pdo, PdoConfig], values: dict[tuple[int, int], Step], *, patient: bool
 ) -> Iterator[Change]:
     back: list[Step] = []
     for (index, sub_index), step in values.items():

@@ -11,12 +11,12 @@ from dvtcli.domain.learning.absence import Absence, listed
 from dvtcli.errors import SdoAborted
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.learning.probe import ProbedPdo
 
 
 def absences(
-    node: Node, subjects: Sequence[ProbedPdo], on_look: Callable[[int, int], None] = lambda _done, _total: None
+    node: ReadableNode, subjects: Sequence[ProbedPdo], on_look: Callable[[int, int], None] = lambda _done, _total: None
 ) -> tuple[Absence, ...]:
     """The objects of its file that *node* lacks, among those examined; empty without a file.
 
@@ -32,7 +32,7 @@ def absences(
     return tuple(found)
 
 
-def _of_object(node: Node, index: int, sub_indices: Sequence[int]) -> Iterator[Absence]:
+def _of_object(node: ReadableNode, index: int, sub_indices: Sequence[int]) -> Iterator[Absence]:
     """The missing entries at *index*; sub-index 0 alone never, since it stands for the whole object."""
     missing = []
     for sub_index in sub_indices:
@@ -49,7 +49,7 @@ def _of_object(node: Node, index: int, sub_indices: Sequence[int]) -> Iterator[A
         yield from (absence for absence in missing if absence.sub_index)
 
 
-def _missing(node: Node, index: int, sub_index: int) -> int | None:
+def _missing(node: ReadableNode, index: int, sub_index: int) -> int | None:
     """The abort code for a missing object; None if present or unreadable."""
     try:
         node.memory.upload(index, sub_index)

@@ -12,11 +12,11 @@ from dvtcli.domain.pdo import Direction, Pdo, PdoConfig
 from dvtcli.errors import SdoAborted
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.learning.probe_table import KnownAnswers
 
 
-def read_device(node: Node, pdos: Mapping[Pdo, PdoConfig], known: Sequence[KnownAnswers]) -> ReadDevice:
+def read_device(node: ReadableNode, pdos: Mapping[Pdo, PdoConfig], known: Sequence[KnownAnswers]) -> ReadDevice:
     """The description of *node* with its initial *pdos* and the answers of the probes."""
     values = {}
     for place in TO_READ:

@@ -23,6 +23,7 @@ from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.device.observe import InitialState
     from dvtcli.domain.stamp import Stamp
 
@@ -219,13 +220,15 @@ def _beside(altered: Sequence[Pdo]) -> DeviceRefused:
     return DeviceRefused(f"the device altered {join_some(pdo.label for pdo in altered)} beside what it was asked")
 
 
-def _altered(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> list[Pdo]:
+def _altered(node: ReadableNode, pdos: Mapping[Pdo, PdoConfig]) -> list[Pdo]:
     """The PDOs outside the plan's reach that differ from before."""
     held = node.pdos() if pdos else {}
     return [pdo for pdo, before in pdos.items() if held.get(pdo) != before]
 
 
-def _left(node: Node, pdos: Sequence[Pdo], fault: BaseException | None, failed: BaseException) -> LeftChanged:
+def _left(
+    node: NodeDescription, pdos: Sequence[Pdo], fault: BaseException | None, failed: BaseException
+) -> LeftChanged:
     why = f"{failed or 'interrupted'}"
     return LeftChanged(
         f"{join_some(pdo.label for pdo in pdos)} of node {node.node_id} could not be put back",

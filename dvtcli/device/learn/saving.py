@@ -18,6 +18,7 @@ from dvtcli.errors import DeviceRefused, Interrupted, NoAnswer, SdoAborted
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import ReadableNode
 
 
 #: The sub-indices of CiA 301: all, communication, application; the first of the maker's own.
@@ -43,14 +44,14 @@ class SignatureAnswers:
         return next((probe.asked.sub_index for probe in took), None)
 
 
-def read_storage(node: Node) -> Storage:
+def read_storage(node: ReadableNode) -> Storage:
     """The content of 0x1010 and 0x1011 of *node*; writes nothing."""
     save, unreadable = _capabilities(node, STORE)
     load, _ = _capabilities(node, RESTORE)
     return Storage(save, load, unreadable)
 
 
-def _capabilities(node: Node, index: int) -> tuple[dict[int, int], int]:
+def _capabilities(node: ReadableNode, index: int) -> tuple[dict[int, int], int]:
     """The values of the sub-indices of *index*, and the abort code of an existing, unreadable sub-index."""
     found, unreadable = {}, 0
     for sub_index in _SUB_INDICES:

@@ -22,6 +22,7 @@ from dvtcli.errors import SdoAborted
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
 
 #: How many objects of one length are tried until the device maps one.
 _TRIES = 3
@@ -47,7 +48,7 @@ def subjects(node: Node, pdos: Mapping[Pdo, PdoConfig], heard: frozenset[int]) -
     return [subject for subject in found if subject is not None]
 
 
-def mapped_subjects(node: Node, pdos: Mapping[Pdo, PdoConfig], first: Sequence[ProbedPdo]) -> list[ProbedPdo]:
+def mapped_subjects(node: ReadableNode, pdos: Mapping[Pdo, PdoConfig], first: Sequence[ProbedPdo]) -> list[ProbedPdo]:
     """A mapped substitute for each of *first* with an empty mapping, in case entries of 0 cannot be restored."""
     found: list[ProbedPdo] = []
     for subject in first:
@@ -69,7 +70,7 @@ def _spare(node: Node, pdos: Mapping[Pdo, PdoConfig], heard: frozenset[int]) -> 
 
 
 def _subject(
-    node: Node, pdos: Mapping[Pdo, PdoConfig], direction: Direction, spare: tuple[int, ...]
+    node: ReadableNode, pdos: Mapping[Pdo, PdoConfig], direction: Direction, spare: tuple[int, ...]
 ) -> ProbedPdo | None:
     for pdo, held in _candidates(pdos, direction):
         if held.mpdo is None and node.is_dynamic(pdo) and _goes_back(node, pdo, held):
@@ -85,7 +86,7 @@ def _candidates(pdos: Mapping[Pdo, PdoConfig], direction: Direction) -> list[tup
     return sorted(own, key=lambda candidate: (candidate[1].enabled, candidate[1].count > 0, -candidate[0].number))
 
 
-def _goes_back(node: Node, pdo: Pdo, held: PdoConfig) -> bool:
+def _goes_back(node: NodeDescription, pdo: Pdo, held: PdoConfig) -> bool:
     """True if by the rules the device could not refuse the roll-back of the PDO."""
     entry = node.dictionary.entry(pdo.communication_index, 1) if node.dictionary else None
     if entry is not None and not entry.access.writable:
@@ -96,7 +97,9 @@ def _goes_back(node: Node, pdo: Pdo, held: PdoConfig) -> bool:
     return way_back(Proposal(node.node_id, pdo, opened, held, {}, node.profile, node.dictionary)) is None
 
 
-def _read(node: Node, pdos: Mapping[Pdo, PdoConfig], pdo: Pdo, held: PdoConfig, spare: tuple[int, ...]) -> ProbedPdo:
+def _read(
+    node: ReadableNode, pdos: Mapping[Pdo, PdoConfig], pdo: Pdo, held: PdoConfig, spare: tuple[int, ...]
+) -> ProbedPdo:
     index = pdo.communication_index
     asked = (*_PARAMETERS, _SYNC_START) if pdo.is_tpdo else _PARAMETERS
     parameters = {sub: data for sub in asked if (data := _held(node, index, sub)) is not None}
@@ -121,7 +124,7 @@ def _read(node: Node, pdos: Mapping[Pdo, PdoConfig], pdo: Pdo, held: PdoConfig, 
     )  # fmt: skip
 
 
-def _other_way(node: Node, pdos: Mapping[Pdo, PdoConfig], direction: Direction) -> PdoMappingEntry | None:
+def _other_way(node: ReadableNode, pdos: Mapping[Pdo, PdoConfig], direction: Direction) -> PdoMappingEntry | None:
     """The first object mapped only by PDOs of the other direction."""
     mapped = {
         way: [entry for pdo, config in pdos.items() if pdo.direction is way for entry in config.mapping]
@@ -148,7 +151,7 @@ def _limits(dictionary: ObjectDictionary, pdo: Pdo, node_id: int) -> dict[tuple[
     return found
 
 
-def _held(node: Node, index: int, sub_index: int) -> bytes | None:
+def _held(node: ReadableNode, index: int, sub_index: int) -> bytes | None:
     try:
         return node.memory.upload(index, sub_index)
     except SdoAborted as aborted:
@@ -157,7 +160,7 @@ def _held(node: Node, index: int, sub_index: int) -> bytes | None:
         raise
 
 
-def _fits(node: Node, pdos: Mapping[Pdo, PdoConfig], direction: Direction) -> Iterator[PdoMappingEntry]:
+def _fits(node: ReadableNode, pdos: Mapping[Pdo, PdoConfig], direction: Direction) -> Iterator[PdoMappingEntry]:
     """Objects to map, the shortest first: those mapped in this direction, followed by those in its file."""
     mapped = [
         entry
@@ -172,7 +175,7 @@ def _fits(node: Node, pdos: Mapping[Pdo, PdoConfig], direction: Direction) -> It
         yield from _varied(node, found)[:_TRIES]
 
 
-def _varied(node: Node, entries: Sequence[PdoMappingEntry]) -> list[PdoMappingEntry]:
+def _varied(node: NodeDescription, entries: Sequence[PdoMappingEntry]) -> list[PdoMappingEntry]:
     """*entries* with the first of each access and kind ahead, since either may cause a refusal."""
     known = {} if node.dictionary is None else _features(node.dictionary, entries)
     first: dict[Features | None, PdoMappingEntry] = {}
@@ -233,7 +236,7 @@ def _unmappable(dictionary: ObjectDictionary, pdo: Pdo) -> tuple[PdoMappingEntry
     return _one_of_each(entries)
 
 
-def _absent(node: Node) -> int:
+def _absent(node: ReadableNode) -> int:
     """An index missing in the device."""
     for index in range(0x5FFE, 0x5F00, -1):
         if (node.dictionary is None or index not in node.dictionary) and _held(node, index, 0) is None:

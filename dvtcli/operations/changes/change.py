@@ -17,6 +17,7 @@ from dvtcli.operations.results import Changed
 if TYPE_CHECKING:
     from dvtcli.device.applied import Applied
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription
     from dvtcli.device.observe import InitialState
     from dvtcli.domain.meanings import ScaledValue
     from dvtcli.domain.object_dictionary import OdEntry
@@ -24,14 +25,16 @@ if TYPE_CHECKING:
     from dvtcli.domain.plan import Change, Plan, Step
     from dvtcli.domain.request import PdoWant
     from dvtcli.domain.rules import Finding
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
 #: "store parameters" (CiA 301, 7.5.2.13)
 _STORE = 0x1010
 
 
-def configure(session: Session, node: Node, wants: Mapping[Pdo, PdoWant], found: InitialState | None = None) -> Changed:
+def configure(
+    session: SessionNodes, node: Node, wants: Mapping[Pdo, PdoWant], found: InitialState | None = None
+) -> Changed:
     """Carry out *wants* on *node*, all or none, and report the changes.
 
     *found* is the node's initial state if it is claimed already; later reads count.
@@ -43,7 +46,7 @@ def configure(session: Session, node: Node, wants: Mapping[Pdo, PdoWant], found:
     return changed(session, node, applied, time.monotonic() - started)
 
 
-def _without_producer(session: Session, node: Node, applied: Applied) -> Iterator[Finding]:
+def _without_producer(session: SessionNodes, node: NodeDescription, applied: Applied) -> Iterator[Finding]:
     """Warn about enabled RPDOs without a producer, for families that object."""
     changes = [change for change in applied.plan.changes if isinstance(change, PdoChange)]
     if not node.profile.silent_rpdo or all(change.pdo.is_tpdo for change in changes):
@@ -52,7 +55,7 @@ def _without_producer(session: Session, node: Node, applied: Applied) -> Iterato
     return producer_findings(changes, set(sent_by(known)), node.profile.silent_rpdo)
 
 
-def _other_lengths(session: Session, node: Node, applied: Applied) -> Iterator[Finding]:
+def _other_lengths(session: SessionNodes, node: NodeDescription, applied: Applied) -> Iterator[Finding]:
     """Warn about linked PDOs of other known nodes whose length differs from a changed PDO."""
     changes = [change for change in applied.plan.changes if isinstance(change, PdoChange)]
     others = (
@@ -68,7 +71,7 @@ def _other_lengths(session: Session, node: Node, applied: Applied) -> Iterator[F
 
 
 def changed(
-    session: Session,
+    session: SessionNodes,
     node: Node,
     applied: Applied,
     seconds: float,
@@ -127,11 +130,11 @@ def keep_words(node: Node, plan: Plan) -> Hint | str:
     return Hint(Action.STORE, why="keeps it") if stores else "the device has no 0x1010 that would store it"
 
 
-def _described(node: Node, step: Step) -> OdEntry | None:
+def _described(node: NodeDescription, step: Step) -> OdEntry | None:
     return node.dictionary.entry(step.index, step.sub_index) if node.dictionary else None
 
 
-def understood(node: Node, changes: Iterable[Change]) -> dict[str, ScaledValue]:
+def understood(node: NodeDescription, changes: Iterable[Change]) -> dict[str, ScaledValue]:
     """Map single objects among *changes* to their scaled values, if a scaling is known."""
     steps = [change.step for change in changes if isinstance(change, ValueChange)]
     if not steps:
@@ -141,7 +144,7 @@ def understood(node: Node, changes: Iterable[Change]) -> dict[str, ScaledValue]:
     return understood(node, {step.object: len(step.after) for step in steps})
 
 
-def names(node: Node, changes: Iterable[object]) -> dict[str, str]:
+def names(node: NodeDescription, changes: Iterable[object]) -> dict[str, str]:
     """Map objects mapped by *changes*, as printed, to their names."""
     found: dict[str, str] = {}
     for change in changes:

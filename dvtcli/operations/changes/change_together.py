@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from dvtcli.device.observe import InitialState
     from dvtcli.domain.rules import Finding
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.user.session_user import SessionUser
 
 
 def apply_together(
@@ -175,7 +176,7 @@ class _Run:
         return stopped
 
 
-def _stop_if_cancelled(session: Session, where: str = "before the next part") -> None:
+def _stop_if_cancelled(session: SessionUser, where: str = "before the next part") -> None:
     if session.cancellation.requested:
         stopped = Interrupted(f"stopped {where}")
         stopped.exit_code = session.cancellation.exit_code

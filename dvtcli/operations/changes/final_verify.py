@@ -21,8 +21,10 @@ if TYPE_CHECKING:
     from dvtcli.device.change.change_group import Storing
     from dvtcli.device.change.plan_document import Identity
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.plan import Change
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 Changes = Mapping[int, Sequence["Change"]]
 
@@ -48,8 +50,8 @@ class NoOtherClaims:
 
 
 def final_verify(
-    session: Session,
-    nodes: Mapping[int, Node],
+    session: SessionNodes,
+    nodes: Mapping[int, ReadableNode],
     changes: Changes,
     boot_ups: Mapping[int, int],
     others: OtherClaims | None = None,
@@ -121,7 +123,7 @@ class ClaimsAtStore:
         return final_verify(self.session, self.nodes, self.changes, {**now, **self.boot_ups})
 
 
-def require_held(node: Node, changes: Sequence[Change]) -> None:
+def require_held(node: ReadableNode, changes: Sequence[Change]) -> None:
     """Raises DeviceRefused if *node*, read again, does not hold the last values of *changes*."""
     differences = node.observed(lambda: list(_lost(node, changes)))
     if differences:
@@ -133,13 +135,13 @@ def require_held(node: Node, changes: Sequence[Change]) -> None:
         )
 
 
-def _lost(node: Node, changes: Sequence[Change]) -> Iterator[str]:
+def _lost(node: ReadableNode, changes: Sequence[Change]) -> Iterator[str]:
     for change in changes:
         if difference := first_difference(node.sdo, change):
             yield f"{change.label}: {difference}"
 
 
-def _require_not_restarted(nodes: Mapping[int, Node], boot_ups: Mapping[int, int]) -> None:
+def _require_not_restarted(nodes: Mapping[int, ReadableNode], boot_ups: Mapping[int, int]) -> None:
     """Raises Restarted if a node lost verified values while another node was changed."""
     again = [node_id for node_id, seen in boot_ups.items() if nodes[node_id].bus.boot_ups(node_id) != seen]
     if again:

@@ -33,6 +33,7 @@ from dvtcli.errors import (
 if TYPE_CHECKING:
     from dvtcli.device.change.own_journal import OwnJournal
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.operations.session.session import Session
 
@@ -86,7 +87,7 @@ def put_back(node: Node, plan: Plan) -> None:
             return
 
 
-def difference_from_before(node: Node, plan: Plan) -> str | None:
+def difference_from_before(node: ReadableNode, plan: Plan) -> str | None:
     """Return the first difference of *node* from the old values of *plan*, or their accepted substitutes."""
 
     def look() -> str | None:
@@ -99,7 +100,7 @@ def difference_from_before(node: Node, plan: Plan) -> str | None:
     return node.observed(look)
 
 
-def is_otherwise(node: Node, change: Change) -> bool:
+def is_otherwise(node: ReadableNode, change: Change) -> bool:
     """Tell whether *node* holds the substitute that it takes instead of its old value."""
     if not isinstance(change, PdoChange) or change.back is None:
         return False
@@ -343,7 +344,7 @@ class NetworkTransaction:
         """Count received boot-ups of *taken* except the *failures*; a dead bus adds the rest to them."""
         found: dict[int, int] = {}
 
-        def look(node: Node) -> None:
+        def look(node: ReadableNode) -> None:
             found[node.node_id] = node.bus.boot_ups(node.node_id)
 
         for node_id in taken:

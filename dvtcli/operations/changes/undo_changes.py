@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.operations.changes.undo_together import Undoing
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 T = TypeVar("T")
 
@@ -53,7 +54,7 @@ def undo(session: Session, *, everything: bool = False) -> Changed | ChangedNode
     return _one_by_one(session, node_ids, lambda node_id: _own_put_back(session, node_id, everything=True))
 
 
-def undo_on(session: Session, node_id: int, *, everything: bool = False) -> Changed:
+def undo_on(session: SessionNodes, node_id: int, *, everything: bool = False) -> Changed:
     """Undo the last change of a single node, or with *everything* all; of this session, else as `undo`."""
     if session.node(node_id).history:
         return _own_put_back(session, node_id, everything=everything)
@@ -62,7 +63,7 @@ def undo_on(session: Session, node_id: int, *, everything: bool = False) -> Chan
     return put_remembered_back(session, remembered_of(session, node_id, everything=everything), everything=everything)
 
 
-def _one_by_one(session: Session, things: Iterable[T], put_back: Callable[[T], Changed]) -> Changed | ChangedNodes:
+def _one_by_one(session: SessionNodes, things: Iterable[T], put_back: Callable[[T], Changed]) -> Changed | ChangedNodes:
     """Undo *things* one after another; an error names the nodes undone before it.
 
     Raises Restarted if a node restarted while another was undone.
@@ -88,7 +89,7 @@ def _one_by_one(session: Session, things: Iterable[T], put_back: Callable[[T], C
     return done[0] if len(done) == 1 else ChangedNodes(tuple(done))
 
 
-def _undoing(session: Session, node: Node) -> Undoing:
+def _undoing(session: SessionNodes, node: Node) -> Undoing:
     """Collect all changes of this session on *node* for an undo."""
     from dvtcli.operations.changes.undo_together import Undoing
 
@@ -102,7 +103,7 @@ def _undoing(session: Session, node: Node) -> Undoing:
     return Undoing(node, tuple(node.history), True, forget)
 
 
-def _own_put_back(session: Session, node_id: int, *, everything: bool) -> Changed:
+def _own_put_back(session: SessionNodes, node_id: int, *, everything: bool) -> Changed:
     started, node = time.monotonic(), session.node(node_id)
     before = node.history[:]
     applied = node.undo(everything=everything, force=session.options.force)
@@ -113,7 +114,7 @@ def _own_put_back(session: Session, node_id: int, *, everything: bool) -> Change
     return changed(session, node, applied, seconds, undone=True, lines=[] if forgotten else None)
 
 
-def _forgotten(session: Session, node_id: int, undone: list[Plan]) -> bool:
+def _forgotten(session: SessionNodes, node_id: int, undone: list[Plan]) -> bool:
     """Drop *undone* from what `save` writes if nothing came after it; returns whether it did.
 
     After a store or an NMT command the undo is saved as a change of its own.

@@ -27,8 +27,9 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.plan import Plan
     from dvtcli.operations.changes.undo_together import Undoing
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.user.keeping import Keeping
+    from dvtcli.operations.user.session_user import SessionUser
 
 RULES = (Rule("newer-change", WARNING, "`undo` of one node: another one of the bus was changed later", "ours"),)
 
@@ -44,7 +45,7 @@ class RememberedDevice:
     findings: tuple[Finding, ...] = ()
 
 
-def remembered(session: Session, *, everything: bool) -> list[RememberedDevice]:
+def remembered(session: SessionNodes, *, everything: bool) -> list[RememberedDevice]:
     """Find remembered changes of earlier processes to undo, latest device first.
 
     Covers the selected node and the changes made from it, or all nodes on the bus if none is selected; *everything*
@@ -63,7 +64,7 @@ def remembered(session: Session, *, everything: bool) -> list[RememberedDevice]:
     return [replace(chain, findings=newer) for chain in chains]
 
 
-def remembered_of(session: Session, node_id: int, *, everything: bool) -> RememberedDevice:
+def remembered_of(session: SessionNodes, node_id: int, *, everything: bool) -> RememberedDevice:
     """Find remembered changes of earlier processes on a node; raises UsageError if there is none."""
     keeping = session.open_network().keeping
     if keeping is None:
@@ -92,7 +93,7 @@ def _nothing_kept(node_id: int) -> UsageError:
     return UsageError("nothing to undo: this session changed nothing on the node", node=node_id)
 
 
-def put_remembered_back(session: Session, chain: RememberedDevice, *, everything: bool) -> Changed:
+def put_remembered_back(session: SessionNodes, chain: RememberedDevice, *, everything: bool) -> Changed:
     """Undo the last change of *chain*, or *everything*; raises SafetyRefusal if the device has other values."""
     from dvtcli.device.change.way_back import TakeBack
 
@@ -105,7 +106,7 @@ def put_remembered_back(session: Session, chain: RememberedDevice, *, everything
     return changed(session, node, applied, time.monotonic() - started, undone=True)
 
 
-def _tell_of_others(session: Session, chain: RememberedDevice) -> None:
+def _tell_of_others(session: SessionNodes, chain: RememberedDevice) -> None:
     """Report the chosen nodes that keep their changes: a single change is on a single node."""
     tops = chain.keeper.past.tops(session.selected_id())
     others = sorted({entry.plan.node_id for entry in tops} - {chain.node.node_id})
@@ -115,7 +116,7 @@ def _tell_of_others(session: Session, chain: RememberedDevice) -> None:
         session.tell.note(Hint(Action.UNDO, {"all": True}, why))
 
 
-def undoing(session: Session, chain: RememberedDevice) -> Undoing:
+def undoing(session: SessionUser, chain: RememberedDevice) -> Undoing:
     """Collect all changes of *chain*, to undo together with other nodes."""
     from dvtcli.device.change.way_back import unbroken
     from dvtcli.operations.changes.undo_together import Undoing
@@ -131,7 +132,7 @@ def _plans(chain: RememberedDevice) -> list[Plan]:
     return [replace(entry.plan, node_id=chain.node.node_id) for entry in chain.entries]
 
 
-def _forget(session: Session, chain: RememberedDevice, applied: Applied, count: int) -> None:
+def _forget(session: SessionUser, chain: RememberedDevice, applied: Applied, count: int) -> None:
     """Drop the newest *count* entries of *chain*, undone by *applied*."""
     undone = chain.entries[-count:]
     session.tell.note(_undone_text(undone, chain.node.node_id, gone=count > 1 and not len(applied.plan)))
@@ -139,7 +140,9 @@ def _forget(session: Session, chain: RememberedDevice, applied: Applied, count: 
         chain.keeper.past.forget(undone, applied.plan)
 
 
-def _chains(session: Session, keeping: Keeping, selected: int | None, *, only_newest: bool) -> list[RememberedDevice]:
+def _chains(
+    session: SessionNodes, keeping: Keeping, selected: int | None, *, only_newest: bool
+) -> list[RememberedDevice]:
     """Find the chosen changes, the latest device first."""
     found: list[RememberedDevice] = []
     ids = dict.fromkeys(entry.plan.node_id for entry in keeping.past().tops(selected))
@@ -152,7 +155,7 @@ def _chains(session: Session, keeping: Keeping, selected: int | None, *, only_ne
     return found
 
 
-def _chain(session: Session, node_id: int, selected: int | None) -> RememberedDevice | None:
+def _chain(session: SessionNodes, node_id: int, selected: int | None) -> RememberedDevice | None:
     """Find the chosen changes of the device at *node_id*; None if there is none."""
     keeper = session.open_network().node(node_id).keeper
     assert keeper is not None  # noqa: S101 - its changes are kept
@@ -170,7 +173,7 @@ def _chain(session: Session, node_id: int, selected: int | None) -> RememberedDe
     return RememberedDevice(node, keeper, entries) if entries else None
 
 
-def _moved(session: Session, keeper: ChangeGuard, identity: Identity) -> list[ChangeHistoryEntry]:
+def _moved(session: SessionNodes, keeper: ChangeGuard, identity: Identity) -> list[ChangeHistoryEntry]:
     """List the device's changes under another node-ID, unless a device with this *identity* answers there."""
     entry = keeper.past.moved(keeper.node_id, identity)
     if entry is None:

@@ -25,11 +25,12 @@ from dvtcli.operations.results import Changed
 
 if TYPE_CHECKING:
     from dvtcli.device.change.change_guard import ChangeGuard
-    from dvtcli.device.node import Node
-    from dvtcli.operations.session.session import Rehearse, Session
+    from dvtcli.device.node_parts import ReadableNode
+    from dvtcli.operations.session.session import Rehearse
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
-def undo_to_backup(session: Session, rehearse: Rehearse, when: str | None = None) -> Changed:
+def undo_to_backup(session: SessionNodes, rehearse: Rehearse, when: str | None = None) -> Changed:
     """Set the node's PDOs to an automatic backup in one transaction: the newest, or the backup of *when*.
 
     *rehearse* evaluates the backup, which is a script. Raises UsageError with the available backups if none fits.
@@ -57,7 +58,7 @@ def undo_to_backup(session: Session, rehearse: Rehearse, when: str | None = None
     return changed(session, node, applied, time.monotonic() - started, undone=True)
 
 
-def _keeper(session: Session) -> ChangeGuard:
+def _keeper(session: SessionNodes) -> ChangeGuard:
     """Return the guard of the selected node's files, or of the node last changed on this bus."""
     network = session.open_network()
     node_id = session.selected_id()
@@ -81,7 +82,7 @@ def _keeper(session: Session) -> ChangeGuard:
     return keeper
 
 
-def _unlike_backup(node: Node, said: Iterable[str]) -> Iterator[Finding]:
+def _unlike_backup(node: ReadableNode, said: Iterable[str]) -> Iterator[Finding]:
     """Report differing PDOs that a backup cannot restore (*said*: remarks of the backup)."""
     for remark in said:
         pdo = Pdo.parse(remark.split()[0])
@@ -90,7 +91,7 @@ def _unlike_backup(node: Node, said: Iterable[str]) -> Iterator[Finding]:
             yield warning("way-back", f"0x{pdo.communication_index:04X}:01", text)
 
 
-def _backup_file(keeper: ChangeGuard, node: Node, when: str | None, *, force: bool) -> str:
+def _backup_file(keeper: ChangeGuard, node: ReadableNode, when: str | None, *, force: bool) -> str:
     """Find the newest backup of the device, or of those made at *when*; UsageError lists the backups.
 
     Raises SafetyRefusal if the backups of its node-ID are of another device of its kind, unless *force* accepts them.

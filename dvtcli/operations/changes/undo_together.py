@@ -24,6 +24,7 @@ from dvtcli.operations.changes.final_verify import AlsoClaimed, NoOtherClaims, r
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.rules import Finding
     from dvtcli.operations.results import Changed
     from dvtcli.operations.session.session import Session
@@ -110,11 +111,11 @@ def _as_before(back: WayBack) -> tuple[Change, ...]:
     return tuple(_to_the_same(change) for change in changes if change.label not in written and _is_put_back(change))
 
 
-def _read_pdos(node: Node) -> None:
+def _read_pdos(node: ReadableNode) -> None:
     node.known_pdos()
 
 
-def _beside(node: Node, plan: Plan) -> tuple[Change, ...]:
+def _beside(node: ReadableNode, plan: Plan) -> tuple[Change, ...]:
     """List the PDOs of *node* outside *plan*: the undo may have side effects on them."""
     present = present_beside(node, plan)
     return as_they_are({pdo: config for pdo, config in node.last_read.items() if pdo in present})

@@ -12,11 +12,11 @@ from dvtcli.errors import InputFileError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from dvtcli.device.node import Node
-    from dvtcli.operations.session.session import Session
+    from dvtcli.device.node_parts import NodeDescription
+    from dvtcli.operations.user.session_user import SessionUser
 
 
-def consent_to_concise(session: Session, node: Node, sub_index: int, data: bytes) -> None:
+def consent_to_concise(session: SessionUser, node: NodeDescription, sub_index: int, data: bytes) -> None:
     """Ask before *data* becomes the manager *node*'s download to the node *sub_index*.
 
     Raises InputFileError as `concise_doubt`.
@@ -25,7 +25,7 @@ def consent_to_concise(session: Session, node: Node, sub_index: int, data: bytes
     session.consent(f"{doubt}; write it?", node.node_id)
 
 
-def concise_doubt(node: Node, sub_index: int, data: bytes, *, force: bool) -> str:
+def concise_doubt(node: NodeDescription, sub_index: int, data: bytes, *, force: bool) -> str:
     """Warn about *data* as the manager *node*'s download to the node *sub_index*.
 
     Raises InputFileError if *data* is no valid concise DCF, unless forced: the node would get a part of it.
@@ -47,7 +47,7 @@ def concise_doubt(node: Node, sub_index: int, data: bytes, *, force: bool) -> st
     return f"node {node.node_id} ({node.title}) is to download {count} to node {sub_index} whenever that boots"
 
 
-def concise_doubts(node: Node, downloads: Mapping[int, bytes], *, force: bool) -> str:
+def concise_doubts(node: NodeDescription, downloads: Mapping[int, bytes], *, force: bool) -> str:
     """Warn about *downloads*, by node-ID, in a single question; empty if there is no doubt."""
     doubts = [concise_doubt(node, node_id, data, force=force) for node_id, data in downloads.items()]
     if len(doubts) < 2:

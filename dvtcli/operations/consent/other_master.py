@@ -9,7 +9,7 @@ from dvtcli.errors import SafetyRefusal
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 #: How long the bus is listened to before several nodes are written to, in seconds.
 LISTEN_S = 2.0
@@ -17,7 +17,7 @@ _NMT, _LSS_MASTER = 0x000, 0x7E5
 _SDO_REQUESTS = range(0x601, 0x680)
 
 
-def refuse_other_master(session: Session) -> None:
+def refuse_other_master(session: SessionNodes) -> None:
     """Record the bus for `LISTEN_S`; raises SafetyRefusal for a foreign request, unless forced.
 
     Skipped if nobody else can be there: nodes of this process, twins, an interface without frames.

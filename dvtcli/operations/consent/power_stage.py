@@ -13,7 +13,7 @@ from dvtcli.errors import SafetyRefusal, SdoAborted
 
 if TYPE_CHECKING:
     from dvtcli.domain.rules.finding import Finding
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 #: states of CiA 402-2, 8.4.2 with a supplied power stage
 _ON = frozenset({"switched on", "operation enabled", "quick stop active", "fault reaction active"})
@@ -27,7 +27,7 @@ RULES = (
 _CONTROLWORD = -1
 
 
-def refuse_powered(session: Session, node_ids: Iterable[int]) -> None:
+def refuse_powered(session: SessionNodes, node_ids: Iterable[int]) -> None:
     """Raises SafetyRefusal if a statusword (0x6041, 0x6841, …) of *node_ids* shows an enabled power stage."""
     for node_id in node_ids:
         for index, _, state in _powered(session, node_id):
@@ -38,7 +38,7 @@ def refuse_powered(session: Session, node_ids: Iterable[int]) -> None:
             raise SafetyRefusal(f"the power stage of node {node_id} is {state}", node=node_id, hint=off)
 
 
-def powered_findings(session: Session, node_id: int) -> tuple[Finding, ...]:
+def powered_findings(session: SessionNodes, node_id: int) -> tuple[Finding, ...]:
     """Report, when planning, each axis whose power stage would make `refuse_powered` refuse."""
     return tuple(
         warning("power-stage-on", place, f"the power stage is {state}: apply refuses to write until it is off")
@@ -46,7 +46,7 @@ def powered_findings(session: Session, node_id: int) -> tuple[Finding, ...]:
     )
 
 
-def _powered(session: Session, node_id: int) -> Iterator[tuple[int, str, str]]:
+def _powered(session: SessionNodes, node_id: int) -> Iterator[tuple[int, str, str]]:
     """Yield statuswords with an enabled power stage: index, place, meaning."""
     for index, sub_index in STATUSWORDS:
         try:

@@ -9,10 +9,10 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import SafetyRefusal
 
 if TYPE_CHECKING:
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
-def consent_to_reset(session: Session, node_ids: Collection[int]) -> None:
+def consent_to_reset(session: SessionNodes, node_ids: Collection[int]) -> None:
     """Ask before a reset of *node_ids* if a node may be an enabled drive; raises SafetyRefusal on no.
 
     A simulated drive boots as in its EDS, perhaps enabled: it counts only after a command of this session.
@@ -23,7 +23,7 @@ def consent_to_reset(session: Session, node_ids: Collection[int]) -> None:
         session.consent(f"node {node_id} {why}: its reset lets a motor go; reset?", node_id)
 
 
-def refuse_reset(session: Session, node_ids: Collection[int]) -> None:
+def refuse_reset(session: SessionNodes, node_ids: Collection[int]) -> None:
     """Raises SafetyRefusal if one of *node_ids* may be an enabled drive, even under --yes."""
     for node_id, why in _may_move(session, node_ids).items():
         raise SafetyRefusal(
@@ -35,7 +35,7 @@ def refuse_reset(session: Session, node_ids: Collection[int]) -> None:
         )
 
 
-def _may_move(session: Session, node_ids: Collection[int]) -> dict[int, str]:
+def _may_move(session: SessionNodes, node_ids: Collection[int]) -> dict[int, str]:
     """Map those of *node_ids* that may be enabled drives to the reason."""
     from dvtcli.device.seen_state import why_it_may_move
 
@@ -45,13 +45,13 @@ def _may_move(session: Session, node_ids: Collection[int]) -> dict[int, str]:
     return {node_id: why for node_id, why in said.items() if why}
 
 
-def consent_to_reset_unheard(session: Session) -> None:
+def consent_to_reset_unheard(session: SessionNodes) -> None:
     """Ask before a reset of all nodes if none is known: whether a drive moves is unknown."""
     if not session.bus.simulated:
         session.consent("no node is heard, a drive whose operation is enabled may be there all the same; reset all?")
 
 
-def commanded(session: Session, node_id: int) -> bool:
+def commanded(session: SessionNodes, node_id: int) -> bool:
     """Tell whether this session wrote a controlword of the node."""
     from dvtcli.device.seen_state import CONTROLWORDS
 

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from dvtcli.files.eds.reader import EdsFile
     from dvtcli.files.xdd.xdd_reader import XddFile
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.user.session_user import SessionUser
 
 
 class DbcFormat(ConversionFormat):
@@ -78,7 +79,7 @@ _OF_EVERY_FILE = (("FileRevision", "0"), ("FileRevision", "0x0"), ("EDSVersion",
 _BESIDE = ("value_relative", "default_relative", "low_relative", "high_relative")
 
 
-def convert_device_file(session: Session, file: str, target: str) -> Facts:
+def convert_device_file(session: SessionUser, file: str, target: str) -> Facts:
     """Convert the device file *file* to the format of *target*'s suffix, and list what is lost.
 
     An EDS or XDD has no values of a node. Asks before overwriting. Raises UsageError if *target* has another suffix, or

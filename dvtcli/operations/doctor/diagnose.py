@@ -18,7 +18,8 @@ from dvtcli.operations.user.options import Options
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
 
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ def library_check() -> Check:
     return Check("EDS files", "ok", f"{count} in {folder()}{': eds list shows them' if count else ''}")
 
 
-def state_checks(session: Session) -> Iterator[Check]:
+def state_checks(session: SessionUser) -> Iterator[Check]:
     """Check that backups and journals can be written, and that no journal waits."""
     from dvtcli.device.trust import OTHER_STATE, private_folder, unusable
     from dvtcli.operations.user.keeping import state_folder
@@ -142,7 +143,7 @@ LISTEN_S = 1.0
 _WORST = "is the bit rate right, the other end powered, and is there a terminator (120 ohm) at each end of the line?"
 
 
-def bus_checks(session: Session) -> Iterator[Check]:
+def bus_checks(session: SessionNodes) -> Iterator[Check]:
     """Check that the bus opens, its traffic, and the selected node."""
     from dvtcli.bus.python_can_settings import is_configured
 
@@ -167,7 +168,7 @@ def bus_checks(session: Session) -> Iterator[Check]:
         yield failed("bus", error)
 
 
-def _heard(session: Session) -> Iterator[Check]:
+def _heard(session: SessionNodes) -> Iterator[Check]:
     """Report the traffic of a second."""
     bus, frames = session.wire, 0
 
@@ -196,7 +197,7 @@ def _heard(session: Session) -> Iterator[Check]:
     yield Check("heartbeats", "ok", f"heard of node {', '.join(map(str, nodes))}" if nodes else "none was heard")
 
 
-def _node(session: Session) -> Iterator[Check]:
+def _node(session: SessionNodes) -> Iterator[Check]:
     """Report whether the selected node answers, and its files."""
     try:
         node_id = session.node_id()
@@ -222,7 +223,7 @@ def _node(session: Session) -> Iterator[Check]:
     yield Check("node", "ok", f'node {node_id} "{node.title}" answers; {node.dictionary.source}')
 
 
-def checks(session: Session) -> Iterator[Check]:
+def checks(session: SessionNodes) -> Iterator[Check]:
     """Run every check, prerequisites first."""
     yield _python()
     yield _packages()
@@ -261,7 +262,7 @@ def _packages() -> Check:
     return Check("packages", "ok", shown)
 
 
-def _settings(session: Session) -> Check:
+def _settings(session: SessionUser) -> Check:
     """Report the settings in force and their sources."""
     try:
         session.require_settings()
@@ -307,7 +308,7 @@ def _library_settings(options: dict[str, object]) -> Iterator[tuple[str, object,
 _OVER_A_LINE = frozenset({"socketcand", "udp_multicast", "virtual"})
 
 
-def _interfaces(session: Session) -> Iterator[Check]:
+def _interfaces(session: SessionUser) -> Iterator[Check]:
     from dvtcli.bus.discover import find_interfaces
 
     others = list(_transports())

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from dvtcli.domain.object_dictionary import ObjectDictionary
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.user.session_user import SessionUser
 
 
 #: More than any collection of device files has, and looked through in a second.
@@ -111,7 +111,7 @@ def _is_file_in(where: str, name: str) -> bool:
 Identity = tuple[int, int, int]
 
 
-def add_files(session: Session, words: tuple[str, ...], identity: Mapping[str, int] | None = None) -> LibraryAdded:
+def add_files(session: SessionUser, words: tuple[str, ...], identity: Mapping[str, int] | None = None) -> LibraryAdded:
     """Add the files of *words* (files, folders, families) to the library under their identity.
 
     *identity* (`vendor`, `product`, `revision`) replaces the identity of a single file. A single file that cannot be

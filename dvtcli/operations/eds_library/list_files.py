@@ -19,17 +19,17 @@ from dvtcli.operations.results.library_files import LibraryListing, LibraryRow
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.user.session_user import SessionUser
 
 _IDENTITY = re.compile(r"[0-9A-F]{8}-[0-9A-F]{8}(-[0-9A-F]{8})?", re.IGNORECASE)
 
 
-def list_files(session: Session) -> LibraryListing:
+def list_files(session: SessionUser) -> LibraryListing:
     """List the library by vendor, product and revision; unreadable files have an error in their row."""
     return _listing(session)
 
 
-def remove_files(session: Session, words: tuple[str, ...]) -> LibraryListing:
+def remove_files(session: SessionUser, words: tuple[str, ...]) -> LibraryListing:
     """Remove the files *words*, by number, name or identity, and list the rest. Asks.
 
     Raises UsageError for an unknown or ambiguous word, or if a file cannot be removed.
@@ -43,7 +43,7 @@ def remove_files(session: Session, words: tuple[str, ...]) -> LibraryListing:
     return _listing(session, removed=labels)
 
 
-def prefer_file(session: Session, word: str) -> LibraryListing:
+def prefer_file(session: SessionUser, word: str) -> LibraryListing:
     """Prefer the file *word* to others of its identity, without a warning, until another is added.
 
     Raises UsageError for an unknown or ambiguous word, or if it cannot be noted.
@@ -105,7 +105,7 @@ def _remove(one: StoredFile) -> None:
         raise UsageError(f"{one.path}: {failed.strerror or failed}", place=str(one.path)) from failed
 
 
-def _listing(session: Session, removed: tuple[str, ...] = (), preferred: str = "") -> LibraryListing:
+def _listing(session: SessionUser, removed: tuple[str, ...] = (), preferred: str = "") -> LibraryListing:
     files = stored_files()
     taken = taken_of(files)
     rows = []

@@ -30,7 +30,8 @@ if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import OdEntry
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.scaling import Scaling
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
 
 
 _WHOLE = (Kind.BOOLEAN, Kind.INTEGER, Kind.UNSIGNED)
@@ -313,7 +314,7 @@ def _cycle_ms(held: _Held, state: NetworkState) -> int:
     return 0
 
 
-def export_dbc(session: Session, file: str, wishes: DbcOptions = PLAIN) -> Facts:
+def export_dbc(session: SessionNodes, file: str, wishes: DbcOptions = PLAIN) -> Facts:
     """Export the enabled PDOs of answering nodes (or `-n`) to the DBC *file*.
 
     Asks before overwriting. Raises NoAnswer if no node answers; UsageError if the file cannot be written.
@@ -332,7 +333,7 @@ def export_dbc(session: Session, file: str, wishes: DbcOptions = PLAIN) -> Facts
     return _write(session, file, None, state, {}, wishes)
 
 
-def convert_to_dbc(session: Session, source: str, file: str, wishes: DbcOptions = PLAIN) -> Facts:
+def convert_to_dbc(session: SessionUser, source: str, file: str, wishes: DbcOptions = PLAIN) -> Facts:
     """Convert the PDOs of the network file *source*, as applied, to the DBC *file*.
 
     Asks before overwriting. Raises as reading a network file; UsageError if the DBC file cannot be written.
@@ -349,7 +350,7 @@ def convert_to_dbc(session: Session, source: str, file: str, wishes: DbcOptions 
     return _write(session, file, source, state, rules_by_node(wish.nodes), wishes)
 
 
-def _tell_guessed(session: Session, source: str, node: NodeState, *, everything: bool) -> None:
+def _tell_guessed(session: SessionUser, source: str, node: NodeState, *, everything: bool) -> None:
     """Report PDOs with a message whose mapping is not in *source*."""
     pdos = [pdo for pdo in node.guessed if node.pdos[pdo].enabled or everything]
     if pdos:
@@ -358,7 +359,7 @@ def _tell_guessed(session: Session, source: str, node: NodeState, *, everything:
         session.tell.warning(f"{source} does not say what {names}: by {whose}, which the node need not hold")
 
 
-def recording_to_dbc(session: Session, source: str, file: str, wishes: DbcOptions = PLAIN) -> Facts:
+def recording_to_dbc(session: SessionUser, source: str, file: str, wishes: DbcOptions = PLAIN) -> Facts:
     """Convert the PDOs known from SDO transfers in the recording *source* to the DBC *file*.
 
     Asks before overwriting. Raises as `recorded_network`; UsageError if the DBC file cannot be written.
@@ -371,7 +372,7 @@ def recording_to_dbc(session: Session, source: str, file: str, wishes: DbcOption
 
 
 def _write(
-    session: Session,
+    session: SessionUser,
     file: str,
     source: str | None,
     state: NetworkState,

@@ -22,12 +22,12 @@ from dvtcli.operations.session.save_script import ask_before_overwriting, make_f
 from dvtcli.simulator.network.family_file import family_of
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.domain.pdo import Pdo, PdoConfig
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
-def exported_node(session: Session, node: Node, held: Mapping[Pdo, PdoConfig], path: Path) -> Exported:
+def exported_node(session: SessionNodes, node: ReadableNode, held: Mapping[Pdo, PdoConfig], path: Path) -> Exported:
     """Export *node* with the PDOs *held* to the network file *path*.
 
     The file always names the EDS: its identity may lead to another file later, when one is added to the library.
@@ -36,7 +36,7 @@ def exported_node(session: Session, node: Node, held: Mapping[Pdo, PdoConfig], p
     return replace(found, wish=replace(found.wish, dcf=_dcf(session, node, path), profile=session.options.profile))
 
 
-def _dcf(session: Session, node: Node, path: Path) -> FileWord | None:
+def _dcf(session: SessionNodes, node: NodeDescription, path: Path) -> FileWord | None:
     """Return the path, for *path*, of the EDS of *node*; None if it has none."""
     if session.options.eds is not None:
         return eds_word(file_or_family(session.options.eds), path)
@@ -63,7 +63,7 @@ def beside(eds: Path, path: Path) -> FileWord:
 SUFFIXES = (".yaml", ".yml")
 
 
-def export_node(session: Session, file: str, node_id: int | None = None) -> Facts:
+def export_node(session: SessionNodes, file: str, node_id: int | None = None) -> Facts:
     """Export every PDO of the node with *node_id* (None: the selected node) to the network file *file*.
 
     Asks before overwriting. Incomplete PDOs and MPDOs are left out and reported. Raises UsageError for another suffix,

@@ -43,11 +43,12 @@ from dvtcli.operations.session.save_script import ask_before_overwriting
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.profile import DeviceProfile
     from dvtcli.operations.results import Facts
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
 
 
 #: lengths (bytes) for which an object without type is unsigned: UNSIGNED8 to UNSIGNED64
@@ -264,7 +265,7 @@ class _Booted:
         return "" if self.dictionary is None else self.dictionary.info.product_name
 
 
-def import_manager(session: Session, file: str, manager: int) -> Facts:
+def import_manager(session: SessionNodes, file: str, manager: int) -> Facts:
     """Import what the manager *manager* downloads to its nodes, or those of `-n`, to the network file *file*.
 
     Reports what a file cannot have, and invalid concise DCFs. Asks before overwriting. Raises UsageError if *manager*
@@ -300,7 +301,9 @@ def _notes(wish: NodeWish, unsaid: tuple[str, ...]) -> Iterator[str]:
         yield f"node {wish.node_id}: `stamp: true` is for its 0x1020, and gives it another date and time"
 
 
-def _downloads(session: Session, node: Node, notes: list[str]) -> Iterator[tuple[int, tuple[ConciseEntry, ...]]]:
+def _downloads(
+    session: SessionUser, node: ReadableNode, notes: list[str]
+) -> Iterator[tuple[int, tuple[ConciseEntry, ...]]]:
     """Yield the downloads of *node* by node-ID; reports invalid and unreadable concise DCFs."""
     try:
         count = node.observed(partial(node.known_value, CONCISE_DCF, 0))
@@ -321,7 +324,7 @@ def _downloads(session: Session, node: Node, notes: list[str]) -> Iterator[tuple
             notes.append(f"node {node_id} is left out: 0x1F22:{node_id:02X} is no concise DCF: {wrong}")
 
 
-def _device(session: Session, manager: Node, node_id: int, path: Path, notes: list[str]) -> _Booted:
+def _device(session: SessionNodes, manager: ReadableNode, node_id: int, path: Path, notes: list[str]) -> _Booted:
     """Identify the node: as expected by *manager*, else by itself; with the EDS."""
     expected = _identity(manager, node_id)
     try:
@@ -341,7 +344,7 @@ def _parts(identity: WantedIdentity) -> tuple[int | None, ...]:
     return identity.vendor, identity.product
 
 
-def _identity(manager: Node, node_id: int) -> WantedIdentity:
+def _identity(manager: ReadableNode, node_id: int) -> WantedIdentity:
     numbers: list[int | None] = []
     for index in _EXPECTED:
         try:

@@ -35,13 +35,14 @@ from dvtcli.operations.wanted.unknown_bit_rate import tell_unknown_bit_rate
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.network.wanted_state import NodeWish
     from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
     from dvtcli.domain.pdo import PdoConfig
     from dvtcli.domain.ports import SdoReader
     from dvtcli.domain.profile import DeviceProfile
     from dvtcli.operations.results import Facts
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,7 +249,7 @@ def _described(folder: Path, notes: list[str]) -> list[_FileNode]:
     return sorted(found, key=lambda node: node.node_id)
 
 
-def import_network(session: Session, file: str, folder: str | None = None, manager: int | None = None) -> Facts:
+def import_network(session: SessionNodes, file: str, folder: str | None = None, manager: int | None = None) -> Facts:
     """Import answering nodes (scan or `-n`) and their links to the network file *file*.
 
     *folder*: its EDS and DCF files instead, without a bus; a DCF has its node-ID, others are numbered. A nodelist (CiA
@@ -283,7 +284,7 @@ def import_network(session: Session, file: str, folder: str | None = None, manag
     return write_found(session, path, file, title, found, notes)
 
 
-def _live(session: Session, path: Path, notes: list[str]) -> Iterator[FoundNode]:
+def _live(session: SessionNodes, path: Path, notes: list[str]) -> Iterator[FoundNode]:
     """Yield every answering node; reports nodes that are present but do not answer."""
     unnamed: list[str] = []
     ids = list(_ids(session, notes))
@@ -309,7 +310,7 @@ def _live(session: Session, path: Path, notes: list[str]) -> Iterator[FoundNode]
         notes.append(f"{who}: no EDS is known, objects are numbers; add one to the library, then import again")
 
 
-def _look_ahead(session: Session, ids: Sequence[int]) -> dict[int, DvtcliError]:
+def _look_ahead(session: SessionNodes, ids: Sequence[int]) -> dict[int, DvtcliError]:
     """Read *ids* ahead, in parallel if nothing else runs; returns the failures.
 
     Other read errors are raised later, at their use.
@@ -322,7 +323,7 @@ def _look_ahead(session: Session, ids: Sequence[int]) -> dict[int, DvtcliError]:
         except (NoAnswer, SdoProtocolError, SdoAborted) as failed:
             silent[node_id] = failed
 
-    def read(node: Node) -> None:
+    def read(node: ReadableNode) -> None:
         with suppress(DvtcliError):
             exported(node, node.pdos(), node.memory, all_of(node.dictionary))
 
@@ -331,11 +332,11 @@ def _look_ahead(session: Session, ids: Sequence[int]) -> dict[int, DvtcliError]:
     return silent
 
 
-def _memory(node: Node) -> SdoReader:
+def _memory(node: ReadableNode) -> SdoReader:
     return node.memory
 
 
-def _ids(session: Session, notes: list[str]) -> Iterator[int]:
+def _ids(session: SessionNodes, notes: list[str]) -> Iterator[int]:
     if session.base.nodes:
         yield from session.base.nodes
         return

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.pdo import PdoConfig
     from dvtcli.domain.ports import Frame
     from dvtcli.domain.profile import DeviceProfile
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.user.session_user import SessionUser
     from dvtcli.watch.heard_objects import HeardValues
 
 _HINT = Hint(
@@ -40,7 +40,7 @@ _COB_ID = 1
 _Drawn = tuple[Identifier, "tuple[PdoMappingEntry, ...]"]
 
 
-def recorded_network(session: Session, path: Path, *, throughout: bool = False) -> tuple[NetworkState, list[str]]:
+def recorded_network(session: SessionUser, path: Path, *, throughout: bool = False) -> tuple[NetworkState, list[str]]:
     """Return the nodes of the recording at *path* with known PDOs, or those of `-n`; and what is missing.
 
     The last value counts; a boot-up returns to stored values. *throughout* leaves out, with a warning, PDOs whose CAN-
@@ -70,7 +70,7 @@ def recorded_network(session: Session, path: Path, *, throughout: bool = False) 
     return NetworkState(tuple(nodes)), missing
 
 
-def _tell_changed(session: Session, followed: _Followed, *, throughout: bool) -> None:
+def _tell_changed(session: SessionUser, followed: _Followed, *, throughout: bool) -> None:
     """Warn of PDOs changed during the recording, of all nodes or those of `-n`."""
     wanted = session.base.nodes
     counts = "what its frames carry depends on when: they stay bytes" if throughout else "its last setting counts"
@@ -183,7 +183,7 @@ def _whole_pdos(node_id: int, followed: _Followed, missing: list[str]) -> dict[P
     return whole
 
 
-def _node_state(session: Session, values: HeardValues, pdos: dict[Pdo, PdoConfig]) -> NodeState:
+def _node_state(session: SessionUser, values: HeardValues, pdos: dict[Pdo, PdoConfig]) -> NodeState:
     from dvtcli.operations.plans.network_states import timing_numbers
 
     dictionary = _dictionary(session, values)
@@ -203,7 +203,7 @@ def _node_state(session: Session, values: HeardValues, pdos: dict[Pdo, PdoConfig
     return NodeState(values.node_id, "", pdos, numbers, dictionary, profile, title or profile.title)
 
 
-def _dictionary(session: Session, values: HeardValues) -> ObjectDictionary | None:
+def _dictionary(session: SessionUser, values: HeardValues) -> ObjectDictionary | None:
     """Return --eds if it may describe the node, else the file of its recorded identity (0x1018)."""
     from dvtcli.device.file_fits import unlike_file
     from dvtcli.operations.opening.device_files import found_file
@@ -221,7 +221,7 @@ def _dictionary(session: Session, values: HeardValues) -> ObjectDictionary | Non
     return None if found is None else read_dictionary(found.path)
 
 
-def _profile(session: Session, values: HeardValues, dictionary: ObjectDictionary | None) -> DeviceProfile:
+def _profile(session: SessionUser, values: HeardValues, dictionary: ObjectDictionary | None) -> DeviceProfile:
     from dvtcli.files.profile.library import load_profile, profile_for_identity, profile_of
 
     if session.base.profile:

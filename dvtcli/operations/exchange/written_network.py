@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.ports import SdoReader
     from dvtcli.operations.exchange.exported_pdos import Exported
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.user.session_user import SessionUser
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,9 @@ class FoundNode:
     values: SdoReader
 
 
-def write_found(session: Session, path: Path, file: str, title: str, found: list[FoundNode], notes: list[str]) -> Facts:
+def write_found(
+    session: SessionUser, path: Path, file: str, title: str, found: list[FoundNode], notes: list[str]
+) -> Facts:
     """Write the nodes *found* and their links to *path*, named *file* by the user, under *title*.
 
     The result has *notes* and the number of errors by `check`.

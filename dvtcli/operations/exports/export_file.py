@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +60,7 @@ class ExportFormat:
         raise NotImplementedError
 
 
-def export_nodelist(session: Session, file: str, *, twice: bool = False) -> Facts:
+def export_nodelist(session: SessionNodes, file: str, *, twice: bool = False) -> Facts:
     """Export the answering nodes (or `-n`) to the nodelist *file*, with a DCF each in its folder.
 
     A node without EDS is listed without a DCF, and reported. Asks before overwriting any file. *twice* reads each
@@ -99,7 +100,7 @@ def export_nodelist(session: Session, file: str, *, twice: bool = False) -> Fact
 
 
 def _listed(
-    session: Session, path: Path, node_id: int, notes: list[str], said: list[str], *, twice: bool
+    session: SessionNodes, path: Path, node_id: int, notes: list[str], said: list[str], *, twice: bool
 ) -> ListedNode:
     """List the node and write its DCF; omissions are in *notes*, the first also in *said*."""
     node = session.node(node_id)

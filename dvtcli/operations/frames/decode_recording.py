@@ -23,12 +23,13 @@ if TYPE_CHECKING:
     from dvtcli.files.values.value_rows import ParquetForm
     from dvtcli.operations.results import Facts, FrameSeen
     from dvtcli.operations.results.documents import Document
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
     from dvtcli.watch.decoder import Decoder
 
 
 def decode_recording(
-    session: Session,
+    session: SessionNodes,
     path: Path,
     nodes: tuple[int, ...] | None = None,
     dbc: str | None = None,
@@ -51,7 +52,7 @@ def decode_recording(
 
 
 def write_values(
-    session: Session,
+    session: SessionNodes,
     path: Path,
     target: TextIO | Path,
     nodes: tuple[int, ...] | None = None,
@@ -98,7 +99,7 @@ def write_values(
 
 
 def values_into_file(
-    session: Session,
+    session: SessionNodes,
     path: Path,
     target: Path,
     nodes: tuple[int, ...] | None = None,
@@ -120,7 +121,7 @@ def values_into_file(
     return Facts("decode", said, (f"{target}: {rows.frames} frames, {len(names)} signals",))
 
 
-def _seen(session: Session, path: Path, rows: SignalRows) -> Iterator[tuple[Frame, str]]:
+def _seen(session: SessionUser, path: Path, rows: SignalRows) -> Iterator[tuple[Frame, str]]:
     """Yield the frames of the recording at *path* with channels; reports frames that do not fit their layout."""
     misfits = Misfits(rows.decoder.layout, session.tell.warning)
     for recorded in read_recorded(path):
@@ -130,7 +131,7 @@ def _seen(session: Session, path: Path, rows: SignalRows) -> Iterator[tuple[Fram
 
 
 def _write_file(
-    session: Session,
+    session: SessionUser,
     rows: SignalRows,
     frames: Iterable[tuple[Frame, str]],
     target: Path,
@@ -173,7 +174,7 @@ def _seen_frames(frames: Iterable[Frame], reader: FrameReader, only: frozenset[s
 
 
 def _matching(
-    session: Session, path: Path, frames: Iterable[FrameSeen], decoder: Decoder, text: str
+    session: SessionNodes, path: Path, frames: Iterable[FrameSeen], decoder: Decoder, text: str
 ) -> Iterator[FrameSeen]:
     count = 0
     for seen in frames:

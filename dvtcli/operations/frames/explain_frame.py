@@ -19,7 +19,7 @@ from dvtcli.watch.layout_fit import doubts
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 _NETWORK = (".yaml", ".yml")
 HOW = "write it as 185#1027, as candump does, or as 0x185 10 27"
@@ -34,7 +34,7 @@ def parsed_frame(text: str) -> Frame:
 
 
 def explain_frame(
-    session: Session, text: str, nodes: tuple[int, ...] | None = None, file: str | None = None
+    session: SessionNodes, text: str, nodes: tuple[int, ...] | None = None, file: str | None = None
 ) -> FrameExplained:
     """Explain every bit of the frame in *text* by the mappings of *nodes*, or by *file*.
 
@@ -55,7 +55,7 @@ def explained(frame: Frame, reader: FrameReader) -> FrameExplained:
     return FrameExplained(frame, service.kind, service.label, service.node, parts, reader.read(frame))
 
 
-def described_nodes(session: Session, file: str | None = None) -> Callable[[int], KnownNode]:
+def described_nodes(session: SessionNodes, file: str | None = None) -> Callable[[int], KnownNode]:
     """Return what describes a node-ID: the node if met, else --eds, else the network file.
 
     Asks no node.

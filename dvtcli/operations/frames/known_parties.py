@@ -20,8 +20,8 @@ from dvtcli.watch.frame_effect import Parties
 from dvtcli.watch.service import Service
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
-    from dvtcli.operations.session.session import Session
+    from dvtcli.device.node_parts import ReadableNode
+    from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.watch.decoder import Address
 
 
@@ -35,7 +35,7 @@ _SDO_WORDS = {1: "SDO request", 2: "SDO answer"}
 _SERVER = 3
 
 
-def node_services(node: Node) -> Iterator[tuple[Address, Service]]:
+def node_services(node: ReadableNode) -> Iterator[tuple[Address, Service]]:
     """Yield each service of *node* by CAN-ID: SYNC, TIME, EMCY, SDO servers (0x1200…), SDO clients (0x1280…).
 
     Unreadable objects are left out.
@@ -56,7 +56,7 @@ def node_services(node: Node) -> Iterator[tuple[Address, Service]]:
             yield address, Service("sdo", word, server)
 
 
-def _sdo_channels(node: Node, indices: range) -> Iterator[tuple[int, dict[str, Address]]]:
+def _sdo_channels(node: ReadableNode, indices: range) -> Iterator[tuple[int, dict[str, Address]]]:
     """Yield the SDO channels in *indices* with their CAN-IDs, up to the first absent, and all in the EDS."""
     exists = True
     for index in indices:
@@ -66,7 +66,7 @@ def _sdo_channels(node: Node, indices: range) -> Iterator[tuple[int, dict[str, A
             yield index, {word: address for word, raw in said.items() if (address := _address(raw))}
 
 
-def _number(node: Node, index: int, sub_index: int, size: int = 4) -> int | None:
+def _number(node: ReadableNode, index: int, sub_index: int, size: int = 4) -> int | None:
     try:
         return read_number(node.sdo, index, sub_index, size)
     except (NoAnswer, SdoAborted, SdoProtocolError):
@@ -91,7 +91,7 @@ class KnownParties:
     """
 
     def __init__(
-        self, session: Session, nodes: Iterable[int] = (), file: str | None = None, *, on_bus: bool = True
+        self, session: SessionNodes, nodes: Iterable[int] = (), file: str | None = None, *, on_bus: bool = True
     ) -> None:
         self._session = session
         self._asked: set[int] = set()

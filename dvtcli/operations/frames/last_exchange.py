@@ -23,7 +23,8 @@ from dvtcli.files.user_folders import user_folder
 
 if TYPE_CHECKING:
     from dvtcli.operations.results.frames import Traced
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
 
 
 #: replaces the value of a passcode's frame
@@ -86,7 +87,7 @@ _SHOWN = 32
 _DOWNLOAD, _BLOCK_DOWNLOAD, _ABORT = 1, 6, 4
 
 
-def trace_last(session: Session, count: int | None = None) -> Traced:
+def trace_last(session: SessionNodes, count: int | None = None) -> Traced:
     """Explain the last *count* frames exchanged on the session's bus.
 
     None: 32, or all from the last write that a node refused or did not answer. Without an exchange, those of the last
@@ -125,7 +126,7 @@ def _count_of_refusal(exchanged: Sequence[tuple[Frame, bool, bool]]) -> int:
     return max(_SHOWN, len(exchanged) - last)
 
 
-def _of_a_failed_run(session: Session) -> list[tuple[Frame, bool, bool]]:
+def _of_a_failed_run(session: SessionUser) -> list[tuple[Frame, bool, bool]]:
     from dvtcli.domain.wall_clock import utc
 
     try:
@@ -148,7 +149,7 @@ def _of_a_failed_run(session: Session) -> list[tuple[Frame, bool, bool]]:
     return kept
 
 
-def exchange_text(session: Session) -> list[str]:
+def exchange_text(session: SessionNodes) -> list[str]:
     """Return the last exchange as text for a file, a line per frame; empty if there was none."""
     from dvtcli.domain.typed_frame import frame_text
     from dvtcli.domain.wall_clock import utc
@@ -159,7 +160,7 @@ def exchange_text(session: Session) -> list[str]:
     ]
 
 
-def _exchanged(session: Session) -> list[tuple[Frame, bool, bool]]:
+def _exchanged(session: SessionNodes) -> list[tuple[Frame, bool, bool]]:
     """Return the frames without passcodes, each with whether it is ours and whether its value was left out."""
     if not session.is_open:
         return []

@@ -13,12 +13,12 @@ from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.watch.decoder import Decoder, pdo_layouts
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.meanings import Rules
     from dvtcli.domain.network.network_state import NodeState
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.ports import CanopenBus
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.user.reporter import Reporter
     from dvtcli.watch.decoder import Address, Layout
 
@@ -86,7 +86,7 @@ _WITHOUT_EDS = Hint(Action.GIVE_EDS, why="its values have no names, and no sign:
 )
 
 
-def open_wire(session: Session) -> CanopenBus:
+def open_wire(session: SessionNodes) -> CanopenBus:
     """Open the bus to receive only, even under --dry-run; raises UsageError if it carries no frames."""
     bus = session.open_network().bus
     if not bus.carries_frames:
@@ -97,7 +97,7 @@ def open_wire(session: Session) -> CanopenBus:
     return bus
 
 
-def live_decoder(session: Session, nodes: tuple[int, ...], dbc: str | None = None) -> Decoder:
+def live_decoder(session: SessionNodes, nodes: tuple[int, ...], dbc: str | None = None) -> Decoder:
     """Return the decoder of *nodes*, else of selected, simulated and heard nodes; the DBC file goes first.
 
     Reports nodes without an answer; their frames stay bytes. Sends nothing but SDO uploads.
@@ -109,7 +109,7 @@ def live_decoder(session: Session, nodes: tuple[int, ...], dbc: str | None = Non
 
 
 def live_decoders(
-    session: Session, nodes: tuple[int, ...], dbc: str | None = None, *, named: bool = False
+    session: SessionNodes, nodes: tuple[int, ...], dbc: str | None = None, *, named: bool = False
 ) -> Iterator[tuple[int | None, Decoder]]:
     """Like `live_decoder`, node by node: the next node (None: finished), and the decoder so far.
 
@@ -135,13 +135,13 @@ def live_decoders(
     yield None, Decoder(known.layouts, names)
 
 
-def mapping_of(session: Session, node_id: int) -> str:
+def mapping_of(session: SessionNodes, node_id: int) -> str:
     """Say whose mapping is used: a simulated node is not the producer in a recording."""
     simulated = node_id in session.network.simulated_ids
     return f"the mapping of the simulated node {node_id}" if simulated else f"the mapping that node {node_id} holds now"
 
 
-def _name(node: Node) -> str:
+def _name(node: ReadableNode) -> str:
     """Name *node*: by its EDS, 0x1008, or its family."""
     from dvtcli.operations.nodes.find_nodes import device_name
 
@@ -149,7 +149,7 @@ def _name(node: Node) -> str:
     return named or node.profile.title
 
 
-def _present(session: Session) -> list[int]:
+def _present(session: SessionNodes) -> list[int]:
     """List nodes known without a scan: selected, simulated, or by heartbeat."""
     network = session.network
     found = {session.selected_id(), *network.simulated_ids, *network.nodes}

@@ -19,6 +19,7 @@ from dvtcli.watch.lateness import Lateness
 if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 #: how long is waited in one go (s): how long a Ctrl-C is not seen
 _TICK_S = 0.05
@@ -74,7 +75,7 @@ def _progress(sent: int, wanted: int) -> tuple[str, int, int]:
 class _Putting:
     """Frames being transmitted, and their outcome."""
 
-    def __init__(self, session: Session, *, always_share: bool) -> None:
+    def __init__(self, session: SessionNodes, *, always_share: bool) -> None:
         self.bus = session.open_network().bus
         self.sent, self.late = 0, Lateness()
         self.first_s = self.last_s = self.bus.now_s()

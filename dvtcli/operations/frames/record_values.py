@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.documents import Document
     from dvtcli.operations.results.files import Facts
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.user.session_user import SessionUser
     from dvtcli.watch.decoder import Decoder
 
 
@@ -83,7 +84,7 @@ def record_values(
     return recording.facts(path, rows.frames, seconds, parts.size, more)
 
 
-def _first_file(session: Session, path: Path, *, append: bool) -> Path:
+def _first_file(session: SessionUser, path: Path, *, append: bool) -> Path:
     """Return the first file after completing killed recordings: *path*, or a file after it.
 
     After it with *append*, and if *path* is a recording that was completed just now.

@@ -10,11 +10,14 @@ from dvtcli.errors import UsageError
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
     from dvtcli.watch.decoder import Decoder
 
 
-def decoder_for(session: Session, nodes: tuple[int, ...] | None, dbc: str | None, path: Path | None = None) -> Decoder:
+def decoder_for(
+    session: SessionNodes, nodes: tuple[int, ...] | None, dbc: str | None, path: Path | None = None
+) -> Decoder:
     """Return the decoder of a recording: --dbc, else the mapping in --eds, else of the nodes.
 
     Nodes are read only if named (-n, --nodes, --sim) or a bus is open; else the mappings in SDO transfers of the
@@ -40,7 +43,7 @@ def decoder_for(session: Session, nodes: tuple[int, ...] | None, dbc: str | None
     return Decoder() if path is None else _own_decoder(session, path)
 
 
-def _own_decoder(session: Session, path: Path) -> Decoder:
+def _own_decoder(session: SessionUser, path: Path) -> Decoder:
     """Return the decoder of mappings in SDO transfers of the recording at *path*; empty if none."""
     from dvtcli.domain.network.network_state import IDENTITY, IDENTITY_NAMES
     from dvtcli.domain.several import join_some

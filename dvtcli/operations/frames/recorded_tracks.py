@@ -17,14 +17,15 @@ from dvtcli.watch.tracks import fill, fill_rows, find_tracks
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
     from dvtcli.watch.decoder import Decoder
     from dvtcli.watch.table import Place
     from dvtcli.watch.tracks import Track
 
 
 def recorded_tracks(
-    session: Session,
+    session: SessionNodes,
     path: Path,
     signals: Sequence[str],
     nodes: tuple[int, ...] | None = None,
@@ -55,7 +56,7 @@ def recorded_tracks(
     return found, span_s
 
 
-def _fitting(session: Session, path: Path, tracks: Mapping[Place, Track], decoder: Decoder) -> Iterator[Frame]:
+def _fitting(session: SessionUser, path: Path, tracks: Mapping[Place, Track], decoder: Decoder) -> Iterator[Frame]:
     """Yield the frames of the recording at *path*; reports frames of *tracks* that do not fit their layout."""
     addresses = {address for address, _ in tracks}
     misfits = Misfits(decoder.layout, session.tell.warning)

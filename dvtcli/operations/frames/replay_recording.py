@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.ports import CanopenBus, Frame
     from dvtcli.files.recordings.recording_format import RecordedFrame
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.user.session_user import SessionUser
     from dvtcli.watch.decoder import Decoder
 
 #: maximum rows of the table before the question
@@ -255,7 +256,7 @@ def _rows(found: _Found, known: KnownParties) -> tuple[FramesToReplay, ...]:
     return tuple(rows)
 
 
-def _ask(session: Session, path: Path, choice: Choice, found: _Found, rows: Sequence[FramesToReplay]) -> None:
+def _ask(session: SessionUser, path: Path, choice: Choice, found: _Found, rows: Sequence[FramesToReplay]) -> None:
     """Show what would be sent, and ask if nodes act on it."""
     for row in rows[:_MOST_ROWS]:
         session.tell.note(row.text)

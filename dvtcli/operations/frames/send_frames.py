@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from dvtcli.domain.ports import CanopenBus, Frame
     from dvtcli.domain.sdo_frame import SdoValues
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
 
 #: default interval between rounds (s)
 EVERY_S = 0.1
@@ -88,7 +90,7 @@ def _require_carried(bus: CanopenBus, frames: Sequence[Frame]) -> None:
 
 
 def _looked_at(
-    session: Session, frames: Sequence[Frame], nodes: Sequence[int], file: str | None
+    session: SessionNodes, frames: Sequence[Frame], nodes: Sequence[int], file: str | None
 ) -> tuple[FrameToSend, ...]:
     """Explain each frame and its effect; unknown nodes are looked for before a frame counts as without effect."""
     known = KnownParties(session, nodes, file)
@@ -104,7 +106,7 @@ def _looked_at(
     return tuple(shown)
 
 
-def _followed(session: Session) -> SdoValues:
+def _followed(session: SessionNodes) -> SdoValues:
     """Follow open transfers, to find passcodes in the next frames: a transfer may have begun before."""
     secret = session.secrets.in_frames(unknown=True)
     for frame, _ in session.wire.exchanged():
@@ -112,7 +114,7 @@ def _followed(session: Session) -> SdoValues:
     return secret
 
 
-def _ask(session: Session, shown: Sequence[FrameToSend], rounds: int) -> None:
+def _ask(session: SessionUser, shown: Sequence[FrameToSend], rounds: int) -> None:
     said = [f"{frame_text(send.explained.frame)}: {send.effects}" for send in shown if send.effects]
     if said:
         often = "" if rounds == 1 else " until Ctrl-C" if rounds == _FOREVER else f" {rounds} times"

@@ -13,7 +13,8 @@ from dvtcli.files.values.value_rows import LONG, Origin, ParquetForm
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
     from dvtcli.watch.decoder import Decoder
 
 #: the largest file with a hash
@@ -37,7 +38,7 @@ DEFAULTS = ValuesOptions()
 
 
 def parquet_form(
-    session: Session,
+    session: SessionNodes,
     path: Path,
     decoder: Decoder,
     options: ValuesOptions,
@@ -74,7 +75,7 @@ def is_parquet(path: Path) -> bool:
     return path.suffix.lower() == ".parquet"
 
 
-def _of_bus(session: Session) -> dict[str, str]:
+def _of_bus(session: SessionNodes) -> dict[str, str]:
     from dvtcli.version import __version__
 
     facts = {"version": __version__}
@@ -87,7 +88,7 @@ def _of_bus(session: Session) -> dict[str, str]:
     return facts
 
 
-def _of_files(session: Session, dbc: str | None) -> dict[str, str]:
+def _of_files(session: SessionUser, dbc: str | None) -> dict[str, str]:
     """Return the file that describes the frames, and its SHA-256."""
     from hashlib import sha256
 
@@ -111,7 +112,7 @@ def _of_file(dbc: str | None) -> dict[int, Mapping[str, int | None]]:
     return {node.node_id: asdict(node.identity) for node in read_wish(dbc).nodes}
 
 
-def _of_node(session: Session, node_id: int) -> Mapping[str, int | None]:
+def _of_node(session: SessionNodes, node_id: int) -> Mapping[str, int | None]:
     from dvtcli.device.read_pdos import read_identity
     from dvtcli.domain.network.network_state import IDENTITY_NAMES
 

@@ -16,6 +16,7 @@ from dvtcli.operations.session.steady_listener import SteadyListener
 
 if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
 def watch_faults(
@@ -48,7 +49,7 @@ def _waits(now_s: Callable[[], float], duration_s: float | None) -> Iterator[flo
 class _Counter:
     """EMCY messages with meanings, counted by node and code."""
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: SessionNodes) -> None:
         network = session.network
         node_ids = {session.selected_id(), *network.simulated_ids, *network.nodes} - {None}
         self._words = {node_id: _words(session, node_id) for node_id in node_ids if node_id is not None}
@@ -67,7 +68,7 @@ class _Counter:
         return self.heard(HeardEmergency(count + 1, first_s, said))
 
 
-def _words(session: Session, node_id: int) -> ErrorWords:
+def _words(session: SessionNodes, node_id: int) -> ErrorWords:
     """Return the error codes of the node's family; the standard's, with a message, if it does not answer."""
     try:
         return ErrorWords(session.node(node_id))

@@ -13,7 +13,7 @@ from dvtcli.domain.nmt import UNCONFIGURED
 
 if TYPE_CHECKING:
     from dvtcli.operations.gateway.line_client import LineClient
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 #: LSS orders
 LSS = (
@@ -34,7 +34,7 @@ READ_ONLY = Failed(GatewayError.INTERNAL_STATE, "read-only: this gateway allows 
 class LssLines:
     """LSS orders of all clients: a bus has a single LSS master, so each order selects its slave again."""
 
-    def __init__(self, session: Session, *, allow_changes: bool) -> None:
+    def __init__(self, session: SessionNodes, *, allow_changes: bool) -> None:
         self._session = session
         self._allow_changes = allow_changes
 

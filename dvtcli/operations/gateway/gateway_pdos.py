@@ -18,7 +18,7 @@ from dvtcli.domain.rules.can_id import restricted_use
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 _LONGEST = 8
 
@@ -26,7 +26,7 @@ _LONGEST = 8
 class GatewayPdos:
     """The PDOs that all clients have set up on the bus."""
 
-    def __init__(self, session: Session, *, allow_changes: bool) -> None:
+    def __init__(self, session: SessionNodes, *, allow_changes: bool) -> None:
         self._session = session
         self._allow_changes = allow_changes
         self._rpdos: dict[int, SetPdo] = {}

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.gateway.line_client import LineClient
     from dvtcli.operations.nodes.command_nmt import BegunReset
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
 #: heartbeat orders
@@ -44,7 +45,7 @@ LATE_S = 0.05
 class HeartbeatWatches:
     """The heartbeat watches of all clients."""
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: SessionNodes) -> None:
         self._session = session
         self._watches: list[Watch] = []
         self._stop: Callable[[], None] | None = None

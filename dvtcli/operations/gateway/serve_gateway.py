@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.ports import NodeEvent
     from dvtcli.operations.results.bus_events import GatewayEvent
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.simulator.network.hub_client import Client
 
 #: default port of a gateway
@@ -172,7 +173,7 @@ class Gateway:
 
     def __init__(
         self,
-        session: Session,
+        session: SessionNodes,
         where: Sequence[Address],
         work: GatewayWork,
         dialect: Dialect,

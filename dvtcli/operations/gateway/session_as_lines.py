@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 
     from dvtcli.device.node import Node
     from dvtcli.domain.plan import Change
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
-def plan_as_lines(session: Session, plan: NetworkPlan, stores: Mapping[int, Sequence[str]] | None = None) -> str:
+def plan_as_lines(session: SessionNodes, plan: NetworkPlan, stores: Mapping[int, Sequence[str]] | None = None) -> str:
     """Return *plan* as gateway lines; *stores* by node-ID if a node has several.
 
     Asks as `apply` does for another device than in the file; raises SafetyRefusal if a power stage is enabled.
@@ -42,7 +42,7 @@ def plan_as_lines(session: Session, plan: NetworkPlan, stores: Mapping[int, Sequ
     return "\n".join([*plan_lines(plan, around), ""])
 
 
-def _around(session: Session, planned: NodePlan, stores: Sequence[str]) -> Around:
+def _around(session: SessionNodes, planned: NodePlan, stores: Sequence[str]) -> Around:
     node = session.node(planned.node_id)
     if not (len(planned.plan) or planned.stores):
         return Around()
@@ -57,7 +57,7 @@ SUFFIX = ".309"
 _UNSAID = ("login", "fpo", "restore")
 
 
-def save_lines(session: Session, file: str) -> Facts:
+def save_lines(session: SessionNodes, file: str) -> Facts:
     """Write the net changes of this session to *file* as CANopen gateway lines.
 
     Asks before overwriting. Raises UsageError if there are no changes, if gateway lines cannot express them, or if the

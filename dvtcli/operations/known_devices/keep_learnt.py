@@ -21,11 +21,12 @@ from dvtcli.operations.whole_device.read_whole_device import read_every_object
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.learning.probe_table import KnownAnswers
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.files.learnt_folder import Origin
     from dvtcli.files.sim_state import Values
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
 def profile_to_compare(name: str) -> object:
@@ -105,7 +106,7 @@ def refuse_name(name: str) -> None:
     refuse_foreign(name)
 
 
-def refuse_other(name: str, node: Node) -> None:
+def refuse_other(name: str, node: ReadableNode) -> None:
     """Raises SafetyRefusal if *name* was learnt from a device with another identity than *node*."""
     from dvtcli.files.learnt_folder import kept_profiles
 
@@ -127,7 +128,7 @@ def _identity_text(vendor: int, product: int) -> str:
     return f"vendor 0x{vendor:X} product 0x{product:X}" if vendor else "without an identity"
 
 
-def values_found(session: Session, node: Node) -> Values:
+def values_found(session: SessionNodes, node: Node) -> Values:
     """Return values of *node* that differ from its EDS: the initial values of a simulated device.
 
     Writes nothing. Empty without an EDS. Programs and other domains are left out.
@@ -146,8 +147,8 @@ def values_found(session: Session, node: Node) -> Values:
 
 
 def save_learnt(
-    session: Session,
-    node: Node,
+    session: SessionNodes,
+    node: ReadableNode,
     name: str,
     learnt: Conclusions,
     pdos: Mapping[Pdo, PdoConfig],
@@ -203,7 +204,7 @@ def _read_back(origin: Origin, learnt: Conclusions, eds: Path | str) -> None:
     must_describe(described.dictionary)
 
 
-def _take_up(session: Session) -> None:
+def _take_up(session: SessionNodes) -> None:
     """Give the met nodes their new profile."""
     from dvtcli.device.file_fits import as_file_says
 
@@ -212,7 +213,7 @@ def _take_up(session: Session) -> None:
 
 
 def _described(
-    node: Node, name: str, origin: Origin, pdos: Mapping[Pdo, PdoConfig], known: Sequence[KnownAnswers]
+    node: ReadableNode, name: str, origin: Origin, pdos: Mapping[Pdo, PdoConfig], known: Sequence[KnownAnswers]
 ) -> str:
     """Make an EDS from reads of *node*, which has none."""
     from dvtcli.device.learn.read_device import read_device
@@ -224,7 +225,7 @@ def _described(
     return eds_text(dictionary, f"{name}.eds", about, datetime.now(UTC))
 
 
-def _origin(session: Session, node: Node, name: str) -> Origin:
+def _origin(session: SessionNodes, node: ReadableNode, name: str) -> Origin:
     from dvtcli.files.learnt_folder import Origin
     from dvtcli.files.profile.toml import builtin_names
     from dvtcli.simulator.network.family_file import family_names

@@ -37,12 +37,14 @@ if TYPE_CHECKING:
     from dvtcli.device.learn.safely import Asked
     from dvtcli.device.learn.saving import SignatureAnswers
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.device.observe import InitialState
     from dvtcli.domain.learning.absence import Absence
     from dvtcli.domain.learning.probe import Probe, ProbeAnswer, ProbedPdo
     from dvtcli.domain.learning.storage import Storage
     from dvtcli.domain.pdo import Pdo, PdoConfig
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
 
 #: How long the bus is listened to for CAN-IDs in use, in seconds.
 LISTEN_S = 1.5
@@ -85,7 +87,7 @@ class _Prepared:
 
 
 def learn(
-    session: Session,
+    session: SessionNodes,
     node_id: int | None = None,
     *,
     save: str | None = None,
@@ -135,7 +137,7 @@ def _claimed(node: Node) -> InitialState:
     return found
 
 
-def _told(session: Session, prepared: _Prepared) -> Callable[[], None]:
+def _told(session: SessionUser, prepared: _Prepared) -> Callable[[], None]:
     """Return a callback that reports each write; the total depends on the answers."""
     count, node_id = itertools.count(1), prepared.node.node_id
 
@@ -145,13 +147,13 @@ def _told(session: Session, prepared: _Prepared) -> Callable[[], None]:
     return wrote
 
 
-def _looked(session: Session, node: Node) -> Callable[[int, int], None]:
+def _looked(session: SessionUser, node: NodeDescription) -> Callable[[int, int], None]:
     """Return a callback that reports the search for missing objects."""
     text = f"node {node.node_id}: which objects of its EDS are there"
     return lambda done, total: session.tell.progress(f"{text}, {done + 1} of {total}", done, total)
 
 
-def _heard(session: Session) -> frozenset[int]:
+def _heard(session: SessionNodes) -> frozenset[int]:
     """Return the CAN-IDs in use; if the bus carries no frames, they are unknown and no PDO is enabled."""
     if not session.bus.carries_frames:
         return frozenset(range(0x800))
@@ -159,7 +161,7 @@ def _heard(session: Session) -> frozenset[int]:
     return frozenset(frame.can_id for frame in session.bus.receive(LISTEN_S))
 
 
-def _prepared(session: Session, node: Node, *, isolated: bool, with_store: bool) -> _Prepared:
+def _prepared(session: SessionNodes, node: Node, *, isolated: bool, with_store: bool) -> _Prepared:
     """Prepare the tests of *node*, which is locked; raises DeviceRefused if there are none."""
     found = _claimed(node)
     pdos = node.pdos()
@@ -189,7 +191,7 @@ def _most_instead(subject: ProbedPdo, instead: Sequence[ProbedPdo], *, isolated:
     return [most_writes(other, forecast(other, isolated=isolated)) + most_until_refused(subject) for other in others]
 
 
-def _consent(session: Session, prepared: _Prepared) -> None:
+def _consent(session: SessionUser, prepared: _Prepared) -> None:
     """Ask, naming all acts on the node; raises SafetyRefusal if its values must not be stored."""
     node, isolated = prepared.node, prepared.isolated
     is_operational = prepared.found.state is NmtState.OPERATIONAL
@@ -237,7 +239,7 @@ def _answers(asked: Asked, storage: Storage) -> list[ProbeAnswer]:
     return [*about_pdos, *(asked.saved.answers or not_asked(storage, "only if a store is allowed"))]
 
 
-def _concluded(node: Node, asked: Asked, storage: Storage, lacking: Sequence[Absence]) -> Conclusions:
+def _concluded(node: ReadableNode, asked: Asked, storage: Storage, lacking: Sequence[Absence]) -> Conclusions:
     known = {known_pdo.subject.pdo.direction: known_pdo for known_pdo in asked.known}
     most = 0
     if node.dictionary is not None:

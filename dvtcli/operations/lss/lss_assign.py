@@ -21,11 +21,12 @@ from dvtcli.operations.wanted.network_wish import read_wish
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.wanted_state import NodeWish, WantedIdentity
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
 
 
 def to_store(
-    session: Session, master: LssMaster, settled: Sequence[NodeWish], there: Mapping[int, Identity | None]
+    session: SessionUser, master: LssMaster, settled: Sequence[NodeWish], there: Mapping[int, Identity | None]
 ) -> list[LssGiven]:
     """Return the *settled* nodes that LSS can store; warns of the others.
 
@@ -109,7 +110,7 @@ def _of(left: Sequence[LssGiven], step: LssGiven) -> LssGiven:
     return next(slave for slave in left if slave.address == step.address)
 
 
-def lss_assign(session: Session, file: str, *, stores: bool = False, prove: bool = False) -> LssChanged:
+def lss_assign(session: SessionNodes, file: str, *, stores: bool = False, prove: bool = False) -> LssChanged:
     """Set the node-IDs of the network *file* on nodes with another node-ID or none.
 
     Nodes are found by their identity in the file. Reports the plan and asks. Nodes with the right node-ID are left
@@ -144,7 +145,7 @@ def lss_assign(session: Session, file: str, *, stores: bool = False, prove: bool
     return LssChanged("assign", tuple(sorted(given, key=lambda slave: slave.node_id)), missing=missing)
 
 
-def _with_identity(session: Session, file: str, nodes: Sequence[NodeWish]) -> list[NodeWish]:
+def _with_identity(session: SessionUser, file: str, nodes: Sequence[NodeWish]) -> list[NodeWish]:
     """Return the *nodes* that LSS can find and report the others; raises UsageError if there are none."""
     wishes = [wish for wish in nodes if any(part is not None for part in astuple(wish.identity))]
     if not wishes:
@@ -237,7 +238,9 @@ def _confirm(master: LssMaster, given: Sequence[LssGiven]) -> None:
     master.let_wait()
 
 
-def _agree(session: Session, steps: Sequence[LssGiven], kept: Sequence[LssGiven], *, stores: bool, prove: bool) -> None:
+def _agree(
+    session: SessionNodes, steps: Sequence[LssGiven], kept: Sequence[LssGiven], *, stores: bool, prove: bool
+) -> None:
     """Report the plan and ask."""
     lines = [f"{step.name} gets node-ID {step.node_id} (now {told_id(step.before)})" for step in steps]
     lines += [f"{slave.name} stores node-ID {slave.node_id}, which it has" for slave in kept]
@@ -247,7 +250,7 @@ def _agree(session: Session, steps: Sequence[LssGiven], kept: Sequence[LssGiven]
     consent_to_give(session, steps, kept, store=stores, prove=prove)
 
 
-def _give_all(session: Session, master: LssMaster, steps: Sequence[LssGiven]) -> None:
+def _give_all(session: SessionNodes, master: LssMaster, steps: Sequence[LssGiven]) -> None:
     """Carry out *steps*; if a node does not come up, roll all back."""
     done: list[LssGiven] = []
     for number, step in enumerate(steps):

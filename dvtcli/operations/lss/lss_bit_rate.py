@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from dvtcli.domain.ports import CanopenBus, Frame
     from dvtcli.errors import State
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
 
 
 #: How long nodes and we take to switch, and how long all are silent after that (ms): CiA 305's switch delay.
@@ -260,7 +262,7 @@ def names(nodes: Sequence[LssGiven]) -> str:
 _OWN = (0x080, 0x580, 0x700)
 
 
-def all_on_bus(session: Session, master: LssMaster, file: str | None = None) -> list[LssGiven]:
+def all_on_bus(session: SessionNodes, master: LssMaster, file: str | None = None) -> list[LssGiven]:
     """Find every node on the bus, even without node-ID; with *file* exactly those of the network.
 
     Raises SafetyRefusal if another node is heard, a node of the file is missing, has an incomplete address, or is
@@ -307,7 +309,7 @@ def _refuse_others(file: str, there: Collection[int]) -> None:
         )
 
 
-def _refuse_running(session: Session, bus: CanopenBus, there: Collection[int]) -> None:
+def _refuse_running(session: SessionUser, bus: CanopenBus, there: Collection[int]) -> None:
     states = {node_id: bus.nmt_state(node_id) for node_id in there}
     running = [f"node {node_id}" for node_id, state in states.items() if state is NmtState.OPERATIONAL]
     unknown = [f"node {node_id}" for node_id, state in states.items() if state is None]
@@ -368,12 +370,12 @@ def confirmed(master: LssMaster, nodes: Sequence[LssGiven]) -> list[LssGiven]:
 _ALL = 0
 
 
-def refuse_resets(session: Session, nodes: Sequence[LssGiven]) -> None:
+def refuse_resets(session: SessionNodes, nodes: Sequence[LssGiven]) -> None:
     """Raises SafetyRefusal if a reset of *nodes* could release a drive's motor."""
     refuse_reset(session, [node.node_id for node in nodes if node.node_id != UNCONFIGURED])
 
 
-def prove_by_resets(session: Session, change: RateChange, stored: Sequence[LssGiven]) -> list[LssGiven]:
+def prove_by_resets(session: SessionNodes, change: RateChange, stored: Sequence[LssGiven]) -> list[LssGiven]:
     """Reset all nodes of the bus, and verify that those that *stored* return at the new bit rate.
 
     A node without node-ID sends no boot-up: it is found, but not proved. If a node returns at the old bit rate, all go
@@ -511,7 +513,7 @@ def _require_readable(file: str | None) -> None:
 
 
 def _agree(
-    session: Session, nodes: Sequence[LssGiven], before: int, bit_rate: int, *, stores: bool, prove: bool
+    session: SessionUser, nodes: Sequence[LssGiven], before: int, bit_rate: int, *, stores: bool, prove: bool
 ) -> None:
     """Report the nodes and ask."""
     then = ", and reset all of them" if prove else ""

@@ -16,10 +16,11 @@ from dvtcli.operations.results.lss_nodes import LssFound, LssNode
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import CanopenBus
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
 
 
-def lss_bus(session: Session) -> CanopenBus:
+def lss_bus(session: SessionNodes) -> CanopenBus:
     """Return the bus; raises UsageError if it carries no frames."""
     bus = session.open_network().bus
     if not bus.carries_frames:
@@ -27,7 +28,7 @@ def lss_bus(session: Session) -> CanopenBus:
     return bus
 
 
-def lss_scan(session: Session, wait_s: float = SCAN_S) -> LssFound:
+def lss_scan(session: SessionNodes, wait_s: float = SCAN_S) -> LssFound:
     """Find all nodes without node-ID by fast scan, lowest address first, each confirmed by its address.
 
     *wait_s* is the time-out of a request in seconds. Raises NoAnswer for contradicting answers. All nodes return to the
@@ -44,7 +45,7 @@ def lss_scan(session: Session, wait_s: float = SCAN_S) -> LssFound:
     return LssFound("scan", tuple(nodes), answered, master.requests, bus.now_s() - began_s, free=free)
 
 
-def scanned(session: Session, master: LssMaster) -> list[LssNode]:
+def scanned(session: SessionUser, master: LssMaster) -> list[LssNode]:
     """Return the result of `lss_scan`."""
     found: list[LssAddress] = []
 
@@ -61,7 +62,7 @@ def scanned(session: Session, master: LssMaster) -> list[LssNode]:
     ]
 
 
-def lss_select(session: Session, who: LssAddress | int, *, keep: bool = True) -> LssFound:
+def lss_select(session: SessionNodes, who: LssAddress | int, *, keep: bool = True) -> LssFound:
     """Select the single node with the address or node-ID *who* for configuration.
 
     *keep* leaves it selected for later orders; otherwise it returns to the LSS state waiting. The address of a node-ID
@@ -111,7 +112,7 @@ def two_alike(address: LssAddress) -> DeviceRefused:
     )  # fmt: skip
 
 
-def lss_identify(session: Session, address: LssAddress | LssRanges | None = None) -> LssFound:
+def lss_identify(session: SessionNodes, address: LssAddress | LssRanges | None = None) -> LssFound:
     """Ask for nodes without node-ID, or for any node with *address*, or within a range of addresses.
 
     A dry run sends nothing.

@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from dvtcli.domain.ports import CanopenBus, Frame
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 #: How long a node may take to boot up with its new node-ID (s).
 BOOT_UP_S = 3.0
 _HEARTBEAT = 0x700
 
 
-def lss_node_id(session: Session, node_id: int, address: LssAddress | None = None) -> LssChanged:
+def lss_node_id(session: SessionNodes, node_id: int, address: LssAddress | None = None) -> LssChanged:
     """Set *node_id* (1..127) on the node with *address*, None: the selected node.
 
     Asks first. Succeeds once the node booted with it and is identified by SDO; otherwise its old node-ID is restored.
@@ -62,7 +62,7 @@ def _meant(master: LssMaster, address: LssAddress | None) -> tuple[LssAddress, i
     return said
 
 
-def refuse_used(session: Session, node_id: int) -> None:
+def refuse_used(session: SessionNodes, node_id: int) -> None:
     """Raises SafetyRefusal if *node_id* is heard or answers, or another master is active."""
     heard = node_id in heard_ids(session)
     if heard or answers(session.bus, node_id):
@@ -73,7 +73,7 @@ def refuse_used(session: Session, node_id: int) -> None:
         )
 
 
-def heard_ids(session: Session) -> set[int]:
+def heard_ids(session: SessionNodes) -> set[int]:
     """Return node-IDs of heartbeats and boot-ups; raises SafetyRefusal if another master is active meanwhile."""
     heard: set[int] = set()
 
@@ -90,7 +90,7 @@ def heard_ids(session: Session) -> set[int]:
 
 
 def consent_to_give(
-    session: Session, given: Sequence[LssGiven], kept: Sequence[LssGiven] = (), *, store: bool = False,
+    session: SessionNodes, given: Sequence[LssGiven], kept: Sequence[LssGiven] = (), *, store: bool = False,
     prove: bool = False,
 ) -> None:  # fmt: skip
     """Ask before nodes get node-IDs, those *kept* are stored, and a drive that may move is reset."""
@@ -111,7 +111,7 @@ def told_id(node_id: int) -> str:
     return "none" if node_id == UNCONFIGURED else str(node_id)
 
 
-def give(session: Session, master: LssMaster, given: LssGiven) -> None:
+def give(session: SessionNodes, master: LssMaster, given: LssGiven) -> None:
     """Set the node-ID of a selected node, and verify that it comes up; else roll back."""
     bus = session.open_network().bus
     seen = bus.boot_ups(given.node_id)
@@ -196,7 +196,7 @@ def answering_now(bus: CanopenBus, given: LssGiven) -> str:
     return ", ".join(said)
 
 
-def forget(session: Session, given: LssGiven) -> None:
+def forget(session: SessionNodes, given: LssGiven) -> None:
     """Drop cached data of these node-IDs: they belong to another node now."""
     network = session.open_network()
     for node_id in (given.before, given.node_id):

@@ -17,10 +17,10 @@ from dvtcli.operations.lss.lss_node_id import BOOT_UP_S, forget, told_id
 from dvtcli.operations.results.lss_nodes import LssChanged, LssGiven
 
 if TYPE_CHECKING:
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
-def lss_store(session: Session, node_id: int | None = None, *, prove: bool = False) -> LssChanged:
+def lss_store(session: SessionNodes, node_id: int | None = None, *, prove: bool = False) -> LssChanged:
     """Store the node-ID of the node *node_id*, None: the selected node; *prove* also resets it.
 
     Asks first. Identifies the node by SDO, so that a node that did not come up is not stored. Proved: it returns with
@@ -59,7 +59,7 @@ def store(master: LssMaster, given: LssGiven) -> LssGiven:
     return replace(given, stored=True)
 
 
-def prove_by_reset(session: Session, master: LssMaster, given: LssGiven) -> LssGiven:
+def prove_by_reset(session: SessionNodes, master: LssMaster, given: LssGiven) -> LssGiven:
     """Reset a node after its store, and verify its node-ID; raises LeftChanged if it differs.
 
     Raises DeviceRefused if no boot-up message was received: nothing is proved.

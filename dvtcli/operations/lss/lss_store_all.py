@@ -18,7 +18,7 @@ from dvtcli.operations.results.lss_nodes import LssGiven
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import CanopenBus
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
 def store_all(
@@ -46,7 +46,7 @@ def store_all(
     return stored
 
 
-def prove_all(session: Session, master: LssMaster, stored: Sequence[LssGiven]) -> list[LssGiven]:
+def prove_all(session: SessionNodes, master: LssMaster, stored: Sequence[LssGiven]) -> list[LssGiven]:
     """Reset each of *stored*, and verify its node-ID; an error names the nodes not checked."""
     proved: list[LssGiven] = []
     for number, slave in enumerate(stored, 1):

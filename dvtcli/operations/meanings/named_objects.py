@@ -10,17 +10,17 @@ from dvtcli.domain.object_syntax import MappedObject, Skipped, UnknownName, reso
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription
 
 T = TypeVar("T")
 
 
-def object_at(node: Node, text: str) -> tuple[int, int]:
+def object_at(node: NodeDescription, text: str) -> tuple[int, int]:
     """Parse `0x6C01:1`, `6041`, `statusword`… into index and sub-index; raises UsageError for unknown names."""
     return _resolved(resolve_object, text, node)
 
 
-def means_whole(node: Node, text: str) -> bool:
+def means_whole(node: NodeDescription, text: str) -> bool:
     """Tell whether *text* names a record or array without a sub-index: `1018`, not `1018:0`.
 
     By the node's EDS, else by CiA 301; False for other objects. Raises UsageError if *text* is no object.
@@ -36,7 +36,7 @@ def means_whole(node: Node, text: str) -> bool:
     return standard_object_type(index) in (ObjectType.ARRAY, ObjectType.RECORD)
 
 
-def refuse_whole(node: Node, text: str) -> None:
+def refuse_whole(node: NodeDescription, text: str) -> None:
     """Raises UsageError if *text* is a whole record: a file takes a single value."""
     if means_whole(node, text):
         raise UsageError(
@@ -46,7 +46,7 @@ def refuse_whole(node: Node, text: str) -> None:
         )
 
 
-def entry_at(node: Node, text: str) -> MappedObject | Skipped:
+def entry_at(node: NodeDescription, text: str) -> MappedObject | Skipped:
     """Parse a mapping entry into object and length, or skipped bits; raises UsageError for an unknown name."""
     return _resolved(resolve_entry, text, node)
 
@@ -79,7 +79,7 @@ def one_name(words: Sequence[str], is_object: Callable[[str], bool]) -> str | No
     return None
 
 
-def _resolved(resolve: Callable[..., T], text: str, node: Node) -> T:
+def _resolved(resolve: Callable[..., T], text: str, node: NodeDescription) -> T:
     try:
         return resolve(text, node.dictionary, node.profile.aliases)
     except UnknownName as unknown:

@@ -15,7 +15,7 @@ from dvtcli.operations.results.values import ValueRead
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription
 
 #: Strings at the same place in every device (CiA 301, 7.5.2.8 ff.).
 _STRINGS = frozenset({0x1008, 0x1009, 0x100A})
@@ -26,7 +26,7 @@ _MAKERS, _SHORT = 0x2000, 2
 _BY_SIZE = {1: "u8", 2: "u16", 4: "u32", 8: "u64"}
 
 
-def type_of(node: Node, index: int, sub_index: int, size: int) -> DataType:
+def type_of(node: NodeDescription, index: int, sub_index: int, size: int) -> DataType:
     """Return the object's type in the EDS, else by its *size* in bytes."""
     entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
     if entry is not None and entry.data_type is not None:
@@ -34,7 +34,7 @@ def type_of(node: Node, index: int, sub_index: int, size: int) -> DataType:
     return BY_SHORT_NAME["vs" if index in _STRINGS else _BY_SIZE.get(size, "os")]
 
 
-def understood(node: Node, sizes: Mapping[str, int]) -> dict[str, ScaledValue]:
+def understood(node: NodeDescription, sizes: Mapping[str, int]) -> dict[str, ScaledValue]:
     """Map the objects in *sizes* (printed form: bytes) to scaled values, if a scaling is known."""
     meanings = meanings_of(node.profile, node.dictionary)
     found = {}
@@ -46,14 +46,14 @@ def understood(node: Node, sizes: Mapping[str, int]) -> dict[str, ScaledValue]:
     return found
 
 
-def _is_count(node: Node, index: int, sub_index: int) -> bool:
+def _is_count(node: NodeDescription, index: int, sub_index: int) -> bool:
     """Tell whether the EDS has a long unsigned number; communication objects (0x1000…) are bit fields."""
     entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
     kind = None if entry is None else entry.data_type
     return index >= _MAKERS and kind is not None and kind.kind is Kind.UNSIGNED and (kind.size or 0) > _SHORT
 
 
-def value_words(node: Node, index: int, sub_index: int, data: bytes) -> str:
+def value_words(node: NodeDescription, index: int, sub_index: int, data: bytes) -> str:
     """Print *data* of an object: `48.0 V (768)`, a word, a number; else its first bytes."""
     kind = type_of(node, index, sub_index, len(data))
     try:
@@ -66,7 +66,7 @@ def value_words(node: Node, index: int, sub_index: int, data: bytes) -> str:
 
 
 def value_result(
-    node: Node, index: int, sub_index: int, data: bytes, asked: DataType | None, *, written: bool = False
+    node: NodeDescription, index: int, sub_index: int, data: bytes, asked: DataType | None, *, written: bool = False
 ) -> ValueRead:
     """The answer for an object that holds *data*; *asked* is a type the user named."""
     kind = asked or type_of(node, index, sub_index, len(data))

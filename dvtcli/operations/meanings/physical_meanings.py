@@ -11,7 +11,7 @@ from dvtcli.domain.meanings import Meanings
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription
     from dvtcli.domain.datatypes import DataType
     from dvtcli.domain.meanings import Rules
     from dvtcli.domain.object_dictionary import ObjectDictionary
@@ -34,7 +34,7 @@ def meanings_of(
     return Meanings((*more, *family), standards(), dictionary, only_described=True)
 
 
-def meaning_of(node: Node, index: int, sub_index: int) -> Scaling:
+def meaning_of(node: NodeDescription, index: int, sub_index: int) -> Scaling:
     """Return the scaling of an object of *node*."""
     return meanings_of(node.profile, node.dictionary).of(index, sub_index)
 

@@ -35,7 +35,7 @@ from dvtcli.operations.wanted.network_wish import read_wish
 if TYPE_CHECKING:
     from dvtcli.domain.network.heard_traffic import HeardTraffic
     from dvtcli.domain.network.wanted_state import NetworkWish
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 #: How long a bus is listened to: most heartbeats come once a second or faster, SYNC much faster.
 LISTEN_S = 2.0
@@ -43,7 +43,7 @@ LISTEN_S = 2.0
 _OF_ITSELF = {IDENTITY, 0x1000, *range(NMT_STARTUP, BOOT_TIME + 1)}
 
 
-def check_all(session: Session, files: Sequence[str], wishes: CheckOptions) -> NetworksChecked:
+def check_all(session: SessionNodes, files: Sequence[str], wishes: CheckOptions) -> NetworksChecked:
     """Check each of *files* and the nodes on the bus, and compare both.
 
     The bus's bit rate counts for the files, too, and nodes without an EDS in a file are described by the bus. A finding
@@ -66,7 +66,7 @@ def _read(file: str) -> NetworkWish | None:
         return None  # its own report says so
 
 
-def _bit_rate(session: Session, wishes: CheckOptions) -> int | None:
+def _bit_rate(session: SessionNodes, wishes: CheckOptions) -> int | None:
     return wishes.bit_rate or session.wire.bitrate or session.options.bitrate
 
 
@@ -78,7 +78,7 @@ def _not_said(of_bus: NetworkReport, of_files: Sequence[NetworkReport]) -> Netwo
 
 
 def check_live(
-    session: Session,
+    session: SessionNodes,
     wishes: CheckOptions | None = None,
     files: Sequence[str] = (),
     on_bus: Mapping[str, Mapping[int, str]] | None = None,
@@ -125,7 +125,7 @@ def _nobody(name: str, traffic: HeardTraffic | None) -> NoAnswer:
     )
 
 
-def _seconds(session: Session, wishes: CheckOptions) -> float:
+def _seconds(session: SessionNodes, wishes: CheckOptions) -> float:
     if wishes.for_s is not None:
         return wishes.for_s
     return 0.0 if session.wire.simulated else LISTEN_S
@@ -151,7 +151,7 @@ def _described(file: str, on_bus: Mapping[int, str]) -> NetworkState | None:
         return None
 
 
-def against_file(session: Session, file: str, wish: NetworkWish, live: NetworkState) -> tuple[NetworkFinding, ...]:
+def against_file(session: SessionNodes, file: str, wish: NetworkWish, live: NetworkState) -> tuple[NetworkFinding, ...]:
     """Report nodes of *wish* (from *file*) that are missing or different in *live*, the state of the bus."""
     wishes = CheckOptions()
     state = _described(file, words_on_bus(session, file, wish))

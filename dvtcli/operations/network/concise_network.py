@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.rules import Finding
     from dvtcli.operations.user.reporter import Reporter
+    from dvtcli.operations.user.session_user import SessionUser
 
 #: Maximum length read (bytes): 0x1F22 is a DOMAIN of some kB.
 _MOST_BYTES = 1 << 20
@@ -124,7 +125,7 @@ def _chosen(file: str, wish: NetworkWish, node: str | int | None) -> NodeWish:
     )
 
 
-def convert_network(session: Session, file: str, target: str, node: str | int | None = None) -> Facts:
+def convert_network(session: SessionUser, file: str, target: str, node: str | int | None = None) -> Facts:
     """Write the concise DCF of *node* of the network *file* to *target* (.cdcf).
 
     Asks before overwriting. *node* and errors as of `concise_dcf`.

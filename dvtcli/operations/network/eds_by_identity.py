@@ -16,10 +16,10 @@ from dvtcli.simulator.network.family_file import family_of
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
-def words_on_bus(session: Session, file: str, wish: NetworkWish) -> dict[int, str]:
+def words_on_bus(session: SessionNodes, file: str, wish: NetworkWish) -> dict[int, str]:
     """Return the `--sim` word for each node of *wish* whose EDS only its identity tells.
 
     Silent nodes and other devices than in the file are left out.
@@ -32,7 +32,7 @@ def words_on_bus(session: Session, file: str, wish: NetworkWish) -> dict[int, st
     return found
 
 
-def words_of_present(session: Session, file: str, wish: NetworkWish) -> dict[int, str]:
+def words_of_present(session: SessionNodes, file: str, wish: NetworkWish) -> dict[int, str]:
     """Return the `--sim` words as `words_on_bus`, but raise for a silent node or another device, as a plan does.
 
     A node without a word has no EDS, rather than no power.
@@ -47,6 +47,6 @@ def _untold(file: str, wish: NetworkWish) -> list[NodeWish]:
     return [node for node in wish.nodes if simulated_word(file, node) is None]
 
 
-def _word(session: Session, node_id: int) -> dict[int, str]:
+def _word(session: SessionNodes, node_id: int) -> dict[int, str]:
     path = session.network.files.eds_path(node_id)
     return {} if path is None else {node_id: family_of(path) or str(path)}

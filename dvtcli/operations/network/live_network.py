@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.network.network_state import Identifier, NetworkState
     from dvtcli.domain.ports import Frame
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 _SLICE_S = 0.25
 _OF_ONE_NODE = (range(0x081, 0x100), range(0x181, 0x200), range(0x281, 0x300), range(0x381, 0x400),
@@ -31,7 +31,7 @@ class Listened:
     lost_frames: int = 0
 
 
-def listen(session: Session, for_s: float, take: Callable[[Frame, bool], None]) -> Listened:
+def listen(session: SessionNodes, for_s: float, take: Callable[[Frame, bool], None]) -> Listened:
     """Pass every frame within *for_s* to *take*, with whether we sent it; nothing without frames."""
     bus = session.open_network().bus
     if not for_s or not bus.carries_frames:
@@ -49,7 +49,7 @@ def listen(session: Session, for_s: float, take: Callable[[Frame, bool], None]) 
     return Listened(bus.now_s() - begun_s, bus.error_frame_count() - errors, bus.lost_frame_count() - lost)
 
 
-def heard_traffic(session: Session, for_s: float) -> HeardTraffic | None:
+def heard_traffic(session: SessionNodes, for_s: float) -> HeardTraffic | None:
     """Record others' traffic for *for_s* seconds; None if recording is not possible."""
     traffic = HeardTraffic()
 
@@ -62,14 +62,14 @@ def heard_traffic(session: Session, for_s: float) -> HeardTraffic | None:
     return traffic if listened.seconds else None
 
 
-def live_state(session: Session, traffic: HeardTraffic | None, others: Collection[int] = ()) -> NetworkState:
+def live_state(session: SessionNodes, traffic: HeardTraffic | None, others: Collection[int] = ()) -> NetworkState:
     """Read the nodes `present` and *others*, with all that rules need."""
     heard = () if traffic is None else traffic.by_id
     ids = sorted({*present(session, heard), *others})
     return session.read_together(lambda: network_state(answering(session, ids), for_rules=True))
 
 
-def refuse_without_bus(session: Session) -> None:
+def refuse_without_bus(session: SessionNodes) -> None:
     """Open the bus; raises UsageError if no bus is chosen."""
     if nobody_chose(session):
         raise UsageError(
@@ -81,20 +81,20 @@ def refuse_without_bus(session: Session) -> None:
     session.open_network()
 
 
-def nobody_chose(session: Session) -> bool:
+def nobody_chose(session: SessionNodes) -> bool:
     """Tell whether no bus is chosen, not even by python-can's settings."""
     from dvtcli.operations.user.settings import NOBODY
 
     return not has_bus(session) and session.chosen_by() == NOBODY
 
 
-def has_bus(session: Session) -> bool:
+def has_bus(session: SessionNodes) -> bool:
     """Tell whether a bus is chosen."""
     options = session.options
     return session.is_open or bool(options.sim or options.interface or options.channel or options.bus)
 
 
-def present(session: Session, heard: Iterable[Identifier]) -> list[int]:
+def present(session: SessionNodes, heard: Iterable[Identifier]) -> list[int]:
     """List the nodes that are known, *heard* by a CAN-ID, or answer a scan.
 
     Not every node sends a heartbeat or a PDO. `-n` suppresses the scan, with a message.
@@ -107,7 +107,7 @@ def present(session: Session, heard: Iterable[Identifier]) -> list[int]:
     return sorted(found.union(_others(session)))
 
 
-def _others(session: Session) -> list[int]:
+def _others(session: SessionNodes) -> list[int]:
     """Scan all node-IDs; empty if nobody else can be on the bus."""
     from dvtcli.operations.nodes.find_nodes import answering_ids
 
@@ -122,7 +122,7 @@ def _others(session: Session) -> list[int]:
     return answering_ids(bus)
 
 
-def answering(session: Session, node_ids: Iterable[int]) -> list[Node]:
+def answering(session: SessionNodes, node_ids: Iterable[int]) -> list[Node]:
     """Return the *node_ids* whose PDOs can be read; reports the others."""
     nodes = []
     for node_id in node_ids:

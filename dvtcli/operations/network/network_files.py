@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.network.network_plan import NodePlan
     from dvtcli.operations.results.networks import NetworkApplied
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 _GATEWAY_LINES = ".309"
 
@@ -70,7 +71,7 @@ def planned(
     return answer
 
 
-def _saved_text(session: Session, answer: NetworkPlanned, saved: str) -> str:
+def _saved_text(session: SessionNodes, answer: NetworkPlanned, saved: str) -> str:
     """Format the plan for the file *saved*, by its suffix."""
     if saved.lower().endswith(_GATEWAY_LINES):
         from dvtcli.operations.gateway.session_as_lines import plan_as_lines

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.network.bus_need import BusNeed
     from dvtcli.domain.network.network_plan import NetworkPlan
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 #: Default bit rate of a bus, in bit/s; reported with the result.
 USUAL_BIT_RATE = 500_000
@@ -66,7 +67,7 @@ def network_load(session: Session, file: str | None = None, wishes: LoadOptions 
     )
 
 
-def load_after(session: Session, plan: NetworkPlan) -> BusNeed | None:
+def load_after(session: SessionNodes, plan: NetworkPlan) -> BusNeed | None:
     """Compute the worst-case bus load after *plan*; None if the bit rate is unknown.
 
     Reads all PDOs of its nodes; None if a node cannot, or must not, be read.
@@ -98,14 +99,14 @@ def _state(session: Session, file: str | None, measured: Measured | None) -> Net
     return network_after(network_state(session.node(node.node_id) for node in plan.nodes), plan, wish)
 
 
-def _measured(session: Session, for_s: float) -> Measured:
+def _measured(session: SessionNodes, for_s: float) -> Measured:
     """Measure the traffic on the bus for *for_s* seconds."""
     count = FrameCount()
     heard = listen(session, for_s, lambda frame, _sent: count.add(frame))
     return Measured(count, heard.seconds, heard.error_frames, heard.lost_frames)
 
 
-def _what_if(session: Session, state: NetworkState, wishes: LoadOptions) -> WhatIf:
+def _what_if(session: SessionNodes, state: NetworkState, wishes: LoadOptions) -> WhatIf:
     inhibit: dict[Endpoint, int] = {}
     for (node, pdo), time in wishes.inhibit.items():
         having = [node_state for node_state in state.nodes if pdo in node_state.pdos]

@@ -28,9 +28,10 @@ from dvtcli.operations.wanted.chosen_nodes import named_nodes
 from dvtcli.operations.wanted.network_wish import read_wish
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.operations.network.concise_network import ConciseDcf
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.user.session_user import SessionUser
 
 #: Sub-index of 0x1020 for these objects: expected configuration date and time.
 _EXPECTED = {0x1F26: DATE, 0x1F27: TIME}
@@ -79,7 +80,7 @@ def plan_manager(session: Session, file: str, manager: int) -> NetworkPlan:
     return NetworkPlan(file, nodes, manager=manager, untold=untold)
 
 
-def _node_plan(session: Session, node: Node, mine: list[ConciseDcf]) -> NodePlan:
+def _node_plan(session: SessionUser, node: ReadableNode, mine: list[ConciseDcf]) -> NodePlan:
     """Plan the writes to the manager *node* for *mine*, as far as it has the objects."""
     held = {place: data for dcf in mine for place, data in _held(node, dcf)}
     wanted = {place: data for dcf in mine for place, data in _wanted(dcf).items() if place in held}
@@ -108,7 +109,7 @@ def _wanted(one: ConciseDcf) -> dict[tuple[int, int], bytes]:
     return {(CONCISE_DCF, one.node_id): one.data, **expected}
 
 
-def _held(node: Node, one: ConciseDcf) -> Iterator[tuple[tuple[int, int], bytes]]:
+def _held(node: ReadableNode, one: ConciseDcf) -> Iterator[tuple[tuple[int, int], bytes]]:
     """Yield the manager's values of a node; date and time are optional for a manager."""
     try:
         yield (CONCISE_DCF, one.node_id), node.observed(partial(node.known_value, CONCISE_DCF, one.node_id))
@@ -122,7 +123,7 @@ def _held(node: Node, one: ConciseDcf) -> Iterator[tuple[tuple[int, int], bytes]
                 raise
 
 
-def no_manager(node: Node, place: str, aborted: SdoAborted) -> UsageError:
+def no_manager(node: NodeDescription, place: str, aborted: SdoAborted) -> UsageError:
     """Make the error for *node* without concise DCFs: reading *place* was *aborted*."""
     text = f"node {node.node_id} ({node.title}) does not tell its 0x{place}: {aborted.text}"
     return UsageError(text, node=node.node_id, place=place, hint=_NO_MANAGER)

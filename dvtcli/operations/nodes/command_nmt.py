@@ -19,10 +19,10 @@ from dvtcli.operations.results import Commanded
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
-def command_nmt(session: Session, command: NmtCommand, node_id: int | None = None) -> Commanded:
+def command_nmt(session: SessionNodes, command: NmtCommand, node_id: int | None = None) -> Commanded:
     """Send *command* to *node_id* (0: all nodes, None: the selected node), and check each node's state.
 
     A reset of a node that could move needs consent, else SafetyRefusal. The result names changes lost by a reset.
@@ -58,14 +58,14 @@ class BegunReset:
         return self.sent.node_id
 
 
-def begin_reset(session: Session, command: NmtCommand, node_id: int) -> BegunReset:
+def begin_reset(session: SessionNodes, command: NmtCommand, node_id: int) -> BegunReset:
     """Send the reset *command* to *node_id* (1..127); if it could move, needs consent, else SafetyRefusal."""
     consent_to_reset(session, {node_id})
     met = _told(session, {node_id})
     return BegunReset(command, send_reset(_access(session, node_id), command), met)
 
 
-def end_reset(session: Session, begun: BegunReset) -> Commanded:
+def end_reset(session: SessionNodes, begun: BegunReset) -> Commanded:
     """Wait for the node's boot-up message, or another answer, and read its state; raises NoAnswer if none comes."""
     begun.sent.wait()
     unheard = [] if begun.sent.booted else [begun.node_id]
@@ -73,7 +73,7 @@ def end_reset(session: Session, begun: BegunReset) -> Commanded:
     return _commanded(session, begun.node_id, begun.command, begun.met, {begun.node_id: state}, unheard)
 
 
-def _told(session: Session, node_ids: Collection[int]) -> list[Node]:
+def _told(session: SessionNodes, node_ids: Collection[int]) -> list[Node]:
     """Return the met nodes among *node_ids*, with their caches dropped before the command."""
     nodes = [node for node in session.network.nodes.values() if node.node_id in node_ids]
     for node in nodes:
@@ -82,9 +82,13 @@ def _told(session: Session, node_ids: Collection[int]) -> list[Node]:
 
 
 def _commanded(
-    session: Session, target: int, command: NmtCommand, nodes: Sequence[Node], states: Mapping[int, NmtState | None],
+    session: SessionNodes,
+    target: int,
+    command: NmtCommand,
+    nodes: Sequence[Node],
+    states: Mapping[int, NmtState | None],
     unheard: Sequence[int],
-) -> Commanded:  # fmt: skip
+) -> Commanded:
     """Make the result: the *states*, and changes of met *nodes* lost by a reset.
 
     *unheard* are nodes that answer after a reset without a boot-up message.
@@ -112,12 +116,12 @@ def _commanded(
     return Commanded(target, command.word, seen, session.dry_run, lost, wanted, tuple(notes))
 
 
-def _known(session: Session) -> set[int]:
+def _known(session: SessionNodes) -> set[int]:
     """Return the node-IDs that were met or heard."""
     return {*session.network.nodes, *([] if session.dry_run else session.open_network().bus.heard_nodes())}
 
 
-def _heard(session: Session) -> set[int]:
+def _heard(session: SessionNodes) -> set[int]:
     """Return the nodes present, as known before a reset of all: met, selected and answering, or heard."""
     if not session.dry_run and not session.bus.simulated:
         session.bus.sleep(CONFIRM_S)  # the first command of a session has heard nobody yet
@@ -128,7 +132,7 @@ def _heard(session: Session) -> set[int]:
     return _known(session)
 
 
-def _meet_all(session: Session) -> None:
+def _meet_all(session: SessionNodes) -> None:
     """Make twins of all nodes that are heard or selected, so that a dry run names them."""
     bus = session.open_network().bus
     if not bus.simulated:
@@ -139,7 +143,7 @@ def _meet_all(session: Session) -> None:
             session.node(node_id)
 
 
-def _interrupted(session: Session, node_ids: Iterable[int | None]) -> tuple[Hint | str, ...]:
+def _interrupted(session: SessionNodes, node_ids: Iterable[int | None]) -> tuple[Hint | str, ...]:
     """Report interrupted changes of the nodes."""
     network = session.open_network()  # under --dry-run, too: what is left half configured is the node itself
     said = (
@@ -148,13 +152,13 @@ def _interrupted(session: Session, node_ids: Iterable[int | None]) -> tuple[Hint
     return tuple(dict.fromkeys(text for text in said if text))  # one of several nodes is said once
 
 
-def _access(session: Session, node_id: int) -> NodeAccess:
+def _access(session: SessionNodes, node_id: int) -> NodeAccess:
     """Return access without identification: an unknown node may be stopped and silent."""
     met = session.network.nodes.get(node_id)
     return met.access if met is not None else NodeAccess(session.bus, node_id, GENERIC)
 
 
-def _to_one(session: Session, target: int, command: NmtCommand) -> NmtState | None:
+def _to_one(session: SessionNodes, target: int, command: NmtCommand) -> NmtState | None:
     """Command a node without a reset; returns its state, None if unknown."""
     access = _access(session, target)
     session.bus.send_nmt(command, target)
@@ -163,7 +167,7 @@ def _to_one(session: Session, target: int, command: NmtCommand) -> NmtState | No
     return seen_state(access, command.after)
 
 
-def _to_all(session: Session, command: NmtCommand, unheard: list[int]) -> dict[int, NmtState | None]:
+def _to_all(session: SessionNodes, command: NmtCommand, unheard: list[int]) -> dict[int, NmtState | None]:
     """Command all nodes; returns the states of met and heard nodes, None if unknown.
 
     Adds nodes that answer after a reset without a boot-up message to *unheard*.
@@ -180,7 +184,7 @@ def _to_all(session: Session, command: NmtCommand, unheard: list[int]) -> dict[i
     return states | seen_states({node_id: _access(session, node_id) for node_id in late}, command.after)
 
 
-def _note_what_came_up(session: Session, node_ids: Iterable[int]) -> None:
+def _note_what_came_up(session: SessionNodes, node_ids: Iterable[int]) -> None:
     """Read the boot-up values of met nodes, for `store --if-changed`."""
     for node in (session.network.nodes[node_id] for node_id in node_ids if node_id in session.network.nodes):
         with suppress(NoAnswer, SdoAborted, SdoProtocolError):  # not known is not unchanged: then it is stored

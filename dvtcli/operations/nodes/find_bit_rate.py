@@ -17,7 +17,8 @@ from dvtcli.operations.results.lss_nodes import BitRateFound, HeardAt
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import CanopenBus
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
 
 #: How long each bit rate is listened to (s): nodes usually send a heartbeat once a second or more often.
 LISTEN_S = 1.5
@@ -26,7 +27,7 @@ ORDER = (500_000, 250_000, 125_000, 1_000_000, 50_000, 20_000, 10_000, 800_000)
 assert set(ORDER) == set(BIT_TIMINGS)  # noqa: S101 - all of them
 
 
-def find_bit_rate(session: Session, listen_s: float = LISTEN_S) -> BitRateFound:
+def find_bit_rate(session: SessionNodes, listen_s: float = LISTEN_S) -> BitRateFound:
     """Listen at each standard bit rate for *listen_s* seconds, until frames arrive without errors.
 
     Raises SafetyRefusal, with a remedy, if listen-only mode is not guaranteed (unless forced, after a question; used
@@ -40,7 +41,7 @@ def find_bit_rate(session: Session, listen_s: float = LISTEN_S) -> BitRateFound:
     return _found(session, listen_s, silent=False)
 
 
-def _found(session: Session, listen_s: float, *, silent: bool) -> BitRateFound:
+def _found(session: SessionNodes, listen_s: float, *, silent: bool) -> BitRateFound:
     with _listening(session, listen_only=silent) as (bus, rates):
         heard: list[HeardAt] = []
         for number, bit_rate in enumerate(rates):
@@ -53,7 +54,7 @@ def _found(session: Session, listen_s: float, *, silent: bool) -> BitRateFound:
         return BitRateFound(bus.name, None, tuple(heard), listen_s, silent, complete=len(rates) == len(ORDER))
 
 
-def _spoken(session: Session) -> bool:
+def _spoken(session: SessionUser) -> bool:
     """Tell whether frames of others may be destroyed: forced, and confirmed."""
     if not session.options.force or session.dry_run:
         return False
@@ -70,7 +71,7 @@ def _heard(bus: CanopenBus, bit_rate: int, listen_s: float) -> HeardAt:
 
 
 @contextmanager
-def _listening(session: Session, *, listen_only: bool) -> Iterator[tuple[CanopenBus, Sequence[int]]]:
+def _listening(session: SessionNodes, *, listen_only: bool) -> Iterator[tuple[CanopenBus, Sequence[int]]]:
     """Open a bus for listening, with the bit rates it supports."""
     if session.is_open or session.options.sim:
         with _lent(session, listen_only=listen_only) as bus:
@@ -92,7 +93,7 @@ def _listening(session: Session, *, listen_only: bool) -> Iterator[tuple[Canopen
 
 
 @contextmanager
-def _lent(session: Session, *, listen_only: bool) -> Iterator[CanopenBus]:
+def _lent(session: SessionNodes, *, listen_only: bool) -> Iterator[CanopenBus]:
     """Use the open bus, and restore its bit rate."""
     bus = session.open_network().bus
     bus.require_settable(ORDER[0], listen_only=listen_only)

@@ -16,9 +16,10 @@ from dvtcli.errors import DvtcliError, NoAnswer, SdoAborted, SdoProtocolError
 from dvtcli.operations.results import NodeListing, NodeRow
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.ports import CanopenBus, Frame, SdoTransport
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
 def device_name(sdo: SdoTransport) -> str:
@@ -66,7 +67,7 @@ def identify(session: Session, node_id: int | None = None) -> NodeListing:
     return NodeListing(session.bus.name, (row,), detail=True)
 
 
-def _described(session: Session, row: NodeRow) -> NodeRow:
+def _described(session: SessionNodes, row: NodeRow) -> NodeRow:
     """Add to *row* why its file describes the node."""
     chosen = session.network.files.choice(row.node)
     if chosen is None or chosen.path.name != row.source:
@@ -74,7 +75,7 @@ def _described(session: Session, row: NodeRow) -> NodeRow:
     return replace(row, eds_why=chosen.why, eds_note=chosen.note)
 
 
-def _row(node: Node) -> NodeRow:
+def _row(node: ReadableNode) -> NodeRow:
     sdo = node.sdo
     vendor, product, revision, serial = (read_identity(sdo, sub) for sub in (1, 2, 3, 4))
     state = node.access.state()
@@ -102,7 +103,7 @@ _UNHEARD = _NO_HEARTBEAT, _UNKNOWN = "no heartbeat", "state unknown"
 _LISTEN_S = 1.0
 
 
-def find_nodes(session: Session, answer_s: float = _ANSWER_S) -> NodeListing:
+def find_nodes(session: SessionNodes, answer_s: float = _ANSWER_S) -> NodeListing:
     """List nodes 1…127 that are heard or answer; *answer_s* (s) is the time-out of the first answer.
 
     Nodes that are heard or answer late get the bus's time-out as well before they count as silent. Only reads. Raises
@@ -146,7 +147,7 @@ def _each_asked(bus: CanopenBus, answer_s: float, ask: Callable[[int, float | No
     return [said for said in found if said is not None]
 
 
-def _with_own_state(session: Session, row: NodeRow) -> NodeRow:
+def _with_own_state(session: SessionNodes, row: NodeRow) -> NodeRow:
     """Add the NMT state of the node's own state object, if not heard and its family has the object."""
     node = session.network.nodes.get(row.node)
     if row.state not in _UNHEARD or node is None or node.profile.state_object is None:
@@ -158,7 +159,7 @@ def _with_own_state(session: Session, row: NodeRow) -> NodeRow:
     return row if state is None else replace(row, state=state.label)
 
 
-def _with_file(session: Session, row: NodeRow) -> NodeRow:
+def _with_file(session: SessionNodes, row: NodeRow) -> NodeRow:
     """Add the node's file by its identity, and problems of the file.
 
     Reads only library files changed since they were added.

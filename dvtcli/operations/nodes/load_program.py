@@ -24,7 +24,9 @@ from dvtcli.operations.results.nodes import ProgramLoaded
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
 def load_program(
@@ -69,7 +71,7 @@ def load_program(
     )
 
 
-def _expected(node: Node, number: int, program: bytes, expect: int | str | None) -> tuple[int | None, str]:
+def _expected(node: NodeDescription, number: int, program: bytes, expect: int | str | None) -> tuple[int | None, str]:
     """Return the required 0x1F56, None for any, and the profile that requires it."""
     by_profile = node.profile.software_identification.get(number) if expect is None else None
     wanted = by_profile if expect is None else expect
@@ -77,7 +79,7 @@ def _expected(node: Node, number: int, program: bytes, expect: int | str | None)
     return number_wanted, "" if by_profile is None else node.profile.name
 
 
-def forget_download(session: Session) -> Facts:
+def forget_download(session: SessionNodes) -> Facts:
     """Forget an unfinished download to the selected node, as it is in order."""
     wanted = session.node_id()
     session.open_network()
@@ -87,15 +89,15 @@ def forget_download(session: Session) -> Facts:
     return Facts("download-forgotten", rows, (f"node {wanted}: {said} of a program download that was not completed",))
 
 
-def _notes(session: Session) -> ProgramNotes:
+def _notes(session: SessionNodes) -> ProgramNotes:
     return ProgramNotes(session.state_folder / "programs", session.open_network().bus.name)
 
 
-def _identity(node: Node) -> tuple[int | None, ...]:
+def _identity(node: ReadableNode) -> tuple[int | None, ...]:
     return tuple(read_identity(node.sdo, sub_index) for sub_index in (1, 2, 3, 4))
 
 
-def _consent(session: Session, node: Node, number: int, file: str, size: int) -> None:
+def _consent(session: SessionNodes, node: Node, number: int, file: str, size: int) -> None:
     """Refuse unsuitable devices, and ask."""
     refuse_unlike_file(node.node_id, node.unlike_file, force=session.options.force)
     try:
@@ -151,7 +153,7 @@ def _name_profile(failed: DvtcliError, profile: str, number: int) -> None:
         )
 
 
-def _require_same(node: Node, before: tuple[int | None, ...]) -> None:
+def _require_same(node: ReadableNode, before: tuple[int | None, ...]) -> None:
     """Raises LeftChanged if another device than *before* (vendor, product) answers now."""
     now = _identity(node)
     if now[:2] != before[:2]:
@@ -166,7 +168,7 @@ def _shown(identity: tuple[int | None, ...]) -> str:
     return ", ".join("none" if part is None else f"0x{part:08X}" for part in identity[:2])
 
 
-def _forget(session: Session, node: Node) -> None:
+def _forget(session: SessionNodes, node: Node) -> None:
     """Drop what was read of the old program; the node keeps its boot-up state."""
     left_behind = node.gate.abandon()
     network = session.open_network()

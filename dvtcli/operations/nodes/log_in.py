@@ -11,11 +11,11 @@ from dvtcli.operations.results import LoggedIn
 
 if TYPE_CHECKING:
     from dvtcli.domain.profile import LoginPolicy
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
 def log_in(
-    session: Session,
+    session: SessionNodes,
     passcode: Callable[[int, int], int],
     level: int | None = None,
     user: int | None = None,

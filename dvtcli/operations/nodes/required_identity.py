@@ -11,14 +11,14 @@ from dvtcli.errors import SafetyRefusal
 from dvtcli.operations.results import Facts
 
 if TYPE_CHECKING:
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 #: sub-indices of 0x1018, the identity object
 _SUB_INDICES = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
 
 
 def require_identity(
-    session: Session, wanted: Sequence[tuple[str, int]], node_id: int | None = None, who: str = "the script"
+    session: SessionNodes, wanted: Sequence[tuple[str, int]], node_id: int | None = None, who: str = "the script"
 ) -> Facts:
     """Compare the identity (0x1018) of a node (None: the selected node) with *wanted*.
 
@@ -40,7 +40,7 @@ def require_identity(
     return Facts("require", (("node", node.node_id), ("identity", held)), (f"node {node.node_id} is the one: {shown}",))
 
 
-def require_power_off(session: Session, node_id: int | None = None) -> Facts:
+def require_power_off(session: SessionNodes, node_id: int | None = None) -> Facts:
     """Raises SafetyRefusal if a statusword of a node (None: the selected node) shows an enabled power stage."""
     from dvtcli.operations.consent.power_stage import refuse_powered
 

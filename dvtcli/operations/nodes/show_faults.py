@@ -14,14 +14,14 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from dvtcli.device.error_history import HistoryEntry
-    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.ports import HeardEmergency
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 _DEVICE_TYPE = 0x1000
 
 
-def show_faults(session: Session, node_id: int | None = None) -> Faults:
+def show_faults(session: SessionNodes, node_id: int | None = None) -> Faults:
     """Read the errors of node *node_id*, or the selected node, and add its received EMCY messages.
 
     Only reads, except for a family's own list, whose positions are selected by a write (not under --dry-run).
@@ -43,7 +43,7 @@ def show_faults(session: Session, node_id: int | None = None) -> Faults:
     )  # fmt: skip
 
 
-def clear_faults(session: Session, node_id: int | None = None) -> Faults:
+def clear_faults(session: SessionNodes, node_id: int | None = None) -> Faults:
     """Clear the error history of node *node_id*, or the selected node, and verify.
 
     Errors themselves stay: 0x6040 and all else that could move something is left alone. Raises as `clear_history`.
@@ -61,7 +61,7 @@ def clear_faults(session: Session, node_id: int | None = None) -> Faults:
 class ErrorWords:
     """Error codes in words, by the family of *node* or the standard; None: unknown node."""
 
-    def __init__(self, node: Node | None = None) -> None:
+    def __init__(self, node: ReadableNode | None = None) -> None:
         self._known = {} if node is None else node.profile.faults
         self._device_type = None if node is None else read_optional(node.sdo, _DEVICE_TYPE, 0, 4)
 

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.results import Changed
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
 
 
 _SEGMENT_BYTES, _EACH = 7, 64
@@ -29,7 +30,7 @@ _SIZE_TOLD = ((0xE3, 0x41), (0xE3, 0xC2))
 
 
 @contextmanager
-def transfer_progress(session: Session, node_id: int, text: str, size: int | None = None) -> Iterator[None]:
+def transfer_progress(session: SessionNodes, node_id: int, text: str, size: int | None = None) -> Iterator[None]:
     """Report the progress of a transfer during a block: *text*, and how much of *size* bytes; the bus is open.
 
     None is for an upload: its size is learnt on the way.
@@ -45,7 +46,7 @@ def transfer_progress(session: Session, node_id: int, text: str, size: int | Non
 class _FrameCount:
     """Counts the frames of a node's SDO channel."""
 
-    def __init__(self, session: Session, node_id: int, text: str, size: int | None) -> None:
+    def __init__(self, session: SessionUser, node_id: int, text: str, size: int | None) -> None:
         self._tell, self._text, self._size = session.tell, text, size or 0
         self._carrier = (REQUEST_ID if size is not None else ANSWER_ID) + node_id
         self._learns_size = size is None
@@ -64,7 +65,7 @@ class _FrameCount:
             self._tell.progress(f"{self._text}: {done:,}{of}", done, self._size)
 
 
-def read_to_file(session: Session, object_: str, file: str, node_id: int | None = None) -> Facts:
+def read_to_file(session: SessionNodes, object_: str, file: str, node_id: int | None = None) -> Facts:
     """Read *object_* of node *node_id* or the selected node, and write its bytes to *file*, all or none.
 
     Asks before overwriting. Raises UsageError for an unknown name or an unwritable file; SdoAborted, NoAnswer.
@@ -83,7 +84,7 @@ def read_to_file(session: Session, object_: str, file: str, node_id: int | None 
     return Facts("object-file", rows, (f"{file}: {len(data):,} bytes of 0x{place} of node {node.node_id}",))
 
 
-def write_from_file(session: Session, node: Node, index: int, sub_index: int, file: str) -> Changed:
+def write_from_file(session: SessionNodes, node: Node, index: int, sub_index: int, file: str) -> Changed:
     """Write the bytes of *file* to an object like `write`: verified, or rolled back.
 
     Raises UsageError if the file cannot be read, InputFileError if it is empty or larger than any object.

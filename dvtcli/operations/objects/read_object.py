@@ -10,11 +10,11 @@ from dvtcli.operations.meanings.object_values import value_result
 if TYPE_CHECKING:
     from dvtcli.domain.datatypes import DataType
     from dvtcli.operations.results import RecordRead, ValueRead
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
 def read_object(
-    session: Session, object_: str, data_type: DataType | None = None, node_id: int | None = None
+    session: SessionNodes, object_: str, data_type: DataType | None = None, node_id: int | None = None
 ) -> ValueRead | RecordRead:
     """Read *object_* (`6C01:1`, `statusword`…) of node *node_id* or the selected node.
 

@@ -17,7 +17,7 @@ from dvtcli.operations.meanings.object_values import value_result
 from dvtcli.operations.results.values import EntryUnread, RecordRead
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.domain.datatypes import DataType
     from dvtcli.operations.results import ValueRead
 
@@ -29,7 +29,7 @@ _PROGRAMS = 0x1F50
 _TOO_LONG = "a DOMAIN is read alone, into a file"
 
 
-def read_whole(node: Node, text: str, data_type: DataType | None = None) -> RecordRead | ValueRead:
+def read_whole(node: ReadableNode, text: str, data_type: DataType | None = None) -> RecordRead | ValueRead:
     """Read the record *text*: sub-index 0, and the entries up to it, as *data_type* or the file's type.
 
     If sub-index 0 is no count, as in an object that is no record, its value is returned. Raises SdoAborted if sub-index
@@ -38,7 +38,7 @@ def read_whole(node: Node, text: str, data_type: DataType | None = None) -> Reco
     return _whole(node, object_at(node, text)[0], data_type)
 
 
-def record_at(node: Node, index: int, data_type: DataType | None = None) -> RecordRead:
+def record_at(node: ReadableNode, index: int, data_type: DataType | None = None) -> RecordRead:
     """Read the record at *index*; raises UsageError if it is no record."""
     found = _whole(node, index, data_type)
     if not isinstance(found, RecordRead):
@@ -46,7 +46,7 @@ def record_at(node: Node, index: int, data_type: DataType | None = None) -> Reco
     return found
 
 
-def _whole(node: Node, index: int, data_type: DataType | None) -> RecordRead | ValueRead:
+def _whole(node: ReadableNode, index: int, data_type: DataType | None) -> RecordRead | ValueRead:
     count = node.upload(index, 0)
     head = value_result(node, index, 0, count, None)
     if len(count) != 1:
@@ -58,7 +58,7 @@ def _whole(node: Node, index: int, data_type: DataType | None) -> RecordRead | V
 
 
 def _as_type(
-    node: Node, entries: tuple[ValueRead | EntryUnread, ...], data_type: DataType
+    node: NodeDescription, entries: tuple[ValueRead | EntryUnread, ...], data_type: DataType
 ) -> tuple[ValueRead | EntryUnread, ...]:
     """Decode *entries* as *data_type*; SdoProtocolError names all that do not fit."""
     found, wrong = list(entries), []
@@ -79,7 +79,7 @@ def _as_type(
     return tuple(found)
 
 
-def _entries(node: Node, index: int, count: int) -> Iterator[ValueRead | EntryUnread]:
+def _entries(node: ReadableNode, index: int, count: int) -> Iterator[ValueRead | EntryUnread]:
     most = _MOST_MAPPED if is_pdo_mapping(index) else _MOST  # a count of 254 or 255 says that it is an MPDO
     for sub_index in range(1, min(count, most) + 1):
         if _is_domain(node, index, sub_index):
@@ -95,11 +95,11 @@ def _entries(node: Node, index: int, count: int) -> Iterator[ValueRead | EntryUn
         yield replace(value_result(node, index, sub_index, data, None), name=_name(node, index, sub_index))
 
 
-def _is_domain(node: Node, index: int, sub_index: int) -> bool:
+def _is_domain(node: NodeDescription, index: int, sub_index: int) -> bool:
     entry = node.dictionary.entry(index, sub_index) if node.dictionary is not None else None
     return index == _PROGRAMS if entry is None else entry.data_type == _DOMAIN
 
 
-def _name(node: Node, index: int, sub_index: int) -> str:
+def _name(node: NodeDescription, index: int, sub_index: int) -> str:
     known = node.dictionary.display_name(index, sub_index) if node.dictionary is not None else ""
     return known or standard_name(index, sub_index)

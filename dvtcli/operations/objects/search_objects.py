@@ -14,11 +14,11 @@ from dvtcli.operations.results import ObjectListing, ObjectRow
 if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
     from dvtcli.domain.profile import DeviceProfile
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
 def search_objects(
-    session: Session, text: str | None = None, mappable: str | None = None, node_id: int | None = None
+    session: SessionNodes, text: str | None = None, mappable: str | None = None, node_id: int | None = None
 ) -> ObjectListing:
     """List objects of a node (None: the selected node) with *text* in number or name, None for all.
 

@@ -20,9 +20,11 @@ from dvtcli.operations.session.save_script import ask_before_overwriting, place_
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription
     from dvtcli.domain.datatypes import DataType
     from dvtcli.operations.results.values import ValueRead
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
 
 #: an object as typed, and its node
 Asked = tuple[str, int | None]
@@ -30,7 +32,7 @@ _Place = tuple["Node", int, int]
 Show = Callable[[Iterable[ValuesRead]], None]
 
 
-def read_objects(session: Session, objects: Sequence[Asked], data_type: DataType | None = None) -> ValuesRead:
+def read_objects(session: SessionNodes, objects: Sequence[Asked], data_type: DataType | None = None) -> ValuesRead:
     """Read *objects* in turn, as *data_type* or the file's type; raises as `read_object`."""
     places = _places(session, objects)
     return ValuesRead(
@@ -42,7 +44,7 @@ def read_objects(session: Session, objects: Sequence[Asked], data_type: DataType
 
 
 def watch_objects(
-    session: Session,
+    session: SessionNodes,
     objects: Sequence[Asked],
     every_s: float,
     for_s: float | None,
@@ -74,7 +76,7 @@ def watch_objects(
 class ObjectRound:
     """*objects*, found once, to be read again and again; UsageError as `read_object`."""
 
-    def __init__(self, session: Session, objects: Sequence[Asked]) -> None:
+    def __init__(self, session: SessionNodes, objects: Sequence[Asked]) -> None:
         self._places = _places(session, objects)
 
     @property
@@ -87,7 +89,7 @@ class ObjectRound:
         return _read(self._places[number], None)
 
 
-def _places(session: Session, objects: Sequence[Asked]) -> list[_Place]:
+def _places(session: SessionNodes, objects: Sequence[Asked]) -> list[_Place]:
     nodes = [(session.node(node_id), text) for text, node_id in objects]
     try:
         return [(node, *object_at(node, text)) for node, text in nodes]
@@ -98,7 +100,7 @@ def _places(session: Session, objects: Sequence[Asked]) -> list[_Place]:
         raise UsageError(said, node=wrong.node) from wrong
 
 
-def _is_object(node: Node, text: str) -> bool:
+def _is_object(node: NodeDescription, text: str) -> bool:
     try:
         object_at(node, text)
     except UsageError:
@@ -126,7 +128,7 @@ def _read(place: _Place, data_type: DataType | None) -> ValueRead:
     return value_result(node, index, sub_index, node.sdo.upload(index, sub_index), data_type)
 
 
-def _moments(session: Session, every_s: float, for_s: float | None) -> Iterator[float]:
+def _moments(session: SessionNodes, every_s: float, for_s: float | None) -> Iterator[float]:
     """When to read, in seconds since the first time; waits for each."""
     bus = session.bus
     started_s, number = bus.now_s(), 0
@@ -138,7 +140,7 @@ def _moments(session: Session, every_s: float, for_s: float | None) -> Iterator[
 
 @contextmanager
 def _rows(
-    session: Session, places: Sequence[_Place], file: str | None, data_type: DataType | None
+    session: SessionUser, places: Sequence[_Place], file: str | None, data_type: DataType | None
 ) -> Iterator[Callable[[list[object]], None]]:
     """Open a writer of CSV rows, or a dummy without *file*."""
     if file is None:

@@ -21,9 +21,10 @@ from dvtcli.operations.stores.store_restore import restore_defaults, store_setti
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.domain.datatypes import DataType
     from dvtcli.operations.results import Changed, Stored
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 RULES = (
     Rule("signature", ERROR, "`write` to 0x1010 or 0x1011 of anything but its signature",
@@ -36,7 +37,7 @@ _GUESSED = Hint(
 
 
 def write_text(
-    session: Session, node: Node, index: int, sub_index: int, value: str, asked: DataType | None = None
+    session: SessionNodes, node: Node, index: int, sub_index: int, value: str, asked: DataType | None = None
 ) -> Changed | Stored:
     """Write the typed *value* as type *asked* or the object's type; raises UsageError if it does not fit."""
     if index in SIGNATURES and (not session.options.force or _is_signature(index, value)):
@@ -44,7 +45,7 @@ def write_text(
     return write_bytes(session, node, index, sub_index, _encoded(node, index, sub_index, value, asked))
 
 
-def write_bytes(session: Session, node: Node, index: int, sub_index: int, data: bytes) -> Changed:
+def write_bytes(session: SessionNodes, node: Node, index: int, sub_index: int, data: bytes) -> Changed:
     """Write and verify *data*; rolled back if the read-back differs. Asks first for 0x1F22."""
     if index == CONCISE_DCF and sub_index:
         from dvtcli.operations.consent.concise_consent import consent_to_concise
@@ -59,7 +60,7 @@ def write_bytes(session: Session, node: Node, index: int, sub_index: int, data: 
     return changed(session, node, applied, time.monotonic() - started)
 
 
-def _in_words(node: Node, index: int, sub_index: int, refused: DeviceRefused) -> None:
+def _in_words(node: NodeDescription, index: int, sub_index: int, refused: DeviceRefused) -> None:
     """Add to *refused* the values read back, and what may have written them."""
     if refused.read_back is None:
         return
@@ -73,7 +74,7 @@ def _in_words(node: Node, index: int, sub_index: int, refused: DeviceRefused) ->
         )
 
 
-def _encoded(node: Node, index: int, sub_index: int, value: str, asked: DataType | None) -> bytes:
+def _encoded(node: ReadableNode, index: int, sub_index: int, value: str, asked: DataType | None) -> bytes:
     kind = asked or object_type(node, index, sub_index)
     meaning = meaning_of(node, index, sub_index)
     try:
@@ -87,24 +88,24 @@ def _encoded(node: Node, index: int, sub_index: int, value: str, asked: DataType
         ) from wrong
 
 
-def _is_known(node: Node, index: int, sub_index: int) -> bool:
+def _is_known(node: NodeDescription, index: int, sub_index: int) -> bool:
     """Tell whether the object's type is in a file; else it is a number of its size."""
     entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
     return entry is not None and entry.data_type is not None
 
 
-def object_type(node: Node, index: int, sub_index: int) -> DataType:
+def object_type(node: ReadableNode, index: int, sub_index: int) -> DataType:
     """Return the type for writing; raises DvtcliError with a hint if unreadable and unknown."""
     return type_of(node, index, sub_index, _size(node, index, sub_index))
 
 
-def refuse_signature(node: Node, index: int) -> None:
+def refuse_signature(node: NodeDescription, index: int) -> None:
     """Raises UsageError for 0x1010 and 0x1011, which accept only a signature."""
     if index in SIGNATURES:
         raise UsageError(f"0x{index:04X} takes a signature: use store() or restore()", node=node.node_id)
 
 
-def _size(node: Node, index: int, sub_index: int) -> int:
+def _size(node: ReadableNode, index: int, sub_index: int) -> int:
     """Return the object's length in bytes, 0 for a type without fixed length; raises as reading it, with a hint."""
     if Pdo.at(index) is not None:
         return parameter_size(index, sub_index) or 4
@@ -127,7 +128,7 @@ def _is_signature(index: int, value: str) -> bool:
     return value.lower() in {word.decode(), f"0x{number:x}", str(number)}
 
 
-def signature(session: Session, node: Node, index: int, sub_index: int, value: str) -> Stored:
+def signature(session: SessionNodes, node: Node, index: int, sub_index: int, value: str) -> Stored:
     """Write the signature to 0x1010 or 0x1011, as `store` and `restore` do."""
     if not _is_signature(index, value):
         word, place = SIGNATURES[index], f"0x{index:04X}:{sub_index:02X}"

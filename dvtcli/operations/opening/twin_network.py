@@ -15,7 +15,7 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.twin_bus import TwinBus
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription
     from dvtcli.simulator.device.family import Family
 
 
@@ -43,7 +43,7 @@ def twin_of(network: Network) -> Network:
     )  # fmt: skip
 
 
-def _family(network: Network, node: Node) -> Family:
+def _family(network: Network, node: NodeDescription) -> Family:
     """Return the family of *node*: as learnt, else of its profile."""
     folder = next(
         (simulated.folder for simulated in network.files.simulated if simulated.node_id == node.node_id), None

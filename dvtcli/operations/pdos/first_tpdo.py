@@ -13,15 +13,15 @@ from dvtcli.errors import DeviceRefused
 from dvtcli.operations.changes.change import configure
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.domain.rules import Finding
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 _MOST_BITS = 64
 
 
 def map_in_tpdo(
-    session: Session, node_id: int, index: int, sub_index: int, can_id: int | None = None
+    session: SessionNodes, node_id: int, index: int, sub_index: int, can_id: int | None = None
 ) -> tuple[Finding, ...]:
     """Map an object behind the entries of the first enabled TPDO with room, else in the first disabled TPDO.
 
@@ -44,12 +44,12 @@ def map_in_tpdo(
     return configure(session, session.node(node_id), {pdo: asked}).findings
 
 
-def _tpdos(node: Node) -> dict[Pdo, PdoConfig]:
+def _tpdos(node: ReadableNode) -> dict[Pdo, PdoConfig]:
     return {pdo: config for pdo, config in node.pdos().items() if pdo.is_tpdo}
 
 
 def _with_room(
-    node: Node, tpdos: Mapping[Pdo, PdoConfig], bits: int, can_id: int | None
+    node: ReadableNode, tpdos: Mapping[Pdo, PdoConfig], bits: int, can_id: int | None
 ) -> tuple[Pdo, tuple[PdoMappingEntry, ...]]:
     """Return a TPDO with room for *bits*, and its remaining entries; raises DeviceRefused if there is none."""
     usable = {pdo: config for pdo, config in tpdos.items() if node.is_dynamic(pdo) and not _is_odd(config)}
@@ -72,7 +72,7 @@ def _is_odd(config: PdoConfig) -> bool:
     return config.mpdo is not None or bool(config.inconsistency)
 
 
-def _takes_entry(node: Node, pdo: Pdo, config: PdoConfig) -> bool:
+def _takes_entry(node: NodeDescription, pdo: Pdo, config: PdoConfig) -> bool:
     object_ = node.dictionary[pdo.mapping_index] if node.dictionary and pdo.mapping_index in node.dictionary else None
     subs = len(object_.entries.keys() - {0}) if object_ is not None else 0
     return len(config.mapping) < min(subs or MAX_ENTRIES, node.profile.max_entries or MAX_ENTRIES)
@@ -88,7 +88,7 @@ def _position(config: PdoConfig, index: int, sub_index: int) -> int | None:
     return None
 
 
-def locate_tpdo(session: Session, node_id: int, index: int, sub_index: int) -> str:
+def locate_tpdo(session: SessionNodes, node_id: int, index: int, sub_index: int) -> str:
     """Return `TPDO1 0x181 bit 0` for the first TPDO with the object, enabled first; else `not mapped`."""
     tpdos = _tpdos(session.node(node_id))
     for pdo, config in sorted(tpdos.items(), key=lambda item: not item[1].enabled):

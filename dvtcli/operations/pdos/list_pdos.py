@@ -13,14 +13,16 @@ from dvtcli.operations.results import LastFrame, MappedName, PdoListing, PdoRow
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription
     from dvtcli.domain.datatypes import DataType
     from dvtcli.domain.mapping import PdoMappingEntry
     from dvtcli.domain.meanings import Meanings
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
-def list_pdos(session: Session, node_id: int | None = None, *, show_all: bool = False) -> PdoListing:
+def list_pdos(session: SessionNodes, node_id: int | None = None, *, show_all: bool = False) -> PdoListing:
     """Read every PDO of *node_id*, None for the selected node; *show_all* includes disabled and empty PDOs."""
     node = session.node(node_id)
     rows = tuple(_row(node, pdo, config) for pdo, config in node.pdos().items())
@@ -42,7 +44,7 @@ def _row(node: Node, pdo: Pdo, config: PdoConfig) -> PdoRow:
     return PdoRow(pdo, config, named, pdo.default_can_id(node.node_id), pdo.label in node.unstored)
 
 
-def _name(node: Node, meanings: Meanings, index: int, sub_index: int) -> MappedName:
+def _name(node: NodeDescription, meanings: Meanings, index: int, sub_index: int) -> MappedName:
     meaning = meanings.of(index, sub_index)
     entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
     if entry is None or node.dictionary is None:
@@ -51,7 +53,7 @@ def _name(node: Node, meanings: Meanings, index: int, sub_index: int) -> MappedN
     return MappedName(node.dictionary.display_name(index, sub_index), kind, meaning)
 
 
-def _last_frame(session: Session, node: Node, pdo: Pdo, config: PdoConfig) -> LastFrame | None:
+def _last_frame(session: Session, node: NodeDescription, pdo: Pdo, config: PdoConfig) -> LastFrame | None:
     """Return the last frame with the PDO's COB-ID received since the PDO was set, if any.
 
     It has no values if a TPDO's frame has another length than the mapping, or an RPDO's frame is shorter. A twin's

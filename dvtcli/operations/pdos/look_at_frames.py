@@ -11,8 +11,9 @@ from dvtcli.operations.sync.sync_frame import sync_frame
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.pdo import Pdo, PdoConfig
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 #: How long a frame is waited for, and how long a heartbeat that tells the node's state, in seconds.
 FRAME_TIMEOUT_S = 1.0
@@ -21,7 +22,7 @@ HEARTBEAT_S = 1.2
 Look = tuple[tuple[str, Frame | None, float], ...]
 
 
-def look(session: Session, node: Node, pdos: list[Pdo]) -> tuple[Look, str]:
+def look(session: SessionNodes, node: Node, pdos: list[Pdo]) -> tuple[Look, str]:
     """Return a frame of each enabled PDO of *pdos*, and how the node's state was changed for it.
 
     Ctrl-C ends the check, but not the return to the initial state.
@@ -45,7 +46,7 @@ def look(session: Session, node: Node, pdos: list[Pdo]) -> tuple[Look, str]:
     return frames, note
 
 
-def _return(node: Node, found: NmtState | None) -> str:
+def _return(node: ReadableNode, found: NmtState | None) -> str:
     """Return the node to its initial state; says so, or that the state was unknown."""
     if found is None:
         return (
@@ -58,14 +59,14 @@ def _return(node: Node, found: NmtState | None) -> str:
     return "the node was started for this; its NMT state is restored"
 
 
-def _frames(session: Session, node: Node, pdos: list[Pdo]) -> Look:
+def _frames(session: SessionNodes, node: Node, pdos: list[Pdo]) -> Look:
     enabled = {pdo: config for pdo in pdos if (config := node.pdo(pdo)).enabled}
     sync = sync_frame(node.sdo)
     asked = (enabled_pdo for enabled_pdo in enabled.items() if not node.cancellation.requested)
     return tuple(_frame(session, sync, pdo, config) for pdo, config in asked)
 
 
-def _frame(session: Session, sync: Frame, pdo: Pdo, config: PdoConfig) -> tuple[str, Frame | None, float]:
+def _frame(session: SessionNodes, sync: Frame, pdo: Pdo, config: PdoConfig) -> tuple[str, Frame | None, float]:
     cob_id, kind = config.communication.cob_id, config.communication.transmission_type
     bus = session.bus
     began_s = bus.now_s()

@@ -16,15 +16,15 @@ from dvtcli.operations.meanings.named_objects import entry_at
 from dvtcli.operations.user.keeping import state_folder
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription
     from dvtcli.domain.mapping import PdoMappingEntry
     from dvtcli.domain.object_syntax import MappedObject, Skipped
     from dvtcli.domain.pdo import Pdo
     from dvtcli.operations.results import Changed
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
-def pdo_as_text(session: Session, pdo: Pdo, node_id: int | None = None) -> str:
+def pdo_as_text(session: SessionNodes, pdo: Pdo, node_id: int | None = None) -> str:
     """Return *pdo* of the node with *node_id* (None: the selected node) as YAML; raises UsageError for an MPDO."""
     node = session.node(node_id)
     config = node.pdo(pdo)
@@ -35,7 +35,7 @@ def pdo_as_text(session: Session, pdo: Pdo, node_id: int | None = None) -> str:
 
 
 def configure_from_text(
-    session: Session, pdo: Pdo, text: str, node_id: int | None = None, *, seen: str | None = None
+    session: SessionNodes, pdo: Pdo, text: str, node_id: int | None = None, *, seen: str | None = None
 ) -> Changed:
     """Configure *pdo* by *text*, like `map`; raises UsageError or InputFileError with the faulty line.
 
@@ -72,12 +72,12 @@ def keep_text(pdo: Pdo, text: str) -> str:
     return f"what you typed is kept as {path}"
 
 
-def _name(node: Node, entry: PdoMappingEntry) -> str:
+def _name(node: NodeDescription, entry: PdoMappingEntry) -> str:
     known = node.dictionary is not None and not entry.is_dummy
     return node.dictionary.display_name(entry.index, entry.sub_index) if known and node.dictionary else ""
 
 
-def _resolved(word: MappingWord, node: Node) -> MappedObject | Skipped:
+def _resolved(word: MappingWord, node: NodeDescription) -> MappedObject | Skipped:
     try:
         return entry_at(node, word.text)
     except UsageError as wrong:

@@ -19,15 +19,15 @@ if TYPE_CHECKING:
     from dvtcli.domain.request import PdoWant
     from dvtcli.domain.rules import Finding
     from dvtcli.operations.results import Changed
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
-def switch(session: Session, node_id: int | None, pdos: Iterable[Pdo], want: PdoWant) -> Changed:
+def switch(session: SessionNodes, node_id: int | None, pdos: Iterable[Pdo], want: PdoWant) -> Changed:
     """Configure all *pdos* of the node with *node_id* (None: the selected node) by *want*, all or none."""
     return configure(session, session.node(node_id), dict.fromkeys(pdos, want))
 
 
-def clear_all(session: Session, node_id: int | None = None) -> Changed:
+def clear_all(session: SessionNodes, node_id: int | None = None) -> Changed:
     """Clear every PDO of a node with a changeable mapping, all or none; raises DvtcliError if there are none.
 
     PDOs that the rules do not let be cleared stay, and are reported.

@@ -13,17 +13,17 @@ from dvtcli.operations.results import VpdoListing
 from dvtcli.operations.results.pdos import PinRow, VpdoRow
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.domain.plan import ValueChange
     from dvtcli.domain.rules import Finding
     from dvtcli.domain.vpdo import Pins
     from dvtcli.operations.results import Changed
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 _NONE = "none"
 
 
-def list_ties(session: Session, group: str | None = None, node_id: int | None = None) -> VpdoListing:
+def list_ties(session: SessionNodes, group: str | None = None, node_id: int | None = None) -> VpdoListing:
     """List the objects tied to pins of *group* (None: all groups) of *node_id*, else the selected node.
 
     Raises UsageError for an unknown group, DvtcliError if the node has no virtual PDOs.
@@ -33,7 +33,7 @@ def list_ties(session: Session, group: str | None = None, node_id: int | None = 
 
 
 def tie_pin(
-    session: Session, group: str, pin: int, object_: str | None = None, node_id: int | None = None
+    session: SessionNodes, group: str, pin: int, object_: str | None = None, node_id: int | None = None
 ) -> Changed | VpdoListing:
     """Tie *pin* (1 and up) of *group* to *object_*, None to untie it; pin 0 unties all pins of the group.
 
@@ -53,7 +53,7 @@ def tie_pin(
     return changed(session, node, applied, time.monotonic() - started, lines=[line])
 
 
-def _wanted(node: Node, pins: Pins, pin: int, value: int) -> tuple[list[ValueChange], list[Finding]]:
+def _wanted(node: NodeDescription, pins: Pins, pin: int, value: int) -> tuple[list[ValueChange], list[Finding]]:
     """Return the writes that tie *pin* to object *value* (pin 0: untie all), and findings."""
     if not pin:
         return list(pins.count(0)), []
@@ -63,7 +63,7 @@ def _wanted(node: Node, pins: Pins, pin: int, value: int) -> tuple[list[ValueCha
     return list(pins.tie(pin, value, tied_name(node, value))), list(pins.findings(pin, value, node.dictionary))
 
 
-def object_index(node: Node, text: str) -> int:
+def object_index(node: NodeDescription, text: str) -> int:
     """Return the index of the object *text* for a pin; raises UsageError if it is none, or a sub-index."""
     index, sub_index = object_at(node, text)
     if sub_index:
@@ -71,18 +71,18 @@ def object_index(node: Node, text: str) -> int:
     return index
 
 
-def tied_name(node: Node, index: int) -> str:
+def tied_name(node: NodeDescription, index: int) -> str:
     """Name an object by the EDS, else by the profile."""
     if node.dictionary is not None and index in node.dictionary:
         return node.dictionary[index].name
     return next((alias for alias, place in node.profile.aliases.items() if place == f"{index:04X}:00"), "")
 
 
-def _listing(node: Node, names: list[str], said: str = "") -> VpdoListing:
+def _listing(node: ReadableNode, names: list[str], said: str = "") -> VpdoListing:
     return VpdoListing(node.node_id, tuple(_row(node, read_pins(node, name)) for name in names), said)
 
 
-def _row(node: Node, pins: Pins) -> VpdoRow:
+def _row(node: NodeDescription, pins: Pins) -> VpdoRow:
     rows = [
         PinRow(number, index, "" if index is None else tied_name(node, index))
         for number, index in enumerate(pins.tied(), 1)

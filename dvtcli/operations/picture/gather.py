@@ -58,6 +58,8 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.checked_networks import NetworkFinding
     from dvtcli.operations.results.loads import FrameLoad
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
 
 
 def drawn_links(state: NetworkState) -> Iterator[PictureLink]:
@@ -253,7 +255,7 @@ def network_picture(session: Session, file: str | None = None, wishes: PictureOp
     return _of_bus(session, file, wishes)
 
 
-def _of_file(session: Session, file: str, wishes: PictureOptions) -> NetworkPicture:
+def _of_file(session: SessionUser, file: str, wishes: PictureOptions) -> NetworkPicture:
     told, wish = wishes.bit_rate or session.options.bitrate, read_wish(file)
     state, found = judged_file(file, wish, CheckOptions(bit_rate=told), tell=session.tell)
     return _picture(
@@ -289,7 +291,7 @@ def _of_nodes(
     return picture if file is None or wish is None else _compared(session, picture, state, file, wish)
 
 
-def _heard(session: Session, wishes: PictureOptions) -> _Heard:
+def _heard(session: SessionNodes, wishes: PictureOptions) -> _Heard:
     """Record the traffic on the bus: counted for the load, and kept for the rules."""
     simulated = session.wire.simulated
     for_s = wishes.for_s if wishes.for_s is not None else 0.0 if simulated else LISTEN_S

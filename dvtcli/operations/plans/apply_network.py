@@ -31,11 +31,13 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.device.observe import InitialState
     from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
     from dvtcli.domain.plan import Plan
     from dvtcli.operations.changes.network_transaction import NetworkTransaction
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
 def apply_network(
@@ -99,7 +101,7 @@ def apply_network(
     return NetworkApplied(plan, session.dry_run, seconds, stored, kept, without, not_remembered=not_remembered)
 
 
-def _kept_without(node: Node, plan: Plan) -> tuple[str, ...]:
+def _kept_without(node: NodeDescription, plan: Plan) -> tuple[str, ...]:
     """List the labels of *plan* that *node* keeps without a store."""
     policy = node.profile.store
     return tuple(
@@ -109,14 +111,16 @@ def _kept_without(node: Node, plan: Plan) -> tuple[str, ...]:
     )
 
 
-def _listened(session: Session, plan: NetworkPlan) -> NetworkPlan:
+def _listened(session: SessionNodes, plan: NetworkPlan) -> NetworkPlan:
     """Add the received SYNCs to *plan*; raises SafetyRefusal if another master is active."""
     with short_frames(session.bus) as frames:
         refuse_other_master(session)
     return with_unknown_syncs(session, plan, frames)
 
 
-def _refuse_any_stale(session: Session, nodes: Mapping[int, Node], planned: list[NodePlan], *, kept: bool) -> None:
+def _refuse_any_stale(
+    session: SessionNodes, nodes: Mapping[int, ReadableNode], planned: list[NodePlan], *, kept: bool
+) -> None:
     """Apply `refuse_stale` to all nodes; with *kept* also if values that are to stay have changed.
 
     Somebody may have changed them while the question was open: a roll-back would treat that as a side effect.
@@ -130,7 +134,7 @@ def _refuse_any_stale(session: Session, nodes: Mapping[int, Node], planned: list
         raise fault
 
 
-def _keep(session: Session, nodes: Mapping[int, Node], done: Mapping[int, Plan]) -> None:
+def _keep(session: SessionNodes, nodes: Mapping[int, Node], done: Mapping[int, Plan]) -> None:
     """Make *done* undoable and add it to the session's record."""
     for node_id, plan in done.items():
         nodes[node_id].keep(plan)
@@ -158,7 +162,7 @@ def _stores(planned: Sequence[NodePlan]) -> tuple[Storing, ...]:
     )
 
 
-def _equal(nodes: Mapping[int, Node], planned: Sequence[NodePlan]) -> tuple[Storing, ...]:
+def _equal(nodes: Mapping[int, ReadableNode], planned: Sequence[NodePlan]) -> tuple[Storing, ...]:
     """List the nodes that equal *planned* and neither change nor store, each with its values."""
     return tuple(
         Storing(plan.node_id, "", identity=plan.identity, holds=tuple(steady(nodes[plan.node_id], plan.holds)))

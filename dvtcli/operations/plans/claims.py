@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
 
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.domain.network.network_plan import NodePlan
     from dvtcli.operations.session.session import Session
 
@@ -142,16 +143,16 @@ def _restarts(node_id: int) -> Restarted:
     return Restarted(f"node {node_id} restarted each of {MOST_LOOKS} times that it was looked at", node=node_id)
 
 
-def _refuse_unequal(node: Node, planned: NodePlan) -> None:
+def _refuse_unequal(node: ReadableNode, planned: NodePlan) -> None:
     """Raises DeviceRefused if *node*, which gets no write, no longer holds the file's values."""
     require_held(node, steady(node, planned.holds))
 
 
-def _read_pdos(node: Node) -> None:
+def _read_pdos(node: ReadableNode) -> None:
     node.known_pdos()
 
 
-def _held(node: Node, planned: NodePlan, *, beside: bool) -> tuple[Change, ...]:
+def _held(node: ReadableNode, planned: NodePlan, *, beside: bool) -> tuple[Change, ...]:
     """List what *node* holds and *planned* does not write; with *beside* also PDOs outside the file."""
     own = {change.pdo for change in planned.plan.changes if isinstance(change, PdoChange)}
     said = [change for change in steady(node, planned.holds) if _pdo_of(change) not in own]
@@ -169,17 +170,17 @@ def _pdo_of(change: Change) -> Pdo | None:
     return Pdo.at(change.step.index) if isinstance(change, ValueChange) else None
 
 
-def steady(node: Node, changes: Sequence[Change]) -> list[Change]:
+def steady(node: ReadableNode, changes: Sequence[Change]) -> list[Change]:
     """Leave out *changes* of objects that the machine changes all the time."""
     return [change for change in changes if _is_steady(node, change)]
 
 
-def _is_steady(node: Node, change: Change) -> bool:
+def _is_steady(node: ReadableNode, change: Change) -> bool:
     """Tell whether the object of *change* stays constant while the machine runs."""
     return not (isinstance(change, ValueChange) and moves(node, change.step.index, change.step.sub_index))
 
 
-def _refuse_altered(node: Node, planned: NodePlan) -> None:
+def _refuse_altered(node: ReadableNode, planned: NodePlan) -> None:
     """Raises DeviceRefused if *node* altered settings of the file that were equal and got no write."""
     altered = node.observed(partial(_altered, node, planned))
     if altered:
@@ -191,7 +192,7 @@ def _refuse_altered(node: Node, planned: NodePlan) -> None:
         )
 
 
-def _altered(node: Node, planned: NodePlan) -> dict[str, str]:
+def _altered(node: ReadableNode, planned: NodePlan) -> dict[str, str]:
     """Map altered settings to their difference, except those that change by themselves."""
     differing = {
         change: found
@@ -203,7 +204,7 @@ def _altered(node: Node, planned: NodePlan) -> dict[str, str]:
     return {change.label: found for change, found in differing.items() if first_difference(node.sdo, change) == found}
 
 
-def refuse_stale(node: Node, planned: NodePlan, changes: Collection[Change], what: str = "has changed") -> None:
+def refuse_stale(node: ReadableNode, planned: NodePlan, changes: Collection[Change], what: str = "has changed") -> None:
     """Raises SafetyRefusal if *node* is another device than planned or *changes* would replace new values.
 
     *what* completes the message: what happened to the value.
@@ -217,13 +218,13 @@ def refuse_stale(node: Node, planned: NodePlan, changes: Collection[Change], wha
             raise _stale(node, f"{what} since the plan was made: {change.label}", change.label, difference)
 
 
-def _refuse_unlike(node: Node, planned: NodePlan) -> None:
+def _refuse_unlike(node: ReadableNode, planned: NodePlan) -> None:
     """Raises SafetyRefusal if *node* restarted and differs from *planned*, or was not checked since."""
     if not planned.is_read:
         raise _stale(node, "restarted, and its stamp was trusted before that")
     refuse_stale(node, planned, (*planned.plan.changes, *planned.holds), "restarted, and has changed")
 
 
-def _stale(node: Node, what: str, place: str | None = None, why: str | None = None) -> SafetyRefusal:
+def _stale(node: NodeDescription, what: str, place: str | None = None, why: str | None = None) -> SafetyRefusal:
     hint = Hint(Action.PLAN, {"node": None}, "again, and look at what has changed")
     return SafetyRefusal(f"node {node.node_id} {what}", node=node.node_id, place=place, why=why, hint=hint)

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription
     from dvtcli.domain.network.check.checked_network import NetSpot
     from dvtcli.domain.network.network_plan import NetworkPlan
     from dvtcli.domain.network.wanted_state import NetworkWish
@@ -181,7 +182,7 @@ def _said_together(step: Hint, words: str) -> Hint:
     return Hint(None, why=sentence(replace(step, why=why.replace("{} first", "{}")), lambda _step: words))
 
 
-def _doubted(node: Node, planned: NodePlan, *, force: bool) -> NodePlan:
+def _doubted(node: NodeDescription, planned: NodePlan, *, force: bool) -> NodePlan:
     """Add the question about what the node, as a manager, would download to others."""
     steps = [change.step for change in planned.plan.changes if isinstance(change, ValueChange)]
     concise = {step.sub_index: step.after for step in steps if step.index == CONCISE_DCF and step.sub_index}

@@ -14,11 +14,12 @@ from dvtcli.files.network.file_log import FileLog
 from dvtcli.operations.plans.plan_network import plan_wish
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.cob_id import CobId
     from dvtcli.domain.network.network_plan import NetworkPlan
     from dvtcli.operations.results.networks import NetworkApplied
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 OnPlan = Callable[["NetworkPlan"], None]
 
@@ -89,14 +90,16 @@ def _refuse_ends(producer: Endpoint, consumers: Sequence[Endpoint]) -> None:
             raise UsageError(f"{end.node_id}:{end.pdo} is named twice")
 
 
-def _refuse_unlinked(node: Node, end: Endpoint, producer: Endpoint, sent: CobId) -> None:
+def _refuse_unlinked(node: ReadableNode, end: Endpoint, producer: Endpoint, sent: CobId) -> None:
     heard = node.pdo(end.pdo).communication.cob_id
     if (heard.can_id, heard.extended) != (sent.can_id, sent.extended):
         names = [f"{endpoint.node_id}:{endpoint.pdo}" for endpoint in (end, producer)]
         raise UsageError(f"{names[0]} does not hear {names[1]}: it has CAN-ID {heard}, and that sends {sent}")
 
 
-def _no_watches(session: Session, node: Node, ends: Sequence[Endpoint], producer: int) -> tuple[HeartbeatWatch, ...]:
+def _no_watches(
+    session: SessionNodes, node: ReadableNode, ends: Sequence[Endpoint], producer: int
+) -> tuple[HeartbeatWatch, ...]:
     """Stop consuming the heartbeat of *producer* if *ends* are all its links with *node*."""
     if not watched_ms(heartbeat_slots(node.memory), producer):
         return ()

@@ -41,12 +41,12 @@ from dvtcli.domain.plan import PdoChange, ValueChange
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
     from dvtcli.domain.network.wanted_state import LinkWish, NetworkWish, NodeWish
     from dvtcli.domain.pdo import Pdo
     from dvtcli.domain.ports import SdoReader
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 #: Objects besides PDOs that a load depends on: index, sub-index, length in bytes.
 TIMING = (
@@ -65,7 +65,7 @@ _OF_MASTER = {
 }  # fmt: skip
 
 
-def node_state(node: Node, *, for_rules: bool = False, only_enabled: bool = False) -> NodeState:
+def node_state(node: ReadableNode, *, for_rules: bool = False, only_enabled: bool = False) -> NodeState:
     """Read the state of *node*; *for_rules* adds the data for the rules of `check`. Raises as its reads do.
 
     *only_enabled* skips disabled PDOs.
@@ -81,16 +81,16 @@ def node_state(node: Node, *, for_rules: bool = False, only_enabled: bool = Fals
     return NodeState(node.node_id, "", pdos, numbers, node.dictionary, node.profile, node.title, downloads=downloads)
 
 
-def _enabled(node: Node) -> dict[Pdo, PdoConfig]:
+def _enabled(node: ReadableNode) -> dict[Pdo, PdoConfig]:
     cob_ids, look = node.known_cob_ids(), node.memory.look()
     return {pdo: read_pdo(look, pdo, WHATEVER) for pdo, cob_id in cob_ids.items() if cob_id.valid}
 
 
-def states_of(session: Session, nodes: Sequence[Node]) -> NetworkState:
+def states_of(session: SessionNodes, nodes: Sequence[ReadableNode]) -> NetworkState:
     """Read, in parallel, the data of *nodes* for the rules of `check`; raises as their reads do."""
     found: list[NodeState] = []
 
-    def read(node: Node) -> None:
+    def read(node: ReadableNode) -> None:
         found.append(node_state(node, for_rules=True, only_enabled=True))
 
     for fault in session.bus.side_by_side([partial(read, node) for node in nodes]):
@@ -98,7 +98,7 @@ def states_of(session: Session, nodes: Sequence[Node]) -> NetworkState:
     return NetworkState(tuple(sorted(found, key=lambda state: state.node_id)))
 
 
-def states_beside(session: Session, read: Collection[int]) -> list[NodeState]:
+def states_beside(session: SessionNodes, read: Collection[int]) -> list[NodeState]:
     """Return the CAN-IDs used by other known or simulated nodes; leaves out the nodes in *read*.
 
     Only the COB-IDs of their PDOs are read. A node without an answer uses none.
@@ -151,7 +151,7 @@ def _number(sdo: SdoReader, index: int, sub_index: int, size: int) -> int | None
         return None
 
 
-def network_state(nodes: Iterable[Node], *, for_rules: bool = False) -> NetworkState:
+def network_state(nodes: Iterable[ReadableNode], *, for_rules: bool = False) -> NetworkState:
     """Read the state of *nodes*; raises as their reads do."""
     states = (node_state(node, for_rules=for_rules) for node in nodes)
     return NetworkState(tuple(sorted(states, key=lambda state: state.node_id)))

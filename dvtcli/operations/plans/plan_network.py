@@ -42,6 +42,7 @@ from dvtcli.operations.wanted.unknown_bit_rate import tell_unknown_bit_rate
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.domain.network.wanted_state import PdoWish
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.profile import ObjectAddress
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.stamp import Stamp
     from dvtcli.operations.plans.judge_network import Placed
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.sync.unknown_sync import ShortFrames
 
 RULES = (
@@ -118,7 +120,7 @@ def plan_wish(
     return with_unknown_syncs(session, replace(plan, has_sync_master=_master_syncs(wish)), frames)
 
 
-def refuse_heard(session: Session, plan: NetworkPlan, heard: HeardIds, placed: Placed) -> None:
+def refuse_heard(session: SessionNodes, plan: NetworkPlan, heard: HeardIds, placed: Placed) -> None:
     """Raises RuleError if a TPDO of *plan* would get a CAN-ID *heard* from an unknown sender, unless forced.
 
     *placed* gives a finding its place in the file.
@@ -152,7 +154,7 @@ def _master_syncs(wish: NetworkWish) -> bool:
     return wish.master is not None and bool(wish.master.sync_period_us)
 
 
-def with_unknown_syncs(session: Session, plan: NetworkPlan, frames: ShortFrames) -> NetworkPlan:
+def with_unknown_syncs(session: SessionNodes, plan: NetworkPlan, frames: ShortFrames) -> NetworkPlan:
     """Add to *plan* the SYNCs among *frames* from unknown producers; reports new ones."""
     if plan.has_sync_master:
         return plan
@@ -215,14 +217,14 @@ def _with_nothing_asked(planned: NodePlan, wish: NetworkWish, log: FileLog) -> N
     return replace(planned, findings=(*planned.findings, placed_in(wish, log)(planned.node_id, found)))
 
 
-def _unread(node: Node, wish: NodeWish) -> NodePlan:
+def _unread(node: ReadableNode, wish: NodeWish) -> NodePlan:
     """Make the plan of *node* if it was not read: no changes."""
     plan = Plan(node.node_id, ())
     return NodePlan(wish.name, plan, node.identity(), node.title, wish.mark.line, is_read=False)
 
 
 def _judged(
-    session: Session, met: IdentifiedNodes, wish: NetworkWish, log: FileLog, *, by_rules: bool
+    session: SessionNodes, met: IdentifiedNodes, wish: NetworkWish, log: FileLog, *, by_rules: bool
 ) -> list[NodePlan]:
     """Plan each identified node and judge it *by_rules*; errors are added to its failures.
 
@@ -259,7 +261,7 @@ def _judged(
     return planned
 
 
-def _known(session: Session, nodes: Mapping[int, Node]) -> Iterator[Node]:
+def _known(session: SessionNodes, nodes: Mapping[int, NodeDescription]) -> Iterator[Node]:
     """List the session's other answering nodes: their CAN-IDs are not free."""
     for node_id in session.known_ids():
         with suppress(NoAnswer, SdoProtocolError):  # a node that is off hinders no change of another one
@@ -289,7 +291,7 @@ def plans_of(
     return planned, refused
 
 
-def _look_ahead(node: Node, wants: NodeWants) -> None:
+def _look_ahead(node: ReadableNode, wants: NodeWants) -> None:
     """Read ahead for the plan of *node*; read errors are raised later, at their use."""
     with suppress(DvtcliError):
         node.observed(lambda: [node.known_pdo(pdo) for pdo in wants.pdos])
@@ -370,7 +372,7 @@ def _left_off(wish: NodeWish, wanted: Mapping[Pdo, PdoConfig]) -> Iterator[Findi
             yield warning("mapped-but-off", f"0x{pdo.pdo.communication_index:04X}:01", text, hint)
 
 
-def _values(node: Node, wants: NodeWants, held: Mapping[ObjectAddress, bytes]) -> list[ValueChange]:
+def _values(node: ReadableNode, wants: NodeWants, held: Mapping[ObjectAddress, bytes]) -> list[ValueChange]:
     """List differing values, and a SYNC period that must be 0 while the counter overflow (0x1019) changes."""
     wanted = {**_period_kept(node, wants, held), **wants.values}
     changes = {
@@ -380,7 +382,9 @@ def _values(node: Node, wants: NodeWants, held: Mapping[ObjectAddress, bytes]) -
     return [changes[step.index, step.sub_index] for step in altering(change.step for change in changes.values())]
 
 
-def _period_kept(node: Node, wants: NodeWants, held: Mapping[ObjectAddress, bytes]) -> Mapping[ObjectAddress, bytes]:
+def _period_kept(
+    node: ReadableNode, wants: NodeWants, held: Mapping[ObjectAddress, bytes]
+) -> Mapping[ObjectAddress, bytes]:
     """Return the SYNC period to keep, if it blocks a wanted change and no other period is wanted."""
     overflow, period = (SYNC_OVERFLOW, 0), (SYNC_PERIOD, 0)
     if period in wants.values or held.get(overflow) == wants.values.get(overflow):
@@ -399,6 +403,6 @@ def _unstored(node: Node, plan: Plan) -> tuple[str, ...]:
     return tuple(label for label in {**remembered, **node.unstored} if label not in changed)
 
 
-def value_change(node: Node, place: tuple[int, int], held: bytes, data: bytes, reason: str) -> ValueChange:
+def value_change(node: NodeDescription, place: tuple[int, int], held: bytes, data: bytes, reason: str) -> ValueChange:
     """Make the change of the object at *place* of *node* from *held* to *data*."""
     return ValueChange(Step(*place, held, data, reason, names_object=names_objects(node, *place)))

@@ -20,10 +20,11 @@ if TYPE_CHECKING:
 
     from dvtcli.device.change.journal import Journal
     from dvtcli.device.node import Node
-    from dvtcli.operations.session.session import Session
+    from dvtcli.device.node_parts import ReadableNode
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
-def nothing_to_recover(session: Session) -> Facts:
+def nothing_to_recover(session: SessionNodes) -> Facts:
     """Report that no change was interrupted."""
     node_id = session.selected_id()
     where = "on this bus" if node_id is None else "of this node"
@@ -31,7 +32,7 @@ def nothing_to_recover(session: Session) -> Facts:
     return Facts("recover", (("node", node_id), ("recovered", False)), (said,), changed_nothing=True)
 
 
-def refuse_other_bus(session: Session, journal: Journal) -> None:
+def refuse_other_bus(session: SessionNodes, journal: Journal) -> None:
     """Raises SafetyRefusal if *journal* is of another bus, unless forced."""
     if journal.bus != session.wire.name and not session.options.force:
         raise SafetyRefusal(
@@ -42,7 +43,7 @@ def refuse_other_bus(session: Session, journal: Journal) -> None:
         )
 
 
-def accepted(session: Session, file: str | None) -> Facts:
+def accepted(session: SessionNodes, file: str | None) -> Facts:
     """Close the journals with the devices' present values, shown beside the old ones; writes nothing.
 
     Asks first for several nodes. A journal that cannot be closed does not prevent the others: the first error says what
@@ -99,7 +100,7 @@ def _first_of(refused: Sequence[DvtcliError], done: Sequence[str]) -> DvtcliErro
     return refused[0]
 
 
-def _accepted(session: Session, path: Path) -> tuple[tuple[tuple[str, Any], ...], tuple[Hint | str, ...]]:
+def _accepted(session: SessionNodes, path: Path) -> tuple[tuple[tuple[str, Any], ...], tuple[Hint | str, ...]]:
     """Close the journal at *path* with its device's present values; returns fields and lines of the result."""
     from dvtcli.device.change.accepted_state import accepted_states, refuse_other_device
     from dvtcli.device.change.pending import CHANGE
@@ -159,7 +160,7 @@ def _hand_on_stores(node: Node, journal: Journal, together: Sequence[Journal]) -
         node.keeper.past.may_be_stored(node.node_id, journal.identity, journal.part.entries)
 
 
-def _after_accepting(node: Node, journal: Journal, others: list[int]) -> list[Hint]:
+def _after_accepting(node: ReadableNode, journal: Journal, others: list[int]) -> list[Hint]:
     """Suggest the next steps if the change was left half-way."""
     lines = [
         Hint(
@@ -189,7 +190,7 @@ def _after_accepting(node: Node, journal: Journal, others: list[int]) -> list[Hi
     return lines
 
 
-def discarded(session: Session, file: str | None) -> Facts:
+def discarded(session: SessionNodes, file: str | None) -> Facts:
     """Set the journal aside if unusable; a usable journal only with `--force`."""
     paths = waiting_paths(session, file)
     if not paths:
@@ -236,7 +237,7 @@ def _is_readable(path: Path) -> bool:
     return True
 
 
-def _useless_for(session: Session, path: Path) -> int:
+def _useless_for(session: SessionNodes, path: Path) -> int:
     """Return the node blocked by an unusable journal; raises SafetyRefusal if it is usable."""
     try:
         journal = read_journal(path)
@@ -262,7 +263,7 @@ def _number_of(path: Path) -> str:
     return path.stem.rpartition("-")[2]
 
 
-def _blocked_by(session: Session, path: Path) -> int:
+def _blocked_by(session: SessionNodes, path: Path) -> int:
     """Return the node of an unreadable journal: the selected node, else by the file's name."""
     number = _number_of(path)
     if not (path.suffix == ".json" and number.isdecimal()):
@@ -276,7 +277,7 @@ def _blocked_by(session: Session, path: Path) -> int:
     return session.node_id()
 
 
-def _set_aside(session: Session, path: Path, node_id: int, word: str) -> Path:
+def _set_aside(session: SessionNodes, path: Path, node_id: int, word: str) -> Path:
     keeper = session.open_network().node(node_id).keeper
     if keeper is None:
         raise UsageError("a node of this process has no journal: attach to the bus that it was made on")

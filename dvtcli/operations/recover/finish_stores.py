@@ -29,8 +29,10 @@ if TYPE_CHECKING:
     from dvtcli.device.change.change_group import GroupMember, Storing
     from dvtcli.device.change.journal import Journal
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.plan import Change
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.user.session_user import SessionUser
 
 
 def may_finish(journals: Sequence[Journal]) -> bool:
@@ -119,7 +121,7 @@ def _refuse_untold(journals: Sequence[Journal], part: GroupMember) -> None:
         )
 
 
-def _said(session: Session, part: GroupMember, who: str, ids: str) -> str:
+def _said(session: SessionUser, part: GroupMember, who: str, ids: str) -> str:
     """Report: *who* was verified only; the nodes *ids* stored, if not empty."""
     if session.dry_run:
         said = f"node {ids} would store" if ids else f"{who} holds it{_had_stored(part)}; the journals stay"
@@ -254,7 +256,7 @@ def _refuse_unlike(claims: ClaimsAtStore, node_id: int, name: str) -> None:
         ) from other
 
 
-def _start(node: Node, journal: Journal) -> None:
+def _start(node: ReadableNode, journal: Journal) -> None:
     """Start a node that was OPERATIONAL before the change."""
     if journal.nmt_state == NmtState.OPERATIONAL and node.access.state() is NmtState.PRE_OPERATIONAL:
         node.access.insist(NmtState.OPERATIONAL)

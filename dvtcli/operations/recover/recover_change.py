@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from dvtcli.device.change.journal import Journal
     from dvtcli.device.node import Node
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
 
 
 def recover(
@@ -83,7 +85,7 @@ def _recovered(session: Session, file: str | None, *, finish: bool) -> Changed |
     return done[0] if len(done) == 1 else ChangedNodes(tuple(done))
 
 
-def _usable(session: Session, file: str | None, refused: list[DvtcliError]) -> list[Journal]:
+def _usable(session: SessionNodes, file: str | None, refused: list[DvtcliError]) -> list[Journal]:
     """The journals that are meant and can be used; *refused* has why others cannot."""
     found: dict[Path, Journal] = {}
     for path in waiting_paths(session, file, refused):
@@ -94,7 +96,7 @@ def _usable(session: Session, file: str | None, refused: list[DvtcliError]) -> l
     return list(found.values())
 
 
-def _rather_finishes(session: Session, journals: list[Journal]) -> bool:
+def _rather_finishes(session: SessionUser, journals: list[Journal]) -> bool:
     """Decide whether begun stores are to be completed; raises SafetyRefusal if nobody can answer.
 
     Does not ask beside other interrupted changes, but reports that each may be completed alone.
@@ -125,7 +127,7 @@ def _begun_stores(journals: list[Journal]) -> str:
     return f"every node held what {part.name} wanted, and it ended {when} they stored ({told})"
 
 
-def _asked_to_finish(session: Session, text: str, what: str) -> bool:
+def _asked_to_finish(session: SessionUser, text: str, what: str) -> bool:
     answer = session.tell.ask(f"{text}; {what} No goes on to the way back")
     if answer is None:
         raise SafetyRefusal(
@@ -142,7 +144,7 @@ def _only(journals: list[Journal]) -> int | None:
     return ids.pop() if len(ids) == 1 else None
 
 
-def _question(session: Session, journals: Sequence[Journal]) -> str:
+def _question(session: SessionNodes, journals: Sequence[Journal]) -> str:
     """Ask before a recovery: writes with the nodes' present values, and what is not written."""
     from dvtcli.device.change.finish_interrupted import Recovery
 
@@ -181,7 +183,7 @@ def _first_of(failures: Sequence[DvtcliError]) -> DvtcliError:
 
 
 def _put_back(
-    session: Session, journals: list[Journal], refused: Sequence[DvtcliError]
+    session: SessionNodes, journals: list[Journal], refused: Sequence[DvtcliError]
 ) -> tuple[list[Changed], list[DvtcliError]]:
     """Roll back, and return the results and the errors; an error does not stop other roll-backs.
 
@@ -216,7 +218,7 @@ def _put_back(
     return done, failures if restarted is None else [restarted]
 
 
-def _restarted(session: Session, done: list[Changed]) -> Restarted | None:
+def _restarted(session: SessionNodes, done: list[Changed]) -> Restarted | None:
     """Make the error if a node restarted after its recovery, while another was recovered."""
     nodes = [session.node(recovered.node) for recovered in done]
     again = [node.node_id for node in nodes if _restarted_since(node)]
@@ -235,7 +237,7 @@ def _restarted_since(node: Node) -> bool:
     return node.bus.boot_ups(node.node_id) != node.pending.boot_ups
 
 
-def _ended(session: Session, recovery: Recovery, stored: bool | None, seconds: float) -> Changed:
+def _ended(session: SessionNodes, recovery: Recovery, stored: bool | None, seconds: float) -> Changed:
     """Remove the journal after a recovery, and return the result; *stored* as of `stored_before`."""
     from dvtcli.device.applied import Applied
     from dvtcli.device.change.way_back import unknown_before, unrestored_objects

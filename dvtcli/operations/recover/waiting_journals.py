@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from dvtcli.device.change.change_group import GroupMember
     from dvtcli.device.change.journal import Journal
     from dvtcli.errors import DvtcliError
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
 def furthest(journals: Sequence[Journal]) -> GroupMember:
@@ -86,7 +86,7 @@ def stored_before(journal: Journal, journals: Sequence[Journal]) -> bool | None:
     return None if journal.plan.node_id in states["unknown"] else False
 
 
-def waiting_paths(session: Session, file: str | None, refused: list[DvtcliError] | None = None) -> list[Path]:
+def waiting_paths(session: SessionNodes, file: str | None, refused: list[DvtcliError] | None = None) -> list[Path]:
     """Return the chosen journals, readable or not; empty if no change was interrupted.
 
     Raises UsageError if *file* is no journal, SafetyRefusal if another dvtcli is changing a node: if several are
@@ -119,7 +119,7 @@ def waiting_paths(session: Session, file: str | None, refused: list[DvtcliError]
     return found
 
 
-def _of_node(session: Session, node_id: int) -> list[Path]:
+def _of_node(session: SessionNodes, node_id: int) -> list[Path]:
     keeper = session.open_network().node(node_id).keeper
     if keeper is not None:
         path = keeper.open_journal() if session.dry_run else keeper.held_journal()
@@ -129,7 +129,7 @@ def _of_node(session: Session, node_id: int) -> list[Path]:
     return [path] if path is not None else []
 
 
-def _waiting_ids(session: Session) -> list[int]:
+def _waiting_ids(session: SessionNodes) -> list[int]:
     """Return node-IDs of this bus with a journal: in our folder, or noted in the node's lock."""
     bus = session.open_network().bus.name
     journals, locks = Journals(session.state_folder / "journals", bus), state_folder(None) / "locks"
@@ -144,7 +144,7 @@ def _waiting_ids(session: Session) -> list[int]:
     ]
 
 
-def _held_file(session: Session, path: Path) -> list[Path]:
+def _held_file(session: SessionNodes, path: Path) -> list[Path]:
     """Return the journal at *path* with its node locked; empty if it is gone by then."""
     network = session.open_network()
     try:
@@ -159,7 +159,7 @@ def _held_file(session: Session, path: Path) -> list[Path]:
     return [path] if path.exists() else []
 
 
-def with_others(session: Session, path: Path) -> list[Journal]:
+def with_others(session: SessionNodes, path: Path) -> list[Journal]:
     """Return the journal at *path* and others of the same change, with their nodes locked."""
     journal = read_journal(path)
     if journal.part.whole is None:
@@ -172,7 +172,7 @@ def with_others(session: Session, path: Path) -> list[Journal]:
     )
 
 
-def _is_held(session: Session, journal: Journal) -> bool:
+def _is_held(session: SessionNodes, journal: Journal) -> bool:
     """Lock the node; returns whether the journal still exists."""
     if session.dry_run or journal.bus != session.open_network().bus.name:
         return True

@@ -17,9 +17,10 @@ if TYPE_CHECKING:
     from dvtcli.domain.ports import CanopenBus
     from dvtcli.errors import BusUnavailable
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
-def goes_on(session: Session, *, unasked: bool) -> bool:
+def goes_on(session: SessionNodes, *, unasked: bool) -> bool:
     """Tell whether a lost bus is waited for: with --reconnect, or *unasked*; never with --no-reconnect.
 
     Simulated nodes of this process end with their bus.

@@ -20,10 +20,12 @@ from dvtcli.operations.results import Facts
 from dvtcli.operations.session.whole_file import write_whole
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.pdo import Pdo
     from dvtcli.files.read_back import ReadBack
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
 
 #: Consecutive lines about a node.
 Section = tuple[int, list[str]]
@@ -45,7 +47,7 @@ def script_text(session: Session, what: SavedSession = ENDS) -> str:
     return _script(session, _SECTIONS[what](session))[0]
 
 
-def script_of(session: Session, node_id: int) -> str:
+def script_of(session: SessionNodes, node_id: int) -> str:
     """Return all PDOs of the node with *node_id* as a runnable script."""
     return _script(session, _held(session, [node_id]))[0]
 
@@ -88,13 +90,13 @@ def place_of(file: str, example: str = "NAME.dvt") -> Path:
     return path
 
 
-def ask_before_overwriting(session: Session, path: Path) -> None:
+def ask_before_overwriting(session: SessionUser, path: Path) -> None:
     """Ask for consent to overwrite *path*, if it exists."""
     if os.path.exists(path):  # noqa: PTH110 - Path.exists raises OSError for a name that is too long
         session.consent(f"{path} exists; overwrite it?")
 
 
-def _steps(session: Session) -> list[Section]:
+def _steps(session: SessionNodes) -> list[Section]:
     """Return the changes in order; a node has a section for each run of changes."""
     if not session.record.lines:
         raise UsageError("nothing to save: this session changed nothing")
@@ -106,7 +108,7 @@ def _steps(session: Session) -> list[Section]:
     return sections
 
 
-def ended_lines(session: Session) -> list[Section]:
+def ended_lines(session: SessionNodes) -> list[Section]:
     """Return the net changes of this session, a section per node; lists stores left out.
 
     Raises UsageError if there is no net change.
@@ -134,7 +136,7 @@ def ended_lines(session: Session) -> list[Section]:
     return sections
 
 
-def _end(session: Session, node_id: int, lines: list[str]) -> list[str]:
+def _end(session: SessionNodes, node_id: int, lines: list[str]) -> list[str]:
     node = session.node(node_id)
     before = {
         change.pdo: change.before
@@ -146,7 +148,7 @@ def _end(session: Session, node_id: int, lines: list[str]) -> list[str]:
     return end_state(lines, before, after)
 
 
-def _everything(session: Session) -> list[Section]:
+def _everything(session: SessionNodes) -> list[Section]:
     """Return every PDO of changed nodes and the selected node, as now."""
     selected = session.selected_id()
     node_ids = {node_id for node_id, _ in session.record.lines if node_id} | (set() if selected is None else {selected})
@@ -155,13 +157,13 @@ def _everything(session: Session) -> list[Section]:
     return _held(session, sorted(node_ids))
 
 
-def _held(session: Session, node_ids: Sequence[int]) -> list[Section]:
+def _held(session: SessionNodes, node_ids: Sequence[int]) -> list[Section]:
     nodes = [session.node(node_id) for node_id in node_ids]
     pdos = {node.node_id: node.pdos() for node in nodes}
     return [(node.node_id, backup_lines({}, pdos[node.node_id], _fixed(node))[1:]) for node in nodes]
 
 
-def _fixed(node: Node) -> set[Pdo]:
+def _fixed(node: ReadableNode) -> set[Pdo]:
     """Return the PDOs whose COB-ID is read-only by the EDS."""
     entries = (
         {pdo: node.dictionary.entry(pdo.communication_index, 1) for pdo in node.present()} if node.dictionary else {}
@@ -169,7 +171,7 @@ def _fixed(node: Node) -> set[Pdo]:
     return {pdo for pdo, entry in entries.items() if entry is not None and not entry.access.writable}
 
 
-def _script(session: Session, sections: list[Section]) -> tuple[str, str]:
+def _script(session: SessionNodes, sections: list[Section]) -> tuple[str, str]:
     """Return the script's text and its pinned identities.
 
     Lines about the selected node alone fit any node of its kind; others name their node.
@@ -185,14 +187,14 @@ def _script(session: Session, sections: list[Section]) -> tuple[str, str]:
     return "\n".join([*lines, ""]), join_some(shown) or "any node"
 
 
-def _default_id(session: Session) -> int | None:
+def _default_id(session: SessionNodes) -> int | None:
     try:
         return session.default_id()
     except UsageError:
         return None
 
 
-def _pin(session: Session, node_id: int) -> tuple[list[str], str]:
+def _pin(session: SessionNodes, node_id: int) -> tuple[list[str], str]:
     """Return the line that requires a node's identity, if it has one, and the identity in words."""
     sdo = session.node(node_id).sdo
     vendor, product = (read_identity(sdo, sub_index) for sub_index in (1, 2))
@@ -204,7 +206,7 @@ def _pin(session: Session, node_id: int) -> tuple[list[str], str]:
     return [f"require identity {words}"], f"vendor 0x{vendor:X} product 0x{product:08X}"
 
 
-def make_file(session: Session, path: Path, content: str | bytes, read_back: ReadBack | None = None) -> None:
+def make_file(session: SessionUser, path: Path, content: str | bytes, read_back: ReadBack | None = None) -> None:
     """Write a file whole and readable, or not at all; records it in the session.
 
     *read_back* reads it back; None: the reader for its suffix. Raises UsageError if it cannot be written,

@@ -13,7 +13,7 @@ from dvtcli.errors import DeviceRefused, RuleError, SdoAborted
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.domain.network.wanted_state import NetworkWish
     from dvtcli.files.network.file_log import FileLog
 
@@ -31,7 +31,7 @@ def store_group(word: str) -> int | None:
     return _GROUPS[word] if word in _GROUPS else int(word)
 
 
-def refuse_impossible_stores(nodes: Mapping[int, Node], stores: Mapping[int, str]) -> None:
+def refuse_impossible_stores(nodes: Mapping[int, ReadableNode], stores: Mapping[int, str]) -> None:
     """Raises RuleError with each of *nodes* that cannot make its store of *stores* (by node-ID); never forced."""
     found = {node_id: _finding(nodes[node_id], word) for node_id, word in stores.items() if word}
     findings = [finding for finding in found.values() if finding is not None]
@@ -42,7 +42,7 @@ def refuse_impossible_stores(nodes: Mapping[int, Node], stores: Mapping[int, str
         raise RuleError(text, findings, node=only, can_force=False)
 
 
-def refuse_stores_of(nodes: Mapping[int, Node], wish: NetworkWish, log: FileLog) -> None:
+def refuse_stores_of(nodes: Mapping[int, ReadableNode], wish: NetworkWish, log: FileLog) -> None:
     """Apply `refuse_impossible_stores` to the nodes of *wish*, with places in the file of *log*."""
     refused: list[RuleError] = []
     for node in wish.nodes:
@@ -63,7 +63,7 @@ def refuse_stores_of(nodes: Mapping[int, Node], wish: NetworkWish, log: FileLog)
         raise every
 
 
-def refuse_unprovable_stores(nodes: Mapping[int, Node], stores: Mapping[int, str], prove: str) -> None:
+def refuse_unprovable_stores(nodes: Mapping[int, ReadableNode], stores: Mapping[int, str], prove: str) -> None:
     """Raises DeviceRefused if a restart (`reset`, `power`) could not prove a store of *stores*."""
     from dvtcli.device.change.proven import refuse_unprovable
 
@@ -71,7 +71,7 @@ def refuse_unprovable_stores(nodes: Mapping[int, Node], stores: Mapping[int, str
         refuse_unprovable(nodes[node_id], store_group(word), certain=prove == "power")
 
 
-def _finding(node: Node, word: str) -> Finding | None:
+def _finding(node: ReadableNode, word: str) -> Finding | None:
     with suppress(SdoAborted):  # what it answers to the store itself is told then
         try:
             chosen(node.access, node.profile.store, STORE, store_group(word), node.dictionary)
@@ -83,7 +83,7 @@ def _finding(node: Node, word: str) -> Finding | None:
     return None
 
 
-def _hint(node: Node, word: str, refused: DeviceRefused) -> Hint | str:
+def _hint(node: NodeDescription, word: str, refused: DeviceRefused) -> Hint | str:
     """Suggest another word for the file, or the device's own way of storing, if known."""
     others = node.profile.store.sub_indices
     if word != "all" and others and store_group(word) not in others:

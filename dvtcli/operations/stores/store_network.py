@@ -27,11 +27,12 @@ if TYPE_CHECKING:
     from dvtcli.operations.changes.final_verify import ClaimsAtStore
     from dvtcli.operations.changes.network_transaction import NetworkTransaction
     from dvtcli.operations.results import Stored
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
 
 
 def store_network(
-    session: Session,
+    session: SessionNodes,
     course: NetworkTransaction,
     stores: tuple[Storing, ...],
     claims: ClaimsAtStore,
@@ -65,7 +66,7 @@ def store_network(
         raise
 
 
-def _end_stamps(session: Session, stores: Stores, claims: ClaimsAtStore) -> tuple[list[int], list[str]]:
+def _end_stamps(session: SessionUser, stores: Stores, claims: ClaimsAtStore) -> tuple[list[int], list[str]]:
     """End the stamps of nodes that could not store: `--trust-stamp` would trust them otherwise.
 
     Returns the nodes with an ended stamp, and the errors of others.
@@ -83,7 +84,7 @@ def _end_stamps(session: Session, stores: Stores, claims: ClaimsAtStore) -> tupl
 
 
 def store_each(
-    session: Session,
+    session: SessionNodes,
     name: str,
     stores: Stores,
     claims: ClaimsAtStore,
@@ -131,7 +132,7 @@ def store_each(
 
 
 def _store_one(
-    session: Session,
+    session: SessionNodes,
     name: str,
     one: Storing,
     stores: Stores,
@@ -172,7 +173,7 @@ def _note_states(name: str, stores: Stores, journals: Sequence[OwnJournal]) -> l
     return failures
 
 
-def _say_too_late(session: Session, stores: Stores) -> None:
+def _say_too_late(session: SessionUser, stores: Stores) -> None:
     """After a request to stop during a store: report who has stored, and that the others go on."""
     rest = [str(state.node_id) for state in stores.states.values() if state.waits]
     if session.cancellation.requested and rest and not stores.was_late:

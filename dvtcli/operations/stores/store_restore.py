@@ -26,16 +26,18 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.device.store_parameters import Signed
     from dvtcli.device.wish import Says
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
 
 #: How long a power cycle is waited for, in seconds.
 POWER_CYCLE_S = 60.0
 
 
 def store_settings(
-    session: Session,
+    session: SessionNodes,
     node: Node,
     sub_index: int | None,
     *,
@@ -88,7 +90,7 @@ def store_settings(
 
 
 def look_before_stores(
-    session: Session, node_ids: Sequence[int], sub_index: int | None, *, prove: str | None = None
+    session: SessionNodes, node_ids: Sequence[int], sub_index: int | None, *, prove: str | None = None
 ) -> None:
     """Check all nodes before the first store: raises if a node must not store, cannot, or could not prove it.
 
@@ -103,7 +105,7 @@ def look_before_stores(
             chosen(node.access, node.profile.store, STORE, sub_index, node.dictionary)
 
 
-def refuse_after_restart(node: Node, boot_ups: int, signed: Signed) -> None:
+def refuse_after_restart(node: ReadableNode, boot_ups: int, signed: Signed) -> None:
     """Raises DeviceRefused if *node* restarted between its last read and the store that it *signed*."""
     if node.bus.boot_ups(node.node_id) != boot_ups:
         raise DeviceRefused(
@@ -144,13 +146,13 @@ def why_to_store(node: Node, sub_index: int | None) -> str:
     )
 
 
-def _skipped(session: Session, node: Node, sub_index: int | None) -> Stored:
+def _skipped(session: SessionUser, node: NodeDescription, sub_index: int | None) -> Stored:
     place = f"{STORE:04X}:{sub_index or 1:02X}"
     skipped = "nothing was written since the node's boot-up, and its PDOs read back as it came up with them"
     return Stored(node.node_id, place, "store", 0.0, node.profile.store.timeout_s, (), session.dry_run, skipped=skipped)
 
 
-def _restart(session: Session, node: Node, way: str, wait_s: float) -> Restart | None:
+def _restart(session: SessionNodes, node: Node, way: str, wait_s: float) -> Restart | None:
     """Ask for consent and choose the restart; None on a twin, where a restart proves nothing."""
     if session.dry_run:
         return None
@@ -163,7 +165,7 @@ def _restart(session: Session, node: Node, way: str, wait_s: float) -> Restart |
     return Restart(RESET_NODE, lambda: _reset(node, NmtCommand.RESET_NODE))
 
 
-def _power_cycle(session: Session, node: Node, wait_s: float) -> None:
+def _power_cycle(session: SessionUser, node: Node, wait_s: float) -> None:
     text = f"switch node {node.node_id} off and on now: its return is waited for, {wait_s:g} s at most"
 
     def stop() -> None:
@@ -174,11 +176,11 @@ def _power_cycle(session: Session, node: Node, wait_s: float) -> None:
         await_power_cycle(node.access, wait_s, lambda: session.tell.instruct(text), stop)
 
 
-def _reset(node: Node, command: NmtCommand) -> None:
+def _reset(node: ReadableNode, command: NmtCommand) -> None:
     reset_and_wait(node.access, command)
 
 
-def restore_defaults(session: Session, node: Node, sub_index: int | None, *, prove: bool) -> Stored:
+def restore_defaults(session: SessionNodes, node: Node, sub_index: int | None, *, prove: bool) -> Stored:
     """Restore the node's defaults (0x1011), active after its next reset; *prove* resets and reads it."""
     session.consent(
         f"node {node.node_id} will lose what is set and stored, and take its defaults; restore?", node.node_id
@@ -227,7 +229,7 @@ def restore_defaults(session: Session, node: Node, sub_index: int | None, *, pro
     )  # fmt: skip
 
 
-def _end_stamp_before(session: Session, node: Node, sub_index: int | None) -> None:
+def _end_stamp_before(session: SessionUser, node: Node, sub_index: int | None) -> None:
     """End our stamp on *node* before its defaults are restored: its values are no longer stored."""
     held = held_stamp(node)
     if held is not None and held.is_own:  # a device that has no defaults keeps its stamp
@@ -235,7 +237,7 @@ def _end_stamp_before(session: Session, node: Node, sub_index: int | None) -> No
         end_stamp(session, node, "what is no longer stored loses its stamp")
 
 
-def end_stamp(session: Session, node: Node, why: str) -> bool:
+def end_stamp(session: SessionUser, node: Node, why: str) -> bool:
     """Write 0 to 0x1020 of *node* if it holds our stamp, and report *why*; returns whether it did."""
     held = held_stamp(node)
     if held is not None and held.is_own:
@@ -256,7 +258,7 @@ def _before_restore(node: Node, restart: Restart) -> tuple[Snapshot | None, tupl
         return None, ()
 
 
-def _says(node: Node) -> Says:
+def _says(node: NodeDescription) -> Says:
     """Return the printing of values of *node*, as used on all screens."""
     from dvtcli.operations.meanings.planned_words import planned_words
 

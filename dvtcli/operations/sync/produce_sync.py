@@ -12,14 +12,14 @@ from dvtcli.operations.results import Synced
 from dvtcli.operations.sync.sync_frame import DEFAULT, sync_frame
 
 if TYPE_CHECKING:
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
 #: How long frames are waited for after the last SYNC, in seconds.
 _LISTEN_S = 0.05
 
 
-def produce_sync(session: Session, count: int = 1, period_s: float = 0.02, node_id: int | None = None) -> Synced:
+def produce_sync(session: SessionNodes, count: int = 1, period_s: float = 0.02, node_id: int | None = None) -> Synced:
     """Send *count* SYNC messages, *period_s* seconds apart, and list frames of synchronous PDOs.
 
     The CAN-ID is by 0x1005 of the node *node_id* (None: the selected node), 0x080 if there is none.
@@ -40,7 +40,7 @@ def produce_sync(session: Session, count: int = 1, period_s: float = 0.02, node_
     return Synced(count, period_s * 1000, rows, session.dry_run, sync.can_id, note=_held_back(session))
 
 
-def _held_back(session: Session) -> Hint | str:
+def _held_back(session: SessionNodes) -> Hint | str:
     """Report nodes that send no PDOs as the script keeps them PRE-OPERATIONAL."""
     held = [node.node_id for node in session.network.nodes.values() if node.gate.found is not None]
     if not held:
@@ -53,7 +53,7 @@ def _held_back(session: Session) -> Hint | str:
     )
 
 
-def _labels(session: Session) -> dict[int, str]:
+def _labels(session: SessionNodes) -> dict[int, str]:
     """Map CAN-IDs to the TPDOs of nodes read so far."""
     return {
         config.communication.cob_id.can_id: f"{pdo.label} node {node.node_id}"

@@ -15,8 +15,9 @@ from dvtcli.operations.results import SyncCheck, SyncSource
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.ports import CanopenBus, Frame
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
 RULES = (Rule("sync-producer", WARNING, "`sync --check`: nobody produces SYNC", "CiA 301, 7.5.2.5 and 7.5.2.6"),)
@@ -25,7 +26,7 @@ RULES = (Rule("sync-producer", WARNING, "`sync --check`: nobody produces SYNC", 
 _SHORTEST_S, _LONGEST_S = 0.1, 2.5
 
 
-def check_sync(session: Session, node_ids: Iterable[int] = ()) -> SyncCheck:
+def check_sync(session: SessionNodes, node_ids: Iterable[int] = ()) -> SyncCheck:
     """Read nodes, record the bus, and warn if nobody produces SYNC; sends no SYNC.
 
     The nodes are those read so far, simulated, selected, and *node_ids*.
@@ -46,14 +47,14 @@ def check_sync(session: Session, node_ids: Iterable[int] = ()) -> SyncCheck:
     return checked if checked.produced else replace(checked, findings=(finding,))
 
 
-def _nodes(session: Session, besides: Iterable[int]) -> list[Node]:
+def _nodes(session: SessionNodes, besides: Iterable[int]) -> list[Node]:
     network = session.network
     selected = session.selected_id()
     node_ids = {*network.nodes, *network.simulated_ids, *besides} | (set() if selected is None else {selected})
     return [session.node(node_id) for node_id in sorted(node_ids)]
 
 
-def _source(node: Node) -> SyncSource:
+def _source(node: ReadableNode) -> SyncSource:
     return SyncSource(node.node_id, read_optional(node.sdo, 0x1005, 0, 4), read_optional(node.sdo, 0x1006, 0, 4))
 
 
@@ -85,7 +86,7 @@ def short_frames(bus: CanopenBus) -> Iterator[ShortFrames]:
         end()
 
 
-def unknown_syncs(frames: ShortFrames, nodes: Iterable[Node]) -> tuple[int, ...]:
+def unknown_syncs(frames: ShortFrames, nodes: Iterable[ReadableNode]) -> tuple[int, ...]:
     """Return CAN-IDs of received SYNC that neither *nodes* (0x1005, bit 30) nor we produce.
 
     Covers 0x080 and the CAN-IDs that *nodes* consume. Reads nothing without such frames.

@@ -13,6 +13,7 @@ from dvtcli.operations.wanted.stamping import linked_with
 if TYPE_CHECKING:
     from dvtcli.domain.network.wanted_state import NetworkWish
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.user.session_user import SessionUser
 
 
 def named_nodes(session: Session) -> tuple[int, ...]:
@@ -26,7 +27,7 @@ def named_nodes(session: Session) -> tuple[int, ...]:
     return ids if len(ids) > 1 or typed else ()
 
 
-def of_nodes(session: Session, file: str, wish: NetworkWish, ids: tuple[int, ...]) -> NetworkWish:
+def of_nodes(session: SessionUser, file: str, wish: NetworkWish, ids: tuple[int, ...]) -> NetworkWish:
     """Restrict *wish* to the nodes *ids*, if any (`-n 1,3`); raises UsageError for a node not in the file."""
     if not ids:
         return wish

@@ -18,9 +18,10 @@ from dvtcli.operations.wanted.network_wish import eds_of
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.file_complaint import FileComplaint
     from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish, WantedIdentity
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 #: Vendor, product, revision and serial number, by their sub-indices of 0x1018.
 _IDENTITY_PARTS = range(1, 5)
@@ -55,7 +56,7 @@ class IdentifiedNodes:
         raise first
 
 
-def identify_nodes(session: Session, file: str, wish: NetworkWish) -> IdentifiedNodes:
+def identify_nodes(session: SessionNodes, file: str, wish: NetworkWish) -> IdentifiedNodes:
     """Identify the nodes of *wish*, each with its EDS or profile."""
     met = IdentifiedNodes()
     for node in wish.nodes:
@@ -78,7 +79,7 @@ def identify_nodes(session: Session, file: str, wish: NetworkWish) -> Identified
     return met
 
 
-def _ask_all(session: Session, ids: Sequence[int]) -> dict[int, DvtcliError]:
+def _ask_all(session: SessionNodes, ids: Sequence[int]) -> dict[int, DvtcliError]:
     """Identify *ids* again, in parallel if nothing else runs; returns the failures.
 
     Messages are left to the caller, which keeps the order of the file.
@@ -110,7 +111,7 @@ def _joined(failures: list[DvtcliError]) -> None:
             failures.remove(answer)
 
 
-def _choose_files(session: Session, file: str, node: NodeWish) -> None:
+def _choose_files(session: SessionNodes, file: str, node: NodeWish) -> None:
     files, met = session.network.files, session.network.nodes
     if node.profile is not None and session.options.profile is None and node.node_id not in met:
         files.own_profile[node.node_id] = node.profile
@@ -119,7 +120,7 @@ def _choose_files(session: Session, file: str, node: NodeWish) -> None:
         files.own_eds[node.node_id] = path
 
 
-def is_wanted(node: Node, wanted: WantedIdentity) -> bool:
+def is_wanted(node: ReadableNode, wanted: WantedIdentity) -> bool:
     """Tell whether *node* matches the identity *wanted*."""
     held = node.identity()
     parts = ((getattr(wanted, name), held[name]) for name in ("vendor", "product", "revision", "serial"))

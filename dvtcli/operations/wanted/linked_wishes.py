@@ -35,6 +35,7 @@ from dvtcli.operations.wanted.resolve_names import pdo_request
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.cob_id import CobId
 
 
@@ -241,7 +242,7 @@ class _Linking:
             if end != link.producer and end not in link.consumers and isinstance(wish.cob_id, int):
                 yield wish.cob_id, wish.extended
 
-    def _hears_already(self, node: Node, end: Endpoint, cob_id: CobId, producer: LinkSide) -> bool:
+    def _hears_already(self, node: ReadableNode, end: Endpoint, cob_id: CobId, producer: LinkSide) -> bool:
         """Tell whether an RPDO already receives this producer, or will once it is enabled."""
         held = producer.config.communication.cob_id
         if end.pdo.is_tpdo or end.node_id == producer.end.node_id:

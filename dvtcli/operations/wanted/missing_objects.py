@@ -22,7 +22,7 @@ from dvtcli.operations.meanings.named_objects import object_at
 from dvtcli.operations.wanted.resolve_names import set_elsewhere
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.domain.network.network_plan import NetworkPlan
     from dvtcli.domain.network.wanted_state import Endpoint, Mark, NetworkWish, NodeWish, ObjectWish
     from dvtcli.domain.pdo import Pdo
@@ -53,7 +53,9 @@ def refuse_lacking(plan: NetworkPlan) -> NetworkPlan:
     return plan
 
 
-def without_lacked(nodes: Mapping[int, Node], wish: NetworkWish, log: FileLog) -> tuple[NetworkWish, LackedOfWish]:
+def without_lacked(
+    nodes: Mapping[int, ReadableNode], wish: NetworkWish, log: FileLog
+) -> tuple[NetworkWish, LackedOfWish]:
     """Drop from *wish* what its *nodes* lack and the links of such PDOs; returns both."""
     asked: dict[int, dict[Pdo, Mark]] = {}
     for node_wish in wish.nodes:
@@ -75,7 +77,7 @@ def without_lacked(nodes: Mapping[int, Node], wish: NetworkWish, log: FileLog) -
     return left, lacked
 
 
-def _look_ahead(node: Node, pdos: Mapping[Pdo, Mark], places: Mapping[Place, Mark]) -> None:
+def _look_ahead(node: ReadableNode, pdos: Mapping[Pdo, Mark], places: Mapping[Place, Mark]) -> None:
     """Read *pdos* and *places* ahead; read errors are raised later, at their use."""
     for pdo in pdos:
         with suppress(DvtcliError):
@@ -85,7 +87,7 @@ def _look_ahead(node: Node, pdos: Mapping[Pdo, Mark], places: Mapping[Place, Mar
             node.known_value(*place)
 
 
-def _places(node: Node, wish: NodeWish) -> Iterator[tuple[Place, Mark]]:
+def _places(node: NodeDescription, wish: NodeWish) -> Iterator[tuple[Place, Mark]]:
     """Yield the single objects that *wish* sets, with their places in the file; forbidden objects are left out."""
     wishes: tuple[ObjectWish | ValueWish, ...] = (*wish.objects, *wish.values)
     for object_wish in wishes:
@@ -97,7 +99,7 @@ def _places(node: Node, wish: NodeWish) -> Iterator[tuple[Place, Mark]]:
             yield place, mark
 
 
-def _place_of(node: Node, one: ObjectWish | ValueWish) -> Place | None:
+def _place_of(node: NodeDescription, one: ObjectWish | ValueWish) -> Place | None:
     """Resolve an object name; None if *node* does not know it."""
     if not isinstance(one, ValueWish):
         return one.index, one.sub_index
@@ -120,7 +122,7 @@ class LackedOfWish:
         """List labels of what the node with *node_id* lacks."""
         return tuple(lacked.label for lacked in self.found if lacked.node_id == node_id)
 
-    def look(self, node: Node, pdo: Pdo, mark: Mark) -> None:
+    def look(self, node: ReadableNode, pdo: Pdo, mark: Mark) -> None:
         """Add *pdo* if *node* does not have it; raises other errors of reading it."""
         try:
             node.known_pdo(pdo)
@@ -131,7 +133,7 @@ class LackedOfWish:
             finding = error("pdo-lacking", place, lacked.text, hint=lacked.hint)
             self._take(node, pdo, finding, mark, lacked.abort)
 
-    def look_at(self, node: Node, place: Place, mark: Mark) -> None:
+    def look_at(self, node: ReadableNode, place: Place, mark: Mark) -> None:
         """Add the object at *place* if *node* does not have it; other errors are reported elsewhere."""
         try:
             node.known_value(*place)
@@ -143,11 +145,11 @@ class LackedOfWish:
                 finding = error("object-lacking", f"0x{lacked.place}", text, hint=hint)
                 self._take(node, None, finding, mark, lacked.abort)
 
-    def _take(self, node: Node, pdo: Pdo | None, finding: Finding, mark: Mark, abort: int | None) -> None:
+    def _take(self, node: NodeDescription, pdo: Pdo | None, finding: Finding, mark: Mark, abort: int | None) -> None:
         complaint = self.log.shown(mark, finding.text) if mark.line else None
         self.found.append(Lacked(node.node_id, pdo, finding.place.removeprefix("0x"), finding, complaint, abort))
 
-    def left_of(self, nodes: Mapping[int, Node], wish: NetworkWish) -> NetworkWish:
+    def left_of(self, nodes: Mapping[int, NodeDescription], wish: NetworkWish) -> NetworkWish:
         """Return *wish* without them, and without stamps, which would cover only the rest."""
         if not self.found:
             return wish
@@ -161,7 +163,7 @@ class LackedOfWish:
     def _has(self, end: Endpoint) -> bool:
         return any((lacked.node_id, lacked.pdo) == (end.node_id, end.pdo) for lacked in self.found)
 
-    def _node(self, node: Node, wish: NodeWish) -> NodeWish:
+    def _node(self, node: NodeDescription, wish: NodeWish) -> NodeWish:
         def is_there(one: ObjectWish | ValueWish) -> bool:
             place = _place_of(node, one)
             return place is None or (node.node_id, place) not in self._places

@@ -32,6 +32,7 @@ from dvtcli.operations.pdos.virtual_pdo_ties import object_index, tied_name
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.domain.network.wanted_state import FileWord, Mark, NodeWish, PdoWish, PinWish
     from dvtcli.domain.object_syntax import MappedObject
     from dvtcli.domain.request import PdoWant
@@ -65,7 +66,7 @@ class WantedValue(NamedTuple):
     mark: Mark
 
 
-def wanted_pins(node: Node, wishes: Iterable[PinWish], log: FileLog) -> Iterator[WantedValue]:
+def wanted_pins(node: ReadableNode, wishes: Iterable[PinWish], log: FileLog) -> Iterator[WantedValue]:
     """Resolve *wishes* into objects of virtual PDOs, pins before the number of active pins."""
     for name, group in groupby(wishes, key=lambda wish: wish.group):
         pins = list(group)
@@ -76,7 +77,7 @@ def wanted_pins(node: Node, wishes: Iterable[PinWish], log: FileLog) -> Iterator
             log.complain(pins[0].mark, f"node {node.node_id} ({node.profile.title}) has no {name!r}, but {have}")
 
 
-def _group(node: Node, held: Pins, wishes: list[PinWish], log: FileLog) -> Iterator[WantedValue]:
+def _group(node: NodeDescription, held: Pins, wishes: list[PinWish], log: FileLog) -> Iterator[WantedValue]:
     ties: dict[int, int] = {}
     for wish in wishes:
         index = held.group.none if wish.object is None else _index(node, wish, log)
@@ -92,7 +93,7 @@ def _group(node: Node, held: Pins, wishes: list[PinWish], log: FileLog) -> Itera
         yield WantedValue((held.group.index, sub_index), data, reason, marks.get(sub_index, wishes[0].mark))
 
 
-def _index(node: Node, wish: PinWish, log: FileLog) -> int | None:
+def _index(node: NodeDescription, wish: PinWish, log: FileLog) -> int | None:
     word = wish.object
     try:
         return None if word is None else object_index(node, word.text)
@@ -146,7 +147,7 @@ def node_wants(node: Node, wish: NodeWish, log: FileLog) -> NodeWants:
     return wants
 
 
-def _wanted(node: Node, wish: NodeWish, log: FileLog) -> Iterator[WantedValue]:
+def _wanted(node: ReadableNode, wish: NodeWish, log: FileLog) -> Iterator[WantedValue]:
     """Resolve the object values of *wish* on *node*; reports lines that contradict each other."""
     said = (*_objects(wish), *_values(node, wish, log))
     watches = _watches(node, wish, said, log)
@@ -177,7 +178,7 @@ def _shown(place: Place) -> str:
     return f"0x{place[0]:04X}:{place[1]:02X}"
 
 
-def pdo_request(node: Node, wish: PdoWish, log: FileLog) -> PdoRequest:
+def pdo_request(node: NodeDescription, wish: PdoWish, log: FileLog) -> PdoRequest:
     """Resolve a PDO of *wish* on *node*; unknown entries are reported to *log* and left out."""
     objects = None if wish.mapping is None else tuple(_entries(node, wish.mapping, log))
     return PdoRequest(
@@ -187,7 +188,7 @@ def pdo_request(node: Node, wish: PdoWish, log: FileLog) -> PdoRequest:
     )  # fmt: skip
 
 
-def _entries(node: Node, words: tuple[FileWord, ...], log: FileLog) -> Iterator[MappedObject | Skipped]:
+def _entries(node: NodeDescription, words: tuple[FileWord, ...], log: FileLog) -> Iterator[MappedObject | Skipped]:
     for word in words:
         try:
             yield entry_at(node, word.text)
@@ -215,7 +216,7 @@ def _judge_entries(node: Node, wish: PdoWish, log: FileLog) -> None:
             log.complain(word.mark, finding.text)
 
 
-def _unknown(node: Node, wrong: UsageError) -> str:
+def _unknown(node: NodeDescription, wrong: UsageError) -> str:
     """Explain why a name is unknown on *node*, with help for a file."""
     if node.dictionary is None and isinstance(wrong.__cause__, UnknownName):
         return f"{wrong.text}: {_NO_EDS}"
@@ -233,7 +234,7 @@ def _objects(wish: NodeWish) -> Iterator[WantedValue]:
     )
 
 
-def _values(node: Node, wish: NodeWish, log: FileLog) -> Iterator[WantedValue]:
+def _values(node: ReadableNode, wish: NodeWish, log: FileLog) -> Iterator[WantedValue]:
     for value in wish.values:
         try:
             place = object_at(node, value.object.text)
@@ -254,11 +255,11 @@ def _values(node: Node, wish: NodeWish, log: FileLog) -> Iterator[WantedValue]:
             log.complain(value.object.mark, aborted.text)
 
 
-def _name(node: Node, place: Place) -> str:
+def _name(node: NodeDescription, place: Place) -> str:
     return "write" if node.dictionary is None else node.dictionary.display_name(*place) or "write"
 
 
-def set_elsewhere(node: Node, place: Place) -> str:
+def set_elsewhere(node: NodeDescription, place: Place) -> str:
     """Explain why `sdo` of a file must not set the object at *place*, and what does; empty if it may."""
     index, text = place[0], _shown(place)
     if index in SIGNATURES:
@@ -272,7 +273,7 @@ def set_elsewhere(node: Node, place: Place) -> str:
     return ""
 
 
-def _why_not(node: Node, place: Place) -> str:
+def _why_not(node: ReadableNode, place: Place) -> str:
     """Explain why a file must not set the object at *place*; empty if it may."""
     if elsewhere := set_elsewhere(node, place):
         return elsewhere
@@ -283,7 +284,9 @@ def _why_not(node: Node, place: Place) -> str:
     return ""
 
 
-def _watches(node: Node, wish: NodeWish, said: Collection[WantedValue], log: FileLog) -> Collection[WantedValue]:
+def _watches(
+    node: ReadableNode, wish: NodeWish, said: Collection[WantedValue], log: FileLog
+) -> Collection[WantedValue]:
     """Choose entries of 0x1016 for *wish*: the producer's own entry, else a free entry.
 
     Skips entries *said* to hold another value; an entry said to hold 0 is free, and taken last.

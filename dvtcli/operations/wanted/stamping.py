@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription
     from dvtcli.domain.network.wanted_state import FileWord, LinkWish, NetworkWish, NodeWish, PdoWish
     from dvtcli.domain.plan import Change
     from dvtcli.domain.rules import Finding
@@ -158,7 +159,7 @@ def _is_stamped(nodes: Mapping[int, Node], wish: NodeWish, wanted: Stamp | None)
     return stored and held_stamp(node) == wanted
 
 
-def _indices(node: Node, wish: NodeWish) -> Iterator[int]:
+def _indices(node: NodeDescription, wish: NodeWish) -> Iterator[int]:
     """Yield the indices of objects that *wish* names, a PDO's by its communication record; 0 for unknown names."""
     yield from (pdo.pdo.communication_index for pdo in wish.pdos)
     yield from (object_wish.index for object_wish in wish.objects)

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.hint import Action, Hint, verbatim
 
 if TYPE_CHECKING:
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
-def tell_unknown_bit_rate(session: Session, nodes: int) -> None:
+def tell_unknown_bit_rate(session: SessionNodes, nodes: int) -> None:
     """Report, once a session, that *nodes* nodes are read one by one as the bit rate is unknown, with a hint.
 
     Only for a bus that could read them in parallel: not for simulated nodes, twins, or an object gateway.

@@ -25,15 +25,17 @@ if TYPE_CHECKING:
 
     from dvtcli.device.change.plan_document import Identity
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription
     from dvtcli.device.read_whole import ReadObject
     from dvtcli.domain.profile import ObjectAddress
     from dvtcli.files.dcf.write_dcf import DcfText
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
     from dvtcli.operations.whole_device.read_whole_device import WholeDevice
 
 
 def backup_device(
-    session: Session,
+    session: SessionNodes,
     file: str,
     node_id: int | None = None,
     *,
@@ -63,7 +65,7 @@ def backup_device(
 
 
 def _held(
-    session: Session, node: Node, twice: bool, areas: tuple[range, ...]
+    session: SessionNodes, node: Node, twice: bool, areas: tuple[range, ...]
 ) -> tuple[Mapping[ObjectAddress, ReadObject], Identity]:
     """Read every object of *node* and its identity, without a restart in between."""
     if node.dictionary is None:
@@ -71,7 +73,7 @@ def _held(
     return read_every_object(session, node, twice=twice).objects, node.identity()
 
 
-def _as_dcf(session: Session, node: Node, path: Path, file: str, *, twice: bool) -> Facts:
+def _as_dcf(session: SessionNodes, node: Node, path: Path, file: str, *, twice: bool) -> Facts:
     def read() -> tuple[WholeDevice, DcfText]:
         whole = read_every_object(session, node, twice=twice)
         return whole, dcf_of(session, whole, path.name)[0]
@@ -83,8 +85,8 @@ def _as_dcf(session: Session, node: Node, path: Path, file: str, *, twice: bool)
 
 
 def _as_lines(
-    session: Session,
-    node: Node,
+    session: SessionUser,
+    node: NodeDescription,
     path: Path,
     file: str,
     found: Mapping[ObjectAddress, ReadObject],
@@ -109,7 +111,7 @@ def _as_lines(
     return replace(answer, text=(*answer.text, needs))
 
 
-def _must_have_read(node: Node, count: int, out: Mapping[str, str]) -> None:
+def _must_have_read(node: NodeDescription, count: int, out: Mapping[str, str]) -> None:
     """Raises UsageError if nothing was read: a file without an object is no backup."""
     if not count:
         raise UsageError(
@@ -125,7 +127,7 @@ def _kept(one: ReadObject) -> KeptObject:
     return KeptObject(None if why else one.data, why, "" if kind is None else kind.short)
 
 
-def _answer(file: str, node: Node, count: int, out: Mapping[str, str]) -> Facts:
+def _answer(file: str, node: NodeDescription, count: int, out: Mapping[str, str]) -> Facts:
     kept = (
         f"{verbatim(file)}: node {node.node_id}, {plural(count, 'object')} as read just now. What differs from it: {{}}"
     )

@@ -32,7 +32,8 @@ if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
     from dvtcli.domain.profile import DeviceProfile, ObjectAddress
     from dvtcli.domain.scaling import Scaling
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
 
 
 #: bit 31 of a COB-ID: the PDO does not exist
@@ -67,7 +68,7 @@ class SecondSide:
         return str(self.known.why_not(entry) or "")
 
 
-def side_of_node(session: Session, node: Node, first: HeldDevice) -> SecondSide:
+def side_of_node(session: SessionNodes, node: Node, first: HeldDevice) -> SecondSide:
     """Read the objects of *first* from *node*."""
     dictionary = node.dictionary or first.dictionary
     known = Configuration(node.profile) if dictionary is None else configuration(node, dictionary)
@@ -95,7 +96,7 @@ def side_of_node(session: Session, node: Node, first: HeldDevice) -> SecondSide:
     return _knowing(SecondSide(name, node.node_id, objects, known, dictionary, node.identity(), changing), first)
 
 
-def side_of_file(session: Session, second: HeldDevice, first: HeldDevice) -> SecondSide:
+def side_of_file(session: SessionUser, second: HeldDevice, first: HeldDevice) -> SecondSide:
     """Return *second* as a side, with its own description, else that of *first*."""
     dictionary = second.dictionary or first.dictionary or _known_by_identity(session, second, first)
     profile = _profile(second if second.identity["vendor"] else first)
@@ -136,7 +137,7 @@ def _beside(said: Collection[ObjectAddress], dictionary: ObjectDictionary | None
             yield entry.index, entry.sub_index
 
 
-def _known_by_identity(session: Session, *held: HeldDevice) -> ObjectDictionary | None:
+def _known_by_identity(session: SessionUser, *held: HeldDevice) -> ObjectDictionary | None:
     """Return the dictionary of --eds, else by the identity of *held*; None if unknown."""
     from dvtcli.operations.opening.device_files import found_file
     from dvtcli.operations.opening.simulated_nodes import file_or_family, read_dictionary
@@ -183,7 +184,7 @@ def _data(side: Objects, place: ObjectAddress) -> bytes | None:
 
 
 def compare_device(
-    session: Session, file: str, other: str | None = None, node_id: int | None = None, *, shows_all: bool = False
+    session: SessionNodes, file: str, other: str | None = None, node_id: int | None = None, *, shows_all: bool = False
 ) -> WholeCompared:
     """Compare *file* with the file *other*, or with the node *node_id*.
 
@@ -207,7 +208,7 @@ def compare_device(
     return _compared(held_by(file, second.node_id), side, None, shows_all=shows_all)
 
 
-def _meant(session: Session, first: HeldDevice) -> int:
+def _meant(session: SessionNodes, first: HeldDevice) -> int:
     """Choose the node if the line names none."""
     selected = selected_nodes(session)
     if len(selected) > 1:

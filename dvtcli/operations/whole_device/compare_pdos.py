@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
     from dvtcli.domain.pdo import Pdo
     from dvtcli.operations.session.session import Rehearse, Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
     from dvtcli.operations.whole_device.held_device import HeldDevice
 
 
@@ -103,7 +105,7 @@ def _is_network(file: str) -> bool:
     return file.lower().endswith((".yaml", ".yml"))
 
 
-def _session_wishes(session: Session) -> dict[int, Wish]:
+def _session_wishes(session: SessionNodes) -> dict[int, Wish]:
     network = session.network
     for node_id, before in tuple(network.left.items()):
         if before.wanted or before.wanted_values or before.unreadable_values:
@@ -111,7 +113,7 @@ def _session_wishes(session: Session) -> dict[int, Wish]:
     return {node_id: session_wish(node) for node_id, node in sorted(network.nodes.items())}
 
 
-def _device_wishes(session: Session, pdos: Sequence[NodePdo], file: str) -> tuple[list[NodePdo], dict[int, Wish]]:
+def _device_wishes(session: SessionNodes, pdos: Sequence[NodePdo], file: str) -> tuple[list[NodePdo], dict[int, Wish]]:
     """Return *pdos* with their nodes, and the wishes of these nodes by a *file* about a device."""
     named = {node_id for node_id, _ in pdos if node_id is not None}
     if named and any(node_id is None for node_id, _ in pdos):
@@ -148,7 +150,7 @@ def _is_script(file: str) -> bool:
         raise UsageError(f"{file}: {failed.strerror}", place=file) from failed
 
 
-def _chosen(session: Session, pdos: Sequence[NodePdo], wishes: dict[int, Wish], against: str) -> dict[int, Wish]:
+def _chosen(session: SessionNodes, pdos: Sequence[NodePdo], wishes: dict[int, Wish], against: str) -> dict[int, Wish]:
     """Restrict *wishes* to *pdos* (empty: everything); raises UsageError if nothing is left to compare."""
     wished = {node_id: wish for node_id, wish in wishes.items() if wish}
     if not wished:
@@ -186,7 +188,7 @@ def _chosen(session: Session, pdos: Sequence[NodePdo], wishes: dict[int, Wish], 
 
 
 def compare_node(
-    session: Session, node: Node, pdos: Collection[Pdo] = (), file: str | None = None, *, frame: bool = False
+    session: SessionNodes, node: Node, pdos: Collection[Pdo] = (), file: str | None = None, *, frame: bool = False
 ) -> Compared:
     """Compare *pdos* (empty: everything) of *node* with this session's changes, or the DCF or EDS *file*.
 
@@ -202,7 +204,7 @@ def compare_node(
 
 
 def compare(
-    session: Session, node: Node, wish: Wish, file: str | None = None, *, frame: bool = False, named: bool = False
+    session: SessionNodes, node: Node, wish: Wish, file: str | None = None, *, frame: bool = False, named: bool = False
 ) -> Compared:
     """Compare a node; again after a frame, as the node was started and may have restarted."""
     says = partial(planned_words, node)
@@ -235,7 +237,7 @@ def _judge(node: Node, wish: Wish, *, differs: bool) -> None:
         suspicions.pop(REBOOT, None)
 
 
-def _device_wish(session: Session, node: Node, held: HeldDevice) -> Wish:
+def _device_wish(session: SessionUser, node: Node, held: HeldDevice) -> Wish:
     """Return the wishes of a DCF, an XDC or a backup for this node, or an EDS's default PDOs.
 
     Raises SafetyRefusal if the file is for another product.

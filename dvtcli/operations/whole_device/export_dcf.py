@@ -25,13 +25,13 @@ from dvtcli.operations.whole_device.read_whole_device import WholeDevice, descri
 
 if TYPE_CHECKING:
     from dvtcli.domain.profile import ObjectAddress
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 SUFFIXES = VALUE_SUFFIXES
 _REVISION = (0x1018, 3)
 
 
-def export_dcf(session: Session, file: str, node_id: int | None = None, *, twice: bool = False) -> Facts:
+def export_dcf(session: SessionNodes, file: str, node_id: int | None = None, *, twice: bool = False) -> Facts:
     """Export the configuration of the node with *node_id* (None: the selected node) to *file*.
 
     By the suffix, a DCF, which keeps all bytes of the EDS that need no change, or an XDC. *twice* reads every object
@@ -55,7 +55,7 @@ def is_exported(one: ReadObject, known: Configuration) -> bool:
     return why is None or why.may_be_setting or one.entry.value is not None
 
 
-def dcf_of(session: Session, whole: WholeDevice, file_name: str) -> tuple[DcfText, Path]:
+def dcf_of(session: SessionNodes, whole: WholeDevice, file_name: str) -> tuple[DcfText, Path]:
     """Return *whole* as DCF or XDC for *file_name*, and its source EDS or XDD."""
     node = whole.node
     path = session.network.files.eds_path(node.node_id)

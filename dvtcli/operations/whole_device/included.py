@@ -19,7 +19,7 @@ from dvtcli.errors import UsageError
 from dvtcli.operations.meanings.named_objects import is_name, object_at
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.profile import ObjectAddress, Range
     from dvtcli.operations.whole_device.held_device import HeldDevice
@@ -88,7 +88,7 @@ class Included:
         return sorted(place for place in said if self.range[0] <= place[0] <= self.range[1])
 
 
-def included_of(node: Node, held: HeldDevice, words: Collection[str]) -> tuple[Included, ...]:
+def included_of(node: NodeDescription, held: HeldDevice, words: Collection[str]) -> tuple[Included, ...]:
     """Resolve *words* in *held*; raises UsageError for an unknown object, or if the file has no value."""
     found = tuple(_included(node, word) for word in words)
     for included in found:
@@ -130,7 +130,7 @@ def _why_idle(known: Configuration, places: Collection[ObjectAddress]) -> str:
     return f"it is not written all the same: it {never or NotWritten.READ_ONLY}"
 
 
-def _included(node: Node, word: str) -> Included:
+def _included(node: NodeDescription, word: str) -> Included:
     first, dash, last = word.partition("-")
     if dash:
         try:

@@ -8,11 +8,11 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.whole_device.held_device import HeldDevice
 
 
-def selected_nodes(session: Session) -> tuple[int, ...]:
+def selected_nodes(session: SessionNodes) -> tuple[int, ...]:
     """Return the selected node or the nodes of `-n`; empty if none. Raises UsageError for `-n all`."""
     if session.selected is None and session.base.every_node:
         raise UsageError(
@@ -26,7 +26,7 @@ def selected_nodes(session: Session) -> tuple[int, ...]:
     return () if selected is None else (selected,)
 
 
-def node_of_file(session: Session, held: HeldDevice) -> int:
+def node_of_file(session: SessionNodes, held: HeldDevice) -> int:
     """Return the node-ID of *held*, with a message; raises UsageError if it has none."""
     if held.node_id is None:
         return session.node_id()
@@ -34,7 +34,7 @@ def node_of_file(session: Session, held: HeldDevice) -> int:
     return held.node_id
 
 
-def selected_alone(session: Session, held: HeldDevice) -> tuple[int, ...]:
+def selected_alone(session: SessionNodes, held: HeldDevice) -> tuple[int, ...]:
     """Return `selected_nodes`; raises UsageError if none, as *held* may be of another device."""
     if found := selected_nodes(session):
         return found

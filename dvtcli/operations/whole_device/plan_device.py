@@ -33,10 +33,12 @@ from dvtcli.operations.whole_device.wanted_of_file import WantedOfFile, wanted_o
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.domain.network.network_plan import LeftOut, NodePlan
     from dvtcli.domain.pdo import Pdo
     from dvtcli.operations.results import NetworkApplied
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.whole_device.held_device import HeldDevice
 
 
@@ -127,7 +129,7 @@ def wanted_alone(node: Node, held: HeldDevice) -> Wish | None:
     )
 
 
-def _reads_another_value(node: Node, one: LeftOut) -> bool:
+def _reads_another_value(node: NodeDescription, one: LeftOut) -> bool:
     """Tell whether the object is writable but does not read back the written value."""
     index, sub_index = (int(part, 16) for part in one.object.split(":")) if ":" in one.object else (0, 0)
     entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
@@ -145,7 +147,7 @@ def _said_of(held: HeldDevice, pdo: Pdo, config: PdoConfig) -> frozenset[str]:
     return frozenset(said | {MAPPING} if any(index == pdo.mapping_index for index, _ in places) else said)
 
 
-def _unwritten(node: Node, one: LeftOut) -> str:
+def _unwritten(node: NodeDescription, one: LeftOut) -> str:
     """Describe a differing setting that `apply` does not write."""
     if one.held is None or one.said is None:
         return f"differs, and apply does not write it: {one.why}"
@@ -154,7 +156,7 @@ def _unwritten(node: Node, one: LeftOut) -> str:
     return f"is {held}, expected {said}; apply does not write it: {one.why}"
 
 
-def _node_ids(session: Session, held: HeldDevice, options: DeviceOptions) -> tuple[int, ...]:
+def _node_ids(session: SessionNodes, held: HeldDevice, options: DeviceOptions) -> tuple[int, ...]:
     """Return the chosen nodes; reports a different node-ID in the file."""
     if options.is_clone:
         ids = options.nodes or selected_alone(session, held)
@@ -213,7 +215,7 @@ def _refuse_nobody(held: HeldDevice, options: DeviceOptions) -> None:
 
 
 def _planned(
-    session: Session, nodes: dict[int, Node], held: HeldDevice, wish: NetworkWish, options: DeviceOptions
+    session: SessionNodes, nodes: dict[int, Node], held: HeldDevice, wish: NetworkWish, options: DeviceOptions
 ) -> Iterator[NodePlan]:
     found: dict[int, WantedOfFile] = {}
     for node_id, node in nodes.items():
@@ -232,12 +234,12 @@ def _planned(
     return (_powered(session, plan) if len(plan.plan) else plan for plan in judged)
 
 
-def _powered(session: Session, planned: NodePlan) -> NodePlan:
+def _powered(session: SessionNodes, planned: NodePlan) -> NodePlan:
     """Warn if an enabled power stage would make `apply` refuse *planned*."""
     return replace(planned, findings=(*planned.findings, *powered_findings(session, planned.node_id)))
 
 
-def _said(planned: NodePlan, node: Node, held: HeldDevice, found: WantedOfFile) -> NodePlan:
+def _said(planned: NodePlan, node: ReadableNode, held: HeldDevice, found: WantedOfFile) -> NodePlan:
     left_out = tuple(omission for _, omission in sorted(found.left_out.items()))
     sizes = {left_object.object: len(left_object.held) for left_object in left_out if left_object.held is not None}
     known = planned.understood | understood(node, sizes)
@@ -248,7 +250,7 @@ def _said(planned: NodePlan, node: Node, held: HeldDevice, found: WantedOfFile) 
     )  # fmt: skip
 
 
-def _doubt(node: Node, held: HeldDevice) -> str:
+def _doubt(node: ReadableNode, held: HeldDevice) -> str:
     """Return the question before a file with this identity is written to *node*; empty if none."""
     said, is_now = held.identity["revision"], node.identity()["revision"]
     if not (held.identity["vendor"] or held.identity["product"]):

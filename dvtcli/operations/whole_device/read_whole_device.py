@@ -16,10 +16,12 @@ from dvtcli.operations.objects.object_files import transfer_progress
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.device.read_whole import OnObject
     from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
     from dvtcli.domain.profile import ObjectAddress, Range
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +35,7 @@ class WholeDevice:
 
 
 def read_every_object(
-    session: Session,
+    session: SessionNodes,
     node: Node,
     *,
     twice: bool = False,
@@ -55,7 +57,7 @@ def read_every_object(
 
 
 def read_entries(
-    session: Session,
+    session: SessionNodes,
     node: Node,
     entries: Iterable[OdEntry],
     known: Configuration,
@@ -75,7 +77,7 @@ def read_entries(
     )
 
 
-def told(session: Session, node: Node) -> OnObject:
+def told(session: SessionUser, node: NodeDescription) -> OnObject:
     """Return a callback that reports the progress of reading *node*."""
 
     def tell(index: int, sub_index: int, done: int, total: int, left_s: float | None) -> None:
@@ -86,7 +88,7 @@ def told(session: Session, node: Node) -> OnObject:
     return tell
 
 
-def described(node: Node) -> ObjectDictionary:
+def described(node: NodeDescription) -> ObjectDictionary:
     """Return the dictionary of *node*; raises UsageError without a file."""
     if node.dictionary is None:
         raise UsageError(
@@ -98,7 +100,7 @@ def described(node: Node) -> ObjectDictionary:
     return node.dictionary
 
 
-def configuration(node: Node, dictionary: ObjectDictionary, included: Collection[Range] = ()) -> Configuration:
+def configuration(node: ReadableNode, dictionary: ObjectDictionary, included: Collection[Range] = ()) -> Configuration:
     """Return the configuration of *node* by its device profiles and those of its file."""
 
     def held(index: int) -> bytes | None:

@@ -27,6 +27,7 @@ from dvtcli.operations.whole_device.read_whole_device import configuration, desc
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.domain.hint import Hint
     from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
     from dvtcli.domain.pdo import PdoCommunicationParameter
@@ -95,7 +96,7 @@ def _has_odd_mapping(now: PdoConfig) -> bool:
 
 
 def _communication(
-    node: Node, known: Configuration, pdo: Pdo, now: PdoConfig, said: PdoConfig, left_out: dict[str, LeftOut]
+    node: NodeDescription, known: Configuration, pdo: Pdo, now: PdoConfig, said: PdoConfig, left_out: dict[str, LeftOut]
 ) -> PdoCommunicationParameter:
     """Take parameters of *said* that the node has and lets be written, else those of *now*."""
     wanted = now.communication
@@ -217,7 +218,7 @@ def _pdos(node: Node, held: HeldDevice, known: Configuration, found: WantedOfFil
     return wanted
 
 
-def _taken(node: Node, wanted: dict[Pdo, PdoConfig]) -> frozenset[ObjectAddress]:
+def _taken(node: ReadableNode, wanted: dict[Pdo, PdoConfig]) -> frozenset[ObjectAddress]:
     """Return process data: objects that enabled RPDOs of the node receive, now or later."""
     rpdos = [pdo for pdo in node.present() if pdo.direction is Direction.RPDO]
     now = node.observed(lambda: [node.known_pdo(pdo) for pdo in rpdos])
@@ -231,7 +232,7 @@ def _taken(node: Node, wanted: dict[Pdo, PdoConfig]) -> frozenset[ObjectAddress]
     )
 
 
-def _value(node: Node, held: HeldDevice, known: Configuration, entry: OdEntry, found: WantedOfFile) -> None:
+def _value(node: ReadableNode, held: HeldDevice, known: Configuration, entry: OdEntry, found: WantedOfFile) -> None:
     """Add the file's value of an object, or the reason for leaving it out."""
     place = entry.index, entry.sub_index
     why = known.why_not(entry)
@@ -257,7 +258,7 @@ def _value(node: Node, held: HeldDevice, known: Configuration, entry: OdEntry, f
         found.left_out[entry.object] = LeftOut(entry.object, str(why), is_setting(why), now, data)
 
 
-def _look_again(node: Node, found: WantedOfFile) -> None:
+def _look_again(node: ReadableNode, found: WantedOfFile) -> None:
     """Read differing unwritten objects again: they may change by themselves."""
     suspects = [left_out for left_out in found.left_out.values() if left_out.remains and left_out.held is not None]
     if suspects:
@@ -269,5 +270,5 @@ def _look_again(node: Node, found: WantedOfFile) -> None:
             found.left_out[suspect.object] = replace(suspect, why="changes by itself", remains=False, held=now)
 
 
-def _name(node: Node, place: ObjectAddress) -> str:
+def _name(node: NodeDescription, place: ObjectAddress) -> str:
     return (node.dictionary.display_name(*place) if node.dictionary else "") or "write"
