@@ -12,8 +12,8 @@ from typing import Any
 import can
 import pytest
 
+from dvtcli.bus.node_watch import SECOND_ANSWERS
 from dvtcli.bus.python_can import LOST_AFTER_S, MOST_REMEMBERED, CanBus, Echoes
-from dvtcli.bus.watched_bus import SECOND_ANSWERS
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import NoAnswer
