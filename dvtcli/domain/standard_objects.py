@@ -23,6 +23,11 @@ _NAMES = {
 }  # fmt: skip
 _ONE_EACH = {0x1003: "error", 0x1016: "consumer heartbeat time"}
 _SDO = ("COB-ID client to server", "COB-ID server to client", "node-ID of the other side")
+#: SRDOs (EN 50325-5): communication and mapping parameters, and the signatures of their configuration.
+_SRDO_COMMUNICATION, _SRDO_MAPPING, _SRDO_SIGNATURES = range(0x1301, 0x1341), range(0x1381, 0x13C1), 0x13FF
+_SRDO = (
+    "information direction", "refresh time or SCT", "SRVT", "transmission type", "COB-ID 1", "COB-ID 2 (inverted)",
+)  # fmt: skip
 _COMMUNICATION = ("COB-ID", "transmission type", "inhibit time", "reserved", "event timer", "SYNC start value")
 
 
@@ -32,13 +37,17 @@ def standard_name(index: int, sub_index: int) -> str:
         return _NAMES.get(index, "")
     if index in _ONE_EACH:
         return f"{_ONE_EACH[index]} {sub_index}"
-    if is_pdo_mapping(index):
+    if is_pdo_mapping(index) or index in _SRDO_MAPPING:
         return f"mapped object {sub_index}"
+    if index == _SRDO_SIGNATURES:
+        return f"signature of SRDO {sub_index}"
     names = _PARTS.get(index, ())
     if is_pdo_communication(index):
         names = _COMMUNICATION
     elif 0x1200 <= index <= 0x12FF:
         names = _SDO
+    elif index in _SRDO_COMMUNICATION:
+        names = _SRDO
     return names[sub_index - 1] if 1 <= sub_index <= len(names) else ""
 
 

@@ -1,4 +1,4 @@
-"""Contents of a device's file that no object dictionary holds, and another format therefore loses."""
+"""Contents of a device's file that no object dictionary holds: kept from EDS to EDS, named where they are lost."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.several import plural
+from dvtcli.domain.several import join_some, plural
 from dvtcli.files.eds import read_rules
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import IniSection, section_values
-from dvtcli.files.eds.layout import OBJECT_LISTS
+from dvtcli.files.eds.layout import OBJECT_LISTS, object_place
 from dvtcli.files.eds.reader import EdsFile
+from dvtcli.files.eds.writer import KeptText
 from dvtcli.files.xdd import xdd_rules
 from dvtcli.files.xdd.xdd_device import OWN_CHARACTERISTICS, characteristic
 
@@ -55,24 +56,69 @@ _ELEMENTS = {
 }  # fmt: skip
 
 
-def not_held(file: EdsFile | XddFile) -> list[str]:
-    """Return the contents of *file* that its dictionary lacks: each kind once, with count and first line."""
-    found = list(_of_eds(file) if isinstance(file, EdsFile) else _of_xdd(file))
+#: Keys of a device's kind, and of a node, that no dictionary holds and every EDS, or DCF, keeps (CiA 306, EN 50325-5).
+_KEPT_KEYS = {"srdomapping", "invertedsrad", "canopensafetysupported"}
+_KEPT_OF_A_NODE = {"uploadfile", "downloadfile", "paramrefd", "noderefd", "netrefd"}
+_CONNECTED = "connectedmodules"
+
+
+def kept(file: EdsFile, *, of_a_node: bool) -> KeptText:
+    """Return what an EDS made of *file* keeps beside its dictionary; a DCF also what is *of_a_node*."""
+    names = _KEPT_KEYS | (_KEPT_OF_A_NODE if of_a_node else set())
+    keys: dict[str, dict[str, str]] = {}
+    for section in file.text.sections:
+        values = section_values([section], Findings())
+        found = {given.key: given.value for key, given in values.items() if key in names and given.value}
+        if found:
+            keys[_written_name(section.name)] = found
+    sections = tuple(section for section in _kept_sections(file) if of_a_node or section.name.lower() != _CONNECTED)
+    return KeptText(sections, keys)
+
+
+def _written_name(name: str) -> str:
+    """The name in lower case of the section that is written for *name*."""
+    place = object_place(name)
+    index, sub_index = place or (0, None)
+    if place is None:
+        return "devicecomissioning" if name.lower() == "devicecommissioning" else name.lower()
+    return f"{index:04x}" if sub_index is None else f"{index:04x}sub{sub_index:x}"
+
+
+def _kept_sections(file: EdsFile) -> Iterator[IniSection]:
+    layout = file.layout
+    for parts in (*layout.modules.values(), *layout.kept.values(), layout.device.get("comments", [])):
+        yield from parts
+    for index in layout.objects:
+        yield from layout.object_sections(index).links
+
+
+def not_held(file: EdsFile | XddFile, keeps: KeptText | None = None) -> list[str]:
+    """Return the contents of *file* that its dictionary and *keeps* lack: each kind once, with count and first line."""
+    found = list(_of_eds(file, keeps) if isinstance(file, EdsFile) else _of_xdd(file))
     return found + [f"line {finding.line}: {finding.text}" for finding in file.findings if finding.rule in _LEFT_OUT]
 
 
-def _of_eds(file: EdsFile) -> Iterator[str]:
+def _of_eds(file: EdsFile, keeps: KeptText | None) -> Iterator[str]:
     indices = {f"{index:04x}" for index in file.layout.objects}
+    kept_sections = set(keeps.sections) if keeps else set()
+    special = set(_kept_sections(file))
     stray = set(file.layout.stray)
-    comments = _comment_lines((file.text.preamble, *file.text.sections))
+    comments = _comment_lines(
+        section for section in (file.text.preamble, *file.text.sections) if section not in kept_sections
+    )
     if comments:
         yield f"{plural(len(comments), 'line')} of comment, the first in line {comments[0]}"
     for section in file.layout.stray:
         yield f"line {section.line}: section [{section.name[:60]}] is not understood"
+    gone = [section for section in file.text.sections if section in special - kept_sections]
+    names = [f"[{section.name[:60]}]" for section in gone if section.name.lower() != "comments"]
+    if names:
+        yield f"{plural(len(names), 'section')} {join_some(names)}"
     lines: dict[str, list[int]] = {}
+    kept_keys = {key.lower() for keys in keeps.keys.values() for key in keys} if keeps else set()
     for section in file.text.sections:
-        if section not in stray:
-            _other_keys(section, indices, lines)
+        if section not in stray and section not in special:
+            _other_keys(section, indices, kept_keys, lines)
     for name, at in lines.items():
         yield f"key {name[:60]}, {plural(len(at), 'time')}, the first in line {at[0]}"
 
@@ -89,12 +135,12 @@ def _comment_lines(sections: Iterable[IniSection]) -> list[int]:
     return found
 
 
-def _other_keys(section: IniSection, indices: set[str], lines: dict[str, list[int]]) -> None:
+def _other_keys(section: IniSection, indices: set[str], kept_keys: set[str], lines: dict[str, list[int]]) -> None:
     name = section.name.lower()
     if name in _ANEW or name == "comments":
         return
-    table = name[4:] in ("name", "value")
-    known = _OBJECT_KEYS if name[:4] in indices else _DEVICE_KEYS
+    table = name[4:] in ("name", "value", "denotation")
+    known = kept_keys | (_OBJECT_KEYS if name[:4] in indices else _DEVICE_KEYS)
     for key, given in section_values([section], Findings()).items():
         if not table and key not in known and not key.startswith("baudrate_") and given.value:
             lines.setdefault(given.key, []).append(given.line)

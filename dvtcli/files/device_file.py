@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.files.eds.reader import EdsFile
+    from dvtcli.files.eds.writer import KeptText
     from dvtcli.files.xdd.xdd_reader import XddFile
 
 #: How the names of EDS and DCF files end, and those of XDD and XDC files; of each the second has a node's own values.
@@ -87,12 +88,12 @@ def device_file_bytes(
     description: str,
     made: datetime | None,
     said: Mapping[str, str] | None = None,
+    keeps: KeptText | None = None,
 ) -> bytes:
     """Write *dictionary* as a file *name*, in the format of the suffix; *description* is a line about it.
 
-    *said* are the original file's statements about itself, by the keys of FileInfo, to keep. Without *made* the file
-    has no
-    new date, so that equal input gives equal bytes.
+    *said* are the original file's statements about itself, by the keys of FileInfo, to keep; *keeps* is what an EDS has
+    beside its dictionary. Without *made* the file has no new date, so that equal input gives equal bytes.
     """
     if name.lower().endswith(XDD_SUFFIXES):
         from dvtcli.files.xdd.xdd_writer import xdd_bytes
@@ -100,7 +101,7 @@ def device_file_bytes(
         return xdd_bytes(dictionary, name, made, said)
     from dvtcli.files.eds.writer import eds_bytes, eds_text
 
-    return eds_bytes(eds_text(dictionary, name, description, made, said))
+    return eds_bytes(eds_text(dictionary, name, description, made, said, keeps))
 
 
 def is_xml(data: bytes, name: str) -> bool:

@@ -16,8 +16,19 @@ from dvtcli.files.eds.read_rules import DUPLICATE_SECTION, NOT_UNDERSTOOD
 #: The lists of objects, in the standard's order.
 OBJECT_LISTS = ("mandatoryobjects", "optionalobjects", "manufacturerobjects")
 
-_OBJECT = re.compile(r"([0-9a-f]{4})(?:sub[0-9a-f]{1,2}|(name|value))?", re.IGNORECASE | re.ASCII)
+_OBJECT = re.compile(
+    r"([0-9a-f]{4})(?:sub[0-9a-f]{1,2}|(name|value|denotation|objectlinks))?", re.IGNORECASE | re.ASCII
+)
 _DEVICE = {"fileinfo", "deviceinfo", "dummyusage", "comments", "devicecomissioning", *OBJECT_LISTS}
+#: Sections that say nothing of the dictionary: data types, dynamic channels, tools (CiA 306, 4.6.1, 4.7 and 4.9).
+_KEPT = re.compile(r"standarddatatypes|dynamicchannels|tools|tool[0-9]+", re.ASCII)
+#: Sections of modular devices (CiA 306, 4.8 and 5.4): the module's number, and which of its sections.
+_MODULES = re.compile(
+    r"supportedmodules|connectedmodules"
+    r"|m([0-9]{1,3})(moduleinfo|comments|fixedobjects|subextends|(?:fixed|subext)[0-9a-f]{4}(?:sub[0-9a-f]{1,2}"
+    r"|name|value|denotation|objectlinks)?)",
+    re.ASCII,
+)
 #: CiA 306 spells it with one m; some tools correct the spelling.
 _SAME = {"devicecommissioning": "devicecomissioning"}
 
@@ -27,12 +38,14 @@ Parts = list[IniSection]
 
 @dataclass(slots=True)
 class ObjectSections:
-    """An object's sections: *own*, by sub-index, and tables of names and values of a compact object."""
+    """An object's sections: *own*, by sub-index, tables of a compact object, and *links* to other objects."""
 
     own: Parts = field(default_factory=list)
     sub_indices: dict[int, Parts] = field(default_factory=dict)
     names: Parts = field(default_factory=list)
     values: Parts = field(default_factory=list)
+    denotations: Parts = field(default_factory=list)
+    links: Parts = field(default_factory=list)
 
     @property
     def line(self) -> int:
@@ -41,16 +54,21 @@ class ObjectSections:
 
     def each(self) -> Iterator[Parts]:
         """Iterate over every section with its repetitions."""
-        yield from (self.own, self.names, self.values)
+        yield from (self.own, self.names, self.values, self.denotations, self.links)
         yield from self.sub_indices.values()
 
 
 @dataclass(slots=True)
 class EdsLayout:
-    """A file's sections by meaning, *objects* by index only; *stray* sections have no known meaning."""
+    """A file's sections by meaning, *objects* by index only; *stray* sections have no known meaning.
+
+    *modules* are the sections of a modular device by name in lower case; *kept* say nothing of the dictionary.
+    """
 
     device: dict[str, Parts] = field(default_factory=dict)
     objects: dict[int, Parts] = field(default_factory=dict)
+    modules: dict[str, Parts] = field(default_factory=dict)
+    kept: dict[str, Parts] = field(default_factory=dict)
     stray: Parts = field(default_factory=list)
 
     @property
@@ -68,7 +86,8 @@ class EdsLayout:
             elif name.startswith("sub"):
                 found.sub_indices.setdefault(int(name[3:], 16), []).append(section)
             else:
-                (found.names if name == "name" else found.values).append(section)
+                tables = {"name": found.names, "value": found.values, "denotation": found.denotations}
+                tables.get(name, found.links).append(section)
         return found
 
 
@@ -98,7 +117,7 @@ def lay_out(text: IniText) -> EdsLayout:
             objects[index].append(section)
         else:
             objects[index] = [section]
-    # A `[xxxxName]` or `[xxxxValue]` whose object the file does not have tells us nothing.
+    # A table whose object the file does not have tells us nothing.
     for index in objects.keys() - described:
         layout.stray += objects.pop(index)
     return layout
@@ -109,6 +128,10 @@ def _add_device_section(layout: EdsLayout, section: IniSection) -> None:
     name = _SAME.get(name, name)
     if name in _DEVICE:
         layout.device.setdefault(name, []).append(section)
+    elif _MODULES.fullmatch(name):
+        layout.modules.setdefault(name, []).append(section)
+    elif _KEPT.fullmatch(name):
+        layout.kept.setdefault(name, []).append(section)
     else:
         layout.stray.append(section)
 

@@ -161,10 +161,13 @@ def _with_default_cob_id(entry: OdEntry) -> OdEntry:
 
 
 def apply_tables(sections: ObjectSections, entries: dict[int, OdEntry], findings: Findings) -> None:
-    """Put the names and ParameterValues of the tables into *entries*; a table need not mention every sub-index."""
+    """Put names, denotations and ParameterValues of the tables into *entries*; a table may lack sub-indices."""
     for sub_index, given in _rows(sections.names, entries, findings):
         if given.value:
             entries[sub_index] = replace(entries[sub_index], name=given.value)
+    for sub_index, given in _rows(sections.denotations, entries, findings):
+        if given.value:
+            entries[sub_index] = replace(entries[sub_index], denotation=given.value)
     said = _own_values(sections)
     for sub_index, given in _rows(sections.values, entries, findings, has_values=True):
         row = given if given.other is not None else given._replace(other=said.get(sub_index))
@@ -317,7 +320,8 @@ class EdsFile:
         findings = Findings(list(self.first_findings))
         section_values([self.text.preamble], findings)
         report_stray(self.layout, findings)
-        report_repeated(self.layout.device.values(), findings)
+        for parts in (self.layout.device, self.layout.modules, self.layout.kept):
+            report_repeated(parts.values(), findings)
         for name in ("fileinfo", "comments"):
             section_values(self.layout.device.get(name, ()), findings)
         check_lists(self.layout, findings)

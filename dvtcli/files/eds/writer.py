@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from datetime import datetime
 
 from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
-from dvtcli.files.eds.ini import decode
+from dvtcli.files.eds.ini import IniSection, decode
 from dvtcli.files.eds.written_values import written_limit, written_value
 from dvtcli.files.file_info import as_keys, in_order
 
@@ -17,18 +18,31 @@ _DUMMIES = range(1, 8)
 _OF_ONE_ENTRY = (ObjectType.NULL, ObjectType.DOMAIN, ObjectType.DEFTYPE, ObjectType.VAR)
 
 
+@dataclass(frozen=True, slots=True)
+class KeptText:
+    """Text of an EDS beside its dictionary: whole *sections*, and *keys* by the name of their section in lower case."""
+
+    sections: tuple[IniSection, ...] = ()
+    keys: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+
+    def added_to(self, section: str) -> str:
+        """Return the text *section* with its keys behind."""
+        found = self.keys.get(section[1 : section.index("]")].lower(), {})
+        return "\n".join([section, *(f"{key}={_one_line(value)}" for key, value in found.items())])
+
+
 def eds_text(
     dictionary: ObjectDictionary,
     file_name: str,
     description: str,
     made: datetime | None,
     said: Mapping[str, str] | None = None,
+    keeps: KeptText | None = None,
 ) -> str:
     """Return *dictionary* as the text of an EDS named *file_name*; *description* is a line about it.
 
-    *said* are keys of FileInfo to keep; *made* is the date (None: as in *said*). The result is a DCF if *dictionary*
-    has a
-    node-ID or values of its own.
+    *said* are keys of FileInfo to keep, *keeps* is other text; *made* is the date (None: as in *said*). The result is a
+    DCF if *dictionary* has a node-ID or values of its own.
     """
     sections = [
         _section("FileInfo", in_order({**_file_info(file_name, description, made), **as_keys(said or {})})),
@@ -39,6 +53,9 @@ def eds_text(
     ]
     for index in dictionary:
         sections += object_sections(dictionary[index])
+    if keeps is not None:
+        sections = [keeps.added_to(section) for section in sections]
+        sections += ["\n".join(map(_one_line, f"[{section.text}".rstrip().split("\n"))) for section in keeps.sections]
     return "\n\n".join(sections) + "\n"
 
 

@@ -14,7 +14,7 @@ from dvtcli.domain.network.concise_dcf import SUFFIX as CONCISE_SUFFIX
 from dvtcli.domain.object_dictionary import Commissioning
 from dvtcli.domain.several import join_some, plural
 from dvtcli.errors import UsageError
-from dvtcli.files.carried_over import not_held
+from dvtcli.files.carried_over import kept, not_held
 from dvtcli.files.dbc_text import SUFFIX
 from dvtcli.files.device_file import (
     DEVICE_SUFFIXES,
@@ -34,6 +34,7 @@ from dvtcli.operations.session.save_script import ask_before_overwriting, make_f
 if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.files.eds.reader import EdsFile
+    from dvtcli.files.eds.writer import KeptText
     from dvtcli.files.xdd.xdd_reader import XddFile
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.user.session_user import SessionUser
@@ -92,13 +93,27 @@ def convert_device_file(session: SessionUser, file: str, target: str) -> Facts:
     read = _read(file)
     wanted = read.dictionary if suffix in VALUE_SUFFIXES else without_values(read.dictionary)
     said = file_info(read)
-    data = device_file_bytes(wanted, path.name, f"made from {Path(file).name}", None, said)
+    keeps = _kept(read, suffix)
+    data = device_file_bytes(wanted, path.name, f"made from {Path(file).name}", None, said, keeps)
     again = parse_device_file(data, path.name)
-    losses = [*lost(read.dictionary, again.dictionary, suffix), *_unsaid(said, file_info(again)), *not_held(read)]
+    losses = [
+        *lost(read.dictionary, again.dictionary, suffix),
+        *_unsaid(said, file_info(again)),
+        *not_held(read, keeps),
+    ]
     notes = [_NO_DATE_NOTE.format(file)] if suffix in XDD_SUFFIXES and "CreationDate" not in said else []
     ask_before_overwriting(session, path)
     make_file(session, path, data)
     return _answer(file, target, len(again.dictionary), losses, notes)
+
+
+def _kept(read: EdsFile | XddFile, suffix: str) -> KeptText | None:
+    """Return what a file with *suffix* keeps of *read* beside its dictionary; None for an XDD or of an XDD."""
+    from dvtcli.files.eds.reader import EdsFile
+
+    if suffix in XDD_SUFFIXES or not isinstance(read, EdsFile):
+        return None
+    return kept(read, of_a_node=suffix in VALUE_SUFFIXES)
 
 
 def _read(file: str) -> EdsFile | XddFile:

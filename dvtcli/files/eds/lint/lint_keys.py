@@ -13,22 +13,25 @@ from dvtcli.files.eds.lint.linted_text import Found, LintedText, is_head
 _RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
 _OBJECT = ("ParameterName", "ObjectType", "DataType", "AccessType", "DefaultValue", "PDOMapping", "LowLimit",
            "HighLimit", "SubNumber", "CompactSubObj", "ObjFlags", "ParameterValue", "Denotation", "UploadFile",
-           "DownloadFile", "ParamRefd", "Unit", "Factor", "Description")  # fmt: skip
-#: All keys of a section in their spelling. Unit, Factor and Description are common but not standard.
+           "DownloadFile", "ParamRefd", "SRDOMapping", "InvertedSRAD", "Unit", "Factor", "Description")  # fmt: skip
+#: All keys of a section in their spelling, also those of EN 50325-5 (SRDOs). Unit, Factor and Description are common
+#: but not standard.
 _KEYS = {
     "fileinfo": ("FileName", "FileVersion", "FileRevision", "EDSVersion", "Description", "CreationTime",
                  "CreationDate", "CreatedBy", "ModificationTime", "ModificationDate", "ModifiedBy", "LastEDS"),
     "deviceinfo": ("VendorName", "VendorNumber", "ProductName", "ProductNumber", "RevisionNumber", "OrderCode",
                    *(f"BaudRate_{rate}" for rate in _RATES), "SimpleBootUpMaster", "SimpleBootUpSlave",
                    "Granularity", "DynamicChannelsSupported", "CompactPDO", "GroupMessaging", "NrOfRXPDO",
-                   "NrOfTXPDO", "LSS_Supported", "NG_Slave", "NG_Master", "NrOfNG_MonitoredNodes"),
+                   "NrOfTXPDO", "LSS_Supported", "CANopenSafetySupported",
+                   "NG_Slave", "NG_Master", "NrOfNG_MonitoredNodes"),
     "devicecomissioning": ("NodeID", "NodeName", "NodeRefd", "Baudrate", "NetNumber", "NetworkName", "NetRefd",
                            "CANopenManager", "LSS_SerialNumber"),
 }  # fmt: skip
 _SECTIONS = {
     name.lower(): name
     for name in ("FileInfo", "DeviceInfo", "DummyUsage", "Comments", "DeviceComissioning", "MandatoryObjects",
-                 "OptionalObjects", "ManufacturerObjects")
+                 "OptionalObjects", "ManufacturerObjects", "SupportedModules", "ConnectedModules", "StandardDataTypes",
+                 "DynamicChannels", "Tools")
 }  # fmt: skip
 _NEARLY_OBJECT = re.compile(r"(0x)?[0-9a-f]{3,5}h?((sub|s)[0-9a-z]*|_[0-9a-z]+|:[0-9a-z]+)?")
 #: Keys of entries: in an object with sub-indices they belong to these.

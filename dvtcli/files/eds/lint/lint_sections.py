@@ -282,16 +282,20 @@ def compact_and_sub(text: LintedText) -> Found:
             yield value.line, f"{quoted(value)}, and sections of its sub-indices"
 
 
-@check("table-without-compact", NOTE, "a table of names or values of an object that is not in short form", _COMPACT)
+@check(
+    "table-without-compact",
+    NOTE,
+    "a table of names, values or denotations of an object that is not in short form",
+    _COMPACT,
+)
 def table_without_compact(text: LintedText) -> Found:
     """Other readers ignore the table."""
     compact = {entry.index for entry in text.objects if "compactsubobj" in entry.values}
     for index in text.file.layout.objects:
         if index not in compact:
             sections = text.file.layout.object_sections(index)
-            yield from (
-                (part.line, f"[{part.name}], but no CompactSubObj") for part in sections.names + sections.values
-            )
+            tables = sections.names + sections.values + sections.denotations
+            yield from ((part.line, f"[{part.name}], but no CompactSubObj") for part in tables)
 
 
 @check("missing-deftype", WARNING, "DataType names a type of the device's own that is not in the file",

@@ -117,4 +117,4 @@ def all_given(values: Values, keys: Iterable[str]) -> Iterator[IniValue]:
 
 
 def _is_table(section: IniSection) -> bool:
-    return section.name[4:].lower() in ("name", "value")
+    return section.name[4:].lower() in ("name", "value", "denotation", "objectlinks")
