@@ -113,11 +113,15 @@ def _entries(node: ReadableNode, pdo: Pdo, count: int) -> tuple[PdoMappingEntry,
 def held_value(node: ReadableNode, index: int, sub_index: int) -> bytes | None:
     """The present value for comparison and roll-back; None if it cannot be read back.
 
-    This concerns write-only objects, by the file or by the device's answer, and objects that return a state by the
-    standard.
+    This concerns write-only objects, and objects that return a state by the standard.
     """
+    return None if answers_with_state(index) else readable_value(node, index, sub_index)
+
+
+def readable_value(node: KnownPdos, index: int, sub_index: int) -> bytes | None:
+    """The present value; None if the object is write-only, by the file or by the device's answer."""
     entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
-    if answers_with_state(index) or (entry is not None and not entry.access.readable):
+    if entry is not None and not entry.access.readable:
         return None
     try:
         return node.known_value(index, sub_index)

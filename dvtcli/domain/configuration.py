@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.command_object import pdo_may_carry, rpdo_may_take
 from dvtcli.domain.named_process_data import is_named_as_process_data, is_named_as_setting
-from dvtcli.domain.object_dictionary import normalised
+from dvtcli.domain.object_dictionary import Access, normalised
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import Range, within
 
@@ -238,6 +238,11 @@ class Configuration:
         elif rpdo_may_take(entry):
             found = NotWritten.RPDO_MAPPABLE
         return None if found is not None and found.is_lifted_by_include and self._is_included(entry, found) else found
+
+    def why_not_unread(self, entry: OdEntry) -> NotWritten | None:
+        """Why *entry* is not written by who reads no write-only object back; None if it is configuration."""
+        found = self.why_not(entry)
+        return self.why_not(replace(entry, access=Access.RW)) if found is NotWritten.WRITE_ONLY else found
 
     def _never(self, entry: OdEntry) -> NotWritten | None:
         """Why the object must not be written, even if the user names it."""

@@ -6,7 +6,7 @@ byte first. Other tools write files of this form for a master.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from dvtcli.domain.cob_id import INVALID_BIT
@@ -28,12 +28,37 @@ def concise_of(plan: NodePlan, mapped: Collection[Pdo], own: Collection[tuple[in
     values = [step for change in plan.plan.changes if isinstance(change, ValueChange) for step in change.steps]
     first = [step for step in values if step.index in BEFORE_PDOS and (step.index, step.sub_index) not in own]
     first.sort(key=lambda step: (BEFORE_PDOS.index(step.index), step.sub_index))
-    wanted = dict(sorted(plan.wanted.items(), key=lambda item: item[0].communication_index))
-    entries = [ConciseEntry(step.index, step.sub_index, step.after) for step in first]
-    for pdo, after in wanted.items():
-        entries += _pdo(pdo, changed.get(pdo, after), after, always=pdo in mapped)
     rest = {place: data for place, data in plan.values.items() if place[0] not in BEFORE_PDOS or place in own}
-    return (*entries, *(ConciseEntry(*place, data) for place, data in rest.items()))
+    pdos = {pdo: (changed.get(pdo, after), after) for pdo, after in plan.wanted.items()}
+    return (
+        *(ConciseEntry(step.index, step.sub_index, step.after) for step in first),
+        *_pdos(pdos, mapped),
+        *(ConciseEntry(*place, data) for place, data in rest.items()),
+    )
+
+
+def concise_of_device(
+    pdos: Mapping[Pdo, tuple[PdoConfig, PdoConfig]],
+    mapped: Collection[Pdo],
+    values: Mapping[tuple[int, int], bytes],
+) -> tuple[ConciseEntry, ...]:
+    """Downloads that bring a device from the first configuration of its *pdos* to the second, and to *values*.
+
+    The mapping of *mapped* PDOs is always written.
+    """
+    first = sorted(place for place in values if place[0] in BEFORE_PDOS)
+    first.sort(key=lambda place: BEFORE_PDOS.index(place[0]))
+    rest = sorted(values.keys() - set(first))
+    return (
+        *(ConciseEntry(*place, values[place]) for place in first),
+        *_pdos(pdos, mapped),
+        *(ConciseEntry(*place, values[place]) for place in rest),
+    )
+
+
+def _pdos(pdos: Mapping[Pdo, tuple[PdoConfig, PdoConfig]], mapped: Collection[Pdo]) -> Iterator[ConciseEntry]:
+    for pdo, (before, after) in sorted(pdos.items(), key=lambda item: item[0].communication_index):
+        yield from _pdo(pdo, before, after, always=pdo in mapped)
 
 
 def _pdo(pdo: Pdo, before: PdoConfig, after: PdoConfig, *, always: bool) -> Iterator[ConciseEntry]:

@@ -5,17 +5,29 @@ Needs no bus; writes nothing to a node.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.device.described_node import Defaults, FileValues
+from dvtcli.device.read_pdos import WHATEVER, read_pdo
+from dvtcli.device.store_parameters import SIGNATURES
 from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.network.concise_dcf import ConciseEntry, concise_bytes, concise_entries, concise_of
+from dvtcli.domain.network.concise_dcf import (
+    ConciseEntry,
+    concise_bytes,
+    concise_entries,
+    concise_of,
+    concise_of_device,
+)
 from dvtcli.domain.network.wanted_state import WantedIdentity
 from dvtcli.domain.object_syntax import parse_object
+from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.several import join_some, plural
-from dvtcli.errors import InputFileError, UsageError
+from dvtcli.errors import InputFileError, SdoAborted, UsageError
+from dvtcli.files.device_file import DEVICE_SUFFIXES, read_device_file
 from dvtcli.files.input_file import read_input
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.read_network import network_text
@@ -30,7 +42,7 @@ from dvtcli.operations.wanted.network_wish import read_wish
 if TYPE_CHECKING:
     from dvtcli.domain.network.network_plan import NodePlan
     from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish
-    from dvtcli.domain.object_dictionary import ObjectDictionary
+    from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
     from dvtcli.domain.rules import Finding
     from dvtcli.operations.user.reporter import Reporter
     from dvtcli.operations.user.session_user import SessionUser
@@ -126,18 +138,96 @@ def _chosen(file: str, wish: NetworkWish, node: str | int | None) -> NodeWish:
 
 
 def convert_network(session: SessionUser, file: str, target: str, node: str | int | None = None) -> Facts:
-    """Write the concise DCF of *node* of the network *file* to *target* (.cdcf).
+    """Write the concise DCF of *node* of the network *file*, or of the DCF or XDC *file*, to *target* (.cdcf).
 
-    Asks before overwriting. *node* and errors as of `concise_dcf`.
+    Asks before overwriting. *node* and errors as of `concise_dcf`; of a DCF it is the node-ID, if the file has none.
     """
     path = place_of(target, "node5.cdcf")
-    one = concise_dcf(file, node, session.tell)
+    if file.lower().endswith(DEVICE_SUFFIXES):
+        one, left_out = _of_device(file, node)
+    else:
+        one, left_out = concise_dcf(file, node, session.tell), ()
     ask_before_overwriting(session, path)
     make_file(session, path, one.data)
     count = plural(len(one.entries), "download")
     rows = (("file", file), ("to", target), ("node", one.node_id), ("entries", _rows(one.entries)))
     said = f"{target}: node {one.node_id} {one.name}, {count}, {len(one.data)} bytes for 0x1F22:{one.node_id:02X}"
-    return Facts("concise-dcf", rows, (said,))
+    return Facts("concise-dcf", rows, (said, *(f"warning: left out: {text}" for text in left_out)))
+
+
+def _of_device(file: str, node: str | int | None) -> tuple[ConciseDcf, tuple[str, ...]]:
+    """Make the concise DCF of the ParameterValues of the DCF or XDC *file*; also returns what is left out, and why.
+
+    Raises UsageError if the node-ID is unknown or another one, or *file* has no ParameterValue.
+    """
+    try:
+        dictionary = read_device_file(Path(file)).dictionary
+    except OSError as failed:
+        raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
+    said = {(entry.index, entry.sub_index): entry for entry in dictionary.entries() if entry.value is not None}
+    if not said:
+        raise UsageError(
+            f"{file} has no ParameterValue: a concise DCF is what is written to one node",
+            place=file,
+            hint=Hint(Action.EXPORT, {"file": "x.dcf"}, "writes a file that has them"),
+        )
+    node_id = _node_id(file, dictionary.info.node_id, node)
+    left_out: list[str] = []
+    pdos = _pdos_of(dictionary, node_id, said, left_out)
+    mapped = {pdo for pdo in pdos if _sets_mapping(said, pdo)}
+    values: dict[tuple[int, int], bytes] = {}
+    fixed, commands = [], []
+    for place, entry in said.items():
+        data = entry.initial(node_id)
+        if Pdo.at(place[0]) is not None or data is None:
+            continue
+        if not entry.access.writable:
+            fixed.append(entry.object)
+        elif place[0] in SIGNATURES:
+            commands.append(entry.object)
+        else:
+            values[place] = data
+    left_out += [
+        f"{join_some(objects)} ({why})" for objects, why in ((fixed, "read-only"), (commands, "commands")) if objects
+    ]
+    name = dictionary.info.commissioning.node_name or Path(file).stem
+    return ConciseDcf(node_id, name, concise_of_device(pdos, mapped, values)), tuple(left_out)
+
+
+def _pdos_of(
+    dictionary: ObjectDictionary, node_id: int, said: Collection[tuple[int, int]], left_out: list[str]
+) -> dict[Pdo, tuple[PdoConfig, PdoConfig]]:
+    """Return each PDO with a value among *said*: as the device comes, and as the file has it."""
+    found: dict[Pdo, tuple[PdoConfig, PdoConfig]] = {}
+    for pdo in {pdo: None for index, _ in said if (pdo := Pdo.at(index)) is not None}:
+        try:
+            before, after = (read_pdo(read(dictionary, node_id), pdo, WHATEVER) for read in (Defaults, FileValues))
+        except SdoAborted:
+            left_out.append(f"{pdo.label} is no whole PDO in the file")
+            continue
+        found[pdo] = before, after
+    return found
+
+
+def _sets_mapping(said: Mapping[tuple[int, int], OdEntry], pdo: Pdo) -> bool:
+    """Whether the file has a ParameterValue of the mapping of *pdo* that can be written."""
+    return any(index == pdo.mapping_index and entry.access.writable for (index, _), entry in said.items())
+
+
+def _node_id(file: str, of_file: int | None, chosen: str | int | None) -> int:
+    """Return the node-ID of a DCF, or *chosen* if it has none."""
+    given = None if chosen is None else int(chosen) if str(chosen).isdecimal() else 0
+    if given is not None and (not 1 <= given <= 127 or of_file not in (None, given)):
+        text = "a DCF is chosen for by node-ID, 1..127" if of_file is None else f"{file} is of node {of_file}"
+        raise UsageError(text, given={"node": chosen})
+    node_id = of_file or given
+    if node_id is None:
+        raise UsageError(
+            f"{file} does not say of which node it is",
+            place=file,
+            hint=Hint(Action.GIVE, {"node": "5"}, "{}, its node-ID"),
+        )
+    return node_id
 
 
 def read_concise_file(file: str) -> tuple[ConciseEntry, ...]:

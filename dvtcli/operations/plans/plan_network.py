@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.device.heard_producers import HeardIds, heard_ids, heard_producer_findings
 from dvtcli.device.proposal import proposal
+from dvtcli.device.raw_write_check import readable_value
 from dvtcli.device.read_cache import read_side_by_side
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.device.resolve import resolve, untyped_lengths
@@ -295,7 +296,7 @@ def _look_ahead(node: ReadableNode, wants: NodeWants) -> None:
     """Read ahead for the plan of *node*; read errors are raised later, at their use."""
     with suppress(DvtcliError):
         node.observed(lambda: [node.known_pdo(pdo) for pdo in wants.pdos])
-        node.observed(lambda: [node.known_value(*place) for place in wants.values])
+        node.observed(lambda: [readable_value(node, *place) for place in wants.values])
 
 
 def _look_at_stamp(node: Node, stamp: Stamp | None, changes: Sequence[Change]) -> None:
@@ -332,7 +333,7 @@ def _differences(node: Node, wants: NodeWants, senders: Senders, refused: list[R
         except RuleError as error:
             refused.append(error)
     senders.after[node.node_id] = {pdo: config.communication.cob_id for pdo, config in wanted.items()}
-    held = node.observed(lambda: {place: node.known_value(*place) for place in wants.values})
+    held = node.observed(lambda: {place: readable_value(node, *place) for place in wants.values})
     values = _values(node, wants, held)
     pdos = [plan_pdo(pdo, now[pdo], want) for pdo, want in wanted.items()]
     proposed = (
@@ -372,7 +373,7 @@ def _left_off(wish: NodeWish, wanted: Mapping[Pdo, PdoConfig]) -> Iterator[Findi
             yield warning("mapped-but-off", f"0x{pdo.pdo.communication_index:04X}:01", text, hint)
 
 
-def _values(node: ReadableNode, wants: NodeWants, held: Mapping[ObjectAddress, bytes]) -> list[ValueChange]:
+def _values(node: ReadableNode, wants: NodeWants, held: Mapping[ObjectAddress, bytes | None]) -> list[ValueChange]:
     """List differing values, and a SYNC period that must be 0 while the counter overflow (0x1019) changes."""
     wanted = {**_period_kept(node, wants, held), **wants.values}
     changes = {
@@ -383,7 +384,7 @@ def _values(node: ReadableNode, wants: NodeWants, held: Mapping[ObjectAddress, b
 
 
 def _period_kept(
-    node: ReadableNode, wants: NodeWants, held: Mapping[ObjectAddress, bytes]
+    node: ReadableNode, wants: NodeWants, held: Mapping[ObjectAddress, bytes | None]
 ) -> Mapping[ObjectAddress, bytes]:
     """Return the SYNC period to keep, if it blocks a wanted change and no other period is wanted."""
     overflow, period = (SYNC_OVERFLOW, 0), (SYNC_PERIOD, 0)
@@ -403,6 +404,6 @@ def _unstored(node: Node, plan: Plan) -> tuple[str, ...]:
     return tuple(label for label in {**remembered, **node.unstored} if label not in changed)
 
 
-def value_change(node: NodeDescription, place: tuple[int, int], held: bytes, data: bytes, reason: str) -> ValueChange:
+def value_change(node: NodeDescription, place: tuple[int, int], held: bytes | None, data: bytes, reason: str) -> ValueChange:
     """Make the change of the object at *place* of *node* from *held* to *data*."""
     return ValueChange(Step(*place, held, data, reason, names_object=names_objects(node, *place)))

@@ -12,6 +12,7 @@ from itertools import groupby
 from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.device.proposal import proposal
+from dvtcli.device.raw_write_check import readable_value
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.device.store_parameters import SIGNATURES
 from dvtcli.device.virtual_pdos import read_pins
@@ -278,7 +279,7 @@ def _why_not(node: ReadableNode, place: Place) -> str:
     if elsewhere := set_elsewhere(node, place):
         return elsewhere
     try:
-        node.known_value(*place)
+        readable_value(node, *place)
     except SdoAborted as aborted:
         return f"{aborted.text}: what cannot be read is not compared, and not set"
     return ""

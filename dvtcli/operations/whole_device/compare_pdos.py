@@ -12,6 +12,7 @@ from dvtcli.device.described_node import FileValues
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.device.wish import Wish, session_wish, unlike
 from dvtcli.domain.hint import Action, Hint, as_hint
+from dvtcli.domain.lint.described import object_text
 from dvtcli.domain.several import join_some
 from dvtcli.errors import UsageError
 from dvtcli.files.input_file import read_input_head
@@ -131,7 +132,14 @@ def _network_wishes(session: Session, file: str) -> tuple[dict[int, Wish], Netwo
     from dvtcli.operations.plans.plan_network import plan_network
 
     plan = plan_network(session, file, as_far=True)
-    return {node.node_id: Wish(dict(node.wanted), dict(node.values)) for node in plan.nodes}, plan
+    return {node.node_id: _node_wish(node) for node in plan.nodes}, plan
+
+
+def _node_wish(node: NodePlan) -> Wish:
+    """The wishes of a network file for a node: what is write-only is named, not compared."""
+    unreadable = tuple(change.label for change in node.plan.unreadable)
+    values = {place: data for place, data in node.values.items() if object_text(*place) not in unreadable}
+    return Wish(dict(node.wanted), values, unreadable=unreadable)
 
 
 def _is_script(file: str) -> bool:

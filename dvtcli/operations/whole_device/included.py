@@ -121,7 +121,8 @@ def _why_idle(known: Configuration, places: Collection[ObjectAddress]) -> str:
     if all(Pdo.at(index) is not None for index, _ in places):
         return "a PDO's, which is written without it"
     dictionary = known.dictionary
-    whys = [known.without_included().why_not(entry_of(dictionary, place)) for place in places] if dictionary else []
+    own = known.without_included()
+    whys = [own.why_not_unread(entry_of(dictionary, place)) for place in places] if dictionary else []
     if not whys or any(why is not None and why.is_lifted_by_include for why in whys):
         return ""
     never = next((why for why in whys if why not in (None, NotWritten.READ_ONLY)), None)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.device.heard_producers import heard_ids
+from dvtcli.device.raw_write_check import readable_value
 from dvtcli.device.wish import Wish
 from dvtcli.domain.configuration import NotWritten
 from dvtcli.domain.hint import Action, Hint
@@ -118,14 +119,15 @@ def wanted_alone(node: Node, held: HeldDevice) -> Wish | None:
     )
     pdos = {pdo: want for pdo, want in found.wants.pdos.items() if isinstance(want, PdoConfig)}
     said = {pdo: _said_of(held, pdo, config) for pdo, config in pdos.items()}
-    unreadable = tuple(left_out.object for left_out in found.left_out.values() if _reads_another_value(node, left_out))
+    unreadable = [left_out.object for left_out in found.left_out.values() if _reads_another_value(node, left_out)]
+    blind = {place for place in found.wants.values if readable_value(node, *place) is None}
     return Wish(
         pdos,
-        found.wants.values,
+        {place: data for place, data in found.wants.values.items() if place not in blind},
         said,
         unwritten=unwritten,
         also_equal=tuple(object_text(*place) for place in found.also_equal),
-        unreadable=unreadable,
+        unreadable=(*unreadable, *(object_text(*place) for place in sorted(blind))),
     )
 
 

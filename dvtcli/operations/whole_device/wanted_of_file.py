@@ -236,11 +236,16 @@ def _value(node: ReadableNode, held: HeldDevice, known: Configuration, entry: Od
     """Add the file's value of an object, or the reason for leaving it out."""
     place = entry.index, entry.sub_index
     why = known.why_not(entry)
-    if why in _NOT_READ:
+    is_write_only = why is NotWritten.WRITE_ONLY and known.why_not_unread(entry) is None
+    if why in _NOT_READ and not is_write_only:
         found.left_out[entry.object] = LeftOut(entry.object, str(why))
         return
     data = held.on_node(place, entry, node.node_id)
     if data is None:
+        return
+    if is_write_only:
+        found.wants.values[place] = data
+        found.wants.reasons[place] = _name(node, place)
         return
     try:
         now = node.observed(partial(node.known_value, *place))

@@ -105,11 +105,11 @@ def _object(node: NodePlan, step: Step, *, compares: bool) -> Line:
     known = node.understood.get(step.object)
     before, after = step_text(step, step.before, known), step_text(step, step.after, known)
     said = "" if step.reason == "write" else f"  {step.reason}"
-    return [
-        Cell("  ~ ", "yellow"),
-        Cell(f"0x{step.object}  {' '.join(_sides(before, after, compares=compares))}"),
-        Cell(said),
-    ]
+    if step.before is None:
+        sides = f"not compared (write-only): {after} is written each time"
+    else:
+        sides = " ".join(_sides(before, after, compares=compares))
+    return [Cell("  ~ ", "yellow"), Cell(f"0x{step.object}  {sides}"), Cell(said)]
 
 
 def _pdo(node: NodePlan, change: PdoChange, width: int, *, compares: bool) -> Iterator[Line]:
@@ -295,16 +295,26 @@ def applied_lines(result: NetworkApplied, _width: int) -> Iterator[Line]:
         yield from _remaining(plan)
         return
     writes, nodes = plural(plan.writes, "write"), plural(sum(bool(len(node.plan)) for node in plan.nodes), "node")
+    equal = _read_back(plan)
     if result.dry_run:
-        text = f"{writes} on the twins of {nodes}, read back equal. Nothing was written."
+        text = f"{writes} on the twins of {nodes}, {equal}. Nothing was written."
         yield [Cell("dry run: ", "cyan"), Cell(text)]
         yield from _remaining(plan)
         return
     if plan.changed:
-        yield f"{nodes} set: {writes}, read back equal, {result.seconds:.2f} s."
+        yield f"{nodes} set: {writes}, {equal}, {result.seconds:.2f} s."
     yield from _stored(result)
     yield from _kept(result)
     yield from _remaining(plan)
+
+
+def _read_back(plan: NetworkPlan) -> str:
+    """Say how many writes read back equal; the other objects are write-only."""
+    count = sum(len(node.plan.unreadable) for node in plan.nodes)
+    if not count:
+        return "read back equal"
+    equal = f"{plan.writes - count} read back equal, " if plan.writes > count else ""
+    return f"{equal}{count} acknowledged (write-only)"
 
 
 def _kept(result: NetworkApplied) -> Iterator[Line]:
