@@ -118,7 +118,7 @@ def held_value(node: ReadableNode, index: int, sub_index: int) -> bytes | None:
     return None if answers_with_state(index) else readable_value(node, index, sub_index)
 
 
-def readable_value(node: KnownPdos, index: int, sub_index: int) -> bytes | None:
+def readable_value(node: ReadableNode, index: int, sub_index: int) -> bytes | None:
     """The present value; None if the object is write-only, by the file or by the device's answer."""
     entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
     if entry is not None and not entry.access.readable:

@@ -404,6 +404,8 @@ def _unstored(node: Node, plan: Plan) -> tuple[str, ...]:
     return tuple(label for label in {**remembered, **node.unstored} if label not in changed)
 
 
-def value_change(node: NodeDescription, place: tuple[int, int], held: bytes | None, data: bytes, reason: str) -> ValueChange:
+def value_change(
+    node: NodeDescription, place: tuple[int, int], held: bytes | None, data: bytes, reason: str
+) -> ValueChange:
     """Make the change of the object at *place* of *node* from *held* to *data*."""
     return ValueChange(Step(*place, held, data, reason, names_object=names_objects(node, *place)))
