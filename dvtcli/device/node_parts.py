@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterable, Mapping
 
+    from dvtcli.device.cancellation import Cancellation
     from dvtcli.device.change.plan_document import Identity
+    from dvtcli.device.known_pdos import KnownPdos
     from dvtcli.device.nmt_gate import NodeAccess
     from dvtcli.device.observe import BusWitness
     from dvtcli.device.read_cache import ReadCache
@@ -75,6 +77,26 @@ class ReadableNode(NodeDescription, Protocol):
     def last_seen(self) -> Mapping[Pdo, PdoConfig]:
         """The PDOs as last read or set, of any age; reads nothing."""
 
+    @property
+    def cancellation(self) -> Cancellation:
+        """The user's Ctrl-C, obeyed at safe points."""
+
+    @property
+    def wanted(self) -> Mapping[Pdo, PdoConfig]:
+        """The PDOs as this session wants them."""
+
+    @property
+    def wanted_values(self) -> Mapping[tuple[int, int], bytes]:
+        """The values of single objects as this session wants them."""
+
+    @property
+    def unreadable_values(self) -> Mapping[tuple[int, int], bytes]:
+        """The values that this session wrote to objects that cannot be read."""
+
+    @property
+    def neighbours(self) -> Callable[[], Iterable[KnownPdos]]:
+        """The other nodes of the session."""
+
     def observed(self, look: Callable[[], T]) -> T:
         """See `KnownPdos.observed`."""
 
@@ -110,6 +132,9 @@ class ReadableNode(NodeDescription, Protocol):
 
     def known_cob_ids(self) -> Mapping[Pdo, CobId]:
         """See `KnownPdos.known_cob_ids`."""
+
+    def read_anew(self) -> None:
+        """See `KnownPdos.read_anew`."""
 
     def is_dynamic(self, pdo: Pdo) -> bool:
         """See `KnownPdos.is_dynamic`."""
