@@ -155,7 +155,7 @@ def _shown(config: PdoConfig, field: str) -> str:
     return f"{value} {'enabled' if value.valid else 'off'}" if isinstance(value, CobId) else str(value)
 
 
-def harmless_places(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[CanaryParameter]:
+def harmless_places(node: ReadableNode, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[CanaryParameter]:
     """Parameters of disabled PDOs, not managed by the device, with a new value that passes the rules."""
     off = [(pdo, config) for pdo, config in pdos.items() if _is_off(config)]
     for field, sub_index, values in _FIELDS:
@@ -164,7 +164,7 @@ def harmless_places(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[Canar
                 yield from islice(_allowed(node, pdo, config, field, sub_index, values), 1)
 
 
-def places_beside(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[AnyPlace]:
+def places_beside(node: ReadableNode, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[AnyPlace]:
     """Other places for a canary if no disabled PDO offers any, the most harmless first.
 
     A heartbeat 1 ms faster, an entry of an empty mapping, a TPDO's event timer, disabling a PDO or changing the
@@ -181,7 +181,7 @@ def places_beside(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[AnyPlac
         yield from _heartbeats(node, 0, _SLOW_HEARTBEAT_MS)
 
 
-def _places_of_enabled(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[CanaryParameter]:
+def _places_of_enabled(node: ReadableNode, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[CanaryParameter]:
     """Canary places in enabled PDOs for use while no PDO is sent: an event timer, bit 31, a transmission type."""
     timer, _, kind = _FIELDS
     on = [(pdo, config) for pdo, config in pdos.items() if _is_whole_and_on(node, pdo, config)]
@@ -199,13 +199,13 @@ def _number(node: ReadableNode, index: int) -> int | None:
         return None
 
 
-def _heartbeats(node: Node, held: int, put: int) -> Iterator[CanaryObject]:
+def _heartbeats(node: ReadableNode, held: int, put: int) -> Iterator[CanaryObject]:
     before, after = (value.to_bytes(2, "little") for value in (held, put))
     if node.profile.store.needed_for(_HEARTBEAT) and not errors_in(raw_write_findings(node, _HEARTBEAT, 0, after)):
         yield CanaryObject(Step(_HEARTBEAT, 0, before, after, "test the reset"), "heartbeat time in ms")
 
 
-def _unused_entries(node: Node, pdo: Pdo, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[CanaryObject]:
+def _unused_entries(node: ReadableNode, pdo: Pdo, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[CanaryObject]:
     """The first entry of the empty mapping of *pdo*, filled as in another PDO of the same direction."""
     entries = (entry for other, config in pdos.items() if other.is_tpdo is pdo.is_tpdo for entry in config.mapping)
     held = read_optional(node.memory, pdo.mapping_index, 1, 4)
@@ -224,7 +224,7 @@ def _is_whole_and_on(node: NodeDescription, pdo: Pdo, config: PdoConfig) -> bool
     return is_whole and config.enabled and node.profile.store.needed_for(pdo.communication_index)
 
 
-def _taken_off(node: Node, pdo: Pdo, config: PdoConfig) -> Iterator[CanaryParameter]:
+def _taken_off(node: ReadableNode, pdo: Pdo, config: PdoConfig) -> Iterator[CanaryParameter]:
     """*pdo* disabled, if the rules allow both the change and the roll-back."""
     off = replace(config, communication=replace(config.communication, cob_id=config.communication.cob_id.disabled()))
     ways = ((config, off), (off, config))
@@ -238,7 +238,7 @@ def _is_off(config: PdoConfig) -> bool:
 
 
 def _allowed(
-    node: Node, pdo: Pdo, config: PdoConfig, field: str, sub_index: int, values: tuple[int, ...]
+    node: ReadableNode, pdo: Pdo, config: PdoConfig, field: str, sub_index: int, values: tuple[int, ...]
 ) -> Iterator[CanaryParameter]:
     held = _value(config, field)
     if not isinstance(held, int):

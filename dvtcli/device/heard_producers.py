@@ -13,7 +13,7 @@ from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.rules.finding import error
 
 if TYPE_CHECKING:
-    from dvtcli.device.known_pdos import KnownPdos
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.ports import CanopenBus, Frame
     from dvtcli.domain.rules import Finding
@@ -77,7 +77,7 @@ def heard_ids(bus: CanopenBus) -> Iterator[HeardIds]:
 
 
 def heard_producer_findings(
-    node: KnownPdos, changes: Mapping[Pdo, tuple[PdoConfig, PdoConfig]], heard: HeardIds
+    node: ReadableNode, changes: Mapping[Pdo, tuple[PdoConfig, PdoConfig]], heard: HeardIds
 ) -> Iterator[Finding]:
     """An error for each TPDO of *changes* (before, after) with a new CAN-ID already sent by an unknown producer.
 

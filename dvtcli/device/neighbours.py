@@ -51,7 +51,7 @@ def services_taken(nodes: Iterable[ReadableNode], *, without: int | None = None)
     return found
 
 
-def enabled_pdos(nodes: Iterable[KnownPdos]) -> Iterator[Producer]:
+def enabled_pdos(nodes: Iterable[ReadableNode]) -> Iterator[Producer]:
     """Every enabled PDO of *nodes*, including RPDOs; the last known values of a node without an answer."""
     for node in nodes:
         try:

@@ -13,7 +13,6 @@ from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.rules import Proposal
 
 if TYPE_CHECKING:
-    from dvtcli.device.known_pdos import KnownPdos
     from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.rules.finding import Producer
 
@@ -44,7 +43,7 @@ Channels = Callable[[], Mapping[tuple[int, bool], str]]
 
 
 def proposal(
-    node: KnownPdos,
+    node: ReadableNode,
     pdo: Pdo,
     now: PdoConfig,
     want: PdoConfig,

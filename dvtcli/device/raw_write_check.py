@@ -27,12 +27,11 @@ from dvtcli.domain.services import SDO_CHANNEL_INDICES, SYNC_BY_DEFAULT
 from dvtcli.errors import SdoAborted
 
 if TYPE_CHECKING:
-    from dvtcli.device.known_pdos import KnownPdos
     from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.rules import Finding
 
 
-def raw_write_findings(node: KnownPdos, index: int, sub_index: int, data: bytes) -> tuple[Finding, ...]:
+def raw_write_findings(node: ReadableNode, index: int, sub_index: int, data: bytes) -> tuple[Finding, ...]:
     """All findings about writing *data* to *index*:*sub_index* of *node*."""
     findings = write_findings(node.dictionary, index, sub_index, data)
     pdo = Pdo.at(index)
@@ -49,7 +48,7 @@ def raw_write_findings(node: KnownPdos, index: int, sub_index: int, data: bytes)
     )
 
 
-def taken_can_id_findings(node: KnownPdos, index: int, sub_index: int, data: bytes) -> Iterator[Finding]:
+def taken_can_id_findings(node: ReadableNode, index: int, sub_index: int, data: bytes) -> Iterator[Finding]:
     """An error if *data* gives a service of *node* a CAN-ID used by another service or an enabled PDO.
 
     Services are SYNC, the time stamp, EMCY and further SDO channels. Reads present values of *node* and the other known

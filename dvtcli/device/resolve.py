@@ -16,7 +16,6 @@ from dvtcli.domain.rules.mapped_object import missing_object
 from dvtcli.errors import RuleError, UsageError
 
 if TYPE_CHECKING:
-    from dvtcli.device.known_pdos import KnownPdos
     from dvtcli.device.node_parts import ReadableNode
     from dvtcli.device.proposal import Elsewhere
     from dvtcli.domain.pdo import Pdo, PdoConfig
@@ -34,7 +33,7 @@ def untyped_lengths(node: ReadableNode, wants: Iterable[PdoWant]) -> Lengths:
 
 
 def resolve(
-    node: KnownPdos, pdo: Pdo, now: PdoConfig, want: PdoWant, lengths: Lengths, elsewhere: Elsewhere | None = None
+    node: ReadableNode, pdo: Pdo, now: PdoConfig, want: PdoWant, lengths: Lengths, elsewhere: Elsewhere | None = None
 ) -> PdoConfig:
     """The configuration requested by *want* for *pdo* of *node*, now *now*; *lengths* come from `untyped_lengths`.
 

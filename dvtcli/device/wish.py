@@ -11,7 +11,6 @@ from dvtcli.domain.pdo import MAPPING, PARAMETERS, Pdo, PdoConfig
 from dvtcli.domain.several import value_text
 
 if TYPE_CHECKING:
-    from dvtcli.device.known_pdos import KnownPdos
     from dvtcli.device.node_parts import ReadableNode
 
 Place = tuple[int, int]
@@ -75,12 +74,12 @@ def _pdo_of(label: str) -> Pdo | None:
     return Pdo.at(int(index, 16)) if colon else None
 
 
-def session_wish(node: KnownPdos) -> Wish:
+def session_wish(node: ReadableNode) -> Wish:
     """The last values set by this session on *node*, per PDO and object."""
     return Wish(dict(node.wanted), dict(node.wanted_values), unreadable=unreadable_of(node))
 
 
-def unreadable_of(node: KnownPdos) -> tuple[str, ...]:
+def unreadable_of(node: ReadableNode) -> tuple[str, ...]:
     """The objects written by this session that cannot be read back from *node*, each as `2050:00`."""
     return tuple(f"{index:04X}:{sub_index:02X}" for index, sub_index in node.unreadable_values)
 

@@ -49,7 +49,7 @@ class Restart:
 
 
 @contextmanager
-def acknowledged(node: Node, signed: Signed) -> Iterator[None]:
+def acknowledged(node: ReadableNode, signed: Signed) -> Iterator[None]:
     """A block that proves the acknowledged *signed*; errors in the block say that the write happened."""
     try:
         yield

@@ -201,14 +201,14 @@ def _as_known(node: Changeable, plan: Plan) -> Plan:
     return plan
 
 
-def _may_be_off(node: Changeable, change: PdoChange) -> bool:
+def _may_be_off(node: ReadableNode, change: PdoChange) -> bool:
     """True if the rules allow the PDO to be enabled again, both as planned and as before."""
     off = replace(change.before.communication, cob_id=change.before.communication.cob_id.disabled())
     now = replace(change.before, communication=off)
     return not any(_errors(node, change, now, want) for want in (change.after, change.before))
 
 
-def _errors(node: Changeable, change: PdoChange, now: PdoConfig, want: PdoConfig) -> tuple[Finding, ...]:
+def _errors(node: ReadableNode, change: PdoChange, now: PdoConfig, want: PdoConfig) -> tuple[Finding, ...]:
     return errors_in(check_pdo(proposal(node, change.pdo, now, want)))
 
 

@@ -17,7 +17,6 @@ from dvtcli.domain.learning.storage import RESTORE, SAVE, STORE, Storage
 from dvtcli.errors import DeviceRefused, Interrupted, NoAnswer, SdoAborted
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
     from dvtcli.device.node_parts import ReadableNode
 
 
@@ -64,7 +63,7 @@ def _capabilities(node: ReadableNode, index: int) -> tuple[dict[int, int], int]:
     return found, unreadable
 
 
-def ask_to_save(node: Node, probes: Sequence[Probe]) -> SignatureAnswers:
+def ask_to_save(node: ReadableNode, probes: Sequence[Probe]) -> SignatureAnswers:
     """Send *probes* in order, expected refusals first, until the device takes a signature.
 
     Raises DeviceRefused if the node restarts, Interrupted after a request to stop, NoAnswer if the node falls silent;
@@ -84,7 +83,7 @@ def ask_to_save(node: Node, probes: Sequence[Probe]) -> SignatureAnswers:
     return SignatureAnswers(tuple(answers), seconds)
 
 
-def _asked(node: Node, probe: Probe) -> ProbeAnswer:
+def _asked(node: ReadableNode, probe: Probe) -> ProbeAnswer:
     if node.cancellation.requested:
         stopped = Interrupted("stopped before it was told to save", node=node.node_id)
         stopped.exit_code = node.cancellation.exit_code

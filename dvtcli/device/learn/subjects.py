@@ -21,7 +21,6 @@ from dvtcli.domain.rules.no_way_back import way_back
 from dvtcli.errors import SdoAborted
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
 
 #: How many objects of one length are tried until the device maps one.
@@ -38,7 +37,7 @@ _STANDARD_UNMAPPABLE = {
 }
 
 
-def subjects(node: Node, pdos: Mapping[Pdo, PdoConfig], heard: frozenset[int]) -> list[ProbedPdo]:
+def subjects(node: ReadableNode, pdos: Mapping[Pdo, PdoConfig], heard: frozenset[int]) -> list[ProbedPdo]:
     """The PDO to probe in each direction: the last disabled PDO, if there is any.
 
     *pdos* are the node's PDOs, *heard* the received CAN-IDs. A direction without a restorable PDO is left out.
@@ -60,7 +59,7 @@ def mapped_subjects(node: ReadableNode, pdos: Mapping[Pdo, PdoConfig], first: Se
     return found
 
 
-def _spare(node: Node, pdos: Mapping[Pdo, PdoConfig], heard: frozenset[int]) -> tuple[int, ...]:
+def _spare(node: ReadableNode, pdos: Mapping[Pdo, PdoConfig], heard: frozenset[int]) -> tuple[int, ...]:
     """Two CAN-IDs not used by a PDO of a known node, a service, or a received frame."""
     used = {config.communication.cob_id.can_id for config in pdos.values()}
     used |= {producer.cob_id.can_id for producer in producers(node.neighbours())}

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.plan import Change
     from dvtcli.operations.session.session_nodes import SessionNodes
 
@@ -113,7 +114,7 @@ def _ends(node: Node) -> Iterator[Change]:
             yield ended
 
 
-def _end(node: Node, first: Change, last: Change) -> Change:
+def _end(node: ReadableNode, first: Change, last: Change) -> Change:
     if isinstance(first, PdoChange):
         return plan_pdo(first.pdo, first.before, node.wanted.get(first.pdo) or node.pdo(first.pdo))
     if isinstance(last, ValueChange):

@@ -28,7 +28,7 @@ from dvtcli.operations.whole_device.device_suffix import is_about_device
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.network.bus_need import BusNeed
     from dvtcli.domain.network.network_plan import NodePlan
     from dvtcli.operations.results.networks import NetworkApplied
@@ -196,7 +196,7 @@ def _plan_of(
         )
 
 
-def _known(node: Node, planned: NodePlan) -> NodePlan:
+def _known(node: ReadableNode, planned: NodePlan) -> NodePlan:
     """Add data of *node* to *planned*; raises SafetyRefusal if the node differs from the plan's basis."""
     from dvtcli.operations.plans.claims import refuse_stale
 

@@ -10,7 +10,6 @@ from dvtcli.errors import Interrupted
 from dvtcli.operations.sync.sync_frame import sync_frame
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
     from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.operations.session.session_nodes import SessionNodes
@@ -22,7 +21,7 @@ HEARTBEAT_S = 1.2
 Look = tuple[tuple[str, Frame | None, float], ...]
 
 
-def look(session: SessionNodes, node: Node, pdos: list[Pdo]) -> tuple[Look, str]:
+def look(session: SessionNodes, node: ReadableNode, pdos: list[Pdo]) -> tuple[Look, str]:
     """Return a frame of each enabled PDO of *pdos*, and how the node's state was changed for it.
 
     Ctrl-C ends the check, but not the return to the initial state.
@@ -59,7 +58,7 @@ def _return(node: ReadableNode, found: NmtState | None) -> str:
     return "the node was started for this; its NMT state is restored"
 
 
-def _frames(session: SessionNodes, node: Node, pdos: list[Pdo]) -> Look:
+def _frames(session: SessionNodes, node: ReadableNode, pdos: list[Pdo]) -> Look:
     enabled = {pdo: config for pdo in pdos if (config := node.pdo(pdo)).enabled}
     sync = sync_frame(node.sdo)
     asked = (enabled_pdo for enabled_pdo in enabled.items() if not node.cancellation.requested)

@@ -14,7 +14,7 @@ from dvtcli.errors import DvtcliError
 from dvtcli.operations.changes.change import configure
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.request import PdoWant
     from dvtcli.domain.rules import Finding
@@ -45,7 +45,7 @@ def clear_all(session: SessionNodes, node_id: int | None = None) -> Changed:
     return replace(done, findings=(*done.findings, *left))
 
 
-def _refused(node: Node, held: Mapping[Pdo, PdoConfig]) -> dict[Pdo, Finding]:
+def _refused(node: ReadableNode, held: Mapping[Pdo, PdoConfig]) -> dict[Pdo, Finding]:
     """Return the PDOs of *held* that must not be cleared, with reasons."""
     found: dict[Pdo, Finding] = {}
     for pdo, config in held.items():

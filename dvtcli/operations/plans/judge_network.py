@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from dvtcli.device.node import Node
-    from dvtcli.device.node_parts import NodeDescription
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.domain.network.check.checked_network import NetSpot
     from dvtcli.domain.network.network_plan import NetworkPlan
     from dvtcli.domain.network.wanted_state import NetworkWish
@@ -195,7 +195,7 @@ def _doubted(node: NodeDescription, planned: NodePlan, *, force: bool) -> NodePl
 
 
 def _all_findings(
-    nodes: Mapping[int, Node], one: NodePlan, sent: Mapping[Id, Iterable[Sent]], senders: Senders
+    nodes: Mapping[int, ReadableNode], one: NodePlan, sent: Mapping[Id, Iterable[Sent]], senders: Senders
 ) -> Iterator[Finding]:
     yield from _findings(nodes[one.node_id], one, senders)
     yield from length_findings(one, sent)
@@ -208,7 +208,7 @@ def _cob_ids(plan: NodePlan) -> dict[Pdo, CobId | None]:
     return {change.pdo: change.after.communication.cob_id for change in changes}
 
 
-def _findings(node: Node, planned: NodePlan, senders: Senders) -> Iterator[Finding]:
+def _findings(node: ReadableNode, planned: NodePlan, senders: Senders) -> Iterator[Finding]:
     together: dict[Pdo, PdoConfig] = dict(planned.wanted)
     changes = planned.plan.changes
     together |= {change.pdo: change.after for change in changes if isinstance(change, PdoChange)}

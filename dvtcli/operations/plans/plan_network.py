@@ -321,7 +321,7 @@ class _Differences(NamedTuple):
     instead: tuple[Finding, ...]
 
 
-def _differences(node: Node, wants: NodeWants, senders: Senders, refused: list[RuleError]) -> _Differences:
+def _differences(node: ReadableNode, wants: NodeWants, senders: Senders, refused: list[RuleError]) -> _Differences:
     """Compare *node* with *wants*; *refused* gets the reasons for PDOs that cannot be made."""
     elsewhere = cache(partial(senders.besides, node.node_id))
     lengths = untyped_lengths(node, wants.pdos.values())

@@ -152,7 +152,7 @@ def _skipped(session: SessionUser, node: NodeDescription, sub_index: int | None)
     return Stored(node.node_id, place, "store", 0.0, node.profile.store.timeout_s, (), session.dry_run, skipped=skipped)
 
 
-def _restart(session: SessionNodes, node: Node, way: str, wait_s: float) -> Restart | None:
+def _restart(session: SessionNodes, node: ReadableNode, way: str, wait_s: float) -> Restart | None:
     """Ask for consent and choose the restart; None on a twin, where a restart proves nothing."""
     if session.dry_run:
         return None
@@ -165,7 +165,7 @@ def _restart(session: SessionNodes, node: Node, way: str, wait_s: float) -> Rest
     return Restart(RESET_NODE, lambda: _reset(node, NmtCommand.RESET_NODE))
 
 
-def _power_cycle(session: SessionUser, node: Node, wait_s: float) -> None:
+def _power_cycle(session: SessionUser, node: ReadableNode, wait_s: float) -> None:
     text = f"switch node {node.node_id} off and on now: its return is waited for, {wait_s:g} s at most"
 
     def stop() -> None:

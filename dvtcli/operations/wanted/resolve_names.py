@@ -32,7 +32,6 @@ from dvtcli.operations.objects.write_object import object_type
 from dvtcli.operations.pdos.virtual_pdo_ties import object_index, tied_name
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.domain.network.wanted_state import FileWord, Mark, NodeWish, PdoWish, PinWish
     from dvtcli.domain.object_syntax import MappedObject
@@ -127,7 +126,7 @@ class NodeWants:
     pruned: frozenset[Pdo] = frozenset()
 
 
-def node_wants(node: Node, wish: NodeWish, log: FileLog) -> NodeWants:
+def node_wants(node: ReadableNode, wish: NodeWish, log: FileLog) -> NodeWants:
     """Resolve *wish* on *node*; *log* gets what has no meaning there."""
     wants = NodeWants()
     for pdo in wish.pdos:
@@ -197,7 +196,7 @@ def _entries(node: NodeDescription, words: tuple[FileWord, ...], log: FileLog) -
             log.complain(word.mark, _unknown(node, wrong))
 
 
-def _judge_entries(node: Node, wish: PdoWish, log: FileLog) -> None:
+def _judge_entries(node: ReadableNode, wish: PdoWish, log: FileLog) -> None:
     """Report known entries of *wish* that the rules refuse; unknown entries prevent judging the PDO."""
     if wish.pdo not in node.present():
         return
