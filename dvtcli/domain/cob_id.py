@@ -65,7 +65,12 @@ class CobId:
         return replace(self, valid=False)
 
     def __str__(self) -> str:
-        return f"0x{self.can_id:X}" if self.extended else f"0x{self.can_id:03X}"
+        return can_id_text(self.can_id, extended=self.extended)
+
+
+def can_id_text(can_id: int, *, extended: bool) -> str:
+    """A CAN-ID as printed: three digits, or eight if it has 29 bits."""
+    return f"0x{can_id:08X}" if extended else f"0x{can_id:03X}"
 
 
 def fits(can_id: int, *, extended: bool) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import struct
 from dataclasses import dataclass
+from datetime import date, timedelta
 from enum import Enum, auto
 from typing import NamedTuple
 
@@ -27,6 +28,44 @@ class CanopenTime(NamedTuple):
 
     milliseconds: int
     days: int
+
+    def __str__(self) -> str:
+        """`3 d 01:02:03.004`."""
+        return f"{self.days} d {_clock(self.milliseconds)}"
+
+
+class TimeOfDay(CanopenTime):
+    """A TIME_OF_DAY."""
+
+    __slots__ = ()
+
+    def __str__(self) -> str:
+        """`2026-11-29 12:00:00.000`; milliseconds beyond the day as hours above 23."""
+        return f"{_EPOCH + timedelta(self.days)} {_clock(self.milliseconds)}"
+
+
+_TIME_OF_DAY = 0x0C
+#: Day 0 of a TIME_OF_DAY (CiA 301, 7.1.6.6).
+_EPOCH = date(1984, 1, 1)
+_DATE = re.compile(r"(\d{4}-\d\d-\d\d)[ T](\d\d?):(\d\d):(\d\d)(?:\.(\d{3}))?")
+_SPAN = re.compile(r"(\d{1,5}) ?d (\d\d?):(\d\d):(\d\d)(?:\.(\d{3}))?")
+
+
+def _clock(milliseconds: int) -> str:
+    seconds, rest = divmod(milliseconds, 1000)
+    minutes, seconds = divmod(seconds, 60)
+    return f"{minutes // 60:02}:{minutes % 60:02}:{seconds:02}.{rest:03}"
+
+
+def _read_time(text: str) -> CanopenTime:
+    """Read `2026-11-29 12:00:00`, `3 d 01:02:03.004` or `DAYS:MILLISECONDS`. Raises ValueError otherwise."""
+    found = _DATE.fullmatch(text) or _SPAN.fullmatch(text)
+    if found is None:
+        days, _, milliseconds = text.partition(":")
+        return CanopenTime(parse_number(milliseconds), parse_number(days))
+    count = (date.fromisoformat(found[1]) - _EPOCH).days if "-" in found[1] else int(found[1])
+    hours, minutes, seconds, rest = (int(part or 0) for part in found.groups()[1:])
+    return CanopenTime(((hours * 60 + minutes) * 60 + seconds) * 1000 + rest, count)
 
 
 Value = bool | int | float | str | bytes | CanopenTime
@@ -73,7 +112,8 @@ class DataType:
                 return data.decode("utf-16-le", errors="replace").rstrip("\0")
             case Kind.TIME:
                 milliseconds, days = struct.unpack("<LH", data)
-                return CanopenTime(milliseconds & 0x0FFF_FFFF, days)
+                kind = TimeOfDay if self.code == _TIME_OF_DAY else CanopenTime
+                return kind(milliseconds & 0x0FFF_FFFF, days)
             case Kind.OCTETS:
                 return data
 
@@ -119,8 +159,7 @@ class DataType:
             case Kind.OCTETS:
                 return bytes.fromhex(text.removeprefix("0x"))
             case Kind.TIME:
-                days, _, milliseconds = text.partition(":")
-                return self.encode(CanopenTime(parse_number(milliseconds), parse_number(days)))
+                return self.encode(_read_time(text))
 
 
 def _encode_latin(text: str) -> bytes:

@@ -29,7 +29,7 @@ def value_text(value: Value | None, meaning: Scaling = NOTHING, bits: int = 0, *
         return repr(value) if bits == 64 else f"{value:.9g}"
     if hexed and bits and isinstance(value, int) and not isinstance(value, bool) and not text.endswith(")"):
         return f"{text or value} (0x{value & ((1 << bits) - 1):0{(bits + 3) // 4}X})"
-    return text or str(value)
+    return text or (str(value).lower() if isinstance(value, bool) else str(value))
 
 
 def step_text(step: Step, data: bytes | None, known: ScaledValue | None) -> str:

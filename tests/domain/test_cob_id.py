@@ -51,4 +51,4 @@ def test_frame_format_and_text() -> None:
     assert CobId(0x7FF).fits_frame
     assert not CobId(0x800).fits_frame
     assert CobId(0x800, extended=True).fits_frame
-    assert (str(CobId(0x81)), str(CobId(0x12345, extended=True))) == ("0x081", "0x12345")
+    assert (str(CobId(0x81)), str(CobId(0x12345, extended=True))) == ("0x081", "0x00012345")

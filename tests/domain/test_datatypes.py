@@ -157,3 +157,32 @@ def test_numbers_are_decimal_or_0x(text: str) -> None:
         return
     number = int(match[2]) if match[2] else int(match[3], 16)
     assert parse_number(text) == (-number if match[1] else number)
+
+
+DAY_MS = 24 * 3600 * 1000
+
+
+@pytest.mark.parametrize(
+    ("code", "time", "text"),
+    [
+        (0x0C, CanopenTime(0, 0), "1984-01-01 00:00:00.000"),
+        (0x0C, CanopenTime(DAY_MS // 2 + 7, 15673), "2026-11-29 12:00:00.007"),
+        (0x0C, CanopenTime(DAY_MS - 1, 0xFFFF), "2163-06-06 23:59:59.999"),
+        (0x0D, CanopenTime(3_723_004, 3), "3 d 01:02:03.004"),
+        (0x0D, CanopenTime(0, 0), "0 d 00:00:00.000"),
+        (0x0D, CanopenTime((1 << 28) - 1, 0xFFFF), "65535 d 74:33:55.455"),
+    ],
+)
+def test_a_time_is_shown_as_it_is_typed(code: int, time: CanopenTime, text: str) -> None:
+    kind = DATA_TYPES[code]
+    data = kind.encode(time)
+    assert str(kind.decode(data)) == text
+    assert kind.decode(data) == time
+    assert kind.parse(text) == data
+    assert kind.parse(f"{time.days}:{time.milliseconds}") == data
+
+
+@pytest.mark.parametrize("text", ["2026-13-01 00:00:00", "1983-12-31 00:00:00", "noon", "3 d", "2200-01-01 00:00:00"])
+def test_what_is_no_time_is_refused(text: str) -> None:
+    with pytest.raises(ValueError):  # noqa: PT011 - the words are of several readers
+        DATA_TYPES[0x0C].parse(text)

@@ -53,7 +53,7 @@ def test_a_backup_leaves_off_what_no_pdo_may_be_and_alone_what_is_inconsistent()
         "is left alone",
     ]
     (kept,) = backup_lines({}, {Pdo.parse("tpdo1"): config(0x2000_0180, 0x60410010)})[3:]
-    assert kept == "map tpdo1 6041:00/16 --cob-id 0x180 --extended --rtr"
+    assert kept == "map tpdo1 6041:00/16 --cob-id 0x00000180 --extended --rtr"
 
 
 def test_a_pdo_that_became_a_multiplexed_one_is_a_comment_and_one_that_was_one_is_written_whole() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dvtcli.domain.abort import abort_text
+from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.ports import Frame
 
 _REQUEST, _ANSWER = 0x600, 0x580
@@ -21,7 +22,7 @@ def traffic_line(frame: Frame, verbose: int, *, sent: bool, secret: slice | None
         length = frame.dlc if frame.remote else len(frame.data)
         hidden = range(8)[secret] if secret is not None else ()
         shown = " ".join("**" if at in hidden else f"{byte:02X}" for at, byte in enumerate(frame.data))
-        return f"{way} 0x{frame.can_id:03X} [{length}]{kind} {shown}"
+        return f"{way} {can_id_text(frame.can_id, extended=frame.extended)} [{length}]{kind} {shown}"
     base, node_id = frame.can_id & 0x780, frame.can_id & 0x7F
     if frame.extended or len(frame.data) < 8 or base not in (_REQUEST, _ANSWER):
         return None

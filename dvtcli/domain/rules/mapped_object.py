@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from dvtcli.domain.abort import Abort, abort_text
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.mapping import DUMMY_BITS, PdoMappingEntry
+from dvtcli.domain.mapping import DUMMY_BITS, MAX_PDO_BITS, PdoMappingEntry
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary, OdEntry
 from dvtcli.domain.profile import DeviceProfile, Severity
 from dvtcli.domain.rules.finding import ERROR, WARNING, Finding, Proposal, Rule, error, warning
@@ -34,7 +34,8 @@ TAKES_RPDO = frozenset({Access.WO, Access.RWW, Access.RW})
 def is_taken(profile: DeviceProfile, dictionary: ObjectDictionary, entry: OdEntry, *, tpdo: bool) -> bool:
     """Whether the rules below allow mapping *entry* into a TPDO, or an RPDO; warnings do not count."""
     refused = _of_read_write(profile, entry.access, tpdo=tpdo) is Severity.ERROR
-    return _has_access(entry.access, tpdo=tpdo) and not _is_said_unmappable(dictionary, entry) and not refused
+    fits = entry.data_type is None or 1 <= (entry.bits or 0) <= MAX_PDO_BITS
+    return fits and _has_access(entry.access, tpdo=tpdo) and not _is_said_unmappable(dictionary, entry) and not refused
 
 
 def _has_access(access: Access, *, tpdo: bool) -> bool:

@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_dictionary import normalised
 from dvtcli.domain.rules.mapped_object import is_taken
+from dvtcli.domain.shown_value import value_text
 from dvtcli.errors import UsageError
 from dvtcli.operations.results import ObjectListing, ObjectRow
 
 if TYPE_CHECKING:
+    from dvtcli.domain.datatypes import Value
     from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
     from dvtcli.domain.profile import DeviceProfile
     from dvtcli.operations.session.session_nodes import SessionNodes
@@ -56,6 +58,11 @@ def directions(dictionary: ObjectDictionary, profile: DeviceProfile, entry: OdEn
     return [way for way, tpdo in ways if is_taken(profile, dictionary, entry, tpdo=tpdo)]
 
 
+def _shown(value: Value) -> str:
+    """A default as it is typed."""
+    return value_text(value) if isinstance(value, bytes | bool) else str(value)
+
+
 def object_row(dictionary: ObjectDictionary, entry: OdEntry, node_id: int, ways: Sequence[str] = ()) -> ObjectRow:
     """Make an object's row with the *ways* to map it; the default is for node *node_id*."""
     kind = entry.data_type
@@ -64,7 +71,7 @@ def object_row(dictionary: ObjectDictionary, entry: OdEntry, node_id: int, ways:
     if initial is not None and kind is not None:
         try:
             value = kind.decode(initial)
-            default = f"0x{value:X}" if isinstance(value, int) and kind.short in ("u16", "u32") else str(value)
+            default = f"0x{value:X}" if isinstance(value, int) and kind.short in ("u16", "u32") else _shown(value)
         except ValueError:
             default = initial.hex(" ")
     return ObjectRow(

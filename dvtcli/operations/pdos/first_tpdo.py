@@ -94,6 +94,6 @@ def locate_tpdo(session: SessionNodes, node_id: int, index: int, sub_index: int)
     for pdo, config in sorted(tpdos.items(), key=lambda item: not item[1].enabled):
         start = _position(config, index, sub_index)
         if start is not None:
-            where = f"0x{config.communication.cob_id.can_id:03X}" if config.enabled else "off"
+            where = str(config.communication.cob_id) if config.enabled else "off"
             return f"{pdo.label} {where} bit {start}"
     return "not mapped"

@@ -123,7 +123,7 @@ class PdoRow(Short):
         if not self.config.has_cob_id:
             state = "?"
         mapped = " ".join(f"{entry.object}/{entry.bits}" for entry in self.config.mapping) or "nothing"
-        return f"{self.pdo.label} 0x{parameter.cob_id.can_id:03X} {state}, type {parameter.transmission_type}: {mapped}"
+        return f"{self.pdo.label} {parameter.cob_id} {state}, type {parameter.transmission_type}: {mapped}"
 
     def document(self) -> Document:
         """An element of `pdos` in `dvtcli.pdo/1`."""

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line
+from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.several import plural
 
 if TYPE_CHECKING:
@@ -56,4 +57,5 @@ def _frame_lines(result: Compared, where: str) -> Iterator[Line]:
         else:
             data = frame.data.hex(" ").upper()
             after = f"after {milliseconds:.1f} ms"
-            yield f"on the bus  {pdo}{where}: 0x{frame.can_id:03X} [{len(frame.data)}] {data} {after}"
+            can_id = can_id_text(frame.can_id, extended=frame.extended)
+            yield f"on the bus  {pdo}{where}: {can_id} [{len(frame.data)}] {data} {after}"

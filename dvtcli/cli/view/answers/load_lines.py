@@ -7,6 +7,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
+from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.network.stream import NO_LIMIT, NO_SYNC
 from dvtcli.domain.several import join_some, plural
 
@@ -74,7 +75,7 @@ def _row(
     result: NetworkLoad, one: FrameLoad, need: StreamNeed | None, most: float, measured: Measured | None, *, heard: bool
 ) -> Iterator[str | Cell]:
     can_id, extended = one.identifier
-    yield f"0x{can_id:08X}" if extended else f"0x{can_id:03X}"
+    yield can_id_text(can_id, extended=extended)
     yield one.label if need is None else need.stream.label
     yield "-" if one.node is None else str(one.node)
     share = 0.0

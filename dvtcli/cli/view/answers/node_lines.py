@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.columns import clipped, columns, squeezed
 from dvtcli.cli.view.lines import Cell, Line, Table
+from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.profile import GENERIC
 from dvtcli.domain.safe_text import safe
@@ -200,7 +201,9 @@ def synced_lines(result: Synced, width: int) -> Iterator[Line]:
     yield f"{plural(result.count, 'SYNC')} sent{with_id}{dry}, {plural(came, 'frame')} came"
     table = Table(("COB-ID", "WHAT", "FRAMES", "LAST DATA"), frozenset({2}))
     for frame, count, label in result.frames:
-        table.add(f"0x{frame.can_id:03X}", label or "-", str(count), frame.data.hex(" ").upper())
+        table.add(
+            can_id_text(frame.can_id, extended=frame.extended), label or "-", str(count), frame.data.hex(" ").upper()
+        )
     if result.frames:
         yield from table.lines(width)
     elif result.note:
