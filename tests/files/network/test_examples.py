@@ -13,6 +13,7 @@ from tests.sample import heavy
 #: which simulated nodes an example is about
 NODES = {
     "bus.yml": ("generic@2", "generic@3"),
+    "first.yaml": ("gen4@1", "generic@5"),
     "line.yaml": ("gen4@1", "generic@5"),
     "press.yaml": ("gen4@1", "tmcm@5"),
     "stamped.yaml": ("generic@5", "generic@9"),
