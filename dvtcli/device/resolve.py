@@ -6,11 +6,14 @@ Reads lengths of objects; the rules are applied elsewhere. Writes nothing.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING
 
 from dvtcli.device.neighbours import producers
 from dvtcli.device.proposal import proposal
+from dvtcli.device.read_pdos import read_optional
+from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.request import PdoRequest, entry_number, resolved
 from dvtcli.domain.rules.mapped_object import missing_object
 from dvtcli.errors import RuleError, UsageError
@@ -53,9 +56,13 @@ def resolve(
             )
         _refuse_missing(held, want, [place for place in want.untyped_lengths if lengths[place] is None])
     try:
-        return resolved(want, held, lengths)
+        config = resolved(want, held, lengths)
     except ValueError as wrong:
         raise UsageError(f"{pdo.label}: {wrong}", node=node.node_id) from wrong
+    if isinstance(want, PdoRequest) and want.mpdo is not None:
+        first = read_optional(node.memory, pdo.mapping_index, 1, 4)
+        config = replace(config, multiplexed=() if first is None else (PdoMappingEntry.from_raw(first),))
+    return config
 
 
 def _refuse_missing(held: Proposal, want: PdoRequest, unknown: Iterable[ObjectAddress]) -> None:

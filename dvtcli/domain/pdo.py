@@ -111,8 +111,8 @@ class PdoCommunicationParameter:
 class PdoConfig:
     """A PDO's configuration: its communication parameter and its active mapping, in frame order.
 
-    *count* is the mapping's sub-index 0; it differs from the number of entries for MPDOs (0xFE, 0xFF), which are
-    shown, and written only with force: *multiplexed* is the content of their sub-index 1, not a mapping. The count also
+    *count* is the mapping's sub-index 0; it differs from the number of entries for MPDOs (0xFE, 0xFF), of which
+    *multiplexed* is the content of sub-index 1, not a mapping. The count also
     differs for an inconsistent PDO: *held_count* is its value, *unread* the objects (index, sub-index) that
     are missing or unreadable: the COB-ID (disabled then), the count, or the first entry behind *mapping*; or
     an optional parameter (None then), refused for a temporary reason.

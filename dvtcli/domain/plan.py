@@ -289,6 +289,8 @@ def _mapping_steps(index: int, now: PdoConfig, want: PdoConfig) -> Iterator[Step
         yield Step(index, 0, bytes([now.count]), b"\0", "open the mapping (count 0)")
     for number, entry in enumerate(want.entries, 1):
         held = now.entries[number - 1].raw.to_bytes(4, "little") if number <= len(now.entries) else None
+        if want.mpdo is not None and (not entry.raw or (held is not None and now.entries[number - 1] == entry)):
+            continue  # an MPDO's entry is no mapping: it stays
         yield Step(index, number, held, entry.raw.to_bytes(4, "little"), _entry_reason(entry))
     if want.count:
         yield Step(index, 0, b"\0", bytes([want.count]), f"close the mapping (count {want.count})")

@@ -13,7 +13,7 @@ from typing import Literal
 
 from dvtcli.domain.cob_id import HIGHEST_BASE_CAN_ID, CobId
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.mapping import DUMMY_BITS, PdoMappingEntry, split_dummy
+from dvtcli.domain.mapping import DAM_MPDO, DUMMY_BITS, SAM_MPDO, PdoMappingEntry, split_dummy
 from dvtcli.domain.object_syntax import MappedObject, Skipped
 from dvtcli.domain.pdo import MAPPING, PARAMETERS, Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.plan import disables
@@ -22,6 +22,9 @@ from dvtcli.domain.rules.can_id import automatic_can_id, can_id_findings, cob_id
 from dvtcli.domain.rules.finding import Finding, Proposal, note
 from dvtcli.domain.rules.mappable import usable_dummies
 
+#: The counts of multiplexed PDOs with source and with destination addressing (CiA 301, 7.5.2.36).
+MPDO_COUNTS = {"sam": SAM_MPDO, "dam": DAM_MPDO}
+
 
 @dataclass(frozen=True, slots=True)
 class PdoRequest:
@@ -29,6 +32,7 @@ class PdoRequest:
 
     *cob_id* is a CAN-ID, `auto` or `keep`; *inhibit_time* counts 100 µs, *event_timer* 1 ms; *enabled* is the PDO's
     final state, None for unchanged. *objects* is the whole mapping in frame order, None for the present mapping.
+    *mpdo* is the mapping's count of a multiplexed PDO (0xFE, 0xFF).
     """
 
     cob_id: int | Literal["auto", "keep"] | None = None
@@ -40,6 +44,7 @@ class PdoRequest:
     extended: bool = False
     enabled: bool | None = None
     objects: tuple[MappedObject | Skipped | PdoMappingEntry, ...] | None = None
+    mpdo: int | None = None
 
     @property
     def untyped_lengths(self) -> tuple[ObjectAddress, ...]:
@@ -74,7 +79,7 @@ def said_by(want: PdoWant) -> frozenset[str]:
     said = {name for name in PARAMETERS[:-1] if getattr(want, name) not in (None, "keep")}
     if (want.enabled, want.rtr_allowed) != (None, None):
         said.add("cob_id")
-    return frozenset(said | ({MAPPING} if want.objects is not None else set()))
+    return frozenset(said | ({MAPPING} if (want.objects, want.mpdo) != (None, None) else set()))
 
 
 def said_at(pdo: Pdo, index: int, sub_index: int) -> frozenset[str]:
@@ -121,6 +126,8 @@ def _requested(request: PdoRequest, proposal: Proposal, lengths: Mapping[ObjectA
     want = replace(now, communication=communication)
     if request.objects is not None:
         want = PdoConfig(communication, _entries(request.objects, proposal, lengths), unread=now.lacking)
+    elif request.mpdo is not None and request.mpdo != now.count:
+        want = PdoConfig(communication, (), request.mpdo, unread=now.lacking)
     return _with_cob_id(want, _cob_id(request, replace(proposal, want=want)))
 
 

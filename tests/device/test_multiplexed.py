@@ -88,7 +88,7 @@ def made(tmp_path: Path) -> Iterator[Callable[[int], Bench]]:
 def test_a_raw_count_that_makes_one_is_kept_and_undone(made: Callable[[int], Bench], count: int) -> None:
     bench = made(0)
     before = bench.device.held()
-    with pytest.raises(RuleError, match="never writes"):
+    with pytest.raises(RuleError, match="makes a multiplexed PDO"):
         bench.node.write(*COUNT, bytes([count]))
     bench.node.write(*COUNT, bytes([count]), force=True)
     assert bench.device.value(*COUNT) == bytes([count])

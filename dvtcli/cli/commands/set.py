@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -10,7 +11,7 @@ from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.commands._pdo_options import pdo_options, request
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.pdo_params import PDO, NodePdo
-from dvtcli.domain.request import PdoRequest
+from dvtcli.domain.request import MPDO_COUNTS, PdoRequest
 from dvtcli.operations.changes.change import configure
 
 if TYPE_CHECKING:
@@ -21,15 +22,18 @@ if TYPE_CHECKING:
 @click.command("set", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
 @click.argument("pdo", type=PDO)
 @pdo_options
+@click.option("--mpdo", type=click.Choice(["sam", "dam"]),
+              help="Make it a multiplexed PDO with source or destination addressing.")  # fmt: skip
 @click.pass_obj
-def command(session: Session, /, pdo: NodePdo, **options: Any) -> Changed:
-    """Set communication parameters of PDO and leave its mapping alone.
+def command(session: Session, /, pdo: NodePdo, mpdo: str | None, **options: Any) -> Changed:
+    """Set communication parameters of PDO and leave its mapping alone, unless --mpdo says otherwise.
 
     \b
     set tpdo1 --timer 100             one write, the PDO stays enabled
     set tpdo2 --cob-id 0x201 --sync 1
+    set tpdo3 --mpdo sam --event      multiplexed: what the scanner list (0x1FA0) has
     """
-    asked = request(options, enabled=None)
+    asked = replace(request(options, enabled=None), mpdo=None if mpdo is None else MPDO_COUNTS[mpdo])
     if asked == PdoRequest():
         raise click.UsageError("nothing to set: give an option such as --type, --timer or --cob-id")
     return configure(session, session.node(pdo.node_id), {pdo.pdo: asked})

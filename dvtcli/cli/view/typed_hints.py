@@ -28,7 +28,7 @@ COMMANDS: dict[Action, str] = {
     Action.ENABLE: "enable {pdo}",
     Action.DISABLE: "disable {pdo}",
     Action.SET_PDO: "set {pdo} {cob_id?--cob-id} {cob_id} {extended?--extended} {rtr?--rtr} {no_rtr?--no-rtr} "
-    "{inhibit?--inhibit} {inhibit} {sync_start?--sync-start} {sync_start}",
+    "{inhibit?--inhibit} {inhibit} {sync_start?--sync-start} {sync_start} {mpdo?--mpdo} {mpdo}",
     Action.READ: "read {object|OBJECT} {into?-o} {into}",
     Action.WRITE: "write {object|OBJECT} {value|VALUE}",
     Action.EDIT_PDO: "pdo edit {pdo}",

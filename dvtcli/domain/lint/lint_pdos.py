@@ -101,7 +101,7 @@ def mapped_twice(device: DescribedDevice) -> Found:
                 yield spot, f"{pdo.pdo.label} carries {entry.object} as entry {first} and {number}"
 
 
-@check("mpdo", NOTE, "a PDO comes up multiplexed (count 0xFE or 0xFF): it is shown and never written", _MAPPING)
+@check("mpdo", NOTE, "a PDO comes up multiplexed (count 0xFE or 0xFF): it maps no objects", _MAPPING)
 def mpdo(device: DescribedDevice) -> Found:
     """The contents of a multiplexed PDO are given in its frames."""
     for pdo in device.pdos:

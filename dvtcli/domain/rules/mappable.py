@@ -19,7 +19,9 @@ from dvtcli.domain.several import join_some
 
 _MAPPING = "CiA 301, 7.5.2.36 and 7.5.2.38"
 RULES = (
-    Rule("mpdo", ERROR, "the PDO is a multiplexed one: dvtcli shows MPDOs and never writes them",
+    Rule("mpdo", (Severity.ERROR, Severity.WARNING),
+         "a multiplexed PDO gets objects, or is made of a TPDO that is not event-driven (error), or of a device with "
+         "GroupMessaging=0 (warning)",
          "CiA 301, 7.5.2.36: counts 0xFE and 0xFF", (Abort.PDO_LENGTH,)),
     Rule("empty-mapping", ERROR, "a PDO that maps nothing is to be enabled",
          "ours: a count of 0 switches the mapping off (CiA 301, 7.5.2.36)", (Abort.VALUE_RANGE,)),
@@ -39,6 +41,10 @@ RULES = (
 )  # fmt: skip
 
 
+#: The lowest event-driven transmission type.
+_EVENT_DRIVEN = 254
+
+
 def enables_nothing(now: PdoConfig, want: PdoConfig) -> bool:
     """Whether a PDO *now* becomes an enabled PDO without mapping in *want*; an existing one may stay."""
     return want.enabled and not want.count and (not now.enabled or disables(now, want) or bool(now.count))
@@ -47,13 +53,7 @@ def enables_nothing(now: PdoConfig, want: PdoConfig) -> bool:
 def mapping_findings(proposal: Proposal) -> Iterator[Finding]:
     """Judge the requested mapping if it changes, and an empty mapping if the PDO becomes valid."""
     want = proposal.want
-    if proposal.now.mpdo is not None and proposal.now != want:
-        yield error(
-            "mpdo",
-            proposal.mapping_place(0),
-            f"{proposal.pdo.label} is a multiplexed PDO (count 0x{proposal.now.mpdo:02X}); dvtcli shows MPDOs "
-            "and never writes them",
-        )
+    yield from _mpdo_findings(proposal)
     if enables_nothing(proposal.now, want):
         yield error(
             "empty-mapping",
@@ -72,6 +72,32 @@ def mapping_findings(proposal: Proposal) -> Iterator[Finding]:
         yield from (_dummy if entry.is_dummy else object_findings)(proposal, place, entry)
         yield from length_findings(proposal, place, entry)
     yield from _double_targets(proposal)
+
+
+def _mpdo_findings(proposal: Proposal) -> Iterator[Finding]:
+    """Refuse to map over an MPDO, and to make one of a TPDO that is not event-driven (CiA 301, 7.2.2.5)."""
+    now, want, pdo = proposal.now, proposal.want, proposal.pdo
+    if now.mpdo is not None and want.mapping:
+        yield error(
+            "mpdo",
+            proposal.mapping_place(0),
+            f"{pdo.label} is a multiplexed PDO (count 0x{now.mpdo:02X}), which maps no objects",
+            hint=Hint(Action.CLEAR, {"pdo": pdo}, "{} makes it a plain PDO"),
+        )
+    if want.mpdo is None or want.mpdo == now.mpdo:
+        return
+    kind = want.communication.transmission_type
+    if pdo.is_tpdo and kind is not None and kind < _EVENT_DRIVEN:
+        yield error(
+            "mpdo",
+            proposal.communication_place(2),
+            f"{pdo.label} has transmission type {kind}, and a multiplexed TPDO is event-driven (254 or 255)",
+            Abort.PDO_LENGTH,
+            Hint(Action.GIVE, {"event": True}),
+        )
+    if proposal.dictionary is not None and proposal.dictionary.info.group_messaging is False:
+        text = f"GroupMessaging=0 in {proposal.dictionary.source}: the device may know no multiplexed PDO"
+        yield warning("mpdo", proposal.mapping_place(0), text)
 
 
 def _unknown_objects(proposal: Proposal) -> Iterator[Finding]:

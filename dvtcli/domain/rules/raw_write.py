@@ -9,7 +9,7 @@ from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import HIGHEST_BASE_CAN_ID, CobId
 from dvtcli.domain.command_object import answers_with_state
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.mapping import SAM_MPDO, PdoMappingEntry
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.rules.can_id import can_id_findings
@@ -195,7 +195,9 @@ def _mapping(
         return
     if write.sub_index == 0:
         if write.value in (0xFE, 0xFF):
-            yield error("mpdo", write.place, "dvtcli never writes multiplexed PDOs", Abort.PDO_LENGTH)
+            kind = "sam" if write.value == SAM_MPDO else "dam"
+            hint = Hint(Action.SET_PDO, {"pdo": pdo, "mpdo": kind}, "{} makes a multiplexed PDO, in order")
+            yield error("mpdo", write.place, "a count above 64 makes a multiplexed PDO", Abort.PDO_LENGTH, hint)
         elif write.value > len(active := entries()):
             place = f"0x{write.index:04X}:{len(active) + 1:02X}"
             yield error("entry-count", write.place, f"the count would be {write.value}, but {place} cannot be read",

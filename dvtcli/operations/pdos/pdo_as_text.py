@@ -29,7 +29,7 @@ def pdo_as_text(session: SessionNodes, pdo: Pdo, node_id: int | None = None) -> 
     node = session.node(node_id)
     config = node.pdo(pdo)
     if config.mpdo is not None:
-        raise UsageError(f"{pdo.label} is a multiplexed PDO, which is shown and never written", node=node.node_id)
+        raise UsageError(f"{pdo.label} is a multiplexed PDO, which has no mapping to edit", node=node.node_id)
     names = [_name(node, entry) for entry in config.mapping]
     return write_pdo_yaml(pdo, config, names, f'node {node.node_id} "{node.title}"')
 

@@ -10,7 +10,7 @@ from functools import cached_property
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import DUMMY_BITS, PdoMappingEntry
-from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.pdo import Pdo, is_mpdo
 from dvtcli.domain.profile import BitPolicy
 from dvtcli.simulator.device.family import Family, within
 from dvtcli.simulator.device.memory import Memory
@@ -298,6 +298,8 @@ class PdoGuard:
             refuse(self._family, pdo, "count-again" if again else "count-while-valid", code)
             if again:
                 return
+        if is_mpdo(count) and self._memory.dictionary.info.group_messaging:
+            return
         strict = Abort.PDO_LENGTH if self._family.count_within_entries else 0
         if count > self._max_entries(pdo):
             refuse(self._family, pdo, "count-beyond", strict)

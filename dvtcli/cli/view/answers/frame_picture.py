@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from dvtcli.cli.view.columns import clipped, columns
-from dvtcli.domain.mapping import MAX_PDO_BITS
+from dvtcli.domain.mapping import MAX_PDO_BITS, SAM_MPDO
 from dvtcli.domain.safe_text import safe
 from dvtcli.operations.results.pdos import PdoRow
 
@@ -28,6 +28,8 @@ class Box:
 
 def boxes(row: PdoRow) -> list[Box]:
     """Split the frame into boxes: an object on byte borders has its own box, shared bytes form one box."""
+    if row.config.mpdo is not None:
+        return list(_multiplexed(row.config.mpdo))
     spans: list[tuple[int, int, str, str, bool]] = []
     start = 0
     for number, entry in enumerate(row.config.mapping):
@@ -37,6 +39,15 @@ def boxes(row: PdoRow) -> list[Box]:
         spans.append((start, start + entry.bits, name, entry.object + kind, entry.is_dummy))
         start += entry.bits
     return _merged(spans, start)
+
+
+def _multiplexed(count: int) -> Iterator[Box]:
+    """The eight bytes of an MPDO (CiA 301, 7.2.2.5.3): a node-ID, an object of that node, and its value."""
+    source = count == SAM_MPDO
+    yield Box(0, 0, "node-ID", "source" if source else "target")
+    yield Box(1, 2, "index", "at the source" if source else "at the target")
+    yield Box(3, 3, "sub-index", "")
+    yield Box(4, 7, "value", "1 to 4 bytes, filled with 0")
 
 
 def _merged(spans: list[tuple[int, int, str, str, bool]], used: int) -> list[Box]:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dvtcli.cli.view.answers.frame_picture import picture
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.frame import layout
+from dvtcli.domain.mapping import SAM_MPDO
 from dvtcli.domain.pdo import PdoConfig, transmission_type_text
 from dvtcli.domain.several import plural
 from dvtcli.domain.shown_value import value_text
@@ -147,9 +148,24 @@ def _detail(result: PdoListing, row: PdoRow, width: int) -> Iterator[Line]:
     if parameter.sync_start_value:
         yield f"  SYNC start value {parameter.sync_start_value}"
     yield from picture(row, width)
+    if row.config.mpdo is not None:
+        yield from _multiplexed_note(row)
+        return
     used = row.config.bits
     yield f"      {used} of 64 bits used ({plural((used + 7) // 8, 'byte')} on the bus), least significant byte first"
     yield from _entries(row, width)
+
+
+def _multiplexed_note(row: PdoRow) -> Iterator[Line]:
+    """Say what an MPDO carries, and where its list of objects is (CiA 301, 7.5.2.39 and 7.5.2.40)."""
+    count = row.config.mpdo or 0
+    if count == SAM_MPDO:
+        where = "scanner list (0x1FA0…0x1FCF)" if row.pdo.is_tpdo else "dispatcher list (0x1FD0…0x1FFF)"
+        yield f"      multiplexed (SAM, count 0x{count:02X}): bit 7 of byte 0 is 0; the {where} says which objects"
+        return
+    first = row.config.multiplexed[0] if row.config.multiplexed and row.config.multiplexed[0].index else None
+    what = f"; it sends {first.object}" if first is not None and row.pdo.is_tpdo else ""
+    yield f"      multiplexed (DAM, count 0x{count:02X}): bit 7 of byte 0 is 1, node-ID 0 means all nodes{what}"
 
 
 def _sync_note(result: PdoListing, row: PdoRow) -> str:

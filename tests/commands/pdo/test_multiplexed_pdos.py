@@ -1,0 +1,111 @@
+"""Multiplexed PDOs: drawn with their eight bytes, switched at any time, made by `set --mpdo`, and put back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.commands.bench import Bench
+from tests.small_eds import plain
+
+COUNT, FIRST, COB_ID = (0x1A00, 0), (0x1A00, 1), (0x1800, 1)
+
+
+@pytest.fixture(autouse=True)
+def device(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An EDS whose device knows MPDOs; one of its TPDO1 comes up as one."""
+    monkeypatch.chdir(tmp_path)
+    eds = plain()
+    eds.info = {"GroupMessaging": 1}
+    Path("plain.eds").write_text(eds.text())
+    for name, count in (("sam", 0xFE), ("dam", 0xFF)):
+        text = eds.text()
+        start = text.index("[1A00sub0]")
+        changed = text[start:].replace("DefaultValue=0x1\n", f"DefaultValue={count}\n", 1)
+        assert changed != text[start:]
+        Path(f"{name}.eds").write_text(text[:start] + changed)
+
+
+def held(bench: Bench) -> list[str]:
+    return [bench.session.node().sdo.upload(*place).hex() for place in (COUNT, FIRST, COB_ID)]
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("sam", ("source", "at the source", "SAM, count 0xFE", "bit 7 of byte 0 is 0", "scanner list (0x1FA0…0x1FCF)")),
+        ("dam", ("target", "at the target", "DAM, count 0xFF", "bit 7 of byte 0 is 1", "it sends 6000:01")),
+    ],
+)
+def test_its_eight_bytes_are_drawn(name: str, words: tuple[str, ...]) -> None:
+    with Bench((f"{name}.eds",)) as bench:
+        shown = bench.run("pdo tpdo1").stdout
+    assert [word for word in (*words, "node-ID", "index", "sub-index", "value") if word not in shown] == [], shown
+    assert "free" not in shown
+
+
+@pytest.mark.parametrize("name", ["sam", "dam"])
+def test_it_is_switched_off_and_on_by_bit_31_only(name: str) -> None:
+    with Bench((f"{name}.eds",), {"yes": True}) as bench:
+        before = held(bench)
+        off = bench.run("disable tpdo1 --json")
+        assert (off.code, len(off.document["steps"])) == (0, 1), off
+        assert held(bench) == [*before[:2], "81010080"]
+        assert bench.run("enable tpdo1").code == 0
+        assert held(bench) == before
+
+
+@pytest.mark.parametrize(("kind", "count"), [("sam", "fe"), ("dam", "ff")])
+@pytest.mark.parametrize("earlier", ["plain", "sam", "dam"])
+def test_set_makes_one_in_order_and_undo_takes_it_back(kind: str, count: str, earlier: str) -> None:
+    with Bench((f"{earlier}.eds",), {"yes": True}) as bench:
+        before = held(bench)
+        ran = bench.run(f"set tpdo1 --mpdo {kind}")
+        if earlier == kind:
+            assert ran.code == 0, ran
+            return
+        assert ran.code == 0, ran
+        assert held(bench) == [count, *before[1:]]
+        assert bench.run("undo").code == 0
+        assert held(bench) == before
+
+
+def test_an_empty_pdo_becomes_one() -> None:
+    with Bench(("plain.eds",), {"yes": True}) as bench:
+        assert bench.run("clear tpdo2").code == 0
+        ran = bench.run("set tpdo2 --mpdo sam --off")
+        assert ran.code == 0, ran
+        assert bench.session.node().sdo.upload(0x1A01, 0) == b"\xfe"
+
+
+@pytest.mark.parametrize(
+    ("name", "line", "said"),
+    [
+        ("sam", "map tpdo1 6000:01", "clear tpdo1"),
+        ("plain", "set tpdo1 --mpdo sam --sync 1", "is event-driven (254 or 255)"),
+        ("plain", "write 1A01:00 254", "set tpdo2 --mpdo sam"),
+    ],
+)
+def test_what_makes_no_mpdo_is_refused_with_the_way(name: str, line: str, said: str) -> None:
+    with Bench((f"{name}.eds",), {"yes": True}) as bench:
+        before = held(bench)
+        ran = bench.run(line)
+        assert (ran.code, said in ran.stderr) == (1, True), ran
+        assert held(bench) == before
+
+
+def test_a_device_that_says_it_has_none_is_warned_of_and_refuses() -> None:
+    Path("none.eds").write_text(Path("plain.eds").read_text().replace("GroupMessaging=0x1", "GroupMessaging=0"))
+    with Bench(("none.eds",), {"yes": True}) as bench:
+        before = held(bench)
+        ran = bench.run("set tpdo1 --mpdo sam")
+        assert ran.code == 1, ran
+        assert "GroupMessaging=0 in none.eds" in ran.stderr
+        assert held(bench) == before
+
+
+def test_after_clear_it_is_mapped_as_any() -> None:
+    with Bench(("sam.eds",), {"yes": True}) as bench:
+        assert [bench.run(line).code for line in ("clear tpdo1", "map tpdo1 6000:02")] == [0, 0]
+        assert held(bench) == ["01", "08020060", "81010000"]
