@@ -63,6 +63,8 @@ class DescribedDevice:
     configured: bool = False
     any_node: bool = False
     profile: DeviceProfile = GENERIC
+    #: indices that modules may add, which an EDS does not say
+    added: frozenset[int] = frozenset()
 
     @property
     def node_ids(self) -> range:

@@ -29,7 +29,10 @@ def _look(name: str, meant: Severity, device: DescribedDevice) -> Found:
     for finding in device.judged:
         place = _PLACE.fullmatch(finding.place)
         if finding.rule == name and finding.severity is meant and place is not None:
-            yield Spot(int(place[1], 16), int(place[2], 16), HELD), finding.text
+            index, sub_index = int(place[1], 16), int(place[2], 16)
+            if name == "object-exists" and (device.number(index, sub_index) or 0) >> 16 in device.added:
+                continue  # which modules are connected, and so how many sub-indices there are, is not known
+            yield Spot(index, sub_index, HELD), finding.text
 
 
 #: The other rules of `map` judge a requested change.

@@ -226,7 +226,9 @@ def profile_objects(device: DescribedDevice) -> Found:
         missing = [f"{index:04X}" for index in _CONTROLWORD_AND_STATUSWORD if index not in device.dictionary]
         if missing:
             yield Spot(0x1000, 0, HELD), f"a drive (CiA 402) without {' and '.join(missing)}"
-    inputs_or_outputs = any(_FIRST_PROFILE_INDEX <= index <= _LAST_PROFILE_INDEX for index in device.dictionary)
+    inputs_or_outputs = any(
+        _FIRST_PROFILE_INDEX <= index <= _LAST_PROFILE_INDEX for index in (*device.dictionary, *device.added)
+    )
     if profile == _INPUTS_AND_OUTPUTS and not inputs_or_outputs:
         yield Spot(0x1000, 0, HELD), "an I/O module (CiA 401) without any input or output"
 

@@ -22,6 +22,7 @@ from dvtcli.files.eds.findings import EdsFinding, Findings
 from dvtcli.files.eds.ini import IniText, IniValue, Values, section_values, split_sections
 from dvtcli.files.eds.keys import number_key, quoted, text_key
 from dvtcli.files.eds.layout import EdsLayout, ObjectSections, Parts, lay_out, report_repeated, report_stray
+from dvtcli.files.eds.modules import module_objects
 from dvtcli.files.eds.numbers import read_number
 from dvtcli.files.eds.read_rules import (
     BAD_LINE,
@@ -217,7 +218,10 @@ _OF_ONE_ENTRY = (ObjectType.NULL, ObjectType.DOMAIN, ObjectType.DEFTYPE, ObjectT
 
 def build_object(layout: EdsLayout, index: int, findings: Findings) -> OdObject:
     """Build object *index* from its sections, at least one."""
-    sections = layout.object_sections(index)
+    return _of_sections(index, layout.object_sections(index), findings)
+
+
+def _of_sections(index: int, sections: ObjectSections, findings: Findings) -> OdObject:
     line = sections.line
     report_repeated(sections.each(), findings, have_values=True)
     values = section_values(sections.own, findings)
@@ -380,6 +384,7 @@ def _parsed(data: bytes, source: str) -> EdsFile:
     objects: dict[int, OdObject | Callable[[], OdObject]] = {
         index: partial(_build, layout, index) for index in layout.objects
     }
+    objects |= module_objects(layout, lambda index, sections: _of_sections(index, sections, Findings()))
     objects |= _compact_pdos(device, set(objects), info.rpdo_count or 0, info.tpdo_count or 0, findings)
     return EdsFile(ObjectDictionary(objects, info, source), text, layout, tuple(findings.found))
 

@@ -27,6 +27,7 @@ from dvtcli.files.eds.lint import (
     lint_sections,
 )
 from dvtcli.files.eds.lint.linted_text import LintedText, named
+from dvtcli.files.eds.modules import added_by_modules, connected_modules
 from dvtcli.files.eds.read_rules import READ_RULES
 from dvtcli.files.eds.reader import EdsFile
 
@@ -55,12 +56,17 @@ def lint(file: EdsFile, name: str, wanted: Collection[str], profile: DeviceProfi
         if asked.rule.name in wanted:
             found += (_finding(asked.rule, line, said) for line, said in asked.look(text))
     configured, any_node = text.is_dcf or file.node_id is not None, file.node_id is None
-    device = DescribedDevice(file.dictionary, file.node_id or 1, configured, any_node, profile)
+    device = DescribedDevice(file.dictionary, file.node_id or 1, configured, any_node, profile, _added(file))
     for check in DEVICE_CHECKS:
         if check.rule.name in wanted:
             found += (_finding(check.rule, places.line(spot), said, spot.object) for spot, said in check.look(device))
     named = dict.fromkeys(places.named(finding) for finding in found)
     return tuple(sorted(named, key=lambda finding: finding.line))
+
+
+def _added(file: EdsFile) -> frozenset[int]:
+    """The indices that modules may add to an EDS; a DCF says which are connected."""
+    return frozenset() if connected_modules(file.layout) else added_by_modules(file.layout)
 
 
 def _finding(rule: LintRule, line: int, text: str, about: str = "") -> EdsFinding:

@@ -1,0 +1,162 @@
+"""A modular device: its connected modules add objects, which every command knows; an EDS has no false error."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from dvtcli.domain.object_dictionary import Access, ObjectType
+from dvtcli.files.eds.reader import parse_eds
+from tests.commands.bench import Bench
+from tests.small_eds import plain
+
+IN, OUT, FIXED = 0x6100, 0x6300, 0x2206
+MODULES = """
+[SupportedModules]
+NrOfEntries=2
+
+[M1ModuleInfo]
+ProductName=8 DI
+ProductVersion=1
+ProductRevision=0
+OrderCode=DI8
+
+[M1SubExtends]
+NrOfEntries=1
+1=0x6100
+
+[M1SubExt6100]
+ParameterName=Read input
+ObjectType=0x7
+DataType=0x0005
+AccessType=ro
+DefaultValue=3
+PDOMapping=1
+Count=2
+ObjExtend=0
+
+[M2ModuleInfo]
+ProductName=8 DO
+ProductVersion=1
+ProductRevision=0
+OrderCode=DO8
+
+[M2SubExtends]
+NrOfEntries=1
+1=0x6300
+
+[M2SubExt6300]
+ParameterName=Write output
+ObjectType=0x7
+DataType=0x0005
+AccessType=rww
+PDOMapping=1
+Count=1
+ObjExtend=0
+
+[M2FixedObjects]
+NrOfEntries=1
+1=0x2206
+
+[M2Fixed2206]
+ParameterName=Error mode
+ObjectType=0x9
+SubNumber=2
+
+[M2Fixed2206sub0]
+ParameterName=Highest
+ObjectType=0x7
+DataType=0x0005
+AccessType=ro
+DefaultValue=1
+PDOMapping=0
+
+[M2Fixed2206sub1]
+ParameterName=Mode
+ObjectType=0x7
+DataType=0x0006
+AccessType=rw
+DefaultValue=5
+PDOMapping=0
+"""
+
+
+def coupler(*connected: int) -> str:
+    """A coupler whose TPDO1 sends the second byte of the input modules; a DCF with *connected* modules, else an EDS."""
+    text = plain().text()
+    assert text.count("DefaultValue=0x60000108\n") == 1
+    text = text.replace("DefaultValue=0x60000108\n", "DefaultValue=0x61000208\n") + MODULES
+    if not connected:
+        return text
+    rows = "".join(f"{number}={module}\n" for number, module in enumerate(connected, 1))
+    return f"{text}\n[ConnectedModules]\nNrOfEntries={len(connected)}\n{rows}\n[DeviceComissioning]\nNodeID=5\n"
+
+
+def objects(text: str, name: str = "coupler.dcf") -> dict[int, list[int]]:
+    """The sub-indices of what the modules add."""
+    dictionary = parse_eds(text.encode(), name).dictionary
+    return {index: list(dictionary[index].entries) for index in (IN, OUT, FIXED) if index in dictionary}
+
+
+@pytest.mark.parametrize(
+    ("connected", "found"),
+    [
+        ((1,), {IN: [0, 1, 2]}),
+        ((1, 1, 2), {IN: [0, 1, 2, 3, 4], OUT: [0, 1], FIXED: [0, 1]}),
+        ((2, 1, 2), {IN: [0, 1, 2], OUT: [0, 1, 2], FIXED: [0, 1]}),
+        ((3,), {}),
+        ((), {}),
+        ((1,) * 200, {IN: list(range(255))}),
+    ],
+)
+def test_each_connected_module_adds_its_objects(connected: tuple[int, ...], found: dict[int, list[int]]) -> None:
+    assert objects(coupler(*connected)) == found
+
+
+def test_they_are_as_the_module_describes_them() -> None:
+    text = coupler(1, 2)
+    dictionary = parse_eds(text.encode(), "coupler.dcf").dictionary
+    whole, entry, fixed = dictionary[IN], dictionary.entry(IN, 2), dictionary.entry(FIXED, 1)
+    assert entry is not None
+    assert fixed is not None
+    assert (whole.object_type, whole.entries[0].default) == (ObjectType.ARRAY, b"\2")
+    assert (entry.name, entry.access, entry.pdo_mapping, entry.default) == ("Read input 2", Access.RO, True, b"\3")
+    assert (fixed.name, fixed.default) == ("Mode", b"\5\0")
+    assert text.splitlines()[(entry.line or 0) - 1] == "[M1SubExt6100]"
+
+
+def test_an_object_with_sections_of_its_own_is_as_they_say() -> None:
+    own = "\n[6100]\nParameterName=Own\nObjectType=0x7\nDataType=0x0006\nAccessType=ro\nPDOMapping=1\n"
+    assert objects(coupler(1, 1) + own) == {IN: [0]}
+
+
+@pytest.mark.parametrize(("connected", "wrong"), [((1,), []), ((2,), ["object-exists"]), ((), [])])
+def test_check_knows_what_is_connected(connected: tuple[int, ...], wrong: list[str], tmp_path: Path) -> None:
+    path = tmp_path / ("coupler.dcf" if connected else "coupler.eds")
+    path.write_text(coupler(*connected))
+    with Bench() as bench:
+        found = bench.run(f"eds check {path} --json").document["findings"]
+    assert [one["rule"] for one in found if one["severity"] == "error" and "object" in one["rule"]] == wrong
+
+
+def test_it_is_mapped_backed_up_and_converted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("coupler.dcf").write_text(coupler(1, 1, 2))
+    with Bench(("coupler.dcf@5",), {"yes": True}) as bench:
+        assert bench.run("map tpdo1 6100:04 6100:01").code == 0
+        assert bench.run("map rpdo1 6300:01").code == 0
+        assert bench.run("write 2206:1 7").code == 0
+        assert bench.run("backup kept.dcf").code == 0
+        assert bench.run("compare kept.dcf").code == 0
+    kept = parse_eds(Path("kept.dcf").read_bytes(), "kept.dcf").dictionary
+    held = kept.entry(FIXED, 1)
+    assert held is not None
+    assert (list(kept[IN].entries), held.initial(5)) == ([0, 1, 2, 3, 4], b"\7\0")
+    with Bench() as bench:
+        for target in ("made.dcf", "made.xdc"):
+            ran = bench.run(f"eds convert coupler.dcf {target}")
+            assert ran.code == 0, ran
+            assert "not carried over: object" not in ran.stdout, ran
+    made = parse_eds(Path("made.dcf").read_bytes(), "made.dcf").dictionary
+    assert list(made[IN].entries) == [0, 1, 2, 3, 4]
