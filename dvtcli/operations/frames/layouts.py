@@ -44,13 +44,12 @@ def _network_layouts(file: str, tell: Reporter) -> Mapping[Address, Layout]:
     The file's own values go before defaults of a node's EDS.
     """
     from dvtcli.files.network.physical_keys import rules_by_node
-    from dvtcli.operations.network.check_networks import unknown_names
-    from dvtcli.operations.network.described_network import described_network
+    from dvtcli.operations.network.described_network import described_pdos, unknown_names
     from dvtcli.operations.wanted.network_wish import read_wish
     from dvtcli.watch.decoder import Decoder
 
     wish = read_wish(file)
-    state = described_network(file, wish=wish)
+    state = described_pdos(file, wish)
     for note in unknown_names(file, wish):
         place = f"{file}:{note.mark.line}:{note.mark.column}"
         tell.note(f"{place}: {note.text}; frames with such a name stay bytes")

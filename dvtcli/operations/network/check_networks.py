@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.lint.lint_rule import ERROR, LintRule
 from dvtcli.domain.network.wanted_state import FileNote
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
-from dvtcli.operations.meanings.named_objects import is_name
-from dvtcli.operations.network.described_network import simulated_word
+from dvtcli.operations.network.described_network import unknown_names
 from dvtcli.operations.results.checked_files import FileRule
 from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkReport, NetworksChecked
 from dvtcli.operations.wanted.network_wish import read_wish
@@ -27,23 +26,6 @@ if TYPE_CHECKING:
     from dvtcli.domain.rules.finding import Finding
     from dvtcli.files.network.file_log import FileLog
     from dvtcli.operations.user.reporter import Reporter
-
-
-def unknown_names(file: str, wish: NetworkWish, known: Collection[int] = ()) -> Iterator[FileNote]:
-    """Note each node of *wish* (from *file*) that uses object names but has no description.
-
-    Nodes in *known* have a dictionary from elsewhere.
-    """
-    for node in wish.nodes:
-        words = [word for pdo in node.pdos for word in pdo.mapping or ()]
-        words += [value.object for value in node.values]
-        names = [word for word in words if is_name(word.text)]
-        if names and node.node_id not in known and simulated_word(file, node) is None:
-            text = (
-                f"nothing here says which object {names[0].text!r} of node {node.node_id} is: its `dcf:`, its "
-                "`profile:`, or a file of the library with its identity does"
-            )
-            yield FileNote(text, names[0].mark, len(names))
 
 
 #: Rules about files instead of states.

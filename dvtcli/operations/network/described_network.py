@@ -5,18 +5,21 @@ Sends nothing to a real bus. Judges nothing.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.device.read_pdos import WHATEVER, read_pdo
+from dvtcli.device.resolve import resolve, untyped_lengths
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.network.heartbeats import MISSED, watch_time_ms
-from dvtcli.domain.network.network_plan import NetworkPlan
 from dvtcli.domain.network.network_state import NetworkState, NodeState
 from dvtcli.domain.network.wanted_state import (
     Endpoint,
+    FileNote,
     FileWord,
     HeartbeatWatch,
     LinkWish,
@@ -27,16 +30,19 @@ from dvtcli.domain.network.wanted_state import (
 )
 from dvtcli.domain.object_syntax import MappedObject, Skipped, UnknownName, resolve_entry
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
-from dvtcli.errors import DvtcliError, UsageError
+from dvtcli.errors import DvtcliError, SdoAborted, UsageError
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.read_network import network_text
+from dvtcli.operations.meanings.named_objects import is_name
 from dvtcli.operations.plans.network_states import network_after, network_state, with_link_marks, with_wish
-from dvtcli.operations.plans.plan_network import plan_wish
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
 from dvtcli.operations.wanted.network_wish import eds_of, read_wish
+from dvtcli.operations.wanted.resolve_names import pdo_request
 
 if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.network.network_plan import NetworkPlan
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.files.device_library.match import Match
     from dvtcli.operations.user.reporter import Reporter
@@ -100,6 +106,57 @@ def described_network(
     nodes = sorted([*met, *map(told_state, untold)], key=lambda node_state: node_state.node_id)
     ids = tuple(node.node_id for node in untold)
     return with_link_marks(replace(state, nodes=tuple(nodes), untold=ids), read.links)
+
+
+def described_pdos(file: str, wish: NetworkWish) -> NetworkState:
+    """Return the PDOs of `described_network` alone, without a plan if *wish* itself says their COB-IDs and mappings.
+
+    Raises as `described_network` for a PDO that cannot be made; of what else *file* says nothing is judged.
+    """
+    is_said = not wish.links and not any(
+        node.prune or any(pdo.cob_id == "auto" for pdo in node.pdos) for node in wish.nodes
+    )
+    state = _as_said(file, wish) if is_said else None
+    return described_network(file, wish=wish) if state is None else state
+
+
+def _as_said(file: str, wish: NetworkWish) -> NetworkState | None:
+    """Return the PDOs of *wish* on its simulated nodes; None if one of them cannot be made as it stands."""
+    words, log, nodes = words_of(file, wish), FileLog(file, network_text(file)), list[NodeState]()
+    options = Options(sim=tuple(f"{word}@{node_id}" for node_id, word in words.items()), force=True)
+    with Session(options) as session:
+        if words:
+            session.bus.read_at_once()
+        for told in wish.nodes:
+            word = words.get(told.node_id)
+            if word is None:
+                nodes.append(told_state(told))
+                continue
+            node = session.node(told.node_id)
+            pdos = _said_pdos(node, told, log)
+            if pdos is None:
+                return None
+            state = NodeState(told.node_id, told.name, pdos, {}, node.dictionary, node.profile)
+            nodes.append(replace(state, guessed=guessed_mappings(state, told, word)))
+    return NetworkState(tuple(sorted(nodes, key=lambda node_state: node_state.node_id)), file=file)
+
+
+def _said_pdos(node: Node, wish: NodeWish, log: FileLog) -> dict[Pdo, PdoConfig] | None:
+    """Return the PDOs of *node*, which holds default values, with those of *wish*; None as `_as_said`."""
+    held, wanted = dict[Pdo, PdoConfig](), dict[Pdo, PdoConfig]()
+    for present in node.present():
+        with suppress(SdoAborted):  # neither COB-ID nor mapping: no such PDO
+            held[present] = read_pdo(node.sdo, present, WHATEVER)
+    for pdo in wish.pdos:
+        request = pdo_request(node, pdo, log)
+        if log.count or pdo.pdo not in held or held[pdo.pdo].unread:
+            return None
+        try:
+            lengths = untyped_lengths(node, [request])
+            wanted[pdo.pdo] = resolve(node, pdo.pdo, held[pdo.pdo], request, lengths, list)
+        except DvtcliError:  # the plan says so, with its place in the file
+            return None
+    return {**wanted, **held, **wanted}
 
 
 def _met(node: NodeState, wish: NodeWish, word: str) -> NodeState:
@@ -207,6 +264,9 @@ def _planned(
     session: Session, wish: NetworkWish, log: FileLog, failures: list[DvtcliError] | None, *, by_rules: bool
 ) -> NetworkPlan:
     """Plan *wish*; if *failures* is given, it also gets a UsageError, and the plan is empty."""
+    from dvtcli.domain.network.network_plan import NetworkPlan
+    from dvtcli.operations.plans.plan_network import plan_wish
+
     try:
         return plan_wish(session, wish, log, failures=failures, by_rules=by_rules)
     except UsageError as failed:
@@ -240,6 +300,23 @@ def _chosen_word(file: str, node: NodeWish) -> str | None:
     if node.dcf is not None and (path := eds_of(file, node)) is not None:
         return node.dcf.text if node.dcf.text in family_names() else str(path)
     return node.profile if node.profile in family_names() else None
+
+
+def unknown_names(file: str, wish: NetworkWish, known: Collection[int] = ()) -> Iterator[FileNote]:
+    """Note each node of *wish* (from *file*) that uses object names but has no description.
+
+    Nodes in *known* have a dictionary from elsewhere.
+    """
+    for node in wish.nodes:
+        words = [word for pdo in node.pdos for word in pdo.mapping or ()]
+        words += [value.object for value in node.values]
+        names = [word for word in words if is_name(word.text)]
+        if names and node.node_id not in known and simulated_word(file, node) is None:
+            text = (
+                f"nothing here says which object {names[0].text!r} of node {node.node_id} is: its `dcf:`, its "
+                "`profile:`, or a file of the library with its identity does"
+            )
+            yield FileNote(text, names[0].mark, len(names))
 
 
 def library_match(file: str, node: NodeWish) -> Match | None:

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from dvtcli.domain.network.network_state import NetworkState
+from dvtcli.domain.network.wanted_state import NetworkWish
 from dvtcli.domain.ports import Frame
+from dvtcli.errors import DvtcliError
 from dvtcli.operations.frames.layouts import file_layouts
+from dvtcli.operations.network.described_network import described_network, described_pdos
 from dvtcli.operations.user.reporter import NullReporter
-from dvtcli.simulator.network.family_file import family_eds
+from dvtcli.operations.wanted.network_wish import read_wish
+from dvtcli.simulator.network.family_file import family_eds, family_names
 from dvtcli.watch.decoder import Decoder
 from dvtcli.watch.seen import FrameStore
 from tests.commands.bench import Bench
 from tests.commands.frames.test_misfits import log, warnings
+from tests.process import environment, run
 
 FILE = "drive: {node_id: 1, profile: gen4, tpdo: {1: {inhibit_ms: 10}, 2: {mapping: [606C, 6041]}}}\n"
 UNSAID, SAID = "181#3712", "281#010203043712"
@@ -105,3 +112,43 @@ def test_a_dbc_file_of_a_network_file_says_it_and_has_it(tmp_path: Path, line: P
         'CM_ BO_ 385 "TPDO1 of node 1 (by the default mapping of the family gen4)";',
         'CM_ BO_ 641 "TPDO2 of node 1";',
     ]
+
+
+@pytest.mark.parametrize("family", family_names())
+def test_what_a_file_says_itself_is_laid_out_as_its_plan_would(tmp_path: Path, family: str) -> None:
+    file = tmp_path / "net.yaml"
+    entries = ["6041/16", "dummy8", "606C"]
+    tpdos = {
+        "nothing": "",
+        "off": "1: {enabled: false}",
+        "id": "1: {cob_id: 0x1F0}, 2: {cob_id: 0x1F1, enabled: true}",
+        "mapped": f"1: {{mapping: [{', '.join(entries)}], enabled: true}}",
+        "absent": "77: {enabled: false}",
+        "long": "1: {mapping: [6041, 6041, 6041, 6041, 6041]}",
+        "unknown": "1: {mapping: [No such name]}",
+    }
+    for said in tpdos.values():
+        file.write_text(f"nodes: {{a: {{node_id: 3, dcf: {family}, tpdo: {{{said}}}}}, b: {{node_id: 4}}}}\n")
+        wish = read_wish(str(file))
+        assert outcome(described_pdos, str(file), wish) == outcome(described_network, str(file), wish), said
+
+
+def outcome(describe: Callable[..., NetworkState], file: str, wish: NetworkWish) -> object:
+    """The PDOs in their order and what is guessed of each node; else the error."""
+    try:
+        state = describe(file, wish=wish)
+    except DvtcliError as failed:
+        return type(failed), failed.text
+    layouts = [
+        [(pdo, config.communication.cob_id, config.mapping, config.mpdo) for pdo, config in node.pdos.items()]
+        for node in state.nodes
+    ]
+    return layouts, [(node.node_id, node.guessed, node.dictionary is None) for node in state.nodes]
+
+
+def test_a_file_that_says_where_values_lie_is_not_planned(line: Path) -> None:
+    imports = environment() | {"PYTHONPROFILEIMPORTTIME": "1"}
+    ran = run(("explain", SAID, "-d", str(line)), env=imports)
+    assert (ran.returncode, "plan_network" in ran.stderr) == (0, False)
+    line.write_text("nodes: {a: {node_id: 1, profile: gen4, tpdo: {1: {cob_id: auto}}}}\n")
+    assert "plan_network" in run(("explain", SAID, "-d", str(line)), env=imports).stderr, "a CAN-ID is chosen"

@@ -9,7 +9,7 @@ import pytest
 
 from dvtcli.files.device_file import read_device_file
 from dvtcli.files.network.read_network import read_network_file
-from dvtcli.operations.network.check_networks import unknown_names
+from dvtcli.operations.network.described_network import unknown_names
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_names
