@@ -30,7 +30,7 @@ from dvtcli.domain.network.wanted_state import (
 )
 from dvtcli.domain.object_syntax import MappedObject, Skipped, UnknownName, resolve_entry
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
-from dvtcli.errors import DvtcliError, SdoAborted, UsageError
+from dvtcli.errors import DvtcliError, RuleError, SdoAborted, UsageError
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.read_network import network_text
 from dvtcli.operations.meanings.named_objects import is_name
@@ -154,7 +154,7 @@ def _said_pdos(node: Node, wish: NodeWish, log: FileLog) -> dict[Pdo, PdoConfig]
         try:
             lengths = untyped_lengths(node, [request])
             wanted[pdo.pdo] = resolve(node, pdo.pdo, held[pdo.pdo], request, lengths, list)
-        except DvtcliError:  # the plan says so, with its place in the file
+        except (RuleError, UsageError):  # the plan says so, with its place in the file
             return None
     return {**wanted, **held, **wanted}
 
