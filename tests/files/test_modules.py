@@ -160,3 +160,14 @@ def test_it_is_mapped_backed_up_and_converted(tmp_path: Path, monkeypatch: pytes
             assert "not carried over: object" not in ran.stdout, ran
     made = parse_eds(Path("made.dcf").read_bytes(), "made.dcf").dictionary
     assert list(made[IN].entries) == [0, 1, 2, 3, 4]
+
+
+def test_show_lists_the_modules(tmp_path: Path) -> None:
+    (tmp_path / "coupler.dcf").write_text(coupler(1, 1, 2))
+    (tmp_path / "plain.eds").write_text(plain().text())
+    with Bench() as bench:
+        shown = bench.run(f"eds show {tmp_path}/coupler.dcf").stdout
+        document = bench.run(f"eds show {tmp_path}/coupler.dcf --json").document
+        assert "\n  modules" not in bench.run(f"eds show {tmp_path}/plain.eds").stdout
+    assert ("modules       1 8 DI, 2 8 DO" in shown, "connected     1 1 2" in shown) == (True, True), shown
+    assert (document["modules"], document["connected"]) == (["1 8 DI", "2 8 DO"], ["1", "1", "2"])

@@ -22,6 +22,7 @@ from dvtcli.files.eds.numbers import read_number, without_comment
 
 Build = Callable[[], OdObject]
 _SUB_EXTENSION = re.compile(r"m([0-9]+)subext([0-9a-f]{4})")
+_INFO = re.compile(r"m([0-9]+)moduleinfo")
 _FIXED = re.compile(r"m([0-9]+)fixed([0-9a-f]{4})")
 _MOST_SUB_INDICES = 254
 
@@ -37,6 +38,15 @@ def connected_modules(layout: EdsLayout) -> list[int]:
         except ValueError:
             continue  # a module that nobody knows adds nothing
     return found
+
+
+def module_names(layout: EdsLayout) -> dict[int, str]:
+    """Return the names of the supported modules by number."""
+    found: dict[int, str] = {}
+    for name, parts in layout.modules.items():
+        if (info := _INFO.fullmatch(name)) is not None:
+            found[int(info[1])] = text_key(section_values(parts, Findings()), "productname")
+    return dict(sorted(found.items()))
 
 
 def added_by_modules(layout: EdsLayout) -> frozenset[int]:

@@ -150,12 +150,28 @@ def facts(file: str, eds: DeviceFile) -> Facts:
         ("objects", len(eds.dictionary)), ("tpdos", tpdos), ("rpdos", len(pdos) - tpdos),
         ("granularity", info.granularity), ("node_id", eds.node_id),
         ("dummies", None if info.dummies is None else [f"{index:04X}" for index in sorted(info.dummies)]),
+        *_modules(eds),
     )  # fmt: skip
-    text = tuple(f"  {name:<13} {_shown(value)}" for name, value in rows)
+    text = tuple(f"  {name:<13} {_shown(value)}" for name, value in rows if name not in _OF_MODULES or value)
     return Facts("eds-info", rows, text)
+
+
+_OF_MODULES = ("modules", "connected")
+
+
+def _modules(eds: DeviceFile) -> tuple[tuple[str, list[str] | None], ...]:
+    """List the supported modules of a modular device by number, and those that a DCF has connected."""
+    from dvtcli.files.eds.modules import connected_modules, module_names
+    from dvtcli.files.eds.reader import EdsFile
+
+    if not isinstance(eds, EdsFile) or not eds.layout.modules:
+        return tuple((name, None) for name in _OF_MODULES)
+    supported = [f"{number} {name}" for number, name in module_names(eds.layout).items()]
+    connected = [str(number) for number in connected_modules(eds.layout)]
+    return ("modules", supported), ("connected", connected)
 
 
 def _shown(value: object) -> str:
     if isinstance(value, list):
-        return " ".join(map(str, value)) or "none"
+        return (", " if any(" " in str(one) for one in value) else " ").join(map(str, value)) or "none"
     return "-" if value in (None, "") else str(value)
