@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.watch.decoder import Address, Decoder, Layout
+from dvtcli.watch.frame_reader import OTHER, Reading
 from dvtcli.watch.heartbeats import HEARTBEATS, HeartbeatTimes
 from dvtcli.watch.layout_fit import guess, misfit
 from dvtcli.watch.service import Service, event_of, state_in
@@ -48,6 +49,8 @@ class SeenFrame:
     #: whether a wrong length, and a guessed layout, were reported
     is_misfit: bool = False
     is_guess: bool = False
+    #: what the last frame says
+    reading: Reading = OTHER
 
     @property
     def service(self) -> Service:
@@ -70,8 +73,8 @@ class FrameStore:
         #: frames of CAN-IDs beyond the first ROWS
         self.unlisted = 0
 
-    def take(self, frame: Frame) -> bool:
-        """Process *frame* with its time `timestamp_s`; whether it has any news."""
+    def take(self, frame: Frame, reading: Reading = OTHER) -> bool:
+        """Process *frame*, which says *reading*, with its time `timestamp_s`; whether it has any news."""
         self.frames += 1
         self.load.add(frame, frame.timestamp_s)
         self._follow_heartbeat_time(frame)
@@ -82,8 +85,9 @@ class FrameStore:
         time_s = frame.timestamp_s
         row.count += 1
         row.last_s = time_s
+        row.reading = reading
         row.rhythm.beat(time_s)
-        news = self._note_events(frame, row.service)
+        news = self._note_events(frame, row.service, reading)
         first, row.remote = row.count == 1, frame.remote
         if first or len(frame.data) != len(row.data):
             news |= self._note_doubts(row, frame)
@@ -142,7 +146,10 @@ class FrameStore:
         ]
         return True
 
-    def _note_events(self, frame: Frame, service: Service) -> bool:
+    def _note_events(self, frame: Frame, service: Service, reading: Reading) -> bool:
+        if reading.what == "sdo-abort":
+            self.events.append(Event(frame.timestamp_s, f"SDO node {service.node}  {reading.text}", bad=True))
+            return True
         text = event_of(frame, service)
         if text is not None:
             bad = service.kind == "emcy" and any(frame.data[:2])

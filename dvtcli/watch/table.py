@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from dvtcli.domain.datatypes import Value
 from dvtcli.domain.ports import Frame
 from dvtcli.watch.decoder import Address, Decoder, Layout, Signal
+from dvtcli.watch.frame_reader import OTHER, FrameReader
 
 Place = tuple[Address, str]
 
@@ -33,12 +34,22 @@ class Column:
 class SignalRows:
     """Turns frames into values of the signals in *decoder* that match *wanted* (small letters).
 
-    *other* counts frames without such a signal.
+    With a *reader*, frames of services that it has words for are rows without values. *only* are kinds of frames, as in
+    `frame_reader.KINDS`; none: all. *other* counts frames without a signal and without words.
     """
 
-    def __init__(self, decoder: Decoder, wanted: str = "") -> None:
+    def __init__(
+        self,
+        decoder: Decoder,
+        wanted: str = "",
+        reader: FrameReader | None = None,
+        only: frozenset[str] = frozenset(),
+    ) -> None:
         self.decoder = decoder
-        self._wanted = wanted
+        self.reader = reader
+        self._wanted, self._only = wanted, only
+        #: what the last frame says
+        self.reading = OTHER
         chosen = chosen_columns(decoder, wanted)
         self.columns = list(chosen.values())
         #: the frame of each column
@@ -61,6 +72,8 @@ class SignalRows:
             return False
         self.decoder = decoder
         self._of_frames = self._by_frame()
+        if self.reader is not None:
+            self.reader.know(decoder)
         return True
 
     def layout(self, frame: Frame) -> Layout:
@@ -68,10 +81,20 @@ class SignalRows:
         return self.decoder.layout(frame)
 
     def values(self, frame: Frame) -> list[tuple[int, Value]] | None:
-        """The raw values of a frame, each with its column number; None without any of the signals."""
+        """The raw values of the next frame, each with its column number; None if the frame is no row.
+
+        They are empty for a row in words.
+        """
+        if self.reader is not None:
+            self.reading = self.reader.read(frame)
+            if self._only and not self.reading.is_one_of(self._only):
+                return None
         address = frame.can_id, frame.extended
         numbers = self._of_frames.get(address)
         if numbers is None or frame.remote:
+            if self.reading.text and self._wanted in f"{self.title(frame)} {self.reading.text}".lower():
+                self.frames += 1
+                return []
             self.other += 1
             return None
         self.frames += 1
@@ -94,7 +117,12 @@ class SignalRows:
 
     def title(self, frame: Frame) -> str:
         """The name of a frame with a row."""
-        return title(self.decoder.layouts[frame.can_id, frame.extended])
+        return title(self.decoder.layout(frame))
+
+    def head(self, frame: Frame) -> str:
+        """The name of the last frame, with its words if it has no values."""
+        text = self.reading.text
+        return f"{self.title(frame)}: {text}" if text else self.title(frame)
 
 
 def title(layout: Layout) -> str:

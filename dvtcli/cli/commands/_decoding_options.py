@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import click
 
-from dvtcli.cli.commands._live_params import NodesType
+from dvtcli.cli.commands._live_params import KindsType, NodesType
 from dvtcli.cli.params import FILE, TEXT
 
 F = TypeVar("F", bound=Callable[..., object])
@@ -19,6 +19,16 @@ def decoding_options(command: F) -> F:
     return nodes(
         click.option("-d", "--dbc", type=FILE, metavar="FILE", help="Decode by a DBC or network file.")(command)
     )
+
+
+def only_option(command: F) -> F:
+    """Add the option that selects kinds of frames."""
+    return click.option(
+        "--only",
+        type=KindsType(),
+        metavar="KIND,…",
+        help="Only such frames: pdo, emcy, nmt, sdo, sdo-abort, heartbeat, …",
+    )(command)
 
 
 def parquet_options(command: F) -> F:

@@ -64,6 +64,22 @@ class NodesType(CanopenType):
         return tuple(dict.fromkeys(NODE_ID.parse(word.strip(), ctx) for word in text.split(",")))
 
 
+class KindsType(CanopenType):
+    """Kinds of frames with commas between them: `pdo,emcy,sdo-abort`."""
+
+    name = "kinds"
+
+    def parse(self, text: str, ctx: click.Context | None) -> frozenset[str]:
+        """Return the kinds. Raises ValueError for a word that is none."""
+        from dvtcli.watch.frame_reader import KINDS
+
+        words = [word.strip().lower() for word in text.split(",")]
+        for word in words:
+            if word not in KINDS:
+                raise ValueError(f"{word!r} is no kind of frames; there are {', '.join(KINDS)}")
+        return frozenset(words)
+
+
 class LogFilterType(CanopenType):
     """`ID:MASK` in hexadecimal as in python-can's tools: frames whose CAN-ID equals ID in the bits of MASK.
 

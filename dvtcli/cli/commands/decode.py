@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.commands._decoding_options import decoding_options, parquet_options
+from dvtcli.cli.commands._decoding_options import decoding_options, only_option, parquet_options
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE, TEXT
 from dvtcli.errors import UsageError
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 @click.argument("file", type=FILE)
 @decoding_options
 @click.option("--filter", "wanted", type=TEXT, metavar="TEXT", help="Only frames and signals with TEXT in their names.")
+@only_option
 @click.option("--csv", "as_csv", is_flag=True, help="As CSV: a row for each decoded frame, a column for each signal.")
 @click.option("-o", "--output", type=FILE, metavar="FILE", help="Values into FILE: .csv .parquet .jsonl.")
 @parquet_options
@@ -33,6 +34,7 @@ def command(
     dbc: str | None,
     nodes: tuple[int, ...] | None,
     wanted: str | None,
+    only: frozenset[str] | None,
     as_csv: bool,
     output: str | None,
     **parquet: str | None,
@@ -40,29 +42,29 @@ def command(
     """Decode FILE (.asc .blf .log .trc .mf4 .pcapng .pcap): by --dbc, --eds, or what the nodes hold now.
 
     With --eds by the mapping in that file. Without any of these by the mapping that SDO transfers in FILE itself carry;
-    other frames are named by the pre-defined connection set and stay bytes. --json gives one dvtcli.frame/1 document a
-    frame.
+    other PDOs are named by the pre-defined connection set and stay bytes. NMT, SDO, EMCY and other services are said in
+    words. --json gives one dvtcli.frame/1 document a frame.
 
     \b
     decode run.log
     decode run.asc --dbc drive.dbc --csv
     decode run.blf --nodes 1,5 --filter velocity
     decode run.log --filter velocity -o speed.csv
+    decode run.log --only emcy,sdo-abort,nmt
     """
     from dvtcli.operations.frames.decode_recording import decode_recording, write_values
+    from dvtcli.operations.frames.values_origin import ValuesOptions
 
     text = (wanted or "").lower()
+    options = ValuesOptions(parquet["layout"], parquet["source"], only=only or frozenset())
     if output is not None:
         from dvtcli.operations.frames.decode_recording import values_into_file
-        from dvtcli.operations.frames.values_origin import ValuesOptions
 
-        return values_into_file(
-            session, Path(file), Path(output), nodes, dbc, text, ValuesOptions(parquet["layout"], parquet["source"])
-        )
+        return values_into_file(session, Path(file), Path(output), nodes, dbc, text, options)
     if any(parquet.values()):
         raise UsageError("--layout and --source are of a .parquet file", hint="give one with -o")
     if as_csv:
-        write_values(session, Path(file), session.output.stdout, nodes, dbc, text)
+        write_values(session, Path(file), session.output.stdout, nodes, dbc, text, options)
     else:
-        session.output.stream(decode_recording(session, Path(file), nodes, dbc, text))
+        session.output.stream(decode_recording(session, Path(file), nodes, dbc, text, options.only))
     return None

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.commands._decoding_options import parquet_options
+from dvtcli.cli.commands._decoding_options import only_option, parquet_options
 from dvtcli.cli.commands._live_params import DurationType, LogFilterType, NodesType, RotationType
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE, NumberType
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     "--filter", "filters", type=LogFilterType(), multiple=True, metavar="ID:MASK",
     help="Hex, repeatable; with --decode also TEXT: only signals with it in their names.",
 )  # fmt: skip
+@only_option
 @click.option("--duration", type=DurationType(), metavar="TIME", help="End after TIME (300ms, 5s, 2min).")
 @click.option("--decode", is_flag=True, help="Values: .csv .jsonl, .parquet for a fleet's recordings.")
 @parquet_options
@@ -67,7 +68,7 @@ def command(
     """
     if decode and size:
         raise UsageError("-s is of recorded frames", hint="with --decode: --rotate 100MB")
-    rotate, layout, source = (values.pop(name) for name in ("rotate", "layout", "source"))
+    rotate, layout, source, only = (values.pop(name) for name in ("rotate", "layout", "source", "only"))
     if not decode and (layout or source or rotate):
         raise UsageError("--layout, --rotate and --source are of values", hint="with --decode; frames: -s BYTES")
     path, (masks, text) = Path(file), _masks_and_text(filters, decode=decode)
@@ -75,7 +76,7 @@ def command(
         from dvtcli.operations.frames.record_values import record_values
         from dvtcli.operations.frames.values_origin import ValuesOptions
 
-        options = ValuesOptions(layout, source, rotate or (0.0, 0), append)
+        options = ValuesOptions(layout, source, rotate or (0.0, 0), append, only or frozenset())
         return record_values(session, path, masks, duration, **values, text=text, options=options)
     from dvtcli.operations.frames.running_recording import record_frames
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.commands._decoding_options import only_option
 from dvtcli.cli.commands._live_params import DurationType, NodesType
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE, TEXT
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     "-d", "--decode", type=FILE, metavar="FILE", help="Decode by a DBC or network file (after --nodes, if given)."
 )
 @click.option("--filter", "wanted", type=TEXT, metavar="TEXT", help="Only frames and signals with TEXT in their names.")
+@only_option
 @click.option("--duration", type=DurationType(), metavar="TIME", help="End after TIME (300ms, 5s, 2min).")
 @click.option("--changes", is_flag=True, help="Only frames that say something new.")
 @click.pass_obj
@@ -35,6 +37,7 @@ def command(
     nodes: tuple[int, ...] | None,
     decode: str | None,
     wanted: str | None,
+    only: frozenset[str] | None,
     duration: float | None,
     changes: bool,
 ) -> None:
@@ -58,11 +61,15 @@ def command(
     with watching(session, nodes or (), decode, known=not full_screen) as watched:
         if full_screen:
             from dvtcli.cli.monitor.monitor_keys import watch
+            from dvtcli.cli.monitor.monitor_state import View
 
-            watch(session, watched, wanted or "", duration, changes=changes)
+            view = View(filter=wanted or "", plain=session.output.plain, changes=changes, only=only or frozenset())
+            watch(session, watched, view, duration)
         else:
             show, tell = _shown_by(session), _told_by(session)
-            stream(watched, show, (wanted or "").lower(), duration, changes=changes, tell=tell)
+            stream(
+                watched, show, (wanted or "").lower(), duration, changes=changes, only=only or frozenset(), tell=tell
+            )
 
 
 def _shown_by(session: Conversation) -> Callable[[Iterable[FrameSeen]], None]:

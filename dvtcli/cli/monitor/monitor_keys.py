@@ -14,6 +14,8 @@ from dvtcli.cli.monitor.monitor_state import GRAPH, RAW, TABLE, Moment, View
 from dvtcli.cli.monitor.screen import chosen_signals, picture
 from dvtcli.cli.monitor.signal_lines import Lines
 from dvtcli.errors import BusUnavailable
+from dvtcli.operations.frames.explain_frame import described_nodes
+from dvtcli.watch.frame_reader import FrameReader
 from dvtcli.watch.seen import FrameStore
 
 if TYPE_CHECKING:
@@ -34,6 +36,7 @@ class Monitor:
         self._began_s = monotonic()
         self._still: tuple[FrameStore, Moment] | None = None
         self._reader = MappingReader(watched)
+        self._words = FrameReader(watched.decoder, described_nodes(watched.session, watched.dbc))
         self._gone = GoneBus(watched.listener)
 
     def _moment(self) -> Moment:
@@ -50,9 +53,10 @@ class Monitor:
         news = self._reader.news()
         if news is not None:
             self.store.know(news)
+            self._words.know(news)
         try:
             for frame in self._watched.listener.take():
-                self.store.take(frame)
+                self.store.take(frame, self._words.read(frame))
         except BusUnavailable as failed:
             self._gone.wait(failed)
 
@@ -90,12 +94,11 @@ class Monitor:
         return picture(store, self.view, moment, columns, rows)
 
 
-def watch(session: Conversation, watched: Watched, wanted: str, duration_s: float | None, *, changes: bool) -> None:
-    """Show the bus until q, Ctrl-C or *duration_s*.
+def watch(session: Conversation, watched: Watched, view: View, duration_s: float | None) -> None:
+    """Show the bus as *view* says until q, Ctrl-C or *duration_s*.
 
     Raises BusUnavailable if the bus failed and must not be waited for.
     """
-    view = View(filter=wanted, plain=session.output.plain, changes=changes)
     monitor = Monitor(session.wire.name, watched, view)
     show(session, monitor, _keys(monitor), duration_s)
 

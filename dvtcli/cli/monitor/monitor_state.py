@@ -18,6 +18,8 @@ class View:
     chosen: int = 0
     plain: bool = False
     changes: bool = False
+    #: kinds of frames that are shown, as in `frame_reader.KINDS`; none: all
+    only: frozenset[str] = frozenset()
     #: the first visible line of the body
     top: int = 0
     #: lines scrolled beyond the last signal

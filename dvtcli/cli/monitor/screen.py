@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from dvtcli.cli.monitor.graph import graph
-from dvtcli.cli.monitor.monitor_state import GRAPH, TABLE, Moment, View
+from dvtcli.cli.monitor.monitor_state import GRAPH, RAW, TABLE, Moment, View
 from dvtcli.cli.monitor.room import cut, wide
 from dvtcli.cli.monitor.signal_lines import Lines, row_line, signal_line, title_of, value_of, with_more
 from dvtcli.cli.view.columns import clipped, columns
@@ -116,10 +116,16 @@ def chosen_signals(store: FrameStore, view: View) -> list[tuple[SeenFrame, Signa
     """Return the signals passing the filter, in order of the screen."""
     return [
         (row, signal, course)
-        for row in store.sorted_rows()
+        for row in _rows(store, view)
         for signal, course in _shown(row, view.filter.lower())
         if row.service.kind != "sdo"
     ]
+
+
+def _rows(store: FrameStore, view: View) -> list[SeenFrame]:
+    """Return the rows of the kinds of frames that are shown."""
+    rows = store.sorted_rows()
+    return [row for row in rows if row.reading.is_one_of(view.only)] if view.only else rows
 
 
 def _shown(row: SeenFrame, wanted: str) -> list[tuple[Signal, ValueHistory]]:
@@ -183,14 +189,14 @@ def _table(store: FrameStore, view: View, moment: Moment, width: int, room: int)
     lines: Lines = []
     wanted = view.filter.lower()
     number, at_chosen, idle = 0, 0, 0
-    for row in store.sorted_rows():
+    for row in _rows(store, view):
         signals = _shown(row, wanted)
         if not signals and wanted not in title_of(row).lower():
             continue
         if row.service.kind == "sdo" and not wanted and moment.now_s - row.last_s > IDLE_S:
             idle += 1
             continue
-        lines.append(row_line(row, store, moment, width))
+        lines.append(row_line(row, store, moment, width, with_words=view.mode != RAW))
         for signal, course in signals:
             chosen = number == view.chosen
             at_chosen = len(lines) if chosen else at_chosen

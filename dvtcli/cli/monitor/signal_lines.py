@@ -30,8 +30,8 @@ def title_of(row: SeenFrame) -> str:
     return f"0x{row.can_id:0{8 if row.extended else 3}X} {row.service.label}{node}"
 
 
-def row_line(row: SeenFrame, store: FrameStore, moment: Moment, width: int) -> list[Cell]:
-    """Return a frame's line, with the node's name if space permits."""
+def row_line(row: SeenFrame, store: FrameStore, moment: Moment, width: int, *, with_words: bool = False) -> list[Cell]:
+    """Return a frame's line, with the node's name if space permits; *with_words*: what it says goes before bytes."""
     rate, jitter = row.rhythm.rate_hz(moment.now_s), row.rhythm.jitter_s()
     title = title_of(row)
     text = "" if rate is None else f"{rate:.1f} Hz" if rate < 1000 else f"{rate:.0f} Hz"
@@ -43,8 +43,10 @@ def row_line(row: SeenFrame, store: FrameStore, moment: Moment, width: int) -> l
         Cell(f" {spread:>8}", "dim"),
         Cell(f" {_count(row.count):>6}"),
         Cell(f" {age(moment.now_s - row.last_s):>6}  ", "dim"),
-        *_bytes(row, moment),
     ]
+    data, words = list(_bytes(row, moment)), [Cell(f"{row.reading.text} ")] if with_words and row.reading.text else []
+    is_wide = not words or sum(columns(cell.text) for cell in (*cells, *data, *words)) <= width
+    cells += [*(data if is_wide else ()), *words]
     named = Cell(f"{'' if row.remote else '   ' * (8 - len(row.data))} {name}", "dim")
     return [*cells, named] if sum(columns(cell.text) for cell in (*cells, named)) <= width else cells
 

@@ -37,7 +37,7 @@ class CsvWriter:
         """Write a frame."""
         cells = self._rows.row(frame)
         if cells is not None:
-            self._csv.writerow([utc(frame.timestamp_s), no_formula(self._rows.title(frame)), *map(csv_text, cells)])
+            self._csv.writerow([utc(frame.timestamp_s), no_formula(self._rows.head(frame)), *map(csv_text, cells)])
 
     def flush(self) -> None:
         """Flush to the system."""

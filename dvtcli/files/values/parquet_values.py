@@ -26,6 +26,7 @@ from dvtcli.files.values.column_heads import column_of
 from dvtcli.files.values.csv_values import FRAME, TIME
 from dvtcli.files.values.value_rows import Origin, ValueRows
 from dvtcli.watch.decoder import Signal
+from dvtcli.watch.service import Service
 from dvtcli.watch.table import Column, SignalRows, signal_name
 
 #: the long layout's columns, with pyarrow's names of their types
@@ -50,7 +51,7 @@ def pyarrow(module: str = "pyarrow") -> Any:
 
 
 class LongTable:
-    """Rows of the long layout, one for each value of a frame known to *rows*."""
+    """Rows of the long layout, one for each value of a frame known to *rows*, or for the words of a frame."""
 
     batch_rows, group = BATCH, ROWS
 
@@ -59,11 +60,10 @@ class LongTable:
         self._rows, self._source = rows, origin.source
         self.schema = _schema(arrow, _LONG, origin)
         self._signals = [column.signal for column in rows.columns]
-        told = [_told(signal, service, origin) for signal, service in zip(self._signals, rows.services, strict=True)]
-        self._of_signal = {
-            name: cells_array(arrow, self.schema.field(name).type, [signal[name] for signal in told])
-            for name in _OF_SIGNAL
-        }
+        self._origin = origin
+        #: the constant columns of each signal, then of services in words
+        self._told = [_told(signal, of, origin) for signal, of in zip(self._signals, rows.services, strict=True)]
+        self._words: dict[tuple[Service, str, str], int] = {}
         self._clear()
 
     def _clear(self) -> None:
@@ -78,17 +78,36 @@ class LongTable:
     def add(self, frame: Frame, bus: str) -> None:
         """Add the values of *frame* from *bus*."""
         time_us = round(frame.timestamp_s * 1_000_000)
-        for number, value in self._rows.values(frame) or ():
+        values = self._rows.values(frame)
+        for number, value in values or ():
             self._times.append(time_us)
             self._buses.append(bus or None)
             self._numbers.append(number)
             self._values.append(long_cells(self._signals[number], value))
+        if values is not None and self._rows.reading.text:
+            self._times.append(time_us)
+            self._buses.append(bus or None)
+            self._numbers.append(self._in_words(self._rows.layout(frame).service))
+            self._values.append((None, None, text_cell(self._rows.reading.text)))
+
+    def _in_words(self, service: Service) -> int:
+        """Return the number of the constant columns of the last frame, which is in words."""
+        reading = self._rows.reading
+        place = str(reading.facts.get("object") or "")
+        key = service, reading.what, place
+        if key not in self._words:
+            self._words[key] = len(self._told)
+            self._told.append(_told(Signal(reading.what, reading.what, place), service, self._origin))
+        return self._words[key]
 
     def batch(self) -> Any:
         """Return the rows added since the last batch."""
         arrow = self._arrow
         numbers = cells_array(arrow, arrow.int32(), self._numbers)
-        columns: dict[str, Any] = {name: told.take(numbers) for name, told in self._of_signal.items()}
+        columns: dict[str, Any] = {
+            name: cells_array(arrow, self.schema.field(name).type, [told[name] for told in self._told]).take(numbers)
+            for name in _OF_SIGNAL
+        }
         cells: dict[str, Sequence[Any]] = {
             TIME: self._times,
             "bus": self._buses,
@@ -100,11 +119,12 @@ class LongTable:
         return arrow.RecordBatch.from_arrays([columns[name] for name in self.schema.names], schema=self.schema)
 
 
-def _told(signal: Signal, service: Any, origin: Origin) -> dict[str, Any]:
+def _told(signal: Signal, service: Service, origin: Origin) -> dict[str, Any]:
     """Return the constant columns of *signal* in the long layout."""
     node, pdo = service.node, service.label.lower() if service.kind == "pdo" else service.label
+    serial = None if node is None else origin.serials.get(node)
     return {
-        "node": node, "serial": origin.serials.get(node), "pdo": text_cell(pdo), "object": signal.object or None,
+        "node": node, "serial": serial, "pdo": text_cell(pdo), "object": signal.object or None,
         "name": text_cell(signal.key), "unit": text_cell(signal.unit) or None,
     }  # fmt: skip
 
@@ -176,7 +196,7 @@ class WideTable:
             self._places[number].append(at)
             self._cells[number].append(_cell(cell, self._kinds[number]))
         self._times.append(round(frame.timestamp_s * 1_000_000))
-        self._titles.append(text_cell(self._rows.title(frame)))
+        self._titles.append(text_cell(self._rows.head(frame)))
 
     def batch(self) -> Any:
         """Return the rows added since the last batch."""

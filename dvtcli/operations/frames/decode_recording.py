@@ -68,7 +68,8 @@ def write_values(
     DvtcliError if *target* cannot be written; else as `decode_recording`.
     """
     check_readable(path)
-    rows = SignalRows(decoder_for(session, nodes, dbc, path), text)
+    decoder = decoder_for(session, nodes, dbc, path)
+    rows = SignalRows(decoder, text, FrameReader(decoder, described_nodes(session, dbc)), options.only)
     if not rows.columns:
         if text and len(rows.decoder):
             raise UsageError(f"no signal has {text!r} in its name", hint=Hint(Action.DECODE, why="shows what is in it"))
@@ -142,7 +143,7 @@ def _write_file(
     from dvtcli.files.values.value_file import WholeFile
 
     def document(frame: Frame) -> Document:
-        return frame_seen(frame, rows.decoder).chosen(text).document()
+        return frame_seen(frame, rows.decoder, rows.reading).chosen(text).document()
 
     try:
         to = WholeFile(target, rows, document, form)
@@ -168,7 +169,7 @@ def _write_file(
 
 def _seen_frames(frames: Iterable[Frame], reader: FrameReader, only: frozenset[str]) -> Iterator[FrameSeen]:
     for frame in frames:
-        seen = frame_seen(frame, reader.decoder, reader)
+        seen = frame_seen(frame, reader.decoder, reader.read(frame))
         if not only or seen.reading.is_one_of(only):
             yield seen
 

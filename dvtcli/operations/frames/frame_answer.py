@@ -5,12 +5,12 @@ from __future__ import annotations
 from dvtcli.domain.ports import Frame
 from dvtcli.operations.results.frames import FrameSeen
 from dvtcli.watch.decoder import Decoder
-from dvtcli.watch.frame_reader import FrameReader, Reading
+from dvtcli.watch.frame_reader import Reading
 from dvtcli.watch.layout_fit import misfit
 
 
-def frame_seen(frame: Frame, decoder: Decoder, reader: FrameReader | None = None) -> FrameSeen:
-    """Decode *frame*, the next frame for *reader*; its PDO is named only if a mapping was read."""
+def frame_seen(frame: Frame, decoder: Decoder, reading: Reading | None = None) -> FrameSeen:
+    """Decode *frame*, with what it says in words; its PDO is named only if a mapping was read."""
     layout = decoder.layout(frame)
     service = layout.service
     pdo = service.label.lower() if service.kind == "pdo" and not service.label.endswith("?") else None
@@ -18,5 +18,5 @@ def frame_seen(frame: Frame, decoder: Decoder, reader: FrameReader | None = None
     return FrameSeen(
         frame, service.kind, service.label, service.node, pdo, layout.values(frame), layout.meanings,
         objects=layout.objects, mapped_bytes=mapped, layout_from=layout.source, layout_is_guess=bool(layout.guess),
-        reading=Reading(service.kind) if reader is None else reader.read(frame),
+        reading=reading or Reading(service.kind),
     )  # fmt: skip

@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError
 from dvtcli.files.values.value_parts import Rotation, ValueParts, finish_parts, next_part
+from dvtcli.operations.frames.explain_frame import described_nodes
 from dvtcli.operations.frames.frame_answer import frame_seen
 from dvtcli.operations.frames.layouts import live_decoder, open_wire
 from dvtcli.operations.frames.running_recording import Filters, RunningRecording
 from dvtcli.operations.frames.values_origin import DEFAULTS, ValuesOptions, is_parquet, parquet_form
 from dvtcli.operations.session.save_script import ask_before_overwriting
 from dvtcli.operations.session.steady_listener import SteadyListener
+from dvtcli.watch.frame_reader import FrameReader
 from dvtcli.watch.layout_fit import Misfits
 from dvtcli.watch.table import SignalRows
 
@@ -59,13 +61,14 @@ def record_values(
     def known() -> Decoder:
         return live_decoder(session, nodes or (), dbc)
 
-    rows = _rows(known(), text)
+    decoder = known()
+    rows = _rows(decoder, text, FrameReader(decoder, described_nodes(session, dbc)), options.only)
     misfits = Misfits(rows.layout, session.tell.warning)
     asked = nodes or (tuple(range(1, 128)) if dbc is None else ())
     form = parquet_form(session, path, rows.decoder, options, platform.node(), asked=asked, dbc=dbc)
 
     def document(frame: Frame) -> Document:
-        return frame_seen(frame, rows.decoder).chosen(text).document()
+        return frame_seen(frame, rows.decoder, rows.reading).chosen(text).document()
 
     with _refused_writes(path):
         parts = ValueParts(path, lambda part: write_file(part, rows, document, form), Rotation(*options.rotation))
@@ -102,9 +105,9 @@ def _first_file(session: SessionUser, path: Path, *, append: bool) -> Path:
     return path
 
 
-def _rows(decoder: Decoder, text: str) -> SignalRows:
+def _rows(decoder: Decoder, text: str, reader: FrameReader, only: frozenset[str]) -> SignalRows:
     """Return the rows of signals chosen by *text*; raises UsageError if there are none."""
-    rows = SignalRows(decoder, text)
+    rows = SignalRows(decoder, text, reader, only)
     if rows.columns:
         return rows
     if text:

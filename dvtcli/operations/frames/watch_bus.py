@@ -9,10 +9,12 @@ from time import monotonic
 from typing import TYPE_CHECKING
 
 from dvtcli.errors import BusUnavailable
+from dvtcli.operations.frames.explain_frame import described_nodes
 from dvtcli.operations.frames.frame_answer import frame_seen
 from dvtcli.operations.frames.layouts import live_decoder, live_decoders, open_wire
 from dvtcli.operations.session.steady_listener import SteadyListener
 from dvtcli.watch.decoder import Decoder, Layout
+from dvtcli.watch.frame_reader import FrameReader
 from dvtcli.watch.layout_fit import Misfits
 from dvtcli.watch.seen import FrameStore
 
@@ -103,15 +105,18 @@ def stream(
     duration_s: float | None = None,
     *,
     changes: bool = False,
+    only: frozenset[str] = frozenset(),
     tell: Tell | None = None,
 ) -> None:
     """Show frames with *text* (lower case) in a name for *duration_s* seconds (None: forever).
 
-    *changes* shows only new values. Lost frames are reported at the end. *tell* gets loss and return of the bus; raises
-    BusUnavailable if it is not waited for, or not back in time.
+    *changes* shows only new values, *only* frames of these kinds, as in `frame_reader.KINDS` (none: all). Lost frames
+    are reported at the end. *tell* gets loss and return of the bus; raises BusUnavailable if it is not waited for, or
+    not back in time.
     """
     listener, store, time = watched.listener, FrameStore(watched.decoder), ListeningTime(duration_s)
     misfits = Misfits(watched.layout, watched.session.tell.warning)
+    reader = FrameReader(watched.decoder, described_nodes(watched.session, watched.dbc))
     try:
         while not time.is_over():
             try:
@@ -120,9 +125,16 @@ def stream(
                 if not watched.come_back(failed, time.is_over, tell):
                     raise
                 store = FrameStore(watched.decoder)
+                reader.know(watched.decoder)
                 continue
-            fresh = [frame for frame in misfits.passing(taken) if not changes or store.take(frame)]
-            seen = (frame_seen(frame, watched.decoder) for frame in fresh)
+            read = [(frame, reader.read(frame)) for frame in misfits.passing(taken)]
+            if changes:
+                read = [(frame, reading) for frame, reading in read if store.take(frame)]
+            seen = (
+                frame_seen(frame, watched.decoder, reading)
+                for frame, reading in read
+                if not only or reading.is_one_of(only)
+            )
             show(seen_frame.chosen(text) for seen_frame in seen if not text or seen_frame.matches(text))
     finally:
         listener.tell_overflow()

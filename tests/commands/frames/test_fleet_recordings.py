@@ -241,7 +241,7 @@ def test_nodes_are_who_the_recording_says(tmp_path: Path) -> None:
     log.write_text("".join(f"({number}.0) can0 {frame}\n" for number, frame in enumerate(frames)), "ascii")
     done = dvtcli("decode", str(log), "-o", str(tmp_path / "a.parquet"))
     assert done.returncode == 0, done.stderr
-    (row,) = pyarrow.parquet.read_table(tmp_path / "a.parquet").to_pylist()
+    (row,) = [row for row in pyarrow.parquet.read_table(tmp_path / "a.parquet").to_pylist() if row["pdo"] == "tpdo1"]
     assert (row["node"], row["serial"], row["pdo"], row["object"], row["raw"]) == (
         5,
         0x1267,
