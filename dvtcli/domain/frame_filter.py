@@ -8,6 +8,12 @@ from collections.abc import Callable
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import Frame
 
+#: kinds of frames as they are read in words
+READ_KINDS = (
+    "pdo", "mpdo", "sdo", "sdo-abort", "nmt", "emcy", "heartbeat", "boot-up", "guarding", "sync", "time", "lss",
+    "other",
+)  # fmt: skip
+
 #: Whether a frame passes, given its service's kind, label, and node-ID if known.
 FrameFilter = Callable[[Frame, str, str, int | None], bool]
 

@@ -16,8 +16,8 @@ from dvtcli.domain.ports import Frame
 from dvtcli.domain.several import plural
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.input_file import open_input, read_input
+from dvtcli.files.recognised import recognised
 from dvtcli.files.recorded_lines import CountedLines, LeftLines, LostLineError, NoFrameError, no_frame
-from dvtcli.files.recording_formats import format_of
 from dvtcli.files.recordings.recording_format import RecordedFrame, RecordingFormat
 
 #: valid times of frames (s since 1970): years 1653 to 5138
@@ -38,7 +38,7 @@ def read_recorded(path: Path) -> Iterator[RecordedFrame]:
     Raises UsageError if the file is missing or its format unknown; InputFileError, with the line if known, if it is
     damaged or has no frame.
     """
-    kind = format_of(path, reading=True)
+    kind = recognised(path)
     with _opened(path) as raw:
         source = kind.source(raw, path)
         count = 0
@@ -92,7 +92,7 @@ def _lengths(message: can.Message) -> set[int]:
 
 def check_readable(path: Path) -> None:
     """Raise UsageError if *path* is missing or its format unknown, before asking for anything else."""
-    format_of(path, reading=True)
+    recognised(path)
     if not path.is_fifo():  # what is in a pipe comes once
         _opened(path).close()
 
@@ -109,8 +109,9 @@ def _opened(path: Path) -> BinaryIO:
 def _damaged(path: Path, kind: RecordingFormat, source: Any, count: int, wrong: Exception) -> InputFileError:
     line = _line(source, wrong)
     place = f"{path}:{line}" if line else str(path)
+    text = f"{place}: damaged after {plural(count, 'frame')}, or no {path.suffix or kind.title} file"
     return InputFileError(
-        f"{place}: damaged after {plural(count, 'frame')}, or no {path.suffix} file", why=_why(kind, source, wrong),
+        text, why=_why(kind, source, wrong),
         place=place, hint=_without(path, kind, line) if line else "",
     )  # fmt: skip
 

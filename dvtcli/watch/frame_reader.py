@@ -29,17 +29,12 @@ _NO_FACTS: Facts = MappingProxyType({})
 _EPOCH, _DAY_MS = datetime(1984, 1, 1, tzinfo=UTC), 86_400_000
 _DESTINATION = 0x80
 _COMMANDS, _STATES = frozenset(NmtCommand), frozenset(NmtState)
-#: the kinds of frames that a frame may be asked for by
-KINDS = (
-    "pdo", "mpdo", "sdo", "sdo-abort", "nmt", "emcy", "heartbeat", "boot-up", "guarding", "sync", "time", "lss",
-    "other",
-)  # fmt: skip
 #: kinds that are part of another one
 _PARTS = {"mpdo": "pdo", "sdo-abort": "sdo", "boot-up": "heartbeat"}
 
 
 class Reading(NamedTuple):
-    """What a frame is, one of `KINDS`; its *text*, empty for a PDO, whose signals tell; and its *facts* by name."""
+    """What a frame is, one of `frame_filter.READ_KINDS`; its *text*, empty for a PDO; and its *facts* by name."""
 
     what: str
     text: str = ""

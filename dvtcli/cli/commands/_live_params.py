@@ -71,12 +71,12 @@ class KindsType(CanopenType):
 
     def parse(self, text: str, ctx: click.Context | None) -> frozenset[str]:
         """Return the kinds. Raises ValueError for a word that is none."""
-        from dvtcli.watch.frame_reader import KINDS
+        from dvtcli.domain.frame_filter import READ_KINDS
 
         words = [word.strip().lower() for word in text.split(",")]
         for word in words:
-            if word not in KINDS:
-                raise ValueError(f"{word!r} is no kind of frames; there are {', '.join(KINDS)}")
+            if word not in READ_KINDS:
+                raise ValueError(f"{word!r} is no kind of frames; there are {', '.join(READ_KINDS)}")
         return frozenset(words)
 
 

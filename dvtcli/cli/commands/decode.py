@@ -39,7 +39,9 @@ def command(
     output: str | None,
     **parquet: str | None,
 ) -> Facts | None:
-    """Decode FILE (.asc .blf .log .trc .mf4 .pcapng .pcap): by --dbc, --eds, or what the nodes hold now.
+    """Decode FILE (.asc .blf .log .trc .mf4 .pcapng .pcap, or a pasted log; - is standard input).
+
+    It is decoded by --dbc, --eds, or what the nodes hold now.
 
     With --eds by the mapping in that file. Without any of these by the mapping that SDO transfers in FILE itself carry;
     other PDOs are named by the pre-defined connection set and stay bytes. NMT, SDO, EMCY and other services are said in
@@ -52,19 +54,19 @@ def command(
     decode run.log --filter velocity -o speed.csv
     decode run.log --only emcy,sdo-abort,nmt
     """
-    from dvtcli.operations.frames.decode_recording import decode_recording, write_values
+    from dvtcli.operations.frames.decode_recording import decode_recording, values_into_file, write_values
+    from dvtcli.operations.frames.recorded import standard_input
     from dvtcli.operations.frames.values_origin import ValuesOptions
 
+    if output is None and any(parquet.values()):
+        raise UsageError("--layout and --source are of a .parquet file", hint="give one with -o")
     text = (wanted or "").lower()
     options = ValuesOptions(parquet["layout"], parquet["source"], only=only or frozenset())
-    if output is not None:
-        from dvtcli.operations.frames.decode_recording import values_into_file
-
-        return values_into_file(session, Path(file), Path(output), nodes, dbc, text, options)
-    if any(parquet.values()):
-        raise UsageError("--layout and --source are of a .parquet file", hint="give one with -o")
-    if as_csv:
-        write_values(session, Path(file), session.output.stdout, nodes, dbc, text, options)
-    else:
-        session.output.stream(decode_recording(session, Path(file), nodes, dbc, text, options.only))
+    with standard_input(file) as path:
+        if output is not None:
+            return values_into_file(session, path, Path(output), nodes, dbc, text, options)
+        if as_csv:
+            write_values(session, path, session.output.stdout, nodes, dbc, text, options)
+        else:
+            session.output.stream(decode_recording(session, path, nodes, dbc, text, options.only))
     return None

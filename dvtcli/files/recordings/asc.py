@@ -15,6 +15,7 @@ from dvtcli.files.recordings.recording_format import RecordingFormat
 #: lines without a time: comments, header, triggers
 _ASIDE = re.compile(r"//|;|date\b|base\b|(no )?\s*internal\s+events|begin\b|end\b|previous log", re.I)
 _TIME, _ID = re.compile(r"\d+\.\d+", re.ASCII), re.compile(r"[0-9A-F]+x?", re.I | re.ASCII)
+_RELATIVE = re.compile(r"\s*base\s+\w+\s+timestamps\s+relative", re.I)
 _DATA_FRAME = re.compile(r"\b[RT]x\s+[dr]\b", re.I)
 #: beginnings of events that are no frames: `Statistic:`, `J1939TP`, `SV:`
 _WORD = re.compile(r"[A-Za-z][\w:/]*", re.ASCII)
@@ -57,16 +58,29 @@ class _AscLines(LeftLines):
 
     held = ""
     has_time = False
+    #: the time so far (s) of a file whose times are from line to line, None for other files
+    total_s: float | None = None
 
     def __next__(self) -> str:  # type: ignore[override]
         if self.held:
             text, self.held = self.held, ""
             return text
-        text = super().__next__()
+        text = self._absolute(super().__next__())
         if self.has_time or not _TIME.match(text.strip()):
             return text
         self.has_time, self.held = True, text
         return "\n"
+
+    def _absolute(self, text: str) -> str:
+        """*text* with its time from the beginning; python-can takes times from line to line for such times."""
+        if self.total_s is None:
+            self.total_s = 0.0 if _RELATIVE.match(text) else None
+            return text
+        time = _TIME.match(text.lstrip())
+        if time is None:
+            return text
+        self.total_s += float(time[0])
+        return text.replace(time[0], f"{self.total_s:.6f}", 1)
 
     def is_lost(self, text: str) -> bool:
         """Whether the line is neither header, comment nor another kind of event."""

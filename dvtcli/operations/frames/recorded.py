@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+from shutil import copyfileobj
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
-    from pathlib import Path
+    from collections.abc import Iterator
 
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
@@ -93,3 +98,16 @@ def _file_decoder(path: Path, nodes: tuple[int, ...], family: str | None) -> Dec
         numbers = (info.vendor_id, info.product_code, info.revision_number, info.commissioning.lss_serial_number)
         decoder.identities[node_id] = dict(zip(IDENTITY_NAMES, numbers, strict=True))
     return decoder
+
+
+@contextmanager
+def standard_input(file: str) -> Iterator[Path]:
+    """The path of *file*; of `-` a temporary copy of standard input, which a recording is read from twice."""
+    if file != "-":
+        yield Path(file)
+        return
+    with TemporaryDirectory(prefix="dvtcli-") as folder:
+        path = Path(folder) / "stdin"
+        with path.open("wb") as copy:
+            copyfileobj(sys.stdin.buffer, copy)
+        yield path

@@ -12,9 +12,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from dvtcli.domain.frame_filter import READ_KINDS
 from dvtcli.domain.typed_frame import frame_text, typed_frame
 from dvtcli.operations.frames.watch_bus import stream, watching
-from dvtcli.watch.frame_reader import KINDS
 from tests.commands.bench import Bench
 from tests.monitor.test_sdo_transfers import by_blocks, in_segments
 
@@ -94,7 +94,7 @@ def test_a_recording_says_the_same_every_way(tmp_path: Path, frames: list[str]) 
     for row, document in zip(rows, told, strict=True):
         assert row[1].endswith(f": {document['text']}" if document["text"] else "TPDO2 node 1")
         assert len([cell for cell in row[2:] if cell]) == len(document["signals"])
-    in_words = [row for row in pyarrow.parquet.read_table(table).to_pylist() if row["name"] in KINDS]
+    in_words = [row for row in pyarrow.parquet.read_table(table).to_pylist() if row["name"] in READ_KINDS]
     assert [(row["text"], row["name"], row["object"], row["node"]) for row in in_words] == [
         (one["text"], one["what"], one["fields"].get("object") or None, one["node"]) for one in told if one["text"]
     ]

@@ -1,0 +1,355 @@
+"""Logs as people paste them: what candump, dvtcli and python-can print, and exports of other tools, line by line.
+
+Each is recognised by its first lines, whatever the file is called.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from datetime import datetime
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, BinaryIO, ClassVar
+
+from dvtcli.domain.cob_id import CAN_ID_MASK, fits
+from dvtcli.domain.ports import Frame
+from dvtcli.files.recorded_lines import CountedLines, LostLineError
+from dvtcli.files.recordings.recording_format import RecordedFrame, RecordingFormat
+
+_FLAGS = re.I | re.ASCII
+_DATA = r"(?P<data>[0-9A-F]{2}(?: [0-9A-F]{2})*)?"
+#: colours and other escapes of a terminal
+_ESCAPES = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
+_DAY_S = 86_400
+
+
+@dataclass(slots=True)
+class Times:
+    """The clock of a log: *start_s* is its beginning (s since 1970), *is_delta*: times are from line to line.
+
+    Of a BUSMASTER log *of_day_s* is the time of day of its beginning, *offset_s* what is added to its times, and
+    *is_decimal* how its numbers are written.
+    """
+
+    start_s: float = 0.0
+    is_delta: bool = False
+    of_day_s: float = 0.0
+    offset_s: float | None = None
+    is_decimal: bool = False
+    last_s: float = field(default=0.0, init=False)
+
+    def at(self, time_s: float) -> float:
+        """The time of a line with *time_s*, counted from the beginning or from the line before."""
+        self.last_s = self.last_s + time_s if self.is_delta else time_s
+        return self.start_s + self.last_s
+
+    def of_clock(self, time_s: float) -> float:
+        """The time of a line with the time of day *time_s*: after midnight the next day begins."""
+        while self.last_s - time_s > _DAY_S / 2:
+            time_s += _DAY_S
+        self.last_s = time_s
+        return self.start_s + time_s
+
+
+class PastedFormat(RecordingFormat):
+    """A format of lines: a frame in each that fits *line*, nothing in those that fit *aside*."""
+
+    suffix = ".txt"
+    title = "pasted text"
+    is_written = False
+    tells = True
+    #: what a line with a frame looks like, and one without
+    line: ClassVar[re.Pattern[str]]
+    aside: ClassVar[re.Pattern[str]] = re.compile(r"\s*")
+
+    def is_in(self, lines: list[str]) -> bool:
+        """Whether *lines*, the first of a file that are not empty, are of this format."""
+        return bool(lines) and self.line.fullmatch(lines[0]) is not None
+
+    def source(self, raw: BinaryIO, _path: Path) -> Any:
+        """Return the file's lines."""
+        return CountedLines(raw, encoding="utf-8", errors="replace")
+
+    def reader(self, source: Any) -> Iterator[RecordedFrame]:
+        """Iterate over the frames, line by line."""
+        times = Times()
+        for raw in source:
+            text = shown_text(raw)
+            found = self.line.fullmatch(text)
+            frame = None if found is None else self.frame(found, times)
+            if frame is not None:
+                if not fits(frame.frame.can_id, extended=frame.frame.extended) or len(frame.frame.data) > 64:
+                    raise LostLineError(source.line, text)
+                yield frame
+            elif found is None and not self.aside.fullmatch(text):
+                raise LostLineError(source.line, text)
+            elif found is None:
+                self.take_aside(text, times)
+
+    def take_aside(self, text: str, times: Times) -> None:
+        """Take what a line without a frame says about times."""
+
+    def frame(self, found: re.Match[str], times: Times) -> RecordedFrame | None:
+        """The frame of a line, None for an event that is no frame."""
+        raise NotImplementedError
+
+
+def shown_text(line: str) -> str:
+    """*line* without colours and the blanks at its end."""
+    return _ESCAPES.sub("", line).rstrip()
+
+
+def _frame(
+    found: re.Match[str], time_s: float, *, extended: bool | None = None, remote: bool = False, length: int = 0
+) -> Frame:
+    """The frame in the groups `id` (hex) and `data` (hex); without *extended* more than four digits are 29 bits."""
+    digits = found["id"]
+    is_long = len(digits) > 4 if extended is None else extended
+    data = b"" if remote else bytes.fromhex(found["data"] or "")
+    return Frame(int(digits, 16), data, is_long, remote, time_s, length if remote else 0)
+
+
+class CandumpScreen(PastedFormat):
+    """What candump prints: with any of -t, -x, -a and -c."""
+
+    suffix = ".txt"
+    title = "candump's screen"
+    line = re.compile(
+        r"\s*(?:\((?P<time>[-\d .:]+)\)\s+)?(?P<channel>[^\s(\[]+)\s+(?:[RT]X\s+\S\s+\S\s+)?"
+        r"(?P<id>[0-9A-F]{8}|[0-9A-F]{3})\s+\[(?P<length>\d{1,2})\](?:\s+(?P<remote>remote request)|\s*"
+        + _DATA + r")(?:\s+'.*)?(?:\s+(?P<error>ERRORFRAME))?", _FLAGS,
+    )  # fmt: skip
+    aside = re.compile(r"\s*|\s+[A-Za-z-]+.*|.*\$ candump .*")
+
+    def frame(self, found: re.Match[str], times: Times) -> RecordedFrame:
+        """The frame of a line; of -ta, -tz and -tA the time as printed, of -td counted from line to line."""
+        text = found["time"] or "0"
+        time_s = float(text) if text.count("-") < 2 else datetime.fromisoformat(text).astimezone().timestamp()
+        length = int(found["length"])
+        frame = _frame(found, times.at(time_s), remote=bool(found["remote"]), length=length)
+        if not frame.remote and len(frame.data) != length:
+            raise ValueError(f"[{length}] says another length than the {len(frame.data)} bytes behind it")
+        if found["error"]:
+            return RecordedFrame(replace(frame, can_id=frame.can_id & CAN_ID_MASK), found["channel"], error=True)
+        return RecordedFrame(frame, found["channel"], fd=length > 8)
+
+
+class CandumpDeltas(CandumpScreen):
+    """What candump -td prints: times from line to line."""
+
+    suffix = ".txt"
+    title = "candump's screen with -td"
+
+    def is_in(self, lines: list[str]) -> bool:
+        """Whether times go back, as only those from line to line do."""
+        found = [match["time"] for match in map(self.line.fullmatch, lines) if match]
+        times = [float(text) for text in found if text and text.count("-") < 2]
+        return super().is_in(lines) and any(before > after for before, after in pairwise(times))
+
+    def reader(self, source: Any) -> Iterator[RecordedFrame]:
+        """Iterate over the frames with their times added up."""
+        time_s = 0.0
+        for recorded in super().reader(source):
+            time_s += recorded.frame.timestamp_s
+            yield recorded._replace(frame=replace(recorded.frame, timestamp_s=time_s))
+
+
+class Busmaster(PastedFormat):
+    """BUSMASTER's log, with the times of its three modes."""
+
+    suffix = ".log"
+    title = "BUSMASTER"
+    line = re.compile(
+        r"(?P<time>\d+:\d\d:\d\d:\d{3,6})\s+[RT]x\s+(?P<channel>\d+)\s+(?P<id>(?:0x)?[0-9A-F]+)\s+"
+        r"(?P<kind>[sx]r?)\s+(?P<length>\d+)(?:\s+(?P<data>[0-9A-F]{1,3}(?:\s+[0-9A-F]{1,3})*))?", _FLAGS,
+    )  # fmt: skip
+    aside = re.compile(r"\s*|\*\*\*.*|.*\b(?:ERR|Error).*", re.I)
+    _START = re.compile(r"\*\*\*START DATE AND TIME (\d+):(\d+):(\d+) (\d+):(\d+):(\d+):(\d+)")
+
+    def is_in(self, lines: list[str]) -> bool:
+        """Whether the head of a BUSMASTER log is there."""
+        return any(text.startswith("***BUSMASTER") for text in lines[:3])
+
+    def take_aside(self, text: str, times: Times) -> None:
+        """Take date, numbers and the kind of times from the head."""
+        if (start := self._START.match(text)) is not None:
+            day, month, year, hour, minute, second, ms = map(int, start.groups())
+            times.of_day_s = 3600 * hour + 60 * minute + second + ms / 1000
+            times.start_s = datetime(year, month, day).astimezone().timestamp()
+        times.is_decimal |= text.startswith("***DEC")
+        times.is_delta |= text.startswith("***RELATIVE")
+
+    def frame(self, found: re.Match[str], times: Times) -> RecordedFrame:
+        """The frame of a line; a time before the log's beginning counts from there."""
+        *clock, part = found["time"].split(":")
+        time_s = sum(int(word) * unit for word, unit in zip(clock, (3600, 60, 1), strict=True)) + int(part) / 10 ** len(
+            part
+        )
+        if times.is_delta:
+            at_s = times.at(time_s) + times.of_day_s
+        else:
+            if times.offset_s is None:
+                times.offset_s = 0.0 if time_s + 1 > times.of_day_s else times.of_day_s
+            at_s = times.of_clock(time_s) + times.offset_s
+        base = 10 if times.is_decimal else 16
+        kind = found["kind"].lower()
+        data = b"" if "r" in kind else bytes(int(word, base) for word in (found["data"] or "").split())
+        can_id = int(found["id"].lower().removeprefix("0x"), base)
+        length = int(found["length"]) if "r" in kind else 0
+        return RecordedFrame(Frame(can_id, data, "x" in kind, "r" in kind, at_s, length), found["channel"])
+
+
+class SavvyCan(PastedFormat):
+    """SavvyCAN's CSV (GVRET); its times are microseconds."""
+
+    suffix = ".csv"
+    title = "SavvyCAN"
+    line = re.compile(
+        r"(?P<time>\d+),(?P<id>[0-9A-F]{1,8}),(?P<extended>true|false),(?:[RT]x,)?(?P<channel>\d+),(?P<length>\d+)"
+        r"(?P<data>(?:,[0-9A-F]{0,2})*)", _FLAGS,
+    )  # fmt: skip
+    aside = re.compile(r"\s*|Time Stamp,.*")
+
+    def is_in(self, lines: list[str]) -> bool:
+        """Whether the head of a SavvyCAN file is there."""
+        return bool(lines) and lines[0].startswith("Time Stamp,ID,Extended,")
+
+    def frame(self, found: re.Match[str], times: Times) -> RecordedFrame:
+        """The frame of a line; its columns of bytes may be more than it has."""
+        data = bytes(int(word, 16) for word in found["data"].split(",") if word)[: int(found["length"])]
+        extended = found["extended"].lower() == "true"
+        frame = Frame(int(found["id"], 16), data, extended, timestamp_s=times.at(int(found["time"]) / 1e6))
+        return RecordedFrame(frame, found["channel"])
+
+
+class PcanView(PastedFormat):
+    """Lines of PCAN-View's trace as text, without the head of a .trc file."""
+
+    suffix = ".txt"
+    title = "PCAN-View"
+    line = re.compile(
+        r"\s*\d+\)?\s+(?P<time>\d+\.\d+)\s+(?:(?P<kind>DT|RR|ST|ER|EC|EV|FD|FB)\s+)?(?:\d\s+)?(?:(?P<way>[RT]x)\s+)?"
+        r"(?P<id>[0-9A-F]{8}|[0-9A-F]{4})\s+(?:[RT]x\s+)?(?:-\s+)?(?P<length>\d{1,2})"
+        r"(?:\s+(?P<remote>RTR)|\s+" + _DATA[:-1] + r")?", _FLAGS,
+    )  # fmt: skip
+    aside = re.compile(r"\s*|;.*|\s*\d+\)?\s+\d+\.\d+\s+(?:Warng|Error|ST|ER|EC|EV)\b.*")
+
+    def frame(self, found: re.Match[str], times: Times) -> RecordedFrame:
+        """The frame of a line; its times are milliseconds."""
+        remote = bool(found["remote"]) or found["kind"] == "RR"
+        return RecordedFrame(
+            _frame(found, times.at(float(found["time"]) / 1000), remote=remote, length=int(found["length"]))
+        )
+
+
+class PythonCanScreen(PastedFormat):
+    """What python-can's logger prints."""
+
+    suffix = ".txt"
+    title = "python-can's screen"
+    line = re.compile(
+        r"Timestamp:\s+(?P<time>\d+\.\d+)\s+ID:\s+(?P<id>[0-9A-F]+)\s+(?P<kind>[SX])\s+(?:[RT]x)?\s*(?P<error>E)?\s*"
+        r"(?P<remote>R)?\s*(?P<fd>F)?\s.*?DL:\s*(?P<length>\d+)(?:\s+" + _DATA[:-1] + r")?"
+        r"(?:\s+'.*?')?(?:\s+Channel:\s+(?P<channel>\S+))?", _FLAGS,
+    )  # fmt: skip
+
+    def frame(self, found: re.Match[str], times: Times) -> RecordedFrame:
+        """The frame of a line."""
+        extended, remote = found["kind"].upper() == "X", bool(found["remote"])
+        frame = _frame(
+            found, times.at(float(found["time"])), extended=extended, remote=remote, length=int(found["length"])
+        )
+        return RecordedFrame(frame, found["channel"] or "", bool(found["error"]), bool(found["fd"]))
+
+
+class PythonCanCsv(PastedFormat):
+    """python-can's .csv, whose data is base64."""
+
+    suffix = ".csv"
+    title = "python-can's CSV"
+    line = re.compile(
+        r"(?P<time>\d+\.\d+),0x(?P<id>[0-9A-F]+),(?P<extended>[01]),(?P<remote>[01]),(?P<error>[01]),(?P<length>\d+),"
+        r"(?P<data>[A-Za-z0-9+/=]*)", _FLAGS,
+    )  # fmt: skip
+    aside = re.compile(r"\s*|timestamp,.*")
+
+    def is_in(self, lines: list[str]) -> bool:
+        """Whether the head of such a file is there."""
+        return bool(lines) and lines[0].startswith("timestamp,arbitration_id,extended,remote,error,dlc,data")
+
+    def frame(self, found: re.Match[str], times: Times) -> RecordedFrame:
+        """The frame of a line."""
+        remote = found["remote"] == "1"
+        data = b"" if remote else base64.b64decode(found["data"], validate=True)
+        length = int(found["length"]) if remote else 0
+        time_s = times.at(float(found["time"]))
+        frame = Frame(int(found["id"], 16), data, found["extended"] == "1", remote, time_s, length)
+        return RecordedFrame(frame, "", found["error"] == "1")
+
+
+class DecodedText(PastedFormat):
+    """What `decode` prints: the time of day, CAN-ID, kind and bytes."""
+
+    suffix = ".txt"
+    title = "dvtcli decode's text"
+    line = re.compile(
+        r"(?P<time>\d\d:\d\d:\d\d\.\d{6})(?P<zone>[+-]\d\d:\d\d)  0x(?P<id>[0-9A-F]{8}|[0-9A-F]{3})  .{18,}?  "
+        r"(?:(?P<remote>remote request)|" + _DATA + r")(?:\s{2,}.*|\s*)", re.ASCII,
+    )  # fmt: skip
+
+    def frame(self, found: re.Match[str], times: Times) -> RecordedFrame:
+        """The frame of a line, on the first days since 1970: the text has no date."""
+        at = datetime.fromisoformat(f"1970-01-01T{found['time']}{found['zone']}")
+        return RecordedFrame(_frame(found, times.of_clock(at.timestamp()), remote=bool(found["remote"])))
+
+
+class TracedText(PastedFormat):
+    """What `trace` prints, and the exchange that dvtcli keeps of a failed run."""
+
+    suffix = ".txt"
+    title = "dvtcli trace's text"
+    line = re.compile(
+        r"\s*(?:(?P<ms>\d+\.\d) ms |(?P<iso>\d{4}-\S+Z))\s+(?:->|<-)\s+(?P<id>[0-9A-F]{8}|[0-9A-F]{3})#"
+        r"(?:(?P<remote>R)(?P<length>\d?)|(?P<data>(?:[0-9A-F]{2})*))(?:\s.*)?", re.ASCII,
+    )  # fmt: skip
+
+    def frame(self, found: re.Match[str], times: Times) -> RecordedFrame:
+        """The frame of a line."""
+        iso = found["iso"]
+        time_s = datetime.fromisoformat(iso.replace("Z", "+00:00")).timestamp() if iso else float(found["ms"]) / 1000
+        length = int(found["length"] or 0) if found["remote"] else 0
+        return RecordedFrame(_frame(found, times.at(time_s), remote=bool(found["remote"]), length=length))
+
+
+class FrameDocuments(PastedFormat):
+    """The documents of `monitor` and of `decode --json`: a frame in each line."""
+
+    suffix = ".jsonl"
+    title = "dvtcli's frames as JSON"
+    line = re.compile(r'\{"schema": ?"dvtcli\..*\}')
+
+    def is_in(self, lines: list[str]) -> bool:
+        """Whether there is a document of a frame."""
+        return any(text.startswith('{"schema"') and "dvtcli.frame/1" in text[:40] for text in lines)
+
+    def frame(self, found: re.Match[str], times: Times) -> RecordedFrame | None:
+        """The frame of a document; None for other documents, as of a lost bus."""
+        document = json.loads(found[0])
+        if document["schema"] != "dvtcli.frame/1":
+            return None
+        time_s = datetime.fromisoformat(document["time"].replace("Z", "+00:00")).timestamp()
+        data = bytes.fromhex(document["data"])
+        return RecordedFrame(
+            Frame(document["cob_id"], data, document["extended"], document["remote"], times.at(time_s))
+        )
+
+
+#: in the order in which they are tried
+PASTED: tuple[PastedFormat, ...] = (
+    Busmaster(), SavvyCan(), PythonCanCsv(), FrameDocuments(), PythonCanScreen(), TracedText(), DecodedText(),
+    CandumpDeltas(), CandumpScreen(), PcanView(),
+)  # fmt: skip

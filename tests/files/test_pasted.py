@@ -1,0 +1,272 @@
+"""Logs as people paste them: each form of the same traffic gives the same decoded lines."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+import can
+import pytest
+
+from dvtcli.domain.ports import Frame
+from dvtcli.errors import InputFileError, UsageError
+from dvtcli.files.recording import read_recorded, read_recording
+from tests.commands.bench import Bench
+from tests.process import dvtcli
+
+BEGIN_S = 1_700_000_000.0
+#: data frames with 11 and 29 bits, an empty one, and a remote frame
+TRAFFIC = [
+    Frame(0x000, b"\x80\x05"), Frame(0x605, bytes.fromhex("2F60600008000000")),
+    Frame(0x585, bytes.fromhex("8060600030000906")), Frame(0x085, bytes.fromhex("2030810000000000")),
+    Frame(0x080, b""), Frame(0x705, b"\x05"), Frame(0x18FF0102, b"\x01\x02", extended=True),
+]  # fmt: skip
+REMOTE = Frame(0x705, b"", remote=True, dlc=1)
+
+
+def _at(number: int) -> float:
+    return 0.001 + 0.01 * number
+
+
+def _date(number: int) -> str:
+    return f"{datetime.fromtimestamp(BEGIN_S + _at(number), UTC):%Y-%m-%d %H:%M:%S.%f}"
+
+
+def _id(frame: Frame) -> str:
+    return f"{frame.can_id:0{8 if frame.extended else 3}X}"
+
+
+def _bytes(frame: Frame) -> str:
+    return frame.data.hex(" ").upper()
+
+
+def candump(frame: Frame, before: str = "", behind: str = "") -> str:
+    shown = f"  {_id(frame)}   [{frame.dlc or len(frame.data)}]  {'remote request' if frame.remote else _bytes(frame)}"
+    return f" {before}can0{shown}{behind}".rstrip()
+
+
+def _each(line: Callable[[int, Frame], str], head: Sequence[str] = ()) -> Callable[[Sequence[Frame]], str]:
+    def written(frames: Sequence[Frame]) -> str:
+        return "\n".join([*head, *(line(number, frame) for number, frame in enumerate(frames))]) + "\n"
+
+    return written
+
+
+def _busmaster(number: int, frame: Frame) -> str:
+    kind = ("x" if frame.extended else "s") + ("r" if frame.remote else "")
+    at = round(1e4 * _at(number))
+    return (
+        f"10:00:{at // 10_000:02d}:{at % 10_000:04d} Rx 1 0x{_id(frame)} {kind} {frame.dlc or len(frame.data)}"
+        f" {_bytes(frame)}"
+    )
+
+
+def _savvy(number: int, frame: Frame) -> str:
+    cells = [f"{byte:02X}" for byte in frame.data] + ["00"] * (8 - len(frame.data))
+    extended = str(frame.extended).lower()
+    return f"{round(1e6 * _at(number))},{frame.can_id:08X},{extended},Rx,0,{len(frame.data)},{','.join(cells)}"
+
+
+def _pcan(number: int, frame: Frame) -> str:
+    can_id = f"{frame.can_id:08X}" if frame.extended else f"{frame.can_id:04X}"
+    data = "RTR" if frame.remote else _bytes(frame)
+    return (
+        f"{number + 1:6d}) {1000 * _at(number):11.1f}  Rx     {can_id}  {frame.dlc or len(frame.data)}  {data}".rstrip()
+    )
+
+
+def _pcan_2(number: int, frame: Frame) -> str:
+    can_id = f"{frame.can_id:08X}" if frame.extended else f"{frame.can_id:04X}"
+    kind = "RR" if frame.remote else "DT"
+    return (
+        f"{number + 1:7d} {1000 * _at(number):13.3f} {kind} {can_id:>8} Rx {frame.dlc or len(frame.data)} "
+        f" {_bytes(frame)}"
+    ).rstrip()
+
+
+def _asc(number: int, frame: Frame) -> str:
+    can_id = f"{frame.can_id:X}{'x' if frame.extended else ''}"
+    data = f"r {frame.dlc}" if frame.remote else f"d {len(frame.data)} {_bytes(frame)}"
+    return f"   {0.001 if not number else 0.01:.6f} 1  {can_id:<15} Rx   {data}"
+
+
+def _trace(number: int, frame: Frame) -> str:
+    behind = f"R{frame.dlc}" if frame.remote else frame.data.hex().upper()
+    return (
+        f"{1000 * _at(number):9.1f} ms  {'->' if number % 2 else '<-'} {_id(frame)}#{behind}   SDO request, node 5  x"
+    )
+
+
+def _message(frame: Frame, number: int) -> can.Message:
+    return can.Message(
+        BEGIN_S + _at(number), frame.can_id, is_extended_id=frame.extended, is_remote_frame=frame.remote,
+        data=frame.data, dlc=frame.dlc or len(frame.data), channel="can0",
+    )  # fmt: skip
+
+
+def _python_can_screen(frames: Sequence[Frame]) -> str:
+    said = io.StringIO()
+    printer = can.Printer(said)
+    for number, frame in enumerate(frames):
+        printer.on_message_received(_message(frame, number))
+    return said.getvalue()
+
+
+def _python_can_csv(frames: Sequence[Frame]) -> str:
+    file = io.StringIO()
+    writer = can.CSVWriter(file)
+    for number, frame in enumerate(frames):
+        writer.on_message_received(_message(frame, number))
+    return file.getvalue()
+
+
+_BUSMASTER = [
+    "***BUSMASTER Ver 3.2.2***", "***PROTOCOL CAN***", "***NOTE: PLEASE DO NOT EDIT THIS DOCUMENT***",
+    "***START DATE AND TIME 27:11:2026 10:00:00:000***", "***HEX***", "***ABSOLUTE MODE***",
+    "***<Time><Tx/Rx><Channel><CAN ID><Type><DLC><DataBytes>***",
+]  # fmt: skip
+_SAVVY = ["Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8"]
+_ASC = ["date Tue Nov 14 10:00:00.000 am 2023", "base hex  timestamps relative", "internal events logged"]
+FORMS: dict[str, Callable[[Sequence[Frame]], str]] = {
+    "candump": _each(lambda _, frame: candump(frame)),
+    "candump -ta": _each(lambda number, frame: candump(frame, f"({BEGIN_S + _at(number):.6f})  ")),
+    "candump -tz": _each(lambda number, frame: candump(frame, f"({_at(number):010.6f})  ")),
+    "candump -tA": _each(lambda number, frame: candump(frame, f"({_date(number)})  ")),
+    "candump -x": _each(lambda _, frame: f"  can0  RX - -{candump(frame)[5:]}"),
+    "candump -c": _each(lambda _, frame: f"\x1b[34m{candump(frame)}\x1b[0m"),
+    "candump -a": _each(lambda _, frame: candump(frame, behind="" if frame.remote else "   '.a.'")),
+    "BUSMASTER": _each(_busmaster, _BUSMASTER),
+    "SavvyCAN": _each(_savvy, _SAVVY),
+    "PCAN-View": _each(_pcan),
+    "PCAN-View 2": _each(_pcan_2),
+    "Vector ASC, relative": _each(_asc, _ASC),
+    "dvtcli trace": _each(_trace),
+    "python-can's screen": _python_can_screen,
+    "python-can's CSV": _python_can_csv,
+}  # fmt: skip
+#: forms without remote frames
+_WITHOUT_REMOTE = ("SavvyCAN",)
+#: what dvtcli wrote itself
+_OWN = ("decode", "decode --json")
+
+
+def frames_of(form: str) -> list[Frame]:
+    return TRAFFIC if form in _WITHOUT_REMOTE else [*TRAFFIC, REMOTE]
+
+
+def decoded(path: Path, words: str = "") -> list[str]:
+    ran = Bench(()).run(f"decode {path} {words}")
+    assert ran.code == 0, ran.stderr
+    return ran.stdout.splitlines()
+
+
+@pytest.mark.parametrize("name", ["run.log", "run.txt", "run"])
+@pytest.mark.parametrize("form", FORMS)
+def test_every_form_gives_the_same_lines(form: str, name: str, tmp_path: Path) -> None:
+    frames = frames_of(form)
+    path, plain = tmp_path / name, tmp_path / "plain" / "run.log"
+    path.write_text(FORMS[form](frames), "utf-8")
+    plain.parent.mkdir()
+    with can.CanutilsLogWriter(str(plain)) as writer:
+        for number, frame in enumerate(frames):
+            writer.on_message_received(_message(frame, number))
+    assert [line.partition("  ")[2] for line in decoded(path)] == [line.partition("  ")[2] for line in decoded(plain)]
+    found = list(read_recording(path))
+    if form not in ("candump", "candump -x", "candump -c", "candump -a"):
+        times = [frame.timestamp_s - found[0].timestamp_s for frame in found]
+        assert times == pytest.approx([_at(number) - _at(0) for number in range(len(frames))], abs=1e-4)
+
+
+@pytest.mark.parametrize("words", ["", "--json"])
+def test_what_decode_prints_can_be_decoded_again(words: str, tmp_path: Path) -> None:
+    """Its text has no date; its documents have all."""
+    first, second = tmp_path / "run.log", tmp_path / "again.txt"
+    first.write_text(FORMS["candump -ta"]([*TRAFFIC, REMOTE]), "utf-8")
+    second.write_text("\n".join(decoded(first, words)) + "\n", "utf-8")
+    again = decoded(second, words)
+    if not words:
+        assert again == decoded(first)
+        return
+    keys = ("time", "cob_id", "data", "what", "text", "remote", "extended")
+    before, after = (
+        [[json.loads(line)[key] for key in keys] for line in found] for found in (decoded(first, words), again)
+    )
+    assert after == before
+
+
+def test_deltas_are_added_up(tmp_path: Path) -> None:
+    """candump -td: the times go back, as no clock does."""
+    path, deltas = tmp_path / "run.txt", (0.0, 0.5, 0.25, 1.0)
+    path.write_text("".join(f" (00{delta:.6f})  can0  181   [1]  05\n" for delta in deltas), "ascii")
+    assert [frame.timestamp_s for frame in read_recording(path)] == [0.0, 0.5, 0.75, 1.75]
+
+
+@pytest.mark.parametrize(
+    ("mode", "lines", "times"),
+    [
+        ("SYSTEM", ["23:59:59:9000", "00:00:00:1000"], [0.0, 0.2]),
+        ("ABSOLUTE", ["00:00:01:0000", "00:00:02:5000"], [0.0, 1.5]),
+        ("RELATIVE", ["00:00:01:0000", "00:00:00:5000", "00:00:00:2500"], [0.0, 0.5, 0.75]),
+    ],
+)
+def test_busmasters_modes(mode: str, lines: list[str], times: list[float], tmp_path: Path) -> None:
+    path = tmp_path / "run.log"
+    head = [f"***{mode} MODE***" if "MODE" in line else line for line in _BUSMASTER]
+    path.write_text("\n".join([*head, *(f"{time} Rx 1 0x181 s 1 05" for time in lines)]), "ascii")
+    found = [frame.timestamp_s for frame in read_recording(path)]
+    assert [time_s - found[0] for time_s in found] == pytest.approx(times, abs=1e-6)
+
+
+def test_error_frames_of_candump_are_none(tmp_path: Path) -> None:
+    path = tmp_path / "run.txt"
+    path.write_text("  can0  181   [1]  05\n  can0  20000080   [8]  00 00 00 00 00 00 00 00   ERRORFRAME\n", "ascii")
+    assert [recorded.error for recorded in read_recorded(path)] == [False, True]
+
+
+@pytest.mark.parametrize(
+    ("content", "name"),
+    [
+        (b"SQLite format 3\0", "an SQLite database"),
+        (b"PK\x03\x04rest", "a ZIP archive"),
+        (b"[FileInfo]\nFileName=a.eds\n", "an EDS or DCF file"),
+        (b'VERSION ""\nBO_ 1 a: 8 b\n', "a DBC file"),
+        (b'<?xml version="1.0"?>\n', "an XML file"),
+        (b"time,frame,TPDO1 node 1 6041:00\n", "a CSV file of values; plot reads it"),
+        (b"nodes:\n  drive: {node_id: 5}\n", "a network file"),
+    ],
+)
+@pytest.mark.parametrize("suffix", [".log", ".asc", ".txt"])
+def test_another_format_is_named(content: bytes, name: str, suffix: str, tmp_path: Path) -> None:
+    """It is not called damaged."""
+    path = tmp_path / f"run{suffix}"
+    path.write_bytes(content)
+    ran = Bench(()).run(f"decode {path}")
+    assert (ran.code, f"is no recording of frames: it is {name}" in ran.stderr, "damaged" in ran.stderr) == (
+        2,
+        True,
+        False,
+    )
+
+
+def test_a_damaged_line_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "run.txt"
+    path.write_text("  can0  181   [1]  05\nnonsense and more\n", "ascii")
+    with pytest.raises(InputFileError, match="damaged after 1 frame"):
+        list(read_recording(path))
+
+
+def test_what_is_nothing_known_is_a_usage_error(tmp_path: Path) -> None:
+    path = tmp_path / "run.txt"
+    path.write_text("nonsense\n", "ascii")
+    with pytest.raises(UsageError, match=r"no format is known by \.txt"):
+        list(read_recording(path))
+
+
+def test_standard_input_is_decoded() -> None:
+    done = dvtcli("decode", "-", stdin=FORMS["candump -ta"](TRAFFIC))
+    assert done.returncode == 0, done.stderr
+    assert "abort 0x06090030 of 6060:00: invalid value for the parameter" in done.stdout
+    assert len(done.stdout.splitlines()) == len(TRAFFIC)
