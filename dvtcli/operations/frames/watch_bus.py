@@ -111,8 +111,8 @@ def stream(
     """Show frames with *text* (lower case) in a name for *duration_s* seconds (None: forever).
 
     *changes* shows only new values, *only* frames of these kinds, as in `frame_filter.READ_KINDS` (none: all). Lost
-    frames are reported at the end. *tell* gets loss and return of the bus; raises BusUnavailable if it is not waited for, or
-    not back in time.
+    frames are reported at the end. *tell* gets loss and return of the bus; raises BusUnavailable if it is not waited
+    for, or not back in time.
     """
     listener, store, time = watched.listener, FrameStore(watched.decoder), ListeningTime(duration_s)
     misfits = Misfits(watched.layout, watched.session.tell.warning)
