@@ -75,11 +75,16 @@ class Layout:
     mpdo: int | None = None
     #: constant data by signal key: meaning and object
     meanings: Mapping[str, Scaling] = field(init=False, repr=False, compare=False)
+    #: the PDO in small letters, None unless its mapping is known
+    pdo: str | None = field(init=False, repr=False, compare=False)
     objects: Mapping[str, str] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         meanings = {signal.key: signal.meaning for signal in self.signals if signal.meaning.says}
         objects = {signal.key: signal.object for signal in self.signals if signal.object}
+        service = self.service
+        is_known = service.kind == "pdo" and not service.label.endswith("?")
+        object.__setattr__(self, "pdo", service.label.lower() if is_known else None)
         object.__setattr__(self, "meanings", meanings)
         object.__setattr__(self, "objects", objects)
 

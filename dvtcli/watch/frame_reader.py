@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime, timedelta
+from functools import lru_cache
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -45,7 +46,7 @@ class Reading(NamedTuple):
         return self.what in kinds or _PARTS.get(self.what) in kinds
 
 
-_PDO, OTHER = Reading("pdo"), Reading("other")
+_PDO, OTHER, _SYNC = Reading("pdo"), Reading("other"), Reading("sync", "SYNC")
 _Read = Callable[[Frame], Reading]
 
 
@@ -95,16 +96,12 @@ class FrameReader:
             return Reading("guarding", "node guarding request")
         if not frame.data:
             return Reading("heartbeat", "too short: a heartbeat has 1 byte")
-        state, toggle = frame.data[0] & 0x7F, frame.data[0] >> 7
-        words = NmtState(state).label if state in _STATES else f"reserved state 0x{state:02X}"
-        is_answer = service.node in self._guarded or bool(toggle)
-        self._guarded.discard(service.node)
+        is_answer = service.node in self._guarded
+        if is_answer:
+            self._guarded.discard(service.node)
         if frame.data == b"\0":
             self._transfers.forget(service.node)
-            return Reading("boot-up", "boot-up", {"state": words})
-        if is_answer:
-            return Reading("guarding", f"{words}, toggle bit {toggle}", {"state": words, "toggle": toggle})
-        return Reading("heartbeat", words, {"state": words})
+        return _state(frame.data[0], is_boot_up=frame.data == b"\0", is_answer=is_answer)
 
     def _emergency(self, service: Service, frame: Frame) -> Reading:
         data = frame.data
@@ -214,6 +211,18 @@ def _unknown(data: bytes, *, request: bool) -> str:
     return f"{words[command]} of an unknown object" if command < len(words) else "unknown command specifier"
 
 
+@lru_cache(maxsize=1024)
+def _state(byte: int, *, is_boot_up: bool, is_answer: bool) -> Reading:
+    """A heartbeat, a boot-up, or the answer of node guarding, which has a toggle bit."""
+    state, toggle = byte & 0x7F, byte >> 7
+    words = NmtState(state).label if state in _STATES else f"reserved state 0x{state:02X}"
+    if is_boot_up:
+        return Reading("boot-up", "boot-up", {"state": words})
+    if is_answer or toggle:
+        return Reading("guarding", f"{words}, toggle bit {toggle}", {"state": words, "toggle": toggle})
+    return Reading("heartbeat", words, {"state": words})
+
+
 def _nmt(_service: Service, frame: Frame) -> Reading:
     data = frame.data
     if len(data) < 2:
@@ -229,7 +238,7 @@ def _nmt(_service: Service, frame: Frame) -> Reading:
 
 def _sync(_service: Service, frame: Frame) -> Reading:
     if not frame.data:
-        return Reading("sync", "SYNC")
+        return _SYNC
     return Reading("sync", f"SYNC {frame.data[0]}", {"counter": frame.data[0]})
 
 

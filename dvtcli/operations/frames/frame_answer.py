@@ -13,10 +13,10 @@ def frame_seen(frame: Frame, decoder: Decoder, reading: Reading | None = None) -
     """Decode *frame*, with what it says in words; its PDO is named only if a mapping was read."""
     layout = decoder.layout(frame)
     service = layout.service
-    pdo = service.label.lower() if service.kind == "pdo" and not service.label.endswith("?") else None
-    mapped = layout.byte_length if misfit(frame, layout) else None
+    fits = layout.byte_length in (None, len(frame.data)) or not misfit(frame, layout)
+    mapped = None if fits else layout.byte_length
     return FrameSeen(
-        frame, service.kind, service.label, service.node, pdo, layout.values(frame), layout.meanings,
+        frame, service.kind, service.label, service.node, layout.pdo, layout.values(frame), layout.meanings,
         objects=layout.objects, mapped_bytes=mapped, layout_from=layout.source, layout_is_guess=bool(layout.guess),
         reading=reading or Reading(service.kind),
     )  # fmt: skip

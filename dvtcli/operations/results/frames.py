@@ -41,7 +41,8 @@ def part_document(part: FramePart) -> Document:
 
 def reading_document(reading: Reading) -> Document:
     """The fields of a frame in words, the same in all documents of frames."""
-    fields = {name: json_value(value) if value is not None else None for name, value in reading.facts.items()}
+    facts = reading.facts
+    fields = {name: value if value is None else json_value(value) for name, value in facts.items()} if facts else {}
     return {"what": reading.what, "text": reading.text, "fields": fields}
 
 
@@ -154,6 +155,7 @@ class FrameSeen(Answer):
 
     def document(self) -> Document:
         """`dvtcli.frame/1`."""
+        signals = self.signals
         return {
             "schema": "dvtcli.frame/1",
             "time": utc(self.frame.timestamp_s),
@@ -164,13 +166,15 @@ class FrameSeen(Answer):
             "extended": self.frame.extended,
             "remote": self.frame.remote,
             "data": hex_bytes(self.frame.data),
-            "signals": {name: json_value(value) for name, value in self.signals.items()},
+            "signals": {name: json_value(value) for name, value in signals.items()} if signals else {},
             "physical": {
-                name: physical_document(self.signals[name], meaning)
+                name: physical_document(signals[name], meaning)
                 for name, meaning in self.meanings.items()
-                if name in self.signals
-            },
-            "objects": {name: place for name, place in self.objects.items() if name in self.signals},
+                if name in signals
+            }
+            if signals
+            else {},
+            "objects": {name: place for name, place in self.objects.items() if name in signals} if signals else {},
             "layout_from": self.layout_from or None,
             "layout_is_guess": self.layout_is_guess,
             **reading_document(self.reading),
