@@ -11,11 +11,12 @@ from dvtcli.cli.commands._live_params import DurationType
 from dvtcli.cli.commands._load_params import BitRateType
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE
+from dvtcli.errors import UsageError
 from dvtcli.operations.user.options import SPECIAL_FORMATS
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
-    from dvtcli.operations.results import NetworksChecked
+    from dvtcli.operations.results import NetworksChecked, RecordingsChecked
 
 
 @click.command(
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 @click.option(
     "--for", "for_s", type=DurationType(0, 3600), metavar="TIME", help="Listen to the bus so long [2]; 0: not."
 )
+@click.option("-d", "--dbc", type=FILE, metavar="FILE", help="Of a recording: a DBC or network file that describes it.")
 @click.pass_obj
 def command(
     session: Conversation,
@@ -41,9 +43,10 @@ def command(
     bit_rate: int | None,
     live: bool,
     for_s: float | None,
+    dbc: str | None,
     **chosen: Any,
-) -> NetworksChecked:
-    """Say what is wrong with network files (YAML), and with the nodes on a bus; nothing is written.
+) -> NetworksChecked | RecordingsChecked:
+    """Say what is wrong with network files (YAML), with the nodes on a bus, or in recordings; nothing is written.
 
     Of a file: what cannot be read, with line, column and a caret, then what the rules find in the network that it makes
     of its nodes' EDS, DCF or family. An error in a file is exit code 4, in nodes 3; of several files, a wrong or
@@ -52,6 +55,10 @@ def command(
     hold, and what is heard: SYNC, heartbeats, other masters, frames from nobody; with --live also whether they are
     those of FILE. --format github, junit or sarif is for CI.
 
+    Of a recording (as `decode` reads): refused transfers, restarts, heartbeats that stop, emergencies, PDOs of a wrong
+    length, mappings left half done; each with its frames, exit code 3. PDOs are read by -d, by --eds, or by the mapping
+    in it.
+
     \b
     check press.yaml
     check press.yaml bus.yml
@@ -59,7 +66,17 @@ def command(
     check line.yaml --rule unbounded-event-pdo --rule too-late
     check --live --for 1       the nodes on the bus
     check press.yaml --live    and whether they are those of the file
+    check run.log -d press.yaml
     """
+    if files:
+        from dvtcli.operations.frames.check_recording import are_recordings, check_recordings
+
+        if are_recordings(files):
+            if live or for_s is not None:
+                raise UsageError("--live is of the bus", hint="a recording is checked without it")
+            return check_recordings(session, files, dbc, only=chosen["only"], without=chosen["without"])
+    if dbc is not None:
+        raise UsageError("-d is of a recording", hint="name network files without it")
     from dvtcli.operations.network.check_networks import CheckOptions, check_networks
 
     as_findings = live or session.output.format in SPECIAL_FORMATS  # so that the rest is looked at, too

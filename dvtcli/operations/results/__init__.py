@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.changes import *  # noqa: F403
     from dvtcli.operations.results.checked_files import *  # noqa: F403
     from dvtcli.operations.results.checked_networks import *  # noqa: F403
+    from dvtcli.operations.results.checked_recordings import *  # noqa: F403
     from dvtcli.operations.results.comparisons import *  # noqa: F403
     from dvtcli.operations.results.diagnosis import *  # noqa: F403
     from dvtcli.operations.results.documents import *  # noqa: F403
@@ -49,6 +50,7 @@ NAMES: dict[str, tuple[str, ...]] = {
         "Report",
         "Reported",
     ),
+    "checked_recordings": ("RecordingFinding", "RecordingReport", "RecordingsChecked"),
     "checked_networks": ("NetworkFinding", "NetworkReport", "NetworksChecked"),
     "comparisons": ("Compared", "ComparedNodes"),
     "diagnosis": ("Verdict", "Check", "Diagnosis"),

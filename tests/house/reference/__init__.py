@@ -35,6 +35,7 @@ PARTS = {
     "rules": "rules:table",
     "eds-rules": "eds_rules:table",
     "network-rules": "network_rules:table",
+    "recording-rules": "recording_rules:table",
     "network-keys": "network:keys",
     "profiles": "families:profiles",
     "profile-values": "families:profile_values",

@@ -1,0 +1,106 @@
+"""PDOs of a wrong length, and CAN-IDs and node-IDs with two senders (CiA 301, 7.3.5)."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+from dvtcli.domain.lint.lint_rule import ERROR, LintRule
+from dvtcli.domain.ports import Frame
+from dvtcli.domain.several import plural
+from dvtcli.watch.decoder import Address, Layout
+from dvtcli.watch.layout_fit import misfit
+from dvtcli.watch.recording.problems import Moment, Moments, Problem, TimesOf
+
+LENGTH = LintRule("pdo-other-length", ERROR, "a PDO has another length than is mapped", "CiA 301, 7.4.7")
+TWO_SENDERS = LintRule(
+    "two-senders", ERROR, "two nodes seem to send one CAN-ID", "CiA 301, 7.3.5: a CAN-ID has one producer"
+)
+TWO_NODES = LintRule(
+    "two-nodes-answer", ERROR, "an SDO request got two answers", "CiA 301, 7.3.4: a node-ID is there once"
+)
+FRAME_RULES = (LENGTH, TWO_SENDERS, TWO_NODES)
+
+#: changes between two lengths from which two senders are likely: one change is a new mapping
+_ENOUGH = 4
+_ANSWERS, _REQUESTS = 0x580, 0x600
+#: command specifiers of answers that begin a transfer, one for each request: upload, download
+_FIRST_ANSWERS = (2, 3)
+
+
+@dataclass(slots=True)
+class _Lengths:
+    """The lengths of a CAN-ID's frames: the last, the one before it, and changes back to that.
+
+    *misfit* says what is wrong with the last, empty if nothing is; *node* is its sender, 0 if unknown.
+    """
+
+    last: int = -1
+    before: int = -1
+    changes: list[Moment] = field(default_factory=list)
+    misfit: str = ""
+    node: int = 0
+
+
+@dataclass(slots=True)
+class LengthWatch:
+    """Watches the lengths of frames; *layout_of* a frame is what its sender maps."""
+
+    layout_of: Callable[[Frame], Layout]
+    _lengths: dict[Address, _Lengths] = field(default_factory=lambda: defaultdict(_Lengths))
+    _misfits: TimesOf[tuple[str, int]] = field(default_factory=TimesOf)
+
+    def take(self, moment: Moment, frame: Frame) -> None:
+        """Look at *frame*."""
+        if frame.remote:
+            return
+        seen, length = self._lengths[frame.can_id, frame.extended], len(frame.data)
+        if seen.last != length:
+            if seen.before == length:
+                seen.changes.append(moment)
+            seen.before, seen.last = seen.last, length
+            layout = self.layout_of(frame)
+            seen.misfit, seen.node = "" if layout.guess else misfit(frame, layout), layout.service.node or 0
+        if seen.misfit:
+            self._misfits.note(moment, (seen.misfit, seen.node))
+
+    def problems(self) -> Iterator[Problem]:
+        """Return PDOs of a wrong length, and CAN-IDs whose length changes to and fro."""
+        two = {address for address, seen in self._lengths.items() if len(seen.changes) >= _ENOUGH}
+        for address in sorted(two):
+            seen, can_id = self._lengths[address], f"0x{address[0]:03X}"
+            text = f"{can_id} comes with {seen.before} and {plural(seen.last, 'byte')} by turns"
+            look = f"which nodes have {can_id} in a TPDO"
+            yield Problem(TWO_SENDERS, text, f"senders of {can_id}", look, Moments.at(*seen.changes))
+        for (text, node_id), moments in self._misfits.items():
+            yield Problem(LENGTH, text, f"node {node_id}" if node_id else "the sender",
+                          "whether the node's mapping is that of the file, and whether another node sends it",
+                          moments, node_id or None)  # fmt: skip
+
+
+@dataclass(slots=True)
+class AnswerWatch:
+    """Watches for two answers to one SDO request."""
+
+    #: the answer to each node's last request
+    _answered: dict[int, bytes | None] = field(default_factory=dict)
+    _twice: TimesOf[int] = field(default_factory=TimesOf)
+
+    def take(self, moment: Moment, frame: Frame) -> None:
+        """Look at *frame*, an SDO."""
+        node_id, service, data = frame.can_id & 0x7F, frame.can_id & 0x780, frame.data
+        if service == _REQUESTS:
+            self._answered[node_id] = None
+        elif service == _ANSWERS and data and data[0] >> 5 in _FIRST_ANSWERS and node_id in self._answered:
+            before = self._answered[node_id]
+            if before is not None and before[:4] == data[:4]:
+                self._twice.note(moment, node_id)
+            self._answered[node_id] = data
+
+    def problems(self) -> Iterator[Problem]:
+        """Return node-IDs whose requests are answered twice."""
+        for node_id, moments in self._twice.items():
+            yield Problem(TWO_NODES, f"node {node_id}: requests are answered twice", f"nodes with node-ID {node_id}",
+                          "the serial numbers (0x1018:04) of both, one of them unplugged",
+                          moments, node_id)  # fmt: skip

@@ -1,0 +1,75 @@
+"""A problem in a recording: the rule, who is concerned, when, and in which frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple, TypeVar
+
+from dvtcli.domain.lint.lint_rule import LintRule
+
+K = TypeVar("K")
+#: how many frames of a problem are named
+_MOST_FRAMES = 10
+
+
+class Moment(NamedTuple):
+    """A frame's *number* in its recording, from 1, and its time (s)."""
+
+    number: int
+    time_s: float
+
+
+@dataclass(slots=True)
+class Moments:
+    """When something happened: *first*, *last*, how often, and the numbers of the first frames."""
+
+    first: Moment
+    last: Moment
+    times: int = 1
+    numbers: list[int] = field(default_factory=list)
+
+    @classmethod
+    def at(cls, *moments: Moment) -> Moments:
+        """Make them of *moments*, in order."""
+        return cls(moments[0], moments[-1], len(moments), [moment.number for moment in moments[:_MOST_FRAMES]])
+
+    def add(self, moment: Moment) -> None:
+        """Add a later *moment*."""
+        self.last = moment
+        self.times += 1
+        if len(self.numbers) < _MOST_FRAMES:
+            self.numbers.append(moment.number)
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """A finding of *rule*: *text* says what happened, *parties* between whom, *look* what to look at first.
+
+    *node* is a node-ID, *object* as in `1A02:01`, if it is about one.
+    """
+
+    rule: LintRule
+    text: str
+    parties: str
+    look: str
+    moments: Moments
+    node: int | None = None
+    object: str = ""
+
+
+class TimesOf(dict[K, Moments]):
+    """Moments by what happened then."""
+
+    def note(self, moment: Moment, what: K) -> None:
+        """Add that *what* happened at *moment*."""
+        if what in self:
+            self[what].add(moment)
+        else:
+            self[what] = Moments.at(moment)
+
+
+def in_order(problems: Iterable[Problem]) -> Iterator[Problem]:
+    """Yield *problems*, the worst first, then by time."""
+    order = ("error", "warning", "note")
+    yield from sorted(problems, key=lambda each: (order.index(str(each.rule.severity)), each.moments.first.number))

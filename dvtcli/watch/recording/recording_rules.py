@@ -1,0 +1,51 @@
+"""All rules about recordings, and their evaluation in one pass over the frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from dvtcli.domain.lint.lint_rule import LintRule
+from dvtcli.domain.ports import Frame
+from dvtcli.watch.decoder import Layout
+from dvtcli.watch.recording.frame_problems import FRAME_RULES, AnswerWatch, LengthWatch
+from dvtcli.watch.recording.node_problems import NODE_RULES, NodeWatch
+from dvtcli.watch.recording.problems import Moment, Problem
+from dvtcli.watch.recording.sdo_problems import SDO_RULES, SdoWatch
+
+RECORDING_RULES: tuple[LintRule, ...] = (*SDO_RULES, *NODE_RULES, *FRAME_RULES)
+#: services by the function code of their default CAN-IDs
+_SDO, _OF_NODES = frozenset({0x580, 0x600}), frozenset({0x000, 0x080, 0x580, 0x600, 0x700})
+_HEARTBEATS = 0x700
+
+
+class RecordingCheck:
+    """Checks the frames of one bus in order.
+
+    *layout_of* a frame is what its sender maps; *name_of* node-ID, index and sub-index is an object's name, or empty.
+    """
+
+    def __init__(self, layout_of: Callable[[Frame], Layout], name_of: Callable[[int, int, int], str]) -> None:
+        self._sdo, self._answers = SdoWatch(name_of), AnswerWatch()
+        self._nodes, self._lengths = NodeWatch(), LengthWatch(layout_of)
+        self._last: Moment | None = None
+
+    def take(self, number: int, frame: Frame) -> None:
+        """Look at *frame*, which has this *number* in its recording."""
+        moment = Moment(number, frame.timestamp_s)
+        service = frame.can_id & 0x780
+        if not frame.extended and service in _OF_NODES:
+            self._nodes.take(moment, frame, self._last or moment)
+            if service in _SDO or service == _HEARTBEATS:
+                self._sdo.take(moment, frame)
+            if service in _SDO:
+                self._answers.take(moment, frame)
+        self._lengths.take(moment, frame)
+        self._last = moment
+
+    def problems(self) -> Iterator[Problem]:
+        """Return the problems in the frames so far."""
+        if self._last is not None:
+            yield from self._sdo.problems()
+            yield from self._nodes.problems(self._last)
+            yield from self._answers.problems()
+            yield from self._lengths.problems()

@@ -1,0 +1,200 @@
+"""Refused transfers, time-outs, and PDO mappings that were begun and not completed (CiA 301, 7.2.4.3 and 7.5.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+from dvtcli.domain.abort import Abort, abort_text
+from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, LintRule
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.ports import Frame
+from dvtcli.domain.several import join_some
+from dvtcli.watch.heard_objects import HeardObjects, is_boot_up, is_taken
+from dvtcli.watch.recording.problems import Moment, Moments, Problem, TimesOf
+
+REFUSED_WRITE = LintRule("refused-write", ERROR, "a node refused a write", "CiA 301, table 22: SDO abort codes")
+REFUSED_READ = LintRule("refused-read", WARNING, "a node refused a read", "CiA 301, table 22: SDO abort codes")
+ABSENT = LintRule("absent-object", NOTE, "a client read objects that a node does not have", "CiA 301, table 22")
+GIVEN_UP = LintRule(
+    "sdo-given-up", ERROR, "a client ended a transfer: no answer in time, or a wrong one", "CiA 301, 7.2.4.3.17"
+)
+HALF_DONE = LintRule(
+    "mapping-half-done", ERROR, "a PDO was disabled to be changed, and not enabled again", "CiA 301, 7.5.2.36"
+)
+EMPTY = LintRule("mapping-empty", WARNING, "a PDO was left without mapped objects", "CiA 301, 7.5.2.36")
+SDO_RULES = (REFUSED_WRITE, REFUSED_READ, GIVEN_UP, ABSENT, HALF_DONE, EMPTY)
+
+_REQUESTS, _ANSWERS, _ABORT = 0x600, 0x580, 0x80
+#: command specifiers of requests that begin a transfer: download, upload, block upload, block download
+_WRITES, _READS, _BLOCK_READS, _BLOCK_WRITES = 1, 2, 5, 6
+_DISABLED = 1 << 31
+
+
+@dataclass(slots=True)
+class _PdoWrites:
+    """What was written to a PDO since its node started: whether it is disabled, the number of entries, and when."""
+
+    disabled: Moment | None = None
+    count: int | None = None
+    #: writes to entries since the count was 0, refused writes, and the last of all
+    entries: int = 0
+    refused: int = 0
+    last: Moment | None = None
+
+
+@dataclass(frozen=True)
+class _Transfer:
+    """An aborted transfer of a node's object, with the abort code."""
+
+    node_id: int
+    index: int
+    sub_index: int
+    is_write: bool
+    code: int
+
+    @property
+    def place(self) -> str:
+        return f"{self.index:04X}:{self.sub_index:02X}"
+
+    @property
+    def is_of_absent(self) -> bool:
+        """Whether it read what the node does not have, as tools do that try."""
+        return not self.is_write and self.code in _ABSENT
+
+
+@dataclass(slots=True)
+class SdoWatch:
+    """Watches the default SDO of each node; *name_of* gives the name of a node's object, empty if unknown."""
+
+    name_of: Callable[[int, int, int], str]
+    _refused: TimesOf[_Transfer] = field(default_factory=TimesOf)
+    _given_up: TimesOf[_Transfer] = field(default_factory=TimesOf)
+    #: object and direction of the transfer in progress, by node
+    _asked: dict[int, tuple[bytes, bool]] = field(default_factory=dict)
+    _heard: HeardObjects = field(default_factory=lambda: HeardObjects(range(0x1400, 0x1C00)))
+    _pdos: dict[tuple[int, Pdo], _PdoWrites] = field(default_factory=dict)
+
+    def take(self, moment: Moment, frame: Frame) -> None:
+        """Look at *frame*, an SDO or a boot-up message."""
+        node_id, data = frame.can_id & 0x7F, frame.data
+        if is_boot_up(frame):
+            for key in [key for key in self._pdos if key[0] == node_id]:
+                del self._pdos[key]
+        written = self._heard.take(frame)
+        if written is not None and is_taken(frame):
+            self._written(moment, node_id, written[1])
+        if len(data) != 8 or frame.can_id & 0x780 not in (_REQUESTS, _ANSWERS):
+            return
+        is_request = frame.can_id & 0x780 == _REQUESTS
+        if data[0] == _ABORT:
+            self._aborted(moment, node_id, data, by_client=is_request)
+        elif is_request:
+            command = data[0] >> 5
+            begins = command in (_WRITES, _READS) or (command == _BLOCK_READS and not data[0] & 3)
+            if begins or (command == _BLOCK_WRITES and not data[0] & 1):
+                self._asked[node_id] = data[1:4], command in (_WRITES, _BLOCK_WRITES)
+
+    def _aborted(self, moment: Moment, node_id: int, data: bytes, *, by_client: bool) -> None:
+        asked, is_write = self._asked.pop(node_id, (data[1:4], False))
+        if asked != data[1:4] and any(data[1:4]):
+            asked, is_write = data[1:4], False
+        index, sub_index, code = int.from_bytes(asked[:2], "little"), asked[2], int.from_bytes(data[4:], "little")
+        transfer = _Transfer(node_id, index, sub_index, is_write, code)
+        (self._given_up if by_client else self._refused).note(moment, transfer)
+        if is_write and not by_client and (pdo := Pdo.at(index)) is not None:
+            writes = self._pdos.setdefault((node_id, pdo), _PdoWrites())
+            writes.refused += 1
+            writes.last = moment
+
+    def _written(self, moment: Moment, node_id: int, place: tuple[int, int]) -> None:
+        index, sub_index = place
+        pdo = Pdo.at(index)
+        if pdo is None:
+            return
+        value = int.from_bytes(self._heard.values(node_id).values[place], "little")
+        writes = self._pdos.setdefault((node_id, pdo), _PdoWrites())
+        if index == pdo.communication_index:
+            if sub_index == 1:
+                if not value & _DISABLED:
+                    writes.disabled, writes.entries, writes.refused = None, 0, 0
+                elif writes.disabled is None:
+                    writes.disabled, writes.entries, writes.refused, writes.count = moment, 0, 0, None
+        elif sub_index:
+            writes.entries += 1
+        else:
+            writes.count = value
+            writes.entries = 0 if not value else writes.entries
+        writes.last = moment
+
+    def problems(self) -> Iterator[Problem]:
+        """Return refused and abandoned transfers, and PDOs that were left disabled or empty."""
+        yield from self._absent()
+        for transfer, moments in self._refused.items():
+            if not transfer.is_of_absent:
+                yield self._aborted_transfer(
+                    REFUSED_WRITE if transfer.is_write else REFUSED_READ, "refused", transfer, moments
+                )
+        for transfer, moments in self._given_up.items():
+            yield self._aborted_transfer(GIVEN_UP, "given up", transfer, moments)
+        for (node_id, pdo), writes in self._pdos.items():
+            yield from _left(node_id, pdo, writes)
+
+    def _absent(self) -> Iterator[Problem]:
+        """Return a problem for each node of which objects were read that it does not have: tools try so."""
+        missing: dict[int, list[tuple[str, Moments]]] = {}
+        for transfer, moments in self._refused.items():
+            if transfer.is_of_absent:
+                missing.setdefault(transfer.node_id, []).append((transfer.place, moments))
+        for node_id, reads in missing.items():
+            places = join_some(place for place, _ in reads)
+            yield Problem(
+                ABSENT, f"node {node_id} does not have what was read: {places}",
+                f"SDO client and node {node_id}", "nothing, if a tool asks what there is",
+                Moments.at(*sorted(each.first for _, each in reads)), node_id,
+            )  # fmt: skip
+
+    def _aborted_transfer(self, rule: LintRule, how: str, transfer: _Transfer, moments: Moments) -> Problem:
+        node_id, place = transfer.node_id, transfer.place
+        named = " ".join(filter(None, (place, self.name_of(node_id, transfer.index, transfer.sub_index))))
+        text = f"{'write to' if transfer.is_write else 'read of'} {named} {how}: "
+        text += f"abort 0x{transfer.code:08X}, {abort_text(transfer.code)}"
+        look = _LOOK.get(transfer.code, "whether the object and its value are what the node's EDS describes")
+        return Problem(rule, text, f"SDO client and node {node_id}", look, moments, node_id, place)
+
+
+_ABSENT = (Abort.NO_OBJECT, Abort.NO_SUB_INDEX)
+#: what to look at first, by abort code
+_LOOK = {
+    int(Abort.TIME_OUT): "whether the node is on, and how busy it and the bus are",
+    int(Abort.TOGGLE_BIT): "whether two clients use the node's SDO at once",
+    int(Abort.NOT_MAPPABLE): "whether the EDS lets the object be mapped to this PDO",
+    int(Abort.UNSUPPORTED_ACCESS): "whether the PDO was disabled, and its count 0, before the write",
+    int(Abort.DEVICE_STATE): "the node's NMT state: many take such a write in PRE-OPERATIONAL only",
+    int(Abort.NO_OBJECT): "whether the EDS is that of this device and firmware",
+    int(Abort.NO_SUB_INDEX): "whether the EDS is that of this device and firmware",
+}
+
+
+def _left(node_id: int, pdo: Pdo, writes: _PdoWrites) -> Iterator[Problem]:
+    """Say how the writes to *pdo* left it, if that is not as they were to end."""
+    if writes.last is None:
+        return
+    is_begun = bool(writes.entries or writes.refused or writes.count)
+    if writes.disabled is not None and is_begun:
+        rule, begin = HALF_DONE, writes.disabled
+        how = "was disabled, written to and not enabled again"
+    elif writes.count == 0:
+        rule, begin = (HALF_DONE if is_begun else EMPTY), writes.disabled or writes.last
+        how = "has count 0, though its entries were written" if is_begun else "has count 0"
+    else:
+        return
+    yield Problem(
+        rule,
+        f"{pdo.label} of node {node_id} {how}",
+        f"SDO client and node {node_id}",
+        "what the client did after the last of these frames: was a write refused, or was it ended?",
+        Moments(writes.last, writes.last, 1, sorted({begin.number, writes.last.number})),
+        node_id,
+        f"{pdo.communication_index:04X}:01" if writes.disabled is not None else f"{pdo.mapping_index:04X}:00",
+    )

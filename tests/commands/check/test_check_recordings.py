@@ -1,0 +1,206 @@
+"""`check` of recordings: each fault is found once, with its frames; healthy recordings have none."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from dvtcli.domain.ports import Frame
+from dvtcli.files.recorder import Recorder
+from dvtcli.watch.recording.recording_rules import RECORDING_RULES
+from tests.files.recordings import BEGIN_S
+from tests.process import PATIENCE_S, documents, dvtcli
+from tests.serve.served import bus_words, own_environment, served
+
+pytestmark = [pytest.mark.drawn(8, "recording checks")]
+
+Planted = list[tuple[float, int, str]]
+
+
+def heartbeats(first_s: float, last_s: float, node_id: int = 5, state: int = 5) -> Planted:
+    """A heartbeat each 100 ms."""
+    return [(number / 10, 0x700 + node_id, f"{state:02X}") for number in range(int(10 * first_s), int(10 * last_s))]
+
+
+def pdos(first_s: float, last_s: float, data: str = "11223344 5566", can_id: int = 0x185) -> Planted:
+    return [(number / 20 + 0.01, can_id, data) for number in range(int(20 * first_s), int(20 * last_s))]
+
+
+def write(at_s: float, place: str, value: str, answer: str = "60") -> Planted:
+    """An expedited download to node 5, of *value* in the order on the bus, and its answer: taken, or an abort code."""
+    index, sub_index = place.split(":")
+    begin = f"{index[2:]}{index[:2]}{sub_index}"
+    command = 0x23 | (4 - len(value) // 2) << 2
+    answered = f"60{begin}00000000" if answer == "60" else f"80{begin}{answer}"
+    return [(at_s, 0x605, f"{command:02X}{begin}{value:0<8}"), (at_s + 0.001, 0x585, answered)]
+
+
+def read(at_s: float, place: str, answer: str) -> Planted:
+    index, sub_index = place.split(":")
+    begin = f"{index[2:]}{index[:2]}{sub_index}"
+    return [(at_s, 0x605, f"40{begin}00000000"), (at_s + 0.001, 0x585, answer.replace("PLACE", begin))]
+
+
+def mapped(at_s: float) -> Planted:
+    """TPDO1 is mapped anew, as the standard wants it."""
+    return [
+        *write(at_s, "1800:01", "85010080"), *write(at_s + 0.01, "1A00:00", "00"),
+        *write(at_s + 0.02, "1A00:01", "10004160"), *write(at_s + 0.03, "1A00:02", "20006C60"),
+        *write(at_s + 0.04, "1A00:00", "02"), *write(at_s + 0.05, "1800:01", "85010000"),
+    ]  # fmt: skip
+
+
+FAMILIES = ("canopennode", "espac", "gen4", "generic", "lely", "no-boot-up", "no-entry-zero", "roboteq", "tmcm")
+#: 4 s of a node that does what it is to do
+HEALTHY = [*heartbeats(0, 4), *pdos(0.5, 4), *mapped(0.2)]
+WITHOUT_HEARTBEATS = [*pdos(0.5, 4), *mapped(0.2)]
+#: what is added to, or stands instead of, healthy traffic, and the text and the frames' time that are found
+PLANTED: dict[str, tuple[Planted, str, float]] = {
+    "refused-write": (HEALTHY + write(2.0, "1A02:01", "10004160", "41000406"),
+                      "write to 1A02:01 mapped object 1 refused: abort 0x06040041, ", 2.001),
+    "refused-read": (HEALTHY + read(2.0, "2000:01", "80PLACE22000008"),
+                     "read of 2000:01 refused: abort 0x08000022", 2.001),
+    "sdo-given-up": ([*HEALTHY, (2.0, 1541, "4000200100000000"), (2.5, 1541, "8000200100000405")],
+                     "read of 2000:01 given up: abort 0x05040000, SDO protocol timed out", 2.5),
+    "absent-object": (HEALTHY + read(2.0, "1F80:00", "80PLACE00000206"),
+                      "node 5 does not have what was read: 1F80:00", 2.001),
+    "mapping-half-done": (HEALTHY + mapped(2.0)[:-2],
+                          "TPDO1 of node 5 was disabled, written to and not enabled again", 2.001),
+    "mapping-empty": (HEALTHY + mapped(2.0)[:4], "TPDO1 of node 5 has count 0", 2.001),
+    "boot-up-in-operation": ([*HEALTHY, (2.05, 1797, "00")],
+                             "node 5: restarted in OPERATIONAL without an NMT command", 2.05),
+    "heartbeat-stops": (WITHOUT_HEARTBEATS + heartbeats(0, 2), "node 5: sends no heartbeat in the last", 1.9),
+    "heartbeat-late": (WITHOUT_HEARTBEATS + heartbeats(0, 2) + heartbeats(2.5, 4),
+                       "node 5: heartbeat 600 ms after the one before it; usual are 100 ms", 2.5),
+    "emergency-not-reset": ([*HEALTHY, (2.02, 133, "1081010000000000")], "node 5: EMCY 0x8110, ", 2.02),
+    "emergency-reset": ([*HEALTHY, (2.02, 133, "1081010000000000"), (2.52, 133, "0000000000000000")],
+                        "node 5: EMCY 0x8110, ", 2.02),
+    "pdo-other-length": ([*HEALTHY, (4.0, 389, "1122")], "0x185: the frame has 2 bytes, ", 4.0),
+    "two-senders": (HEALTHY + pdos(2, 3, "1122", 0x3C0) + [
+                        (at_s + 0.02, can_id, "112233") for at_s, can_id, _ in pdos(2, 3, can_id=0x3C0)],
+                    "0x3C0 comes with 2 and 3 bytes by turns", 2.06),
+    "two-nodes-answer": (HEALTHY + read(2.0, "1018:04", "43PLACE01000000") + [(2.002, 0x585, "4318100402000000")],
+                         "node 5: requests are answered twice", 2.002),
+}  # fmt: skip
+
+
+def recorded(path: Path, planted: Planted) -> Path:
+    with Recorder(path) as recorder:
+        for at_s, can_id, data in sorted(planted):
+            recorder.write(Frame(can_id, bytes.fromhex(data), timestamp_s=BEGIN_S + at_s))
+    return path
+
+
+def test_each_rule_is_planted() -> None:
+    assert {*PLANTED} == {rule.name for rule in RECORDING_RULES}
+
+
+@pytest.mark.parametrize("rule", sorted(PLANTED))
+def test_a_fault_is_found_with_its_frames(tmp_path: Path, rule: str) -> None:
+    frames, says, at_s = PLANTED[rule]
+    path = recorded(tmp_path / "run.log", frames)
+    done = dvtcli("check", str(path), "--json")
+    (report,) = documents(done.stdout)[0]["files"]
+    (found,) = report["findings"]
+    assert found["rule"] == rule
+    assert says in found["text"]
+    numbers = [number for number, (time_s, _, _) in enumerate(sorted(frames), 1) if time_s == pytest.approx(at_s)]
+    assert found["frames"][0] in numbers
+    assert done.returncode == (0 if found["severity"] == "note" else 3), done.stderr
+    shown = dvtcli("check", str(path))
+    assert f"{says}" in shown.stdout
+    assert f"[{rule}]" in shown.stdout
+    assert "look first: " in shown.stdout
+    assert dvtcli("check", str(path), "--without", rule).returncode == 0
+
+
+@pytest.mark.parametrize("suffix", [".log", ".asc", ".blf"])
+def test_a_healthy_recording_has_no_problem(tmp_path: Path, suffix: str) -> None:
+    path = recorded(tmp_path / f"run{suffix}", HEALTHY)
+    done = dvtcli("check", str(path))
+    assert (done.returncode, done.stdout.count("\n")) == (0, 1), done.stdout
+    assert done.stdout.endswith(" frames in 4.0 s; no problem\n")
+
+
+SESSION = (
+    "-n 5 nmt start", "-n 5 pdo", "-n 5 set tpdo1 --timer 50", "-n 5 read 1018", "-n 5 nmt reset-node",
+    "-n 5 disable tpdo1",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_recorded_session_has_no_problem(tmp_path: Path, family: str) -> None:
+    """A node is started, read, changed, reset and changed again, while its bus is recorded."""
+    with served(tmp_path, f"{family}@5") as server:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "dvtcli", *bus_words(server.port), "log", "run.log"],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8",
+            env=own_environment(tmp_path), cwd=tmp_path,
+        )  # fmt: skip
+        try:
+            assert process.stderr is not None
+            assert any("Ctrl-C ends it" in line for line in iter(process.stderr.readline, ""))
+            for line in SESSION:
+                done = server.dvtcli("--yes", *line.split())
+                assert done.returncode == 0, done.stderr
+            process.send_signal(signal.SIGINT)
+            process.communicate(timeout=PATIENCE_S)
+        finally:
+            process.kill()
+    done = dvtcli("check", str(tmp_path / "run.log"))
+    assert (done.returncode, "error: " in done.stdout or "warning: " in done.stdout) == (0, False), done.stdout
+
+
+def test_names_and_mappings_are_of_the_eds(tmp_path: Path) -> None:
+    path = recorded(tmp_path / "run.log", [*heartbeats(0, 2), *write(1.0, "1017:00", "6400", "22000008"), *pdos(0, 2)])
+    done = dvtcli("--eds", "gen4", "-n", "5", "check", str(path), "--json")
+    (report,) = documents(done.stdout)[0]["files"]
+    assert {found["rule"] for found in report["findings"]} == {"refused-write", "pdo-other-length"}, done.stdout
+    assert "the mapping in gen4.eds has" in next(
+        found["text"] for found in report["findings"] if found["rule"] == "pdo-other-length"
+    )
+
+
+def test_channels_are_judged_by_themselves(tmp_path: Path) -> None:
+    text = "".join(
+        f"({BEGIN_S + at_s:.6f}) can{number % 2} {can_id:03X}#{data.replace(' ', '')}\n"
+        for number, (at_s, can_id, data) in enumerate(sorted([*pdos(0, 4, "11"), *[
+            (at_s + 0.01, can_id, "1122") for at_s, can_id, _ in pdos(0, 4)]]))
+    )  # fmt: skip
+    (tmp_path / "two.log").write_text(text)
+    assert dvtcli("check", str(tmp_path / "two.log")).returncode == 0
+    (tmp_path / "one.log").write_text(text.replace("can1", "can0"))
+    assert dvtcli("check", str(tmp_path / "one.log")).returncode == 3
+
+
+def test_reports_for_ci(tmp_path: Path) -> None:
+    path = recorded(tmp_path / "run.log", PLANTED["refused-write"][0])
+    junit = dvtcli("check", str(path), "--format", "junit")
+    suites = ET.fromstring(junit.stdout)  # noqa: S314 - ours
+    assert (junit.returncode, suites.get("tests"), suites.get("failures")) == (3, str(len(RECORDING_RULES)), "1")
+    github = dvtcli("check", str(path), "--format", "github")
+    assert github.stdout.startswith(f"::error file={path},line=")
+    sarif = json.loads(dvtcli("check", str(path), "--format", "sarif").stdout)
+    assert [found["ruleId"] for found in sarif["runs"][0]["results"]] == ["refused-write"]
+
+
+@pytest.mark.parametrize(("words", "code", "says"), [
+    (["cut.log"], 4, "damaged after"),
+    (["absent.log"], 2, "No such file"),
+    (["run.log", "net.yaml"], 2, "run.log is a recording"),
+    (["run.log", "--rule", "no-such"], 2, "no rule 'no-such' about recordings"),
+    (["net.yaml", "-d", "net.yaml"], 2, "-d is of a recording"),
+    (["run.log", "--live"], 2, "--live is of the bus"),
+])  # fmt: skip
+def test_what_cannot_be_checked_is_said(tmp_path: Path, words: list[str], code: int, says: str) -> None:
+    recorded(tmp_path / "run.log", HEALTHY)
+    (tmp_path / "cut.log").write_text((tmp_path / "run.log").read_text() + "(1.0) can0 281#XY\n")
+    (tmp_path / "net.yaml").write_text("n5:\n  node_id: 5\n")
+    done = dvtcli("check", *words, cwd=tmp_path)
+    assert (done.returncode, says in done.stderr) == (code, True), done.stderr + done.stdout
