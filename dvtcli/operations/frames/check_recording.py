@@ -72,9 +72,11 @@ def _report(session: Session, file: str, dbc: str | None, rules: tuple[LintRule,
         if number == 1:
             first_s = recorded.frame.timestamp_s
         last_s = recorded.frame.timestamp_s
-        if not recorded.error:
-            if (check := checks.get(recorded.channel)) is None:
-                check = checks[recorded.channel] = RecordingCheck(decoder.layout, name_of)
+        if (check := checks.get(recorded.channel)) is None:
+            check = checks[recorded.channel] = RecordingCheck(decoder.layout, name_of)
+        if recorded.error:
+            check.take_error(number, last_s)
+        else:
             check.take(number, recorded.frame)
     names = {rule.name for rule in rules}
     found = [

@@ -20,13 +20,18 @@ TWO_SENDERS = LintRule(
 TWO_NODES = LintRule(
     "two-nodes-answer", ERROR, "an SDO request got two answers", "CiA 301, 7.3.4: a node-ID is there once"
 )
-FRAME_RULES = (LENGTH, TWO_SENDERS, TWO_NODES)
+NO_ANSWER = LintRule("sdo-no-answer", ERROR, "a node that answers SDO requests left one without", "CiA 301, 7.2.4.3")
+FRAME_RULES = (LENGTH, TWO_SENDERS, TWO_NODES, NO_ANSWER)
 
 #: changes between two lengths from which two senders are likely: one change is a new mapping
 _ENOUGH = 4
 _ANSWERS, _REQUESTS = 0x580, 0x600
 #: command specifiers of answers that begin a transfer, one for each request: upload, download
 _FIRST_ANSWERS = (2, 3)
+#: command specifiers of requests that begin a transfer, without blocks: download, upload; a client's abort
+_FIRST_REQUESTS, _ABORT = (1, 2), 0x80
+#: how long an answer takes at most (s)
+_PATIENCE_S = 1.0
 
 
 @dataclass(slots=True)
@@ -81,26 +86,50 @@ class LengthWatch:
 
 @dataclass(slots=True)
 class AnswerWatch:
-    """Watches for two answers to one SDO request."""
+    """Watches for SDO requests that get two answers, or none."""
 
-    #: the answer to each node's last request
+    #: the answer to each node's last request, and the requests without one
     _answered: dict[int, bytes | None] = field(default_factory=dict)
+    _waiting: dict[int, Moment] = field(default_factory=dict)
     _twice: TimesOf[int] = field(default_factory=TimesOf)
+    _never: TimesOf[int] = field(default_factory=TimesOf)
+    #: nodes that answer at all: tools ask every node-ID
+    _present: set[int] = field(default_factory=set)
 
     def take(self, moment: Moment, frame: Frame) -> None:
         """Look at *frame*, an SDO."""
         node_id, service, data = frame.can_id & 0x7F, frame.can_id & 0x780, frame.data
+        if not data:
+            return
         if service == _REQUESTS:
             self._answered[node_id] = None
-        elif service == _ANSWERS and data and data[0] >> 5 in _FIRST_ANSWERS and node_id in self._answered:
+            if data[0] == _ABORT:
+                self._waiting.pop(node_id, None)
+            elif data[0] >> 5 in _FIRST_REQUESTS:
+                if node_id in self._waiting:
+                    self._never.note(self._waiting[node_id], node_id)
+                self._waiting[node_id] = moment
+            return
+        self._present.add(node_id)
+        self._waiting.pop(node_id, None)
+        if data[0] >> 5 in _FIRST_ANSWERS and node_id in self._answered:
             before = self._answered[node_id]
             if before is not None and before[:4] == data[:4]:
                 self._twice.note(moment, node_id)
             self._answered[node_id] = data
 
-    def problems(self) -> Iterator[Problem]:
-        """Return node-IDs whose requests are answered twice."""
+    def problems(self, end: Moment) -> Iterator[Problem]:
+        """Return nodes that answer twice, or not always, in the frames until *end*."""
         for node_id, moments in self._twice.items():
             yield Problem(TWO_NODES, f"node {node_id}: requests are answered twice", f"nodes with node-ID {node_id}",
                           "the serial numbers (0x1018:04) of both, one of them unplugged",
                           moments, node_id)  # fmt: skip
+        for node_id, moment in self._waiting.items():
+            if end.time_s - moment.time_s > _PATIENCE_S:
+                self._never.note(moment, node_id)
+        self._waiting = {}
+        for node_id, moments in self._never.items():
+            if node_id in self._present:
+                text = f"node {node_id}: {plural(moments.times, 'request')} without an answer"
+                look = "what the node did then: did it restart, or was it busy?"
+                yield Problem(NO_ANSWER, text, f"SDO client and node {node_id}", look, moments, node_id)

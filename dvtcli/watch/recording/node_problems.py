@@ -19,19 +19,20 @@ STOPS = LintRule("heartbeat-stops", ERROR, "a node's heartbeats end before the r
 LATE = LintRule("heartbeat-late", WARNING, "a heartbeat came late", "CiA 301, 7.5.2.18: producer heartbeat time")
 NOT_RESET = LintRule("emergency-not-reset", ERROR, "an EMCY was sent, and no error reset", "CiA 301, 7.2.7")
 RESET = LintRule("emergency-reset", WARNING, "an EMCY was sent, and reset later", "CiA 301, 7.2.7")
-NODE_RULES = (BOOT_UP, STOPS, LATE, NOT_RESET, RESET)
+SYNC_LATE = LintRule("sync-late", WARNING, "a SYNC message came late", "CiA 301, 7.5.2.6: communication cycle period")
+NODE_RULES = (BOOT_UP, STOPS, LATE, NOT_RESET, RESET, SYNC_LATE)
 
 _NMT, _EMERGENCIES, _ANSWERS, _REQUESTS, _HEARTBEATS = 0x000, 0x080, 0x580, 0x600, 0x700
 _RESETS = (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
-#: a download of 0x1017 begins so behind its command
-_HEARTBEAT_TIME = b"\x17\x10\x00"
+#: downloads of 0x1017 and 0x1006 begin so behind their command
+_HEARTBEAT_TIME, _SYNC_PERIOD = b"\x17\x10\x00", b"\x06\x10\x00"
 #: heartbeats from which a period is known, gaps that are kept, and how many periods a heartbeat may take
 _ENOUGH, _MOST_GAPS, _PATIENCE = 4, 1_000, 2.5
 
 
 @dataclass(slots=True)
 class _Heartbeats:
-    """A node's heartbeats since it started or got another period: the last, the gaps (s), and long gaps.
+    """Heartbeats of a node, or SYNC, since a start or another period: the last, the gaps (s), and long gaps.
 
     A long gap has its time (s), the time without any frame before its end (s), and the moment of its end.
     """
@@ -73,6 +74,7 @@ class NodeWatch:
     _nodes: dict[int, _Node] = field(default_factory=dict)
     _boot_ups: TimesOf[tuple[int, NmtState | None]] = field(default_factory=TimesOf)
     _late: list[tuple[int, float, _Heartbeats]] = field(default_factory=list)
+    _syncs: list[_Heartbeats] = field(default_factory=lambda: [_Heartbeats()])
     _ended: list[tuple[int, int, Moments]] = field(default_factory=list)
 
     def take(self, moment: Moment, frame: Frame, before: Moment) -> None:
@@ -82,6 +84,8 @@ class NodeWatch:
             self._command(data)
             return
         if not node_id:
+            if service == _EMERGENCIES and not frame.remote:
+                self._syncs[-1].take(moment, moment.time_s - before.time_s)
             return
         node = self._nodes.setdefault(node_id, _Node())
         if service == _HEARTBEATS:
@@ -93,6 +97,8 @@ class NodeWatch:
             self._emergency(moment, node_id, node, int.from_bytes(data[:2], "little"))
         elif service == _REQUESTS and data[1:4] == _HEARTBEAT_TIME and data[0] >> 5 == 1:
             self._new_period(node_id, node)
+        elif service == _REQUESTS and data[1:4] == _SYNC_PERIOD and data[0] >> 5 == 1:
+            self._syncs.append(_Heartbeats())
         elif service == _ANSWERS:
             node.is_alive = True
 
@@ -143,6 +149,8 @@ class NodeWatch:
             yield from self._last_heartbeat(node_id, node, end)
         for node_id, period_s, heartbeats in self._late:
             yield from _late(node_id, period_s, heartbeats)
+        for syncs in self._syncs:
+            yield from _late(0, syncs.period_s, syncs)
         for node_id, node in self._nodes.items():
             for code, moments in node.emergencies.items():
                 yield _of_node(NOT_RESET, node_id, f"EMCY 0x{code:04X}, {emergency_text(code)}: not reset", moments,
@@ -164,17 +172,25 @@ class NodeWatch:
 
 
 def _late(node_id: int, period_s: float, heartbeats: _Heartbeats) -> Iterator[Problem]:
-    """Report gaps of more than two and a half periods in which other frames came after the heartbeat was due."""
+    """Report gaps of more than two and a half periods in which other frames came after the heartbeat was due.
+
+    Node 0: of SYNC.
+    """
     late = [
         (gap_s, moment)
         for gap_s, silent_s, moment in heartbeats.long
-        if gap_s > _PATIENCE * period_s and gap_s - silent_s > (_PATIENCE - 1) * period_s
+        if gap_s > _PATIENCE * period_s > 0 and gap_s - silent_s > (_PATIENCE - 1) * period_s
     ]
-    if late:
-        worst_s = max(gap_s for gap_s, _ in late)
-        text = f"heartbeat {1000 * worst_s:.0f} ms after the one before it; usual are {1000 * period_s:.0f} ms"
-        yield _of_node(LATE, node_id, text, Moments.at(*(moment for _, moment in late)),
-                       "the node's load, and that of the bus, at these times")  # fmt: skip
+    if not late:
+        return
+    worst_s, moments = max(gap_s for gap_s, _ in late), Moments.at(*(moment for _, moment in late))
+    text = f"{1000 * worst_s:.0f} ms after the one before it; usual are {1000 * period_s:.0f} ms"
+    if node_id:
+        look = "the node's load, and that of the bus, at these times"
+        yield _of_node(LATE, node_id, f"heartbeat {text}", moments, look)
+    else:
+        look = "what its producer did, and who else has the bus, at these times"
+        yield Problem(SYNC_LATE, f"SYNC {text}", "SYNC producer and all consumers", look, moments)
 
 
 def _of_node(rule: LintRule, node_id: int, text: str, moments: Moments, look: str) -> Problem:

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from dvtcli.domain.lint.lint_rule import LintRule
+from dvtcli.domain.lint.lint_rule import WARNING, LintRule
 from dvtcli.domain.ports import Frame
+from dvtcli.domain.several import plural
 from dvtcli.watch.decoder import Layout
 from dvtcli.watch.recording.frame_problems import FRAME_RULES, AnswerWatch, LengthWatch
 from dvtcli.watch.recording.node_problems import NODE_RULES, NodeWatch
-from dvtcli.watch.recording.problems import Moment, Problem
+from dvtcli.watch.recording.problems import Moment, Problem, TimesOf
 from dvtcli.watch.recording.sdo_problems import SDO_RULES, SdoWatch
 
-RECORDING_RULES: tuple[LintRule, ...] = (*SDO_RULES, *NODE_RULES, *FRAME_RULES)
+ERROR_FRAMES = LintRule(
+    "error-frames", WARNING, "error frames were recorded", "ISO 11898-1: error flags; wiring, termination, bit rate"
+)
+RECORDING_RULES: tuple[LintRule, ...] = (*SDO_RULES, *NODE_RULES, *FRAME_RULES, ERROR_FRAMES)
 #: services by the function code of their default CAN-IDs
 _SDO, _OF_NODES = frozenset({0x580, 0x600}), frozenset({0x000, 0x080, 0x580, 0x600, 0x700})
 _HEARTBEATS = 0x700
@@ -28,6 +32,7 @@ class RecordingCheck:
         self._sdo, self._answers = SdoWatch(name_of), AnswerWatch()
         self._nodes, self._lengths = NodeWatch(), LengthWatch(layout_of)
         self._last: Moment | None = None
+        self._errors: TimesOf[str] = TimesOf()
 
     def take(self, number: int, frame: Frame) -> None:
         """Look at *frame*, which has this *number* in its recording."""
@@ -42,10 +47,19 @@ class RecordingCheck:
         self._lengths.take(moment, frame)
         self._last = moment
 
+    def take_error(self, number: int, time_s: float) -> None:
+        """Look at an error frame, which has this *number* in its recording."""
+        self._errors.note(Moment(number, time_s), "")
+
     def problems(self) -> Iterator[Problem]:
         """Return the problems in the frames so far."""
         if self._last is not None:
             yield from self._sdo.problems()
             yield from self._nodes.problems(self._last)
-            yield from self._answers.problems()
+            yield from self._answers.problems(self._last)
             yield from self._lengths.problems()
+        for moments in self._errors.values():
+            yield Problem(
+                ERROR_FRAMES, plural(moments.times, "error frame"), "all nodes",
+                "wiring, termination, and a node with another bit rate", moments,
+            )  # fmt: skip

@@ -32,6 +32,10 @@ def pdos(first_s: float, last_s: float, data: str = "11223344 5566", can_id: int
     return [(number / 20 + 0.01, can_id, data) for number in range(int(20 * first_s), int(20 * last_s))]
 
 
+def syncs(first_s: float, last_s: float) -> Planted:
+    return [(number / 50 + 0.005, 0x080, "") for number in range(round(50 * first_s), round(50 * last_s))]
+
+
 def write(at_s: float, place: str, value: str, answer: str = "60") -> Planted:
     """An expedited download to node 5, of *value* in the order on the bus, and its answer: taken, or an abort code."""
     index, sub_index = place.split(":")
@@ -87,10 +91,20 @@ PLANTED: dict[str, tuple[Planted, str, float]] = {
                     "0x3C0 comes with 2 and 3 bytes by turns", 2.06),
     "two-nodes-answer": (HEALTHY + read(2.0, "1018:04", "43PLACE01000000") + [(2.002, 0x585, "4318100402000000")],
                          "node 5: requests are answered twice", 2.002),
+    "sdo-no-answer": ([*HEALTHY, (2.0, 0x605, "4018100400000000"), *read(3.0, "1018:04", "43PLACE01000000")],
+                      "node 5: 1 request without an answer", 2.0),
+    "sync-late": ([*HEALTHY, *syncs(0, 2), *syncs(2.3, 4)], "SYNC 320 ms after the one before it; usual are ", 2.305),
+    "error-frames": ([*HEALTHY, (2.0, 0x20000004, "0000000000000000")], "1 error frame", 2.0),
 }  # fmt: skip
 
 
 def recorded(path: Path, planted: Planted) -> Path:
+    if path.suffix == ".log":  # error frames, too
+        path.write_text("".join(
+            f"({BEGIN_S + at_s:.6f}) can0 {can_id:0{3 if can_id <= 0x7FF else 8}X}#{data.replace(' ', '')}\n"
+            for at_s, can_id, data in sorted(planted)
+        ))  # fmt: skip
+        return path
     with Recorder(path) as recorder:
         for at_s, can_id, data in sorted(planted):
             recorder.write(Frame(can_id, bytes.fromhex(data), timestamp_s=BEGIN_S + at_s))
