@@ -68,7 +68,7 @@ def command(
     check press.yaml --live    and whether they are those of the file
     check run.log -d press.yaml
     """
-    if files:
+    if not all(file.lower().endswith((".yaml", ".yml")) for file in files):  # else no recording is to be read
         from dvtcli.operations.frames.check_recording import are_recordings, check_recordings
 
         if are_recordings(files):

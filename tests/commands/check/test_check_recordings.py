@@ -10,10 +10,14 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from dvtcli.domain.ports import Frame
 from dvtcli.files.recorder import Recorder
-from dvtcli.watch.recording.recording_rules import RECORDING_RULES
+from dvtcli.watch.decoder import Decoder
+from dvtcli.watch.recording.problems import in_order
+from dvtcli.watch.recording.recording_rules import RECORDING_RULES, RecordingCheck
 from tests.files.recordings import BEGIN_S
 from tests.process import PATIENCE_S, documents, dvtcli
 from tests.serve.served import bus_words, own_environment, served
@@ -132,6 +136,26 @@ def test_a_fault_is_found_with_its_frames(tmp_path: Path, rule: str) -> None:
     assert f"[{rule}]" in shown.stdout
     assert "look first: " in shown.stdout
     assert dvtcli("check", str(path), "--without", rule).returncode == 0
+
+
+ANY_FRAMES = st.builds(
+    Frame,
+    st.sampled_from([0, 0x080, 0x085, 0x185, 0x585, 0x605, 0x705]) | st.integers(0, 0x7FF),
+    st.sampled_from([bytes.fromhex(data.replace(" ", "")) for _, _, data in mapped(0)]) | st.binary(max_size=8),
+    st.booleans(), st.booleans(), st.floats(0, 100),
+)  # fmt: skip
+
+
+@given(st.lists(ANY_FRAMES, max_size=40))
+def test_whatever_was_recorded_is_judged(frames: list[Frame]) -> None:
+    """No frame is too odd, and each problem names frames that there are."""
+    check = RecordingCheck(Decoder().layout, lambda _node_id, _index, _sub_index: "")
+    for number, frame in enumerate(frames, 1):
+        check.take(number, frame)
+    for problem in in_order(check.problems()):
+        assert problem.moments.numbers
+        assert {*problem.moments.numbers} <= {*range(1, len(frames) + 1)}
+        assert problem.text
 
 
 @pytest.mark.parametrize("suffix", [".log", ".asc", ".blf"])
