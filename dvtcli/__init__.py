@@ -15,10 +15,8 @@ from dvtcli.version import __version__
 
 if TYPE_CHECKING:
     from dvtcli import errors, results
-    from dvtcli.operations.api.checked_eds import check_eds
-    from dvtcli.operations.api.converted import convert
-    from dvtcli.operations.api.device_library import add_eds, eds_library
-    from dvtcli.operations.api.known_profiles import profile, profiles
+    from dvtcli.operations.api.checks import check_eds, convert
+    from dvtcli.operations.api.device_library import add_eds, eds_library, profile, profiles
     from dvtcli.operations.api.open_bus import connect, simulate
     from dvtcli.operations.api.python_bus import Bus
     from dvtcli.operations.api.python_lss import Lss
@@ -47,12 +45,12 @@ _FROM = {
     "Bus": "operations.api.python_bus",
     "Lss": "operations.api.python_lss",
     "add_eds": "operations.api.device_library",
-    "check_eds": "operations.api.checked_eds",
+    "check_eds": "operations.api.checks",
     "connect": "operations.api.open_bus",
-    "convert": "operations.api.converted",
+    "convert": "operations.api.checks",
     "eds_library": "operations.api.device_library",
-    "profile": "operations.api.known_profiles",
-    "profiles": "operations.api.known_profiles",
+    "profile": "operations.api.device_library",
+    "profiles": "operations.api.device_library",
     "report": "operations.api.reported",
     "simulate": "operations.api.open_bus",
     "Node": "operations.api.python_node",

@@ -28,8 +28,7 @@ from dvtcli.domain.ports import Emergency, Frame, HeardEmergency, NodeEvent, Sdo
 from dvtcli.errors import BusUnavailable, SafetyRefusal, UsageError
 
 if TYPE_CHECKING:
-    from dvtcli.bus.bus_share import KeptShare
-    from dvtcli.bus.wire_pace import KeptPace
+    from dvtcli.bus.bus_share import KeptPace, KeptShare
 
 
 NMT_CAN_ID = 0x000
@@ -275,7 +274,7 @@ class WatchedBus(ABC):
         """Wait until a parallel request may go."""
         with self._share_lock:
             if self._pace is None:
-                from dvtcli.bus.wire_pace import KeptPace
+                from dvtcli.bus.bus_share import KeptPace
 
                 self._pace = KeptPace(self)
         self._pace.wait(bit_rate)

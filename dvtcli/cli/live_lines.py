@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from dvtcli.cli.boundary import SIGNALLED
 from dvtcli.cli.run_line import boundary
 from dvtcli.cli.scripts.script import run_script, worst
-from dvtcli.cli.scripts.script_lines import MOST_BYTES
+from dvtcli.cli.scripts.script_parse import MOST_BYTES
 from dvtcli.errors import BusUnavailable, InputFileError, LeftChanged
 
 if TYPE_CHECKING:

@@ -59,8 +59,7 @@ class WaysIn:
     def parsed(self, session: Conversation, path: Path) -> None:
         """Parse every line of the script at *path* without running any. Raises DvtcliError if malformed."""
         from dvtcli.cli.scripts.atomic import Reach
-        from dvtcli.cli.scripts.script_lines import script_lines
-        from dvtcli.cli.scripts.script_parse import all_parsed
+        from dvtcli.cli.scripts.script_parse import all_parsed, script_lines
 
         all_parsed(script_lines(path.read_bytes(), path.name), session, [path.name], {}, Reach())
 

@@ -20,6 +20,6 @@ def without_command(session: Conversation) -> int:
     if is_a_program(session):
         return answer_lines(session)
     from dvtcli.cli.scripts.script import run_script
-    from dvtcli.cli.scripts.script_lines import MOST_BYTES
+    from dvtcli.cli.scripts.script_parse import MOST_BYTES
 
     return run_script(session, sys.stdin.buffer.read(MOST_BYTES + 1), "<stdin>", keep_going=False)

@@ -17,7 +17,6 @@ from dvtcli.device.observe import BusWitness, observed
 from dvtcli.device.quirks.standard_channel import in_standard_order
 from dvtcli.device.read_cache import ReadCache
 from dvtcli.device.read_pdos import IDENTITY, UNREADABLE, WHATEVER, present_pdos, read_cob_id, read_optional, read_pdo
-from dvtcli.device.read_progress import ReadProgress
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
@@ -27,6 +26,18 @@ from dvtcli.errors import BusUnavailable, SdoAborted
 
 if TYPE_CHECKING:
     from dvtcli.device.change.plan_document import Identity
+
+
+@dataclass(frozen=True, slots=True)
+class ReadProgress:
+    """*node* is asked for an object after *done* of *total* PDOs, if all PDOs are read (else 0 of 0)."""
+
+    node: int
+    index: int
+    sub_index: int
+    done: int
+    total: int
+
 
 T = TypeVar("T")
 #: how long COB-IDs that are refused for a moment are asked for again, and the pause between two tries (s)

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from dvtcli.device.compare import differences
-from dvtcli.device.wish import unlike_values
+from dvtcli.device.wish import differences, unlike_values
 from dvtcli.domain.plan import PdoChange, alters
 from dvtcli.errors import InputFileError, SdoAborted, UsageError
 

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import DAM_MPDO, MAX_ENTRIES, SAM_MPDO, PdoMappingEntry, total_bits
@@ -214,3 +215,27 @@ def transmission_type_text(value: int, direction: Direction) -> str:
     if tpdo and value >= 252:
         return "on RTR, synchronous" if value == 252 else "on RTR"
     return "reserved"
+
+
+def entry_text(text: str) -> str:
+    """A mapping entry as text; a dummy in its typed form."""
+    return f"dummy/{text.rpartition('/')[2]}" if text.startswith("000") else text
+
+
+def parameter_text(key: str, value: Any, pdo: Pdo) -> str:
+    """A PDO parameter, by its key in a network file, in the usual notation."""
+    if value is None:
+        return "-"
+    if key == "enabled":
+        return "on" if value else "off"
+    if key == "cob_id":
+        return f"0x{value:03X}"
+    if key == "type":
+        return f"{value} {transmission_type_text(value, pdo.direction)}"
+    if key == "inhibit_time":
+        return f"{value / 10:g} ms"
+    if key == "event_timer":
+        return f"{value} ms"
+    if key == "map":
+        return " ".join(map(entry_text, value)) or "-"
+    return str(value).lower() if isinstance(value, bool) else str(value)

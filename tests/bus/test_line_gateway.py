@@ -28,7 +28,7 @@ from dvtcli.operations.nodes.find_nodes import find_nodes
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.stores.store_restore import store_settings
 from dvtcli.operations.user.options import Options
-from dvtcli.operations.whole_device.compare_pdos import verify
+from dvtcli.operations.whole_device.compare_device import verify
 from dvtcli.simulator.network.in_process_bus import simulate
 from tests.bus import line_gateway
 from tests.bus.devices import device

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import pytest
 
+from dvtcli.device.known_pdos import ReadProgress
 from dvtcli.device.neighbours import producers
 from dvtcli.device.node import Node
-from dvtcli.device.read_progress import ReadProgress
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import U16, VISIBLE_STRING
 from dvtcli.domain.nmt import NmtState

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from dvtcli.device.compare import differences
 from dvtcli.device.read_pdos import (
     WHATEVER,
     exists,
@@ -19,6 +18,7 @@ from dvtcli.device.read_pdos import (
     read_pdo,
     service_ids,
 )
+from dvtcli.device.wish import differences
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, OdObject
 from dvtcli.domain.pdo import Pdo

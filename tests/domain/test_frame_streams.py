@@ -10,9 +10,8 @@ import pytest
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.network.bus_need import bus_need, fitting_bit_rates
-from dvtcli.domain.network.frame_streams import streams_of
+from dvtcli.domain.network.frame_streams import Stream, WhatIf, streams_of
 from dvtcli.domain.network.network_state import NetworkState, NodeState
-from dvtcli.domain.network.stream import Stream, WhatIf
 from dvtcli.domain.network.wanted_state import Endpoint, MasterRole
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 

@@ -13,7 +13,7 @@ import pytest
 from dvtcli.bus.sdo.client import StrictSdoClient
 from dvtcli.bus.sdo.sdo_link import SdoSettings
 from dvtcli.cli.lexer import split
-from dvtcli.cli.scripts.script_lines import MOST_COMMANDS, script_lines
+from dvtcli.cli.scripts.script_parse import MOST_COMMANDS, script_lines
 from dvtcli.cli.view.output import Output
 from dvtcli.device.change.journal import Journals
 from dvtcli.errors import InputFileError, SdoProtocolError, UsageError

@@ -14,7 +14,7 @@ from dvtcli.operations.changes.change import configure
 from dvtcli.operations.network.network_files import applied
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
-from dvtcli.operations.whole_device.compare_pdos import verify
+from dvtcli.operations.whole_device.compare_device import verify
 from dvtcli.simulator.network.family_file import family_eds
 from tests.network.bench import device
 from tests.virtual_time import VirtualTimeBus

@@ -13,7 +13,7 @@ from prompt_toolkit.document import Document
 from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.name_completion import MOST
 from dvtcli.cli.prompt.completer import LineCompleter
-from dvtcli.cli.prompt.typed import quoted, typed
+from dvtcli.cli.prompt.line import quoted, typed
 from dvtcli.cli.view.output import Output
 from dvtcli.domain.mapping import DUMMY_BITS
 from dvtcli.domain.rules.mappable import known_dummies

@@ -11,7 +11,7 @@ from dvtcli.cli.dvt.tcl_run import LIMITS, START_S, TclRun
 from dvtcli.cli.dvt.tcl_safe import Exit
 from dvtcli.cli.dvt.tcl_wire import Call, End, Frame, Go, Limits
 from dvtcli.cli.scripts.script import enclosed, refuse_own_run
-from dvtcli.cli.scripts.script_lines import script_text
+from dvtcli.cli.scripts.script_parse import script_text
 from dvtcli.errors import UsageError, ended_with
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from prompt_toolkit.enums import DEFAULT_BUFFER
 from prompt_toolkit.filters import Condition, completion_is_selected, has_completions, has_focus
 from prompt_toolkit.key_binding import KeyBindings, KeyPressEvent
 
-from dvtcli.cli.prompt.typed import last_line, typed
+from dvtcli.cli.prompt.line import last_line, typed
 
 
 class ThrownAway(Exception):

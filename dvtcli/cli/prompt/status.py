@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.cli.prompt.line import cut, expanded
-from dvtcli.cli.prompt.typed import last_line, typed
+from dvtcli.cli.prompt.line import cut, expanded, last_line, typed
 from dvtcli.cli.registry import REGISTRY
 from dvtcli.domain.emergency_codes import emergency_text
 from dvtcli.domain.glyphs import ascii_only

@@ -13,8 +13,7 @@ from dvtcli.cli.effect import Effect
 from dvtcli.cli.global_options import PREFIX
 from dvtcli.cli.run_line import parse
 from dvtcli.cli.scripts.atomic import final
-from dvtcli.cli.scripts.script_lines import MOST_BYTES, ScriptLine, script_lines
-from dvtcli.cli.scripts.script_parse import MOST_NESTED, script_of
+from dvtcli.cli.scripts.script_parse import MOST_BYTES, MOST_NESTED, ScriptLine, script_lines, script_of
 from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.device.wish import Wish, unreadable_of
 from dvtcli.errors import DRY_RUN, DvtcliError, UsageError

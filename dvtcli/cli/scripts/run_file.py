@@ -6,7 +6,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.scripts.script import run_script
-from dvtcli.cli.scripts.script_lines import MOST_BYTES
+from dvtcli.cli.scripts.script_parse import MOST_BYTES
 from dvtcli.errors import UsageError
 from dvtcli.files.input_file import read_input_head
 

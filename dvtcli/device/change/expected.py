@@ -90,7 +90,7 @@ class Expected:
 
     def _differences(self, node: ReadableNode) -> Iterator[tuple[str, str, str]]:
         """Each difference as label, object and description."""
-        from dvtcli.device.compare import differences
+        from dvtcli.device.wish import differences
 
         held = node.pdos() if self.pdos else {}
         for pdo, wanted in self.pdos.items():

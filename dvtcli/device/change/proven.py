@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.canary import AnyPlace, Canary, choose_canary
 from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING
-from dvtcli.device.compare import differences as pdo_differences
 from dvtcli.device.resets import return_to
 from dvtcli.device.snapshot import Snapshot
 from dvtcli.device.store_parameters import STORE, Signed, chosen, word_of
 from dvtcli.device.wish import Says, unlike_values, value_in_hex
+from dvtcli.device.wish import differences as pdo_differences
 from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Plan, plan_pdo

@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field
 
 from dvtcli.device.cancellation import Cancellation
-from dvtcli.device.change.accepted_steps import AcceptedSteps
+from dvtcli.device.change.accepted_state import AcceptedSteps
 from dvtcli.device.change.failed_change import (
     TRY_AGAIN,
     left_changed,

@@ -7,9 +7,8 @@ from dataclasses import KW_ONLY, dataclass, replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.change_guard import who_else
-from dvtcli.device.compare import differences
 from dvtcli.device.stamped import is_stamp, stamp_back
-from dvtcli.device.wish import Wish, unlike
+from dvtcli.device.wish import Wish, differences, unlike
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import STAMP, Change, PdoChange, Plan, Step, ValueChange, plan_pdo

@@ -1,13 +1,19 @@
-"""Split a gateway's line into words: spaces separate words, quotes group, `#` begins a comment.
+"""The words of a gateway's line, and values as words.
+
+Splits a line: spaces separate words, quotes group, `#` begins a comment.
 
 The length is limited, since a line comes from people and programs.
 """
 
 from __future__ import annotations
 
+import base64
+import binascii
+import math
 import re
+from collections.abc import Sequence
 
-from dvtcli.domain.datatypes import parse_number
+from dvtcli.domain.datatypes import BY_SHORT_NAME, CanopenTime, DataType, Kind, parse_number
 from dvtcli.domain.gateway.gateway_answers import GatewayError, GatewayRequestError
 
 #: maximum length of a line (characters): an object of 48 kB as base64
@@ -62,3 +68,104 @@ def number_of(word: str, least: int, most: int, what: str) -> int:
 def wrong(why: str) -> GatewayRequestError:
     """A syntax error, and *why*."""
     return GatewayRequestError(GatewayError.SYNTAX, why)
+
+
+HEX = "hex"
+_OWN = {"b": "bool", "d": "domain"}
+_AS_HEX = {f"x{bits}": f"u{bits}" for bits in (8, 16, 32, 64)}
+_PLAIN = [name for name in BY_SHORT_NAME if name not in _OWN.values()]
+#: data types by their words; `hex` is any bytes
+TYPES: dict[str, DataType] = {
+    **{name: BY_SHORT_NAME[name] for name in _PLAIN},
+    **{name: BY_SHORT_NAME[short] for name, short in (_OWN | _AS_HEX).items()},
+    HEX: BY_SHORT_NAME["os"],
+}
+_BASE64 = (Kind.OCTETS, Kind.UNICODE_STRING)
+_REAL = re.compile(r"[+-]?(\d{1,40}\.?\d{0,40}|\.\d{1,40})([eE][+-]?\d{1,4})?", re.ASCII)
+
+
+def type_word(word: str) -> str:
+    """The data type name for *word*. Raises GatewayRequestError if unknown."""
+    if word.lower() not in TYPES:
+        raise wrong(f"{word[:20]!r} is no data type")
+    return word.lower()
+
+
+def how_many_words(name: str) -> int | None:
+    """Number of words in a value of type *name*; None for any number."""
+    return 2 if TYPES[name].kind is Kind.TIME else None if name == HEX else 1
+
+
+def data_of(name: str, words: Sequence[str]) -> bytes:
+    """The bytes of the value *words* of type *name*. Raises GatewayRequestError if they do not fit."""
+    kind = TYPES[name]
+    many = how_many_words(name)
+    if len(words) != (many or len(words)) or not words:
+        raise wrong(f"a value of {name} is {many or 'some'} word{'s' if many == 2 else ''}, not {len(words)}")
+    if kind.kind is Kind.VISIBLE_STRING:
+        return words[0].removeprefix(QUOTED).encode("ascii")
+    if kind.kind in _BASE64 and list(words) == [QUOTED]:
+        return b""
+    if any(word.startswith(QUOTED) for word in words):
+        raise wrong(f"a value of {name} has no quotes")
+    if name == HEX:
+        return _bytes_of(words)
+    if kind.kind in _BASE64:
+        return _from_base64(words[0])
+    if kind.kind is Kind.TIME:
+        days, milliseconds = number_of(words[0], 0, 0xFFFF, "days"), number_of(words[1], 0, (1 << 28) - 1, "ms")
+        return kind.encode(CanopenTime(milliseconds, days))
+    if kind.kind is Kind.REAL:
+        return _real(kind, words[0])
+    low, high = kind.limits or (0, 0)
+    return kind.encode(number_of(words[0], low, high, name))
+
+
+def value_text(name: str, data: bytes, *, wide_as_hex: bool = False) -> str:
+    """*data* as the text of a value of type *name*. Raises ValueError if the length does not fit.
+
+    With *wide_as_hex*, an unsigned number of four bytes and more is written in hexadecimal, as usual for a COB-ID.
+    Characters of a VISIBLE_STRING outside printable ASCII are shown as `?`: `os` has the bytes.
+    """
+    kind = TYPES[name]
+    if kind.kind in _BASE64 and not data:
+        return quoted("")
+    if name == HEX:
+        return data.hex(" ").upper()
+    if kind.kind in _BASE64:
+        return base64.b64encode(data).decode("ascii")
+    if kind.kind is Kind.VISIBLE_STRING:
+        return quoted("".join(chr(byte) if 0x20 <= byte < 0x7F else "?" for byte in data.rstrip(b"\0")))
+    value = kind.decode(data)
+    if isinstance(value, CanopenTime):
+        return f"{value.days} {value.milliseconds}"
+    wide = wide_as_hex and kind.kind is Kind.UNSIGNED and len(data) >= 4
+    if (wide or name in _AS_HEX) and isinstance(value, int):
+        return f"0x{value:0{2 * len(data)}X}"
+    return str(int(value)) if isinstance(value, bool) else str(value)
+
+
+def _bytes_of(words: Sequence[str]) -> bytes:
+    text = "".join(words)
+    if not re.fullmatch(r"(?:[0-9A-Fa-f]{2})+", text):
+        raise wrong("hex takes bytes of two digits")
+    return bytes.fromhex(text)
+
+
+def _from_base64(word: str) -> bytes:
+    try:
+        return base64.b64decode(word, validate=True)
+    except (binascii.Error, ValueError):
+        raise wrong("the value is no base64") from None
+
+
+def _real(kind: DataType, word: str) -> bytes:
+    if not _REAL.fullmatch(word):
+        raise wrong(f"{word[:20]!r} is no number")
+    try:
+        data = kind.encode(float(word))
+    except ValueError as refused:
+        raise wrong(str(refused)) from None
+    if not math.isfinite(float(word)):
+        raise wrong(f"{word[:20]} does not fit {kind.name}")
+    return data

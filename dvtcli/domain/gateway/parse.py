@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from dvtcli.domain.gateway.gateway_answers import GatewayError, GatewayRequestError
-from dvtcli.domain.gateway.line_words import number_of, words_of, wrong
+from dvtcli.domain.gateway.line_words import data_of, number_of, type_word, words_of, wrong
 from dvtcli.domain.gateway.requests import (
     ORDERS,
     PDO_NUMBERS,
@@ -22,7 +22,6 @@ from dvtcli.domain.gateway.requests import (
     WritePdo,
     level_of,
 )
-from dvtcli.domain.gateway.value_words import data_of, type_word
 from dvtcli.domain.nmt import NmtCommand
 
 _SEQUENCE = re.compile(r"[ \t]*\[[ \t]*(\w{1,12})[ \t]*\]", re.ASCII)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from dvtcli.domain.gateway.line_words import QUOTED, quoted
+from dvtcli.domain.gateway.line_words import QUOTED, quoted, value_text
 from dvtcli.domain.gateway.requests import (
     Command,
     Nmt,
@@ -18,7 +18,6 @@ from dvtcli.domain.gateway.requests import (
     Write,
     WritePdo,
 )
-from dvtcli.domain.gateway.value_words import value_text
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
 from dvtcli.domain.network.phases import phases
 from dvtcli.domain.nmt import NmtCommand

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 
-from dvtcli.domain.learning.file_limits import taken_beyond
 from dvtcli.domain.learning.learnt_value import Conclusions, Learnt
 from dvtcli.domain.learning.operational import (
     gate_for_family,
@@ -15,6 +14,7 @@ from dvtcli.domain.learning.operational import (
 )
 from dvtcli.domain.learning.probe import ACCEPTED, Probe, ProbeAnswer, ProbeCondition, ProbedPdo, Stand
 from dvtcli.domain.learning.probe_table import AGAIN, OTHER_WAY, RESTRICTED, TYPES, KnownAnswers, next_probes
+from dvtcli.domain.learning.read_dictionary import taken_beyond
 from dvtcli.domain.mapping import DUMMY_BITS
 from dvtcli.domain.pdo import Direction, is_mapping_index
 from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME

@@ -6,16 +6,127 @@ All other objects, most of the device, are missing.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
+from dvtcli.domain.abort import abort_text
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import BOOLEAN, DATA_TYPES, U8, DataType, Kind
+from dvtcli.domain.learning.learnt_value import Learnt
+from dvtcli.domain.learning.probe import Probe, ProbeAnswer, ProbedPdo, ProbeWrite, Stand
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_dictionary import Access, DeviceInfo, ObjectDictionary, ObjectType, OdEntry, OdObject
-from dvtcli.domain.pdo import Direction, Pdo, PdoConfig
+from dvtcli.domain.pdo import Direction, Pdo, PdoConfig, is_mapping_index
 from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSION_TYPE
 from dvtcli.domain.standard_objects import standard_entry, standard_object_type
+
+#: Names of the parameters: in the check, and for people.
+_CHECKED = {
+    TRANSMISSION_TYPE: ("type", "transmission type"),
+    INHIBIT_TIME: ("inhibit", "inhibit time"),
+    EVENT_TIMER: ("event", "event timer"),
+    SYNC_START: ("sync-start", "SYNC start value"),
+}
+_COB_ID = 1
+#: Transmission types that need bit 30 clear: refused for another reason.
+_ON_REQUEST = (252, 253)
+
+
+def limit_probes(subject: ProbedPdo) -> Iterator[Probe]:
+    """A value below and a value above each communication parameter's limits, if the type allows."""
+    index = subject.pdo.communication_index
+    for sub_index, data in subject.parameters.items():
+        if (index, sub_index) not in subject.limits or sub_index not in _CHECKED:
+            continue
+        low, high = subject.limits[index, sub_index]
+        check, what = _CHECKED[sub_index]
+        for side, values in (("below", range(low - 1, low - 2, -1)), ("above", range(high + 1, high + 4))):
+            value = next(
+                (
+                    candidate
+                    for candidate in values
+                    if 0 <= candidate < 1 << 8 * len(data) and not _rtr(sub_index, candidate)
+                ),
+                None,
+            )
+            if value is not None:
+                write = ProbeWrite(index, sub_index, value.to_bytes(len(data), "little"))
+                sense = f"{what} {value}, {side} the limit of the EDS, is taken"
+                name = f"{what} {side} its limit"
+                yield Probe(subject.pdo, name, sense, Stand.EMPTY, (write,), f"{check}-{side}-limit")
+
+
+def _rtr(sub_index: int, value: int) -> bool:
+    return sub_index == TRANSMISSION_TYPE and value in _ON_REQUEST
+
+
+def taken_beyond(subject: ProbedPdo, answers: Iterable[ProbeAnswer]) -> Mapping[str, ProbeAnswer]:
+    """The first answer per limit check that accepted a value outside the limits."""
+    found: dict[str, ProbeAnswer] = {}
+    for answer in answers:
+        for write in answer.probe.writes if answer.accepted else ():
+            low, high = subject.limits.get((write.index, write.sub_index), (0, 1 << 64))
+            value = int.from_bytes(write.data, "little")
+            name = _name(write)
+            if name and not low <= value <= high:
+                found.setdefault(f"{name}-{'below' if value < low else 'above'}-limit", answer)
+    return found
+
+
+def _name(write: ProbeWrite) -> str:
+    if is_mapping_index(write.index):
+        return "entry" if write.sub_index else "count"
+    return "cob-id" if write.sub_index == _COB_ID else _CHECKED.get(write.sub_index, ("", ""))[0]
+
+
+#: Checked communication parameters: up to the PDOs' mappings.
+_LOOKED_AT = range(0x1000, 0x1C00)
+
+
+@dataclass(frozen=True, slots=True)
+class Absence:
+    """A missing object, sub-index 0 for a whole object, and its abort *code*."""
+
+    index: int
+    sub_index: int
+    code: int
+
+    @property
+    def place(self) -> tuple[int, int]:
+        """Index and sub-index."""
+        return self.index, self.sub_index
+
+    @property
+    def name(self) -> str:
+        """`1804` for a whole object, `1803:05` for a sub-index."""
+        return f"{self.index:04X}:{self.sub_index:02X}" if self.sub_index else f"{self.index:04X}"
+
+
+def listed(dictionary: ObjectDictionary, subjects: Iterable[ProbedPdo]) -> dict[int, list[int]]:
+    """Sub-indices to check, by index: readable entries of fixed length, cheap to read."""
+    mapped = {
+        (entry.index, entry.sub_index) for subject in subjects for entry in (*subject.objects, *subject.unmappable)
+    }
+    places = {(entry.index, entry.sub_index) for index in dictionary if index in _LOOKED_AT for entry in
+              dictionary[index].entries.values() if _short(entry)}  # fmt: skip
+    places |= {place for place in mapped if (entry := dictionary.entry(*place)) is not None and _short(entry)}
+    found: dict[int, list[int]] = {}
+    for index, sub_index in sorted(places):
+        found.setdefault(index, []).append(sub_index)
+    return found
+
+
+def _short(entry: OdEntry) -> bool:
+    return entry.access.readable and entry.data_type is not None and entry.data_type.size is not None
+
+
+def absent_for_family(absences: Collection[Absence]) -> Iterator[Learnt]:
+    """Objects that a simulated device must lack too, with the same abort codes."""
+    for absence in absences:
+        place = f"0x{absence.name}"
+        evidence = f"{place} is in the file, and reading it answered 0x{absence.code:08X} ({abort_text(absence.code)})"
+        yield Learnt(f"absent.{absence.name}", absence.code, evidence)
+
 
 #: COB-IDs of the predefined connection set follow the node-ID (CiA 301, 7.3.5).
 _FUNCTIONS = (0x080, *range(0x180, 0x580, 0x80))

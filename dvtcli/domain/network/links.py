@@ -1,10 +1,14 @@
-"""Map an RPDO for a TPDO: place each consumer object at the producer's bits for it. Pure."""
+"""Map an RPDO for a TPDO, and choose the CAN-ID of the link.
+
+Each consumer object is placed at the producer's bits for it. Pure."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
+from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.command_object import commanded_by_other, is_controlword
 from dvtcli.domain.datatypes import DataType
 from dvtcli.domain.hint import Action, Hint
@@ -13,10 +17,34 @@ from dvtcli.domain.network.wanted_state import Endpoint, LinkWish
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.profile import DeviceProfile, Severity
+from dvtcli.domain.rules.can_id import FREE_POOL, restricted_use
 from dvtcli.domain.rules.finding import ERROR, NOTE, WARNING, Finding, Proposal, Rule, error, note, warning
 from dvtcli.domain.rules.mappable import known_dummies
 from dvtcli.domain.rules.mapped_object import object_findings
 from dvtcli.domain.several import join_some
+
+#: Default CAN-IDs of SYNC, EMCY and TIME, which CiA 301 does not restrict.
+_SERVICES = range(0x080, 0x101)
+#: CAN-IDs of PDOs in the pre-defined connection set (CiA 301, 7.3.5).
+_PREDEFINED = range(0x181, 0x580)
+
+
+def may_keep(cob_id: CobId, used: Collection[int]) -> bool:
+    """Whether a TPDO may use the CAN-ID of *cob_id* while others use *used*."""
+    if not cob_id.fits_frame or cob_id.can_id in used:
+        return False
+    return cob_id.extended or not (restricted_use(cob_id.can_id) or cob_id.can_id in _SERVICES)
+
+
+def free_can_id(producer: Endpoint, used: Collection[int]) -> int | None:
+    """An unused CAN-ID for *producer*: its default in the pre-defined set, else the next free CAN-ID.
+
+    None if all are in use. 0x680…0x6DF come before the defaults of other PDOs.
+    """
+    default = producer.pdo.default_can_id(producer.node_id)
+    candidates = chain(() if default is None else (default,), FREE_POOL, _PREDEFINED)
+    return next((can_id for can_id in candidates if may_keep(CobId(can_id), used)), None)
+
 
 Configs = Mapping[int, Mapping[Pdo, PdoConfig]]
 

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from reprlib import repr as short
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dvtcli.errors import UsageError
+from dvtcli.operations.api.called_hints import errors_in_calls
+from dvtcli.operations.network.check_networks import CheckOptions
+from dvtcli.operations.user.options import BIT_RATES, Options
+
+if TYPE_CHECKING:
+    from dvtcli.operations.exchange.dbc_options import DbcOptions
+    from dvtcli.operations.results import FileReports
+
 
 #: Range of a time-out, in seconds.
 LEAST_S, MOST_S = 0.001, 600.0
@@ -83,3 +91,87 @@ def call_back(**given: Callable[..., Any] | None) -> None:
     for name, value in given.items():
         if value is not None and not callable(value):
             raise wrong(name, value, "a function, or None")
+
+
+def check_eds(
+    *files: str | Path,
+    rules: Sequence[str] = (),
+    without: Sequence[str] = (),
+    strict: bool = False,
+    profile: str | None = None,
+) -> FileReports:
+    """Check EDS, DCF, XDD and XDC *files*; findings have lines. The result is true if no file is invalid.
+
+    A name with `*`, `?` or `[` stands for matching files. Applies *rules* (empty: all) except *without*; *strict*
+    treats warnings as errors. *profile* is the device family for the rules on PDOs. Raises UsageError for an unknown
+    rule or family, or if a single file does not exist, InputFileError if a single file is unreadable; of several files
+    these are findings.
+    """
+    from dvtcli.operations.known_devices import eds_files
+    from dvtcli.operations.results import FileReports
+
+    chosen = [str(path("files", file)) for file in files]
+    flags(strict=strict)
+    if profile is not None:
+        word("profile", profile, "the name of a device family, as `dvtcli.profiles()` lists them")
+    if not chosen:
+        raise UsageError("which files? 'drive.eds', …")
+    with errors_in_calls():
+        found = eds_files.check_eds(
+            chosen, words("rules", rules), words("without", without), strict=strict, family=profile
+        )
+    return found if isinstance(found, FileReports) else FileReports((found,))
+
+
+def check_wishes(
+    rules: Sequence[str], without: Sequence[str], bit_rate: int | None, for_s: float | None, *, strict: bool
+) -> CheckOptions:
+    """Convert the arguments of `Bus.check`; raises UsageError if invalid."""
+    flags(strict=strict)
+    if bit_rate is not None:
+        whole("bit_rate", bit_rate, "a bit rate (bit/s)", BIT_RATES[-1], low=BIT_RATES[0])
+    if for_s is not None:
+        number("for_s", for_s, "a number of seconds, 0…3600", high=3600)
+    return CheckOptions(
+        words("rules", rules), words("without", without), strict, bit_rate, as_findings=True, for_s=for_s
+    )
+
+
+def convert(
+    file: str | Path,
+    target: str | Path,
+    *,
+    node: str | int | None = None,
+    services: Sequence[str] = (),
+    split_bits: bool = False,
+    everything: bool = False,
+    eds: str | Path | None = None,
+    yes: bool = False,
+) -> tuple[str, ...]:
+    """Convert *file* to *target*, in the format of its suffix: EDS to XDD, DCF to XDC, and back.
+
+    A network file becomes the concise DCF (.cdcf) of *node*, by name or node-ID (None: its only node), or a DBC file
+    (.dbc) of all nodes: *services* (`nmt`, `sync`, `emcy`, `heartbeat`, `sdo`) adds their frames, *split_bits* makes a
+    signal of each named bit, *everything* adds disabled PDOs. A recording becomes a DBC file of the PDOs in its SDO
+    transfers, with names of *eds* (None: by the recorded identity). Returns what *target* lacks. Overwriting needs
+    *yes*. Raises UsageError for another suffix, if a file cannot be read or written, or if a recording has no mapping;
+    InputFileError if *file* is invalid.
+    """
+    from dvtcli.operations.conversions.convert_file import convert_file
+    from dvtcli.operations.session.session import Session
+
+    source, chosen = str(path("file", file)), str(path("target", target))
+    described = None if eds is None else str(path("eds", eds))
+    wishes = dbc_wishes(services, split_bits=split_bits, everything=everything)
+    with errors_in_calls(), Session(Options(yes=yes, eds=described)) as session:
+        done = dict(convert_file(session, source, chosen, node, wishes).rows)
+    return tuple(done.get("left_out") or done.get("losses") or ())
+
+
+def dbc_wishes(services: Sequence[str], *, split_bits: bool, everything: bool) -> DbcOptions:
+    """How a program wants a DBC file, checked; UsageError for a wrong argument."""
+    from dvtcli.operations.exchange.dbc_options import DbcOptions
+    from dvtcli.operations.exchange.service_messages import services_of
+
+    flags(split_bits=split_bits, everything=everything)
+    return DbcOptions(services_of(",".join(words("services", services))), split_bits, everything)

@@ -7,11 +7,34 @@ from typing import TYPE_CHECKING
 
 from dvtcli.errors import UsageError
 from dvtcli.operations.api.called_hints import errors_in_calls
-from dvtcli.operations.api.checks import flags, path, whole
+from dvtcli.operations.api.checks import flags, path, whole, word
 from dvtcli.operations.user.options import Options
 
 if TYPE_CHECKING:
-    from dvtcli.operations.results import LibraryAdded, LibraryListing
+    from dvtcli.operations.results import LibraryAdded, LibraryListing, ProfileListing, ProfileShown
+
+
+def profiles() -> ProfileListing:
+    """List the known device families, including the user's; a list of rows.
+
+    Raises InputFileError for an unreadable profile of the user.
+    """
+    from dvtcli.operations.known_devices.show_profiles import list_profiles
+
+    return list_profiles()
+
+
+def profile(name: str) -> ProfileShown:
+    """Return the profile *name* with the reason for each value.
+
+    Raises UsageError if unknown, InputFileError if its file is invalid.
+    """
+    from dvtcli.operations.known_devices.show_profiles import show_profile
+
+    word("name", name, "the name of a device family, as `dvtcli.profiles()` lists them")
+    with errors_in_calls():
+        return show_profile(name)
+
 
 _U32 = 0xFFFF_FFFF
 

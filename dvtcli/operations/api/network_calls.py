@@ -151,7 +151,7 @@ class NetworkCalls:
         in a node's `export`. Returns omissions. Overwriting needs *yes*. Raises NoAnswer if no node answers; UsageError
         for another suffix, or if a file cannot be written.
         """
-        from dvtcli.operations.api.converted import dbc_wishes
+        from dvtcli.operations.api.checks import dbc_wishes
         from dvtcli.operations.exports.export_file import export_all
 
         chosen = str(path("file", file))
@@ -222,7 +222,7 @@ class NetworkCalls:
         the bus's own. The bus is recorded for *for_s* seconds (0…3600; None: 2, or not at all if nobody else can be on
         it). Read errors of a file are findings. Writes nothing. Raises UsageError for an unknown rule.
         """
-        from dvtcli.operations.api.check_arguments import check_wishes
+        from dvtcli.operations.api.checks import check_wishes
         from dvtcli.operations.network.check_live import check_all
 
         chosen = [str(path("files", file)) for file in files]

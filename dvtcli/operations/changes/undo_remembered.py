@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from dvtcli.device.applied import Applied
     from dvtcli.device.change.change_guard import ChangeGuard
     from dvtcli.device.change.plan_document import Identity
-    from dvtcli.device.change_history import ChangeHistory
-    from dvtcli.device.history_entry import ChangeHistoryEntry
+    from dvtcli.device.change_history import ChangeHistory, ChangeHistoryEntry
     from dvtcli.device.node import Node
     from dvtcli.domain.plan import Plan
     from dvtcli.operations.changes.undo_together import Undoing

@@ -21,9 +21,9 @@ from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, SdoAborted, Sdo
 from dvtcli.files.dcf.device_keys import is_read_out
 from dvtcli.files.device_file import DEVICE_SUFFIXES, read_device_file
 from dvtcli.files.input_file import read_input
-from dvtcli.files.lost_values import must_tell_values
 from dvtcli.files.nodelist import MOST_BYTES, SUFFIX, ListedNode, read_nodelist
 from dvtcli.files.profile.library import profile_of
+from dvtcli.files.unread_values import must_tell_values
 from dvtcli.operations.exchange.export_network import beside, exported_node, network_place
 from dvtcli.operations.exchange.exported_objects import all_of, exported_behaviours, values_of
 from dvtcli.operations.exchange.exported_pdos import exported

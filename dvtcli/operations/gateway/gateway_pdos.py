@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.gateway.gateway_answers import Answer, Done, Failed, GatewayError, GatewayRequestError
+from dvtcli.domain.gateway.line_words import TYPES, data_of, value_text
 from dvtcli.domain.gateway.requests import PdoEntry, ReadPdo, SetPdo, WritePdo
-from dvtcli.domain.gateway.value_words import TYPES, data_of, value_text
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.rules.can_id import restricted_use
 

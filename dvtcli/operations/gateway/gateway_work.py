@@ -13,8 +13,8 @@ from dvtcli.bus.node_watch import HEARTBEAT
 from dvtcli.device.store_parameters import SIGNATURES
 from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.gateway.gateway_answers import Answer, Done, Failed, GatewayError
+from dvtcli.domain.gateway.line_words import HEX, value_text
 from dvtcli.domain.gateway.requests import Nmt, Order, Read, Write
-from dvtcli.domain.gateway.value_words import HEX, value_text
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged, NoAnswer, UsageError
 from dvtcli.operations.gateway.gateway_lss import LSS, READ_ONLY, LssLines

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.access_level import level_finding
 from dvtcli.device.applied import refuse
-from dvtcli.device.learn.absences import absences
+from dvtcli.device.learn.read_device import absences
 from dvtcli.device.learn.safely import Terms, ask_safely
 from dvtcli.device.learn.saving import read_storage
 from dvtcli.device.learn.subjects import mapped_subjects, subjects
 from dvtcli.device.storing import mark_stored, require_storable
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.learning.absence import absent_for_family
 from dvtcli.domain.learning.conclusions import conclude, forecast, most_until_refused, most_writes
 from dvtcli.domain.learning.learnt_value import Conclusions
+from dvtcli.domain.learning.read_dictionary import absent_for_family
 from dvtcli.domain.learning.storage import not_asked, storage_for_family, storage_for_profile
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.several import join_some
@@ -39,8 +39,8 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.device.observe import InitialState
-    from dvtcli.domain.learning.absence import Absence
     from dvtcli.domain.learning.probe import Probe, ProbeAnswer, ProbedPdo
+    from dvtcli.domain.learning.read_dictionary import Absence
     from dvtcli.domain.learning.storage import Storage
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.operations.session.session_nodes import SessionNodes

@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.network.bus_need import bus_need, fitting_bit_rates
-from dvtcli.domain.network.frame_streams import streams_of
+from dvtcli.domain.network.frame_streams import WhatIf, streams_of
 from dvtcli.domain.network.network_state import NetworkState
-from dvtcli.domain.network.stream import WhatIf
 from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.pdo import Pdo
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError

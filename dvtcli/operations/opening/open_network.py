@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.file_fits import as_file_says
+from dvtcli.device.known_pdos import ReadProgress
 from dvtcli.device.node import Node
-from dvtcli.device.read_progress import ReadProgress
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import CanopenBus
@@ -208,7 +208,7 @@ class Network:
         """Identify *node*; raises SafetyRefusal if it was another device before."""
         now, before = node.identity(), self.left.get(node.node_id)
         if before is not None:
-            from dvtcli.device.same_device import another_device, unlike_before
+            from dvtcli.device.file_fits import another_device, unlike_before
 
             unlike = unlike_before(self.identities[node.node_id], now)
             if unlike:
@@ -239,7 +239,7 @@ class Network:
     def accept(self, node_id: int) -> None:
         """Accept whichever device has *node_id* now as new, with a message."""
         if self.left.pop(node_id, None) is not None:
-            from dvtcli.device.same_device import unlike_before
+            from dvtcli.device.file_fits import unlike_before
 
             self.files.forget(node_id)
             before, now = self.identities.pop(node_id), self.node(node_id).identity()

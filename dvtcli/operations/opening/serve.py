@@ -34,8 +34,7 @@ if TYPE_CHECKING:
     from dvtcli.simulator.device.simulated_faults import Fault
     from dvtcli.simulator.device.strict_device import StrictDevice
     from dvtcli.simulator.network.hub import Hub
-    from dvtcli.simulator.network.joined_bus import JoinedBus
-    from dvtcli.simulator.network.shared_bus import Server
+    from dvtcli.simulator.network.shared_bus import JoinedBus, Server
 
 #: socketcand's port, by its documentation
 DEFAULT_PORT = 29536
@@ -194,7 +193,7 @@ def _hub(where: tuple[str, int] | None, warn: Callable[[str], None]) -> Hub:
 
 def _joined(options: Options, hub: Hub, tell: Tell) -> JoinedBus:
     from dvtcli.operations.opening.first_bus import first_bus, waited_for
-    from dvtcli.simulator.network.joined_bus import JoinedBus
+    from dvtcli.simulator.network.shared_bus import JoinedBus
 
     def opened() -> CanopenBus:
         from dvtcli.bus.opening import open_bus

@@ -32,8 +32,7 @@ def not_simulated(simulated: Iterable[Simulated]) -> Iterator[str]:
 
 
 def _of_file(path: Path) -> Iterator[str]:
-    from dvtcli.files.lost_values import must_tell_values
-    from dvtcli.files.unread_values import unread_values
+    from dvtcli.files.unread_values import must_tell_values, unread_values
 
     read = read_device_file(path)
     try:

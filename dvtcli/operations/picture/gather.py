@@ -31,7 +31,7 @@ from dvtcli.domain.network.picture import (
     PicturePdo,
 )
 from dvtcli.domain.network.wanted_state import Endpoint
-from dvtcli.domain.parameter_text import parameter_text
+from dvtcli.domain.pdo import parameter_text
 from dvtcli.domain.plan import PdoChange
 from dvtcli.errors import NoAnswer, RuleError, SafetyRefusal
 from dvtcli.files.network.physical_keys import rules_by_node

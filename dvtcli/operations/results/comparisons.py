@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 class Compared(Answer):
     """A read-back compared with wanted values: a row per PDO that differs."""
 
-    renderer: ClassVar = "comparison_lines:compared_lines"
+    renderer: ClassVar = "whole_device_lines:compared_lines"
     formats: ClassVar = CASES
 
     node: int
@@ -103,7 +103,7 @@ def _what(label: str) -> Document:
 class ComparedNodes(Answer):
     """Comparisons of several nodes; its document has common fields, and each node's."""
 
-    renderer: ClassVar = "comparison_lines:compared_nodes_lines"
+    renderer: ClassVar = "whole_device_lines:compared_nodes_lines"
     formats: ClassVar = CASES
 
     nodes: tuple[Compared, ...]

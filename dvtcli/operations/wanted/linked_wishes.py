@@ -11,9 +11,8 @@ from dvtcli.device.heartbeat_slots import heartbeat_ms, heartbeat_slots, is_guar
 from dvtcli.device.read_pdos import service_ids
 from dvtcli.device.resolve import resolve, untyped_lengths
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.network.can_ids import free_can_id, may_keep
 from dvtcli.domain.network.heartbeats import MISSED, slot_for, watch_time_ms, watched_ms
-from dvtcli.domain.network.links import LinkSide, agrees, linked, object_remarks
+from dvtcli.domain.network.links import LinkSide, agrees, free_can_id, linked, may_keep, object_remarks
 from dvtcli.domain.network.wanted_state import (
     Endpoint,
     FileWord,

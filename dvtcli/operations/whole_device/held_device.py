@@ -112,8 +112,7 @@ def told_of(file: str, tell: Reporter) -> HeldDevice:
 
 def _described(file: str, node_id: int | None) -> HeldDevice:
     from dvtcli.files.device_file import must_not_be_cut, read_device_file
-    from dvtcli.files.lost_values import must_tell_values
-    from dvtcli.files.unread_values import unread_values
+    from dvtcli.files.unread_values import must_tell_values, unread_values
 
     read = read_device_file(Path(file))
     must_not_be_cut(read)

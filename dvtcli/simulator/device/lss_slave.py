@@ -9,8 +9,7 @@ from collections.abc import Collection
 
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.simulator.device.family import GENERIC, Family
-from dvtcli.simulator.device.memory import Memory
-from dvtcli.simulator.device.parameter_areas import ParameterAreas
+from dvtcli.simulator.device.memory import Memory, ParameterAreas
 
 IDENTITY = 0x1018
 

@@ -16,11 +16,9 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.frame_services import FrameServices
-from dvtcli.simulator.device.gates import Gates
 from dvtcli.simulator.device.heartbeat import HEARTBEAT
-from dvtcli.simulator.device.memory import Backing, Memory
-from dvtcli.simulator.device.parameter_areas import ParameterAreas
-from dvtcli.simulator.device.pdo_guard import PdoGuard, limit_check, refuse
+from dvtcli.simulator.device.memory import Backing, Memory, ParameterAreas
+from dvtcli.simulator.device.pdo_guard import Gates, PdoGuard, limit_check, refuse
 from dvtcli.simulator.device.refusal import Refusal
 
 if TYPE_CHECKING:

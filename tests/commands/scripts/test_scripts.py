@@ -78,7 +78,7 @@ def test_comments_continuations_quotes_and_line_ends() -> None:
             "\ufeff# a comment\r\n\r\nmap tpdo1 606C \\\r\n  6041   # tail\r\n"
             'read "Statusword" --json\r\n# hidden:\u2028bogus\x0bbogus\x85bogus\n'
         ).encode()
-        from dvtcli.cli.scripts.script_lines import script_lines
+        from dvtcli.cli.scripts.script_parse import script_lines
 
         lines = script_lines(data, "test.dvt")
         assert [(line.number, line.words) for line in lines] == [
@@ -89,7 +89,7 @@ def test_comments_continuations_quotes_and_line_ends() -> None:
 
 
 def test_text_that_is_not_utf_8_is_an_invalid_file() -> None:
-    from dvtcli.cli.scripts.script_lines import script_lines
+    from dvtcli.cli.scripts.script_parse import script_lines
     from dvtcli.errors import InputFileError
 
     with pytest.raises(InputFileError) as caught:

@@ -7,6 +7,7 @@ from typing import Any
 from hypothesis import strategies as st
 
 from dvtcli.domain.datatypes import Kind
+from dvtcli.domain.gateway.line_words import TYPES
 from dvtcli.domain.gateway.requests import (
     ORDERS,
     Command,
@@ -22,7 +23,6 @@ from dvtcli.domain.gateway.requests import (
     WritePdo,
     level_of,
 )
-from dvtcli.domain.gateway.value_words import TYPES
 from dvtcli.domain.nmt import NmtCommand
 from tests.domain.test_datatypes import values
 

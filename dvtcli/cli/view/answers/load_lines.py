@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.cob_id import can_id_text
-from dvtcli.domain.network.stream import NO_LIMIT, NO_SYNC
+from dvtcli.domain.network.frame_streams import NO_LIMIT, NO_SYNC
 from dvtcli.domain.several import join_some, plural
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.bus_need import StreamNeed
-    from dvtcli.domain.network.stream import Stream
+    from dvtcli.domain.network.frame_streams import Stream
     from dvtcli.operations.results.loads import FrameLoad, Measured, NetworkLoad
 
 #: width of a bar, and width with measured values before it

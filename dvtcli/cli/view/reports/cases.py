@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.answers.whole_device_lines import value_text
-from dvtcli.domain.parameter_text import parameter_text
+from dvtcli.domain.pdo import parameter_text
 from dvtcli.domain.plan import PdoChange
 from dvtcli.domain.several import join_some, plural
 from dvtcli.domain.shown_value import step_text

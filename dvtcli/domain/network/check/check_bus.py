@@ -8,8 +8,7 @@ from dvtcli.domain.bus_load import most_frame_bits
 from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
 from dvtcli.domain.network.bus_need import BusNeed
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, NetSpot, at
-from dvtcli.domain.network.frame_streams import data_bytes
-from dvtcli.domain.network.stream import EVENT_DRIVEN
+from dvtcli.domain.network.frame_streams import EVENT_DRIVEN, data_bytes
 
 _TIMES = "CiA 301, 7.5.2.37: inhibit time, event timer"
 _ANALYSIS = "Davis, Burns, Bril, Lukkien 2007"

@@ -9,9 +9,9 @@ from dvtcli.domain.frame import byte_length
 from dvtcli.domain.lint.lint_rule import ERROR, WARNING, check
 from dvtcli.domain.network.bus_need import most_frames
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, NetSpot, at, held
+from dvtcli.domain.network.frame_streams import EVENT_DRIVEN, Stream
 from dvtcli.domain.network.heard_traffic import HeardId
 from dvtcli.domain.network.network_state import PRODUCER_HEARTBEAT, SYNC_COB_ID, Identifier, NetworkState, identifier_of
-from dvtcli.domain.network.stream import EVENT_DRIVEN, Stream
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.several import join_some, plural
 

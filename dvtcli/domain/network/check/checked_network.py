@@ -8,7 +8,7 @@ from functools import cached_property
 
 from dvtcli.domain.lint.map_judgement import blank
 from dvtcli.domain.network.bus_need import BusNeed, bus_need
-from dvtcli.domain.network.frame_streams import streams_of
+from dvtcli.domain.network.frame_streams import SYNCHRONOUS, Streams, streams_of
 from dvtcli.domain.network.heard_traffic import HeardTraffic
 from dvtcli.domain.network.network_state import (
     EMCY_COB_ID,
@@ -18,7 +18,6 @@ from dvtcli.domain.network.network_state import (
     NodeState,
     identifier_of,
 )
-from dvtcli.domain.network.stream import SYNCHRONOUS, Streams
 from dvtcli.domain.network.wanted_state import NOWHERE, Mark
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.rules import Finding, Proposal, check_pdo
