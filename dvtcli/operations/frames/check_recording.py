@@ -6,6 +6,7 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import UsageError
 from dvtcli.files.recording import check_readable, read_recorded
 from dvtcli.files.recording_formats import formats
@@ -27,7 +28,7 @@ def are_recordings(files: Sequence[str]) -> bool:
     if recordings and len(recordings) < len(files):
         raise UsageError(
             f"{recordings[0]} is a recording, and others are not",
-            hint=f"one check for each; check {recordings[0]} -d FILE names a network file that describes its nodes",
+            hint=Hint(Action.CHECK, {"file": recordings[0]}, "{} checks it; the others by a check of their own"),
         )
     return bool(recordings)
 
