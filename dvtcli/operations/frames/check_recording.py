@@ -19,7 +19,7 @@ from dvtcli.watch.recording.recording_rules import RECORDING_RULES, RecordingChe
 
 if TYPE_CHECKING:
     from dvtcli.domain.lint.lint_rule import LintRule
-    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
 def are_recordings(files: Sequence[str]) -> bool:
@@ -34,7 +34,7 @@ def are_recordings(files: Sequence[str]) -> bool:
 
 
 def check_recordings(
-    session: Session,
+    session: SessionNodes,
     files: Sequence[str],
     dbc: str | None = None,
     *,
@@ -59,7 +59,7 @@ def _chosen(only: Collection[str], without: Collection[str]) -> tuple[LintRule, 
     return tuple(rule for rule in RECORDING_RULES if rule.name not in without and (not only or rule.name in only))
 
 
-def _report(session: Session, file: str, dbc: str | None, rules: tuple[LintRule, ...]) -> RecordingReport:
+def _report(session: SessionNodes, file: str, dbc: str | None, rules: tuple[LintRule, ...]) -> RecordingReport:
     path = Path(file)
     check_readable(path)
     decoder, described = decoder_for(session, None, dbc, path), described_nodes(session, dbc)

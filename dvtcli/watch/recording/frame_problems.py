@@ -49,7 +49,7 @@ class _Lengths:
 
 
 @dataclass(slots=True)
-class LengthWatch:
+class LengthProblems:
     """Watches the lengths of frames; *layout_of* a frame is what its sender maps."""
 
     layout_of: Callable[[Frame], Layout]
@@ -85,7 +85,7 @@ class LengthWatch:
 
 
 @dataclass(slots=True)
-class AnswerWatch:
+class AnswerProblems:
     """Watches for SDO requests that get two answers, or none."""
 
     #: the answer to each node's last request, and the requests without one

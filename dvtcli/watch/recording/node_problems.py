@@ -57,7 +57,7 @@ class _Heartbeats:
 
 
 @dataclass(slots=True)
-class _Node:
+class _NodeSeen:
     is_alive: bool = False
     state: NmtState | None = None
     #: whether a reset was commanded since the last boot-up
@@ -68,10 +68,10 @@ class _Node:
 
 
 @dataclass(slots=True)
-class NodeWatch:
+class NodeProblems:
     """Watches NMT commands, boot-up messages, heartbeats and EMCY messages with their default CAN-IDs."""
 
-    _nodes: dict[int, _Node] = field(default_factory=dict)
+    _nodes: dict[int, _NodeSeen] = field(default_factory=dict)
     _boot_ups: TimesOf[tuple[int, NmtState | None]] = field(default_factory=TimesOf)
     _late: list[tuple[int, float, _Heartbeats]] = field(default_factory=list)
     _syncs: list[_Heartbeats] = field(default_factory=lambda: [_Heartbeats()])
@@ -87,7 +87,7 @@ class NodeWatch:
             if service == _EMERGENCIES and not frame.remote:
                 self._syncs[-1].take(moment, moment.time_s - before.time_s)
             return
-        node = self._nodes.setdefault(node_id, _Node())
+        node = self._nodes.setdefault(node_id, _NodeSeen())
         if service == _HEARTBEATS:
             node.is_guarded = node.is_guarded or frame.remote
             if len(data) == 1 and not frame.remote:
@@ -110,13 +110,13 @@ class NodeWatch:
                 node.is_reset = True
                 self._new_period(node_id, node)
 
-    def _new_period(self, node_id: int, node: _Node) -> None:
+    def _new_period(self, node_id: int, node: _NodeSeen) -> None:
         """Judge later heartbeats by themselves: the node starts, or its 0x1017 is written."""
         if (period_s := node.heartbeats.period_s) and not node.is_guarded:
             self._late.append((node_id, period_s, node.heartbeats))
         node.heartbeats = _Heartbeats()
 
-    def _error_control(self, moment: Moment, node_id: int, node: _Node, state: int, silent_s: float) -> None:
+    def _error_control(self, moment: Moment, node_id: int, node: _NodeSeen, state: int, silent_s: float) -> None:
         if state != NmtState.INITIALISING:
             node.is_alive = True
             node.state = NmtState(state) if state in set(NmtState) else None
@@ -130,7 +130,7 @@ class NodeWatch:
             self._ended.append((node_id, code, moments))
         node.is_alive, node.is_reset, node.state, node.emergencies = True, False, None, {}
 
-    def _emergency(self, moment: Moment, node_id: int, node: _Node, code: int) -> None:
+    def _emergency(self, moment: Moment, node_id: int, node: _NodeSeen, code: int) -> None:
         if code >> 8 == 0:
             self._ended += [(node_id, active, moments) for active, moments in node.emergencies.items()]
             node.emergencies = {}
@@ -159,7 +159,7 @@ class NodeWatch:
             yield _of_node(RESET, node_id, f"EMCY 0x{code:04X}, {emergency_text(code)}: reset later", moments,
                            "what the machine did at that time")  # fmt: skip
 
-    def _last_heartbeat(self, node_id: int, node: _Node, end: Moment) -> Iterator[Problem]:
+    def _last_heartbeat(self, node_id: int, node: _NodeSeen, end: Moment) -> Iterator[Problem]:
         heartbeats, period_s = node.heartbeats, node.heartbeats.period_s
         if heartbeats.last is None or not period_s or node.is_guarded:
             return

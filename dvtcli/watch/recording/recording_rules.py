@@ -8,10 +8,10 @@ from dvtcli.domain.lint.lint_rule import WARNING, LintRule
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.several import plural
 from dvtcli.watch.decoder import Layout
-from dvtcli.watch.recording.frame_problems import FRAME_RULES, AnswerWatch, LengthWatch
-from dvtcli.watch.recording.node_problems import NODE_RULES, NodeWatch
+from dvtcli.watch.recording.frame_problems import FRAME_RULES, AnswerProblems, LengthProblems
+from dvtcli.watch.recording.node_problems import NODE_RULES, NodeProblems
 from dvtcli.watch.recording.problems import Moment, Problem, TimesOf
-from dvtcli.watch.recording.sdo_problems import SDO_RULES, SdoWatch
+from dvtcli.watch.recording.sdo_problems import SDO_RULES, SdoProblems
 
 ERROR_FRAMES = LintRule(
     "error-frames", WARNING, "error frames were recorded", "ISO 11898-1: error flags; wiring, termination, bit rate"
@@ -29,8 +29,8 @@ class RecordingCheck:
     """
 
     def __init__(self, layout_of: Callable[[Frame], Layout], name_of: Callable[[int, int, int], str]) -> None:
-        self._sdo, self._answers = SdoWatch(name_of), AnswerWatch()
-        self._nodes, self._lengths = NodeWatch(), LengthWatch(layout_of)
+        self._sdo, self._answers = SdoProblems(name_of), AnswerProblems()
+        self._nodes, self._lengths = NodeProblems(), LengthProblems(layout_of)
         self._last: Moment | None = None
         self._errors: TimesOf[str] = TimesOf()
 

@@ -44,7 +44,7 @@ class _PdoWrites:
 
 
 @dataclass(frozen=True)
-class _Transfer:
+class _AbortedTransfer:
     """An aborted transfer of a node's object, with the abort code."""
 
     node_id: int
@@ -64,12 +64,12 @@ class _Transfer:
 
 
 @dataclass(slots=True)
-class SdoWatch:
+class SdoProblems:
     """Watches the default SDO of each node; *name_of* gives the name of a node's object, empty if unknown."""
 
     name_of: Callable[[int, int, int], str]
-    _refused: TimesOf[_Transfer] = field(default_factory=TimesOf)
-    _given_up: TimesOf[_Transfer] = field(default_factory=TimesOf)
+    _refused: TimesOf[_AbortedTransfer] = field(default_factory=TimesOf)
+    _given_up: TimesOf[_AbortedTransfer] = field(default_factory=TimesOf)
     #: object and direction of the transfer in progress, by node
     _asked: dict[int, tuple[bytes, bool]] = field(default_factory=dict)
     _heard: HeardObjects = field(default_factory=lambda: HeardObjects(range(0x1400, 0x1C00)))
@@ -100,7 +100,7 @@ class SdoWatch:
         if asked != data[1:4] and any(data[1:4]):
             asked, is_write = data[1:4], False
         index, sub_index, code = int.from_bytes(asked[:2], "little"), asked[2], int.from_bytes(data[4:], "little")
-        transfer = _Transfer(node_id, index, sub_index, is_write, code)
+        transfer = _AbortedTransfer(node_id, index, sub_index, is_write, code)
         (self._given_up if by_client else self._refused).note(moment, transfer)
         if is_write and not by_client and (pdo := Pdo.at(index)) is not None:
             writes = self._pdos.setdefault((node_id, pdo), _PdoWrites())
@@ -154,7 +154,7 @@ class SdoWatch:
                 Moments.at(*sorted(each.first for _, each in reads)), node_id,
             )  # fmt: skip
 
-    def _aborted_transfer(self, rule: LintRule, how: str, transfer: _Transfer, moments: Moments) -> Problem:
+    def _aborted_transfer(self, rule: LintRule, how: str, transfer: _AbortedTransfer, moments: Moments) -> Problem:
         node_id, place = transfer.node_id, transfer.place
         named = " ".join(filter(None, (place, self.name_of(node_id, transfer.index, transfer.sub_index))))
         text = f"{'write to' if transfer.is_write else 'read of'} {named} {how}: "
