@@ -11,7 +11,7 @@ from dvtcli.device.change.after_change import left_open
 from dvtcli.device.change.apply_plan import apply_plan
 from dvtcli.device.change.failed_change import BUS_BACK
 from dvtcli.device.change.left_behind import Guarded, name_left
-from dvtcli.device.change.put_back import first_difference, roll_back_patiently
+from dvtcli.device.change.roll_back import first_difference, roll_back_patiently
 from dvtcli.device.proposal import proposal
 from dvtcli.device.raw_write_check import raw_write_findings
 from dvtcli.device.read_pdos import read_optional
@@ -264,7 +264,7 @@ def choose_canary(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> AnyPlace | None:
             node.gate.enter_to_test()
         canary = Canary(node, place)
         if canary.plant():
-            canary.put_back()
+            canary.roll_back()
             return place
     return None
 
@@ -293,7 +293,7 @@ class Canary:
             apply_plan(self.node, self.plan, keep_journal=True)
         except DvtcliError as failed:
             if failed.state == "unknown":  # the value was changed, and a later step failed
-                self.put_back_after(failed)
+                self.roll_back_after(failed)
             elif isinstance(failed, DeviceRefused):
                 return False  # it was put back; another place may be free
             raise
@@ -313,17 +313,17 @@ class Canary:
         if self.node.keeper is not None:
             self.node.keeper.own_journal.end()
 
-    def put_back(self) -> None:
+    def roll_back(self) -> None:
         """Roll back and verify. Raises LeftChanged and keeps the journal if the roll-back fails."""
-        put_test_back(self.node, self.plan.changes, self.place.text)
+        roll_back_test(self.node, self.plan.changes, self.place.text)
         self.gone()
 
-    def put_back_after(self, fault: BaseException) -> None:
+    def roll_back_after(self, fault: BaseException) -> None:
         """Roll back after a failed proof, if the value may still be there. Raises LeftChanged if the state stays
         unknown.
         """
         try:
-            self.put_back()
+            self.roll_back()
         except LeftChanged as left:
             if isinstance(fault, DvtcliError):
                 left.why, left.details = f"{fault}; then {left.why}", [*fault.details, *left.details]
@@ -340,7 +340,7 @@ def holds_test(node: ReadableNode, changes: Sequence[Change]) -> bool:
     )
 
 
-def put_test_back(node: Node, changes: Sequence[Change], text: str) -> None:
+def roll_back_test(node: Node, changes: Sequence[Change], text: str) -> None:
     """Roll back and verify the test *changes* of a proof, described by *text*.
 
     Raises LeftChanged and keeps the journal if the roll-back fails.

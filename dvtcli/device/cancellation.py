@@ -19,7 +19,7 @@ class Cancellation:
         self.requested = False
         self.active = False
         self.exit_code = INTERRUPTED
-        self._way_back = self._late = False
+        self._rolling_back = self._late = False
 
     def asked(self, exit_code: int, *, insists: bool) -> bool:
         """Record a signal with *exit_code*; true if the work must stop immediately.
@@ -31,8 +31,8 @@ class Cancellation:
             self.exit_code = exit_code
         if not self.active:
             return True
-        again = self._late if self._way_back else self.requested
-        if self._way_back:
+        again = self._late if self._rolling_back else self.requested
+        if self._rolling_back:
             self._late = True
         else:
             self.requested = True
@@ -57,16 +57,16 @@ class Cancellation:
             self.active = outer
 
     @contextmanager
-    def way_back(self) -> Iterator[None]:
+    def rolling_back(self) -> Iterator[None]:
         """Run a roll-back without stopping at safe points; a request waits until the end of the block."""
         outer, self.requested = self.requested, False
-        self._way_back, self._late = True, False
+        self._rolling_back, self._late = True, False
         try:
             with self.guard():
                 yield
         finally:
             self.requested = outer or self._late
-            self._way_back = self._late = False
+            self._rolling_back = self._late = False
 
     def hold(self) -> None:
         """Defer new requests until `release`: the change is complete and can no longer be stopped."""

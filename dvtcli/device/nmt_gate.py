@@ -87,7 +87,7 @@ class NodeAccess:
 
         Repeats the request as well if the node restarted after it.
         """
-        from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S
+        from dvtcli.device.change.roll_back import PATIENCE_S, RETRY_S
 
         deadline_s = self.bus.now_s() + PATIENCE_S
         while True:

@@ -13,7 +13,7 @@ from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError
 
 if TYPE_CHECKING:
     from dvtcli.device.applied import Applied
-    from dvtcli.device.change.way_back import TakeBack
+    from dvtcli.device.change.undo_plan import UndoRequest
     from dvtcli.device.observe import InitialState
     from dvtcli.domain.plan import Change, PdoChange, Plan, ValueChange
     from dvtcli.domain.request import PdoWant
@@ -160,12 +160,12 @@ class Node(Changeable):
         from dvtcli.device.access_level import level_findings
         from dvtcli.device.applied import Applied, refuse
         from dvtcli.device.change.retry import apply_with_retry
-        from dvtcli.device.change.taken_back import with_way_back
+        from dvtcli.device.change.undo_findings import with_undo_findings
         from dvtcli.domain.several import join_some
 
         self.answered_otherwise = {}
         if len(plan):
-            plan, warnings = with_way_back(self, plan if is_part else self._with_stamp_ended(plan))
+            plan, warnings = with_undo_findings(self, plan if is_part else self._with_stamp_ended(plan))
             locked = (*level_findings(self.access, plan), *(warnings if kept else ()))
             refuse(
                 locked, f"{join_some(change.label for change in plan.changes)} not changed", self.node_id, force=force
@@ -334,10 +334,10 @@ class Node(Changeable):
 
     def undo(self, *, everything: bool = False, force: bool = False, rolls_back: bool = False) -> Applied:
         """Undo the last plan, or all plans, in one transaction."""
-        from dvtcli.device.change.way_back import TakeBack
+        from dvtcli.device.change.undo_plan import UndoRequest
 
-        asked = TakeBack(self.history, everything=everything, force=force, own=True, rolls_back=rolls_back)
-        applied, count = self.put_back(asked)
+        asked = UndoRequest(self.history, everything=everything, force=force, own=True, rolls_back=rolls_back)
+        applied, count = self.undo_plans(asked)
         self.was_undone(applied, count)
         return applied
 
@@ -353,31 +353,31 @@ class Node(Changeable):
         if self.pending.is_as_stored(len(self.history)) and not (applied.findings or applied.not_put_back):
             self.pending.unstored.clear()  # the device holds what was stored, or found, again
 
-    def put_back(self, asked: TakeBack) -> tuple[Applied, int]:
-        """Undo the changes in *asked* and return the number of plans. Raises the errors of `way_back`."""
+    def undo_plans(self, asked: UndoRequest) -> tuple[Applied, int]:
+        """Undo the changes in *asked* and return the number of plans. Raises the errors of `plan_undo`."""
         from dataclasses import replace
 
-        from dvtcli.device.change.taken_back import foreseen, put_back_findings
-        from dvtcli.device.change.way_back import plan_back, way_back
+        from dvtcli.device.change.undo_findings import foreseen, put_back_findings
+        from dvtcli.device.change.undo_plan import plan_undo, undo_plan_of
 
         found = self.begin_change(whatever_happened=asked.rolls_back)
         boot_ups = self.bus.boot_ups(self.node_id)
-        back = way_back(self, asked)
+        back = plan_undo(self, asked)
         if not asked.is_part and len(back.plan):
             self.known_pdos()  # including PDOs outside the plan, for side effects
             if self.bus.boot_ups(self.node_id) != boot_ups:
-                back = way_back(self, asked)
+                back = plan_undo(self, asked)
         others = () if asked.is_part or not len(back.plan) else self._beside(back.plan)
         try:
-            applied = self._apply_back(back.plan, back.unknown, found, is_patient=bool(foreseen(back.undone)))
+            applied = self._apply_undo(back.plan, back.unknown, found, is_patient=bool(foreseen(back.undone)))
         except DeviceRefused:
             if not foreseen(back.undone) or self.bus.boot_ups(self.node_id) != found.boot_ups:
                 raise
-            plan = self.observed(lambda: plan_back(self, back.undone, as_taken=True, rolls_back=asked.rolls_back))
+            plan = self.observed(lambda: undo_plan_of(self, back.undone, as_taken=True, rolls_back=asked.rolls_back))
             applied = self.apply(plan, back.unknown, kept=False, found=found)
             applied = replace(applied, not_put_back=put_back_findings(foreseen(back.undone)))
         if others and self.bus.boot_ups(self.node_id) == boot_ups:  # otherwise the restart is reported: it cleared RAM
-            self._put_others_back(applied.plan, others)
+            self._roll_back_side_effects(applied.plan, others)
             if self.bus.boot_ups(self.node_id) != boot_ups:
                 from dvtcli.device.change.apply_plan import look_again
 
@@ -392,7 +392,7 @@ class Node(Changeable):
         present = present_beside(self, plan)
         return as_they_are({pdo: config for pdo, config in self.last_read.items() if pdo in present})
 
-    def _put_others_back(self, plan: Plan, others: Sequence[PdoChange]) -> None:
+    def _roll_back_side_effects(self, plan: Plan, others: Sequence[PdoChange]) -> None:
         """Roll back side effects of the completed undo *plan* on *others*.
 
         Raises LeftChanged naming the PDOs still different.
@@ -414,11 +414,11 @@ class Node(Changeable):
         if still:
             raise others_left(plan, still)
 
-    def _apply_back(
+    def _apply_undo(
         self, plan: Plan, unknown: tuple[Finding, ...], found: InitialState, *, is_patient: bool
     ) -> Applied:
         """Apply the undo *plan*; with *is_patient* a temporary refusal is retried, as in a roll-back."""
-        from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S
+        from dvtcli.device.change.roll_back import PATIENCE_S, RETRY_S
         from dvtcli.domain.abort import may_pass
 
         deadline_s = self.bus.now_s() + (PATIENCE_S if is_patient else 0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from dvtcli.device.cancellation import Cancellation
-from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S
+from dvtcli.device.change.roll_back import PATIENCE_S, RETRY_S
 from dvtcli.device.nmt_gate import CONFIRM_TIMEOUT_S, Gate, NodeAccess
 from dvtcli.device.seen_state import why_it_may_move
 from dvtcli.domain.nmt import NmtCommand, NmtState

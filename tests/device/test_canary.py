@@ -140,7 +140,7 @@ def test_three_places_of_a_kind_are_tried_and_put_back(refused: int, planted: st
     canary = Canary(one, found)
     assert canary.plant()
     assert canary.survived(one.pdos())
-    canary.put_back()
+    canary.roll_back()
     assert one.pdos() == before
 
 
@@ -171,7 +171,7 @@ def test_its_journal_stays_until_it_is_gone(kept: KeptBench) -> None:
 def test_it_is_put_back_and_what_was_read_before_counts_no_longer(kept: KeptBench) -> None:
     canary, before = plant(kept)
     kept.node.pdos()
-    canary.put_back()
+    canary.roll_back()
     assert kept.node.last_read == {}
     assert (kept.node.pdos(), kept.journal.exists()) == (before, False)
 
@@ -185,7 +185,7 @@ def test_what_cannot_be_put_back_is_left_to_recover_and_nothing_may_be_stored(ke
     canary, _ = plant(kept)
     silent_for_good(kept)
     with pytest.raises(LeftChanged) as caught:
-        canary.put_back()
+        canary.roll_back()
     assert caught.value.text == f"node {NODE} was changed to prove the store, and that could not be put back"
     assert (caught.value.why or "").startswith(canary.place.text)
     assert (caught.value.place, kept.journal.exists()) == (str(kept.journal), True)
@@ -199,11 +199,11 @@ def test_what_cannot_be_put_back_is_left_to_recover_and_nothing_may_be_stored(ke
 def test_a_fault_meanwhile_is_told_with_what_became_of_it(kept: KeptBench) -> None:
     canary, before = plant(kept)
     fault = NoAnswer("no boot-up", state="unknown")
-    canary.put_back_after(fault)
+    canary.roll_back_after(fault)
     assert fault.details == [("changed", f"{canary.place.text}: put back, read back equal")]
     assert (fault.state, kept.node.pdos()) == ("unknown", before)
     again, _ = plant(kept)
-    again.put_back_after(KeyboardInterrupt())
+    again.roll_back_after(KeyboardInterrupt())
     assert kept.node.pdos() == before
 
 
@@ -212,12 +212,12 @@ def test_a_fault_meanwhile_after_which_it_is_still_there_is_left_changed(kept: K
     silent_for_good(kept)
     fault = NoAnswer("no boot-up", state="unknown")
     with pytest.raises(LeftChanged) as caught:
-        canary.put_back_after(fault)
+        canary.roll_back_after(fault)
     assert (caught.value.state, caught.value.exit_code, caught.value.__cause__) == ("left_changed", 7, fault)
     assert (caught.value.why or "").startswith(f"no boot-up; then {canary.place.text}")
     assert "recover" in typed(caught.value.hint)
     with pytest.raises(LeftChanged) as caught:
-        canary.put_back_after(KeyboardInterrupt())
+        canary.roll_back_after(KeyboardInterrupt())
     assert isinstance(caught.value.__cause__, KeyboardInterrupt)
 
 

@@ -59,7 +59,7 @@ def test_a_question_in_a_change_is_stopped_at_once(cancellation: Cancellation) -
 def test_the_way_back_is_not_stopped_by_what_asked_for_it_and_remembers_it(cancellation: Cancellation) -> None:
     with cancellation.guard():
         cancellation.asked(INTERRUPTED, insists=True)
-        with cancellation.way_back():
+        with cancellation.rolling_back():
             assert cancellation.active
             assert not cancellation.requested
         assert cancellation.requested
@@ -69,14 +69,14 @@ def test_the_way_back_is_not_stopped_by_what_asked_for_it_and_remembers_it(cance
 def test_a_signal_on_the_way_back_waits_for_its_end_and_a_second_one_that_insists_tears_it(
     cancellation: Cancellation,
 ) -> None:
-    with cancellation.way_back():
+    with cancellation.rolling_back():
         assert cancellation.asked(INTERRUPTED, insists=True) is False
         assert not cancellation.requested, "there is no safe point before the way back's end"
         assert cancellation.asked(INTERRUPTED, insists=False) is False
         assert cancellation.asked(INTERRUPTED, insists=True) is True
     assert cancellation.requested
     cancellation.reset()
-    with cancellation.way_back():
+    with cancellation.rolling_back():
         assert cancellation.asked(INTERRUPTED, insists=True) is False, "what came on an earlier way back is over"
     with cancellation.guard():
         cancellation.requested = False
@@ -85,7 +85,7 @@ def test_a_signal_on_the_way_back_waits_for_its_end_and_a_second_one_that_insist
 
 
 def test_nothing_that_asked_for_nothing_is_requested_after_the_way_back(cancellation: Cancellation) -> None:
-    with cancellation.way_back():
+    with cancellation.rolling_back():
         pass
     assert (cancellation.requested, cancellation.active) == (False, False)
 

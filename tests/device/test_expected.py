@@ -8,7 +8,7 @@ import pytest
 
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.change.expected import Expected
-from dvtcli.device.change.way_back import refuse_gap
+from dvtcli.device.change.undo_plan import refuse_gap
 from dvtcli.device.node import Node
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, Plan, Step, ValueChange, plan_pdo

@@ -11,7 +11,7 @@ import pytest
 from dvtcli.device.change.apply_plan import apply_plan
 from dvtcli.device.change.journal import Journal
 from dvtcli.device.change.pending import CHANGE
-from dvtcli.device.change.taken_back import put_back_findings
+from dvtcli.device.change.undo_findings import put_back_findings
 from dvtcli.device.habits import OFTEN_ENOUGH, Habit
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.device.change.way_back import TakeBack
+from dvtcli.device.change.undo_plan import UndoRequest
 from dvtcli.device.node import Node
 from dvtcli.device.restarts import held_plans
 from dvtcli.domain.mapping import PdoMappingEntry
@@ -81,12 +81,12 @@ def test_what_others_changed_is_put_back_one_by_one_and_counted(node: Node) -> N
     set_timer(node, TPDO1, 70)
     set_timer(node, TPDO2, 80)
     plans, node.history = list(node.history), []
-    _, count = node.put_back(TakeBack(plans))
+    _, count = node.undo_plans(UndoRequest(plans))
     assert (timers(node), count, node.unkept) == ([70, before[1]], 1, 1)
     node.sdo.download(0x1800, 5, b"\x09\x00")
     with pytest.raises(SafetyRefusal):
-        node.put_back(TakeBack(plans[:1]))
-    node.put_back(TakeBack(plans[:1], force=True))
+        node.undo_plans(UndoRequest(plans[:1]))
+    node.undo_plans(UndoRequest(plans[:1], force=True))
     assert (timers(node), node.unkept) == (before, 2)
 
 
@@ -94,7 +94,7 @@ def test_of_a_chain_that_somebody_else_broke_only_what_came_after_is_put_back(no
     set_timer(node, TPDO1, 70)
     node.sdo.download(0x1800, 5, b"\x09\x00")
     set_timer(node, TPDO1, 80)
-    _, count = node.put_back(TakeBack(node.history, everything=True))
+    _, count = node.undo_plans(UndoRequest(node.history, everything=True))
     assert (node.pdo(TPDO1).communication.event_timer, count) == (9, 1)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.device.change.journal import Journals
-from dvtcli.device.change.put_back import roll_back_once, roll_back_patiently
+from dvtcli.device.change.roll_back import roll_back_once, roll_back_patiently
 from dvtcli.device.change.transaction import Transaction
 from dvtcli.device.node import Node
 from dvtcli.device.read_pdos import read_pdo

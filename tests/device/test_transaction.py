@@ -11,7 +11,7 @@ import pytest
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.change.failed_change import step_text
-from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S, first_difference
+from dvtcli.device.change.roll_back import PATIENCE_S, RETRY_S, first_difference
 from dvtcli.device.change.transaction import Transaction
 from dvtcli.device.change.untouched_pdos import UntouchedPdos
 from dvtcli.device.read_pdos import read_cob_id, read_pdo

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from dvtcli.device.change.way_back import plan_back, refuse_unless_left
+from dvtcli.device.change.undo_plan import refuse_unless_left, undo_plan_of
 from dvtcli.device.node import Node
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
@@ -54,7 +54,7 @@ def test_the_oldest_value_of_each_object_is_put_back(node: Node, together: bool)
     hold(node, 5)
     node.sdo.download(*HEARTBEAT, b"\x32\0")
     node.read_anew()
-    back = plan_back(node, made)
+    back = undo_plan_of(node, made)
     assert [(step.object, step.before, step.after) for step in back.steps] == [
         ("1800:05", b"\5\0", b"\3\0"), ("1017:00", b"\x32\0", b"\x1e\0"),
     ]  # fmt: skip
@@ -62,7 +62,7 @@ def test_the_oldest_value_of_each_object_is_put_back(node: Node, together: bool)
 
 def test_what_is_as_it_was_is_not_written(node: Node) -> None:
     held = int.from_bytes(node.upload(*HEARTBEAT), "little")
-    assert plan_back(node, plans(written(held, held + 1))).changes == ()
+    assert undo_plan_of(node, plans(written(held, held + 1))).changes == ()
 
 
 @pytest.mark.parametrize(
@@ -79,14 +79,14 @@ def test_an_entry_behind_the_count_is_put_back_only_where_the_mapping_is_open(
         sdo.download(0x1A00, sub_index, data)
     if on:
         sdo.download(0x1800, 1, word.to_bytes(4, "little"))
-    back = plan_back(node, plans(written(0, int.from_bytes(STATUSWORD, "little"), ENTRY, 4)))
+    back = undo_plan_of(node, plans(written(0, int.from_bytes(STATUSWORD, "little"), ENTRY, 4)))
     assert [step.object for step in back.steps] == (["1A00:05"] if put_back else [])
 
 
 def test_an_enabled_pdo_that_maps_nothing_takes_no_entry(node: Node) -> None:
     node.bus.sdo(NODE).device.set_value(0x1A00, 0, b"\0")  # type: ignore[attr-defined]
     assert node.pdo(TPDO1).enabled
-    assert plan_back(node, plans(written(1, 2, ENTRY, 4))).changes == ()
+    assert undo_plan_of(node, plans(written(1, 2, ENTRY, 4))).changes == ()
 
 
 def test_what_is_still_there_is_taken_back_and_what_a_reset_took_is_counted(node: Node) -> None:

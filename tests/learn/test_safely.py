@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import pytest
 
 from dvtcli.device.change.pending import CHANGE
-from dvtcli.device.learn.safely import Asked, Terms, ask_safely, way_back
+from dvtcli.device.learn.safely import Asked, Terms, ask_safely, roll_back_writes
 from dvtcli.device.learn.subjects import subjects
 from dvtcli.device.node import Node
 from dvtcli.domain.learning.operational import IN_OPERATIONAL
@@ -56,7 +56,7 @@ def test_the_way_back_is_about_every_pdo_that_is_whole() -> None:
     assert subject.pdo == TPDO4
     multiplexed = replace(pdos[TPDO2], mpdo=0xFE, mapping=())
     lacking = replace(pdos[TPDO3], unread=((0x1802, 1),))
-    plan = way_back(NODE, [subject], {**pdos, TPDO2: multiplexed, TPDO3: lacking})
+    plan = roll_back_writes(NODE, [subject], {**pdos, TPDO2: multiplexed, TPDO3: lacking})
     labels = [change.label for change in plan.changes]
     assert labels == ["TPDO1", "RPDO1", "RPDO2", "RPDO3", "RPDO4", "TPDO4", "1A03:03"]
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(slots=True)
-class NodeTakenBack:
+class NodeRolledBack:
     """The roll-back of *made* on *node*, with *boot_ups* counted before, or its *failure*."""
 
     node: Node
@@ -45,15 +45,15 @@ class NodeTakenBack:
                 self.node.keeper.own_journal.end_whole()
         except (DvtcliError, KeyboardInterrupt) as failed:
             return left_of(self.node, self.made, cause, failed)
-        from dvtcli.device.change.way_back import unknown_before
+        from dvtcli.device.change.undo_plan import unknown_before
 
         unknown = unknown_before(self.made)
         if not unknown and not self.not_put_back:
             return None
         why = "; ".join(finding.text for finding in (*unknown, *self.not_put_back))
-        from dvtcli.device.change.failed_change import not_taken_back
+        from dvtcli.device.change.failed_change import not_rolled_back
 
-        left = not_taken_back(self.made, self.node.node_id, cause, why)
+        left = not_rolled_back(self.made, self.node.node_id, cause, why)
         if unknown:
             left.hint = "set it by hand: its value before is not known"
         return left
@@ -63,7 +63,7 @@ class NodeTakenBack:
         if self.not_put_back or not self.made:
             return
         from dvtcli.device.change.expected import still_there
-        from dvtcli.device.change.way_back import beginnings
+        from dvtcli.device.change.undo_plan import beginnings
         from dvtcli.device.wish import unlike
 
         if lost := unlike(self.node, still_there(self.node, beginnings(self.made))):
@@ -75,7 +75,7 @@ def undo_patiently(node: Node, *, force: bool) -> tuple[Finding, ...]:
 
     *force*: undo even if present values differ. Returns values not accepted by the device.
     """
-    from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S
+    from dvtcli.device.change.roll_back import PATIENCE_S, RETRY_S
 
     deadline_s = node.bus.now_s() + PATIENCE_S
     while True:
@@ -91,9 +91,9 @@ def undo_patiently(node: Node, *, force: bool) -> tuple[Finding, ...]:
 
 def left_of(node: Node, plans: list[Plan], cause: str, failed: BaseException) -> LeftChanged:
     """Return the error for *plans* remaining on *node*, with `recover` as the hint if a journal exists."""
-    from dvtcli.device.change.failed_change import BUS_BACK, not_taken_back
+    from dvtcli.device.change.failed_change import BUS_BACK, not_rolled_back
 
-    left = not_taken_back(plans, node.node_id, cause, str(failed) or "interrupted")
+    left = not_rolled_back(plans, node.node_id, cause, str(failed) or "interrupted")
     left.__cause__ = failed
     path = node.keeper.open_journal() if node.keeper is not None else None
     if path is not None:
@@ -285,7 +285,7 @@ class ScriptChanges:
             raise left
         for journal in self._journals():
             journal.final("")
-        with self._session.cancellation.way_back(), self._session.agreed():
+        with self._session.cancellation.rolling_back(), self._session.agreed():
             tried = [self._take_back(node, cause) for node in reversed(list(self._session.met_nodes()))]
             failures = [failure for attempt in tried if (failure := attempt.settled(cause)) is not None]
         if failures:
@@ -312,10 +312,10 @@ class ScriptChanges:
             if id(node) not in self._operational and (said := node.gate.abandon()):
                 self._session.tell.warning(said)
 
-    def _take_back(self, node: Node, cause: str) -> NodeTakenBack:
+    def _take_back(self, node: Node, cause: str) -> NodeRolledBack:
         """Undo the changes of *node*, or record the reason for failure; its journal stays."""
         made = self._made(node)
-        tried = NodeTakenBack(node, made)
+        tried = NodeRolledBack(node, made)
         if not made and (node.keeper is None or node.keeper.open_journal() is None):
             return tried  # nothing was written to it, and it need not be there any more
         try:

@@ -18,7 +18,7 @@ from dvtcli.device.change.after_change import (
 )
 from dvtcli.device.change.failed_change import TRY_AGAIN
 from dvtcli.device.change.progress import Progress
-from dvtcli.device.change.put_back import first_difference
+from dvtcli.device.change.roll_back import first_difference
 from dvtcli.device.change.transaction import Transaction
 from dvtcli.device.change.untouched_pdos import (
     UntouchedPdos,

@@ -98,7 +98,7 @@ def unreadable_left(plan: Plan, taken: Sequence[Change], fault: BaseException) -
     return left
 
 
-def not_taken_back(plans: Iterable[Plan], node_id: int, fault: str, why: str) -> LeftChanged:
+def not_rolled_back(plans: Iterable[Plan], node_id: int, fault: str, why: str) -> LeftChanged:
     """The error for *plans* still in effect on *node_id*: no roll-back after *fault*, because of *why*."""
     labels = join_some(dict.fromkeys(change.label for plan in plans for change in plan.changes))
     return LeftChanged(

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 from dvtcli.device.change.accepted_state import refuse_other_device
 from dvtcli.device.change.left_behind import Guarded, could_not, name_left
 from dvtcli.device.change.pending import CHANGE
-from dvtcli.device.change.put_back import roll_back_patiently, unreadable_now
-from dvtcli.device.change.taken_back import put_back_findings
+from dvtcli.device.change.roll_back import roll_back_patiently, unreadable_now
+from dvtcli.device.change.undo_findings import put_back_findings
+from dvtcli.device.change.undo_plan import undo_plan_of
 from dvtcli.device.change.untouched_pdos import altered_of, as_they_are, is_of_pdo, others_left, present_beside
-from dvtcli.device.change.way_back import plan_back
 from dvtcli.device.observe import MOST_LOOKS, BusWitness
 from dvtcli.device.stamped import NO_STAMP, held_stamp, is_stamp, stamp_back
 from dvtcli.domain.hint import Action, Hint, verbatim
@@ -80,8 +80,8 @@ class Recovery:
             node.keeper.lock.take()
         node.read_anew()
         boot_ups = node.bus.boot_ups(node.node_id)
-        plan = plan_back(node, [journal.plan], patient=True)
-        as_taken = plan_back(node, [journal.plan], as_taken=True, patient=True)
+        plan = undo_plan_of(node, [journal.plan], patient=True)
+        as_taken = undo_plan_of(node, [journal.plan], as_taken=True, patient=True)
         present = present_beside(node, journal.plan) if is_of_pdo(journal.plan) else []
         others = as_they_are(_readable(node, present))
         return cls(node, journal, plan, as_taken, _without_stamp(node, journal.plan, plan), others, boot_ups)
@@ -107,7 +107,7 @@ class Recovery:
         with suppress(SdoAborted, DeviceRefused):
             self._restore(tuple(change.reversed() for change in part.changes), given_up=_SILENT)
 
-    def put_back(self) -> None:
+    def roll_back(self) -> None:
         """Roll back and verify everything. Raises LeftChanged, which keeps the journal.
 
         Other PDOs altered by the device as a side effect are rolled back as well, unless the node restarted since the
@@ -180,7 +180,7 @@ class Recovery:
         node = self.node
         for look in range(MOST_LOOKS):
             if look:
-                self.put_back()
+                self.roll_back()
             if self.journal.nmt_state == NmtState.OPERATIONAL and node.access.state() is NmtState.PRE_OPERATIONAL:
                 node.access.insist(NmtState.OPERATIONAL)
             if node.bus.boot_ups(node.node_id) == self._boot_ups:
@@ -290,7 +290,7 @@ def recover_together(recoveries: Sequence[Recovery]) -> dict[int, DvtcliError]:
         for phase in zip(*(recovery.ahead() for recovery in recoveries), strict=True):
             parts = {part.node_id: part for part in phase}
             _each(recoveries, failed, lambda recovery, parts=parts: recovery.go_ahead(parts[recovery.node.node_id]))  # type: ignore[misc]
-    _each(recoveries, failed, Recovery.put_back)
+    _each(recoveries, failed, Recovery.roll_back)
     _each(recoveries, failed, Recovery.start)
     return failed
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.put_back import held_otherwise
+from dvtcli.device.change.roll_back import held_otherwise
 from dvtcli.device.observe import MOST_LOOKS, RebootMonitor
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.pdo import Pdo

@@ -269,14 +269,14 @@ def _restarted(
         survived = canary is not None and canary.survived(after)
     except BaseException as fault:
         if canary is not None:
-            canary.put_back_after(fault)
+            canary.roll_back_after(fault)
         raise
     if canary is None:
         return after, lost, None
     if not survived:
         canary.gone()
         return after, lost, None
-    canary.put_back()
+    canary.roll_back()
     return after, lost, canary.place
 
 

@@ -16,7 +16,7 @@ from dvtcli.device.change.failed_change import (
     step_text,
     unreadable_left,
 )
-from dvtcli.device.change.put_back import (
+from dvtcli.device.change.roll_back import (
     Clock,
     bytes_differ,
     cob_id_difference,
@@ -24,7 +24,7 @@ from dvtcli.device.change.put_back import (
     held_otherwise,
     roll_back_patiently,
 )
-from dvtcli.device.change.taken_back import put_back_findings
+from dvtcli.device.change.undo_findings import put_back_findings
 from dvtcli.device.change.untouched_pdos import UntouchedPdos, altered_too, is_of_pdo
 from dvtcli.device.observe import MOST_LOOKS, RebootMonitor, Undisturbed, observed, restarted_since_read
 from dvtcli.domain.hint import Action, Hint
@@ -210,7 +210,7 @@ class Transaction:
         """Untouched PDOs with an altered COB-ID, in words; empty after a restart meanwhile."""
         return {} if not self._others_matter() or self._restarted() else self.others.altered(self.sdo)
 
-    def _altered_back(self) -> dict[Pdo, str]:
+    def _altered_by_roll_back(self) -> dict[Pdo, str]:
         """Untouched PDOs that differ after the roll-back, in words; empty after a restart meanwhile."""
         if self.witness.boot_ups() != self._boot_ups_back:
             return self._altered()
@@ -223,16 +223,16 @@ class Transaction:
         if not self._touched:
             return
         try:
-            otherwise = self._put_back()
+            otherwise = self._roll_back_changes()
         except (Exception, KeyboardInterrupt) as second:  # noqa: BLE001 - whatever it is, the device is left changed
-            otherwise = self._put_others_back(fault, second)
+            otherwise = self._roll_back_side_effects(fault, second)
         if isinstance(fault, DvtcliError):
             self._say_unreadable(fault)
             fault.details += [("put back", finding.text) for finding in put_back_findings(otherwise)]
             if otherwise and fault.state == "rolled_back":
                 fault.state_text = "rolled back as far as the device takes it, read back equal; nothing was stored"
             fault.node = self.plan.node_id
-            fault.state_text = self.others.put_back_in_part(self.plan) or fault.state_text
+            fault.state_text = self.others.rolled_back_in_part(self.plan) or fault.state_text
             if self._left:
                 self._say_left(fault)
             elif self._restarted():
@@ -246,7 +246,7 @@ class Transaction:
                     Action.SHOW_FRAMES, why="two nodes with one node-ID, or another SDO client? {} shows the frames"
                 )
 
-    def _put_others_back(self, fault: BaseException, second: BaseException) -> tuple[PdoChange, ...]:
+    def _roll_back_side_effects(self, fault: BaseException, second: BaseException) -> tuple[PdoChange, ...]:
         """After a roll-back failed with *second*, restore all but an object that was refused and is unreadable.
 
         Example: a partly sent domain. Raises LeftChanged if the cause is another, or this fails as well.
@@ -356,7 +356,7 @@ class Transaction:
                 why="try again; where that repeats, a longer {}, or look at the wiring and the bus load",
             )
 
-    def _put_back(self) -> tuple[PdoChange, ...]:
+    def _roll_back_changes(self) -> tuple[PdoChange, ...]:
         """Restore the plan's PDOs, and after them PDOs altered as a side effect.
 
         If the device has lost an acknowledged value, it may have restarted unnoticed, and the COB-ID from before does
@@ -365,7 +365,7 @@ class Transaction:
         """
         sure = not self._others_matter() or self._restarted() or self._acknowledged.still_held(self.sdo)
         with suppress(NoAnswer, SdoAborted, SdoProtocolError, BusUnavailable):  # its first write says why
-            observed(self.witness, self._begin_way_back)
+            observed(self.witness, self._begin_roll_back)
         upsets = self.witness.upsets()
         otherwise, differing = self._restored(self.plan.changes)
         sure = sure and self.witness.upsets() == upsets
@@ -380,9 +380,9 @@ class Transaction:
             raise DeviceRefused("the device alters other PDOs again", why="; ".join(still))
         return otherwise
 
-    def _begin_way_back(self) -> None:
+    def _begin_roll_back(self) -> None:
         self._boot_ups_back = self.witness.boot_ups()
-        self.others.begin_way_back(self.sdo, restarted=self._restarted())
+        self.others.begin_roll_back(self.sdo, restarted=self._restarted())
 
     def _restored(self, changes: Sequence[Change]) -> tuple[tuple[PdoChange, ...], dict[Pdo, str]]:
         """Restore *changes*, again after a restart during the check of untouched PDOs; also the differing PDOs."""
@@ -390,7 +390,7 @@ class Transaction:
             otherwise = roll_back_patiently(self.sdo, changes, self.clock, self.before_retry, self.witness)
             upsets = self.witness.upsets()
             try:
-                differing = self._altered_back()
+                differing = self._altered_by_roll_back()
             except SdoAborted:  # refused for a moment: it was read before
                 continue
             if self.witness.upsets() == upsets:

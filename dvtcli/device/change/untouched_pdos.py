@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.put_back import altered_cob_ids, first_difference
+from dvtcli.device.change.roll_back import altered_cob_ids, first_difference
 from dvtcli.device.read_pdos import WHATEVER, read_pdo
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.hint import Action, Hint
@@ -51,7 +51,7 @@ class UntouchedPdos:
             for pdo, held in altered_cob_ids(sdo, self.cob_ids).items()
         }
 
-    def begin_way_back(self, sdo: SdoReader, *, restarted: bool) -> None:
+    def begin_roll_back(self, sdo: SdoReader, *, restarted: bool) -> None:
         """Read the untouched PDOs before the first write of a roll-back.
 
         Values read before the plan take precedence, unless the node *restarted* since.
@@ -99,7 +99,7 @@ class UntouchedPdos:
             self._in_part.append(pdo)
         return replace(held, communication=replace(held.communication, cob_id=cob_id))
 
-    def put_back_in_part(self, plan: Plan) -> str | None:
+    def rolled_back_in_part(self, plan: Plan) -> str | None:
         """The device's state after the roll-back of *plan*; None if all PDOs were restored whole."""
         if not self._in_part:
             return None

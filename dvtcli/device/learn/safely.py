@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.after_change import left_open
-from dvtcli.device.change.put_back import roll_back_patiently
+from dvtcli.device.change.roll_back import roll_back_patiently
 from dvtcli.device.learn.asking import Asking
 from dvtcli.device.learn.saving import SignatureAnswers, ask_to_save
 from dvtcli.device.stamped import NO_STAMP, held_stamp
@@ -49,7 +49,7 @@ class Asked:
     saved: SignatureAnswers
 
 
-def way_back(
+def roll_back_writes(
     node_id: int, subjects: Sequence[ProbedPdo], pdos: Mapping[Pdo, PdoConfig], stamp: Stamp | None = None
 ) -> Plan:
     """The plan for the journal: each subject with the entries behind its count, and every other PDO of *pdos*.
@@ -96,7 +96,7 @@ def ask_safely(
     *found* is the initial state of the node. After any failure all *pdos* are rolled back first; raises LeftChanged and
     keeps the journal if the roll-back fails.
     """
-    plan = way_back(node.node_id, subjects, pdos, held_stamp(node))
+    plan = roll_back_writes(node.node_id, subjects, pdos, held_stamp(node))
     with node.cancellation.guard():
         if node.keeper is not None:
             asked_about = tuple(subject.pdo.label for subject in subjects)
@@ -110,12 +110,12 @@ def ask_safely(
                 saves = True
                 asked = replace(asked, saved=ask_to_save(node, terms.saves))
         except BaseException as fault:
-            _put_back(node, plan, pdos, fault)
+            _roll_back(node, plan, pdos, fault)
             if isinstance(fault, DvtcliError):
                 _told(fault, may_have_saved=saves and fault.state == "unknown")
                 fault.node = node.node_id
             raise
-        _put_back(node, plan, pdos, None)
+        _roll_back(node, plan, pdos, None)
     node.cancellation.hold()
     return asked
 
@@ -187,7 +187,7 @@ def _ask_one(asking: Asking, answers: dict[str, ProbeAnswer], terms: Terms) -> K
     return known
 
 
-def _put_back(node: Node, plan: Plan, pdos: Mapping[Pdo, PdoConfig], fault: BaseException | None) -> None:
+def _roll_back(node: Node, plan: Plan, pdos: Mapping[Pdo, PdoConfig], fault: BaseException | None) -> None:
     """Roll everything back, verify all *pdos*, and close the journal."""
     own = _own(plan)
     try:

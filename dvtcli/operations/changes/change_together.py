@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from dvtcli.bus.turns import one_by_one
 from dvtcli.device.change.change_group import GroupMember
 from dvtcli.device.change.own_journal import complete_wholes
-from dvtcli.device.change.taken_back import with_way_back
+from dvtcli.device.change.undo_findings import with_undo_findings
 from dvtcli.device.change.untouched_pdos import as_they_are, present_beside, wholes_beside
 from dvtcli.device.stamped import is_stamp
 from dvtcli.domain.network.phases import phases
@@ -57,7 +57,7 @@ def apply_together(
     try:
         for node_id, plan in plans.items():
             if len(plan):
-                transaction.plans[node_id], _ = with_way_back(nodes[node_id], plan)
+                transaction.plans[node_id], _ = with_undo_findings(nodes[node_id], plan)
                 own = present_beside(nodes[node_id], transaction.guarded(node_id))
                 read = wholes_beside(nodes[node_id], plan, found[node_id])
                 transaction.beside[node_id] = as_they_are({pdo: config for pdo, config in read.items() if pdo in own})
@@ -137,7 +137,7 @@ class _Run:
         part = replace(part, looked_at=frozenset(change.pdo for change in changes if isinstance(change, PdoChange)))
         with self._told(phase, node):
             _stop_if_cancelled(self.session)
-            with self.transaction.doing(with_way_back(node, part)[0]):
+            with self.transaction.doing(with_undo_findings(node, part)[0]):
                 node.apply(
                     part,
                     self.findings[part.node_id],

@@ -11,7 +11,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
 from dvtcli.bus.turns import one_by_one
-from dvtcli.device.change.put_back import first_difference
+from dvtcli.device.change.roll_back import first_difference
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import BusUnavailable, DeviceRefused, Restarted, SafetyRefusal
 

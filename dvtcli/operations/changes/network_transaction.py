@@ -10,11 +10,11 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.failed_change import BUS_BACK, beside, not_taken_back
+from dvtcli.device.change.failed_change import BUS_BACK, beside, not_rolled_back
 from dvtcli.device.change.journal_contents import combine_plans
-from dvtcli.device.change.put_back import PATIENCE_S, RETRY_S, first_difference
+from dvtcli.device.change.roll_back import PATIENCE_S, RETRY_S, first_difference
+from dvtcli.device.change.undo_plan import UndoRequest
 from dvtcli.device.change.untouched_pdos import as_they_are, present_beside
-from dvtcli.device.change.way_back import TakeBack
 from dvtcli.device.observe import MOST_LOOKS
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.plan import Change, PdoChange, Plan
@@ -76,7 +76,7 @@ def put_back(node: Node, plan: Plan) -> None:
     deadline_s = node.bus.now_s() + PATIENCE_S
     while True:
         try:
-            node.put_back(TakeBack([plan], force=True, own=True, rolls_back=True, is_part=True))
+            node.undo_plans(UndoRequest([plan], force=True, own=True, rolls_back=True, is_part=True))
         except _PASSING:
             if node.bus.now_s() >= deadline_s:
                 raise
@@ -233,7 +233,7 @@ class NetworkTransaction:
             fault.details += beside(
                 fault, (exception for exception in faults[1:] if not isinstance(exception, Interrupted | LeftChanged))
             )
-        with self.session.cancellation.way_back(), self.session.agreed():
+        with self.session.cancellation.rolling_back(), self.session.agreed():
             for node_id in dict.fromkeys(part.node_id for part in self.done if part.node_id not in failures):
                 with suppress(NoAnswer, SdoAborted, SdoProtocolError, BusUnavailable):  # its first write says why
                     self._read_beside(node_id)
@@ -248,7 +248,7 @@ class NetworkTransaction:
             if left is not fault:
                 raise left from fault
         elif isinstance(fault, DvtcliError) and fault.state != "left_changed" and self.done:
-            self._say_all_back(fault)
+            self._report_all_rolled_back(fault)
 
     def _read_beside(self, node_id: int) -> None:
         """Read the unwritten PDOs before the roll-back's first write."""
@@ -258,7 +258,7 @@ class NetworkTransaction:
         others = {pdo: config for pdo, config in node.known_pdos().items() if pdo in present}
         self.beside[node_id] = (*self.beside.get(node_id, ()), *as_they_are(others))
 
-    def _say_all_back(self, fault: DvtcliError) -> None:
+    def _report_all_rolled_back(self, fault: DvtcliError) -> None:
         back, unwritten = self._others(())
         restarted = [
             looked_id for looked_id, boot_ups in self._looked.items() if self._before[looked_id].restarted(boot_ups)
@@ -376,7 +376,7 @@ class NetworkTransaction:
     def _left(self, node: Node, fault: BaseException, failed: BaseException) -> LeftChanged:
         """Describe what stays changed on *node*; `recover` uses its journal, if any."""
         why = failed.why or failed.text if isinstance(failed, LeftChanged) else str(failed) or "interrupted"
-        left = not_taken_back([self.plans[node.node_id]], node.node_id, str(fault) or "interrupted", why)
+        left = not_rolled_back([self.plans[node.node_id]], node.node_id, str(fault) or "interrupted", why)
         path = node.keeper.open_journal() if node.keeper is not None else None
         if path is not None:
             finish = Hint(Action.RECOVER, why=f"finishes it, from {verbatim(path)}")

@@ -1,6 +1,6 @@
 """Undo changes of this session, or of earlier processes if it made none (`undo_remembered`).
 
-`device.change.way_back` decides what a device must hold for an undo.
+`device.change.undo_plan` decides what a device must hold for an undo.
 """
 
 from __future__ import annotations
@@ -38,29 +38,33 @@ def undo(session: Session, *, everything: bool = False) -> Changed | ChangedNode
 
     order = session.network.order
     if not order:
-        from dvtcli.operations.changes.undo_remembered import put_remembered_back, remembered, undoing
+        from dvtcli.operations.changes.undo_remembered import remembered, undo_remembered_changes, undoing
 
         chains = remembered(session, everything=everything)
         together = [undoing(session, chain) for chain in chains]
         if everything and may_go_together(together):
             return ChangedNodes(undo_together(session, together))
-        return _one_by_one(session, chains, lambda chain: put_remembered_back(session, chain, everything=everything))
+        return _one_by_one(
+            session, chains, lambda chain: undo_remembered_changes(session, chain, everything=everything)
+        )
     if not everything:
-        return _own_put_back(session, order[-1], everything=False)
+        return _own_undone(session, order[-1], everything=False)
     node_ids = list(dict.fromkeys(reversed(order)))
     together = [_undoing(session, session.node(node_id)) for node_id in node_ids]
     if may_go_together(together):
         return ChangedNodes(undo_together(session, together))
-    return _one_by_one(session, node_ids, lambda node_id: _own_put_back(session, node_id, everything=True))
+    return _one_by_one(session, node_ids, lambda node_id: _own_undone(session, node_id, everything=True))
 
 
 def undo_on(session: SessionNodes, node_id: int, *, everything: bool = False) -> Changed:
     """Undo the last change of a single node, or with *everything* all; of this session, else as `undo`."""
     if session.node(node_id).history:
-        return _own_put_back(session, node_id, everything=everything)
-    from dvtcli.operations.changes.undo_remembered import put_remembered_back, remembered_of
+        return _own_undone(session, node_id, everything=everything)
+    from dvtcli.operations.changes.undo_remembered import remembered_of, undo_remembered_changes
 
-    return put_remembered_back(session, remembered_of(session, node_id, everything=everything), everything=everything)
+    return undo_remembered_changes(
+        session, remembered_of(session, node_id, everything=everything), everything=everything
+    )
 
 
 def _one_by_one(session: SessionNodes, things: Iterable[T], put_back: Callable[[T], Changed]) -> Changed | ChangedNodes:
@@ -103,7 +107,7 @@ def _undoing(session: SessionNodes, node: Node) -> Undoing:
     return Undoing(node, tuple(node.history), True, forget)
 
 
-def _own_put_back(session: SessionNodes, node_id: int, *, everything: bool) -> Changed:
+def _own_undone(session: SessionNodes, node_id: int, *, everything: bool) -> Changed:
     started, node = time.monotonic(), session.node(node_id)
     before = node.history[:]
     applied = node.undo(everything=everything, force=session.options.force)

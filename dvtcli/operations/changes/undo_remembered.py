@@ -1,6 +1,6 @@
 """Undo remembered changes of earlier processes on the devices present.
 
-`device.change.way_back` decides what a device must hold for an undo.
+`device.change.undo_plan` decides what a device must hold for an undo.
 """
 
 from __future__ import annotations
@@ -92,12 +92,12 @@ def _nothing_kept(node_id: int) -> UsageError:
     return UsageError("nothing to undo: this session changed nothing on the node", node=node_id)
 
 
-def put_remembered_back(session: SessionNodes, chain: RememberedDevice, *, everything: bool) -> Changed:
+def undo_remembered_changes(session: SessionNodes, chain: RememberedDevice, *, everything: bool) -> Changed:
     """Undo the last change of *chain*, or *everything*; raises SafetyRefusal if the device has other values."""
-    from dvtcli.device.change.way_back import TakeBack
+    from dvtcli.device.change.undo_plan import UndoRequest
 
     started, node = time.monotonic(), chain.node
-    applied, count = node.put_back(TakeBack(_plans(chain), everything=everything, force=session.options.force))
+    applied, count = node.undo_plans(UndoRequest(_plans(chain), everything=everything, force=session.options.force))
     _forget(session, chain, applied, count)
     if not everything:
         _tell_of_others(session, chain)
@@ -117,7 +117,7 @@ def _tell_of_others(session: SessionNodes, chain: RememberedDevice) -> None:
 
 def undoing(session: SessionUser, chain: RememberedDevice) -> Undoing:
     """Collect all changes of *chain*, to undo together with other nodes."""
-    from dvtcli.device.change.way_back import unbroken
+    from dvtcli.device.change.undo_plan import unbroken
     from dvtcli.operations.changes.undo_together import Undoing
 
     def forget(applied: Applied, count: int) -> None:

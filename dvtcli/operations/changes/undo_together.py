@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 from dvtcli.device.applied import Applied
 from dvtcli.device.change.apply_plan import enter
 from dvtcli.device.change.journal_contents import combine_plans
-from dvtcli.device.change.taken_back import foreseen
+from dvtcli.device.change.undo_findings import foreseen
+from dvtcli.device.change.undo_plan import UndoPlan, UndoRequest, plan_undo
 from dvtcli.device.change.untouched_pdos import as_they_are, present_beside
-from dvtcli.device.change.way_back import TakeBack, WayBack, way_back
 from dvtcli.domain.plan import STAMP, Change, PdoChange, Plan, ValueChange, plan_pdo
 from dvtcli.operations.changes.change import changed
 from dvtcli.operations.changes.change_together import apply_together, complete
@@ -62,8 +62,8 @@ def undo_together(session: Session, undoings: Sequence[Undoing]) -> tuple[Change
         found = {node_id: node.begin_change() for node_id, node in sorted(nodes.items())}
         force = session.options.force
         backs = {
-            node_undoing.node.node_id: way_back(
-                node_undoing.node, TakeBack(node_undoing.plans, everything=True, force=force, own=node_undoing.own)
+            node_undoing.node.node_id: plan_undo(
+                node_undoing.node, UndoRequest(node_undoing.plans, everything=True, force=force, own=node_undoing.own)
             )
             for node_undoing in undoings
         }
@@ -104,11 +104,11 @@ class _EqualNodes(NoOtherClaims):
             require_held(self.nodes[node_id], changes)
 
 
-def _as_before(back: WayBack) -> tuple[Change, ...]:
+def _as_before(back: UndoPlan) -> tuple[Change, ...]:
     """List values that are as before the changes of *back* and need no write, each as a change."""
     written = {change.label for change in back.plan.changes if change.steps}
     changes = combine_plans(back.plan.node_id, back.undone).changes if back.undone else ()
-    return tuple(_to_the_same(change) for change in changes if change.label not in written and _is_put_back(change))
+    return tuple(_to_the_same(change) for change in changes if change.label not in written and _is_undone(change))
 
 
 def _read_pdos(node: ReadableNode) -> None:
@@ -121,7 +121,7 @@ def _beside(node: ReadableNode, plan: Plan) -> tuple[Change, ...]:
     return as_they_are({pdo: config for pdo, config in node.last_read.items() if pdo in present})
 
 
-def _is_put_back(change: Change) -> bool:
+def _is_undone(change: Change) -> bool:
     """Tell whether the old value is known and returns with the undo; a stamp does not."""
     return isinstance(change, PdoChange) or (change.is_readable and change.step.index != STAMP)
 

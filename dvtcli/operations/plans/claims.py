@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.expected import moves
-from dvtcli.device.change.put_back import first_difference
+from dvtcli.device.change.roll_back import first_difference
 from dvtcli.device.change.untouched_pdos import is_of_pdo
 from dvtcli.device.observe import MOST_LOOKS
 from dvtcli.device.read_whole import PAUSE_S

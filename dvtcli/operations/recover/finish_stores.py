@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from dvtcli.device.canary import holds_test, put_test_back
+from dvtcli.device.canary import holds_test, roll_back_test
 from dvtcli.device.change.accepted_state import refuse_other_device
 from dvtcli.device.stamped import held_stamp, is_stamp, stamp_changes
 from dvtcli.domain.hint import Action, Hint, verbatim
@@ -212,7 +212,7 @@ def _store(
             for keeper in keepers:
                 if keeper.node_id in waited:
                     keeper.own_journal.adopt(waited[keeper.node_id])
-            _put_tests_back(nodes, tests)
+            _roll_back_tests(nodes, tests)
             for node_id, changes in stamps.items():
                 nodes[node_id].apply(Plan(node_id, tuple(changes)), kept=False)
             store_each(session, part.name, course, claims, [keeper.own_journal for keeper in keepers])
@@ -238,10 +238,10 @@ def _ended_stamps(claims: ClaimsAtStore, part: GroupMember) -> dict[int, tuple[C
     return found
 
 
-def _put_tests_back(nodes: Mapping[int, Node], tests: Mapping[int, Sequence[Change]]) -> None:
+def _roll_back_tests(nodes: Mapping[int, Node], tests: Mapping[int, Sequence[Change]]) -> None:
     for node_id, changes in tests.items():
         nodes[node_id].gate.enter()
-        put_test_back(nodes[node_id], changes, join_some(change.label for change in changes))
+        roll_back_test(nodes[node_id], changes, join_some(change.label for change in changes))
 
 
 def _refuse_unlike(claims: ClaimsAtStore, node_id: int, name: str) -> None:

@@ -235,7 +235,7 @@ def test_the_canary_is_never_without_its_journal(tmp_path: Path) -> None:
         assert canary.plant()
         assert held() != before
         assert len(journals(tmp_path)) == 1
-        canary.put_back()
+        canary.roll_back()
         assert held() == before
         assert journals(tmp_path) == []
 

@@ -36,7 +36,7 @@ MAY_CATCH_ALL = {
     "cli/monitor/watch_keys.py": "handed to who takes what was read",
     "cli/monitor/full_screen.py": "the same; and past the event loop of prompt_toolkit, which would keep it",
     "device/change/transaction.py": "LeftChanged follows, unless all but an object that cannot be read goes back",
-    "device/change/put_back.py": "the other changes are put back all the same, then it is raised",
+    "device/change/roll_back.py": "the other changes are put back all the same, then it is raised",
 }
 #: where any failure of ours is left unsaid, with why
 MAY_LEAVE_UNSAID = {

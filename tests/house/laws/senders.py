@@ -36,7 +36,7 @@ _ROOMS = ("bus/", "simulator/")
 MAY_SEND = {
     "domain/ports.py": "the contract itself",
     "device/change/transaction.py": "plans",
-    "device/change/put_back.py": "the way back",
+    "device/change/roll_back.py": "the way back",
     "device/store_parameters.py": "signatures of store and restore",
     "device/resets.py": "resets, under consent",
     "device/access_level.py": "logins",

@@ -68,7 +68,7 @@ def _refusal(node: Changeable, label: str, why: str) -> SafetyRefusal:
 
 
 @dataclass(frozen=True, slots=True)
-class TakeBack:
+class UndoRequest:
     """The changes to undo: the newest of *plans* (oldest first), or *everything*.
 
     *own*: the plans are of this session's history; *rolls_back*: nothing was stored since. With *force* present values
@@ -86,7 +86,7 @@ class TakeBack:
 
 
 @dataclass(frozen=True, slots=True)
-class WayBack:
+class UndoPlan:
     """The *plan* from a node's present values to the values before the plans *undone* (oldest first).
 
     *unknown* warns of objects that stay because their former value is unknown.
@@ -102,8 +102,8 @@ class WayBack:
         return unrestored_objects(self.unknown)
 
 
-def way_back(node: Changeable, asked: TakeBack) -> WayBack:
-    """The way back on the claimed *node*; writes nothing.
+def plan_undo(node: Changeable, asked: UndoRequest) -> UndoPlan:
+    """Plan the undo on the claimed *node*; writes nothing.
 
     Also works if the device has lost the newest plans, as after a reset. Raises SafetyRefusal if the device has other
     values by now, UsageError if the former values are unknown; with force neither.
@@ -113,7 +113,7 @@ def way_back(node: Changeable, asked: TakeBack) -> WayBack:
     if not asked.force:
         count = refuse_unless_left(node, chain, count)
     undone = chain[-count:]
-    plan = node.observed(lambda: plan_back(node, undone, rolls_back=asked.rolls_back))
+    plan = node.observed(lambda: undo_plan_of(node, undone, rolls_back=asked.rolls_back))
     unknown = unknown_before(undone)
     if unknown and not plan.changes and not (asked.force or asked.rolls_back):
         raise UsageError(
@@ -121,10 +121,10 @@ def way_back(node: Changeable, asked: TakeBack) -> WayBack:
             node=node.node_id,
             hint=Hint(Action.UNDO, {"force": True}, "leaves it so and forgets that change"),
         )
-    return WayBack(plan, tuple(undone), unknown)
+    return UndoPlan(plan, tuple(undone), unknown)
 
 
-def plan_back(
+def undo_plan_of(
     node: KnownPdos, plans: Iterable[Plan], *, as_taken: bool = False, rolls_back: bool = False, patient: bool = False
 ) -> Plan:
     """The plan from present values of *node* to the values before the oldest of *plans* (oldest first).

@@ -87,9 +87,9 @@ def roll_back_once(sdo: SdoTransport, changes: Sequence[Change], *, settles: boo
             continue  # restored with its PDO, whose count blocks it
         try:
             if dependent and change is dependent[-1]:
-                _put_dependent_back(sdo, dependent)
+                _roll_back_dependent(sdo, dependent)
             else:
-                _put_one_back(sdo, change, fillers, settles=settles)
+                _roll_back_one(sdo, change, fillers, settles=settles)
         except NoAnswer:
             raise  # a silent node answers nothing about the others either
         except Exception as failed:  # noqa: BLE001 - the others are put back all the same
@@ -107,19 +107,19 @@ def roll_back_once(sdo: SdoTransport, changes: Sequence[Change], *, settles: boo
     return tuple(otherwise)
 
 
-def _put_one_back(
+def _roll_back_one(
     sdo: SdoTransport, change: Change, fillers: Mapping[Pdo, Sequence[ValueChange]], *, settles: bool
 ) -> None:
     """Restore *before* of *change*; after an expected refusal, the value accepted instead."""
     try:
-        for step in _steps_back(sdo, change, fillers):
+        for step in _roll_back_steps(sdo, change, fillers):
             _bring(sdo, step)
     except SdoAborted as refused:
-        if not isinstance(change, PdoChange) or not _otherwise_put_back(sdo, change, refused, settles=settles):
+        if not isinstance(change, PdoChange) or not _roll_back_otherwise(sdo, change, refused, settles=settles):
             raise
 
 
-def _put_dependent_back(sdo: SdoTransport, changes: Sequence[ValueChange]) -> None:
+def _roll_back_dependent(sdo: SdoTransport, changes: Sequence[ValueChange]) -> None:
     """Restore *before* of dependent values; the first refusal is raised at the end."""
     from dvtcli.domain.value_order import altering, in_order
 
@@ -142,7 +142,7 @@ def _put_dependent_back(sdo: SdoTransport, changes: Sequence[ValueChange]) -> No
         raise refused[0]
 
 
-def _otherwise_put_back(sdo: SdoTransport, change: PdoChange, refused: SdoAborted, *, settles: bool) -> bool:
+def _roll_back_otherwise(sdo: SdoTransport, change: PdoChange, refused: SdoAborted, *, settles: bool) -> bool:
     """Restore with the PDO disabled if a parameter was refused while enabled, else restore *back*; false if neither.
 
     As long as the refusal may be temporary, *back* is not used unless *settles*.
@@ -190,9 +190,9 @@ def _fillers(changes: Sequence[Change]) -> dict[Pdo, list[ValueChange]]:
     return found
 
 
-def _steps_back(sdo: SdoTransport, change: Change, fillers: Mapping[Pdo, Sequence[ValueChange]]) -> Sequence[Step]:
+def _roll_back_steps(sdo: SdoTransport, change: Change, fillers: Mapping[Pdo, Sequence[ValueChange]]) -> Sequence[Step]:
     if isinstance(change, PdoChange):
-        return _pdo_steps_back(sdo, change, fillers.get(change.pdo, ()))
+        return _pdo_roll_back_steps(sdo, change, fillers.get(change.pdo, ()))
     step = change.step
     if step.before is None:
         return ()
@@ -217,7 +217,7 @@ def unreadable_now(sdo: SdoTransport, changes: Iterable[Change]) -> dict[ValueCh
     return found
 
 
-def _pdo_steps_back(sdo: SdoTransport, change: PdoChange, fillers: Sequence[ValueChange]) -> Sequence[Step]:
+def _pdo_roll_back_steps(sdo: SdoTransport, change: PdoChange, fillers: Sequence[ValueChange]) -> Sequence[Step]:
     """The steps to restore the PDO; a differing entry behind its count is written while the mapping is open."""
     now = read_pdo(sdo, change.pdo)
     held = {filler: sdo.upload(filler.step.index, filler.step.sub_index) for filler in fillers}

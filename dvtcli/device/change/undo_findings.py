@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.rules import Finding
 
 
-def with_way_back(node: NodeDescription, plan: Plan) -> tuple[Plan, tuple[Finding, ...]]:
+def with_undo_findings(node: NodeDescription, plan: Plan) -> tuple[Plan, tuple[Finding, ...]]:
     """*plan* with an accepted substitute for each PDO value that *node* would refuse in a roll-back, and findings."""
     found = [_foreseen(node, change) for change in plan.changes]
     findings = tuple(finding for _, finding in found if finding is not None)
