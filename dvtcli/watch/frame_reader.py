@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime, timedelta
 from functools import lru_cache
-from types import MappingProxyType
 from typing import NamedTuple
 
 from dvtcli.domain.abort import abort_text
@@ -25,7 +24,7 @@ from dvtcli.watch.service import Service
 
 #: facts of a frame by name, for machines
 Facts = Mapping[str, Value | None]
-_NO_FACTS: Facts = MappingProxyType({})
+_NO_FACTS: Facts = {}
 #: first day of TIME (CiA 301, 7.2.6), and the milliseconds of a day
 _EPOCH, _DAY_MS = datetime(1984, 1, 1, tzinfo=UTC), 86_400_000
 _DESTINATION = 0x80

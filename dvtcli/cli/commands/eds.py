@@ -123,7 +123,7 @@ def command(
     eds convert drive.eds drive.xdd
     eds convert press.dcf press.xdc
     eds convert press.yaml ram.cdcf --for ram
-    eds convert ram.dcf ram.cdcf
+    eds convert press.dcf press.cdcf
     eds convert press.yaml press.dbc
     eds convert press.yaml press.dbc --with sync,emcy
     eds convert setup.log press.dbc    what a recording says of its PDOs

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dvtcli.device.virtual_pdos import names_objects
 from dvtcli.domain.datatypes import BY_SHORT_NAME, DataType, Kind
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.meanings import NOTHING, ScaledValue
-from dvtcli.domain.plan import Step
 from dvtcli.domain.several import hex_preview
-from dvtcli.domain.shown_value import step_text
 from dvtcli.errors import SdoProtocolError
 from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.operations.results.values import ValueRead
@@ -19,7 +16,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from dvtcli.device.node_parts import NodeDescription
-
 
 #: Strings at the same place in every device (CiA 301, 7.5.2.8 ff.).
 _STRINGS = frozenset({0x1008, 0x1009, 0x100A})
@@ -97,9 +93,3 @@ def value_result(
         meanings_of(node.profile, node.dictionary).of(index, sub_index) if asked is None else NOTHING,
         written,
     )
-
-
-def planned_words(node: NodeDescription, index: int, sub_index: int, data: bytes) -> str:
-    """Print *data* with its scaling, if known; else raw."""
-    step = Step(index, sub_index, None, data, "", names_objects(node, index, sub_index))
-    return step_text(step, data, understood(node, {step.object: len(data)}).get(step.object))

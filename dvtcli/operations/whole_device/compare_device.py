@@ -24,8 +24,8 @@ from dvtcli.errors import UsageError
 from dvtcli.files.eds.written_values import same_value
 from dvtcli.files.input_file import read_input_head
 from dvtcli.files.whole_device_file import KeptObject
-from dvtcli.operations.meanings.object_values import planned_words
 from dvtcli.operations.meanings.physical_meanings import meanings_of
+from dvtcli.operations.meanings.planned_words import planned_words
 from dvtcli.operations.pdos.look_at_frames import look
 from dvtcli.operations.results import Compared, ComparedNodes
 from dvtcli.operations.results.whole_devices import ObjectDifference, WholeCompared

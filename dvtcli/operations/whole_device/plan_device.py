@@ -18,7 +18,8 @@ from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish, WantedIden
 from dvtcli.domain.pdo import BY_SUB_INDEX, MAPPING, PdoConfig
 from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.operations.consent.power_stage import powered_findings
-from dvtcli.operations.meanings.object_values import planned_words, understood
+from dvtcli.operations.meanings.object_values import understood
+from dvtcli.operations.meanings.planned_words import planned_words
 from dvtcli.operations.plans.apply_network import apply_network
 from dvtcli.operations.plans.judge_network import checked
 from dvtcli.operations.plans.plan_network import checked_network, plans_of, with_unknown_syncs
