@@ -1,1 +1,1 @@
-"""Read, change and store one device over SDO and NMT. No other package writes to devices."""
+"""Read, change and store one device over SDO and NMT. No other package changes a device's settings."""

@@ -10,8 +10,8 @@ from dvtcli.files.input_file import read_input_head
 from dvtcli.files.recording_formats import format_of, formats
 from dvtcli.files.recordings.recording_format import RecordingFormat
 
-#: bytes of a file that are looked at, and its lines
-_MOST_BYTES, _MOST_LINES = 65_536, 200
+#: bytes of a file that are looked at, its lines, and characters of the first line
+_MOST_BYTES, _MOST_LINES, _MOST_CHARACTERS = 65_536, 200, 400
 #: beginnings of the formats with a suffix of their own
 _BEGINNINGS = {
     b"LOGG": ".blf", b"MDF     ": ".mf4", b"\x0a\x0d\x0d\x0a": ".pcapng", b"\xd4\xc3\xb2\xa1": ".pcap",
@@ -72,9 +72,9 @@ def _by_content(head: bytes) -> RecordingFormat | str | None:
     whole = text.splitlines() if len(head) < _MOST_BYTES else text.splitlines()[:-1]
     lines = [line for line in map(shown_text, whole[:_MOST_LINES]) if line.strip()]
     for pattern, suffix in _LINES:
-        if lines and pattern.fullmatch(lines[0].lstrip()):
+        if lines and pattern.fullmatch(lines[0].lstrip()[:_MOST_CHARACTERS]):
             return formats()[suffix]
     for format_ in PASTED:
         if format_.is_in(lines):
             return format_
-    return next((name for pattern, name in _OTHER_LINES if lines and pattern.fullmatch(lines[0].lstrip())), None)
+    return next((name for pattern, name in _OTHER_LINES if lines and pattern.fullmatch(lines[0].lstrip()[:_MOST_CHARACTERS])), None)

@@ -27,16 +27,15 @@ _VALUE = re.compile(rf"{_QUOTED}|{_WORD}")
 _END = re.compile(r"(?: +#.*| *)")
 _FLOW = re.compile(rf" *(?:([\[\]{{}},])|({_QUOTED}|{_FLOW_WORD})(:(?= ))?)")
 _DASH = re.compile(r"- +")
+_BOOL = re.compile(r"true|True|TRUE|false|False|FALSE")
+_FLOAT = re.compile(
+    r"[-+]?[0-9][0-9_]*(?:\.[0-9_]*(?:[eE][-+]?[0-9]+)?|[eE][-+]?[0-9]+)|[-+]?\.[0-9_]+(?:[eE][-+][0-9]+)?"
+    r"|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)"
+)
+_INT = re.compile(r"[-+]?(?:0b[01_]+|0o?[0-7_]+|[0-9_]+|0x[0-9a-fA-F_]+)")
+_NULL = re.compile(r"null|Null|NULL")
 #: types of words in YAML 1.2 (10.3.2), with ruamel's underscores in numbers
-_KINDS = {
-    "bool": re.compile(r"true|True|TRUE|false|False|FALSE"),
-    "float": re.compile(
-        r"[-+]?[0-9][0-9_]*(?:\.[0-9_]*(?:[eE][-+]?[0-9]+)?|[eE][-+]?[0-9]+)|[-+]?\.[0-9_]+(?:[eE][-+][0-9]+)?"
-        r"|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)"
-    ),
-    "int": re.compile(r"[-+]?(?:0b[01_]+|0o?[0-7_]+|[0-9_]+|0x[0-9a-fA-F_]+)"),
-    "null": re.compile(r"null|Null|NULL"),
-}
+_IS_KIND = {"bool": _BOOL.fullmatch, "float": _FLOAT.fullmatch, "int": _INT.fullmatch, "null": _NULL.fullmatch}
 _LONGEST_KEY = 200
 
 #: a key and its value
@@ -52,7 +51,7 @@ def _kind(word: str) -> str:
     if re.match(r"\d{4}-\d", word):
         raise OtherYamlError  # a date
     kinds = ("float", "int") if word[0] in "+-.0123456789" else ("bool", "null")
-    return next((kind for kind in kinds if _KINDS[kind].fullmatch(word)), "str")
+    return next((kind for kind in kinds if _IS_KIND[kind](word)), "str")
 
 
 class PlainYaml:

@@ -1,1 +1,1 @@
-"""Formats of recordings, a module each, found by being in this folder."""
+"""Formats of recordings, listed by `recording_formats`; pasted text is recognised by its content."""

@@ -1,1 +1,1 @@
-"""Output formats of `eds convert`, one module each."""
+"""`eds convert` and its output formats."""

@@ -1,1 +1,1 @@
-"""Output formats of `export`, one module each."""
+"""The output formats of `export`; what they write is made in `exchange/` and `whole_device/`."""
