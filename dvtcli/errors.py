@@ -101,10 +101,15 @@ class DvtcliError(Exception):
     def beside(self, done: Iterable[int], failures: Iterable[DvtcliError], text: str) -> None:
         """Note the nodes *done*, which went back, and those of *failures*; *text* says what was done."""
         self.nodes = dict.fromkeys(done, "rolled_back")
-        if not self.nodes:
-            return
-        self.details.append(("done", f"node {', '.join(map(str, self.nodes))}: {text}"))
-        self.nodes |= {failed.node: failed.state for failed in failures if failed.node is not None}
+        if self.nodes:
+            self.details.append(("done", f"node {', '.join(map(str, self.nodes))}: {text}"))
+        failed_states: dict[int, State] = {}
+        for failed in failures:
+            if failed.node is not None:
+                states = (failed.state, failed_states.get(failed.node, failed.state))
+                failed_states[failed.node] = max(states, key=_STATES.index)
+        if self.nodes or len(failed_states) > 1:
+            self.nodes |= failed_states
 
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle and copy the error with all of its fields."""
@@ -113,6 +118,11 @@ class DvtcliError(Exception):
 
 def _made_again(kind: type[DvtcliError], *args: object) -> DvtcliError:
     return kind.__new__(kind, *args)
+
+
+def worst_of(failures: Sequence[DvtcliError]) -> DvtcliError:
+    """The failure of which least is as it was, the first of equal ones."""
+    return max(failures, key=lambda failed: _STATES.index(failed.state))
 
 
 def ended_with(exit_code: int, text: str, *, hint: Hint | str | None = None, state: State = "unchanged") -> DvtcliError:

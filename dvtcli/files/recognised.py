@@ -77,4 +77,5 @@ def _by_content(head: bytes) -> RecordingFormat | str | None:
     for format_ in PASTED:
         if format_.is_in(lines):
             return format_
-    return next((name for pattern, name in _OTHER_LINES if lines and pattern.fullmatch(lines[0].lstrip()[:_MOST_CHARACTERS])), None)
+    first = lines[0].lstrip()[:_MOST_CHARACTERS] if lines else ""
+    return next((name for pattern, name in _OTHER_LINES if pattern.fullmatch(first)), None)

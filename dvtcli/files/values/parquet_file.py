@@ -115,10 +115,12 @@ class ParquetWriter:
         if not len(self._table):
             return
         batch = self._table.batch()
-        if self._stream is not None:
-            self._stream.write(batch)
-        self._parquet.write(batch)
-        self.size = self._parquet.size
+        try:
+            if self._stream is not None:
+                self._stream.write(batch)
+        finally:  # if the stream fails, the file may still be completed
+            self._parquet.write(batch)
+            self.size = self._parquet.size
 
     def close(self) -> None:
         """Write pending rows and the table of contents."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.plan import alters
 from dvtcli.domain.several import join_some
-from dvtcli.errors import DvtcliError, InputFileError, Restarted, SafetyRefusal, UsageError
+from dvtcli.errors import DvtcliError, InputFileError, Restarted, SafetyRefusal, UsageError, worst_of
 from dvtcli.operations.changes.change import changed
 from dvtcli.operations.recover.close_journal import accepted, discarded, nothing_to_recover, refuse_other_bus
 from dvtcli.operations.recover.waiting_journals import (
@@ -60,7 +60,7 @@ def _recovered(session: Session, file: str | None, *, finish: bool) -> Changed |
     refused: list[DvtcliError] = []  # of one node; the others are put back all the same
     journals = _usable(session, file, refused)
     if refused and not journals:
-        raise _first_of(refused)
+        raise _worst_with_others(refused)
     if not journals:
         return nothing_to_recover(session)
     for journal in journals:
@@ -70,7 +70,7 @@ def _recovered(session: Session, file: str | None, *, finish: bool) -> Changed |
 
         if refused:
             refused[0].details.append(("stores", "nothing is stored while a journal cannot be used"))
-            raise _first_of(refused)
+            raise _worst_with_others(refused)
         return go_on(session, journals)
     session.consent(lambda: _question(session, journals), _only(journals))
     for said in dict.fromkeys(_whole_text(journal, journals) for journal in journals if journal.part.whole is not None):
@@ -78,7 +78,7 @@ def _recovered(session: Session, file: str | None, *, finish: bool) -> Changed |
     done, failures = _put_back(session, journals, refused)
     if failures:
         lost = [recovered.node for recovered in done if _restarted_since(session.node(recovered.node))]
-        failed = _first_of(failures)
+        failed = _worst_with_others(failures)
         failed.beside([recovered.node for recovered in done if recovered.node not in lost], failures, "put back")
         failed.nodes |= dict.fromkeys(lost, "unknown")
         raise failed
@@ -176,10 +176,11 @@ def _whole_text(journal: Journal, journals: list[Journal]) -> str:
     return f"{journal.part.name} was interrupted: every line of it is taken back, on node {', '.join(map(str, ids))}"
 
 
-def _first_of(failures: Sequence[DvtcliError]) -> DvtcliError:
-    """Return the first of *failures*, with the others."""
-    failures[0].details += [("also", other.text) for other in failures[1:]]
-    return failures[0]
+def _worst_with_others(failures: Sequence[DvtcliError]) -> DvtcliError:
+    """Return the worst of *failures*, with the others."""
+    worst = worst_of(failures)
+    worst.details += [("also", other.text) for other in failures if other is not worst]
+    return worst
 
 
 def _put_back(
