@@ -15,7 +15,7 @@ _SPACED = re.compile(
 )
 _ASIDE = re.compile(r"(?<!\s)(?:\s+'.*'$|\s{2,}(?:ERRORFRAME|[A-Z-]+)$|\s+[TR]$)")
 _MOST_STANDARD, _MOST_EXTENDED = 0x7FF, 0x1FFF_FFFF
-_SHORT_DIGITS, _MOST_BYTES = 3, 8
+_SHORT_DIGITS, _MOST_BYTES, _MOST_SHOWN = 3, 8, 60
 
 
 def typed_frame(text: str) -> Frame:
@@ -31,7 +31,11 @@ def typed_frame(text: str) -> Frame:
         frame = _compact(words.strip()) or _spaced(_ASIDE.sub("", words.strip()))
         if frame is not None:
             return frame
-    raise ValueError(f"{line[:40] or 'nothing'!r} is no frame")
+    raise ValueError(f"{_shortened(line) or 'nothing'!r} is no frame")
+
+
+def _shortened(line: str) -> str:
+    return line if len(line) <= _MOST_SHOWN else f"{line[: _MOST_SHOWN - 1]}…"
 
 
 def frame_text(frame: Frame) -> str:

@@ -56,7 +56,10 @@ def _refused(path: Path, suffix: str, known: Mapping[str, RecordingFormat], *, r
         return UsageError(f"{path.name}: {_REFUSED[suffix]}", hint=others)
     if suffix in formats():
         return UsageError(f"{path.name}: {suffix} files are only read", hint=others)
+    if reading and path.is_dir():
+        return UsageError(f"{path} is a directory", hint="name a recording in it")
+    by = f"{'its content or by ' if reading else ''}{suffix or 'a name without a suffix'}"
     return UsageError(
-        f"{path.name}: no format is known by {suffix or 'a name without a suffix'}",
+        f"{path.name}: no format is known by {by}",
         hint=", ".join(f"{one} ({format_.title})" for one, format_ in known.items()),
     )

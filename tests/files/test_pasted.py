@@ -261,7 +261,7 @@ def test_a_damaged_line_is_said(tmp_path: Path) -> None:
 def test_what_is_nothing_known_is_a_usage_error(tmp_path: Path) -> None:
     path = tmp_path / "run.txt"
     path.write_text("nonsense\n", "ascii")
-    with pytest.raises(UsageError, match=r"no format is known by \.txt"):
+    with pytest.raises(UsageError, match=r"no format is known by its content or by \.txt"):
         list(read_recording(path))
 
 

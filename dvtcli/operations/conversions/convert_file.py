@@ -89,7 +89,9 @@ def convert_device_file(session: SessionUser, file: str, target: str) -> Facts:
     path = place_of(target, "NAME.xdd")
     suffix = path.suffix.lower()
     if suffix not in DEVICE_SUFFIXES:
-        raise UsageError(f"{target}: what format is that?", hint=f"a name that ends in {', '.join(DEVICE_SUFFIXES)}")
+        raise UsageError(
+            f"{target}: what format is that?", hint=f"a name that ends in {', '.join((*DEVICE_SUFFIXES, '.cdcf'))}"
+        )
     read = _read(file)
     wanted = read.dictionary if suffix in VALUE_SUFFIXES else without_values(read.dictionary)
     said = file_info(read)
