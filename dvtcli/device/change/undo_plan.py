@@ -114,14 +114,20 @@ def plan_undo(node: Changeable, asked: UndoRequest) -> UndoPlan:
         count = refuse_unless_left(node, chain, count)
     undone = chain[-count:]
     plan = node.observed(lambda: undo_plan_of(node, undone, rolls_back=asked.rolls_back))
-    unknown = unknown_before(undone)
-    if unknown and not plan.changes and not (asked.force or asked.rolls_back):
+    back = UndoPlan(plan, tuple(undone), unknown_before(undone))
+    if not (asked.force or asked.rolls_back or asked.is_part):
+        refuse_unknown(back)
+    return back
+
+
+def refuse_unknown(back: UndoPlan) -> None:
+    """Raise UsageError if *back* would do nothing because all former values are unknown."""
+    if back.unknown and not back.plan.changes:
         raise UsageError(
-            unknown[0].text,
-            node=node.node_id,
+            back.unknown[0].text,
+            node=back.plan.node_id,
             hint=Hint(Action.UNDO, {"force": True}, "leaves it so and forgets that change"),
         )
-    return UndoPlan(plan, tuple(undone), unknown)
 
 
 def undo_plan_of(

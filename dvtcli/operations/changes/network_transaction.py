@@ -16,8 +16,8 @@ from dvtcli.device.change.roll_back import PATIENCE_S, RETRY_S, first_difference
 from dvtcli.device.change.undo_plan import UndoRequest
 from dvtcli.device.change.untouched_pdos import as_they_are, present_beside
 from dvtcli.device.observe import MOST_LOOKS
-from dvtcli.domain.hint import Action, Hint, verbatim
-from dvtcli.domain.plan import Change, PdoChange, Plan
+from dvtcli.domain.hint import Action, Hint, as_hint, verbatim
+from dvtcli.domain.plan import Change, PdoChange, Plan, ValueChange
 from dvtcli.domain.several import join_some
 from dvtcli.errors import (
     BusUnavailable,
@@ -115,15 +115,18 @@ def all_back(
     restarted: Sequence[int],
     unknown: Sequence[int],
     look_at: int | None,
+    unread: Sequence[str] = (),
 ) -> str:
-    """Describe the state after a complete roll-back: nodes rolled *back* and verified, and those *unwritten*.
+    """Describe the nodes after a complete roll-back: those rolled *back* and verified, and those *unwritten*.
 
     The *restarted* nodes lost their other unstored values; for *unknown* nodes a restart could not be checked.
-    *look_at* is a node of unknown NMT state.
+    *look_at* is a node of unknown NMT state. *unread* are sentences about values that cannot be read.
     """
-    who = f"node {_names(back)}" if unwritten else "every node"
-    what = f"what was changed is as it was on {who}" if restarted or unwritten else "every node is as it was"
-    said = [f"rolled back: {what}, read back equal"]
+    some = bool(unwritten or unread)
+    who = f"node {_names(back)}" if some else "every node"
+    what = f"what was changed is as it was on {who}" if restarted or some else "every node is as it was"
+    said = [f"{what}, read back equal"] if back or not some else []
+    said += unread
     if unwritten:
         said.append(f"nothing was written to node {_names(unwritten)}")
     said.append("nothing was stored")
@@ -147,6 +150,8 @@ def _names(node_ids: Iterable[int]) -> str:
 
 
 _Put = Callable[["Node"], None]
+#: a node-ID and the change of an object that cannot be read
+_WriteOnly = tuple[int, ValueChange]
 
 
 @dataclass(slots=True)
@@ -170,6 +175,11 @@ class NetworkTransaction:
     #: whether it is a change by itself, and no line of an atomic script
     _alone: bool = field(init=False)
     _before: dict[int, NodeBefore] = field(init=False)
+    #: write-only values that the nodes acknowledged: what they held is not known
+    _acknowledged: list[_WriteOnly] = field(default_factory=list)
+    #: write-only values that a node refused, and those for which an answer is missing
+    _refused: list[_WriteOnly] = field(default_factory=list)
+    _unsure: list[_WriteOnly] = field(default_factory=list)
     #: boot-ups of each rolled-back node at its last check; empty if unknown
     _looked: dict[int, int] = field(default_factory=dict)
 
@@ -215,10 +225,24 @@ class NetworkTransaction:
         self.done.append(part)
         try:
             yield
-        except DvtcliError as fault:
-            if fault.state == "unchanged":
+        except BaseException as fault:
+            if isinstance(fault, DvtcliError) and fault.state == "unchanged":
                 self.done = [plan for plan in self.done if plan is not part]
+            else:
+                self._note_write_only(part, fault)
             raise
+        self._acknowledged += _write_only(part)
+
+    def _note_write_only(self, part: Plan, fault: BaseException) -> None:
+        """Note what is known of the write-only values of *part* after *fault*; those not begun are not noted."""
+        place = fault.place if isinstance(fault, DvtcliError) else None
+        of_fault = [(node_id, change) for node_id, change in _write_only(part) if change.step.object == place]
+        if isinstance(fault, LeftChanged):
+            self._acknowledged += _write_only(part)
+        elif isinstance(fault, DvtcliError) and fault.state == "rolled_back":
+            self._refused += of_fault
+        else:
+            self._unsure += of_fault or _write_only(part)
 
     def take_back(self, faults: Sequence[BaseException]) -> None:
         """Roll back all done parts and verify each.
@@ -260,18 +284,29 @@ class NetworkTransaction:
 
     def _report_all_rolled_back(self, fault: DvtcliError) -> None:
         back, unwritten = self._others(())
+        unread = [f"{names} was refused, and what it holds cannot be read" for names in _of_nodes(self._refused)]
+        unread += self._unsure_texts()
         restarted = [
             looked_id for looked_id, boot_ups in self._looked.items() if self._before[looked_id].restarted(boot_ups)
         ]
         unknown = [node for node in self.nodes if node not in self._looked]
         look_at = fault.node if fault.state == "unknown" else None
-        fault.state, fault.state_text = "rolled_back", all_back(back, unwritten, restarted, unknown, look_at)
+        text = all_back(back, unwritten, restarted, unknown, look_at, unread)
+        fault.state = "unknown" if self._unsure else "rolled_back"
+        fault.state_text = f"{'unknown' if self._unsure else 'rolled back'}: {text}"
+
+    def _unsure_texts(self) -> list[str]:
+        return [f"whether {names} was written is not known: it cannot be read" for names in _of_nodes(self._unsure)]
 
     def _others(self, failures: Collection[int]) -> tuple[list[int], list[int]]:
-        """Return all nodes but the *failures*: those rolled back and verified, and those never written."""
+        """Return all nodes but the *failures*: those rolled back and verified, and those never written.
+
+        A node of which only write-only values were written is in neither.
+        """
         written = {part.node_id for part in self.done}
+        read = {part.node_id for part in self.done if len(part.unreadable) < len(part.changes)}
         others = [node_id for node_id in self.nodes if node_id not in failures]
-        return [other for other in others if other in written], [other for other in others if other not in written]
+        return [other for other in others if other in read], [other for other in others if other not in written]
 
     def _all_left(self, failures: Mapping[int, LeftChanged]) -> LeftChanged:
         """Return the first of *failures* with the state of the other nodes."""
@@ -280,11 +315,16 @@ class NetworkTransaction:
         first, *others = failures.values()
         for node_id, failure in failures.items():
             node = self.nodes[node_id]
-            changes = combine_plans(node_id, [self.guarded(node_id)]).changes
+            written = {change.label for of_id, change in self._acknowledged if of_id == node_id}
+            changes = [
+                change
+                for change in combine_plans(node_id, [self.guarded(node_id)]).changes
+                if isinstance(change, PdoChange) or change.is_readable or change.label in written
+            ]
             name_left(failure, [Guarded(node_id, node.sdo, node.witness, changes)])
             failure.text = could_not(failure, node_id, "taken back") or failure.text
         merge_left(first, others)
-        first.details += [("also", failure.text) for failure in others]
+        first.details += [("also", text) for text in (*(failure.text for failure in others), *self._unsure_texts())]
         first.details += other_nodes(*self._others(failures))
         return first
 
@@ -313,6 +353,8 @@ class NetworkTransaction:
             if node_id in unsettled:
                 restarts = DeviceRefused(f"it restarted each of {MOST_LOOKS} times that it was looked at")
                 failures[node_id] = self._left(self.nodes[node_id], fault, restarts)
+            elif written := [one for one in self._acknowledged if one[0] == node_id]:
+                failures[node_id] = self._left_written(self.nodes[node_id], fault, written)
             else:
                 self._try(node_id, failures, fault, self._forget)
         for node_id in self.nodes.keys() - taken:
@@ -383,6 +425,27 @@ class NetworkTransaction:
             left.place = str(path)
             left.hint = finish.after(BUS_BACK if isinstance(failed, BusUnavailable) else None)
         return left
+
+    def _left_written(self, node: Node, fault: BaseException, written: Sequence[_WriteOnly]) -> LeftChanged:
+        """Describe acknowledged write-only values of *node*; all else was rolled back and read back equal."""
+        names = join_some(dict.fromkeys(change.label for _, change in written))
+        left = self._left(node, fault, DeviceRefused(f"{names} was acknowledged, and what it held cannot be read"))
+        by_hand = "set it by hand: its value before is not known"
+        ends = None if left.place is None else Hint(Action.RECOVER, why="{} ends the change then")
+        left.hint = as_hint(by_hand) if ends is None else ends.after(as_hint(by_hand))
+        return left
+
+
+def _write_only(part: Plan) -> list[_WriteOnly]:
+    return [(part.node_id, change) for change in part.unreadable]
+
+
+def _of_nodes(values: Iterable[_WriteOnly]) -> Iterator[str]:
+    """The labels of *values* by node, as `2050:00 of node 5`."""
+    labels: dict[int, dict[str, None]] = {}
+    for node_id, change in values:
+        labels.setdefault(node_id, {})[change.label] = None
+    return (f"{join_some(labels[node_id])} of node {node_id}" for node_id in sorted(labels))
 
 
 def _end_journal(node: Node) -> None:

@@ -15,7 +15,7 @@ from dvtcli.device.applied import Applied
 from dvtcli.device.change.apply_plan import enter
 from dvtcli.device.change.journal_contents import combine_plans
 from dvtcli.device.change.undo_findings import foreseen
-from dvtcli.device.change.undo_plan import UndoPlan, UndoRequest, plan_undo
+from dvtcli.device.change.undo_plan import UndoPlan, UndoRequest, plan_undo, refuse_unknown
 from dvtcli.device.change.untouched_pdos import as_they_are, present_beside
 from dvtcli.domain.plan import STAMP, Change, PdoChange, Plan, ValueChange, plan_pdo
 from dvtcli.operations.changes.change import changed
@@ -63,10 +63,14 @@ def undo_together(session: Session, undoings: Sequence[Undoing]) -> tuple[Change
         force = session.options.force
         backs = {
             node_undoing.node.node_id: plan_undo(
-                node_undoing.node, UndoRequest(node_undoing.plans, everything=True, force=force, own=node_undoing.own)
+                node_undoing.node,
+                UndoRequest(node_undoing.plans, everything=True, force=force, own=node_undoing.own, is_part=True),
             )
             for node_undoing in undoings
         }
+        if not force and not any(back.plan.changes for back in backs.values()):
+            for back in backs.values():
+                refuse_unknown(back)
         for node_id, back in backs.items():
             if len(back.plan):
                 enter(nodes[node_id], found[node_id])  # whoever is asked is asked before the first write

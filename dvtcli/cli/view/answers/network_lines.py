@@ -366,18 +366,27 @@ def _read_back(plan: NetworkPlan) -> str:
 
 def _kept(result: NetworkApplied) -> Iterator[Line]:
     """Show how to store on nodes without a store, as `write` does."""
-    stored, told = {store.node for store in result.stored}, dict[str, list[str]]()
+    stored, told = {store.node for store in result.stored}, dict[tuple[str, str], list[str]]()
+    reverts = {node.node_id: "" if result.not_remembered else _reverts(node) for node in result.plan.nodes}
     for node_id, words in result.keep.items():
         if node_id not in stored:
-            told.setdefault(typed(words), []).append(str(node_id))
-    for words, nodes in told.items():
+            told.setdefault((typed(words), reverts[node_id]), []).append(str(node_id))
+    for (words, reverts_text), nodes in told.items():
         where = ", ".join(nodes)
         text = f"In RAM only on node {where}: {words}" if words else f"Kept by node {where} without a store"
-        reverts = "" if result.not_remembered else ", `undo --all` reverts it"
-        yield [Cell(f"{text}{reverts}.", "dim")]
+        yield [Cell(f"{text}{reverts_text}.", "dim")]
     for node_id, labels in result.kept_without.items():
         if labels and node_id not in stored:
             yield [Cell(f"Kept by node {node_id} without a store: {join_some(labels)}.", "dim")]
+
+
+def _reverts(node: NodePlan) -> str:
+    """Say what `undo --all` reverts on *node*: not a write-only value, as what it held is not known."""
+    blind = [change.label for change in node.plan.unreadable]
+    if not blind:
+        return ", `undo --all` reverts it"
+    kept = f"`undo` cannot revert {join_some(blind)} (write-only)"
+    return f", {kept}" if len(blind) == len(node.plan.changes) else f", {kept}, `undo --all` reverts the rest"
 
 
 def _stored(result: NetworkApplied) -> Iterator[Line]:
