@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -137,3 +138,18 @@ def test_without_a_node_id_it_is_given() -> None:
     found = {name: read_concise_file(f"{name}.cdcf") for name in ("six", "five")}
     assert [one.data.hex() for one in found["six"] if one.object == "1800:01"] == ["86010080", "86010000"]
     assert len(found["five"]) == len(found["six"])
+
+
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [("1A00sub1", "0x6064oo20"), ("1A00sub0", "two"), ("1800sub1", "xyz"), ("1017", "hello"), ("2051", "70000")],
+)
+def test_a_value_that_cannot_be_known_refuses_the_file_as_plan_does(place: str, value: str) -> None:
+    head, section, rest = Path("device.dcf").read_text().partition(f"[{place}]\n")
+    rest = re.sub(r"^ParameterValue=.*\n", "", rest, count=1) if rest.startswith("ParameterValue") else rest
+    Path("odd.dcf").write_text(f"{head}{section}ParameterValue={value}\n{rest}")
+    with Bench(("device.eds@5",)) as bench:
+        made, planned = bench.run("eds convert odd.dcf x.cdcf"), bench.run("plan odd.dcf")
+    assert (made.code, value in made.stderr) == (planned.code, True), made
+    assert made.code == 4
+    assert not Path("x.cdcf").exists()

@@ -31,6 +31,7 @@ from dvtcli.files.device_file import DEVICE_SUFFIXES, read_device_file
 from dvtcli.files.input_file import read_input
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.read_network import network_text
+from dvtcli.files.unread_values import must_tell_values
 from dvtcli.operations.network.described_network import simulated_word, words_of
 from dvtcli.operations.plans.plan_network import plan_wish
 from dvtcli.operations.results import Facts
@@ -158,12 +159,15 @@ def convert_network(session: SessionUser, file: str, target: str, node: str | in
 def _of_device(file: str, node: str | int | None) -> tuple[ConciseDcf, tuple[str, ...]]:
     """Make the concise DCF of the ParameterValues of the DCF or XDC *file*; also returns what is left out, and why.
 
-    Raises UsageError if the node-ID is unknown or another one, or *file* has no ParameterValue.
+    Raises UsageError if the node-ID is unknown or another one, or *file* has no ParameterValue; InputFileError if a
+    ParameterValue is malformed or contradictory.
     """
     try:
-        dictionary = read_device_file(Path(file)).dictionary
+        read = read_device_file(Path(file))
     except OSError as failed:
         raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
+    must_tell_values(read, file)
+    dictionary = read.dictionary
     said = {(entry.index, entry.sub_index): entry for entry in dictionary.entries() if entry.value is not None}
     if not said:
         raise UsageError(
@@ -179,7 +183,7 @@ def _of_device(file: str, node: str | int | None) -> tuple[ConciseDcf, tuple[str
     fixed, commands = [], []
     for place, entry in said.items():
         data = entry.initial(node_id)
-        if Pdo.at(place[0]) is not None or data is None:
+        if Pdo.at(place[0]) is not None or data is None:  # a value of *said* is never None
             continue
         if not entry.access.writable:
             fixed.append(entry.object)
