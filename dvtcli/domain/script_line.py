@@ -6,8 +6,10 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 
 from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.plan import PdoChange, Plan, Step, ValueChange
+from dvtcli.domain.request import MPDO_COUNTS
 from dvtcli.domain.rules.can_id import restricted_use
 
 #: End of a line about a PDO that a backup does not restore.
@@ -45,16 +47,37 @@ def change_line(change: PdoChange) -> str:
         return ""
     before, after, pdo = change.before, change.after, change.pdo
     words = [*_parameter_words(before.communication, after.communication)]
-    if after.mpdo is not None:
-        return f"# {_remark(pdo, after)} {LEFT_ALONE}"
-    if before.mapping != after.mapping or before.mpdo is not None:
+    if after.mpdo is None and (before.mapping != after.mapping or before.mpdo is not None):
         return map_line(pdo, after) if after.mapping else "\n".join(_empty(pdo, words))
+    if after.mpdo is not None and _first(after) not in ((), before.entries[:1]):
+        return "\n".join(_mpdo_lines(pdo, after))
+    if after.mpdo is not None and before.mpdo != after.mpdo:
+        words += _mpdo_words(after.mpdo)
     if before.enabled != after.enabled and not words:
         return f"{'enable' if after.enabled else 'disable'} {pdo}"
     if before.enabled and not after.enabled:
         words.append("--off")
     line = " ".join([f"set {pdo}", *words])
     return line if before.enabled or not after.enabled else f"{line}\nenable {pdo}"
+
+
+def _first(config: PdoConfig) -> tuple[PdoMappingEntry, ...]:
+    """The object in sub-index 1 of an MPDO's mapping; empty if it has none."""
+    return tuple(entry for entry in config.multiplexed if entry.raw)
+
+
+def _mpdo_words(count: int) -> list[str]:
+    return ["--mpdo", next(kind for kind, held in MPDO_COUNTS.items() if held == count)]
+
+
+def _mpdo_lines(pdo: Pdo, config: PdoConfig) -> list[str]:
+    """Lines that make *pdo* the MPDO *config* from any state: an MPDO keeps the object that was mapped first."""
+    words = [*_parameter_words(None, config.communication)]
+    first = _first(config)
+    mapped = [f"map {pdo}", *map(str, first), *words, "--off"] if first else [f"set {pdo}", *words]
+    made = [f"set {pdo}", *_mpdo_words(config.count)]
+    lines = [f"clear {pdo}", " ".join(mapped), " ".join(made)]
+    return [*lines, f"enable {pdo}"] if config.enabled else lines
 
 
 def login_line(level: int, user: int | None) -> str:
@@ -69,13 +92,13 @@ def map_line(pdo: Pdo, config: PdoConfig) -> str:
 
 
 def whole_line(pdo: Pdo, config: PdoConfig) -> str:
-    """The full configuration of *pdo* for people; a comment if no line could set it."""
+    """The full configuration of *pdo* for people; a comment for an MPDO or an inconsistent PDO."""
     remark = _remark(pdo, config)
     return f"# {remark}" if remark else "; ".join(whole_lines(pdo, config))
 
 
 def _remark(pdo: Pdo, config: PdoConfig) -> str:
-    """Why no script sets *pdo* to *config*: an MPDO is never written, an inconsistent PDO cannot be set up."""
+    """Why a backup leaves *pdo* alone: it is an MPDO, or inconsistent, which no line can set up."""
     if config.mpdo is not None:
         return f"{pdo} is a multiplexed PDO (count 0x{config.mpdo:02X})"
     if not config.inconsistency:
@@ -137,6 +160,8 @@ def identity_line(identity: Mapping[str, int | None]) -> str:
 
 def whole_lines(pdo: Pdo, config: PdoConfig) -> list[str]:
     """Lines that set *pdo* to *config* from any state; disabled, with a remark, if its CAN-ID is restricted."""
+    if config.mpdo is not None:
+        return _mpdo_lines(pdo, config)
     cob_id = config.communication.cob_id
     if config.mapping and config.enabled and not (cob_id.extended or _is_free(cob_id)):
         off = replace(config, communication=replace(config.communication, cob_id=cob_id.disabled()))

@@ -56,11 +56,26 @@ def test_a_backup_leaves_off_what_no_pdo_may_be_and_alone_what_is_inconsistent()
     assert kept == "map tpdo1 6041:00/16 --cob-id 0x00000180 --extended --rtr"
 
 
-def test_a_pdo_that_became_a_multiplexed_one_is_a_comment_and_one_that_was_one_is_written_whole() -> None:
+def test_a_pdo_that_became_a_multiplexed_one_is_set_and_one_that_was_one_is_written_whole() -> None:
     pdo, off = Pdo.parse("tpdo1"), PdoCommunicationParameter(CobId(0x181, valid=False))
+    entry = PdoMappingEntry(0x6041, 0, 16)
     empty, multiplexed = PdoConfig(off, ()), PdoConfig(off, (), mpdo=0xFE)
-    mapped = PdoConfig(off, (PdoMappingEntry(0x6041, 0, 16),))
-    became = [change_line(plan_pdo(pdo, before, multiplexed)) for before in (empty, mapped)]
-    assert became == ["# tpdo1 is a multiplexed PDO (count 0xFE) and is left alone"] * 2
+    mapped, held = PdoConfig(off, (entry,)), PdoConfig(off, (), mpdo=0xFF, multiplexed=(entry,))
+    became = [change_line(plan_pdo(pdo, before, multiplexed)) for before in (empty, mapped, held)]
+    assert became == ["set tpdo1 --mpdo sam"] * 3
+    assert change_line(plan_pdo(pdo, mapped, held)) == "set tpdo1 --mpdo dam"
     assert change_line(plan_pdo(pdo, multiplexed, empty)) == "clear tpdo1"
     assert change_line(plan_pdo(pdo, multiplexed, mapped)).startswith("map tpdo1 6041:00/16 ")
+
+
+def test_another_first_object_of_a_multiplexed_pdo_is_mapped_before() -> None:
+    pdo, on = Pdo.parse("tpdo1"), PdoCommunicationParameter(CobId(0x181))
+    earlier, later = (PdoMappingEntry(0x6041, 0, 16), PdoMappingEntry(0x6000, 1, 8))
+    wanted = PdoConfig(on, (), mpdo=0xFF, multiplexed=(later,))
+    for before in (PdoConfig(on, (earlier,)), PdoConfig(on, (), mpdo=0xFF, multiplexed=(earlier,))):
+        assert change_line(plan_pdo(pdo, before, wanted)).splitlines() == [
+            "clear tpdo1",
+            "map tpdo1 6000:01/8 --cob-id 0x181 --rtr --off",
+            "set tpdo1 --mpdo dam",
+            "enable tpdo1",
+        ]

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.commands.bench import Bench
-from tests.small_eds import plain
+from tests.small_eds import U32, plain, var
 
 COUNT, FIRST, COB_ID = (0x1A00, 0), (0x1A00, 1), (0x1800, 1)
 
@@ -17,6 +17,7 @@ def device(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An EDS whose device knows MPDOs; one of its TPDO1 comes up as one."""
     monkeypatch.chdir(tmp_path)
     eds = plain()
+    eds.record(0x1011, "Restore", {1: var("Restore all", U32, 1)})
     eds.info = {"GroupMessaging": 1}
     Path("plain.eds").write_text(eds.text())
     for name, count in (("sam", 0xFE), ("dam", 0xFF)):
@@ -109,3 +110,32 @@ def test_after_clear_it_is_mapped_as_any() -> None:
     with Bench(("sam.eds",), {"yes": True}) as bench:
         assert [bench.run(line).code for line in ("clear tpdo1", "map tpdo1 6000:02")] == [0, 0]
         assert held(bench) == ["01", "08020060", "81010000"]
+
+
+@pytest.mark.parametrize("option", ["", " --history"])
+@pytest.mark.parametrize(
+    ("name", "lines"),
+    [
+        ("plain", ["set tpdo1 --mpdo dam --event"]),
+        ("plain", ["set tpdo1 --mpdo sam --off"]),
+        ("plain", ["map tpdo1 6000:03 --off", "set tpdo1 --mpdo dam", "enable tpdo1"]),
+        ("plain", ["clear tpdo2", "set tpdo2 --mpdo sam --cob-id 0x190", "enable tpdo2"]),
+        ("plain", ["restore", "nmt reset-node", "set tpdo1 --mpdo dam --timer 100"]),
+        ("dam", ["set tpdo1 --timer 100", "set tpdo2 --timer 50"]),
+        ("dam", ["disable tpdo1"]),
+        ("sam", ["set tpdo1 --mpdo dam --timer 100"]),
+        ("sam", ["clear tpdo1", "map tpdo1 6000:02", "set tpdo1 --mpdo dam"]),
+    ],
+)
+def test_what_a_session_made_of_one_is_saved_and_runs_elsewhere(name: str, lines: list[str], option: str) -> None:
+    places = [*((index, sub) for index in (0x1A00, 0x1A01) for sub in (0, 1)),
+              *((index, sub) for index in (0x1800, 0x1801) for sub in (1, 2, 5))]  # fmt: skip
+    with Bench((f"{name}.eds",), {"yes": True}) as bench:
+        assert [bench.run(line).code for line in lines] == [0] * len(lines)
+        saved = bench.run(f"save x.dvt{option}")
+        assert saved.code == 0, saved
+        wanted = [bench.session.node().sdo.upload(*place) for place in places]
+    with Bench((f"{name}.eds",), {"yes": True}) as bench:
+        ran = bench.run("run x.dvt")
+        assert ran.code == 0, (ran, Path("x.dvt").read_text())
+        assert [bench.session.node().sdo.upload(*place) for place in places] == wanted, Path("x.dvt").read_text()
