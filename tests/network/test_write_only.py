@@ -153,3 +153,99 @@ def test_a_value_that_cannot_be_known_refuses_the_file_as_plan_does(place: str, 
     assert (made.code, value in made.stderr) == (planned.code, True), made
     assert made.code == 4
     assert not Path("x.cdcf").exists()
+
+
+def in_dcf(*keys: tuple[str, str, object]) -> None:
+    """Set keys in sections of device.dcf: (section, key, value)."""
+    text = Path("device.dcf").read_text()
+    for section, key, value in keys:
+        head, mark, rest = text.partition(f"[{section}]\n")
+        body, *more = rest.split("\n\n", 1)
+        kept = [line for line in body.splitlines() if not line.startswith(f"{key}=")]
+        assert mark, section
+        text = "\n\n".join([f"{head}{mark}" + "\n".join([*kept, f"{key}={value}"]), *more])
+    Path("device.dcf").write_text(text)
+
+
+def of_pdos(bench: Bench) -> tuple[str, list[tuple[str, str]]]:
+    """What `eds convert device.dcf` prints, and the downloads to PDOs that it makes."""
+    ran = bench.run("eds convert device.dcf x.cdcf --yes")
+    assert ran.code == 0, ran
+    found = [(one.object, one.data.hex()) for one in read_concise_file("x.cdcf") if 0x1400 <= one.index < 0x1C00]
+    return ran.stdout, found
+
+
+@pytest.mark.parametrize("count", [0xFE, 0xFF])
+@pytest.mark.parametrize("entry", [0x60000108, 0x60000208])
+def test_a_multiplexed_pdo_of_a_dcf_has_its_count_and_keeps_its_object(count: int, entry: int) -> None:
+    in_dcf(("1A00sub0", "ParameterValue", count), ("1A00sub1", "ParameterValue", entry))
+    text = Path("device.eds").read_text()
+    Path("device.eds").write_text(text.replace("[DeviceInfo]\n", "[DeviceInfo]\nGroupMessaging=1\n"))
+    with Bench(("device.eds@5",)) as bench:
+        _, found = of_pdos(bench)
+        sdo = bench.session.node().sdo
+        for index, data in found:
+            sdo.download(int(index[:4], 16), int(index[5:], 16), bytes.fromhex(data))
+        assert sdo.upload(0x1A00, 0) == bytes([count])
+        assert sdo.upload(0x1A00, 1) == entry.to_bytes(4, "little")
+    another = [("1A00:01", "08020060")] if entry == 0x60000208 else []
+    assert [row for row in found if row[0][:4] == "1A00"] == [
+        ("1A00:00", "00"), *another, ("1A00:00", f"{count:02x}"),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("access", ["ro", "const"])
+def test_a_cob_id_that_cannot_be_written_is_not_downloaded(access: str) -> None:
+    in_dcf(("1800sub1", "AccessType", access), ("1A00sub1", "ParameterValue", "0x60000108"))
+    with Bench() as bench:
+        said, found = of_pdos(bench)
+        assert ("TPDO1" in said, found) == (False, [("1800:02", "fe")])
+        in_dcf(("1800sub1", "ParameterValue", "0x190"))
+        said, found = of_pdos(bench)
+        assert ("left out: TPDO1 (its COB-ID 1800:01 is read-only)" in said, found) == (True, [])
+        in_dcf(("1800sub1", "ParameterValue", "0x185"), ("1A00sub1", "ParameterValue", "0x60000208"))
+        said, found = of_pdos(bench)
+        assert ("left out: TPDO1 (its COB-ID 1800:01 is read-only)" in said, found) == (True, [])
+
+
+@pytest.mark.parametrize("place", ["1A00sub0", "1A00sub1"])
+def test_a_mapping_with_one_object_that_cannot_be_written_is_not_downloaded(place: str) -> None:
+    in_dcf((place, "AccessType", "ro"), ("1A00sub1", "ParameterValue", "0x60000108"))
+    with Bench() as bench:
+        said, found = of_pdos(bench)
+        assert "TPDO1" not in said
+        assert found == [("1800:01", "85010080"), ("1800:02", "fe"), ("1800:01", "85010000")]
+        in_dcf(("1A00sub1", "ParameterValue", "0x60000208"))
+        said, found = of_pdos(bench)
+        assert ("left out: TPDO1 (its mapping 1A00 is read-only)" in said, found) == (True, [])
+
+
+def test_a_parameter_of_a_pdo_that_cannot_be_written_is_left_out_by_name() -> None:
+    in_dcf(("1800sub2", "AccessType", "ro"))
+    with Bench() as bench:
+        said, found = of_pdos(bench)
+    assert "left out: 1018:01, 1800:02 (read-only)" in said
+    assert ("1A00:01", "08020060") in found
+    assert "1800:02" not in dict(found)
+
+
+def test_a_pdo_whose_count_has_no_entries_is_left_out() -> None:
+    text = re.sub(r"\[1A00sub2\]\n.*?\n\n", "", Path("device.dcf").read_text(), flags=re.DOTALL)
+    Path("device.dcf").write_text(text)
+    in_dcf(("1A00sub0", "ParameterValue", 2))
+    with Bench() as bench:
+        said, found = of_pdos(bench)
+    assert "left out: TPDO1 (its count is 2, but 0x1A00:02 cannot be read)" in said
+    assert found == []
+
+
+@pytest.mark.parametrize("access", ["ro", "const"])
+def test_a_network_file_downloads_no_cob_id_and_no_mapping_that_cannot_be_written(access: str) -> None:
+    text = Path("device.eds").read_text()
+    for section in ("1800sub1", "1A00sub0"):
+        head, mark, rest = text.partition(f"[{section}]\n")
+        text = head + mark + rest.replace("AccessType=rw", f"AccessType={access}", 1)
+    Path("device.eds").write_text(text)
+    tpdo = "  tpdo:\n    1: {enabled: true, transmission: 254, mapping: [{index: 0x6000, sub_index: 1}]}\n"
+    Path("net.yaml").write_text("a:\n  node_id: 5\n  dcf: device.eds\n" + tpdo)
+    assert [(one.object, one.data.hex()) for one in concise_dcf("net.yaml").entries] == [("1800:02", "fe")]

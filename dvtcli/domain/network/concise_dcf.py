@@ -13,16 +13,19 @@ from dvtcli.domain.cob_id import INVALID_BIT
 from dvtcli.domain.network.network_plan import NodePlan
 from dvtcli.domain.network.network_state import CONCISE_DCF
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import PdoChange, Step, ValueChange
+from dvtcli.domain.plan import PdoChange, Step, ValueChange, mapping_differs
 
 #: Objects that are written before the PDOs, unless `sdo` sets them, in the order of dcfgen.
 BEFORE_PDOS = (0x1016, 0x1012, 0x1017, 0x100C, 0x100D, 0x1029)
 
 
-def concise_of(plan: NodePlan, mapped: Collection[Pdo], own: Collection[tuple[int, int]]) -> tuple[ConciseEntry, ...]:
+def concise_of(
+    plan: NodePlan, mapped: Collection[Pdo], fixed: Collection[Pdo], own: Collection[tuple[int, int]]
+) -> tuple[ConciseEntry, ...]:
     """Downloads that configure a new device as in *plan*.
 
-    The mapping of *mapped* PDOs is always written, COB-IDs of enabled PDOs, and the values of `sdo`, objects *own*.
+    The mapping of *mapped* PDOs is always written, COB-IDs of enabled PDOs except *fixed*, and the values of `sdo`,
+    objects *own*.
     """
     changed = {change.pdo: change.before for change in plan.plan.changes if isinstance(change, PdoChange)}
     values = [step for change in plan.plan.changes if isinstance(change, ValueChange) for step in change.steps]
@@ -32,7 +35,7 @@ def concise_of(plan: NodePlan, mapped: Collection[Pdo], own: Collection[tuple[in
     pdos = {pdo: (changed.get(pdo, after), after) for pdo, after in plan.wanted.items()}
     return (
         *(ConciseEntry(step.index, step.sub_index, step.after) for step in first),
-        *_pdos(pdos, mapped),
+        *_pdos(pdos, mapped, fixed),
         *(ConciseEntry(*place, data) for place, data in rest.items()),
     )
 
@@ -40,39 +43,42 @@ def concise_of(plan: NodePlan, mapped: Collection[Pdo], own: Collection[tuple[in
 def concise_of_device(
     pdos: Mapping[Pdo, tuple[PdoConfig, PdoConfig]],
     mapped: Collection[Pdo],
+    fixed: Collection[Pdo],
     values: Mapping[tuple[int, int], bytes],
 ) -> tuple[ConciseEntry, ...]:
     """Downloads that bring a device from the first configuration of its *pdos* to the second, and to *values*.
 
-    The mapping of *mapped* PDOs is always written.
+    The mapping of *mapped* PDOs is always written, the COB-ID of *fixed* ones never.
     """
     first = sorted(place for place in values if place[0] in BEFORE_PDOS)
     first.sort(key=lambda place: BEFORE_PDOS.index(place[0]))
     rest = sorted(values.keys() - set(first))
     return (
         *(ConciseEntry(*place, values[place]) for place in first),
-        *_pdos(pdos, mapped),
+        *_pdos(pdos, mapped, fixed),
         *(ConciseEntry(*place, values[place]) for place in rest),
     )
 
 
-def _pdos(pdos: Mapping[Pdo, tuple[PdoConfig, PdoConfig]], mapped: Collection[Pdo]) -> Iterator[ConciseEntry]:
+def _pdos(
+    pdos: Mapping[Pdo, tuple[PdoConfig, PdoConfig]], mapped: Collection[Pdo], fixed: Collection[Pdo]
+) -> Iterator[ConciseEntry]:
     for pdo, (before, after) in sorted(pdos.items(), key=lambda item: item[0].communication_index):
-        yield from _pdo(pdo, before, after, always=pdo in mapped)
+        yield from _pdo(pdo, before, after, always=pdo in mapped, is_fixed=pdo in fixed)
 
 
-def _pdo(pdo: Pdo, before: PdoConfig, after: PdoConfig, *, always: bool) -> Iterator[ConciseEntry]:
-    is_enabled = after.communication.cob_id.valid
-    if before == after and not always and not is_enabled:
+def _pdo(pdo: Pdo, before: PdoConfig, after: PdoConfig, *, always: bool, is_fixed: bool) -> Iterator[ConciseEntry]:
+    is_switched = after.communication.cob_id.valid and not is_fixed
+    if before == after and not always and not is_switched:
         return
     at, cob_id = pdo.communication_index, after.communication.cob_id.raw
     off = cob_id | INVALID_BIT
-    if before.communication.cob_id.raw != off:
+    if before.communication.cob_id.raw != off and not is_fixed:
         yield _number(at, 1, off, 4)
     yield from _communication(pdo, before, after)
-    if always or before.mapping != after.mapping:
+    if always or mapping_differs(before, after):
         yield from _mapping(pdo, before, after)
-    if is_enabled:
+    if is_switched:
         yield _number(at, 1, cob_id, 4)
 
 
@@ -90,11 +96,13 @@ def _communication(pdo: Pdo, before: PdoConfig, after: PdoConfig) -> Iterator[Co
 
 def _mapping(pdo: Pdo, before: PdoConfig, after: PdoConfig) -> Iterator[ConciseEntry]:
     at = pdo.mapping_index
-    if before.mapping or after.mapping:
+    if before.count or after.count:
         yield _number(at, 0, 0, 1)
-    yield from (_number(at, place, entry.raw, 4) for place, entry in enumerate(after.mapping, 1))
-    if after.mapping:
-        yield _number(at, 0, len(after.mapping), 1)
+    for place, entry in enumerate(after.entries, 1):
+        if after.mpdo is None or (entry.raw and entry not in before.entries[:1]):  # an MPDO keeps its object
+            yield _number(at, place, entry.raw, 4)
+    if after.count:
+        yield _number(at, 0, after.count, 1)
 
 
 def _number(index: int, sub_index: int, value: int, size: int) -> ConciseEntry:

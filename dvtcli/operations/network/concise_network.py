@@ -25,6 +25,7 @@ from dvtcli.domain.network.concise_dcf import (
 from dvtcli.domain.network.wanted_state import WantedIdentity
 from dvtcli.domain.object_syntax import parse_object
 from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.plan import disables, mapping_differs
 from dvtcli.domain.several import join_some, plural
 from dvtcli.errors import InputFileError, SdoAborted, UsageError
 from dvtcli.files.device_file import DEVICE_SUFFIXES, read_device_file
@@ -43,7 +44,7 @@ from dvtcli.operations.wanted.network_wish import read_wish
 if TYPE_CHECKING:
     from dvtcli.domain.network.network_plan import NodePlan
     from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish
-    from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
+    from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.rules import Finding
     from dvtcli.operations.user.reporter import Reporter
     from dvtcli.operations.user.session_user import SessionUser
@@ -111,15 +112,20 @@ def _concise(
     if words:
         with Session(options, tell) as session:
             plan = plan_wish(session, anyone, FileLog(file, network_text(file)))
+            dictionaries = {node_id: session.node(node_id).dictionary for node_id in words}
         planned = {node.node_id: node for node in plan.nodes}
-        made = [_made(node, planned[node.node_id]) for node in wish.nodes]
+        made = [_made(node, planned[node.node_id], dictionaries[node.node_id]) for node in wish.nodes]
     return ConciseNetwork(tuple(made), tuple(node for node in read.nodes if node.node_id not in words))
 
 
-def _made(wish: NodeWish, plan: NodePlan) -> ConciseDcf:
+def _made(wish: NodeWish, plan: NodePlan, dictionary: ObjectDictionary | None) -> ConciseDcf:
     mapped = {pdo.pdo for pdo in wish.pdos if pdo.mapping is not None}
+    fixed: set[Pdo] = set()
+    if dictionary is not None:
+        fixed = _fixed(dictionary, plan.wanted)
+        mapped = {pdo for pdo, after in plan.wanted.items() if pdo in mapped and _is_mapped(dictionary, pdo, after)}
     own = {place for value in wish.values if (place := parse_object(value.object.text)) is not None}
-    return ConciseDcf(wish.node_id, wish.name, concise_of(plan, mapped, own), plan.findings)
+    return ConciseDcf(wish.node_id, wish.name, concise_of(plan, mapped, fixed, own), plan.findings)
 
 
 def _chosen(file: str, wish: NetworkWish, node: str | int | None) -> NodeWish:
@@ -178,7 +184,8 @@ def _of_device(file: str, node: str | int | None) -> tuple[ConciseDcf, tuple[str
     node_id = _node_id(file, dictionary.info.node_id, node)
     left_out: list[str] = []
     pdos = _pdos_of(dictionary, node_id, said, left_out)
-    mapped = {pdo for pdo in pdos if _sets_mapping(said, pdo)}
+    with_mapping = {pdo for pdo in pdos if any(index == pdo.mapping_index for index, _ in said)}
+    mapped = {pdo for pdo in with_mapping if _is_mapped(dictionary, pdo, pdos[pdo][1])}
     values: dict[tuple[int, int], bytes] = {}
     fixed, commands = [], []
     for place, entry in said.items():
@@ -191,11 +198,14 @@ def _of_device(file: str, node: str | int | None) -> tuple[ConciseDcf, tuple[str
             commands.append(entry.object)
         else:
             values[place] = data
+    made = concise_of_device(pdos, mapped, _fixed(dictionary, pdos), values)
+    entries = tuple(entry for entry in made if _is_writable(dictionary, entry.index, entry.sub_index))
+    fixed += [entry.object for entry in made if entry not in entries]
     left_out += [
         f"{join_some(objects)} ({why})" for objects, why in ((fixed, "read-only"), (commands, "commands")) if objects
     ]
     name = dictionary.info.commissioning.node_name or Path(file).stem
-    return ConciseDcf(node_id, name, concise_of_device(pdos, mapped, values)), tuple(left_out)
+    return ConciseDcf(node_id, name, entries), tuple(left_out)
 
 
 def _pdos_of(
@@ -209,13 +219,42 @@ def _pdos_of(
         except SdoAborted:
             left_out.append(f"{pdo.label} is no whole PDO in the file")
             continue
-        found[pdo] = before, after
+        if why := after.inconsistency or _read_only(dictionary, pdo, before, after):
+            left_out.append(f"{pdo.label} ({why})")
+        else:
+            found[pdo] = before, after
     return found
 
 
-def _sets_mapping(said: Mapping[tuple[int, int], OdEntry], pdo: Pdo) -> bool:
-    """Whether the file has a ParameterValue of the mapping of *pdo* that can be written."""
-    return any(index == pdo.mapping_index and entry.access.writable for (index, _), entry in said.items())
+def _read_only(dictionary: ObjectDictionary, pdo: Pdo, before: PdoConfig, after: PdoConfig) -> str:
+    """Why *pdo* cannot be brought from *before* to *after*: its COB-ID or mapping is read-only; else empty."""
+    differs = before.communication.cob_id != after.communication.cob_id or disables(before, after)
+    if differs and not _is_writable(dictionary, pdo.communication_index, 1):
+        return f"its COB-ID {pdo.communication_index:04X}:01 is read-only"
+    if mapping_differs(before, after) and not _is_mappable(dictionary, pdo, after):
+        return f"its mapping {pdo.mapping_index:04X} is read-only"
+    return ""
+
+
+def _fixed(dictionary: ObjectDictionary, pdos: Collection[Pdo]) -> set[Pdo]:
+    """Those of *pdos* whose COB-ID cannot be written."""
+    return {pdo for pdo in pdos if not _is_writable(dictionary, pdo.communication_index, 1)}
+
+
+def _is_mapped(dictionary: ObjectDictionary, pdo: Pdo, after: PdoConfig) -> bool:
+    """Whether a new device takes the mapping of *after*, also one that it has: a mapping needs a disabled PDO."""
+    can_disable = not after.enabled or _is_writable(dictionary, pdo.communication_index, 1)
+    return can_disable and _is_mappable(dictionary, pdo, after)
+
+
+def _is_mappable(dictionary: ObjectDictionary, pdo: Pdo, after: PdoConfig) -> bool:
+    """Whether the count and each entry of *after* can be written."""
+    return all(_is_writable(dictionary, pdo.mapping_index, number) for number in range(len(after.mapping) + 1))
+
+
+def _is_writable(dictionary: ObjectDictionary, index: int, sub_index: int) -> bool:
+    entry = dictionary.entry(index, sub_index)
+    return entry is not None and entry.access.writable
 
 
 def _node_id(file: str, of_file: int | None, chosen: str | int | None) -> int:
