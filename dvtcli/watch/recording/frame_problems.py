@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
@@ -12,6 +12,7 @@ from dvtcli.domain.several import plural
 from dvtcli.watch.decoder import Address, Layout
 from dvtcli.watch.layout_fit import misfit
 from dvtcli.watch.recording.problems import Moment, Moments, Problem, TimesOf
+from dvtcli.watch.sdo_transfers import SdoStep
 
 LENGTH = LintRule("pdo-other-length", ERROR, "a PDO has another length than is mapped", "CiA 301, 7.4.7")
 TWO_SENDERS = LintRule(
@@ -25,11 +26,9 @@ FRAME_RULES = (LENGTH, TWO_SENDERS, TWO_NODES, NO_ANSWER)
 
 #: changes between two lengths from which two senders are likely: one change is a new mapping
 _ENOUGH = 4
-_ANSWERS, _REQUESTS = 0x580, 0x600
+_REQUESTS = 0x600
 #: command specifiers of answers that begin a transfer, one for each request: upload, download
 _FIRST_ANSWERS = (2, 3)
-#: command specifiers of requests that begin a transfer, without blocks: download, upload; a client's abort
-_FIRST_REQUESTS, _ABORT = (1, 2), 0x80
 #: how long an answer takes at most (s)
 _PATIENCE_S = 1.0
 
@@ -38,7 +37,8 @@ _PATIENCE_S = 1.0
 class _Lengths:
     """The lengths of a CAN-ID's frames: the last, the one before it, and changes back to that.
 
-    *misfit* says what is wrong with the last, empty if nothing is; *node* is its sender, 0 if unknown.
+    *misfit* says what is wrong with the last, empty if nothing is; *node* is its sender, 0 if unknown. *is_pdo*: the
+    CAN-ID is that of a known PDO, or of one in the pre-defined connection set.
     """
 
     last: int = -1
@@ -46,6 +46,7 @@ class _Lengths:
     changes: list[Moment] = field(default_factory=list)
     misfit: str = ""
     node: int = 0
+    is_pdo: bool = False
 
 
 @dataclass(slots=True)
@@ -67,12 +68,13 @@ class LengthProblems:
             seen.before, seen.last = seen.last, length
             layout = self.layout_of(frame)
             seen.misfit, seen.node = "" if layout.guess else misfit(frame, layout), layout.service.node or 0
+            seen.is_pdo = not frame.extended and layout.service.kind == "pdo"
         if seen.misfit:
             self._misfits.note(moment, (seen.misfit, seen.node))
 
     def problems(self) -> Iterator[Problem]:
-        """Return PDOs of a wrong length, and CAN-IDs whose length changes to and fro."""
-        two = {address for address, seen in self._lengths.items() if len(seen.changes) >= _ENOUGH}
+        """Return PDOs of a wrong length, and those whose length changes to and fro."""
+        two = {address for address, seen in self._lengths.items() if seen.is_pdo and len(seen.changes) >= _ENOUGH}
         for address in sorted(two):
             seen, can_id = self._lengths[address], f"0x{address[0]:03X}"
             text = f"{can_id} comes with {seen.before} and {plural(seen.last, 'byte')} by turns"
@@ -88,7 +90,9 @@ class LengthProblems:
 class AnswerProblems:
     """Watches for SDO requests that get two answers, or none."""
 
-    #: the answer to each node's last request, and the requests without one
+    #: requests that are not answered yet, by node and object
+    _asked: dict[int, Counter[bytes]] = field(default_factory=lambda: defaultdict(Counter))
+    #: the answer to each node's last request, and the time of a request without one
     _answered: dict[int, bytes | None] = field(default_factory=dict)
     _waiting: dict[int, Moment] = field(default_factory=dict)
     _twice: TimesOf[int] = field(default_factory=TimesOf)
@@ -96,25 +100,40 @@ class AnswerProblems:
     #: nodes that answer at all: tools ask every node-ID
     _present: set[int] = field(default_factory=set)
 
-    def take(self, moment: Moment, frame: Frame) -> None:
-        """Look at *frame*, an SDO."""
-        node_id, service, data = frame.can_id & 0x7F, frame.can_id & 0x780, frame.data
-        if not data:
-            return
-        if service == _REQUESTS:
-            self._answered[node_id] = None
-            if data[0] == _ABORT:
-                self._waiting.pop(node_id, None)
-            elif data[0] >> 5 in _FIRST_REQUESTS:
-                if node_id in self._waiting:
-                    self._never.note(self._waiting[node_id], node_id)
-                self._waiting[node_id] = moment
-            return
-        self._present.add(node_id)
-        self._waiting.pop(node_id, None)
-        if data[0] >> 5 in _FIRST_ANSWERS and node_id in self._answered:
+    def start(self, node_id: int) -> None:
+        """Node *node_id* starts: it answers no earlier request."""
+        self._asked.pop(node_id, None)
+
+    def take(self, moment: Moment, frame: Frame, step: SdoStep) -> None:
+        """Look at *frame*, an SDO, which is this *step* of a transfer."""
+        node_id, data = frame.can_id & 0x7F, frame.data
+        if frame.can_id & 0x780 == _REQUESTS:
+            self._request(moment, node_id, data, step)
+        elif data:
+            self._present.add(node_id)
+            self._waiting.pop(node_id, None)
+            if step.step != "segment":
+                self._answer(moment, node_id, data, step)
+
+    def _request(self, moment: Moment, node_id: int, data: bytes, step: SdoStep) -> None:
+        self._answered[node_id] = None
+        if step.step == "abort":
+            self._waiting.pop(node_id, None)
+        elif step.step == "start":
+            if node_id in self._waiting:
+                self._never.note(self._waiting[node_id], node_id)
+            self._waiting[node_id] = moment
+            self._asked[node_id][data[1:4]] += 1
+
+    def _answer(self, moment: Moment, node_id: int, data: bytes, step: SdoStep) -> None:
+        """Look at an answer: of two to one request, the second is a finding."""
+        is_first = data[0] >> 5 in _FIRST_ANSWERS
+        is_asked = self._asked[node_id][data[1:4]] > 0
+        if is_asked and (is_first or step.step in ("accepted", "abort")):
+            self._asked[node_id][data[1:4]] -= 1
+        if is_first and node_id in self._answered:
             before = self._answered[node_id]
-            if before is not None and before[:4] == data[:4]:
+            if before is not None and before[:4] == data[:4] and not is_asked:
                 self._twice.note(moment, node_id)
             self._answered[node_id] = data
 

@@ -8,10 +8,12 @@ from dvtcli.domain.lint.lint_rule import WARNING, LintRule
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.several import plural
 from dvtcli.watch.decoder import Layout
+from dvtcli.watch.heard_objects import is_boot_up
 from dvtcli.watch.recording.frame_problems import FRAME_RULES, AnswerProblems, LengthProblems
 from dvtcli.watch.recording.node_problems import NODE_RULES, NodeProblems
 from dvtcli.watch.recording.problems import Moment, Problem, TimesOf
 from dvtcli.watch.recording.sdo_problems import SDO_RULES, SdoProblems
+from dvtcli.watch.sdo_transfers import SdoTransfers
 
 ERROR_FRAMES = LintRule(
     "error-frames", WARNING, "error frames were recorded", "ISO 11898-1: error flags; wiring, termination, bit rate"
@@ -19,7 +21,7 @@ ERROR_FRAMES = LintRule(
 RECORDING_RULES: tuple[LintRule, ...] = (*SDO_RULES, *NODE_RULES, *FRAME_RULES, ERROR_FRAMES)
 #: services by the function code of their default CAN-IDs
 _SDO, _OF_NODES = frozenset({0x580, 0x600}), frozenset({0x000, 0x080, 0x580, 0x600, 0x700})
-_HEARTBEATS = 0x700
+_REQUESTS = 0x600
 
 
 class RecordingCheck:
@@ -31,6 +33,7 @@ class RecordingCheck:
     def __init__(self, layout_of: Callable[[Frame], Layout], name_of: Callable[[int, int, int], str]) -> None:
         self._sdo, self._answers = SdoProblems(name_of), AnswerProblems()
         self._nodes, self._lengths = NodeProblems(), LengthProblems(layout_of)
+        self._transfers = SdoTransfers()
         self._last: Moment | None = None
         self._errors: TimesOf[str] = TimesOf()
 
@@ -40,10 +43,15 @@ class RecordingCheck:
         service = frame.can_id & 0x780
         if not frame.extended and service in _OF_NODES:
             self._nodes.take(moment, frame, self._last or moment)
-            if service in _SDO or service == _HEARTBEATS:
-                self._sdo.take(moment, frame)
-            if service in _SDO:
-                self._answers.take(moment, frame)
+            node_id = frame.can_id & 0x7F
+            if is_boot_up(frame):
+                self._transfers.forget(node_id)
+                self._sdo.start(node_id, frame)
+                self._answers.start(node_id)
+            elif service in _SDO and not frame.remote:
+                step = self._transfers.take((node_id, "SDO"), frame.data, request=service == _REQUESTS)
+                self._sdo.take(moment, frame, step)
+                self._answers.take(moment, frame, step)
         self._lengths.take(moment, frame)
         self._last = moment
 

@@ -10,8 +10,9 @@ from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, LintRule
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.several import join_some
-from dvtcli.watch.heard_objects import HeardObjects, is_boot_up, is_taken
+from dvtcli.watch.heard_objects import HeardObjects, is_taken
 from dvtcli.watch.recording.problems import Moment, Moments, Problem, TimesOf
+from dvtcli.watch.sdo_transfers import SdoStep
 
 REFUSED_WRITE = LintRule("refused-write", ERROR, "a node refused a write", "CiA 301, table 22: SDO abort codes")
 REFUSED_READ = LintRule("refused-read", WARNING, "a node refused a read", "CiA 301, table 22: SDO abort codes")
@@ -25,9 +26,7 @@ HALF_DONE = LintRule(
 EMPTY = LintRule("mapping-empty", WARNING, "a PDO was left without mapped objects", "CiA 301, 7.5.2.36")
 SDO_RULES = (REFUSED_WRITE, REFUSED_READ, GIVEN_UP, ABSENT, HALF_DONE, EMPTY)
 
-_REQUESTS, _ANSWERS, _ABORT = 0x600, 0x580, 0x80
-#: command specifiers of requests that begin a transfer: download, upload, block upload, block download
-_WRITES, _READS, _BLOCK_READS, _BLOCK_WRITES = 1, 2, 5, 6
+_REQUESTS = 0x600
 _DISABLED = 1 << 31
 
 
@@ -75,25 +74,22 @@ class SdoProblems:
     _heard: HeardObjects = field(default_factory=lambda: HeardObjects(range(0x1400, 0x1C00)))
     _pdos: dict[tuple[int, Pdo], _PdoWrites] = field(default_factory=dict)
 
-    def take(self, moment: Moment, frame: Frame) -> None:
-        """Look at *frame*, an SDO or a boot-up message."""
+    def start(self, node_id: int, frame: Frame) -> None:
+        """Node *node_id* starts: *frame* is its boot-up message."""
+        self._heard.take(frame)
+        for key in [key for key in self._pdos if key[0] == node_id]:
+            del self._pdos[key]
+
+    def take(self, moment: Moment, frame: Frame, step: SdoStep) -> None:
+        """Look at *frame*, an SDO, which is this *step* of a transfer."""
         node_id, data = frame.can_id & 0x7F, frame.data
-        if is_boot_up(frame):
-            for key in [key for key in self._pdos if key[0] == node_id]:
-                del self._pdos[key]
         written = self._heard.take(frame)
         if written is not None and is_taken(frame):
             self._written(moment, node_id, written[1])
-        if len(data) != 8 or frame.can_id & 0x780 not in (_REQUESTS, _ANSWERS):
-            return
-        is_request = frame.can_id & 0x780 == _REQUESTS
-        if data[0] == _ABORT:
-            self._aborted(moment, node_id, data, by_client=is_request)
-        elif is_request:
-            command = data[0] >> 5
-            begins = command in (_WRITES, _READS) or (command == _BLOCK_READS and not data[0] & 3)
-            if begins or (command == _BLOCK_WRITES and not data[0] & 1):
-                self._asked[node_id] = data[1:4], command in (_WRITES, _BLOCK_WRITES)
+        if step.step == "abort":
+            self._aborted(moment, node_id, data, by_client=frame.can_id & 0x780 == _REQUESTS)
+        elif step.step == "start":
+            self._asked[node_id] = data[1:4], bool(step.is_write)
 
     def _aborted(self, moment: Moment, node_id: int, data: bytes, *, by_client: bool) -> None:
         asked, is_write = self._asked.pop(node_id, (data[1:4], False))

@@ -19,6 +19,7 @@ from dvtcli.watch.decoder import Decoder
 from dvtcli.watch.recording.problems import in_order
 from dvtcli.watch.recording.recording_rules import RECORDING_RULES, RecordingCheck
 from tests.files.recordings import BEGIN_S
+from tests.monitor.test_sdo_transfers import by_blocks
 from tests.process import PATIENCE_S, documents, dvtcli
 from tests.serve.served import bus_words, own_environment, served
 
@@ -164,6 +165,61 @@ def test_a_healthy_recording_has_no_problem(tmp_path: Path, suffix: str) -> None
     done = dvtcli("check", str(path))
     assert (done.returncode, done.stdout.count("\n")) == (0, 1), done.stdout
     assert done.stdout.endswith(" frames in 4.0 s; no problem\n")
+
+
+def findings(planted: Planted) -> list[tuple[str, str]]:
+    """Rule and text of each problem in *planted* frames, one after the other if at one time."""
+    check = RecordingCheck(Decoder().layout, lambda _node_id, _index, _sub_index: "")
+    for number, (at_s, can_id, data) in enumerate(sorted(planted, key=lambda each: each[0]), 1):
+        check.take(number, Frame(can_id, bytes.fromhex(data), can_id > 0x7FF, timestamp_s=at_s))
+    return [(problem.rule.name, problem.text) for problem in in_order(check.problems())]
+
+
+def blocks(at_s: float, size: int, *, is_write: bool) -> Planted:
+    """A transfer of 2100:03 of node 5 by blocks of 127 segments, whose numbers look like all command specifiers."""
+    value = bytes(number % 251 for number in range(size))
+    return [
+        (at_s + number / 10_000, 0x605 if is_request else 0x585, data.hex())
+        for number, (is_request, data) in enumerate(by_blocks(value, 127, iter(()), is_write=is_write))
+    ]
+
+
+@pytest.mark.parametrize("is_write", [True, False])
+@pytest.mark.parametrize("size", [889, 2000])
+def test_segments_of_blocks_are_neither_requests_nor_answers(size: int, is_write: bool) -> None:
+    transfer = blocks(2.0, size, is_write=is_write)
+    assert findings(HEALTHY + transfer) == []
+    refused = [*transfer[:-1], (2.9, 0x585, "8000210322000008")]
+    (found,) = findings(HEALTHY + refused)
+    assert found[0] == ("refused-write" if is_write else "refused-read")
+    assert found[1].startswith(f"{'write to' if is_write else 'read of'} 2100:03 refused")
+
+
+ASKED, ANSWERED = (0x605, "4018100400000000"), (0x585, "4318100401000000")
+
+
+@pytest.mark.parametrize(("frames", "rules"), [
+    ([ASKED, ASKED, ANSWERED, ANSWERED], {"sdo-no-answer"}),
+    ([ASKED, (0x605, "8018100400000405"), ASKED, ANSWERED, ANSWERED], {"sdo-given-up"}),
+    ([ASKED, ASKED, (0x605, "4000100000000000"), ANSWERED, ANSWERED, (0x585, "4300100000000000")], {"sdo-no-answer"}),
+    ([ASKED, ASKED, ANSWERED, ANSWERED, ANSWERED], {"sdo-no-answer", "two-nodes-answer"}),
+    ([ASKED, ASKED, (0x705, "00"), ASKED, ANSWERED, ANSWERED],
+     {"sdo-no-answer", "two-nodes-answer", "boot-up-in-operation"}),
+    ([ASKED, ANSWERED, ANSWERED], {"two-nodes-answer"}),
+])  # fmt: skip
+def test_only_more_answers_than_requests_are_of_two_nodes(frames: list[tuple[int, str]], rules: set[str]) -> None:
+    planted = [(2.0 + number / 1000, *frame) for number, frame in enumerate(frames)]
+    assert {rule for rule, _ in findings(HEALTHY + planted)} == rules
+
+
+@pytest.mark.parametrize(("can_id", "is_found"), [
+    (0x185, True), (0x3C0, True), (0x57F, True), (0x7DF, False), (0x7E8, False), (0x600, False), (0x18DA10F1, False),
+    (0x18DAF110, False), (0x10000185, False),
+])  # fmt: skip
+def test_only_pdos_have_two_senders(can_id: int, is_found: bool) -> None:
+    """Frames of ISO-TP and of other protocols have any length."""
+    frames = [(1.0 + number / 100, can_id, "11" * (4 + 4 * (number & 1))) for number in range(40)]
+    assert [rule for rule, _ in findings(frames)] == ["two-senders"] * is_found
 
 
 SESSION = (
