@@ -184,11 +184,21 @@ def _sdo_text(step: SdoStep, named: str, value: str) -> str:
         return f"{way} {named}: bytes {step.position - len(step.data) + 1} to {step.position}{of}"
     if step.step == "next":
         return f"{way} {named}: {plural(step.position, 'byte')} taken" if step.position else f"{way} {named}: go on"
+    if step.step == "incomplete":
+        return f"{way} {named}: {_misfit(step)}"
     if step.step == "end":
         return f"{way} {named}: end of blocks, {plural(step.position, 'byte')}"
     if not step.is_write:
         return f"{named} = {value or 'empty'}"
     return f"{named} written{f' = {value}' if step.way not in ('', 'expedited') else ''}"
+
+
+def _misfit(step: SdoStep) -> str:
+    """What is wrong with a transfer that ended without its value."""
+    if step.size is None:
+        return f"incomplete: {plural(step.position, 'byte')}"
+    how = "incomplete" if step.position < step.size else "segments do not fit"
+    return f"{how}: {step.position} of {plural(step.size, 'byte')}"
 
 
 _REQUESTS = ("download segment", "download", "upload", "upload segment", "abort", "block upload", "block download")

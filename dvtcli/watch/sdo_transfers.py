@@ -27,9 +27,9 @@ class SdoStep(NamedTuple):
     """What a frame is in a transfer.
 
     *step* is `start`, `accepted`, `segment`, `next` (a segment was taken, or is asked for), `end` (of blocks), `done`,
-    `abort`, or `unknown`. *is_write* and *place* (index, sub-index) are
-    None if the beginning is missing. *data* is the value
-    if complete, else the frame's own bytes; *size* is the value's length if known, *position* the bytes so far.
+    `incomplete` (it ended, but its segments do not fit), `abort`, or `unknown`. *is_write* and *place* (index,
+    sub-index) are None if the beginning is missing. *data* is the value if complete, else the frame's
+    own bytes; *size* is the value's length if known, *position* the bytes so far.
     *code* is the abort code, *way* is `expedited`, `segments` or `blocks`, empty if unknown.
     """
 
@@ -56,6 +56,7 @@ class _Transfer:
     """A running transfer: the object, the bytes so far, and the segments of the present block by number.
 
     *is_whole*: the last byte was sent; *is_in_block*: the next frames in the value's direction are a block's segments.
+    *toggle* is the toggle bit that the next segment is to have, *before* the last segment. *is_broken*: one is missing.
     """
 
     is_write: bool
@@ -68,12 +69,19 @@ class _Transfer:
     is_in_block: bool = False
     block: dict[int, bytes] = field(default_factory=dict)
     last: int = 0
+    toggle: int = 0
+    before: bytes = b""
+    is_broken: bool = False
 
     def step(self, step: str, data: bytes = b"", more: int = 0) -> SdoStep:
         size = self.count if step == "done" else self.size
         return SdoStep(step, self.is_write, self.place, data, size, self.count + more, way=self.way)
 
     def done(self) -> SdoStep:
+        """The end: with the value if all segments fit and the count is the announced size."""
+        is_ended = self.is_whole or self.way != "blocks"
+        if self.is_broken or not is_ended or self.size not in (None, self.count):
+            return self.step("incomplete")
         return self.step("done", bytes(self.data))
 
     def answered(self) -> SdoStep:
@@ -85,10 +93,15 @@ class _Transfer:
         self.data += data[: max(0, MOST_KEPT - len(self.data))]
 
     def segment(self, data: bytes) -> SdoStep:
-        """Take a segment."""
-        piece = data[1 : SDO_BYTES - (data[0] >> 1 & 7)]
+        """Take a segment; the same one again adds nothing."""
+        piece, toggle = data[1 : SDO_BYTES - (data[0] >> 1 & 7)], data[0] >> 4 & 1
+        if toggle != self.toggle and data == self.before:
+            # without a size, it may as well be an equal one behind a missing one
+            self.is_broken = self.is_broken or (self.size is None and not self.is_whole)
+            return self.step("segment", piece)
+        self.is_broken = self.is_broken or self.is_whole or toggle != self.toggle
         self.add(piece)
-        self.is_whole = bool(data[0] & 1)
+        self.is_whole, self.toggle, self.before = bool(data[0] & 1), toggle ^ 1, data
         return self.step("segment", piece)
 
     def uploaded_segment(self, data: bytes) -> SdoStep:
@@ -103,6 +116,7 @@ class _Transfer:
     def block_segment(self, data: bytes) -> SdoStep:
         """Keep a segment of a block until the other side says how many it took."""
         number = data[0] & _SEGMENT_NUMBER
+        self.is_broken = self.is_broken or number in self.block
         self.block[number] = data[1:]
         self.last = number if data[0] & _LAST_OF_BLOCK else 0
         return self.step("segment", data[1:], sum(map(len, self.block.values())))
@@ -110,6 +124,7 @@ class _Transfer:
     def _block_taken(self, number: int) -> SdoStep:
         """Take the segments up to *number*; the next block begins behind it."""
         for each in range(1, number + 1):
+            self.is_broken = self.is_broken or each not in self.block
             self.add(self.block.get(each, b""))
         self.is_in_block = not (self.last and number >= self.last)
         self.block, self.last = {}, 0
@@ -119,6 +134,7 @@ class _Transfer:
         """Remove the bytes of the last segment that are not used."""
         self.count = max(0, self.count - (data[0] >> 2 & 7))
         del self.data[self.count :]
+        self.is_whole = True
         return self.step("end")
 
     def client_takes_blocks(self, data: bytes) -> SdoStep:
@@ -156,26 +172,57 @@ _GOES_ON: dict[tuple[bool, bool, bool, int], Callable[[_Transfer, bytes], SdoSte
 }
 
 
+class _LastFrame(NamedTuple):
+    """The last frame of a channel: its direction, its first byte, which numbers segments of blocks, and its object.
+
+    *is_of_block*: its number is one more than that of the frame before it, with no answer between.
+    """
+
+    request: bool
+    number: int
+    place: bytes
+    is_of_block: bool = False
+
+    @classmethod
+    def after(cls, last: _LastFrame | None, data: bytes, *, request: bool) -> _LastFrame:
+        """What *data* is behind *last*; two servers' answers about one object are no block."""
+        number, place = data[0], data[1:4]
+        if last is None or last.request != request or data[0] == ABORT:
+            return cls(request, number, place)
+        if last.is_of_block:
+            number &= _SEGMENT_NUMBER
+            return cls(request, number, place, number > last.number)
+        is_next = 1 < number == last.number + 1 < ABORT
+        return cls(request, number, place, is_next and (request or place != last.place or not any(place)))
+
+
 class SdoTransfers:
     """Follow the transfers of any number of channels, each a pair of CAN-IDs between a client and a server."""
 
     def __init__(self) -> None:
         self._running: dict[Channel, _Transfer] = {}
+        self._last: dict[Channel, _LastFrame] = {}
 
     def forget(self, node: int | None) -> None:
         """Drop the transfers of *node*, as after its boot-up."""
         for channel in [channel for channel in self._running if channel[0] == node]:
             del self._running[channel]
+        for channel in [channel for channel in self._last if channel[0] == node]:
+            del self._last[channel]
 
     def take(self, channel: Channel, data: bytes, *, request: bool) -> SdoStep:
         """Process the next frame of *channel*: a client's *request*, or a server's answer."""
         if len(data) < SDO_BYTES:
             return UNKNOWN
         running = self._running.get(channel)
+        last = self._last[channel] = _LastFrame.after(self._last.get(channel), data, request=request)
         if data[0] == ABORT:
             step = _aborted(running, data)
         elif running is not None and running.is_in_block and running.is_write == request:
             return running.block_segment(data)
+        elif last.is_of_block and (running is None or data[0] >> 5):
+            self._running.pop(channel, None)
+            return UNKNOWN
         elif (begun := _begun(data) if request else _uploaded(data)) is not None:
             running = self._running[channel] = begun
             step = running.step("start", bytes(running.data)) if request else running.answered()
@@ -184,7 +231,7 @@ class SdoTransfers:
             step = running.answered() if running and is_known else SdoStep("done", True, _place(data))
         else:
             step = _goes_on(running, data, request=request)
-        if step.step in ("done", "abort"):
+        if step.step in ("done", "incomplete", "abort"):
             self._running.pop(channel, None)
         return step
 

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from dvtcli.domain.ports import Frame
+from dvtcli.operations.meanings.physical_meanings import meanings_of
+from dvtcli.watch.decoder import Decoder
+from dvtcli.watch.explain.known_node import KnownNode
+from dvtcli.watch.frame_reader import FrameReader
 from dvtcli.watch.sdo_transfers import MOST_KEPT, SdoStep, SdoTransfers
 from tests.commands.bench import Bench
 
@@ -88,6 +93,66 @@ def test_blocks_become_the_value_though_segments_are_lost(
     *steps, last = followed(by_blocks(value, block, iter(lost), is_write=is_write))
     assert (last.step, last.is_write, last.object, last.data) == ("done", is_write, "2100:03", value)
     assert "unknown" not in {step.step for step in steps}
+
+
+def without_size(frames: list[Sent]) -> list[Sent]:
+    """*frames* of a transfer that does not announce its size."""
+    bits = {0x21: 1, 0x41: 1, 0xC6: 2}
+    return [
+        (request, bytes([data[0] & ~bits[data[0]]]) + data[1:4] + bytes(4) if number < 2 and data[0] in bits else data)
+        for number, (request, data) in enumerate(frames)
+    ]
+
+
+@given(
+    st.binary(min_size=15, max_size=300), st.booleans(), st.booleans(), st.booleans(), st.integers(1, 20),
+    st.booleans(), st.data(),
+)  # fmt: skip
+def test_a_value_is_said_only_if_all_its_segments_were_recorded(
+    value: bytes, is_write: bool, is_by_blocks: bool, is_repeated: bool, block: int, has_size: bool, data: st.DataObject
+) -> None:
+    """Of a transfer of which one frame is lost, or recorded twice, no other value is said than was sent."""
+    frames = [*by_blocks(value, block, iter(()), is_write=is_write)] if is_by_blocks else [
+        *in_segments(value, is_write=is_write)]  # fmt: skip
+    frames = frames if has_size else without_size(frames)
+    number = data.draw(st.integers(2, len(frames) - 1))
+    frames[number : number + 1] = [frames[number]] * 2 if is_repeated else []
+    for step in followed(iter(frames)):
+        if step.step == "done":
+            assert (step.data, step.size) == (value, len(value))
+
+
+def test_missing_segments_are_counted() -> None:
+    frames = [*in_segments(bytes(range(21)), is_write=False)]
+    *_, last = followed(iter(frames[:4] + frames[6:]))
+    assert (last.step, last.data, last.position, last.size) == ("incomplete", b"", 14, 21)
+    assert last.object == "2100:03"
+
+
+@pytest.mark.parametrize(("lost", "has_size", "says"), [
+    (slice(4, 6), True, "incomplete: 14 of 21 bytes"), (slice(4, 6), False, "incomplete: 14 bytes"),
+    (slice(0, 0), True, ""),
+])  # fmt: skip
+def test_a_transfer_without_its_value_says_so(lost: slice, has_size: bool, says: str) -> None:
+    frames = [*in_segments(bytes(range(1, 22)), is_write=False)]
+    frames = frames if has_size else without_size(frames)
+    del frames[lost]
+    reader = FrameReader(Decoder(), lambda _node_id: KnownNode(None, meanings_of(None, None)))
+    *_, last = [reader.read(Frame(0x601 if request else 0x581, data)) for request, data in frames]
+    if says:
+        assert last.text == f"read 2100:03: {says}"
+        assert (last.facts["step"], "value" in last.facts) == ("incomplete", False)
+    else:
+        assert (last.facts["step"], last.facts["bytes"]) == ("done", 21)
+
+
+@given(st.integers(800, 889), st.integers(1, 100), st.booleans())
+def test_segments_of_a_block_whose_beginning_is_missing_are_unknown(size: int, first: int, is_write: bool) -> None:
+    """Only the first frame of the recording may look like another one."""
+    value = bytes(number % 251 for number in range(size))
+    segments = [frame for frame in by_blocks(value, 127, iter(()), is_write=is_write) if frame[0] == is_write][1:-1]
+    _, *steps = followed(iter(segments[first:]))
+    assert {step.step for step in steps} == {"unknown"}
 
 
 @given(st.lists(st.tuples(st.booleans(), st.binary(max_size=9)), max_size=30))
