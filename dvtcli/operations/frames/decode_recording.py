@@ -147,17 +147,18 @@ def _write_file(
 
     try:
         to = WholeFile(target, rows, document, form)
+        damage: list[InputFileError] = []
         try:
-            for frame, bus in frames:
+            for frame, bus in _until_damage(frames, damage):
                 to.write(frame, bus)
-        except InputFileError:
-            kept = next_part(target.with_stem(f"{target.stem}-until-damage"))
-            to.complete(kept.name)
-            session.tell.warning(f"{target} is not written; the {rows.frames} frames before the damage are in {kept}")
-            raise
         except BaseException:
             to.discard()
             raise
+        if damage:
+            kept = next_part(target.with_stem(f"{target.stem}-until-damage"))
+            to.complete(kept.name)
+            session.tell.warning(f"{target} is not written; the {rows.frames} frames before the damage are in {kept}")
+            raise damage[0]
         to.complete()
     except OSError as failed:
         raise DvtcliError(
@@ -165,6 +166,14 @@ def _write_file(
             place=str(target),
             hint="an older file of that name is as it was",
         ) from failed
+
+
+def _until_damage(frames: Iterable[tuple[Frame, str]], damage: list[InputFileError]) -> Iterator[tuple[Frame, str]]:
+    """Yield *frames* until they raise InputFileError, which *damage* gets: not what a writer of them raises."""
+    try:
+        yield from frames
+    except InputFileError as damaged:
+        damage.append(damaged)
 
 
 def _seen_frames(frames: Iterable[Frame], reader: FrameReader, only: frozenset[str]) -> Iterator[FrameSeen]:

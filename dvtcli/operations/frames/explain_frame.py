@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -56,11 +55,11 @@ def explained(frame: Frame, reader: FrameReader) -> FrameExplained:
 
 
 def described_nodes(session: SessionNodes, file: str | None = None) -> Callable[[int], KnownNode]:
-    """Return what describes a node-ID: the node if met, else --eds, else the network file.
+    """Return what describes a node-ID: the network file, else the node if met, else --eds, of the nodes of -n if given.
 
-    Asks no node.
+    Asks no node. Raises as the reading of the files: no frame does so later.
     """
-    known = cache(partial(_network_nodes, file))  # a frame of a PDO asks for none: the file is not planned for it
+    known = _network_nodes(file)
     offline: list[KnownNode] = []
     if session.base.eds is not None:
         from dvtcli.operations.opening.device_files import offline_dictionaries
@@ -73,26 +72,30 @@ def described_nodes(session: SessionNodes, file: str | None = None) -> Callable[
 
     def described(node_id: int) -> KnownNode:
         node = session.network.nodes.get(node_id) if session.is_open else None
-        if node is not None and node_id not in known():
-            known()[node_id] = KnownNode(node.dictionary, meanings_of(node.profile, node.dictionary))
-        return known().get(node_id) or next(iter(offline), nobody)
+        if node is not None and node_id not in known:
+            known[node_id] = KnownNode(node.dictionary, meanings_of(node.profile, node.dictionary))
+        is_of_eds = not session.base.nodes or node_id in session.base.nodes
+        return known.get(node_id) or (next(iter(offline), nobody) if is_of_eds else nobody)
 
     return described
 
 
 def _network_nodes(file: str | None) -> dict[int, KnownNode]:
-    """Return the nodes of a network *file*; empty for other files."""
+    """Return the nodes of a network *file*, of which nothing is planned; empty for other files."""
     if file is None or Path(file).suffix.lower() not in _NETWORK:
         return {}
     from dvtcli.files.network.physical_keys import rules_by_node
-    from dvtcli.operations.network.described_network import described_network
+    from dvtcli.operations.network.described_network import words_of
+    from dvtcli.operations.opening.device_files import offline_dictionaries
+    from dvtcli.operations.user.options import Options
     from dvtcli.operations.wanted.network_wish import read_wish
 
     wish = read_wish(file)
-    own = rules_by_node(wish.nodes)
+    own, words = rules_by_node(wish.nodes), words_of(file, wish)
+    devices = offline_dictionaries(Options(sim=tuple(f"{word}@{node_id}" for node_id, word in words.items())))
+    told = dict(zip(words, devices, strict=True))
     return {
-        node.node_id: KnownNode(
-            node.dictionary, meanings_of(node.profile, node.dictionary, [own.get(node.node_id, {})])
-        )
-        for node in described_network(file, wish=wish).nodes
+        node.node_id: KnownNode(dictionary, meanings_of(profile, dictionary, [own.get(node.node_id, {})]))
+        for node in wish.nodes
+        for dictionary, profile in (told.get(node.node_id, (None, None)),)
     }
