@@ -96,8 +96,13 @@ def _cob_ids(node: KnownPdos, sdo: SdoReader) -> dict[Pdo, CobId]:
     known = {pdo: config.communication.cob_id for pdo, config in {**node.last_read, **node.wanted}.items()}
     boot_ups = node.bus.boot_ups(node.node_id)
     try:
-        held = {pdo: _cob_id(node, sdo, pdo, known) for pdo in node.present() if pdo.is_tpdo}
-        node.sent = boot_ups, {pdo: cob_id for pdo, cob_id in held.items() if cob_id is not None}
+        present = [pdo for pdo in node.present() if pdo.is_tpdo]
+        held = {}
+        for pdo in present:
+            with suppress(SdoAborted):  # refused for the moment: what the node sends stays incomplete
+                held[pdo] = _cob_id(node, sdo, pdo, known)
+        if len(held) == len(present):
+            node.sent = boot_ups, {pdo: cob_id for pdo, cob_id in held.items() if cob_id is not None}
     except (NoAnswer, SdoAborted, SdoProtocolError):  # a node that is off or STOPPED does not block changes of others
         held = {pdo: cob_id for pdo, cob_id in known.items() if pdo.is_tpdo}
     return {pdo: cob_id for pdo, cob_id in held.items() if cob_id is not None}
@@ -106,7 +111,8 @@ def _cob_ids(node: KnownPdos, sdo: SdoReader) -> dict[Pdo, CobId]:
 def _cob_id(node: ReadableNode, sdo: SdoReader, pdo: Pdo, known: Mapping[Pdo, CobId]) -> CobId | None:
     """Sub-index 1 of a TPDO; the *known* COB-ID if unreadable, or None for a missing TPDO.
 
-    A refusal that may pass is not believed: it may be an old one of the cache, so the node is asked once more.
+    A refusal that may pass is not believed: it may be an old one of the cache, so the node is asked once more. Raises
+    SdoAborted if it refuses that for the moment, too, and no COB-ID is known.
     """
     try:
         return read_cob_id(sdo, pdo)
@@ -116,5 +122,7 @@ def _cob_id(node: ReadableNode, sdo: SdoReader, pdo: Pdo, known: Mapping[Pdo, Co
     node.memory.forget_one(pdo.communication_index, 1)
     try:
         return read_cob_id(node.memory.look(), pdo)
-    except SdoAborted:
+    except SdoAborted as aborted:
+        if pdo not in known and aborted.code not in UNREADABLE:
+            raise
         return known.get(pdo)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import pytest
 
 from dvtcli.device.known_pdos import ReadProgress
-from dvtcli.device.neighbours import producers
+from dvtcli.device.neighbours import producers, producers_of
 from dvtcli.device.node import Node
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import U16, VISIBLE_STRING
@@ -222,6 +222,30 @@ def test_a_passing_refusal_in_the_cache_hides_no_cob_id(code: int) -> None:
     with suppress(SdoAborted):
         node.memory.upload(0x1800, 1)
     assert producers([node], anew=False)[0] == Producer(NODE, TPDO1, CobId(0x181))
+
+
+@pytest.mark.parametrize(("code", "is_asked_again"), [(0x0800_0022, True), (0x0504_0000, True), (0x0602_0000, False)])
+def test_a_cob_id_refused_for_the_moment_twice_is_asked_for_again(code: int, is_asked_again: bool) -> None:
+    class ShyTwice(DirectSdo):
+        asked = 0
+
+        def upload(
+            self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
+        ) -> bytes:
+            if (index, sub_index) == (0x1800, 1):
+                self.asked += 1
+                if self.asked <= 2:
+                    raise SdoAborted(index, sub_index, code)
+            return super().upload(index, sub_index, timeout_s=timeout_s, retries=retries)
+
+    device = booted()
+    device.set_value(0x1800, 1, (0x181).to_bytes(4, "little"))
+    channel = ShyTwice(device)
+    node = Node(DirectBus(device, channel), NODE, dictionary("generic"))
+    assert TPDO1 not in [one.pdo for one in producers([node])]
+    channel.asked = max(channel.asked, 2)
+    found = producers_of([node], CobId(0x181))
+    assert found == ((Producer(NODE, TPDO1, CobId(0x181)),) if is_asked_again else ())
 
 
 def test_of_what_is_unknown_nothing_that_was_read_before_is_believed() -> None:
