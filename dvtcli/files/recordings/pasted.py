@@ -252,18 +252,19 @@ class PythonCanScreen(PastedFormat):
     suffix = ".txt"
     title = "python-can's screen"
     line = re.compile(
-        r"Timestamp:\s+(?P<time>\d+\.\d+)\s+ID:\s+(?P<id>[0-9A-F]+)\s+(?P<kind>[SX])\s+(?:[RT]x)?\s*(?P<error>E)?\s*"
-        r"(?P<remote>R)?\s*(?P<fd>F)?\s.*?DL:\s*(?P<length>\d+)(?:\s+" + _DATA[:-1] + r")?"
+        r"Timestamp:\s+(?P<time>\d+\.\d+)\s+ID:\s+(?P<id>[0-9A-F]+)\s+(?P<kind>[SX])"
+        r"(?P<flags>(?:\s+(?:[RT]x|EI|BS|[ERF]))*)\s+DL:\s*(?P<length>\d+)(?:\s+" + _DATA[:-1] + r")?"
         r"(?:\s+'.*?')?(?:\s+Channel:\s+(?P<channel>\S+))?", _FLAGS,
     )  # fmt: skip
 
     def frame(self, found: re.Match[str], times: Times) -> RecordedFrame:
         """The frame of a line."""
-        extended, remote = found["kind"].upper() == "X", bool(found["remote"])
+        flags = found["flags"].upper().split()
+        extended, remote = found["kind"].upper() == "X", "R" in flags
         frame = _frame(
             found, times.at(float(found["time"])), extended=extended, remote=remote, length=int(found["length"])
         )
-        return RecordedFrame(frame, found["channel"] or "", bool(found["error"]), bool(found["fd"]))
+        return RecordedFrame(frame, found["channel"] or "", "E" in flags, "F" in flags)
 
 
 class PythonCanCsv(PastedFormat):

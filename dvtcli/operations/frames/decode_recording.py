@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
-from dvtcli.files.recording import check_readable, read_recorded, read_recording
+from dvtcli.files.recording import check_readable, read_recorded
 from dvtcli.files.values.value_parts import next_part
 from dvtcli.operations.frames.explain_frame import described_nodes
 from dvtcli.operations.frames.frame_answer import frame_seen
@@ -46,8 +47,7 @@ def decode_recording(
     check_readable(path)
     decoder = decoder_for(session, nodes, dbc, path)
     misfits = Misfits(decoder.layout, session.tell.warning)
-    frames = misfits.passing(read_recording(path))
-    seen = _seen_frames(frames, FrameReader(decoder, described_nodes(session, dbc)), only)
+    seen = _seen_frames(path, misfits, _readers(session, decoder, dbc), only)
     return _matching(session, path, seen, decoder, text) if text else seen
 
 
@@ -69,7 +69,8 @@ def write_values(
     """
     check_readable(path)
     decoder = decoder_for(session, nodes, dbc, path)
-    rows = SignalRows(decoder, text, FrameReader(decoder, described_nodes(session, dbc)), options.only)
+    reader_of = _readers(session, decoder, dbc)
+    rows = SignalRows(decoder, text, reader_of(""), options.only)
     if not rows.columns:
         if text and len(rows.decoder):
             raise UsageError(f"no signal has {text!r} in its name", hint=Hint(Action.DECODE, why="shows what is in it"))
@@ -85,7 +86,7 @@ def write_values(
         is_live = dbc is None and session.base.eds is None and not rows.decoder.identities
         asked = tuple(range(1, 128)) if is_live else ()
         form = parquet_form(session, target, rows.decoder, options, path.name, asked=asked, dbc=dbc)
-    frames = _seen(session, path, rows)
+    frames = _seen(session, path, rows, reader_of)
     if isinstance(target, Path):
         _write_file(session, rows, frames, target, text, form)
     else:
@@ -122,12 +123,24 @@ def values_into_file(
     return Facts("decode", said, (f"{target}: {rows.frames} frames, {len(names)} signals",))
 
 
-def _seen(session: SessionUser, path: Path, rows: SignalRows) -> Iterator[tuple[Frame, str]]:
-    """Yield the frames of the recording at *path* with channels; reports frames that do not fit their layout."""
+def _readers(session: SessionNodes, decoder: Decoder, dbc: str | None) -> Callable[[str], FrameReader]:
+    """Return what gives the reader of a channel: nodes of two buses may have one node-ID."""
+    described = described_nodes(session, dbc)
+    return cache(lambda _channel: FrameReader(decoder, described))
+
+
+def _seen(
+    session: SessionUser, path: Path, rows: SignalRows, reader_of: Callable[[str], FrameReader]
+) -> Iterator[tuple[Frame, str]]:
+    """Yield the frames of the recording at *path* with channels; reports frames that do not fit their layout.
+
+    *rows* read each by the reader of its channel.
+    """
     misfits = Misfits(rows.decoder.layout, session.tell.warning)
     for recorded in read_recorded(path):
         if not recorded.error:
             misfits.look(recorded.frame)
+            rows.reader = reader_of(recorded.channel)
             yield recorded.frame, recorded.channel
 
 
@@ -176,9 +189,15 @@ def _until_damage(frames: Iterable[tuple[Frame, str]], damage: list[InputFileErr
         damage.append(damaged)
 
 
-def _seen_frames(frames: Iterable[Frame], reader: FrameReader, only: frozenset[str]) -> Iterator[FrameSeen]:
-    for frame in frames:
-        seen = frame_seen(frame, reader.decoder, reader.read(frame))
+def _seen_frames(
+    path: Path, misfits: Misfits, reader_of: Callable[[str], FrameReader], only: frozenset[str]
+) -> Iterator[FrameSeen]:
+    for recorded in read_recorded(path):
+        if recorded.error:
+            continue
+        misfits.look(recorded.frame)
+        reader = reader_of(recorded.channel)
+        seen = frame_seen(recorded.frame, reader.decoder, reader.read(recorded.frame))
         if not only or seen.reading.is_one_of(only):
             yield seen
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.commands.bench import Bench
+from tests.process import dvtcli
 
 #: a frame and what it says; of frames that belong together the others stand before it
 WORDS = [
@@ -72,6 +73,29 @@ def test_decode_says_what_a_frame_is(frames: list[str], what: str, text: str, tm
     if len(frames) == 1:
         alone = Bench(()).run(f"explain {frames[0]} --json").document
         assert (alone["what"], alone["text"]) == (what, text)
+
+
+def test_transfers_of_two_buses_are_read_by_themselves(tmp_path: Path) -> None:
+    """Nodes with one node-ID on two buses are read at the same time, as text and into files."""
+    begin = ["605#4008100000000000", "585#4108100008000000", "605#6000000000000000"]
+    frames = [(frame, bus) for frame in begin for bus in ("can0", "can1")]
+    frames += [
+        ("585#0053657276656C6C", "can0"),
+        ("585#0047656E6572696B", "can1"),
+        *[("605#7000000000000000", bus) for bus in ("can0", "can1")],
+    ]
+    frames += [("585#1D69000000000000", "can0"), ("585#1D61000000000000", "can1")]
+    path = tmp_path / "two.log"
+    path.write_text("".join(f"({1.7e9 + n / 100:.6f}) {bus} {frame}\n" for n, (frame, bus) in enumerate(frames)))
+    names = [f"1008:00 manufacturer device name = '{name}'" for name in ("Servelli", "Generika")]
+    lines = Bench(()).run(f"decode {path}").stdout.splitlines()
+    assert [line.partition("1008:00")[1] + line.partition("1008:00")[2] for line in lines[-2:]] == names
+    target = tmp_path / "two.jsonl"
+    done = dvtcli("--eds", "gen4", "-n", "5", "decode", str(path), "--output", str(target))
+    assert done.returncode == 0, done.stderr
+    documents = map(json.loads, target.read_text().splitlines())
+    texts = [document["text"] for document in documents if document["fields"]["step"] == "done"]
+    assert [text.partition(" = ")[2] for text in texts] == ["'Servelli'", "'Generika'"]
 
 
 #: what an EDS needs for multiplexed PDOs: TPDO1 addresses the destination, TPDO2 the source
