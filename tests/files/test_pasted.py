@@ -270,3 +270,95 @@ def test_standard_input_is_decoded() -> None:
     assert done.returncode == 0, done.stderr
     assert "abort 0x06090030 of 6060:00: invalid value for the parameter" in done.stdout
     assert len(done.stdout.splitlines()) == len(TRAFFIC)
+
+
+@pytest.mark.parametrize(
+    "damaged",
+    [
+        "  can0  185   [2",
+        "  can0  18",
+        "  can0",
+        "  ca",
+        "  AA BB",
+        "1122",
+        "  can1  185   [2",
+        "  can0  RX - -  185",
+        "  vcan7  185 [4]  11",
+    ],
+)
+@pytest.mark.parametrize("is_last", [True, False])
+def test_a_damaged_line_of_candump_is_said(damaged: str, is_last: bool, tmp_path: Path) -> None:
+    whole = "  can0  181   [1]  05\n"
+    path = tmp_path / "run.txt"
+    path.write_text(f"{whole}{damaged}\n{'' if is_last else whole}", "ascii")
+    with pytest.raises(InputFileError, match="damaged after 1 frame") as failed:
+        list(read_recording(path))
+    assert failed.value.place == f"{path}:2"
+
+
+def test_what_candump_says_between_frames_is_no_frame(tmp_path: Path) -> None:
+    said = ["", "me@bench:~$ candump can0", "  read: network is down", "  -- can0 is up"]
+    path = tmp_path / "run.txt"
+    path.write_text("  can0  181   [1]  05\n" + "".join(f"{text}\n  can0  181   [1]  06\n" for text in said), "ascii")
+    assert len(list(read_recording(path))) == 1 + len(said)
+
+
+@pytest.mark.parametrize("start_s", [0.0, 5.0, 100.0, BEGIN_S])
+def test_a_clock_that_goes_back_a_little_is_no_delta(start_s: float, tmp_path: Path) -> None:
+    """candump reads two interfaces one after the other."""
+    times = [start_s + 0.01 * number - (0.0101 if number % 5 == 4 else 0.0) for number in range(40)]
+    path = tmp_path / "run.txt"
+    lines = (f" ({time_s:017.6f})  can{number % 5 // 4}  181   [1]  05\n" for number, time_s in enumerate(times))
+    path.write_text("".join(lines), "ascii")
+    assert [frame.timestamp_s for frame in read_recording(path)] == pytest.approx(times, abs=2e-6)
+
+
+@pytest.mark.parametrize(
+    "deltas", [(0.0, *(0.01 + 1e-6 * (number * 7 % 5) for number in range(40))), (2.0, 0.5, 0.1, 3.0), (0.0, 0.2, 0.1)]
+)
+def test_times_that_do_not_rise_are_deltas(deltas: Sequence[float], tmp_path: Path) -> None:
+    path = tmp_path / "run.txt"
+    path.write_text("".join(f" ({delta:010.6f})  can0  181   [1]  05\n" for delta in deltas), "ascii")
+    sums = [sum(deltas[: number + 1]) for number in range(len(deltas))]
+    assert [frame.timestamp_s for frame in read_recording(path)] == pytest.approx(sums, abs=1e-6)
+
+
+def _with_length(form: str, said: int) -> str:
+    """A file of *form* with a whole frame, and one of three bytes that says *said*."""
+    line = {
+        "candump": "  can0  181   [LENGTH]  11 22 33",
+        "BUSMASTER": "10:00:00:0010 Rx 1 0x181 s LENGTH 11 22 33",
+        "SavvyCAN": "1000,00000181,false,Rx,0,LENGTH,11,22,33,,,,,",
+        "PCAN-View": "     1)       1.0  Rx     0181  LENGTH  11 22 33",
+        "PCAN-View 2": "      1         1.000 DT     0181 Rx LENGTH  11 22 33",
+        "python-can's screen": "Timestamp: 1700000000.001000  ID: 181  S Rx      DL:  LENGTH    11 22 33",
+        "python-can's CSV": "1700000000.001,0x181,0,0,0,LENGTH,ESIz",
+    }[form]
+    head = {
+        "BUSMASTER": "\n".join([*_BUSMASTER, ""]), "SavvyCAN": f"{_SAVVY[0]}\n",
+        "python-can's CSV": "timestamp,arbitration_id,extended,remote,error,dlc,data\n",
+    }.get(form, "")  # fmt: skip
+    return head + line.replace("LENGTH", "3") + "\n" + line.replace("LENGTH", str(said)) + "\n"
+
+
+@pytest.mark.parametrize(
+    "form",
+    ["candump", "BUSMASTER", "SavvyCAN", "PCAN-View", "PCAN-View 2", "python-can's screen", "python-can's CSV"],
+)
+@pytest.mark.parametrize("said", [3, 8, 4])
+def test_a_length_that_is_not_that_of_the_bytes_is_damage(form: str, said: int, tmp_path: Path) -> None:
+    path = tmp_path / "run.txt"
+    path.write_text(_with_length(form, said), "ascii")
+    if said == 3:
+        assert [frame.data.hex() for frame in read_recording(path)] == ["112233"] * 2
+        return
+    with pytest.raises(InputFileError, match="damaged after 1 frame") as failed:
+        list(read_recording(path))
+    assert f"the length {said} is not that of the 3 bytes behind it" in failed.value.why
+
+
+def test_a_length_of_pcan_view_may_be_a_code_of_can_fd(tmp_path: Path) -> None:
+    path = tmp_path / "run.txt"
+    lines = (f"{n:7d} {n:13.3f} FD     0181 Rx {said:2d}  {'11 ' * 12}" for n, said in enumerate((9, 12), 1))
+    path.write_text("\n".join(lines), "ascii")
+    assert [len(frame.data) for frame in read_recording(path)] == [12, 12]

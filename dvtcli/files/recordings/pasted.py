@@ -8,15 +8,18 @@ from __future__ import annotations
 import base64
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar
 
+import can
+
 from dvtcli.domain.cob_id import CAN_ID_MASK, fits
 from dvtcli.domain.ports import Frame
+from dvtcli.domain.several import plural
 from dvtcli.files.recorded_lines import CountedLines, LostLineError
 from dvtcli.files.recordings.recording_format import RecordedFrame, RecordingFormat
 
@@ -25,6 +28,8 @@ _DATA = r"(?P<data>[0-9A-F]{2}(?: [0-9A-F]{2})*)?"
 #: colours and other escapes of a terminal
 _ESCAPES = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
 _DAY_S = 86_400
+#: maximum times (s) from line to line, and the maximum first one
+_LONGEST_DELTA_S, _LONGEST_FIRST_S = 1e6, 10
 
 
 @dataclass(slots=True)
@@ -76,7 +81,7 @@ class PastedFormat(RecordingFormat):
 
     def reader(self, source: Any) -> Iterator[RecordedFrame]:
         """Iterate over the frames, line by line."""
-        times = Times()
+        times, channels = Times(), set[str]()
         for raw in source:
             text = shown_text(raw)
             found = self.line.fullmatch(text)
@@ -84,11 +89,16 @@ class PastedFormat(RecordingFormat):
             if frame is not None:
                 if not fits(frame.frame.can_id, extended=frame.frame.extended) or len(frame.frame.data) > 64:
                     raise LostLineError(source.line, text)
+                channels.add(frame.channel)
                 yield frame
-            elif found is None and not self.aside.fullmatch(text):
+            elif found is None and not self.is_aside(text, channels):
                 raise LostLineError(source.line, text)
             elif found is None:
                 self.take_aside(text, times)
+
+    def is_aside(self, text: str, _channels: Collection[str]) -> bool:
+        """Whether *text*, behind frames of *channels*, is no frame, nor a damaged one."""
+        return self.aside.fullmatch(text) is not None
 
     def take_aside(self, text: str, times: Times) -> None:
         """Take what a line without a frame says about times."""
@@ -104,13 +114,29 @@ def shown_text(line: str) -> str:
 
 
 def _frame(
-    found: re.Match[str], time_s: float, *, extended: bool | None = None, remote: bool = False, length: int = 0
+    found: re.Match[str],
+    time_s: float,
+    *,
+    extended: bool | None = None,
+    remote: bool = False,
+    length: int | None = None,
 ) -> Frame:
-    """The frame in the groups `id` (hex) and `data` (hex); without *extended* more than four digits are 29 bits."""
+    """The frame in the groups `id` (hex) and `data` (hex); without *extended* more than four digits are 29 bits.
+
+    Raises ValueError if it has not *length* bytes, None: its length is not said.
+    """
     digits = found["id"]
     is_long = len(digits) > 4 if extended is None else extended
     data = b"" if remote else bytes.fromhex(found["data"] or "")
-    return Frame(int(digits, 16), data, is_long, remote, time_s, length if remote else 0)
+    if not remote and length is not None:
+        _require_length(data, length)
+    return Frame(int(digits, 16), data, is_long, remote, time_s, length or 0 if remote else 0)
+
+
+def _require_length(data: bytes, length: int) -> None:
+    """Raise ValueError if *data* has not *length* bytes."""
+    if len(data) != length:
+        raise ValueError(f"the length {length} is not that of the {plural(len(data), 'byte')} behind it")
 
 
 class CandumpScreen(PastedFormat):
@@ -123,7 +149,13 @@ class CandumpScreen(PastedFormat):
         r"(?P<id>[0-9A-F]{8}|[0-9A-F]{3})\s+\[(?P<length>\d{1,2})\](?:\s+(?P<remote>remote request)|\s*"
         + _DATA + r")(?:\s+'.*)?(?:\s+(?P<error>ERRORFRAME))?", _FLAGS,
     )  # fmt: skip
-    aside = re.compile(r"\s*|\s+[A-Za-z-]+.*|.*\$ candump .*")
+    aside = re.compile(r"\s*|\s+(?!.*\[\d)(?![0-9A-F\s]+$)[A-Za-z-]+.*|.*\$ candump .*", _FLAGS)
+
+    def is_aside(self, text: str, channels: Collection[str]) -> bool:
+        """Whether *text* is no frame: words without a length, that do not begin as a line of *channels*."""
+        first, *more = text.split() or [""]
+        begins = first in channels or (first and not more and any(channel.startswith(first) for channel in channels))
+        return not begins and super().is_aside(text, channels)
 
     def frame(self, found: re.Match[str], times: Times) -> RecordedFrame:
         """The frame of a line; of -ta, -tz and -tA the time as printed, of -td counted from line to line."""
@@ -131,11 +163,19 @@ class CandumpScreen(PastedFormat):
         time_s = float(text) if text.count("-") < 2 else datetime.fromisoformat(text).astimezone().timestamp()
         length = int(found["length"])
         frame = _frame(found, times.at(time_s), remote=bool(found["remote"]), length=length)
-        if not frame.remote and len(frame.data) != length:
-            raise ValueError(f"[{length}] says another length than the {len(frame.data)} bytes behind it")
         if found["error"]:
             return RecordedFrame(replace(frame, can_id=frame.can_id & CAN_ID_MASK), found["channel"], error=True)
         return RecordedFrame(frame, found["channel"], fd=length > 8)
+
+
+def _is_clock(times: list[float]) -> bool:
+    """Whether *times* (s) are of a clock, though they go back: frames of two interfaces come a little out of order."""
+    if times[0] > _LONGEST_FIRST_S or max(times) > _LONGEST_DELTA_S:
+        return True
+    behind = times[1:]  # the first time from line to line is 0
+    part = -(-len(behind) // 4)
+    back = max(before - after for before, after in pairwise(times))
+    return min(behind[-part:]) > max(behind[:part]) and back < (max(behind) - min(behind)) / 10
 
 
 class CandumpDeltas(CandumpScreen):
@@ -145,10 +185,11 @@ class CandumpDeltas(CandumpScreen):
     title = "candump's screen with -td"
 
     def is_in(self, lines: list[str]) -> bool:
-        """Whether times go back, as only those from line to line do."""
+        """Whether times go back, as those from line to line do, and are not of a clock."""
         found = [match["time"] for match in map(self.line.fullmatch, lines) if match]
         times = [float(text) for text in found if text and text.count("-") < 2]
-        return super().is_in(lines) and any(before > after for before, after in pairwise(times))
+        goes_back = any(before > after for before, after in pairwise(times))
+        return super().is_in(lines) and goes_back and not _is_clock(times)
 
     def reader(self, source: Any) -> Iterator[RecordedFrame]:
         """Iterate over the frames with their times added up."""
@@ -199,8 +240,11 @@ class Busmaster(PastedFormat):
         kind = found["kind"].lower()
         data = b"" if "r" in kind else bytes(int(word, base) for word in (found["data"] or "").split())
         can_id = int(found["id"].lower().removeprefix("0x"), base)
-        length = int(found["length"]) if "r" in kind else 0
-        return RecordedFrame(Frame(can_id, data, "x" in kind, "r" in kind, at_s, length), found["channel"])
+        length = int(found["length"])
+        if "r" in kind:
+            return RecordedFrame(Frame(can_id, data, "x" in kind, True, at_s, length), found["channel"])
+        _require_length(data, length)
+        return RecordedFrame(Frame(can_id, data, "x" in kind, timestamp_s=at_s), found["channel"])
 
 
 class SavvyCan(PastedFormat):
@@ -220,7 +264,9 @@ class SavvyCan(PastedFormat):
 
     def frame(self, found: re.Match[str], times: Times) -> RecordedFrame:
         """The frame of a line; its columns of bytes may be more than it has."""
-        data = bytes(int(word, 16) for word in found["data"].split(",") if word)[: int(found["length"])]
+        length = int(found["length"])
+        data = bytes(int(word, 16) for word in found["data"].split(",") if word)[:length]
+        _require_length(data, length)
         extended = found["extended"].lower() == "true"
         frame = Frame(int(found["id"], 16), data, extended, timestamp_s=times.at(int(found["time"]) / 1e6))
         return RecordedFrame(frame, found["channel"])
@@ -239,11 +285,11 @@ class PcanView(PastedFormat):
     aside = re.compile(r"\s*|;.*|\s*\d+\)?\s+\d+\.\d+\s+(?:Warng|Error|ST|ER|EC|EV)\b.*")
 
     def frame(self, found: re.Match[str], times: Times) -> RecordedFrame:
-        """The frame of a line; its times are milliseconds."""
-        remote = bool(found["remote"]) or found["kind"] == "RR"
-        return RecordedFrame(
-            _frame(found, times.at(float(found["time"]) / 1000), remote=remote, length=int(found["length"]))
-        )
+        """The frame of a line; its times are milliseconds, its length may be a code of CAN FD."""
+        remote, length = bool(found["remote"]) or found["kind"] == "RR", int(found["length"])
+        if found["kind"] in ("FD", "FB") and len(bytes.fromhex(found["data"] or "")) == can.util.dlc2len(length):
+            length = can.util.dlc2len(length)
+        return RecordedFrame(_frame(found, times.at(float(found["time"]) / 1000), remote=remote, length=length))
 
 
 class PythonCanScreen(PastedFormat):
@@ -286,9 +332,11 @@ class PythonCanCsv(PastedFormat):
         """The frame of a line."""
         remote = found["remote"] == "1"
         data = b"" if remote else base64.b64decode(found["data"], validate=True)
-        length = int(found["length"]) if remote else 0
+        length = int(found["length"])
+        if not remote:
+            _require_length(data, length)
         time_s = times.at(float(found["time"]))
-        frame = Frame(int(found["id"], 16), data, found["extended"] == "1", remote, time_s, length)
+        frame = Frame(int(found["id"], 16), data, found["extended"] == "1", remote, time_s, length if remote else 0)
         return RecordedFrame(frame, "", found["error"] == "1")
 
 
@@ -322,7 +370,7 @@ class TracedText(PastedFormat):
         """The frame of a line."""
         iso = found["iso"]
         time_s = datetime.fromisoformat(iso.replace("Z", "+00:00")).timestamp() if iso else float(found["ms"]) / 1000
-        length = int(found["length"] or 0) if found["remote"] else 0
+        length = int(found["length"] or 0) if found["remote"] else None
         return RecordedFrame(_frame(found, times.at(time_s), remote=bool(found["remote"]), length=length))
 
 
