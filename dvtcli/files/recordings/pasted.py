@@ -20,7 +20,7 @@ import can
 from dvtcli.domain.cob_id import CAN_ID_MASK, fits
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.several import plural
-from dvtcli.files.recorded_lines import CountedLines, LostLineError
+from dvtcli.files.recorded_lines import MOST_CHARACTERS, CountedLines, LostLineError
 from dvtcli.files.recordings.recording_format import RecordedFrame, RecordingFormat
 
 _FLAGS = re.I | re.ASCII
@@ -69,6 +69,8 @@ class PastedFormat(RecordingFormat):
     tells = True
     #: what a line with a frame looks like, and one without
     line: ClassVar[re.Pattern[str]]
+    #: length of the longest line; a frame of 64 bytes takes some 330 characters
+    most_characters: ClassVar[int] = 400
     aside: ClassVar[re.Pattern[str]] = re.compile(r"\s*")
 
     def is_in(self, lines: list[str]) -> bool:
@@ -84,6 +86,8 @@ class PastedFormat(RecordingFormat):
         times, channels = Times(), set[str]()
         for raw in source:
             text = shown_text(raw)
+            if len(text) > self.most_characters:
+                raise LostLineError(source.line, text)
             found = self.line.fullmatch(text)
             frame = None if found is None else self.frame(found, times)
             if frame is not None:
@@ -345,6 +349,7 @@ class DecodedText(PastedFormat):
 
     suffix = ".txt"
     title = "dvtcli decode's text"
+    most_characters = MOST_CHARACTERS
     line = re.compile(
         r"(?P<time>\d\d:\d\d:\d\d\.\d{6})(?P<zone>[+-]\d\d:\d\d)  0x(?P<id>[0-9A-F]{8}|[0-9A-F]{3})  .{18,}?  "
         r"(?:(?P<remote>remote request)|" + _DATA + r")(?:\s{2,}.*|\s*)", re.ASCII,
@@ -361,6 +366,7 @@ class TracedText(PastedFormat):
 
     suffix = ".txt"
     title = "dvtcli trace's text"
+    most_characters = MOST_CHARACTERS
     line = re.compile(
         r"\s*(?:(?P<ms>\d+\.\d) ms |(?P<iso>\d{4}-\S+Z))\s+(?:->|<-)\s+(?P<id>[0-9A-F]{8}|[0-9A-F]{3})#"
         r"(?:(?P<remote>R)(?P<length>\d?)|(?P<data>(?:[0-9A-F]{2})*))(?:\s.*)?", re.ASCII,
@@ -379,6 +385,7 @@ class FrameDocuments(PastedFormat):
 
     suffix = ".jsonl"
     title = "dvtcli's frames as JSON"
+    most_characters = MOST_CHARACTERS
     line = re.compile(r'\{"schema": ?"dvtcli\..*\}')
 
     def is_in(self, lines: list[str]) -> bool:
