@@ -15,12 +15,13 @@ from dvtcli.watch.recording.problems import Moment, Moments, Problem, TimesOf
 BOOT_UP = LintRule(
     "boot-up-in-operation", ERROR, "a node restarted without an NMT command", "CiA 301, 7.2.8.3.3: boot-up"
 )
+NO_BOOT_UP = LintRule("no-boot-up", ERROR, "a node did not come back after an NMT reset", "CiA 301, 7.2.8.3.3: boot-up")
 STOPS = LintRule("heartbeat-stops", ERROR, "a node's heartbeats end before the recording does", "CiA 301, 7.2.8.3.2.2")
 LATE = LintRule("heartbeat-late", WARNING, "a heartbeat came late", "CiA 301, 7.5.2.18: producer heartbeat time")
 NOT_RESET = LintRule("emergency-not-reset", ERROR, "an EMCY was sent, and no error reset", "CiA 301, 7.2.7")
 RESET = LintRule("emergency-reset", WARNING, "an EMCY was sent, and reset later", "CiA 301, 7.2.7")
 SYNC_LATE = LintRule("sync-late", WARNING, "a SYNC message came late", "CiA 301, 7.5.2.6: communication cycle period")
-NODE_RULES = (BOOT_UP, STOPS, LATE, NOT_RESET, RESET, SYNC_LATE)
+NODE_RULES = (BOOT_UP, NO_BOOT_UP, STOPS, LATE, NOT_RESET, RESET, SYNC_LATE)
 
 _NMT, _EMERGENCIES, _ANSWERS, _REQUESTS, _HEARTBEATS = 0x000, 0x080, 0x580, 0x600, 0x700
 _RESETS = (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
@@ -28,6 +29,8 @@ _RESETS = (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
 _HEARTBEAT_TIME, _SYNC_PERIOD = b"\x17\x10\x00", b"\x06\x10\x00"
 #: heartbeats from which a period is known, gaps that are kept, and how many periods a heartbeat may take
 _ENOUGH, _MOST_GAPS, _PATIENCE = 4, 1_000, 2.5
+#: how long a node may be silent after a reset (s)
+_BOOT_S = 5.0
 
 
 @dataclass(slots=True)
@@ -60,8 +63,9 @@ class _Heartbeats:
 class _NodeSeen:
     is_alive: bool = False
     state: NmtState | None = None
-    #: whether a reset was commanded since the last boot-up
-    is_reset: bool = False
+    #: resets that were commanded and have no boot-up yet, and the first since which a node that was alive sent nothing
+    resets: int = 0
+    gone: Moment | None = None
     heartbeats: _Heartbeats = field(default_factory=_Heartbeats)
     is_guarded: bool = False
     emergencies: dict[int, Moments] = field(default_factory=dict)
@@ -81,7 +85,7 @@ class NodeProblems:
         """Look at *frame*, of NMT, EMCY, SDO or error control; any frame came *before*."""
         service, node_id, data = frame.can_id & 0x780, frame.can_id & 0x7F, frame.data
         if frame.can_id == _NMT:
-            self._command(data)
+            self._command(moment, data)
             return
         if not node_id:
             if service == _EMERGENCIES and not frame.remote:
@@ -93,21 +97,28 @@ class NodeProblems:
             if len(data) == 1 and not frame.remote:
                 self._error_control(moment, node_id, node, data[0] & 0x7F, moment.time_s - before.time_s)
         elif service == _EMERGENCIES and len(data) >= 2:
-            node.is_alive = True
+            node.is_alive, node.gone = True, None
             self._emergency(moment, node_id, node, int.from_bytes(data[:2], "little"))
         elif service == _REQUESTS and data[1:4] == _HEARTBEAT_TIME and data[0] >> 5 == 1:
             self._new_period(node_id, node)
         elif service == _REQUESTS and data[1:4] == _SYNC_PERIOD and data[0] >> 5 == 1:
             self._syncs.append(_Heartbeats())
         elif service == _ANSWERS:
-            node.is_alive = True
+            node.is_alive, node.gone = True, None
 
-    def _command(self, data: bytes) -> None:
+    def take_pdo(self, node_id: int) -> None:
+        """Look at a frame with the default CAN-ID of a TPDO of *node_id*: the node is there."""
+        if (node := self._nodes.get(node_id)) is not None:
+            node.gone = None
+
+    def _command(self, moment: Moment, data: bytes) -> None:
         if len(data) != 2 or data[0] not in _RESETS:
             return
         for node_id, node in self._nodes.items():
             if data[1] in (0, node_id):
-                node.is_reset = True
+                node.resets += 1
+                if node.is_alive and node.gone is None:
+                    node.gone = moment
                 self._new_period(node_id, node)
 
     def _new_period(self, node_id: int, node: _NodeSeen) -> None:
@@ -117,18 +128,19 @@ class NodeProblems:
         node.heartbeats = _Heartbeats()
 
     def _error_control(self, moment: Moment, node_id: int, node: _NodeSeen, state: int, silent_s: float) -> None:
+        node.gone = None
         if state != NmtState.INITIALISING:
             node.is_alive = True
             node.state = NmtState(state) if state in set(NmtState) else None
             node.heartbeats.take(moment, silent_s)
             return
-        if node.is_alive and not node.is_reset:
+        if node.is_alive and not node.resets:
             self._boot_ups.note(moment, (node_id, node.state))
-        if not node.is_reset:
+        if not node.resets:
             self._new_period(node_id, node)
         for code, moments in node.emergencies.items():
             self._ended.append((node_id, code, moments))
-        node.is_alive, node.is_reset, node.state, node.emergencies = True, False, None, {}
+        node.is_alive, node.resets, node.state, node.emergencies = True, max(0, node.resets - 1), None, {}
 
     def _emergency(self, moment: Moment, node_id: int, node: _NodeSeen, code: int) -> None:
         if code >> 8 == 0:
@@ -146,6 +158,10 @@ class NodeProblems:
             yield _of_node(BOOT_UP, node_id, f"restarted{was} without an NMT command", moments,
                            "its supply, watchdog and firmware; what was not stored in it is lost")  # fmt: skip
         for node_id, node in self._nodes.items():
+            if node.gone is not None and (silent_s := end.time_s - node.gone.time_s) > _BOOT_S:
+                yield _of_node(NO_BOOT_UP, node_id, f"sends nothing in the {silent_s:.3g} s since an NMT reset",
+                               Moments.at(node.gone), "whether the node is on, bus off, or has another node-ID "
+                               "or bit rate since")  # fmt: skip
             yield from self._last_heartbeat(node_id, node, end)
         for node_id, period_s, heartbeats in self._late:
             yield from _late(node_id, period_s, heartbeats)

@@ -21,7 +21,7 @@ ERROR_FRAMES = LintRule(
 RECORDING_RULES: tuple[LintRule, ...] = (*SDO_RULES, *NODE_RULES, *FRAME_RULES, ERROR_FRAMES)
 #: services by the function code of their default CAN-IDs
 _SDO, _OF_NODES = frozenset({0x580, 0x600}), frozenset({0x000, 0x080, 0x580, 0x600, 0x700})
-_REQUESTS = 0x600
+_TPDOS, _REQUESTS = frozenset({0x180, 0x280, 0x380, 0x480}), 0x600
 
 
 class RecordingCheck:
@@ -52,6 +52,8 @@ class RecordingCheck:
                 step = self._transfers.take((node_id, "SDO"), frame.data, request=service == _REQUESTS)
                 self._sdo.take(moment, frame, step)
                 self._answers.take(moment, frame, step)
+        elif not frame.extended and service in _TPDOS:
+            self._nodes.take_pdo(frame.can_id & 0x7F)
         self._lengths.take(moment, frame)
         self._last = moment
 

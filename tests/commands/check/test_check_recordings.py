@@ -84,6 +84,8 @@ PLANTED: dict[str, tuple[Planted, str, float]] = {
     "mapping-empty": (HEALTHY + mapped(2.0)[:4], "TPDO1 of node 5 has count 0", 2.001),
     "boot-up-in-operation": ([*HEALTHY, (2.05, 1797, "00")],
                              "node 5: restarted in OPERATIONAL without an NMT command", 2.05),
+    "no-boot-up": ([*heartbeats(0, 2), (2.05, 0, "8105"), *heartbeats(0, 10, 6)],
+                   "node 5: sends nothing in the 7.85 s since an NMT reset", 2.05),
     "heartbeat-stops": (WITHOUT_HEARTBEATS + heartbeats(0, 2), "node 5: sends no heartbeat in the last", 1.9),
     "heartbeat-late": (WITHOUT_HEARTBEATS + heartbeats(0, 2) + heartbeats(2.5, 4),
                        "node 5: heartbeat 600 ms after the one before it; usual are 100 ms", 2.5),
@@ -220,6 +222,34 @@ def test_only_pdos_have_two_senders(can_id: int, is_found: bool) -> None:
     """Frames of ISO-TP and of other protocols have any length."""
     frames = [(1.0 + number / 100, can_id, "11" * (4 + 4 * (number & 1))) for number in range(40)]
     assert [rule for rule, _ in findings(frames)] == ["two-senders"] * is_found
+
+
+RESET, BOOT_UP = (0x000, "8105"), (0x705, "00")
+#: 10 s of another node, and 2 s of the one that is reset
+TWO_NODES = [*heartbeats(0, 10, 6), *heartbeats(0, 2)]
+
+
+@pytest.mark.parametrize(("frames", "rules"), [
+    ([RESET], ["no-boot-up"]),
+    ([(0x000, "8200")], ["no-boot-up", "no-boot-up"]),
+    ([RESET, RESET], ["no-boot-up"]),
+    ([RESET, BOOT_UP], []),
+    ([RESET, RESET, BOOT_UP, BOOT_UP], []),
+    ([RESET, RESET, BOOT_UP, BOOT_UP, BOOT_UP], ["boot-up-in-operation"]),
+    ([RESET, (0x705, "7F")], []),
+    ([RESET, (0x185, "00")], []),
+    ([RESET, (0x085, "0010000000000000")], ["emergency-not-reset"]),
+    ([(0x000, "8107")], ["heartbeat-stops"]),
+])  # fmt: skip
+def test_each_reset_has_its_boot_up(frames: list[tuple[int, str]], rules: list[str]) -> None:
+    others = [(at_s, *frame) for at_s, *frame in TWO_NODES if frames[0] != (0x000, "8200") or at_s < 2]
+    planted = [(2.01 + number / 100, *frame) for number, frame in enumerate(frames)]
+    end = [(10.0, 0x080, "")]
+    assert [rule for rule, _ in findings([*others, *planted, *end])] == rules
+
+
+def test_a_node_may_start_when_the_recording_ends() -> None:
+    assert findings([*heartbeats(0, 2), (2.05, 0x000, "8105"), *heartbeats(0, 4, 6)]) == []
 
 
 SESSION = (
