@@ -23,8 +23,9 @@ GIVEN_UP = LintRule(
 HALF_DONE = LintRule(
     "mapping-half-done", ERROR, "a PDO was disabled to be changed, and not enabled again", "CiA 301, 7.5.2.36"
 )
+LEFT_OFF = LintRule("pdo-left-disabled", NOTE, "a PDO was configured and left disabled", "CiA 301, 7.5.2.36")
 EMPTY = LintRule("mapping-empty", WARNING, "a PDO was left without mapped objects", "CiA 301, 7.5.2.36")
-SDO_RULES = (REFUSED_WRITE, REFUSED_READ, GIVEN_UP, ABSENT, HALF_DONE, EMPTY)
+SDO_RULES = (REFUSED_WRITE, REFUSED_READ, GIVEN_UP, ABSENT, HALF_DONE, EMPTY, LEFT_OFF)
 
 _REQUESTS = 0x600
 _DISABLED = 1 << 31
@@ -177,7 +178,11 @@ def _left(node_id: int, pdo: Pdo, writes: _PdoWrites) -> Iterator[Problem]:
     if writes.last is None:
         return
     is_begun = bool(writes.entries or writes.refused or writes.count)
-    if writes.disabled is not None and is_begun:
+    look = "what the client did after the last of these frames: was a write refused, or was it ended?"
+    if writes.disabled is not None and writes.count and writes.count == writes.entries and not writes.refused:
+        rule, begin, how = LEFT_OFF, writes.disabled, "was configured and left disabled"
+        look = "nothing, if the PDO is to be off"
+    elif writes.disabled is not None and is_begun:
         rule, begin = HALF_DONE, writes.disabled
         how = "was disabled, written to and not enabled again"
     elif writes.count == 0:
@@ -189,7 +194,7 @@ def _left(node_id: int, pdo: Pdo, writes: _PdoWrites) -> Iterator[Problem]:
         rule,
         f"{pdo.label} of node {node_id} {how}",
         f"SDO client and node {node_id}",
-        "what the client did after the last of these frames: was a write refused, or was it ended?",
+        look,
         Moments(writes.last, writes.last, 1, sorted({begin.number, writes.last.number})),
         node_id,
         f"{pdo.communication_index:04X}:01" if writes.disabled is not None else f"{pdo.mapping_index:04X}:00",

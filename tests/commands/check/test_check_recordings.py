@@ -79,7 +79,8 @@ PLANTED: dict[str, tuple[Planted, str, float]] = {
                      "read of 2000:01 given up: abort 0x05040000, SDO protocol timed out", 2.5),
     "absent-object": (HEALTHY + read(2.0, "1F80:00", "80PLACE00000206"),
                       "node 5 does not have what was read: 1F80:00", 2.001),
-    "mapping-half-done": (HEALTHY + mapped(2.0)[:-2],
+    "pdo-left-disabled": (HEALTHY + mapped(2.0)[:-2], "TPDO1 of node 5 was configured and left disabled", 2.001),
+    "mapping-half-done": (HEALTHY + mapped(2.0)[:-4],
                           "TPDO1 of node 5 was disabled, written to and not enabled again", 2.001),
     "mapping-empty": (HEALTHY + mapped(2.0)[:4], "TPDO1 of node 5 has count 0", 2.001),
     "boot-up-in-operation": ([*HEALTHY, (2.05, 1797, "00")],
@@ -222,6 +223,19 @@ def test_only_pdos_have_two_senders(can_id: int, is_found: bool) -> None:
     """Frames of ISO-TP and of other protocols have any length."""
     frames = [(1.0 + number / 100, can_id, "11" * (4 + 4 * (number & 1))) for number in range(40)]
     assert [rule for rule, _ in findings(frames)] == ["two-senders"] * is_found
+
+
+@pytest.mark.parametrize(("number", "answer", "rules"), [
+    (2, "60", ["mapping-empty"]), (3, "60", ["mapping-half-done"]), (4, "60", ["mapping-half-done"]),
+    (5, "60", ["pdo-left-disabled"]), (5, "08000022", ["refused-write", "mapping-half-done"]), (6, "60", []),
+])  # fmt: skip
+def test_a_pdo_that_is_meant_to_be_off_is_no_error(number: int, answer: str, rules: list[str]) -> None:
+    """*number* writes of a mapping, of which the last is taken or refused."""
+    planted = mapped(2.0)[: 2 * number]
+    if answer != "60":
+        at_s, can_id, data = planted.pop()
+        planted.append((at_s, can_id, f"80{data[2:8]}22000008"))
+    assert [rule for rule, _ in findings(HEALTHY + planted)] == rules
 
 
 RESET, BOOT_UP = (0x000, "8105"), (0x705, "00")
