@@ -41,17 +41,26 @@ def recognised(path: Path) -> RecordingFormat:
 
     Raises UsageError if the file is missing or of another format, which is named; or if no format has the suffix.
     """
-    try:
-        head = b"" if path.is_fifo() else read_input_head(path, _MOST_BYTES)  # what is in a pipe comes once
-    except OSError:
-        head = b""  # who opens it says why
-    found = _by_content(head)
+    found = _by_content(_head(path))
     if isinstance(found, str):
         raise UsageError(f"{path} is no recording of frames: it is {found}", hint="; ".join(_known()))
     if found is None:
         return format_of(path, reading=True)
     found.require()
     return found
+
+
+def is_recording(path: Path) -> bool:
+    """Whether *path* has the suffix or the content of a recording; False for a missing file without the suffix."""
+    return path.suffix.lower() in formats() or isinstance(_by_content(_head(path)), RecordingFormat)
+
+
+def _head(path: Path) -> bytes:
+    """The beginning of *path*; empty if it cannot be read: who opens it says why."""
+    try:
+        return b"" if path.is_fifo() else read_input_head(path, _MOST_BYTES)  # what is in a pipe comes once
+    except OSError:
+        return b""
 
 
 def _known() -> list[str]:

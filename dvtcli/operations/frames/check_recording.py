@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import UsageError
+from dvtcli.files.recognised import is_recording
 from dvtcli.files.recording import check_readable, read_recorded
-from dvtcli.files.recording_formats import formats
 from dvtcli.operations.frames.explain_frame import described_nodes
 from dvtcli.operations.frames.recorded import decoder_for
 from dvtcli.operations.results.checked_files import FileRule
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 
 def are_recordings(files: Sequence[str]) -> bool:
-    """Tell by their suffixes whether *files* are recordings. Raises UsageError if only some are."""
-    recordings = [file for file in files if Path(file).suffix.lower() in formats()]
+    """Tell by suffixes and content whether *files* are recordings. Raises UsageError if only some are."""
+    recordings = [file for file in files if is_recording(Path(file))]
     if recordings and len(recordings) < len(files):
         raise UsageError(
             f"{recordings[0]} is a recording, and others are not",

@@ -342,3 +342,27 @@ def test_what_cannot_be_checked_is_said(tmp_path: Path, words: list[str], code: 
     (tmp_path / "net.yaml").write_text("n5:\n  node_id: 5\n")
     done = dvtcli("check", *words, cwd=tmp_path)
     assert (done.returncode, says in done.stderr) == (code, True), done.stderr + done.stdout
+
+
+_CANDUMP = "  can0  705   [1]  05\n  can0  085   [8]  20 30 81 00 00 00 00 00\n"
+
+
+@pytest.mark.parametrize("name", ["pasted.txt", "pasted", "pasted.dump"])
+def test_a_recording_is_known_by_its_content(name: str, tmp_path: Path) -> None:
+    """As `decode` knows it, whatever it is called."""
+    (tmp_path / name).write_text(_CANDUMP, "ascii")
+    assert dvtcli("decode", name, cwd=tmp_path).returncode == 0
+    checked = dvtcli("check", name, "--json", cwd=tmp_path)
+    assert checked.stdout, checked.stderr
+    assert documents(checked.stdout)[0]["schema"] == "dvtcli.recording-check/1", checked
+    (tmp_path / "press.yaml").write_text("nodes:\n  drive: {node_id: 5, profile: gen4}\n", "utf-8")
+    mixed = dvtcli("check", "press.yaml", name, cwd=tmp_path)
+    assert (mixed.returncode, f"{name} is a recording, and others are not" in mixed.stderr) == (2, True)
+
+
+def test_a_network_file_is_one_whatever_it_is_called(tmp_path: Path) -> None:
+    (tmp_path / "press.txt").write_text("nodes:\n  drive: {node_id: 5, profile: gen4}\n", "utf-8")
+    checked = dvtcli("check", "press.txt", cwd=tmp_path)
+    assert "press.txt: 1 node" in checked.stdout, checked
+    missing = dvtcli("check", "none.txt", cwd=tmp_path)
+    assert (missing.returncode, "none.txt: No such file" in missing.stderr) == (2, True)
