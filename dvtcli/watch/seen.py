@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass, field
 
+from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.watch.decoder import Address, Decoder, Layout
@@ -14,6 +15,8 @@ from dvtcli.watch.layout_fit import guess, misfit
 from dvtcli.watch.service import Service, event_of, state_in
 from dvtcli.watch.statistics import BusLoad, Rhythm, ValueHistory
 
+#: answers to a client that asks whether a node has an object
+_ABSENT = frozenset({Abort.NO_OBJECT, Abort.NO_SUB_INDEX})
 #: maximum number of kept events
 EVENTS = 100
 #: maximum number of rows; further CAN-IDs are only counted (29 bits make half a billion)
@@ -148,6 +151,9 @@ class FrameStore:
 
     def _note_events(self, frame: Frame, service: Service, reading: Reading) -> bool:
         if reading.what == "sdo-abort":
+            # dvtcli itself asks for optional objects
+            if reading.facts.get("transfer") != "write" and reading.facts.get("abort_code") in _ABSENT:
+                return False
             self.events.append(Event(frame.timestamp_s, f"SDO node {service.node}  {reading.text}", bad=True))
             return True
         text = event_of(frame, service)

@@ -104,7 +104,7 @@ def test_no_node_stores_if_a_pdo_of_another_one_was_altered(tmp_path: Path, alte
     assert [snapshot(of) for of in devices] == was
 
 
-@pytest.mark.parametrize("read", [20, 50, 80])
+@pytest.mark.parametrize("read", [20, 50, 75])
 def test_a_node_that_only_stores_is_read_before_another_one_stores(tmp_path: Path, read: int) -> None:
     """It restarted without a word, and held no more what the file says: node 5 stored, node 9 was refused then."""
     file = tmp_path / "a.yaml"
