@@ -55,7 +55,6 @@ MAY_OPEN = {
     "files/read_back.py": "what was just written, by its own reader",
     "files/sim_state.py": "writes the state of a simulated node",
     "files/recordings/captures.py": "writes a recording",
-    "files/values/parquet_file.py": "writes values, and makes a file of those that a killed log left",
     "files/values/value_file.py": "writes values",
     "operations/eds_library/add_files.py": "compares with dvtcli's own library",
     "operations/frames/last_exchange.py": "dvtcli's own last exchange",
@@ -63,6 +62,8 @@ MAY_OPEN = {
     "operations/session/whole_file.py": "writes a file",
     "operations/user/settings_search.py": "settings, which it refuses if they are no file",
     "operations/user/trusted_settings.py": "what is kept of settings, which nobody else can write",
+    "files/values/part_file.py": "the unfinished file of our own recording, which is locked",
+    "operations/frames/recorded.py": "the temporary copy of stdin that it made itself",
 }
 
 
