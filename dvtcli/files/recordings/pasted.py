@@ -365,7 +365,7 @@ class TracedText(PastedFormat):
     """What `trace` prints, and the exchange that dvtcli keeps of a failed run."""
 
     suffix = ".txt"
-    title = "dvtcli trace's text"
+    title = "a trace's text"
     most_characters = MOST_CHARACTERS
     line = re.compile(
         r"\s*(?:(?P<ms>\d+\.\d) ms |(?P<iso>\d{4}-\S+Z))\s+(?:->|<-)\s+(?P<id>[0-9A-F]{8}|[0-9A-F]{3})#"

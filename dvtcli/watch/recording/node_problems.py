@@ -170,7 +170,7 @@ class NodeProblems:
         for node_id, node in self._nodes.items():
             for code, moments in node.emergencies.items():
                 yield _of_node(NOT_RESET, node_id, f"EMCY 0x{code:04X}, {emergency_text(code)}: not reset", moments,
-                               f"the node's error history: faults -n {node_id}")  # fmt: skip
+                               f"the error history (0x1003) of node {node_id}")  # fmt: skip
         for node_id, code, moments in self._ended:
             yield _of_node(RESET, node_id, f"EMCY 0x{code:04X}, {emergency_text(code)}: reset later", moments,
                            "what the machine did at that time")  # fmt: skip
