@@ -348,7 +348,7 @@ class DecodedText(PastedFormat):
     """What `decode` prints: the time of day, CAN-ID, kind and bytes."""
 
     suffix = ".txt"
-    title = "dvtcli decode's text"
+    title = "a decoding's text"
     most_characters = MOST_CHARACTERS
     line = re.compile(
         r"(?P<time>\d\d:\d\d:\d\d\.\d{6})(?P<zone>[+-]\d\d:\d\d)  0x(?P<id>[0-9A-F]{8}|[0-9A-F]{3})  .{18,}?  "
