@@ -131,7 +131,9 @@ class _Transfer:
         return self.step("next")
 
     def end_of_blocks(self, data: bytes) -> SdoStep:
-        """Remove the bytes of the last segment that are not used."""
+        """Remove the bytes of the last segment that are not used; a repeated end changes nothing."""
+        if self.is_whole:
+            return self.step("end")
         self.count = max(0, self.count - (data[0] >> 2 & 7))
         del self.data[self.count :]
         self.is_whole = True

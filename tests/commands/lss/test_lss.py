@@ -266,7 +266,13 @@ def test_nodes_that_have_a_wrong_node_id_get_theirs_and_two_swap(tmp_path: Path)
             ("c", 9, 7, True),
             ("d", None, 9, True),
         ]
-        assert ran.stderr == ""
+        assert ran.stderr.splitlines() == [
+            "note: plan 1: c gets node-ID 7 (now 9)",
+            "note: plan 2: d gets node-ID 9 (now none)",
+            "note: plan 3: b gets node-ID 126 (now 6)",
+            "note: plan 4: a gets node-ID 6 (now 5)",
+            "note: plan 5: b gets node-ID 5 (now 126)",
+        ]
         assert [(one.node_id, one.lss.stored) for one in nodes] == [(6, 6), (5, 5), (7, 7), (9, 9)]
 
 
