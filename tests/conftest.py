@@ -152,6 +152,8 @@ def pytest_configure(config: pytest.Config) -> None:
     if config.option.cases is None:  # a worker is told what this process decides
         named = getattr(config.option, "file_or_dir", None) or config.option.keyword  # `--help` has no files
         config.option.cases = "all" if named or config.option.markexpr == "quick" else "lot"
+    if config.option.eds_corpus:  # each test has a working folder of its own
+        config.option.eds_corpus = str(Path(config.option.eds_corpus).absolute())
     set_environment(clean_environment() | _for_workers(config))
     # A shell starts what it does not wait for without SIGINT, nohup without SIGHUP: dvtcli would start so, too.
     for name, usual in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.SIG_DFL)):

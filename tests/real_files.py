@@ -8,7 +8,7 @@ import pytest
 
 
 def real_files(config: pytest.Config, suffixes: tuple[str, ...] = (".eds", ".dcf")) -> list[Path]:
-    """Their paths, absolute, since each test has a working folder of its own; none where no folder is given."""
+    """Their absolute paths; none without a folder."""
     folder = config.getoption("--eds-corpus")
-    files = Path(folder).resolve().iterdir() if folder else ()
+    files = Path(folder).iterdir() if folder else ()
     return sorted(path for path in files if path.suffix.lower() in suffixes)

@@ -111,6 +111,7 @@ def monitored(stage: Stage) -> Terminal:
     """One frame of each kind, and the screen held."""
     terminal = stage.on_wire("monitor")
     terminal.until(lambda: terminal.lines[1].strip() == "5 Gen4", "the mapping, read")
+    terminal.wait("2 idle SDO rows left out")
     for can_id, data in ((0x705, "05"), (0x185, "37 12"), (0x285, "24 FA FF FF 78 00 88 FF"), (0x085, "30 81 11")):
         stage.wire.say(can_id, bytes.fromhex(data))
     terminal.wait("24 FA FF FF 78 00 88 FF")

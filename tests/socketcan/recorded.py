@@ -74,7 +74,8 @@ def log(link: str, path: Path, *beside: Path, meanwhile: Callable[[], object]) -
         mark(link, BEGUN, path, *beside)
         meanwhile()
         mark(link, OVER, path, *beside)
-        (document,) = documents(interrupted(logging))
+        document, ended = documents(interrupted(logging))
+        assert ended["schema"] == "dvtcli.error/1", ended
     finally:
         logging.kill()
     return document

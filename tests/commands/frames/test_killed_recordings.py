@@ -264,7 +264,12 @@ def test_values_that_came_before_the_bus_was_gone_are_on_the_disk(tmp_path: Path
         with logging(server, tmp_path, "run.parquet", "--reconnect") as process:
             send(bus, range(20))
             wait_for(lambda: on_disk(stream_of(path)) == [*range(20)], "values on the disk")
+            beside = server.attach()
             send(bus, range(20, 40))
+            for number in range(20, 40):
+                received = beside.recv(PATIENCE_S)
+                assert received is not None
+                assert int.from_bytes(received.data[:4], "little", signed=True) == number
             server.end()
             assert process.stderr is not None
             assert any("gone" in line for line in iter(process.stderr.readline, ""))
