@@ -140,7 +140,8 @@ class FrameReader:
             short = len(frame.data) < SDO_BYTES
             return Reading("sdo", "too short: an SDO has 8 bytes" if short else _unknown(frame.data, request=request))
         has_value = step.step == "done" or (step.step == "start" and step.data)
-        known = self.described(service.node or 0).value(*step.place, step.data if has_value and step.data else None)
+        data = step.data if has_value and step.data else None
+        known = self.described(service.node or 0).value(*step.place, data, padded=step.is_padded)
         text, value = known.text, known.value
         if step.size is not None and len(step.data) < step.size and has_value:
             text, value = f"{plural(step.size, 'byte')}, beginning with {text}", None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dvtcli.domain.ports import Frame
-from dvtcli.watch.heard_objects import HeardObjects, is_boot_up, is_taken
+from dvtcli.watch.heard_objects import HeardObjects, is_boot_up
 
 HEARTBEAT_TIME = 0x1017
 #: CAN-ID of a heartbeat, without the node-ID
@@ -85,6 +85,5 @@ class HeartbeatTimes:
         heard = self._objects.take(frame)
         if heard is None:
             return None
-        node_id, place = heard
-        value = self._objects.values(node_id).values[place]
-        return HeardTime(node_id, int.from_bytes(value[:2], "little") / 1000, is_taken(frame))
+        value = self._objects.values(heard.node_id).values[heard.place]
+        return HeardTime(heard.node_id, int.from_bytes(value[:2], "little") / 1000, heard.is_written)

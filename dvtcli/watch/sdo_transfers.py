@@ -31,6 +31,7 @@ class SdoStep(NamedTuple):
     sub-index) are None if the beginning is missing. *data* is the value if complete, else the frame's
     own bytes; *size* is the value's length if known, *position* the bytes so far.
     *code* is the abort code, *way* is `expedited`, `segments` or `blocks`, empty if unknown.
+    *is_padded*: the value may be shorter than *data*, since the frame does not say its length.
     """
 
     step: str
@@ -41,11 +42,17 @@ class SdoStep(NamedTuple):
     position: int = 0
     code: int = 0
     way: str = ""
+    is_padded: bool = False
 
     @property
     def object(self) -> str:
         """The object: `6060:00`; empty if unknown."""
         return f"{self.place[0]:04X}:{self.place[1]:02X}" if self.place is not None else ""
+
+    @property
+    def has_whole_value(self) -> bool:
+        """Whether *data* is a complete value that the node has now: it gave it, or accepted it."""
+        return self.step == "done" and self.place is not None and self.size is not None and self.size == len(self.data)
 
 
 UNKNOWN = SdoStep("unknown")
@@ -72,10 +79,11 @@ class _Transfer:
     toggle: int = 0
     before: bytes = b""
     is_broken: bool = False
+    is_padded: bool = False
 
     def step(self, step: str, data: bytes = b"", more: int = 0) -> SdoStep:
         size = self.count if step == "done" else self.size
-        return SdoStep(step, self.is_write, self.place, data, size, self.count + more, way=self.way)
+        return SdoStep(step, self.is_write, self.place, data, size, self.count + more, 0, self.way, self.is_padded)
 
     def done(self) -> SdoStep:
         """The end: with the value if all segments fit and the count is the announced size."""
@@ -275,7 +283,7 @@ def _first(data: bytes, *, is_write: bool) -> _Transfer:
     is_whole = bool(data[0] & 2)
     found = _Transfer(is_write, _place(data), None if is_whole else _size(data, bit=1), is_whole=is_whole)
     if is_whole:
-        found.way = "expedited"
+        found.way, found.is_padded = "expedited", not data[0] & 1
         found.add(data[4 : SDO_BYTES - (data[0] >> 2 & 3 if data[0] & 1 else 0)])
     return found
 

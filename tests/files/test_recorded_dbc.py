@@ -102,6 +102,17 @@ def test_the_last_value_that_was_heard_counts_however_it_came(
     assert heard(frames) == {place: data for place, data, _ in transfers}
 
 
+@given(places, st.binary(min_size=15, max_size=60), st.booleans(), st.data())
+def test_a_value_of_which_a_segment_is_missing_is_not_held(
+    place: Place, value: bytes, is_read: bool, data: st.DataObject
+) -> None:
+    frames = (uploaded_in_segments if is_read else downloaded_in_segments)(place, value)
+    missing = data.draw(st.integers(1, len(frames) // 2 - 2))
+    del frames[2 * missing : 2 * missing + 2]
+    assert heard(frames) == {}
+    assert heard([*downloaded(place, b"\1"), *frames]) == {place: b"\1"}
+
+
 @given(st.binary(min_size=8, max_size=889), st.integers(1, 126))
 def test_pieces_of_a_block_are_no_commands(data: bytes, number: int) -> None:
     before, place = uploaded((0x1A00, 0), b"\1"), (0x1F50, 1)

@@ -18,7 +18,7 @@ from dvtcli.domain.network.network_state import (
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.several import join_some
 from dvtcli.errors import SdoAborted, SdoProtocolError, UsageError
-from dvtcli.watch.heard_objects import HeardObjects, is_boot_up, is_taken
+from dvtcli.watch.heard_objects import HeardObjects, is_boot_up
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -102,16 +102,16 @@ class _Followed:
 
     def take(self, frame: Frame) -> bool:
         """Follow *frame*; returns whether it ends an SDO transfer."""
-        said = self.heard.take(frame)
-        if said is None:
+        received = self.heard.take(frame)
+        if received is None:
             self.seen.add((frame.can_id, frame.extended))
             if is_boot_up(frame):
                 self._start(frame.can_id & 0x7F)
             return False
-        node_id, (index, sub_index) = said
+        node_id, (index, sub_index) = received.node_id, received.place
         pdo = Pdo.at(index)
         if pdo is not None:
-            if is_taken(frame) and (index == pdo.mapping_index or sub_index == _COB_ID):
+            if received.is_written and (index == pdo.mapping_index or sub_index == _COB_ID):
                 self.written.add((node_id, pdo))
             self._draw(node_id, pdo)
         return True

@@ -12,9 +12,9 @@ from dvtcli.files.recognised import is_recording
 from dvtcli.files.recording import check_readable, read_recorded
 from dvtcli.operations.frames.explain_frame import described_nodes
 from dvtcli.operations.frames.recorded import decoder_for
-from dvtcli.operations.results.checked_files import FileRule
+from dvtcli.operations.results.checked_files import FileRule, rules_among
 from dvtcli.operations.results.checked_recordings import RecordingFinding, RecordingReport, RecordingsChecked
-from dvtcli.watch.recording.problems import Problem, in_order
+from dvtcli.watch.recording.problems import Problem
 from dvtcli.watch.recording.recording_rules import RECORDING_RULES, RecordingCheck
 
 if TYPE_CHECKING:
@@ -46,17 +46,8 @@ def check_recordings(
     PDOs are read by *dbc*, a DBC or network file, else as `decoder_for` does. Raises UsageError for a missing file or
     an unknown rule, InputFileError for a damaged file.
     """
-    rules = _chosen(only, without)
+    rules = rules_among(RECORDING_RULES, only, without, "recordings", "docs/reference/recording-rules.md")
     return RecordingsChecked(tuple(_report(session, file, dbc, rules) for file in dict.fromkeys(files)))
-
-
-def _chosen(only: Collection[str], without: Collection[str]) -> tuple[LintRule, ...]:
-    known = {rule.name for rule in RECORDING_RULES}
-    if unknown := [name for name in (*only, *without) if name not in known]:
-        raise UsageError(
-            f"there is no rule {unknown[0]!r} about recordings", hint=f"there are {', '.join(sorted(known))}"
-        )
-    return tuple(rule for rule in RECORDING_RULES if rule.name not in without and (not only or rule.name in only))
 
 
 def _report(session: SessionNodes, file: str, dbc: str | None, rules: tuple[LintRule, ...]) -> RecordingReport:
@@ -81,10 +72,13 @@ def _report(session: SessionNodes, file: str, dbc: str | None, rules: tuple[Lint
             check.take(number, recorded.frame)
     names = {rule.name for rule in rules}
     found = [
-        (problem, bus) for bus, check in checks.items() for problem in check.problems() if problem.rule.name in names
+        (problem, bus if len(checks) > 1 else "")
+        for bus, check in checks.items()
+        for problem in check.problems()
+        if problem.rule.name in names
     ]
-    buses = {id(problem): bus if len(checks) > 1 else "" for problem, bus in found}
-    findings = tuple(_finding(problem, buses[id(problem)]) for problem in in_order(problem for problem, _ in found))
+    found.sort(key=lambda each: each[0].order)
+    findings = tuple(_finding(problem, bus) for problem, bus in found)
     asked = tuple(FileRule(rule.name, str(rule.severity), rule.sense, rule.source) for rule in rules)
     return RecordingReport(file, asked, findings, number, first_s, last_s)
 

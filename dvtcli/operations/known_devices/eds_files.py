@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +11,7 @@ from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.device_file import read_device_file
 from dvtcli.operations.results import Facts, FileFinding, FileReport, FileReports, FileRule
+from dvtcli.operations.results.checked_files import rules_among
 
 if TYPE_CHECKING:
     from dvtcli.domain.lint.lint_rule import LintRule
@@ -112,18 +112,7 @@ def chosen_rules(only: Collection[str] = (), without: Collection[str] = ()) -> t
     """Return the rules in *only* except *without*; raises UsageError for an unknown name, or if none is left."""
     from dvtcli.files.device_lint import EVERY_RULE
 
-    names = [rule.name for rule in EVERY_RULE]
-    for name in (*only, *without):
-        if name not in names:
-            near = get_close_matches(name, names, 1)
-            hint = f"did you mean {near[0]}?" if near else "docs/reference/eds-rules.md has them all"
-            raise UsageError(f"no rule of eds check is called {name!r}", hint=hint)
-    chosen = tuple(rule for rule in EVERY_RULE if rule.name not in without and (not only or rule.name in only))
-    if not chosen:
-        raise UsageError(
-            "no rule is left to check", given={"without": None}, hint="a file that no rule looks at is not checked"
-        )
-    return chosen
+    return rules_among(EVERY_RULE, only, without, "device files", "docs/reference/eds-rules.md")
 
 
 def show_eds(file: str) -> Facts:

@@ -7,14 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.lint.lint_rule import ERROR, LintRule
 from dvtcli.domain.network.wanted_state import FileNote
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 from dvtcli.operations.network.described_network import unknown_names
-from dvtcli.operations.results.checked_files import FileRule
+from dvtcli.operations.results.checked_files import FileRule, rules_among
 from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkReport, NetworksChecked
 from dvtcli.operations.wanted.network_wish import read_wish
 
@@ -72,17 +71,11 @@ def check_networks(
 
 
 def chosen_rules(wishes: CheckOptions) -> tuple[LintRule, ...]:
-    """Return the rules that *wishes* name; raises UsageError for an unknown rule."""
+    """Return the rules that *wishes* name; raises UsageError for an unknown rule, or if none is left."""
     from dvtcli.domain.network.check.network_rules import NETWORK_RULES
 
-    known = {rule.name: rule for rule in (*change_rules(), *FILE_RULES, *NETWORK_RULES)}
-    for name in (*wishes.only, *wishes.without):
-        if name not in known:
-            near = get_close_matches(name, known, n=1)
-            raise UsageError(f"there is no rule {name!r}", hint=f"did you mean {near[0]}?" if near else None)
-    return tuple(
-        rule for name, rule in known.items() if name not in wishes.without and (not wishes.only or name in wishes.only)
-    )
+    rules = (*change_rules(), *FILE_RULES, *NETWORK_RULES)
+    return rules_among(rules, wishes.only, wishes.without, "networks", "docs/reference/network-rules.md")
 
 
 def change_rules() -> tuple[LintRule, ...]:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
 from dvtcli.domain.several import join_some, plural
-from dvtcli.errors import DvtcliError, ended_with
+from dvtcli.errors import DvtcliError, UsageError, ended_with
 from dvtcli.operations.results.documents import Answer, Document, Short
+
+if TYPE_CHECKING:
+    from dvtcli.domain.lint.lint_rule import LintRule
 
 #: From bad to harmless.
 SEVERITIES = ("error", "warning", "note")
@@ -23,6 +26,28 @@ class FileRule(Short):
     severity: str
     sense: str
     source: str
+
+
+def rules_among(
+    rules: Iterable[LintRule], only: Collection[str], without: Collection[str], about: str, page: str
+) -> tuple[LintRule, ...]:
+    """Return the *rules* in *only* (empty: all) except *without*; *page* documents all rules *about* this subject.
+
+    Raises UsageError for an unknown name, or if no rule is left: what no rule looks at was not checked.
+    """
+    known = {rule.name: rule for rule in rules}
+    for name in (*only, *without):
+        if name not in known:
+            from difflib import get_close_matches
+
+            near = get_close_matches(name, known, 1)
+            hint = f"did you mean {near[0]}?" if near else f"{page} has them all"
+            raise UsageError(f"there is no rule {name!r} about {about}", hint=hint)
+    chosen = tuple(rule for name, rule in known.items() if name not in without and (not only or name in only))
+    if not chosen:
+        hint = "what no rule looks at is not checked"
+        raise UsageError("no rule is left to check", given={"without": None}, hint=hint)
+    return chosen
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple, TypeVar
 
@@ -11,6 +10,7 @@ from dvtcli.domain.lint.lint_rule import LintRule
 K = TypeVar("K")
 #: how many frames of a problem are named
 _MOST_FRAMES = 10
+_FROM_BAD = ("error", "warning", "note")
 
 
 class Moment(NamedTuple):
@@ -57,6 +57,11 @@ class Problem:
     node: int | None = None
     object: str = ""
 
+    @property
+    def order(self) -> tuple[int, int]:
+        """A sort key: the worst first, then by time."""
+        return _FROM_BAD.index(str(self.rule.severity)), self.moments.first.number
+
 
 class TimesOf(dict[K, Moments]):
     """Moments by what happened then."""
@@ -67,9 +72,3 @@ class TimesOf(dict[K, Moments]):
             self[what].add(moment)
         else:
             self[what] = Moments.at(moment)
-
-
-def in_order(problems: Iterable[Problem]) -> Iterator[Problem]:
-    """Yield *problems*, the worst first, then by time."""
-    order = ("error", "warning", "note")
-    yield from sorted(problems, key=lambda each: (order.index(str(each.rule.severity)), each.moments.first.number))

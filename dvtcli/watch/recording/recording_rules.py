@@ -46,7 +46,7 @@ class RecordingCheck:
             node_id = frame.can_id & 0x7F
             if is_boot_up(frame):
                 self._transfers.forget(node_id)
-                self._sdo.start(node_id, frame)
+                self._sdo.start(node_id)
                 self._answers.start(node_id)
             elif service in _SDO and not frame.remote:
                 step = self._transfers.take((node_id, "SDO"), frame.data, request=service == _REQUESTS)

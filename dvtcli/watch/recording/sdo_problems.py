@@ -10,7 +10,6 @@ from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, LintRule
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.several import join_some
-from dvtcli.watch.heard_objects import HeardObjects, is_taken
 from dvtcli.watch.recording.problems import Moment, Moments, Problem, TimesOf
 from dvtcli.watch.sdo_transfers import SdoStep
 
@@ -72,21 +71,18 @@ class SdoProblems:
     _given_up: TimesOf[_AbortedTransfer] = field(default_factory=TimesOf)
     #: object and direction of the transfer in progress, by node
     _asked: dict[int, tuple[bytes, bool]] = field(default_factory=dict)
-    _heard: HeardObjects = field(default_factory=lambda: HeardObjects(range(0x1400, 0x1C00)))
     _pdos: dict[tuple[int, Pdo], _PdoWrites] = field(default_factory=dict)
 
-    def start(self, node_id: int, frame: Frame) -> None:
-        """Node *node_id* starts: *frame* is its boot-up message."""
-        self._heard.take(frame)
+    def start(self, node_id: int) -> None:
+        """Node *node_id* starts: forget what was written to it."""
         for key in [key for key in self._pdos if key[0] == node_id]:
             del self._pdos[key]
 
     def take(self, moment: Moment, frame: Frame, step: SdoStep) -> None:
         """Look at *frame*, an SDO, which is this *step* of a transfer."""
         node_id, data = frame.can_id & 0x7F, frame.data
-        written = self._heard.take(frame)
-        if written is not None and is_taken(frame):
-            self._written(moment, node_id, written[1])
+        if step.is_write and step.place is not None and step.has_whole_value:
+            self._written(moment, node_id, step.place, int.from_bytes(step.data, "little"))
         if step.step == "abort":
             self._aborted(moment, node_id, data, by_client=frame.can_id & 0x780 == _REQUESTS)
         elif step.step == "start":
@@ -104,12 +100,11 @@ class SdoProblems:
             writes.refused += 1
             writes.last = moment
 
-    def _written(self, moment: Moment, node_id: int, place: tuple[int, int]) -> None:
+    def _written(self, moment: Moment, node_id: int, place: tuple[int, int], value: int) -> None:
         index, sub_index = place
         pdo = Pdo.at(index)
         if pdo is None:
             return
-        value = int.from_bytes(self._heard.values(node_id).values[place], "little")
         writes = self._pdos.setdefault((node_id, pdo), _PdoWrites())
         if index == pdo.communication_index:
             if sub_index == 1:

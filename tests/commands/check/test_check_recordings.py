@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 from dvtcli.domain.ports import Frame
 from dvtcli.files.recorder import Recorder
 from dvtcli.watch.decoder import Decoder
-from dvtcli.watch.recording.problems import in_order
 from dvtcli.watch.recording.recording_rules import RECORDING_RULES, RecordingCheck
 from tests.files.recordings import BEGIN_S
 from tests.monitor.test_sdo_transfers import by_blocks
@@ -156,7 +155,7 @@ def test_whatever_was_recorded_is_judged(frames: list[Frame]) -> None:
     check = RecordingCheck(Decoder().layout, lambda _node_id, _index, _sub_index: "")
     for number, frame in enumerate(frames, 1):
         check.take(number, frame)
-    for problem in in_order(check.problems()):
+    for problem in sorted(check.problems(), key=lambda problem: problem.order):
         assert problem.moments.numbers
         assert {*problem.moments.numbers} <= {*range(1, len(frames) + 1)}
         assert problem.text
@@ -175,7 +174,9 @@ def findings(planted: Planted) -> list[tuple[str, str]]:
     check = RecordingCheck(Decoder().layout, lambda _node_id, _index, _sub_index: "")
     for number, (at_s, can_id, data) in enumerate(sorted(planted, key=lambda each: each[0]), 1):
         check.take(number, Frame(can_id, bytes.fromhex(data), can_id > 0x7FF, timestamp_s=at_s))
-    return [(problem.rule.name, problem.text) for problem in in_order(check.problems())]
+    return [
+        (problem.rule.name, problem.text) for problem in sorted(check.problems(), key=lambda problem: problem.order)
+    ]
 
 
 def blocks(at_s: float, size: int, *, is_write: bool) -> Planted:
