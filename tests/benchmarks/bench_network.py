@@ -4,7 +4,7 @@ Four TPDOs and four RPDOs of each node change, and are read back; stores, which 
 of their own. The peer is canopen's `PdoMap.read()` and `save()` of the same PDOs on that wire, with no reading back.
 Beside the time stands the physical limit of the frames that were sent: all their bits on the wire, or the longest chain
 of one node's requests and answers, whichever is longer. The ratio says how well the wire or the slowest node is used;
-what is sent is another question. The rows are those of docs/explanation/measurements.md but for the last column, the
+what is sent is another question. The rows are those of docs/reference/measurements.md but for the last column, the
 processor's time: that alone needs a quiet machine.
 """
 

@@ -7,7 +7,7 @@ that to what `apply` takes in virtual time; and what canopen's `PdoMap.read()` a
 by node, on such nodes of its own. Shares are those of one core, over the whole process. A second `plan` has to be
 empty, or the row says what went wrong, and the bench ends with 1 after all others.
 
-The rows are those of docs/explanation/measurements.md. On a machine that does something else they say little: so each
+The rows are those of docs/reference/measurements.md. On a machine that does something else they say little: so each
 has the load when it began, and what all other processes took of a core while dvtcli ran (Linux), and the last line
 says whether it was quiet. 16 nodes take 3 minutes there, 64 some 8, and 127 some 14, most of it canopen's,
 which `--alone` leaves out.

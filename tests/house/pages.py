@@ -5,14 +5,11 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from dvtcli import __version__
 from tests.house.reference import DOCS, pages
 from tests.surroundings import ROOT
 
 #: a session at a shell, which is run
 CONSOLE = re.compile(r"^```console\n(.*?)^```$", re.M | re.S)
-#: a golden screen of a terminal, by its file under tests/
-SCREEN = re.compile(r"^<!-- screen: (\S+) -->\n```text\n(.*?)^```$", re.M | re.S)
 PAGES = [page.relative_to(ROOT).as_posix() for page in pages()]
 
 
@@ -36,12 +33,6 @@ def first_column(table: str) -> list[str]:
     return [line.split("|")[1].strip() for line in table.splitlines() if re.match(r"\| \[?`", line)]
 
 
-def screen(name: str) -> str:
-    """A golden screen without its empty rows, with this version; the tests beside it play it in a real terminal."""
-    rows = (ROOT / "tests" / name).read_text("utf-8").strip("\n").splitlines()
-    return "".join(f"{row}\n" for row in rows if row).replace("dvtcli 0.0.0", f"dvtcli {__version__}")
-
-
 def links(page: str) -> list[tuple[Path, str]]:
     """The files that a page links to, each with its anchor."""
     outside_code = re.sub(r"^```.*?^```$|`[^`\n]*`", "", text(page), flags=re.M | re.S)
@@ -56,4 +47,4 @@ def anchors(page: Path) -> set[str]:
     return {re.sub(r"[^\w -]", "", head).strip().lower().replace(" ", "-") for head in heads}
 
 
-__all__ = ["CONSOLE", "DOCS", "PAGES", "SCREEN", "anchors", "first_column", "links", "screen", "section", "text"]
+__all__ = ["CONSOLE", "DOCS", "PAGES", "anchors", "first_column", "links", "section", "text"]

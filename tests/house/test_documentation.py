@@ -1,6 +1,7 @@
 """README and the documentation are true: their screens are what commands print, their tables are what the code has.
 
-`pytest tests/house --update-transcripts` rewrites the screens; `python -m tests.house.reference` what is generated.
+`pytest tests/house --update-transcripts` rewrites the sessions; `python -m tests.house.reference` pictures and what is
+generated.
 """
 
 from __future__ import annotations
@@ -15,14 +16,14 @@ import dvtcli
 from dvtcli import errors, results, testing
 from dvtcli.simulator.network.family_file import family_names, load_family
 from tests.console import commands, compare, rewritten, workplace
-from tests.house.pages import CONSOLE, DOCS, PAGES, SCREEN, anchors, first_column, links, screen, section, text
+from tests.house.pages import CONSOLE, DOCS, PAGES, anchors, first_column, links, section, text
+from tests.house.reference import REWRITE, pages
+from tests.house.reference.screens import PICTURES, picture, pictured
 from tests.house.source import PACKAGE
 from tests.process import ROOT, SCRIPTS
 
 every_page = pytest.mark.parametrize("page", PAGES)
-with_sessions = pytest.mark.parametrize(
-    "page", [page for page in PAGES if CONSOLE.search(text(page)) or SCREEN.search(text(page))]
-)
+with_sessions = pytest.mark.parametrize("page", [page for page in PAGES if CONSOLE.search(text(page))])
 
 
 @pytest.mark.drawn(12)
@@ -32,27 +33,23 @@ def test_sessions_print_what_they_show(page: str, tmp_path: Path, request: pytes
     blocks = [block.splitlines() for block in CONSOLE.findall(text(page))]
     if request.config.getoption("--update-transcripts"):
         fresh = iter(["\n".join(["```console", *rewritten(block, folder), "```"]) for block in blocks])
-        whole = CONSOLE.sub(lambda _: next(fresh), text(page))
-        whole = SCREEN.sub(lambda old: f"<!-- screen: {old[1]} -->\n```text\n{screen(old[1])}```", whole)
-        (ROOT / page).write_text(whole, encoding="utf-8")
+        (ROOT / page).write_text(CONSOLE.sub(lambda _: next(fresh), text(page)), encoding="utf-8")
         return
     for block in blocks:
         assert commands(block)
         compare(block, folder)
 
 
-@every_page
-def test_pictures_of_terminals_are_the_golden_screens(page: str, request: pytest.FixtureRequest) -> None:
-    if request.config.getoption("--update-transcripts"):
-        pytest.skip("rewritten with the sessions")
-    for name, shown in SCREEN.findall(text(page)):
-        assert shown == screen(name), f"{page}: {name}: pytest tests/house --update-transcripts rewrites it"
+def test_pictures_of_terminals_are_the_golden_screens() -> None:
+    shown = pictured(pages())
+    assert set(shown) == set(PICTURES.iterdir()), REWRITE
+    for path, name in shown.items():
+        assert path.read_text("utf-8") == picture(name), f"{path.name} is not {name}: {REWRITE}"
 
 
 def test_there_are_sessions_and_pictures() -> None:
     assert sum(len(CONSOLE.findall(text(page))) for page in PAGES) >= 11
-    shown = [name for page in PAGES for name, _ in SCREEN.findall(text(page))]
-    assert {Path(name).stem.rpartition("_")[0] for name in shown} >= {"menu", "toolbar", "tour", "table"}
+    assert {Path(name).stem.rpartition("_")[0] for name in pictured(pages()).values()} >= {"menu", "tour", "table"}
 
 
 @every_page

@@ -5,6 +5,7 @@ from __future__ import annotations
 from tests.house.reference import pages, rewritten
 from tests.house.reference.house import DRAWING, drawing
 from tests.house.reference.network import SCHEMA_FILES, schema_text
+from tests.house.reference.screens import picture, pictured
 from tests.surroundings import ROOT
 
 for page in pages():
@@ -22,3 +23,8 @@ for path in SCHEMA_FILES:
 if not DRAWING.exists() or DRAWING.read_text("utf-8") != drawing():
     DRAWING.write_text(drawing(), encoding="utf-8")
     print(f"{DRAWING.relative_to(ROOT)} rewritten")
+
+for path, name in pictured(pages()).items():
+    if not path.exists() or path.read_text("utf-8") != picture(name):
+        path.write_text(picture(name), encoding="utf-8")
+        print(f"{path.relative_to(ROOT)} rewritten")
