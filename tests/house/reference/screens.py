@@ -16,7 +16,7 @@ _COLUMN, _ROW, _MARGIN = 8.4, 20, 16
 
 
 def screen(name: str) -> list[str]:
-    """The rows of a golden screen without its empty rows, with this version; the tests beside it play it in a terminal."""
+    """The rows of a golden screen without its empty rows, with this version."""
     rows = (ROOT / "tests" / name).read_text("utf-8").strip("\n").splitlines()
     return [row.rstrip().replace("dvtcli 0.0.0", f"dvtcli {__version__}") for row in rows if row.strip()]
 
