@@ -6,6 +6,7 @@ import pytest
 
 from tests.bus.devices import device, unknown
 from tests.commands.bench import Bench
+from tests.process import dvtcli
 from tests.virtual_time import VirtualTimeBus
 
 
@@ -52,3 +53,14 @@ def test_a_long_value_is_cut_and_says_how_to_have_it_all() -> None:
 def test_help_network_is_a_topic() -> None:
     with Bench() as bench:
         assert "apply line.yaml" in bench.run("help network").stdout
+
+
+@pytest.mark.parametrize(("words", "says"), [
+    (["--sim", "gen4"], "there is no command: standard input is empty"),
+    (["--sim", "scan"], "`dvtcli --sim gen4 scan`"),
+    (["--sim", "gen4", "--sim", "pdo"], "`dvtcli --sim gen4 pdo`"),
+])  # fmt: skip
+def test_nothing_to_do_is_no_success(words: list[str], says: str) -> None:
+    done = dvtcli(*words)
+    assert (done.returncode, says in done.stderr, done.stdout) == (2, True, "")
+    assert dvtcli(*words, "--json").returncode == 2

@@ -31,7 +31,9 @@ BREAKS = [
         "senders", "operations/nodes/helper.py", "from dvtcli.device.store_parameters import write_signature as chosen"
     ),
     Break("senders", "operations/nodes/helper.py", "from dvtcli.device import store_parameters"),
-    Break("senders", "operations/nodes/helper.py", "from dvtcli.operations.stores.store_restore import write_signature"),
+    Break(
+        "senders", "operations/nodes/helper.py", "from dvtcli.operations.stores.store_restore import write_signature"
+    ),
     Break("senders", "operations/nodes/helper.py", "from dvtcli.operations.stores.store_restore import *"),
     Break("senders", "operations/nodes/helper.py", "from dvtcli.operations.nodes.command_nmt import *"),
     Break(
