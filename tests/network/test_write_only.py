@@ -53,6 +53,21 @@ def test_a_network_file_writes_it_each_time_without_force() -> None:
         assert (verified.code, "2050:00 cannot be read back: not compared" in verified.stdout) == (0, True), verified
 
 
+def test_diff_ends_well_if_only_write_only_values_are_left() -> None:
+    with Bench(("device.eds@5",), {"yes": True}) as bench:
+        differing = bench.run("diff net.yaml")
+        assert differing.code == 3, differing
+        Path("drift.dvt").write_text("diff net.yaml\n")
+        script = bench.run("run drift.dvt")
+        assert (script.code, "error: 2051:00 of node 5 differs" in script.stderr) == (3, True), script
+        assert bench.run("apply net.yaml").code == 0
+        equal = bench.run("diff net.yaml")
+        assert (equal.code, "1 write-only value not compared" in equal.stdout) == (0, True), equal
+        junit = bench.run("diff net.yaml --format junit").stdout
+        assert ('skipped="1"' in junit, 'failures="0"' in junit, "not compared" in junit) == (True, True, True), junit
+        assert bench.run("diff net.yaml --format github").code == 0
+
+
 def test_all_values_that_cannot_be_written_are_named_at_once() -> None:
     rows = ('"1000:00", value: 1', '"2051:00", value: 70000', '"3000:00", value: 1')
     Path("net.yaml").write_text(FILE.partition("    -")[0] + "".join(f"    - {{object: {row}}}\n" for row in rows))

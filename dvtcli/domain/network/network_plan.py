@@ -110,6 +110,11 @@ class NodePlan:
         return bool(self.store) and bool(len(self.plan) or self.unstored)
 
     @property
+    def differs(self) -> bool:
+        """Whether the node is known to differ from the plan: write-only objects are not compared."""
+        return len(self.plan.changes) > len(self.plan.unreadable) or bool(self.store and self.unstored)
+
+    @property
     def remaining(self) -> tuple[LeftOut, ...]:
         """Settings that differ from the file and are not written."""
         return tuple(left_out for left_out in self.left_out if left_out.remains)
@@ -161,6 +166,11 @@ class NetworkPlan:
     def to_do(self) -> bool:
         """Whether the plan has writes or stores."""
         return any(len(node.plan) or node.stores for node in self.nodes)
+
+    @property
+    def differs(self) -> bool:
+        """Whether any node is known to differ from the plan or to lack a store."""
+        return any(node.differs for node in self.nodes)
 
     @property
     def remains(self) -> int:

@@ -44,13 +44,13 @@ class NetworkPlanned(Answer):
 
     @property
     def exit_code(self) -> int:
-        """1 if devices lack objects of the file; 3, if *tells*, for differences or stores.
+        """1 if devices lack objects of the file; 3, if *tells*, for known differences or missing stores.
 
         Also 3 if a node's download by its manager is unknown.
         """
         if self.plan.lacking:
             return 1
-        return 3 if self.tells and (self.plan.to_do or self.plan.remains or self.plan.untold) else 0
+        return 3 if self.tells and (self.plan.differs or self.plan.remains or self.plan.untold) else 0
 
     @property
     def failure(self) -> RuleError | None:
@@ -157,7 +157,8 @@ def _labels(plan: NetworkPlan, *, unwritten_only: bool = False) -> list[str]:
     """List differences with their nodes: those to write, unless *unwritten_only*, and those not written."""
     found: list[str] = []
     for node in plan.nodes:
-        labels = [] if unwritten_only else [change.label for change in node.plan.changes]
+        unreadable = node.plan.unreadable
+        labels = [] if unwritten_only else [each.label for each in node.plan.changes if each not in unreadable]
         found += (
             f"{label} of node {node.node_id}" for label in [*labels, *(left_out.object for left_out in node.remaining)]
         )

@@ -218,6 +218,10 @@ def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
         yield from _aside(result.plan)
     if result.need is not None:
         yield from _load(result.need)
+    if result.tells and result.plan.changed and not result.exit_code and not result.interrupted:
+        count = sum(len(node.plan.unreadable) for node in result.plan.nodes)
+        yield f"No difference in what can be read; {plural(count, 'write-only value')} not compared."
+        return
     if not result.interrupted and not result.plan.to_do:
         return
     saved = f" Saved: {verbatim(result.saved)}." if result.saved else ""

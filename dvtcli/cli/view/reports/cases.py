@@ -65,12 +65,14 @@ def _planned(result: NetworkPlanned, node: NodePlan) -> Iterator[Case]:
     """Return differences: errors if requested, else notices of planned writes by `apply`."""
     level = "error" if result.tells else "notice"
     if not node.is_read:
-        says = ("not read: its stamp (0x1020) is that of the file",)
-        yield Case(node.node_id, "stamp", says, "skipped", result.plan.file, node.line)
+        trusted = ("not read: its stamp (0x1020) is that of the file",)
+        yield Case(node.node_id, "stamp", trusted, "skipped", result.plan.file, node.line)
+    unreadable = node.plan.unreadable
     for change in node.plan.changes:
-        yield Case(
-            node.node_id, change.label, tuple(_differences(node, change)), level, result.plan.file, _line(node, change)
-        )
+        is_compared = change not in unreadable
+        says = tuple(_differences(node, change)) if is_compared else ("not compared: it is write-only",)
+        case_level = level if is_compared else "skipped"
+        yield Case(node.node_id, change.label, says, case_level, result.plan.file, _line(node, change))
     for held in node.holds:
         yield Case(node.node_id, held.label, file=result.plan.file, line=_line(node, held))
     for left in node.remaining:
