@@ -125,6 +125,32 @@ def task_sections() -> Iterator[tuple[str, list[tuple[str, str]]]]:
         yield task, list(commands.items())
 
 
+#: width of help (columns)
+_WIDTH = 80
+
+
+def task_rows() -> list[str]:
+    """Return the names of all commands by task, in rows of at most 80 columns."""
+    rows: list[str] = []
+    width = max(map(len, TASKS))
+    for task, commands in COMMANDS.items():
+        names = fill_rows(list(commands), _WIDTH - width - 4)
+        rows += [f"  {task if row is names[0] else '':<{width}}  {row}" for row in names]
+    return rows
+
+
+def fill_rows(names: Sequence[str], width: int) -> list[str]:
+    """Arrange *names* in rows of at most *width* columns."""
+    rows = [""]
+    for name in names:
+        longer = f"{rows[-1]}  {name}" if rows[-1] else name
+        if len(longer) > width and rows[-1]:
+            rows.append(name)
+        else:
+            rows[-1] = longer
+    return rows
+
+
 #: Words of other programs, with the equivalent command.
 _ALSO = {"quit": "exit"}
 _A_PDO = r"(?i)(?:\d{1,3}:)?[tr]pdo\d{1,3}"

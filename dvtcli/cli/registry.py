@@ -8,12 +8,22 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dvtcli.cli.catalogue import command_names, meant, task_sections, unknown_command
+from dvtcli.cli.catalogue import command_names, meant, task_rows, task_sections, unknown_command
 from dvtcli.cli.global_options import by_variable, global_options, one_pair_each, taken
 from dvtcli.cli.ways import Root, ways
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
+
+
+_FIRST_OPTIONS = (
+    "  -i NAME -c NAME -b BIT/S  the bus, by python-can's names",
+    "  -n ID                     the node; several: 1,3,5, or all",
+    "  --sim WHAT                a simulated node instead of a bus: gen4, drive.eds",
+    "  --dry-run                 work on a twin of the node; write nothing to the bus",
+    "Try it without hardware:  dvtcli --sim gen4 pdo",
+    "All options:  dvtcli help --all    A command's options:  dvtcli help COMMAND",
+)
 
 
 class Registry(Root):
@@ -46,6 +56,18 @@ class Registry(Root):
         if self.get_command(ctx, args[0]) is None:
             raise click.UsageError(unknown_command(args[0]), ctx)
         return super().resolve_command(ctx, args)
+
+    def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write one screen: all commands by task, and the options to begin with."""
+        self.format_usage(ctx, formatter)
+        self.format_help_text(ctx, formatter)
+        formatter.write("\n".join(["", "Commands, by task:", *task_rows(), "", *_FIRST_OPTIONS, ""]))
+
+    def long_help(self, ctx: click.Context) -> str:
+        """Return the help of every command and of all global options."""
+        formatter = ctx.make_formatter()
+        super().format_help(ctx, formatter)
+        return formatter.getvalue().rstrip("\n")
 
     def format_commands(self, _ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands by task with their one-line helps, without importing any."""

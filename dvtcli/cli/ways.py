@@ -53,6 +53,10 @@ class Root(click.Group):
 
     ways: Ways
 
+    def long_help(self, ctx: click.Context) -> str:
+        """Return the help of every command and of all global options."""
+        raise NotImplementedError
+
 
 def root(ctx: click.Context) -> Root:
     """Return the set of all commands from a line's context."""

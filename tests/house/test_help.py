@@ -8,8 +8,8 @@ from importlib import import_module
 
 import pytest
 
-from dvtcli.cli.catalogue import TASKS, by_task, command_names, summary
-from dvtcli.cli.help.guide import TOPICS, _rows, overview, topic
+from dvtcli.cli.catalogue import TASKS, by_task, command_names, fill_rows, summary
+from dvtcli.cli.help.guide import TOPICS, overview, topic
 from tests.commands.bench import Bench
 from tests.house.source import PACKAGE
 from tests.process import dvtcli
@@ -25,12 +25,20 @@ def test_help_without_a_name_fits_a_small_screen_and_names_every_command() -> No
     assert set(command_names()) <= shown
 
 
+def test_the_programs_help_fits_a_screen_and_leads_to_the_rest() -> None:
+    lines = dvtcli("--help").stdout.splitlines()
+    assert len(lines) <= 24
+    assert max(map(len, lines)) <= 80
+    assert set(command_names()) <= {word for line in lines for word in line.split()}
+    assert any("dvtcli help --all" in line for line in lines)
+
+
 def test_a_task_of_many_commands_takes_more_lines() -> None:
     names = [f"command{number}" for number in range(20)]
-    rows = _rows(names, 60)
+    rows = fill_rows(names, 60)
     assert [name for row in rows for name in row.split()] == names
     assert max(map(len, rows)) <= 60
-    assert _rows(["x" * 70, "y"], 60) == ["x" * 70, "y"]
+    assert fill_rows(["x" * 70, "y"], 60) == ["x" * 70, "y"]
 
 
 @pytest.mark.parametrize("name", command_names())

@@ -62,7 +62,7 @@ def _general(ctx: click.Context, *, everything: bool) -> str:
     from dvtcli.cli.help.guide import overview
 
     if everything:
-        return root(ctx).get_help(click.Context(root(ctx), info_name="dvtcli"))
+        return root(ctx).long_help(click.Context(root(ctx), info_name="dvtcli"))
     return "\n".join(overview(_usable(ctx)))
 
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
-from dvtcli.cli.catalogue import TASKS, by_task, command_names
+from dvtcli.cli.catalogue import TASKS, task_rows
 
-#: width of help (columns)
-_WIDTH = 80
 #: Names of the text files in `topics/`, sorted.
 TOPICS = ("dvt", "network", "options", "writing")
 
@@ -19,26 +17,10 @@ def topic(name: str) -> str:
     return (files("dvtcli.cli.help") / "topics" / f"{name}.txt").read_text("utf-8").rstrip()
 
 
-def _rows(names: Sequence[str], width: int) -> list[str]:
-    """Arrange *names* in rows of at most *width* columns."""
-    rows = [""]
-    for name in names:
-        longer = f"{rows[-1]}  {name}" if rows[-1] else name
-        if len(longer) > width and rows[-1]:
-            rows.append(name)
-        else:
-            rows[-1] = longer
-    return rows
-
-
 def overview(aliases: Mapping[str, str] | None = None) -> list[str]:
     """Return the first screen of help: commands by task, topics, *aliases*, and first steps."""
-    lines = ["Commands, by task:"]
     width = max(map(len, TASKS))
-    for name, group in by_task(command_names()):
-        rows = _rows(group, _WIDTH - width - 4)
-        lines += [f"  {name if row is rows[0] else '':<{width}}  {row}" for row in rows]
-    lines += ["", "Topics:"]
+    lines = ["Commands, by task:", *task_rows(), "", "Topics:"]
     lines += [f"  {name:<{width}}  {topic(name).splitlines()[0]}" for name in TOPICS]
     lines += ["", "Aliases, at the prompt:"] if aliases else []
     lines += [f"  {word:<{width}}  {text}" for word, text in sorted((aliases or {}).items())]

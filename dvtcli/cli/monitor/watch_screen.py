@@ -107,7 +107,7 @@ def _seconds(every_s: float) -> str:
 
 def _heads(width: int) -> list[Cell]:
     name, long = _widths(width)
-    return [Cell(f"  {'OBJECT':<11} {'NAME':<{name}} {'VALUE':>15}     AGE  {'COURSE':<{long}}  LEAST .. MOST", "dim")]
+    return [Cell(f"  {'OBJECT':<11} {'NAME':<{name}} {'VALUE':>15}     AGE  {'TREND':<{long}}  MIN .. MAX", "dim")]
 
 
 def _widths(width: int) -> tuple[int, int]:

@@ -92,7 +92,7 @@ def values_lines(result: ValuesRead, width: int) -> Iterator[Line]:
 
 def watched_lines(result: ValuesWatched, width: int) -> Iterator[Line]:
     """Show minimum, maximum and last value of each object, and a graph of the last values."""
-    header = ("NODE", "OBJECT", "NAME", "READ", "LEAST", "MOST", "LAST", "COURSE")
+    header = ("NODE", "OBJECT", "NAME", "READ", "MIN", "MAX", "LAST", "TREND")
     table = Table(header, right=frozenset({3, 4, 5, 6}), shrink=2)
     for course in result.courses:
         last = course.last
