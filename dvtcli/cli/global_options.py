@@ -29,8 +29,8 @@ _TABLE: list[tuple[tuple[str, ...], dict[str, Any]]] = [
         ("-b", "--bitrate"),
         {"type": _RATE, "metavar": "BIT/S", "help": "Bit rate in bit/s."},
     ),
-    (("--bus-kwargs",), {"multiple": True, "metavar": "KEY=VALUE", "help": "More of python-can's keys; repeatable."}),
-    (("--bus",), {"metavar": "NAME", "help": "The bus that a settings file describes in its table [bus.NAME]."}),
+    (("--bus-kwargs",), {"multiple": True, "metavar": "KEY=VALUE", "help": "Further python-can keys; repeatable."}),
+    (("--bus",), {"metavar": "NAME", "help": "Bus from the table [bus.NAME] of a settings file."}),
     (("-n", "--node"), {"metavar": "ID", "help": "Node-ID 1…127, decimal or 0x; several: 1,3,5, or all."}),
     (("--sim",), {"multiple": True, "metavar": "WHAT[@ID]", "help": "Simulated node: a family or an EDS/DCF file."}),
     (
@@ -38,8 +38,8 @@ _TABLE: list[tuple[tuple[str, ...], dict[str, Any]]] = [
         {
             "multiple": True,
             "metavar": "[NODE:]FAULT",
-            "help": "What goes wrong with the (first) simulated node, at its K-th SDO download: refuse@K=0x06040041, "
-            "lose-response@K, reset@K, …; a wrong one lists all; repeatable.",
+            "help": "Fault of the (first) simulated node, at its K-th SDO download: refuse@K=0x06040041, "
+            "lose-response@K, reset@K, …; an unknown name lists all; repeatable.",
         },
     ),
     (
@@ -47,20 +47,20 @@ _TABLE: list[tuple[tuple[str, ...], dict[str, Any]]] = [
         {
             "multiple": True,
             "metavar": "[NODE:]OBJECT=SHAPE(…)",
-            "help": "An object of a simulated node that moves: 606C=sine(1500,2s), ramp, square, walk, const, csv; "
-            "a wrong one lists all; repeatable.",
+            "help": "Moving object of a simulated node: 606C=sine(1500,2s), ramp, square, walk, const, csv; "
+            "an unknown name lists all; repeatable.",
         },
     ),
-    (("--dry-run",), {"is_flag": True, "help": "Work on an exact twin of the node; write nothing to the bus."}),
-    (("--eds",), {"metavar": "FILE", "help": "EDS, DCF, XDD or XDC of the node; or a family of sim."}),
-    (("-p", "--profile"), {"metavar": "NAME", "help": "Device family; else found from the node's identity."}),
+    (("--dry-run",), {"is_flag": True, "help": "Work on a twin of the node; write nothing to the bus."}),
+    (("--eds",), {"metavar": "FILE", "help": "EDS, DCF, XDD or XDC of the node, or a simulated family."}),
+    (("-p", "--profile"), {"metavar": "NAME", "help": "Device family [found by the node's identity]."}),
     (("--json", "format"), {"flag_value": "json", "is_flag": True, "help": "Results as JSON (same as --format json)."}),
     (("--format", "format"), {"type": click.Choice(CHOICES["format"]), "help": "How results are printed."}),
     (("-q", "--quiet"), {"is_flag": True, "help": "Only results and errors."}),
     (("-v", "--verbose"), {"count": True, "help": "Show each SDO; -vv each frame."}),
     (("--color",), {"type": click.Choice(CHOICES["color"]), "help": "Colours [auto]."}),
-    (("--ascii",), {"is_flag": True, "help": "No characters beyond ASCII on screens."}),
-    (("--no-shell",), {"is_flag": True, "help": "At the prompt: no `|`, so that no program is started."}),
+    (("--ascii",), {"is_flag": True, "help": "ASCII characters only."}),
+    (("--no-shell",), {"is_flag": True, "help": "Switch off `|` at the prompt: no program is started."}),
     (("-y", "--yes"), {"is_flag": True, "help": "Answer questions with yes."}),
     (("--force",), {"is_flag": True, "help": "Send what dvtcli's own rules refuse."}),
     (("--timeout",), {"metavar": "S", "help": "SDO time-out in seconds [0.5]."}),
@@ -68,20 +68,20 @@ _TABLE: list[tuple[tuple[str, ...], dict[str, Any]]] = [
         ("--bus-share",),
         {
             "metavar": "PERCENT",
-            "help": "Bus load that SDO keeps to while a node is OPERATIONAL or 0x1016 is set [50]; needs the bit rate.",
+            "help": "Bus load limit for SDO while a node is OPERATIONAL or 0x1016 is set [50]; needs the bit rate.",
         },
     ),
     (
         ("--reconnect",),
         {
             "is_flag": True,
-            "help": "Wait for a bus that is not there; log and sim: also for one that goes, as prompt and monitor do.",
+            "help": "Wait for a missing bus; log and sim: also for a lost bus, as prompt and monitor do.",
         },
     ),
-    (("--no-reconnect",), {"is_flag": True, "help": "End where the bus is gone, also the prompt's and monitor's."}),
+    (("--no-reconnect",), {"is_flag": True, "help": "End if the bus is lost, also the prompt and monitor."}),
     (
         ("--journal",),
-        {"metavar": "DIR", "help": "Folder of journals and backups; locks stay where every dvtcli looks."},
+        {"metavar": "DIR", "help": "Folder of journals and backups; not of locks, which all dvtcli processes share."},
     ),
 ]
 

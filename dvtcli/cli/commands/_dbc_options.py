@@ -23,7 +23,7 @@ def dbc_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
     for option in (
         click.option("--all", "everything", is_flag=True, help="DBC: also PDOs that are off."),
-        click.option("--split-bits", is_flag=True, help="DBC: one signal for each bit, where bits have names."),
+        click.option("--split-bits", is_flag=True, help="DBC: a signal for each bit that has a name."),
         click.option("--with", "services", type=TEXT, metavar="LIST", help="DBC: also nmt,sync,emcy,heartbeat,sdo."),
     ):
         with_wishes = option(with_wishes)

@@ -15,7 +15,9 @@ F = TypeVar("F", bound=Callable[..., object])
 
 def decoding_options(command: F) -> F:
     """Add the options that select how a recording is decoded."""
-    nodes = click.option("--nodes", type=NodesType(), metavar="ID,…", help="Nodes that sent it [the selected one].")
+    nodes = click.option(
+        "--nodes", type=NodesType(), metavar="ID,…", help="Nodes whose mappings decode it [the selected node]."
+    )
     return nodes(
         click.option("-d", "--dbc", type=FILE, metavar="FILE", help="Decode by a DBC or network file.")(command)
     )
@@ -27,7 +29,7 @@ def only_option(command: F) -> F:
         "--only",
         type=KindsType(),
         metavar="KIND,…",
-        help="Only such frames: pdo, emcy, nmt, sdo, sdo-abort, heartbeat, …",
+        help="Only these kinds of frames: pdo, emcy, nmt, sdo, sdo-abort, heartbeat, …",
     )(command)
 
 
@@ -35,10 +37,13 @@ def parquet_options(command: F) -> F:
     """Add the options of .parquet files."""
     layout = click.option(
         "--layout", type=click.Choice(["long", "wide"]), metavar="long|wide",
-        help="Of .parquet: a row for each value, or a column for each signal [long].",
+        help="For .parquet: a row for each value, or a column for each signal [long].",
     )  # fmt: skip
     return layout(
         click.option(
-            "--source", type=TEXT, metavar="TEXT", help="Of .parquet: who recorded [log: this machine; decode: FILE]."
+            "--source",
+            type=TEXT,
+            metavar="TEXT",
+            help="For .parquet: name of the recorder [log: this computer; decode: FILE].",
         )(command)
     )

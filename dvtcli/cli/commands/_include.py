@@ -9,7 +9,7 @@ from dvtcli.cli.params import NODE_ID, TEXT
 trust_stamp = click.option(
     "--trust-stamp",
     is_flag=True,
-    help="Do not read nodes whose 0x1020 has the stamp of this file (stamp: true); they are named.",
+    help="Skip nodes whose 0x1020 has the stamp of this file (stamp: true), and name them.",
 )
 
 
@@ -18,7 +18,7 @@ to_manager = click.option(
     "manager",
     type=NODE_ID,
     metavar="NODE",
-    help="Not the nodes: NODE, a CANopen manager, downloads it to each of them that boots (0x1F22).",
+    help="Write NODE, a CANopen manager, which downloads it to each node that boots (0x1F22).",
 )
 
 

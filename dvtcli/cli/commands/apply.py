@@ -1,4 +1,4 @@
-"""Make a network what a file says: all nodes, or none."""
+"""Bring a network to the state in a file: all nodes, or none."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _stores(params: Mapping[str, Any]) -> Final | None:
 
 @click.command("apply", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES, stores=_stores)
 @click.argument("file", type=FILE)
-@click.option("--prove", is_flag=True, help="Restart each node that stored, and compare what it comes up with.")
+@click.option("--prove", is_flag=True, help="Reset each node that stored, and compare what it boots with.")
 @trust_stamp_option
 @include_option
 @to_manager
@@ -43,16 +43,16 @@ def command(
     include: tuple[str, ...],
     manager: int | None,
 ) -> NetworkApplied:
-    """Carry out what plan shows for the network FILE, or a saved plan, on all nodes; with a fault on one, on none.
+    """Carry out what plan shows for the network FILE, or a saved plan, on all nodes; if one node fails, on none.
 
-    Asks first. PDOs go off, everything is written and read back, then consumers go on, then producers. Nodes store
-    where the file says so, once all of them are verified. A saved plan is refused (6) where a node has changed since.
+    Asks first. PDOs are disabled, everything is written and read back, then consumers are enabled, then producers.
+    Nodes store last, if the file says so. A saved plan is refused (6) if a node has changed since.
 
-    FILE may be a DCF, an XDC or a backup (.jsonl) of the selected node, too, or, where none is selected, of the one
-    whose node-ID it has. Then what differs of its configuration is written; commands, outputs, and the maker's own
-    objects are not. --include writes of those what it names: a range no command, and what an RPDO could take only
-    where its name says a setting. A setting that differs and is not written is told last. Another product is refused
-    (6), another revision asked about, and a power stage (0x6041) must be off.
+    FILE may also be a DCF, an XDC or a backup (.jsonl) of the selected node; if no node is selected, of the node whose
+    node-ID it has. Only configuration that differs is written: no commands, no outputs, and of the maker's own objects
+    only those that --include names. A range includes no command, and no object that an RPDO could take unless its name
+    says a setting. The last line names settings that differ and are not written. Another product is refused (6),
+    another revision asked about; a power stage (0x6041) must be off.
 
     With --to-manager one node is written instead: the manager that downloads to the others (0x1F22, 0x1F26, 0x1F27).
 

@@ -1,4 +1,4 @@
-"""Keep everything that can be read of a device in a file."""
+"""Save everything that can be read from a device to a file."""
 
 from __future__ import annotations
 
@@ -20,14 +20,12 @@ if TYPE_CHECKING:
 @click.option("--twice", is_flag=True, help="Read each object twice, and leave out what changed meanwhile.")
 @click.pass_obj
 def command(session: Session, /, file: str, twice: bool) -> Facts:
-    """Read every object of the selected node, and keep what it holds in FILE: its EDS with values (.dcf or
-    .xdc), or .jsonl.
+    """Read every object of the selected node and save it to FILE: its EDS with values (.dcf or .xdc), or .jsonl.
 
-    A .jsonl has what was refused, too, and takes devices without an EDS: then each index from 0x1000 to 0x9FFF is asked
-    for, which takes minutes. Passcodes and programs are not read. `compare` says later what differs.
+    A .jsonl also has what was refused, and takes devices without an EDS: each index from 0x1000 to 0x9FFF is asked,
+    which takes minutes. Passcodes and programs are not read. `compare` shows later what differs.
 
-    The backups that dvtcli makes by itself before a change are others: they have the PDOs only, and `undo --backup`
-    puts them back.
+    The automatic backup before a change is another one: it has the PDOs only, and `undo --backup` restores it.
 
     \b
     backup press.dcf

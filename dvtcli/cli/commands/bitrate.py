@@ -1,4 +1,4 @@
-"""Listen for the bit rate that a bus runs at."""
+"""Find the bit rate of a bus by listening."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 
 @click.command("bitrate", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
-@click.option("--for", "listen_s", type=DurationType(), metavar="TIME", help="Listen so long at each [1.5s].")
+@click.option("--for", "listen_s", type=DurationType(), metavar="TIME", help="Time to listen at each bit rate [1.5s].")
 @click.pass_obj
 def command(session: Session, /, listen_s: float | None) -> BitRateFound:
-    """Listen at the standard's bit rates until frames come without errors.
+    """Listen at the standard bit rates until frames come without errors.
 
-    Not a word is said: only with an interface that is known to listen without one, since who listens at a wrong bit
-    rate destroys the frames of others. Of a CAN link of Linux the lines are printed that set it. `lss bitrate` lets a
-    bus run at another one.
+    It sends nothing, and uses only interfaces with a listen-only mode, since a controller at a wrong bit rate destroys
+    the frames of others. For a CAN link of Linux it prints the commands that set it. `lss bitrate` changes the bit
+    rate.
 
     \b
     bitrate

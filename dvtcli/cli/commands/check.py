@@ -1,4 +1,4 @@
-"""Check network files without a bus, and the nodes on one: CAN-IDs, layouts, SYNC, heartbeats, load."""
+"""Check network files, a running network, or recordings: CAN-IDs, layouts, SYNC, heartbeats, load."""
 
 from __future__ import annotations
 
@@ -26,15 +26,21 @@ if TYPE_CHECKING:
 @click.option("--rule", "only", multiple=True, metavar="NAME", help="This rule only; repeatable.")
 @click.option("--without", multiple=True, metavar="NAME", help="All rules but this one; repeatable.")
 @click.option("--all", "shows_all", is_flag=True, help="Also warnings and notes about PDOs that FILE does not name.")
-@click.option("--strict", is_flag=True, help="A warning is as bad as an error, too.")
+@click.option("--strict", is_flag=True, help="Treat warnings as errors.")
 @click.option(
     "--at", "bit_rate", type=BitRateType(), metavar="BIT/S", help="The bus's bit rate [its own, or the file's]."
 )
-@click.option("--live", is_flag=True, help="The nodes on the bus, too, and FILE against them.")
+@click.option("--live", is_flag=True, help="Check the nodes on the bus, too, and compare them with FILE.")
 @click.option(
-    "--for", "for_s", type=DurationType(0, 3600), metavar="TIME", help="Listen to the bus so long [2]; 0: not."
+    "--for",
+    "for_s",
+    type=DurationType(0, 3600),
+    metavar="TIME",
+    help="Time to listen to the bus [2s]; 0: none.",
 )
-@click.option("-d", "--dbc", type=FILE, metavar="FILE", help="Of a recording: a DBC or network file that describes it.")
+@click.option(
+    "-d", "--dbc", type=FILE, metavar="FILE", help="For a recording: the DBC or network file that describes it."
+)
 @click.pass_obj
 def command(
     session: Conversation,
@@ -46,17 +52,16 @@ def command(
     dbc: str | None,
     **chosen: Any,
 ) -> NetworksChecked | RecordingsChecked:
-    """Say what is wrong with network files (YAML), with the nodes on a bus, or in recordings; nothing is written.
+    """Find errors in network files (YAML), in the nodes on a bus, or in recordings; writes nothing.
 
-    Of a file: what cannot be read, with line, column and a caret, then what the rules find in the network that it makes
-    of its nodes' EDS, DCF or family. An error in a file is exit code 4, in nodes 3; of several files, a wrong or
-    missing one keeps no other from being checked. Warnings and notes about PDOs that FILE does not name are counted,
-    and shown with --all; they do not count for --strict. Without FILE, or with --live, the nodes on the bus: what they
-    hold, and what is heard: SYNC, heartbeats, other masters, frames from nobody; with --live also whether they are
-    those of FILE. --format github, junit or sarif is for CI.
+    A file: syntax errors with line, column and a caret, then the findings of the rules in the network that its nodes'
+    EDS, DCF or family describe. An error in a file is exit code 4, in nodes 3; a wrong or missing file keeps no other
+    from being checked. Warnings and notes about PDOs that FILE does not name are counted, and shown with --all; they
+    do not count for --strict. Without FILE, or with --live, the nodes on the bus: what they hold, SYNC, heartbeats,
+    other masters, unknown frames; with --live also whether they fit FILE. --format github, junit or sarif is for CI.
 
-    Of a recording (as `decode` reads): refused transfers, restarts, heartbeats that stop, emergencies, PDOs of a wrong
-    length, mappings left half done; each with its frames, exit code 3. PDOs are read by -d, by --eds, or by the mapping
+    A recording (as `decode` reads): refused transfers, restarts, missing heartbeats, emergencies, PDOs of a wrong
+    length, incomplete mappings; each with its frames, exit code 3. PDOs are decoded by -d, by --eds, or by the mapping
     in it.
 
     \b

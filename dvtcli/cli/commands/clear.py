@@ -35,7 +35,7 @@ class PdoOrAll(CanopenType):
 def command(session: Session, /, pdos: tuple[NodePdo | None, ...]) -> Changed:
     """Disable each PDO and empty its mapping.
 
-    With `all` a PDO that cannot be cleared (its COB-ID is read-only, or cannot be read) stays as it is, and is named.
+    With `all`, a PDO that cannot be cleared (its COB-ID is read-only or cannot be read) stays as it is and is named.
 
     \b
     clear tpdo3 rpdo3

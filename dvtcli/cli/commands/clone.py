@@ -1,4 +1,4 @@
-"""Make a device what a file says of another one of the same product."""
+"""Copy a device's configuration from a file of another device of the same product."""
 
 from __future__ import annotations
 
@@ -22,15 +22,14 @@ if TYPE_CHECKING:
 @include_option
 @click.pass_context
 def command(ctx: click.Context, /, file: str, include: tuple[str, ...]) -> NetworkApplied:
-    """Write to the selected node what FILE (a DCF, an XDC or a backup's .jsonl) says that another one held.
+    """Write the configuration of another device in FILE (a DCF, an XDC or a backup's .jsonl) to the selected node.
 
-    Shows what is to be written and asks. The node is never the file's own: -n names it, or `node ID` before it.
-    Another product is refused (6), another revision asked about. As apply, and with the maker's own objects that the
-    file has a value for and that no PDO can map; --include names those that one could. A node-ID, passcodes, and
-    commands and outputs of the standards are never written; a command of the maker by its name, and what an RPDO
-    could take and no word calls a setting, only where --include names that very object, not by a range. What is left
-    out is listed with why. A setting that differs and is not written ends it with 3: the node is no clone then. With
-    a fault the node is as it was.
+    Shows the plan and asks. The node must be named: -n, or `node ID` before it. Another product is refused (6),
+    another revision asked about. As apply, and with the maker's own objects that the file has a value for and that no
+    PDO can map; --include names those that a PDO could map. Never written: a node-ID, passcodes, commands and outputs
+    of the standards. A maker's command, by its name, and an RPDO's object that no word calls a setting need --include
+    of that very object. What is left out is listed with the reason. A setting that differs and is not written ends it
+    with 3: the node is no clone then. If it fails, the node is as it was.
 
     \b
     clone press.dcf --yes

@@ -1,4 +1,4 @@
-"""Compare a whole device, or a file about one, with a file; exit code 3 where a setting differs."""
+"""Compare a whole device, or a file, with a file; exit code 3 if a setting differs."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ if TYPE_CHECKING:
 @click.command("compare", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, formats=CASE_FORMATS)
 @click.argument("file", type=FILE)
 @click.argument("other", type=FILE, required=False)
-@click.option("--all", "everything", is_flag=True, help="Show what else differs, too: what is no setting.")
+@click.option("--all", "everything", is_flag=True, help="Also show differences that are not settings.")
 @click.pass_obj
 def command(session: Session, /, file: str, other: str | None, everything: bool) -> WholeCompared:
-    """Say which settings of the selected node, or of the file OTHER, are not as FILE says. Where no node is selected it
-    is the one whose node-ID FILE has.
+    """Compare the settings of the selected node, or of the file OTHER, with FILE. If no node is selected, it is the
+    node whose node-ID FILE has.
 
-    A file is a DCF, EDS, XDD or XDC, or a backup's .jsonl. Values are compared by what they mean. Settings are what a
-    file may write; what the device says of itself, what commands or measures, and what changes by itself, is told and
-    does not count: --all says why. Of an object without a ParameterValue a DCF says nothing; an EDS means its defaults.
+    A file is a DCF, EDS, XDD or XDC, or a backup's .jsonl. Values are compared by meaning. Settings are what a file
+    may write. Versions, commands, measured values and values that change by themselves are listed and do not count:
+    --all says why. An object without a ParameterValue in a DCF is not compared; an EDS stands for its defaults.
     --format github or junit is for CI.
 
     \b

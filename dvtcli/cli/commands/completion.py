@@ -1,4 +1,4 @@
-"""Print the script that makes a shell complete dvtcli's words."""
+"""Print the script for Tab completion in a shell."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _BASH_WORDS = "COMP_WORDBREAKS=${COMP_WORDBREAKS//:}"
 @click.argument("shell", type=click.Choice(_SHELLS), metavar="|".join(_SHELLS))
 @click.pass_context
 def command(ctx: click.Context, /, shell: str) -> Facts:
-    """Print a script for SHELL; read at its start, Tab completes commands, options, PDOs and objects.
+    """Print a script for SHELL. When the shell reads it, Tab completes commands, options, PDOs and objects.
 
     Objects come from `--eds` or `--sim` on the line, or from dvtcli.toml; no bus is opened.
 

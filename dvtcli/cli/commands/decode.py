@@ -1,4 +1,4 @@
-"""Show a recorded log file decoded: as lines, as documents, or as a table with one column a signal."""
+"""Decode a recording: as lines, as JSON, or as a table with one column a signal."""
 
 from __future__ import annotations
 
@@ -23,8 +23,10 @@ if TYPE_CHECKING:
 @decoding_options
 @click.option("--filter", "wanted", type=TEXT, metavar="TEXT", help="Only frames and signals with TEXT in their names.")
 @only_option
-@click.option("--csv", "as_csv", is_flag=True, help="As CSV: a row for each decoded frame, a column for each signal.")
-@click.option("-o", "--output", type=FILE, metavar="FILE", help="Values into FILE: .csv .parquet .jsonl.")
+@click.option(
+    "--csv", "as_csv", is_flag=True, help="Print CSV: a row for each decoded frame, a column for each signal."
+)
+@click.option("-o", "--output", type=FILE, metavar="FILE", help="Write values to FILE: .csv .parquet .jsonl.")
 @parquet_options
 @click.pass_obj
 def command(
@@ -41,11 +43,9 @@ def command(
 ) -> Facts | None:
     """Decode FILE (.asc .blf .log .trc .mf4 .pcapng .pcap, or a pasted log; - is standard input).
 
-    It is decoded by --dbc, --eds, or what the nodes hold now.
-
-    With --eds by the mapping in that file. Without any of these by the mapping that SDO transfers in FILE itself carry;
-    other PDOs are named by the pre-defined connection set and stay bytes. NMT, SDO, EMCY and other services are said in
-    words. --json gives one dvtcli.frame/1 document a frame.
+    PDOs are decoded by --dbc, by the mapping in --eds, else by what the nodes hold now, else by the mapping in FILE's
+    own SDO transfers; other PDOs are named by the pre-defined connection set and stay bytes. NMT, SDO, EMCY and other
+    services are explained. --json gives one dvtcli.frame/1 document a frame.
 
     \b
     decode run.log

@@ -1,4 +1,4 @@
-"""Compare a network with its file; exit code 3 where it differs."""
+"""Compare a network with its file; exit code 3 if it differs."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 def command(
     ctx: click.Context, /, file: str, trust_stamp: bool, include: tuple[str, ...], manager: int | None
 ) -> NetworkPlanned:
-    """Read the nodes of the network FILE and show what differs: plan, with exit code 3 where it does.
+    """Read the nodes of the network FILE and show what differs: plan, with exit code 3 if something does.
 
-    FILE may be a DCF, an XDC or a backup (.jsonl) of the selected node, too, or, where none is selected, of the one
-    whose node-ID it has. A setting that differs and that apply does not write counts as well, and is listed with why.
+    FILE may also be a DCF, an XDC or a backup (.jsonl) of the selected node; if no node is selected, of the node whose
+    node-ID it has. A setting that differs and that apply does not write counts as well, and is listed with the reason.
 
     \b
     diff press.yaml

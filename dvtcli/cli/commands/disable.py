@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 @click.argument("pdos", type=PDO, nargs=-1, required=True, metavar="PDO...")
 @click.pass_obj
 def command(session: Session, /, pdos: tuple[NodePdo, ...]) -> Changed:
-    """Disable each PDO and leave its mapping alone.
+    """Disable each PDO; its mapping stays.
 
     \b
     disable rpdo1

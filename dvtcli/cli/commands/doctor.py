@@ -1,4 +1,4 @@
-"""Check the set-up: packages, settings, interfaces, bus, node, and what is kept."""
+"""Check the set-up: packages, settings, interfaces, bus, node, journals."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 @click.command("doctor", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False)
 @click.pass_obj
 def command(session: Conversation, /) -> Diagnosis:
-    """Look at everything that dvtcli needs, and say the next step where something is missing.
+    """Check everything that dvtcli needs, and show the next step if something is missing.
 
     It listens to the bus for a second and reads one object of the selected node; it writes nothing.
 

@@ -1,4 +1,4 @@
-"""Load a program (firmware) into a device, and see it run (CiA 302-3)."""
+"""Update a device's firmware (program download, CiA 302-3) and check that it runs."""
 
 from __future__ import annotations
 
@@ -39,18 +39,20 @@ def _final(params: Mapping[str, Any]) -> Final | None:
 
 @click.command("download", cls=DvtCommand, short_help=__doc__, effect=Effect.COMMANDS, final=_final)
 @click.argument("file", type=FILE, required=False)
-@click.option("--program", type=NumberType(1, 254, "a program"), default=1, metavar="N", help="Which one [1].")
-@click.option("--expect", type=_ExpectType(), metavar="ID|crc32", help="What 0x1F56 has to say then [the profile's].")
-@click.option("--forget", is_flag=True, help="Say no more that a download was not completed.")
+@click.option(
+    "--program", type=NumberType(1, 254, "a program"), default=1, metavar="N", help="Number of the program [1]."
+)
+@click.option("--expect", type=_ExpectType(), metavar="ID|crc32", help="Expected value of 0x1F56 [the profile's].")
+@click.option("--forget", is_flag=True, help="Stop reporting an interrupted download.")
 @click.pass_obj
 def command(
     session: Session, /, file: str | None, program: int, expect: int | str | None, forget: bool
 ) -> ProgramLoaded | Facts:
     """Load FILE (.bin .hex) as the node's program.
 
-    The old program is stopped and cleared, the new one is sent, checked by the device's flash status and software
-    identification, started, and seen to run. It asks first; there is no way back once the old one is cleared, so that a
-    failure says what the device holds. A download that was killed is told of whenever the node is met.
+    The old program is stopped and cleared; the new one is sent, checked by the device's flash status and software
+    identification, started, and seen to run. It asks first: there is no way back once the old program is cleared. A
+    failure says what the device holds. A download that was interrupted is reported whenever the node is used.
 
     \b
     download fw.bin

@@ -1,4 +1,4 @@
-"""Check, show, convert EDS, DCF, XDD or XDC files; keep those that nodes are recognised by."""
+"""Check, show and convert EDS, DCF, XDD and XDC files; keep a library of them."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class IdentityType(CanopenType):
 @click.argument("files", type=FILE, nargs=-1, metavar="[FILE...]")
 @click.option("--rule", "only", multiple=True, metavar="NAME", help="check: this rule only; repeatable.")
 @click.option("--without", multiple=True, metavar="NAME", help="check: all rules but this one; repeatable.")
-@click.option("--strict", is_flag=True, help="check: exit code 4 for a warning, too.")
+@click.option("--strict", is_flag=True, help="check: treat warnings as errors.")
 @click.option(
     "--identity", type=IdentityType(), metavar="vendor=…,product=…", help="add: keep FILE for nodes of this identity."
 )
@@ -98,14 +98,14 @@ def command(
     identity: dict[str, int] | None,
     conversion: Conversion,
 ) -> Facts | FileReport | FileReports | LibraryAdded | LibraryListing:
-    """Read FILE and say what is in it; `check` names everything odd with its line, in several files, too.
+    """Read FILE and show its content; `check` lists all its errors, with their lines, also of several files.
 
-    `check` ends with exit code 4 where a rule found an error. --format github, junit or sarif is for CI; -p judges the
-    PDOs as on a device of that family. `add` keeps files, those of a folder or a family's: from then on a node is
-    described by the one of its vendor, product and revision (0x1018); `list`, `remove` and `prefer` work on what is
-    kept. `convert IN OUT` writes the format that the name OUT ends in, and names all that it cannot hold. A concise DCF
-    (0x1F22, .cdcf) is shown, and made of a network file for one of its nodes; a DBC file is made of all of them, or of
-    the nodes whose COB-IDs and mappings a recording has in its SDO transfers (names: --eds, or their identity in it).
+    `check` ends with exit code 4 if a rule found an error. --format github, junit or sarif is for CI; -p checks the
+    PDOs as on a device of that family. `add` keeps files, those of a folder, or a family's: from then on nodes of that
+    vendor, product and revision (0x1018) use them; `list`, `remove` and `prefer` manage the library. `convert IN OUT`
+    writes the format that OUT ends in, and lists what it cannot hold. A concise DCF (0x1F22, .cdcf) can be shown, and
+    made of a network file for one node. A DBC file is made of all nodes of a network file, or of the nodes whose COB-
+    IDs and mappings are in a recording's SDO transfers (names: --eds, or the recorded identity).
 
     \b
     eds check drive.eds

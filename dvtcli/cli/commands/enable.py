@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 @click.argument("pdos", type=PDO, nargs=-1, required=True, metavar="PDO...")
 @click.pass_obj
 def command(session: Session, /, pdos: tuple[NodePdo, ...]) -> Changed:
-    """Enable each PDO with the mapping it has.
+    """Enable each PDO with its present mapping.
 
     \b
     enable tpdo1 tpdo2

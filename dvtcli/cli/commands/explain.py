@@ -1,4 +1,4 @@
-"""Name every bit of a frame: whose it is, what it carries, what its values mean."""
+"""Explain a frame bit by bit: its sender, its content, its values."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 def command(
     session: Session, /, frame: tuple[str, ...], dbc: str | None, nodes: tuple[int, ...] | None
 ) -> FrameExplained:
-    """Name every bit of FRAME, as 185#1027, as a line of candump, or as 0x185 10 27. It is not sent.
+    """Name every bit of FRAME: 185#1027, a line of candump, or 0x185 10 27. It is not sent.
 
-    A PDO is read by the mapping that nodes hold now (-n, --nodes, --sim), by --eds, or by a network or DBC file (-d).
-    More than three hex digits before the # are a CAN-ID of 29 bits, written with eight.
+    A PDO is decoded by the mapping that nodes hold now (-n, --nodes, --sim), by --eds, or by a network or DBC file
+    (-d). More than three hex digits before the # are a CAN-ID of 29 bits, written with eight.
 
     \b
     explain 185#1027000000

@@ -1,4 +1,4 @@
-"""Write what a node holds to a file that others read: a network file, a DCF, a DBC file."""
+"""Write a node's configuration to a file: a network file, a DCF, an XDC, a DBC file."""
 
 from __future__ import annotations
 
@@ -23,17 +23,16 @@ if TYPE_CHECKING:
 @click.pass_obj
 @dbc_options
 def command(session: Session, /, file: str, twice: bool, wishes: DbcOptions) -> Facts:
-    """Write the selected node, as it is now, to FILE: its PDOs (.yaml), or all of its configuration (.dcf
-    or .xdc).
+    """Write the selected node, as it is now, to FILE: its PDOs (.yaml), or all of its configuration (.dcf or .xdc).
 
-    In a network file objects are named where the device's file names them, with their numbers behind. A PDO that is not
-    whole is left out, and said.
+    In a network file objects have the names of the device's file, with their numbers as comments. A PDO that cannot be
+    read whole is left out and named.
 
-    A DCF is the node's EDS, byte for byte, with a ParameterValue for what its configuration objects hold, and with the
-    node-ID, bit rate and serial number. An XDC says the same in XML. What cannot be read is left out, and said.
+    A DCF is the node's EDS, byte for byte, with a ParameterValue for each configuration object, and with the node-ID,
+    bit rate and serial number. An XDC is the same in XML. What cannot be read is left out and named.
 
-    A nodelist (.cpj) names the nodes that answer, or those of -n, and each has its DCF beside it. A DBC file has the
-    enabled PDOs of all these nodes, with units, scales, words and who hears them.
+    A nodelist (.cpj) names the nodes that answer, or those of -n, each with its DCF beside it. A DBC file has the
+    enabled PDOs of all these nodes, with units, scales, value names and receivers.
 
     \b
     export press.yaml

@@ -1,4 +1,4 @@
-"""Show a node's errors in words: error register, history, EMCY messages; empty the history."""
+"""Show a node's error register, error history and EMCY messages; clear the history."""
 
 from __future__ import annotations
 
@@ -28,15 +28,17 @@ def _final(params: Mapping[str, Any]) -> Final | None:
     final=_final,
     each=lambda params: not params["watch"],
 )
-@click.option("--clear", is_flag=True, help="Empty the error history (0 to 0x1003), and read back that it is empty.")
+@click.option(
+    "--clear", is_flag=True, help="Clear the error history (write 0 to 0x1003:00) and read back that it is empty."
+)
 @click.option("--watch", is_flag=True, help="Show the EMCY messages of all nodes as they come, until Ctrl-C.")
 @click.option("--for", "duration_s", type=DurationType(), metavar="TIME", help="End --watch after TIME (500ms, 5s).")
 @click.pass_obj
 def command(session: Conversation, /, clear: bool, watch: bool, duration_s: float | None) -> Faults | None:
-    """Say what is wrong with a node: its error register, its error history, the EMCY messages that were heard of it.
+    """Show a node's error register, error history and received EMCY messages in words.
 
-    In the words of the standard, and of the node's family where that is known, with what helps. --clear does not touch
-    what is wrong, nor the drive: what causes an error must go first. --watch with --json is one document a message.
+    The words are those of the standard, and of the node's family if known, with advice. --clear does not remove the
+    cause of an error and does not reset the drive. --watch with --json is one document a message.
 
     \b
     faults

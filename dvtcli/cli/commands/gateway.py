@@ -1,4 +1,4 @@
-"""Serve the bus to programs that speak CiA 309-3: a gateway in ASCII lines over TCP."""
+"""Serve the bus to programs that speak CiA 309-3, a gateway in ASCII lines over TCP."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     type=TEXT,
     multiple=True,
     metavar="HOST:PORT|unix:PATH",
-    help="Where to listen [127.0.0.1:60000]; port 0: a free one; repeatable.",
+    help="Address to listen on [127.0.0.1:60000]; port 0: a free port; repeatable.",
 )
 @click.option("--allow-changes", is_flag=True, help="Let clients write, send NMT commands and set node-IDs.")
-@click.option("--any-user", is_flag=True, help="Let programs of other users in, too (Linux).")
+@click.option("--any-user", is_flag=True, help="Also admit programs of other users (Linux).")
 @click.option(
     "--dialect",
     type=click.Choice(["hash", "paren"]),
@@ -37,9 +37,10 @@ def command(
 ) -> None:
     """Serve a CANopen gateway until Ctrl-C: SDO, NMT, settings, PDOs and LSS, in the lines of CiA 309-3.
 
-    Only programs on this machine can reach it, on Linux only those of the same user, and a Unix socket is its user's
-    alone. It reads; with --allow-changes what clients write goes the way of `write`: checked, read back, put back where
-    that differs. Questions are answered by --yes, else they are refused. stderr says who comes and what is written.
+    Only programs on this computer can reach it, on Linux only those of the same user; a Unix socket is its user's
+    alone. Clients may read; with --allow-changes their writes are done as by `write`: checked, read back, rolled back
+    if the value differs. --yes answers questions, else they are refused. stderr shows who connects and what is
+    written.
 
     \b
     gateway

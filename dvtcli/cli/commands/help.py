@@ -33,7 +33,7 @@ class HelpTopic(TextType):
 
 @click.command("help", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False)
 @click.argument("name", type=HelpTopic(), required=False, metavar="[COMMAND|TOPIC]")
-@click.option("--all", "everything", is_flag=True, help="What each command does, and the global options.")
+@click.option("--all", "everything", is_flag=True, help="Show what each command does, and all global options.")
 @click.option("--man", "manual_page", is_flag=True, help="The manual page in roff: help --man > dvtcli.1")
 @click.pass_context
 def command(ctx: click.Context, /, name: str | None, everything: bool, manual_page: bool) -> Facts:

@@ -25,15 +25,15 @@ if TYPE_CHECKING:
     "manager",
     type=NODE_ID,
     metavar="NODE",
-    help="Not the nodes: what NODE, a CANopen manager, downloads to each of them that boots (0x1F22).",
+    help="Read what NODE, a CANopen manager, downloads to each node that boots (0x1F22).",
 )
 @click.pass_obj
 def command(session: Session, /, file: str, folder: str | None, manager: int | None) -> Facts:
-    """Write every PDO of every node that answers, as it is now, and what joins them, to FILE (.yaml).
+    """Write every PDO of every node that answers, as it is now, and the links between them, to FILE (.yaml).
 
-    With `-n 1,5` these nodes only. With FOLDER its EDS, DCF, XDD and XDC files count instead of a bus: a DCF's node-ID,
-    else the next that is free; of a nodelist (.cpj) in it, or as FOLDER, its nodes and their DCFs. An RPDO that hears
-    an enabled TPDO of another node, with a layout that agrees, is a link.
+    With `-n 1,5` these nodes only. With FOLDER, its EDS, DCF, XDD and XDC files are read instead of a bus: a DCF's
+    node-ID counts, else the next free one; of a nodelist (.cpj) in it, or as FOLDER, its nodes and their DCFs. An RPDO
+    with the CAN-ID of another node's enabled TPDO, and a layout that agrees, is a link.
 
     \b
     import press.yaml

@@ -1,4 +1,4 @@
-"""Find out what a device takes, put everything back, and write a profile and a simulated family."""
+"""Find out what a device accepts, roll everything back, and write a profile and a simulated family."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ if TYPE_CHECKING:
     "--save",
     type=TEXT,
     metavar="NAME",
-    help="Write profile, simulated family and EDS into the folder ./NAME, and the profile among your own, too.",
+    help="Write profile, simulated family and EDS to the folder ./NAME; add the profile to your own.",
 )
 @click.option(
     "--compare",
     type=TEXT,
     metavar="PROFILE",
-    help="Say what differs from this profile, or that in the folder ./NAME; exit code 3 then.",
+    help="Show differences from this profile, or from that in the folder ./NAME; exit code 3 if there are any.",
 )
-@click.option("--isolated", is_flag=True, help="Nothing else is on the bus: ask for restricted CAN-IDs, too.")
-@click.option("--with-store", is_flag=True, help="Let the device save, too: two writes to 0x1010 at most.")
+@click.option("--isolated", is_flag=True, help="Nothing else is on the bus: also try restricted CAN-IDs.")
+@click.option("--with-store", is_flag=True, help="Also test the store: at most two writes to 0x1010.")
 @click.pass_obj
 def command(
     session: Session, /, save: str | None, compare: str | None, isolated: bool, with_store: bool
 ) -> LearntDevice | LearnForecast:
-    """Ask a device, safely and reversibly, what its PDOs take. It asks before it writes; it starts no node.
+    """Ask a device what its PDOs accept, and roll everything back. It asks before it writes; it starts no node.
 
     \b
     learn

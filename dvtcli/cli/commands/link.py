@@ -1,4 +1,4 @@
-"""Let RPDOs hear a TPDO of another node."""
+"""Connect RPDOs to a TPDO of another node."""
 
 from __future__ import annotations
 
@@ -24,9 +24,7 @@ _HEARTBEAT_MS = NumberType(1, 0xFFFF, "a heartbeat in ms")
 @click.command("link", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
 @click.argument("producer", type=PDO, metavar="NODE:TPDO")
 @click.argument("consumers", type=PDO, nargs=-1, required=True, metavar="NODE:RPDO...")
-@click.option(
-    "--heartbeat", type=_HEARTBEAT_MS, metavar="MS", help="How often the producer sends its heartbeat (0x1017)."
-)
+@click.option("--heartbeat", type=_HEARTBEAT_MS, metavar="MS", help="Heartbeat time of the producer (0x1017).")
 @click.option("--no-heartbeat", "silent", is_flag=True, help="Leave 0x1016 and 0x1017 alone.")
 @click.pass_context
 def command(
@@ -37,10 +35,10 @@ def command(
     heartbeat: int | None,
     silent: bool,
 ) -> NetworkApplied:
-    """Let each RPDO hear the TPDO: its objects at the places of what is sent, dummies for the rest, one CAN-ID.
+    """Connect each RPDO to the TPDO: its objects at their places in the frame, dummies between them, one CAN-ID.
 
-    What an RPDO maps is what it is to hear; map it with --off before. Both are written and read back before the RPDOs
-    go on, then the TPDO; with a fault on one node, none is changed. A consumer watches the producer's heartbeat, too.
+    Map the RPDO first, with --off, to what it should receive. Both sides are written and read back before the RPDOs
+    are enabled, then the TPDO; if one node fails, none is changed. The consumer also watches the producer's heartbeat.
 
     \b
     link 1:tpdo1 5:rpdo2

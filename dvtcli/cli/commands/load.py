@@ -1,4 +1,4 @@
-"""The load of a bus: what its frames need at worst, when each is there at the latest, and what is on it."""
+"""Compute the worst-case bus load and response times, and compare with the traffic on the bus."""
 
 from __future__ import annotations
 
@@ -20,13 +20,21 @@ if TYPE_CHECKING:
 
 @click.command("load", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("file", type=FILE, required=False)
-@click.option("--for", "for_s", type=DurationType(0, 3600), metavar="TIME", help="Listen so long [3]; 0: not at all.")
-@click.option("--at", "bit_rate", type=BitRateType(), metavar="BIT/S", help="As if the bus ran at this bit rate.")
-@click.option("--sync", "sync_ms", type=PeriodType("ms", 0.1, 100_000), metavar="MS", help="As if SYNC came so often.")
+@click.option("--for", "for_s", type=DurationType(0, 3600), metavar="TIME", help="Time to listen [3s]; 0: none.")
+@click.option("--at", "bit_rate", type=BitRateType(), metavar="BIT/S", help="Compute for this bit rate.")
 @click.option(
-    "--emcy", "emcy_ms", type=PeriodType("ms", 0.1, 1e7), metavar="MS", help="EMCY of a node without 0x1015 [1000]."
+    "--sync", "sync_ms", type=PeriodType("ms", 0.1, 100_000), metavar="MS", help="Compute for this SYNC period."
 )
-@click.option("--inhibit", type=InhibitType(), multiple=True, metavar="[NODE:]tpdoN=MS", help="As if it were so.")
+@click.option(
+    "--emcy",
+    "emcy_ms",
+    type=PeriodType("ms", 0.1, 1e7),
+    metavar="MS",
+    help="Compute with one EMCY in this time for a node without 0x1015 [1000].",
+)
+@click.option(
+    "--inhibit", type=InhibitType(), multiple=True, metavar="[NODE:]tpdoN=MS", help="Compute with this inhibit time."
+)
 @click.pass_obj
 def command(
     session: Session,
@@ -38,11 +46,11 @@ def command(
     emcy_ms: float | None,
     inhibit: tuple[tuple[int | str | None, Pdo, int], ...],
 ) -> NetworkLoad:
-    """Compute what the frames of a network need of its bus at worst, and listen to what is on it.
+    """Compute the worst case of all frames of a network, and listen to the traffic on the bus.
 
-    With FILE its nodes count, without a bus as their EDS, DCF or family comes up; else the nodes on the bus. Response
-    times are exact for the worst case; what nothing limits is unbounded. The bit rate is that of --at,
-    of the bus, or -b.
+    With FILE its nodes are computed without a bus, as their EDS, DCF or family describes them; else the nodes on the
+    bus. Response times are exact for the worst case; a frame without a limit is unbounded. The bit rate is that of
+    --at, of the bus, or -b.
 
     \b
     load line.yaml --at 250000

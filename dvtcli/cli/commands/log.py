@@ -1,4 +1,4 @@
-"""Record what is on the bus: as .asc .blf .log .trc .mf4 .pcapng, or decoded as .csv .parquet .jsonl."""
+"""Record the bus as .asc .blf .log .trc .mf4 .pcapng, or decoded as .csv .parquet .jsonl."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ if TYPE_CHECKING:
 
 @click.command("log", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("file", type=FILE)
-@click.option("-a", "--append", is_flag=True, help="Behind what is there (.blf .log); with --decode into a new file.")
+@click.option("-a", "--append", is_flag=True, help="Append to FILE (.blf .log); with --decode, begin a new file.")
 @click.option(
     "-s", "--file_size", "--file-size", "size", type=NumberType(1000, 1 << 40, "a size in bytes"), metavar="BYTES",
-    help="A new file after so many bytes (.asc .blf .log).",
+    help="Begin a new file after that many bytes (.asc .blf .log).",
 )  # fmt: skip
 @click.option(
     "--filter", "filters", type=LogFilterType(), multiple=True, metavar="ID:MASK",
-    help="Hex, repeatable; with --decode also TEXT: only signals with it in their names.",
+    help="CAN-ID:MASK in hex, repeatable; with --decode also TEXT: signals with TEXT in their names.",
 )  # fmt: skip
 @only_option
 @click.option("--duration", type=DurationType(), metavar="TIME", help="End after TIME (300ms, 5s, 2min).")
-@click.option("--decode", is_flag=True, help="Values: .csv .jsonl, .parquet for a fleet's recordings.")
+@click.option("--decode", is_flag=True, help="Record values: .csv, .jsonl, or .parquet for many machines.")
 @parquet_options
 @click.option(
     "--rotate", type=RotationType(), metavar="10min|100MB",
-    help="For --decode: a new file after that time or size; each is whole when it is closed.",
+    help="For --decode: begin a new file after that time or size.",
 )  # fmt: skip
 @click.option("--nodes", type=NodesType(), metavar="ID,…", help="For --decode: nodes whose mapping is read.")
 @click.option("-d", "--dbc", type=FILE, metavar="FILE", help="For --decode: a DBC or network file.")
@@ -52,11 +52,11 @@ def command(
     decode: bool,
     **values: Any,
 ) -> Facts:
-    """Record every frame into FILE until Ctrl-C; its suffix says the format: .asc .blf .log .trc .mf4 .pcapng.
+    """Record every frame into FILE until Ctrl-C; its suffix chooses the format: .asc .blf .log .trc .mf4 .pcapng.
 
-    Sends nothing; with --decode SDO uploads, once, at the start. A .parquet file is long, a row for each value, with
-    the same columns whatever the devices are: recordings of a fleet are one table. What a killed log left of it, all
-    but the last second, becomes a whole file when the next one begins.
+    Sends nothing; with --decode it reads the mappings once, by SDO upload, at the start. A .parquet file has a row for
+    each value, in the same columns for all devices: recordings of a fleet are one table. If log was killed, the next
+    log into the same file makes a whole file of what was left, all but the last second.
 
     \b
     log run.asc

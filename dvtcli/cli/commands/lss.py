@@ -1,4 +1,4 @@
-"""Find nodes without a node-ID, give them one and store it, by LSS (CiA 305)."""
+"""Find nodes without a node-ID, assign and store node-IDs, change the bit rate, by LSS (CiA 305)."""
 
 from __future__ import annotations
 
@@ -137,19 +137,24 @@ def _final(params: Mapping[str, Any]) -> Final | None:
 @click.command("lss", cls=DvtCommand, short_help=__doc__, effect=Effect.COMMANDS, final=_final)
 @click.argument("action", type=click.Choice(_ACTIONS), metavar="|".join(_ACTIONS))
 @click.argument("words", type=TEXT, nargs=-1, metavar="[NODE|FILE|RATE] [vendor=… product=… revision=… serial=…]")
-@click.option("--wait", type=NumberType(5, 2000, "a time in ms"), metavar="MS", help="scan: per question [50].")
-@click.option("--store", "stores", is_flag=True, help="assign, bitrate: store it, too, once all came up.")
-@click.option("--prove", is_flag=True, help="store, assign/bitrate --store: reset the nodes then, and look again.")
+@click.option(
+    "--wait",
+    type=NumberType(5, 2000, "a time in ms"),
+    metavar="MS",
+    help="scan: milliseconds to wait for each answer [50].",
+)
+@click.option("--store", "stores", is_flag=True, help="assign, bitrate: also store it, when all nodes came up.")
+@click.option("--prove", is_flag=True, help="store, assign/bitrate --store: reset the nodes and check them.")
 @click.pass_obj
 def command(
     session: Session, /, action: str, words: tuple[str, ...], wait: int | None, stores: bool, prove: bool
 ) -> LssFound | LssChanged | LssBitRate:
-    """Speak to nodes as LSS master.
+    """Configure nodes as LSS master.
 
-    `scan` finds all nodes without a node-ID by fast scan, `identify` asks only whether there are any. `select` lets one
-    node be configured. `node-id` gives a node its node-ID, and is done once the node is seen with it; `store` lets it
-    keep that. `assign` does it for the nodes of a network file that have none or a wrong one, by their identity there.
-    `bitrate` lets the whole bus run at another bit rate: every node on it is told, or none. These four ask first.
+    `scan` finds all nodes without a node-ID by fast scan; `identify` asks only whether there are any. `select` selects
+    one node. `node-id` gives a node its node-ID and checks that it answers there; `store` lets it keep that. `assign`
+    does this for the nodes of a network file that have none or a wrong one, by their identity there. `bitrate` changes
+    the bit rate of every node on the bus, or of none. These four ask first.
 
     \b
     lss scan

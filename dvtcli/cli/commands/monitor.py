@@ -1,4 +1,4 @@
-"""Show what is on the bus, decoded, with rate, jitter, least and most; in a pipe one document a frame."""
+"""Show the traffic on the bus, decoded, with rate, jitter, minimum and maximum; in a pipe as JSON."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ if TYPE_CHECKING:
 
 
 @click.command("monitor", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
-@click.option("--nodes", type=NodesType(), metavar="ID,…", help="Nodes whose mapping is read [those that are heard].")
+@click.option("--nodes", type=NodesType(), metavar="ID,…", help="Nodes whose mappings are read [those that send].")
 @click.option(
     "-d", "--decode", type=FILE, metavar="FILE", help="Decode by a DBC or network file (after --nodes, if given)."
 )
 @click.option("--filter", "wanted", type=TEXT, metavar="TEXT", help="Only frames and signals with TEXT in their names.")
 @only_option
 @click.option("--duration", type=DurationType(), metavar="TIME", help="End after TIME (300ms, 5s, 2min).")
-@click.option("--changes", is_flag=True, help="Only frames that say something new.")
+@click.option("--changes", is_flag=True, help="Only frames whose data changed.")
 @click.pass_obj
 def command(
     session: Conversation,
@@ -41,12 +41,12 @@ def command(
     duration: float | None,
     changes: bool,
 ) -> None:
-    """Watch the bus: PDOs decoded with the mapping that the nodes hold, EMCY and NMT, until q or Ctrl-C.
+    """Watch the bus: PDOs decoded by the mapping that the nodes hold, EMCY and NMT, until q or Ctrl-C.
 
-    At a terminal a full screen, its keys are at the bottom; else one dvtcli.frame/1 document a line. Only reads: the
-    mappings by SDO upload, once, at the start; on the screen beside the first frames, and anew with m. A node that
-    does not answer shows its frames as bytes. A bus that is gone is waited for: both are said, and the mappings are
-    read anew then; --no-reconnect ends with 5.
+    At a terminal it is a full screen, with its keys at the bottom; else one dvtcli.frame/1 document a line. It only
+    reads: the mappings by SDO upload, once, at the start, and again with m. A node that does not answer shows its
+    frames as bytes. If the bus is gone, monitor waits for it, says so, and reads the mappings again; --no-reconnect
+    ends with 5.
 
     \b
     monitor

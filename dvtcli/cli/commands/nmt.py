@@ -1,4 +1,4 @@
-"""Send an NMT command: start, stop, pre-operational, or a reset; and see that it worked."""
+"""Send an NMT command (start, stop, preop, reset-node, reset-comm) and check that it worked."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Show what a node says of itself; at the prompt and in scripts `node ID` also selects it."""
+"""Show a node's identity; at the prompt and in scripts `node ID` also selects it."""
 
 from __future__ import annotations
 

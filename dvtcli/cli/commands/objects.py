@@ -1,4 +1,4 @@
-"""Search the object dictionary: names, types, access, what can be mapped."""
+"""Search the object dictionary: names, types, access, mappable objects."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @click.command("objects", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("text", type=TEXT, required=False)
-@click.option("--mappable", type=click.Choice(["tpdo", "rpdo"]), help="Only what such a PDO can take.")
+@click.option("--mappable", type=click.Choice(["tpdo", "rpdo"]), help="Only objects that such a PDO can map.")
 @click.pass_obj
 def command(session: Session, /, text: str | None, mappable: str | None) -> ObjectListing:
     """List objects whose number or name contains TEXT.

@@ -1,4 +1,4 @@
-"""What has to be written for a network to be as a file says; nothing is."""
+"""Show what must be written to bring a network to the state in a file; writes nothing."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 @click.option(
     "-o", "saved", type=FILE, metavar="PLAN", help="Save the plan for apply; as PLAN.309: gateway lines (CiA 309-3)."
 )
-@click.option("--exit-code", "tells", is_flag=True, help="End with 3 where something differs or is to be stored.")
+@click.option("--exit-code", "tells", is_flag=True, help="End with 3 if something differs or must be stored.")
 @trust_stamp_option
 @include_option
 @to_manager
@@ -40,9 +40,9 @@ def command(
 ) -> NetworkPlanned:
     """Read the nodes of the network FILE and show what differs, and what apply would write.
 
-    Everything that is wrong, on any node, is said at once. --format github or junit is for CI. FILE may be a DCF, an
-    XDC or a backup (.jsonl) of the selected node, too, or, where none is selected, of the one whose node-ID it has;
-    or a saved plan: is it still what apply would carry out?
+    All errors, on all nodes, are shown at once. --format github or junit is for CI. FILE may also be a DCF, an XDC or
+    a backup (.jsonl) of the selected node; if no node is selected, of the node whose node-ID it has. A saved plan is
+    compared with what apply would carry out now.
 
     \b
     plan press.yaml

@@ -1,4 +1,4 @@
-"""Draw signals of a recorded log file: on the terminal, or as a picture."""
+"""Draw signals of a recording: on the terminal, or as a picture."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _WIDTH, _LEAST, _MOST = 200, 8, 24
 @click.argument("file", type=FILE)
 @click.argument("signals", nargs=-1, required=True, type=TEXT, metavar="SIGNAL…")
 @decoding_options
-@click.option("-o", "--output", type=FILE, metavar="FILE", help="A picture: .png .svg .pdf (needs matplotlib).")
+@click.option("-o", "--output", type=FILE, metavar="FILE", help="Picture file: .png .svg .pdf (needs matplotlib).")
 @click.pass_obj
 def command(
     session: Conversation,
@@ -39,7 +39,7 @@ def command(
     nodes: tuple[int, ...] | None,
     output: str | None,
 ) -> Plotted:
-    """Draw each SIGNAL (a name or an object) of FILE over time; decoded as `decode` does it.
+    """Draw each SIGNAL (a name or an object) of FILE over time, decoded as by `decode`.
 
     \b
     plot run.log velocity_actual_value 6041

@@ -1,4 +1,4 @@
-"""List the device profiles, or show one with the reason for each value; what single devices were found to want."""
+"""List the device profiles, or show one with the source of each value; show what single devices demand."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ class ProfileName(TextType):
 )
 @click.argument("name", type=ProfileName(), required=False, metavar="[NAME]")
 def command(action: str | None, name: str | None) -> ProfileListing | ProfileShown | HabitListing:
-    """Show which device families dvtcli knows, and where each fact about one comes from.
+    """Show the device families that dvtcli knows, and the source of each value.
 
-    `habits` lists what devices were found to take only while a PDO is off, by vendor, product and revision; `forget`
-    forgets that of one, or of `all`.
+    `habits` lists what devices were found to accept only while a PDO is off, by vendor, product and revision; `forget`
+    forgets that of one device, or of `all`.
 
     \b
     profiles

@@ -1,4 +1,4 @@
-"""Read objects by SDO upload and decode them: one, several, or again and again."""
+"""Read objects by SDO upload and decode them: one, several, or repeatedly."""
 
 from __future__ import annotations
 
@@ -28,9 +28,11 @@ if TYPE_CHECKING:
 )
 @click.argument("objects", cls=Objects, type=OBJECT, metavar="OBJECT…", nargs=-1, required=True)
 @click.option("--as", "data_type", type=DataTypeParam(), metavar="TYPE", help="Decode as u8…u64, i8…i64, r32, vs, …")
-@click.option("--every", "every_s", type=DurationType(), metavar="TIME", help="Again and again (100ms, 5s).")
+@click.option("--every", "every_s", type=DurationType(), metavar="TIME", help="Repeat, at this interval (100ms, 5s).")
 @click.option("--for", "for_s", type=DurationType(), metavar="TIME", help="End --every after TIME [until Ctrl-C].")
-@click.option("-o", "--output", type=FILE, metavar="FILE", help="One object's bytes into FILE; with --every a .csv.")
+@click.option(
+    "-o", "--output", type=FILE, metavar="FILE", help="Write one object's bytes to FILE; with --every a .csv."
+)
 @click.pass_obj
 def command(
     session: Conversation,
@@ -41,10 +43,10 @@ def command(
     for_s: float | None,
     output: str | None,
 ) -> ValueRead | RecordRead | ValuesRead | ValuesWatched | Facts:
-    """Read each OBJECT; of a record or an array without its sub-index (`1018`) all of them.
+    """Read each OBJECT; a record or an array without sub-index (`1018`) is read whole.
 
-    With --every a line each time, and at the end the least, the most and the course of each; with --json a document
-    each time. An object that cannot be read ends it; of a record it reads sub-index 0.
+    With --every: a line each time, and at the end minimum, maximum and trend of each; with --json a document each
+    time. An object that cannot be read ends it; of a record, sub-index 0 is read.
 
     \b
     read 6041

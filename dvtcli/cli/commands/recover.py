@@ -1,4 +1,4 @@
-"""Finish an interrupted change: put the old configuration back from its journal, or close the journal."""
+"""Finish an interrupted change: roll back to the old configuration in its journal, or close the journal."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 @click.command("recover", cls=DvtCommand, short_help=__doc__, effect=Effect.BRINGS_BACK)
 @click.argument("file", type=FILE, required=False)
-@click.option("--accept", is_flag=True, help="Take what the device holds as the new state; nothing is written to it.")
-@click.option("--discard", is_flag=True, help="Set a journal that cannot be used aside, under another name.")
-@click.option("--finish", is_flag=True, help="Go on with the stores of a network file: every node had been verified.")
+@click.option("--accept", is_flag=True, help="Accept what the device holds as the new state; writes nothing.")
+@click.option("--discard", is_flag=True, help="Set an unusable journal aside, under another name.")
+@click.option("--finish", is_flag=True, help="Finish the stores of a network file, on verified nodes.")
 @click.pass_obj
 def command(
     session: Session, /, file: str | None, accept: bool, discard: bool, finish: bool
 ) -> Changed | ChangedNodes | Facts:
-    """Read the node, put back what the interrupted change replaced, and verify it.
+    """Read the node, roll the interrupted change back, and verify it.
 
     \b
     recover

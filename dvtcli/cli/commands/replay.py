@@ -1,4 +1,4 @@
-"""Send a recording again, in its own time, faster or slower, as a whole or in part."""
+"""Send a recording again: at its own speed, faster or slower, whole or in part."""
 
 from __future__ import annotations
 
@@ -21,17 +21,27 @@ if TYPE_CHECKING:
 @click.command("replay", cls=DvtCommand, short_help=__doc__, effect=Effect.COMMANDS)
 @click.argument("file", type=FILE)
 @click.option(
-    "--rate", type=RateType(), default=1.0, metavar="N", help="N times as fast; 0: as the load limit lets [1]."
+    "--rate",
+    type=RateType(),
+    default=1.0,
+    metavar="N",
+    help="N times as fast; 0: as fast as the load limit allows [1].",
 )
-@click.option("--from", "from_s", type=SinceType(), metavar="S", help="From S seconds behind its first frame on.")
-@click.option("--to", "to_s", type=SinceType(), metavar="S", help="Up to S seconds behind its first frame.")
+@click.option("--from", "from_s", type=SinceType(), metavar="S", help="Begin S seconds after the first frame.")
+@click.option("--to", "to_s", type=SinceType(), metavar="S", help="End S seconds after the first frame.")
 @click.option(
     "--filter", "only", type=FrameFilterType(), multiple=True, metavar="FRAMES",
     help="Only these, repeatable: 181, 180-1FF, 180:780, node=5, 5:tpdo1, sdo.",
 )  # fmt: skip
-@click.option("--without", type=FrameFilterType(), multiple=True, metavar="FRAMES", help="Not these, as --filter.")
 @click.option(
-    "--from-channel", "channel", type=TEXT, metavar="NAME", help="Only what was recorded on that channel, or all."
+    "--without",
+    type=FrameFilterType(),
+    multiple=True,
+    metavar="FRAMES",
+    help="Leave these out; written as for --filter.",
+)
+@click.option(
+    "--from-channel", "channel", type=TEXT, metavar="NAME", help="Only frames recorded on that channel, or all."
 )
 @click.option("--loop", "loops", type=NumberType(1, 1_000_000, "a count"), default=1, metavar="N", help="N times [1].")
 @decoding_options
@@ -47,11 +57,12 @@ def command(
     nodes: tuple[int, ...] | None,
     **part: Any,
 ) -> Replayed:
-    """Send the frames of FILE (.asc .blf .log .trc .mf4 .pcapng .pcap) as long after one another as they were recorded.
+    """Send the frames of FILE (.asc .blf .log .trc .mf4 .pcapng .pcap) at the times at which they were recorded.
 
-    It asks once, with a list, before what nodes act on, as send does; --without nmt --without sdo leaves the worst out.
-    --dry-run shows it as a table, sends nothing, and needs no bus. CAN FD and error frames are left out. While a node
-    is OPERATIONAL, with --rate 0 always, the bus is kept at --bus-share (50 %) where its bit rate is known.
+    It asks once, with a list, before it sends frames that nodes act on, as send does; --without nmt --without sdo
+    leaves out the most dangerous. --dry-run shows the list, sends nothing, and needs no bus. CAN FD and error frames
+    are left out. While a node is OPERATIONAL, with --rate 0 always, the bus load stays within --bus-share (50 %) if
+    the bit rate is known.
 
     \b
     replay run.log --dry-run

@@ -1,4 +1,4 @@
-"""Draw a network: a page (HTML) with wiring, layouts, load and findings; or its wiring as SVG or Graphviz."""
+"""Draw a network as an HTML page with wiring, layouts, load and findings, or its wiring as SVG or Graphviz."""
 
 from __future__ import annotations
 
@@ -20,12 +20,16 @@ if TYPE_CHECKING:
 @click.command("report", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("out", type=FILE)
 @click.argument("file", type=FILE, required=False)
-@click.option("--title", type=TEXT, help="What stands at its top [the name of FILE, or of the bus].")
+@click.option("--title", type=TEXT, help="Title of the page [the name of FILE, or of the bus].")
 @click.option(
     "--at", "bit_rate", type=BitRateType(), metavar="BIT/S", help="The bus's bit rate [its own, or the file's]."
 )
 @click.option(
-    "--for", "for_s", type=DurationType(0, 3600), metavar="TIME", help="Listen to the bus so long [2]; 0: not."
+    "--for",
+    "for_s",
+    type=DurationType(0, 3600),
+    metavar="TIME",
+    help="Time to listen to the bus [2s]; 0: none.",
 )
 @click.pass_obj
 def command(
@@ -33,9 +37,9 @@ def command(
 ) -> Facts:
     """Write a network to OUT: a page (.html), or its wiring alone (.svg, .dot for Graphviz).
 
-    Without a bus that of the network FILE, as check and load see it. With a bus the nodes on it; FILE is what they are
-    compared with. The page is one file that asks for nothing else, and has no date: the same network gives the same
-    bytes. It can be sorted, printed, and read on a phone.
+    Without a bus, the network of FILE, as check and load see it. With a bus, the nodes on it, compared with FILE. The
+    page is one file that loads nothing else and has no date: the same network gives the same bytes. It can be sorted,
+    printed, and read on a phone.
 
     \b
     report line.html line.yaml

@@ -1,4 +1,4 @@
-"""Stop a script before anything is written if the node is another device, or its power stage is on."""
+"""Stop a script before any write if the node is another device, or its power stage is on."""
 
 from __future__ import annotations
 

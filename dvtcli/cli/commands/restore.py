@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
 @click.command("restore", cls=DvtCommand, short_help=__doc__, effect=Effect.BRINGS_BACK)
 @click.argument("group", type=StoreGroup(), required=False, metavar="[all|communication|application|N]")
-@click.option("--prove", is_flag=True, help="Reset the node at once, and see whether it has its defaults.")
+@click.option("--prove", is_flag=True, help="Reset the node at once, and check that it has its defaults.")
 @click.pass_obj
 def command(session: Session, /, group: int | None, prove: bool) -> Stored:
-    """Bring the node's defaults back; they come with the next reset.
+    """Restore the node's defaults (0x1011 "load"); they take effect with the next reset.
 
     \b
     restore

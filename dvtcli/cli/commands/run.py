@@ -36,16 +36,22 @@ class SecondsType(CanopenType):
 
 @click.command("run", cls=DvtCommand, short_help=__doc__, effect=Effect.RUNS, formats=CASE_FORMATS)
 @click.argument("file", type=FILE)
-@click.option("--keep-going", is_flag=True, help="Run on after a failing line; end with the first failure's code.")
-@click.option("--atomic", is_flag=True, help="A failing line takes back all lines before it, over all nodes.")
 @click.option(
-    "--max-seconds", "most_seconds", type=SecondsType(), metavar="S", help="How long a Tcl script may compute [600 s]."
+    "--keep-going", is_flag=True, help="Go on after a line that fails; end with the first failure's exit code."
+)
+@click.option("--atomic", is_flag=True, help="Roll back all lines, on all nodes, if one fails.")
+@click.option(
+    "--max-seconds",
+    "most_seconds",
+    type=SecondsType(),
+    metavar="S",
+    help="Time limit of a Tcl script's computing [600 s].",
 )
 @click.pass_context
 def command(ctx: click.Context, /, file: str, keep_going: bool, atomic: bool, most_seconds: float | None) -> int:
     """Run the commands in FILE, or of stdin with `-`; a FILE.tcl is a Tcl script with the DVT's words (help dvt).
 
-    A FILE.309 has lines for a CANopen gateway (CiA 309-3: SDO and NMT): what they write goes through the plan.
+    A FILE.309 has lines for a CANopen gateway (CiA 309-3: SDO and NMT): they are checked and read back like commands.
 
     \b
     run scripts/pdo_config.dvt

@@ -1,4 +1,4 @@
-"""Save what this session's changes come to as a script that runs."""
+"""Save this session's changes as a script."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 @click.command("save", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("file", type=FILE)
-@click.option("--history", is_flag=True, help="Every step as it was taken, stores and NMT commands included.")
+@click.option("--history", is_flag=True, help="Every step as typed, stores and NMT commands included.")
 @click.option("--all", "everything", is_flag=True, help="Everything that the node's PDOs hold.")
 @click.pass_context
 def command(ctx: click.Context, /, file: str, history: bool, everything: bool) -> Facts:
-    """Write what this session's changes come to, to FILE; its first line pins the node's identity.
+    """Write this session's changes to FILE as a script that requires the node's identity.
 
     \b
     save tpdo1.dvt

@@ -1,4 +1,4 @@
-"""Find the nodes on the bus, by their heartbeats and by asking each node-ID for its device type."""
+"""Find the nodes on the bus, by heartbeats and by asking each node-ID for its device type."""
 
 from __future__ import annotations
 
@@ -16,10 +16,15 @@ if TYPE_CHECKING:
 
 
 @click.command("scan", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
-@click.option("--wait", type=NumberType(10, 10_000, "a time in ms"), metavar="MS", help="Per node-ID [50].")
+@click.option(
+    "--wait",
+    type=NumberType(10, 10_000, "a time in ms"),
+    metavar="MS",
+    help="Milliseconds to wait for each node-ID [50].",
+)
 @click.pass_obj
 def command(session: Session, /, wait: int | None) -> NodeListing:
-    """List the nodes 1-127 that are heard or answer.
+    """List the nodes 1-127 that send heartbeats or answer.
 
     \b
     scan

@@ -1,4 +1,4 @@
-"""Send frames, once or again and again, after saying what each one is."""
+"""Send frames, once or repeatedly, after showing what each one is."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 @click.command("send", cls=DvtCommand, short_help=__doc__, effect=Effect.COMMANDS)
 @click.argument("frame", type=TEXT, nargs=-1, required=True, metavar="FRAME…")
-@click.option("--every", type=DurationType(), metavar="TIME", help="Again each TIME, as 100ms or 5s, until Ctrl-C.")
-@click.option("--for", "for_s", type=DurationType(), metavar="TIME", help="For TIME; each 100 ms without --every.")
-@click.option("--count", type=NumberType(1, 1_000_000, "a count"), metavar="N", help="N times.")
+@click.option("--every", type=DurationType(), metavar="TIME", help="Repeat at this interval (100ms, 5s), until Ctrl-C.")
+@click.option("--for", "for_s", type=DurationType(), metavar="TIME", help="Repeat for TIME, every 100 ms or --every.")
+@click.option("--count", type=NumberType(1, 1_000_000, "a count"), metavar="N", help="Send N times.")
 @decoding_options
 @click.pass_obj
 def command(
@@ -34,10 +34,11 @@ def command(
     dbc: str | None,
     nodes: tuple[int, ...] | None,
 ) -> FramesSent:
-    """Send each FRAME, as 185#1027 (185#R: a remote frame), 18FF0102#00 (29 bits), or one as 0x185 10 27.
+    """Send each FRAME: 185#1027 (185#R: a remote frame), 18FF0102#00 (29 bits), or one as 0x185 10 27.
 
-    It asks before what nodes act on: NMT, SYNC, TIME, SDO, LSS, an EMCY or a heartbeat, and a CAN-ID that a PDO of a
-    node uses that is known, heard, or in a network file (-d). A frame that the interface does not take is not counted.
+    It asks before it sends frames that nodes act on: NMT, SYNC, TIME, SDO, LSS, an EMCY or a heartbeat, and the CAN-ID
+    of a PDO of a node that is known, heard, or in a network file (-d). A frame that the interface does not take is not
+    counted.
 
     \b
     send 7A0#1027

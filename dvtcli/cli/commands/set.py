@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 @click.argument("pdo", type=PDO)
 @pdo_options
 @click.option("--mpdo", type=click.Choice(["sam", "dam"]),
-              help="Make it a multiplexed PDO with source or destination addressing.")  # fmt: skip
+              help="Make it a multiplexed PDO (source or destination address mode).")  # fmt: skip
 @click.pass_obj
 def command(session: Session, /, pdo: NodePdo, mpdo: str | None, **options: Any) -> Changed:
     """Set communication parameters of PDO and leave its mapping alone, unless --mpdo says otherwise.

@@ -1,4 +1,4 @@
-"""Serve simulated nodes to other programs: on a socketcand port, or on a bus."""
+"""Serve simulated nodes to other programs, on a socketcand port or on a bus."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 @click.command("sim", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("nodes", nargs=-1, required=True, metavar="NODE…")
 @click.option(
-    "--listen", type=TEXT, metavar="HOST:PORT", help="Where to listen [127.0.0.1:29536]; port 0 is a free one."
+    "--listen", type=TEXT, metavar="HOST:PORT", help="Address to listen on [127.0.0.1:29536]; port 0: a free port."
 )
 @click.option("--state", type=FILE, metavar="DIR", help="Folder that keeps what nodes store (0x1010) for the next sim.")
 @click.option(
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     metavar="[NODE:]MS",
     help="Time an SDO server takes to answer [0]; repeatable.",
 )
-@click.option("--ready-file", type=FILE, metavar="FILE", help="Written with HOST:PORT once clients can come.")
+@click.option("--ready-file", type=FILE, metavar="FILE", help="File that gets HOST:PORT when clients can connect.")
 @click.pass_context
 def command(
     ctx: click.Context,
@@ -43,8 +43,8 @@ def command(
 ) -> None:
     """Serve each NODE (a family or an EDS/DCF file, @ID sets its node-ID, @255 leaves it to LSS) until Ctrl-C.
 
-    Every program that speaks socketcand attaches: dvtcli, python-can, ... With -i/-c the nodes join that bus instead,
-    or besides with --listen. With -b frames take the time that their bits need at that bit rate.
+    Every program that speaks socketcand can connect: dvtcli, python-can, ... With -i/-c the nodes join that bus
+    instead; with --listen as well, both. With -b frames take the time of their bits at that bit rate.
 
     \b
     sim gen4@1

@@ -50,7 +50,7 @@ def _who_stored(node_ids: Sequence[int], outcomes: Mapping[int, Any]) -> LeftCha
     is_flag=False,
     flag_value="reset",
     metavar="[power]",
-    help="Reset the node and see what it kept; `power`: wait until you have switched it off and on.",
+    help="Reset the node and check what it kept; `power`: wait for a power cycle.",
 )
 @click.option(
     "--within",
@@ -59,12 +59,12 @@ def _who_stored(node_ids: Sequence[int], outcomes: Mapping[int, Any]) -> LeftCha
     metavar="S",
     help="How long `--prove power` waits for the power cycle [60].",
 )
-@click.option("--if-changed", is_flag=True, help="Not if the node holds what it came up with, and nobody wrote since.")
+@click.option("--if-changed", is_flag=True, help="Store only if something was written since the node booted.")
 @click.pass_obj
 def command(
     session: Session, /, group: int | None, prove: str | int | None, limit_s: int | None, if_changed: bool
 ) -> Stored:
-    """Store the node's settings.
+    """Store the node's parameters (0x1010 "save").
 
     \b
     store

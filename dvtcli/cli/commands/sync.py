@@ -1,4 +1,4 @@
-"""Send SYNC messages and show the frames that come in answer, or see who sends SYNC."""
+"""Send SYNC messages and show the frames that answer, or find the SYNC producer."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 
 @click.command("sync", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
-@click.option("--period", type=MillisecondsType(1000), metavar="MS", help="Time between SYNCs [20].")
+@click.option("--period", type=MillisecondsType(1000), metavar="MS", help="Time between SYNC messages [20].")
 @click.option("--count", type=NumberType(1, 100_000, "a count"), metavar="N", help="How many [1].")
-@click.option("--check", is_flag=True, help="Send none; say who produces SYNC, and warn where nobody does.")
+@click.option("--check", is_flag=True, help="Send nothing; find the SYNC producer, and warn if there is none.")
 @click.pass_obj
 def command(session: Session, /, period: int | None, count: int | None, check: bool) -> Synced | SyncCheck:
-    """Produce SYNC and list what synchronous PDOs send.
+    """Produce SYNC and list the frames that synchronous PDOs send.
 
-    Its CAN-ID is what the selected node's 0x1005 says, 0x080 where no node is selected.
+    Its CAN-ID is that of the selected node's 0x1005; 0x080 if no node is selected.
 
     \b
     sync

@@ -1,4 +1,4 @@
-"""Run a line of Tcl with the DVT's words; alone, at the prompt, all lines are Tcl's until `exit`."""
+"""Run a line of Tcl with the DVT's words; alone, at the prompt, all lines until `exit`."""
 
 from __future__ import annotations
 
@@ -20,11 +20,10 @@ if TYPE_CHECKING:
 @click.argument("words", type=TEXT, nargs=-1, metavar="[LINE]")
 @click.pass_context
 def command(ctx: click.Context, /, words: tuple[str, ...]) -> int:
-    """Run LINE as Tcl with the DVT's words (help dvt), in safe mode; its result is printed.
+    """Run LINE as Tcl with the DVT's words (help dvt), in safe mode, and print its result.
 
-    `dvtcli read OBJECT` is the value there, of several a list. At the prompt LINE stands as it is, variables and
-    procedures stay for the next one, and `tcl` alone makes every line Tcl's until `exit` or Ctrl-D. A Tcl script is run
-    by `run FILE.tcl`.
+    `dvtcli read OBJECT` returns the value, of several objects a list. At the prompt, variables and procedures stay for
+    the next line, and `tcl` alone takes all lines until `exit` or Ctrl-D. `run FILE.tcl` runs a Tcl script.
 
     \b
     tcl puts [expr 2*3]

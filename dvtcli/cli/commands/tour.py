@@ -1,4 +1,4 @@
-"""Take a guided tour on a simulated node: each step is explained, and really run."""
+"""Take a guided tour on a simulated node: each step is explained and carried out."""
 
 from __future__ import annotations
 
@@ -57,8 +57,8 @@ _LEAVING = ("exit", "quit", "q")
 def command(ctx: click.Context, /) -> int:
     """Explain dvtcli in a few steps on a simulated node of its own; no hardware is used.
 
-    At a terminal Enter runs the line that is shown, anything else that is typed runs too, and Ctrl-C, Ctrl-D or `exit`
-    leaves. Without a terminal all of it is printed.
+    At a terminal Enter runs the line that is shown; anything else that you type runs, too. Ctrl-C, Ctrl-D or `exit`
+    leaves. Without a terminal everything is printed.
 
     \b
     tour

@@ -21,14 +21,14 @@ if TYPE_CHECKING:
     "--count",
     type=NumberType(1, 1024, "a count"),
     metavar="N",
-    help="How many frames [32, or from the last refused write on].",
+    help="Number of frames [32, or from the last refused write on].",
 )
 @click.pass_obj
 def command(session: Session, /, which: str, count: int | None) -> Traced:  # noqa: ARG001 - there is one
-    """Show the frames that were sent from here last, and those that answered them: SDO, LSS, EMCY and boot-ups, too.
+    """Show the last frames that dvtcli sent, and their answers: SDO, LSS, EMCY and boot-up messages.
 
-    It sends nothing. At the prompt, and in a script, behind the line it is about; a run of its own shows the last
-    exchange of the last run that a node refused something, or was silent to. A passcode is not shown.
+    It sends nothing. At the prompt and in a script it shows the frames of the lines before; a run of its own shows the
+    last exchange of the last run in which a node refused or did not answer. A passcode is not shown.
 
     \b
     trace last

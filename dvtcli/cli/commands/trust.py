@@ -1,4 +1,4 @@
-"""Let all that a project's dvtcli.toml says count, as the file is now."""
+"""Trust a project's dvtcli.toml, with all its settings, until it changes."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 @click.command("trust", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False)
 @click.argument("file", type=FILE, required=False)
-@click.option("--remove", is_flag=True, help="Trust the file no longer, also if it is gone.")
+@click.option("--remove", is_flag=True, help="Stop trusting the file, even if it is gone.")
 @click.pass_obj
 def command(session: Session, /, file: str | None, remove: bool) -> Facts:
-    """Trust FILE, or the project's dvtcli.toml here or above, until a byte of it changes. Look at it before.
+    """Trust FILE, or the project's dvtcli.toml here or above, until a byte of it changes. Read it first.
 
-    Of a file that is not trusted, plain options count. No alias with | or >, --yes or --force does, nor one with the
+    Of a file that is not trusted, only plain options count: no alias with | or >, with --yes or --force, or with the
     name of a common word; no journal folder; no channel that is a URL, no library of a driver; and no passcode is sent
     on a network that the file chose. A file with an alias that is a command is not trusted.
 

@@ -1,4 +1,4 @@
-"""Put the last change back, all of this session's, or an automatic backup."""
+"""Undo the last change or all of this session's, or restore an automatic backup."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ class All(click.Choice[str]):
 @click.command("undo", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
 @click.argument("word", type=All(["all"], case_sensitive=False), required=False, metavar="[all]")
 @click.option(
-    "--all", "everything", is_flag=True, help="Every change of this session on every node; else earlier ones."
+    "--all", "everything", is_flag=True, help="All changes of this session, on every node; else earlier ones."
 )
 @click.option(
     "--backup", type=TEXT, is_flag=False, flag_value=_NEWEST, metavar="[WHEN]",
-    help="Put an automatic backup back: the newest, or that of a date and time.",
+    help="Restore an automatic backup: the newest, or that of a date and time.",
 )  # fmt: skip
 @click.pass_context
 def command(ctx: click.Context, /, word: str | None, everything: bool, backup: str | None) -> Changed | ChangedNodes:
-    """Put back what the last change replaced, on whichever node it was; on a real bus also one of an earlier process.
+    """Take the last change back, on whichever node it was; on a real bus also a change of an earlier process.
 
     \b
     undo

@@ -1,4 +1,4 @@
-"""Let RPDOs hear a TPDO no more."""
+"""Disconnect RPDOs from a TPDO."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 @click.option("--no-heartbeat", "silent", is_flag=True, help="Leave 0x1016 alone.")
 @click.pass_context
 def command(ctx: click.Context, /, producer: NodePdo, consumers: tuple[NodePdo, ...], silent: bool) -> NetworkApplied:
-    """Disable each RPDO that hears the TPDO, and keep its mapping; the TPDO goes on: others may hear it.
+    """Disable each RPDO that receives the TPDO, and keep its mapping; the TPDO stays on: others may receive it.
 
-    A node that hears nothing of the producer's node any more stops watching its heartbeat.
+    A node that receives nothing else of the producer's node stops watching its heartbeat.
 
     \b
     unlink 1:tpdo1 5:rpdo2

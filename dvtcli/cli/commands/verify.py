@@ -1,4 +1,4 @@
-"""Read PDOs back and compare with what this session set, or with a FILE; --frame looks at a real frame."""
+"""Read PDOs back and compare with what this session set, or with a FILE; --frame checks a real frame."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 
 @click.command("verify", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, formats=CASE_FORMATS)
 @click.argument("words", type=TEXT, nargs=-1, metavar="[PDO...] [FILE]")
-@click.option("--frame", is_flag=True, help="Start the node and look at a frame of each enabled TPDO.")
+@click.option("--frame", is_flag=True, help="Start the node and check a frame of each enabled TPDO.")
 @click.pass_context
 def command(ctx: click.Context, /, words: tuple[str, ...], frame: bool) -> Compared | ComparedNodes:
-    """Compare what the nodes hold now; exit code 3 where it differs, 1 where no frame came.
+    """Compare what the nodes hold now; exit code 3 if it differs, 1 if no frame came.
 
     FILE is a script (what its lines would set), a network file (YAML), a DCF, XDC or backup (its settings, also those
-    that apply does not write), or an EDS (its PDOs); without one it compares with the lines before it. Where no node
-    is selected, a DCF, XDC or backup is compared with the one whose node-ID it has.
+    that apply does not write), or an EDS (its PDOs). Without FILE the lines before are compared. If no node is
+    selected, a DCF, XDC or backup is compared with the node whose node-ID it has.
 
     \b
     verify                   everything this session changed, on every node

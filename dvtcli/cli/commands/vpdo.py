@@ -1,4 +1,4 @@
-"""List the virtual PDOs inside a node, or tie a pin to an object."""
+"""List the virtual PDOs inside a node, or connect a pin to an object."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class ObjectOrNone(ObjectParam):
 def command(
     session: Session, /, group: str | None, pin: int | None, object_: ObjectWord | None
 ) -> Changed | VpdoListing:
-    """Show what each pin is tied to, or tie PIN of GROUP to OBJECT.
+    """Show the object of each pin, or connect PIN of GROUP to OBJECT.
 
     GROUP is motor, digital-out, analogue-out, digital-in or analogue-in.
 

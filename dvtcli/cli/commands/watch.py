@@ -1,4 +1,4 @@
-"""Watch chosen objects and PDOs: values, changes, ages and courses on a full screen."""
+"""Watch chosen objects and PDOs on a full screen: values, changes, ages and trends."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class _WatchedType(CanopenType):
 
 @click.command("watch", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("words", cls=Objects, type=_WatchedType(), metavar="OBJECT|PDO…", nargs=-1, required=True)
-@click.option("--every", "every_s", type=DurationType(), metavar="TIME", help="Read objects so often [500ms].")
+@click.option("--every", "every_s", type=DurationType(), metavar="TIME", help="Time between two readings [500ms].")
 @click.option("--for", "for_s", type=DurationType(), metavar="TIME", help="End after TIME [until q or Ctrl-C].")
 @click.pass_obj
 def command(
@@ -52,11 +52,11 @@ def command(
     every_s: float | None,
     for_s: float | None,
 ) -> ValuesWatched | None:
-    """Show what OBJECTs hold, read by SDO again and again, and what PDOs carry, as their frames come.
+    """Show the values of OBJECTs, read by SDO repeatedly, and of PDOs, as their frames come.
 
-    A full screen at a terminal; its keys are at the bottom, and a value that has just changed is marked with *.
-    Without a terminal, and with --json, objects are lines as of `read OBJECT… --every`; PDOs need the screen, or
-    `monitor`. Only reads: of PDOs the mapping by SDO upload, once, and anew with m.
+    At a terminal it is a full screen, with its keys at the bottom; * marks a value that has just changed. Without a
+    terminal, and with --json, objects are lines as by `read OBJECT… --every`; PDOs need the screen, or `monitor`. It
+    only reads: the PDOs' mappings by SDO upload, once, and again with m.
 
     \b
     watch 6041 606C --for 1s

@@ -1,4 +1,4 @@
-"""Write an object by SDO download, under the same rules as the command for it."""
+"""Write an object by SDO download, under the rules of the command for it."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ def _final(params: Mapping[str, Any]) -> Final | None:
 @click.option("--as", "data_type", type=DataTypeParam(), metavar="TYPE", help="Encode as u8…u64, i8…i64, r32, vs, …")
 @click.pass_obj
 def command(session: Session, /, object_: ObjectWord, value: str, data_type: DataType | None) -> Changed | Stored:
-    """Write VALUE to OBJECT, read it back, and put the old value back where that differs.
+    """Write VALUE to OBJECT and read it back; if it differs, the old value is restored.
 
-    @FILE is what a file holds, byte for byte; @@ is a text that begins with @.
+    @FILE writes the bytes of a file; @@ is a text that begins with @.
 
     \b
     write 1017 1000
