@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 #: All commands by task, in the order of help: name, and one-line help.
 COMMANDS: dict[str, dict[str, str]] = {
@@ -106,14 +106,6 @@ def command_names() -> list[str]:
 def summary(name: str) -> str:
     """Return a command's one-line help. Raises KeyError if unknown."""
     return _SUMMARIES[name]
-
-
-def by_task(names: Collection[str]) -> Iterator[tuple[str, list[str]]]:
-    """Group *names* by task, in the order of `COMMANDS`, without empty tasks."""
-    for task, commands in COMMANDS.items():
-        group = [name for name in commands if name in names]
-        if group:
-            yield task, group
 
 
 def task_sections() -> Iterator[tuple[str, list[tuple[str, str]]]]:

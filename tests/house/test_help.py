@@ -8,7 +8,7 @@ from importlib import import_module
 
 import pytest
 
-from dvtcli.cli.catalogue import TASKS, by_task, command_names, fill_rows, summary
+from dvtcli.cli.catalogue import TASKS, command_names, fill_rows, summary, task_sections
 from dvtcli.cli.help.guide import TOPICS, overview, topic
 from tests.commands.bench import Bench
 from tests.house.source import PACKAGE
@@ -54,7 +54,7 @@ def test_every_file_of_a_command_is_in_the_table() -> None:
 
 
 def test_every_command_is_shown_by_its_task() -> None:
-    groups = dict(by_task(command_names()))
+    groups = {task: [name for name, _ in rows] for task, rows in task_sections()}
     assert tuple(groups) == TASKS
     assert sorted(name for group in groups.values() for name in group) == command_names()
 
