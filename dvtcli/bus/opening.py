@@ -24,7 +24,7 @@ from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
 from dvtcli.bus.transports import transports
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.ports import CanopenBus
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural
 from dvtcli.errors import BusUnavailable
 
 #: errors of python-can's drivers if a driver, a setting or a device is missing

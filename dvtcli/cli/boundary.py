@@ -106,7 +106,7 @@ def _traced_by(session: Conversation) -> str:
 
 def _stopped(session: Conversation) -> int:
     """Report a signal, the changes left by a script and, for changes and comparisons, the nodes' state."""
-    from dvtcli.domain.several import join_some
+    from dvtcli.domain.text import join_some
 
     code, staying = session.cancellation.exit_code, session.staying()
     word = "interrupted" if code == INTERRUPTED else "terminated"
@@ -163,7 +163,7 @@ def _lost(session: Conversation, failed: OSError) -> int:
     lost.state_text = said
     lost.stays = session.staying()
     if session.made:
-        from dvtcli.domain.several import join_some
+        from dvtcli.domain.text import join_some
 
         lost.details.append(("made", join_some(session.made)))
         lost.state_text = said or ("unchanged: nothing was written to a node" if state == "unchanged" else None)

@@ -62,7 +62,7 @@ class MillisecondsType(CanopenType):
 
     def parse(self, text: str, ctx: click.Context | None) -> int:
         """Return the number of counts."""
-        from dvtcli.domain.milliseconds import counts, milliseconds
+        from dvtcli.domain.times import counts, milliseconds
 
         return counts(milliseconds(text), self.unit_us, self.most)
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from click.shell_completion import CompletionItem, ShellComplete, add_completion_class, get_completion_class
 
-from dvtcli.domain.safe_text import safe
+from dvtcli.domain.text import safe
 
 _SHELLS = ("bash", "zsh", "fish", "powershell")
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 
 
 @dataclass(slots=True)

@@ -10,7 +10,7 @@ from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.domain.profile import DeviceProfile, ObjectAddress, PreOperational
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 from dvtcli.errors import DeviceRefused, DvtcliError, NoAnswer, SdoAborted, SdoProtocolError, stopped_node
 
 #: How long a node may take to confirm a state change, in seconds.

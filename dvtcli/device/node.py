@@ -57,7 +57,7 @@ class Node(Changeable):
         from dvtcli.domain.plan import Plan, plan_pdo
         from dvtcli.domain.request import instead_findings, said_by
         from dvtcli.domain.rules import check_pdo
-        from dvtcli.domain.several import join_some
+        from dvtcli.domain.text import join_some
 
         refuse_unlike_file(self.node_id, self.unlike_file, force=force)
         look = self.pdo if found is None else self.known_pdo
@@ -161,7 +161,7 @@ class Node(Changeable):
         from dvtcli.device.applied import Applied, refuse
         from dvtcli.device.change.retry import apply_with_retry
         from dvtcli.device.change.undo_findings import with_undo_findings
-        from dvtcli.domain.several import join_some
+        from dvtcli.domain.text import join_some
 
         self.answered_otherwise = {}
         if len(plan):

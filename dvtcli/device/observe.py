@@ -9,7 +9,7 @@ from typing import Protocol, TypeVar
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import CanopenBus
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 from dvtcli.errors import NoAnswer, SafetyRefusal
 
 #: How often something is looked at anew before the node counts as one that cannot be looked at.

@@ -11,10 +11,10 @@ from dvtcli.device.neighbours import enabled_pdos, services_taken
 from dvtcli.device.proposal import proposal
 from dvtcli.device.read_pdos import read_optional, service_ids_beside
 from dvtcli.domain.abort import Abort
-from dvtcli.domain.command_object import answers_with_state
 from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoConfig, is_mpdo
 from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange
+from dvtcli.domain.process_data import answers_with_state
 from dvtcli.domain.rules.can_id import COB_ID_OF, EMCY, SYNC, is_in_use, service_findings, service_taken_findings
 from dvtcli.domain.rules.raw_write import (
     ParameterWrite,

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dvtcli.device.nmt_gate import NodeAccess
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.domain.abort import Abort
-from dvtcli.domain.drive_state import drive_state
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import CanopenBus, Frame
+from dvtcli.domain.process_data import drive_state
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
 
 HEARTBEAT_TIME, GUARD_TIME, LIFE_TIME_FACTOR = 0x1017, 0x100C, 0x100D

@@ -13,7 +13,7 @@ from dvtcli.device.wish import Place
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Plan, ValueChange
 from dvtcli.domain.rules.raw_write import why_unreadable
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 from dvtcli.errors import InputFileError, SdoAborted
 
 if TYPE_CHECKING:

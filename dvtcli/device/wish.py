@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.pdo import MAPPING, PARAMETERS, Pdo, PdoConfig
 from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSION_TYPE
-from dvtcli.domain.several import value_text
+from dvtcli.domain.text import value_text
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode

@@ -12,10 +12,9 @@ from dataclasses import dataclass, field, replace
 from enum import Enum, StrEnum, auto
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.command_object import pdo_may_carry, rpdo_may_take
-from dvtcli.domain.named_process_data import is_named_as_process_data, is_named_as_setting
 from dvtcli.domain.object_dictionary import Access, normalised
 from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.process_data import is_named_as_process_data, is_named_as_setting, pdo_may_carry, rpdo_may_take
 from dvtcli.domain.profile import Range, within
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from dvtcli.domain.object_dictionary import Commissioning, DeviceInfo, ObjectDictionary, OdEntry, OdObject
-from dvtcli.domain.unit import parse_offset
+from dvtcli.domain.scaling import parse_offset
 
 #: Fields about the place in a file, excluded from the comparison.
 _NOT_SAID = ("line", "entries", "index", "sub_index")

@@ -10,8 +10,7 @@ from typing import NamedTuple
 
 from dvtcli.domain.datatypes import DataType, Value
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, normalised
-from dvtcli.domain.scaling import Scaling
-from dvtcli.domain.unit import parse_factor, parse_offset, parse_scale
+from dvtcli.domain.scaling import Scaling, parse_factor, parse_offset, parse_scale
 
 #: scaling of an object without description
 NOTHING = Scaling()

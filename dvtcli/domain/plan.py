@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
-from dvtcli.domain.several import hex_preview
+from dvtcli.domain.text import hex_preview
 
 #: Verify configuration (CiA 301): date and time as the stamp of a configuration (`stamp`).
 STAMP = 0x1020

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.several import join_some, plural
+from dvtcli.domain.text import join_some, plural
 from dvtcli.files.eds import read_rules
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import IniSection, section_values

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.learning.learnt_value import Conclusions, Learnt, Value
+from dvtcli.domain.learning.probe import Conclusions, Learnt, Value
 from dvtcli.domain.profile import DeviceProfile
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.device_file import DEVICE_SUFFIXES

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from io import TextIOWrapper
 
-from dvtcli.domain.safe_text import safe
+from dvtcli.domain.text import safe
 
 _LONGEST = 60
 

@@ -13,7 +13,7 @@ from dvtcli.bus.can_message import frame_of
 from dvtcli.domain.cob_id import fits
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.ports import Frame
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.input_file import open_input, read_input
 from dvtcli.files.recognised import recognised

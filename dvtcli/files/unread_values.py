@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.file_complaint import FileComplaint
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural
 from dvtcli.errors import InputFileError
 from dvtcli.files.eds.reader import EdsFile
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.ports import Frame
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 from dvtcli.watch.decoder import Address
 from dvtcli.watch.service import Service, service_of
 

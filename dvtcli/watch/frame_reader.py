@@ -15,7 +15,7 @@ from dvtcli.domain.datatypes import Value
 from dvtcli.domain.emergency_codes import emergency_text
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural
 from dvtcli.watch.decoder import Address, Decoder, Layout
 from dvtcli.watch.explain.known_node import KnownNode, of_mpdo
 from dvtcli.watch.explain.lss_parts import lss_parts

@@ -16,7 +16,7 @@ from dvtcli.domain.datatypes import DATA_TYPES
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary, OdEntry, OdObject
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.profile import GENERIC
-from dvtcli.domain.several import value_text
+from dvtcli.domain.text import value_text
 from dvtcli.errors import SdoAborted
 from tests.device.test_wants import node
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvtcli.domain.drive_state import drive_state
+from dvtcli.domain.process_data import drive_state
 from dvtcli.simulator.device.plant import DriveState, state_of
 from tests.process import dvtcli
 

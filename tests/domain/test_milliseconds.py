@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dvtcli.domain.milliseconds import milliseconds
+from dvtcli.domain.times import milliseconds
 
 
 @pytest.mark.parametrize(

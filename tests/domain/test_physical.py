@@ -10,8 +10,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from dvtcli.domain.scaling import Scaling, State
-from dvtcli.domain.unit import parse_factor, parse_scale, scale_text, spelled, times
+from dvtcli.domain.scaling import Scaling, State, parse_factor, parse_scale, scale_text, spelled, times
 
 SIXTEENTH, VOLT = Scaling("V", Fraction(1, 16)), Scaling("V", Fraction(1, 256))
 CELSIUS = Scaling("°C", Fraction(1, 2), Fraction(-40))

@@ -8,7 +8,7 @@ from fractions import Fraction
 
 import pytest
 
-from dvtcli.domain.network.response_time import TimedFrame, response_times, utilisation
+from dvtcli.domain.network.frame_streams import TimedFrame, response_times, utilisation
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.network.wire import Wire
 from tests.domain.critical_instant import by_hand

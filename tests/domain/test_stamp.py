@@ -7,7 +7,7 @@ from datetime import date, timedelta
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvtcli.domain.network.phases import phases
+from dvtcli.domain.network.network_plan import phases
 from dvtcli.domain.plan import Plan, Step, ValueChange
 from dvtcli.domain.stamp import Stamp
 from tests.sample import heavy

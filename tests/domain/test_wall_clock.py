@@ -8,7 +8,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from dvtcli.domain.wall_clock import local_clock, utc
+from dvtcli.domain.times import local_clock, utc
 
 #: from the years that recordings may have; whole seconds, halves of a microsecond, what is rounded up to a whole second
 times = st.one_of(st.floats(-1e10, 1e11), st.integers(-(10**10), 10**11), st.floats(0, 4e9))

@@ -17,8 +17,7 @@ from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.meanings import Meaning, Meanings, ObjectRange
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.ports import Frame
-from dvtcli.domain.scaling import Scaling
-from dvtcli.domain.unit import parse_scale
+from dvtcli.domain.scaling import Scaling, parse_scale
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.values.csv_values import csv_text
 from dvtcli.files.values.parquet_values import MOST_COLUMNS, _kind, _schema, cells_array, long_cells

@@ -39,8 +39,8 @@ from dvtcli.device.node import Node
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.datatypes import BY_SHORT_NAME, parse_number
 from dvtcli.domain.gateway.gateway_answers import GatewayRequestError
-from dvtcli.domain.gateway.parse import parse_request, sequence_of
 from dvtcli.domain.gateway.plan_lines import format_request
+from dvtcli.domain.gateway.requests import parse_request, sequence_of
 from dvtcli.domain.network.concise_dcf import concise_bytes, concise_entries
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.object_dictionary import ObjectDictionary

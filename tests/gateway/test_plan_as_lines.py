@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dvtcli.domain.gateway.line_words import TYPES
-from dvtcli.domain.gateway.parse import parse_request
-from dvtcli.domain.gateway.requests import Request, Write
+from dvtcli.domain.gateway.requests import Request, Write, parse_request
 from tests.commands.bench import Bench
 from tests.domain.gateway.requests import INDEXES, SUB_INDEXES, data_of_type
 from tests.gateway.networks import FAMILIES, everything, network_file, wishes

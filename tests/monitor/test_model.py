@@ -26,7 +26,7 @@ from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.scaling import Scaling
 from dvtcli.domain.sdo_frame import SdoValues
-from dvtcli.domain.wall_clock import utc
+from dvtcli.domain.times import utc
 from dvtcli.errors import BusUnavailable
 from dvtcli.files.profile.library import standards
 from dvtcli.watch.decoder import Decoder, Layout, Signal, pdo_layouts, unique

@@ -71,7 +71,7 @@ class KindsType(CanopenType):
 
     def parse(self, text: str, ctx: click.Context | None) -> frozenset[str]:
         """Return the kinds. Raises ValueError for a word that is none."""
-        from dvtcli.domain.frame_filter import READ_KINDS
+        from dvtcli.domain.typed_frame import READ_KINDS
 
         words = [word.strip().lower() for word in text.split(",")]
         for word in words:
@@ -139,7 +139,7 @@ class FrameFilterType(CanopenType):
 
     def parse(self, text: str, ctx: click.Context | None) -> str:
         """Return the text itself. Raises ValueError if it is no filter."""
-        from dvtcli.domain.frame_filter import frame_filter
+        from dvtcli.domain.typed_frame import frame_filter
 
         frame_filter(text)
         return text

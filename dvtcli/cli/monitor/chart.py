@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from dvtcli.domain.safe_text import safe
+from dvtcli.domain.text import safe
 from dvtcli.errors import UsageError
 from dvtcli.files.extras import extra
 from dvtcli.watch.tracks import Track

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from time import monotonic
 from typing import TYPE_CHECKING, Protocol
 
-from dvtcli.domain.glyphs import ascii_only
+from dvtcli.domain.text import ascii_only
 from dvtcli.errors import BusUnavailable, DvtcliError
 
 if TYPE_CHECKING:

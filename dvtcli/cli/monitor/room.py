@@ -7,9 +7,8 @@ from fractions import Fraction
 
 from dvtcli.cli.view.columns import clipped, columns
 from dvtcli.cli.view.lines import Cell
-from dvtcli.domain.glyphs import ascii_only
-from dvtcli.domain.safe_text import safe
 from dvtcli.domain.scaling import Scaling
+from dvtcli.domain.text import ascii_only, safe
 
 #: numbers of significant digits to try for a long number, highest first
 _DIGITS = (6, 5, 4, 3, 2)

@@ -11,8 +11,8 @@ from dvtcli.cli.monitor.signal_lines import Lines, row_line, signal_line, title_
 from dvtcli.cli.view.columns import clipped, columns
 from dvtcli.cli.view.lines import Cell
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.several import plural
-from dvtcli.domain.wall_clock import local_clock
+from dvtcli.domain.text import plural
+from dvtcli.domain.times import local_clock
 from dvtcli.watch.decoder import Signal
 from dvtcli.watch.seen import Event, FrameStore, SeenFrame
 from dvtcli.watch.statistics import HIGH_LOAD, ValueHistory, physical_points

@@ -21,8 +21,8 @@ from dvtcli.domain.emergency_codes import emergency_text
 from dvtcli.domain.heard import LastFrames
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import BootUp, Emergency, Frame, NodeEvent
-from dvtcli.domain.several import join_some
-from dvtcli.domain.wall_clock import local_clock
+from dvtcli.domain.text import join_some
+from dvtcli.domain.times import local_clock
 from dvtcli.errors import BusUnavailable
 from dvtcli.operations.results.bus_events import BusEvent
 from dvtcli.operations.session.come_back import come_back, goes_on

@@ -12,9 +12,8 @@ import click
 from dvtcli.cli.prompt.line import cut, expanded, last_line, typed
 from dvtcli.cli.registry import REGISTRY
 from dvtcli.domain.emergency_codes import emergency_text
-from dvtcli.domain.glyphs import ascii_only
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.safe_text import safe
+from dvtcli.domain.text import ascii_only, safe
 from dvtcli.errors import DvtcliError
 from dvtcli.watch.statistics import HIGH_LOAD
 

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.gateway.gateway_answers import GatewayRequestError
 from dvtcli.domain.gateway.line_words import HEX, TYPES
-from dvtcli.domain.gateway.parse import parse_request
 from dvtcli.domain.gateway.plan_lines import REQUIRED
-from dvtcli.domain.gateway.requests import Nmt, Order, Read, Write
+from dvtcli.domain.gateway.requests import Nmt, Order, Read, Write, parse_request
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:

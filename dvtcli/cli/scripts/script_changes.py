@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.restarts import held_plans, refuse_after_restarts
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, LeftChanged, NoAnswer, Restarted, SdoProtocolError
 
 if TYPE_CHECKING:

@@ -13,8 +13,7 @@ from dvtcli.domain.file_complaint import FileComplaint
 from dvtcli.domain.hint import Hint, next_step
 from dvtcli.domain.profile import Severity
 from dvtcli.domain.rules import Finding
-from dvtcli.domain.safe_text import safe
-from dvtcli.domain.several import join_some, plural
+from dvtcli.domain.text import join_some, plural, safe
 from dvtcli.errors import DvtcliError, InputFileError, LeftChanged, RuleError, State
 from dvtcli.operations.results.documents import Document, finding_document
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeAlias
 
 from dvtcli.cli.view.columns import broken, clipped, columns
-from dvtcli.domain.safe_text import safe
+from dvtcli.domain.text import safe
 
 if TYPE_CHECKING:
     from dvtcli.domain.hint import Hint

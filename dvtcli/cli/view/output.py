@@ -208,7 +208,7 @@ class Output:
     def progress(self, text: str, done: int, total: int) -> None:
         """Show progress of long work, unless --quiet, or traffic is shown."""
         if not self.quiet and not self.json and not self.verbose and self._held is None:
-            from dvtcli.domain.safe_text import safe
+            from dvtcli.domain.text import safe
 
             self.progress_line.show(safe(text), done, total)
 

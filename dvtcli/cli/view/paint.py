@@ -10,9 +10,8 @@ import click
 
 from dvtcli.cli.view.columns import columns
 from dvtcli.cli.view.lines import Cell, Line
-from dvtcli.domain.glyphs import ascii_only, in_encoding
 from dvtcli.domain.hint import Hint
-from dvtcli.domain.safe_text import safe
+from dvtcli.domain.text import ascii_only, in_encoding, safe
 
 if TYPE_CHECKING:
     from dvtcli.cli.view.typed_hints import TypedHints

@@ -8,7 +8,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, part
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Result

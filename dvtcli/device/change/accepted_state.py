@@ -10,7 +10,7 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange
 from dvtcli.domain.ports import SdoTransport
 from dvtcli.domain.script_line import value_line, whole_line
-from dvtcli.domain.several import value_text
+from dvtcli.domain.text import value_text
 from dvtcli.errors import DvtcliError, SafetyRefusal, SdoAborted
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from dvtcli.domain.abort import Abort
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.plan import Plan
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 from dvtcli.errors import DvtcliError, JournalKept, LeftChanged
 
 if TYPE_CHECKING:

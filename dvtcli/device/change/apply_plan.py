@@ -172,7 +172,7 @@ def _control_words(node: NodeDescription, plan: Plan) -> frozenset[tuple[int, in
     step = next(iter(plan.steps)) if len(plan) == 1 else None
     if step is None or Pdo.at(step.index) is not None or step.index < _FIRST_OF_MAKER:
         return frozenset()
-    from dvtcli.domain.command_object import is_control_word
+    from dvtcli.domain.process_data import is_control_word
     from dvtcli.domain.profile import within
 
     dictionary, place = node.dictionary, (step.index, step.sub_index)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.several import value_text
+from dvtcli.domain.text import value_text
 from dvtcli.errors import SafetyRefusal
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.plan import Change, Plan, Step
-from dvtcli.domain.several import hex_preview, join_some
+from dvtcli.domain.text import hex_preview, join_some
 from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SdoAborted
 
 #: What to do about a node that restarts.

@@ -19,12 +19,12 @@ from dvtcli.device.change.untouched_pdos import altered_of, as_they_are, is_of_p
 from dvtcli.device.observe import MOST_LOOKS, BusWitness
 from dvtcli.device.stamped import NO_STAMP, held_stamp, is_stamp, stamp_back
 from dvtcli.domain.hint import Action, Hint, verbatim
-from dvtcli.domain.network.phases import phases
+from dvtcli.domain.network.network_plan import phases
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.plan import STAMP, PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.rules.no_way_back import restarted_finding
-from dvtcli.domain.several import join_some, value_text
 from dvtcli.domain.stamp import DATE, TIME
+from dvtcli.domain.text import join_some, value_text
 from dvtcli.errors import (
     BusUnavailable,
     DeviceRefused,

@@ -14,7 +14,7 @@ from dvtcli.device.observe import MOST_LOOKS, RebootMonitor
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange, plan_pdo
-from dvtcli.domain.several import join_some, value_text
+from dvtcli.domain.text import join_some, value_text
 from dvtcli.errors import DvtcliError, LeftChanged, LeftObject, SdoAborted
 
 if TYPE_CHECKING:

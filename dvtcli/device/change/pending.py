@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 
 #: Sub-index of 0x1010 and 0x1011 -> first and last index it covers (CiA 301, 7.5.2.13); 4 and up are the maker's.
 GROUPS = {1: (0x0000, 0xFFFF), 2: (0x1000, 0x1FFF), 3: (0x6000, 0x9FFF)}

@@ -21,7 +21,7 @@ from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Plan, plan_pdo
 from dvtcli.domain.proof import POWER, Proof
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 from dvtcli.errors import DeviceRefused, DvtcliError, Interrupted, LeftChanged
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSI
 from dvtcli.domain.ports import SdoTransport
 from dvtcli.domain.profile import DeviceProfile
 from dvtcli.domain.proof import Proof
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 from dvtcli.errors import SdoAborted
 
 if TYPE_CHECKING:

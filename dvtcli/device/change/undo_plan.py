@@ -14,8 +14,8 @@ from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import STAMP, Change, PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.rules.finding import Finding, warning
 from dvtcli.domain.rules.raw_write import why_unreadable
-from dvtcli.domain.several import join_some, value_text
 from dvtcli.domain.stamp import DATE, TIME, is_own_date
+from dvtcli.domain.text import join_some, value_text
 from dvtcli.domain.value_order import altering
 from dvtcli.errors import SafetyRefusal, SdoAborted, UsageError
 

@@ -17,8 +17,8 @@ from dvtcli.domain.learning.probe_table import KnownAnswers, next_probes
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import Direction, Pdo, PdoConfig
 from dvtcli.domain.plan import STAMP, Change, PdoChange, Plan, Step, ValueChange
-from dvtcli.domain.several import join_some
 from dvtcli.domain.stamp import DATE, TIME
+from dvtcli.domain.text import join_some
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from enum import Enum, IntEnum
 
 from dvtcli.domain.abort import abort_text
-from dvtcli.domain.glyphs import ascii_only
+from dvtcli.domain.text import ascii_only
 
 
 class GatewayError(IntEnum):

@@ -18,11 +18,10 @@ from dvtcli.domain.gateway.requests import (
     Write,
     WritePdo,
 )
-from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
-from dvtcli.domain.network.phases import phases
+from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan, phases
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.plan import Change, Step
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural
 
 _NMT = {
     NmtCommand.START: "start",

@@ -5,14 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 
-from dvtcli.domain.learning.learnt_value import Conclusions, Learnt
 from dvtcli.domain.learning.operational import (
     gate_for_family,
     gate_for_profile,
     rules_of_operational,
     while_operational,
 )
-from dvtcli.domain.learning.probe import ACCEPTED, Probe, ProbeAnswer, ProbeCondition, ProbedPdo, Stand
+from dvtcli.domain.learning.probe import (
+    ACCEPTED,
+    Conclusions,
+    Learnt,
+    Probe,
+    ProbeAnswer,
+    ProbeCondition,
+    ProbedPdo,
+    Stand,
+)
 from dvtcli.domain.learning.probe_table import AGAIN, OTHER_WAY, RESTRICTED, TYPES, KnownAnswers, next_probes
 from dvtcli.domain.learning.read_dictionary import taken_beyond
 from dvtcli.domain.mapping import DUMMY_BITS

@@ -8,8 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 
 from dvtcli.domain.abort import Abort
-from dvtcli.domain.learning.learnt_value import Learnt, Value
-from dvtcli.domain.learning.probe import Probe, ProbeAnswer, ProbeCondition, ProbedPdo, ProbeWrite, Stand
+from dvtcli.domain.learning.probe import Learnt, Probe, ProbeAnswer, ProbeCondition, ProbedPdo, ProbeWrite, Stand, Value
 from dvtcli.domain.pdo import Direction, is_mapping_index
 from dvtcli.domain.plan import TRANSMISSION_TYPE
 

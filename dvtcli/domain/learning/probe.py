@@ -177,3 +177,24 @@ class ProbedPdo:
     def objects(self) -> list[PdoMappingEntry]:
         """Mappable objects according to the file, of each length and access."""
         return [*self.fits, *(entry for entries in self.by_access.values() for entry in entries)]
+
+
+#: Value in a profile or a family.
+Value = bool | int | str | list["Value"]
+
+
+@dataclass(frozen=True, slots=True)
+class Learnt:
+    """A learnt value with its *key* and tables (`rtr_bit.tpdo`), and the *evidence*."""
+
+    key: str
+    value: Value
+    evidence: str
+
+
+@dataclass(frozen=True, slots=True)
+class Conclusions:
+    """All learnt values: *profile* for the tool, *family* for a simulated device that answers the same."""
+
+    profile: tuple[Learnt, ...]
+    family: tuple[Learnt, ...]

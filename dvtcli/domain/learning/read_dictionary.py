@@ -12,8 +12,7 @@ from dataclasses import dataclass, field
 from dvtcli.domain.abort import abort_text
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import BOOLEAN, DATA_TYPES, U8, DataType, Kind
-from dvtcli.domain.learning.learnt_value import Learnt
-from dvtcli.domain.learning.probe import Probe, ProbeAnswer, ProbedPdo, ProbeWrite, Stand
+from dvtcli.domain.learning.probe import Learnt, Probe, ProbeAnswer, ProbedPdo, ProbeWrite, Stand
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_dictionary import Access, DeviceInfo, ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.domain.pdo import Direction, Pdo, PdoConfig, is_mapping_index

@@ -9,8 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from dvtcli.domain.abort import abort_text
-from dvtcli.domain.learning.learnt_value import Learnt
-from dvtcli.domain.learning.probe import Probe, ProbeAnswer, ProbeCondition, ProbeWrite, Stand
+from dvtcli.domain.learning.probe import Learnt, Probe, ProbeAnswer, ProbeCondition, ProbeWrite, Stand
 
 STORE, RESTORE = 0x1010, 0x1011
 #: Bits of 0x1010:s: saves on command, saves by itself.

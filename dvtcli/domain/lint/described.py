@@ -1,16 +1,19 @@
-"""A described device as the subject of rules, and the place of a finding."""
+"""A described device as the subject of rules: its PDOs at power-on, their findings, and the place of a finding."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
 
-from dvtcli.domain.lint.default_pdos import DefaultPdo, default_pdos
-from dvtcli.domain.lint.map_judgement import judged
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
 from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
-from dvtcli.domain.profile import GENERIC, DeviceProfile
-from dvtcli.domain.rules import Finding
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, is_mpdo
+from dvtcli.domain.profile import GENERIC, DeviceProfile, Severity
+from dvtcli.domain.rules import Proposal, check_pdo
+from dvtcli.domain.rules.finding import Finding
+from dvtcli.domain.services import SDO_CHANNEL_INDICES, taken_by_services
 
 #: Object types with several sub-indices.
 OF_MANY = (ObjectType.DEFSTRUCT, ObjectType.ARRAY, ObjectType.RECORD)
@@ -96,3 +99,103 @@ class DescribedDevice:
         entry = self.dictionary.entry(index, sub_index)
         data = None if entry is None else entry.initial(self.node_id)
         return None if data is None else int.from_bytes(data, "little")
+
+
+_DISABLED = CobId(0, valid=False)
+_WORD = 0xFFFF_FFFF
+
+
+@dataclass(frozen=True, slots=True)
+class DefaultPdo:
+    """A PDO at power-on: *config* is its known configuration, an unknown COB-ID counting as disabled.
+
+    *cob_id* and *count* are the raw values, None if missing in the file; *entries* the raw words by sub-index up to
+    the count, None for an entry without description or value. The config's mapping ends before the first None.
+    """
+
+    pdo: Pdo
+    has_communication: bool
+    has_mapping: bool
+    cob_id: int | None
+    count: int | None
+    entries: dict[int, int | None]
+    config: PdoConfig
+
+
+def default_pdos(dictionary: ObjectDictionary, node_id: int) -> tuple[DefaultPdo, ...]:
+    """Every PDO with a parameter in *dictionary*, as at power-on of node *node_id*; TPDOs first, each by number."""
+    pdos = {pdo for pdo in map(Pdo.at, dictionary) if pdo is not None}
+    ordered = sorted(pdos, key=lambda pdo: (not pdo.is_tpdo, pdo.number))
+    return tuple(_default_pdo(dictionary, pdo, node_id) for pdo in ordered)
+
+
+def _default_pdo(dictionary: ObjectDictionary, pdo: Pdo, node_id: int) -> DefaultPdo:
+    def held(index: int, sub_index: int) -> int | None:
+        entry = dictionary.entry(index, sub_index)
+        data = None if entry is None else entry.initial(node_id)
+        return None if data is None else int.from_bytes(data, "little") & _WORD
+
+    cob_id, count = held(pdo.communication_index, 1), held(pdo.mapping_index, 0)
+    communication = PdoCommunicationParameter(
+        _DISABLED if cob_id is None else CobId.from_raw(cob_id),
+        *(held(pdo.communication_index, sub_index) for sub_index in (2, 3, 5, 6)),
+    )
+    mpdo = count if count is not None and is_mpdo(count) else None
+    mapped = 0 if mpdo is not None or count is None else min(count, MAX_ENTRIES)
+    entries = {number: held(pdo.mapping_index, number) for number in range(1, mapped + 1)}
+    mapping = tuple(PdoMappingEntry.from_raw(word) for word in _up_to_the_first_gap(entries))
+    return DefaultPdo(
+        pdo,
+        pdo.communication_index in dictionary,
+        pdo.mapping_index in dictionary,
+        cob_id,
+        count,
+        entries,
+        PdoConfig(communication, mapping, mpdo),
+    )
+
+
+def _up_to_the_first_gap(entries: dict[int, int | None]) -> Iterator[int]:
+    for word in entries.values():
+        if not word:
+            return
+        yield word
+
+
+def judged(
+    dictionary: ObjectDictionary, pdos: Iterable[DefaultPdo], node_id: int, profile: DeviceProfile
+) -> Iterator[Finding]:
+    """Errors and warnings about *pdos* on node *node_id* with *profile*, set up one after the other."""
+    sync, emcy = (_cob_id(dictionary, index, 0, node_id) for index in (0x1005, 0x1014))
+    places = ((index, sub) for index in dictionary if index in SDO_CHANNEL_INDICES for sub in (1, 2))
+    channels = {place: held for place in places if (held := _cob_id(dictionary, *place, node_id)) is not None}
+    taken = taken_by_services(node_id, sync, emcy, channels)
+    before: dict[Pdo, PdoConfig] = {}
+    for pdo in pdos:
+        if not (pdo.has_communication and pdo.has_mapping):
+            continue
+        proposal = Proposal(
+            node_id,
+            pdo.pdo,
+            blank(pdo.config),
+            pdo.config,
+            before,
+            profile,
+            dictionary,
+            services=lambda: taken,
+        )
+        yield from (finding for finding in check_pdo(proposal) if finding.severity is not Severity.NOTE)
+        before = {**before, pdo.pdo: pdo.config}
+
+
+def _cob_id(dictionary: ObjectDictionary, index: int, sub_index: int, node_id: int) -> int | None:
+    entry = dictionary.entry(index, sub_index)
+    data = None if entry is None else entry.at_power_on(node_id)
+    return None if data is None else int.from_bytes(data, "little")
+
+
+def blank(config: PdoConfig) -> PdoConfig:
+    """The same PDO disabled and empty, with another transmission type: rules check changes only."""
+    held = config.communication
+    kind = None if held.transmission_type is None else held.transmission_type ^ 1
+    return PdoConfig(replace(held, cob_id=held.cob_id.disabled(), transmission_type=kind), ())

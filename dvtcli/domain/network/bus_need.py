@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from dvtcli.domain.bus_load import least_frame_bits, most_frame_bits
-from dvtcli.domain.network.frame_streams import Stream, Streams
-from dvtcli.domain.network.response_time import response_times, utilisation
+from dvtcli.domain.network.frame_streams import Stream, Streams, response_times, utilisation
 
 #: The longest SDO frame: without period, and of lowest priority.
 SDO_BITS = most_frame_bits(8)

@@ -9,19 +9,19 @@ from dataclasses import dataclass
 from itertools import chain
 
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.command_object import commanded_by_other, is_controlword
 from dvtcli.domain.datatypes import DataType
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.mapping import DUMMY_BITS, MAX_PDO_BITS, PdoMappingEntry, split_dummy, total_bits
 from dvtcli.domain.network.wanted_state import Endpoint, LinkWish
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
 from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.process_data import commanded_by_other, is_controlword
 from dvtcli.domain.profile import DeviceProfile, Severity
 from dvtcli.domain.rules.can_id import FREE_POOL, restricted_use
 from dvtcli.domain.rules.finding import ERROR, NOTE, WARNING, Finding, Proposal, Rule, error, note, warning
 from dvtcli.domain.rules.mappable import known_dummies
 from dvtcli.domain.rules.mapped_object import object_findings
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 
 #: Default CAN-IDs of SYNC, EMCY and TIME, which CiA 301 does not restrict.
 _SERVICES = range(0x080, 0x101)

@@ -15,7 +15,7 @@ from dvtcli.domain.profile import DeviceProfile, Severity
 from dvtcli.domain.rules.entry_length import length_findings
 from dvtcli.domain.rules.finding import ERROR, NOTE, WARNING, Finding, Proposal, Rule, error, note, warning
 from dvtcli.domain.rules.mapped_object import object_findings
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 
 _MAPPING = "CiA 301, 7.5.2.36 and 7.5.2.38"
 RULES = (

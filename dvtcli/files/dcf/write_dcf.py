@@ -8,8 +8,8 @@ from datetime import datetime
 
 from dvtcli.domain.datatypes import DataType
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, OdObject
-from dvtcli.domain.safe_text import safe
 from dvtcli.domain.standard_objects import is_pdo_mapping
+from dvtcli.domain.text import safe
 from dvtcli.errors import InputFileError
 from dvtcli.files.dcf.device_keys import write_device_keys
 from dvtcli.files.dcf.edited_text import EditedText

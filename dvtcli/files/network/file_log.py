@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from dvtcli.domain.file_complaint import FileComplaint
 from dvtcli.domain.network.wanted_state import FileNote, Mark
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural
 from dvtcli.errors import InputFileError
 
 #: maximum number of complaints to show

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from dvtcli.domain.cob_id import HIGHEST_BASE_CAN_ID, CobId
-from dvtcli.domain.milliseconds import counts
 from dvtcli.domain.network.wanted_state import (
     NOWHERE,
     FileWord,
@@ -23,6 +22,7 @@ from dvtcli.domain.network.wanted_state import (
 )
 from dvtcli.domain.object_syntax import parse_object
 from dvtcli.domain.pdo import MAX_PDO_NUMBER, Direction, Pdo
+from dvtcli.domain.times import counts
 from dvtcli.files.network import leaves
 from dvtcli.files.network.file_log import FileLog, spelled
 from dvtcli.files.network.known_keys import key_mark, number_key, read_keys

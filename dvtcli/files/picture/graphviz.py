@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from dvtcli.domain.network.picture import NetworkPicture, PictureNode, PicturePdo
 from dvtcli.domain.network.wanted_state import Endpoint
-from dvtcli.domain.safe_text import safe
+from dvtcli.domain.text import safe
 from dvtcli.files.picture.picture_words import byte_count, cob_id, title_of
 
 #: special characters in a record's label

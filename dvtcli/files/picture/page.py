@@ -12,8 +12,7 @@ from typing import Any
 
 from dvtcli.domain.mapping import MAX_PDO_BITS
 from dvtcli.domain.network.picture import NetworkPicture, PictureField, PictureFrame, PictureNode, PicturePdo
-from dvtcli.domain.safe_text import safe
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural, safe
 from dvtcli.files.picture import page_tables as tables
 from dvtcli.files.picture.picture_words import (
     bit_range,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib.resources import files
 from xml.etree import ElementTree
 
-from dvtcli.domain.safe_text import safe
+from dvtcli.domain.text import safe
 
 Element = ElementTree.Element
 #: maximum average width of a character, relative to its size

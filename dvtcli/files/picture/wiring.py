@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from dvtcli.domain.network.picture import NetworkPicture, PictureLink, PictureNode, PicturePdo
 from dvtcli.domain.network.wanted_state import Endpoint
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural
 from dvtcli.files.picture.picture_words import byte_count, cob_id, end_text, title_of
 from dvtcli.files.picture.svg import Element, add, clipped, clipped_name, drawing
 

@@ -6,10 +6,9 @@ import re
 from fractions import Fraction
 from typing import Any
 
-from dvtcli.domain.drive_state import STATES
 from dvtcli.domain.meanings import Meaning, ObjectRange
-from dvtcli.domain.scaling import Scaling, State
-from dvtcli.domain.unit import parse_factor, parse_scale, spelled
+from dvtcli.domain.process_data import STATES
+from dvtcli.domain.scaling import Scaling, State, parse_factor, parse_scale, spelled
 from dvtcli.files.toml_item import Item, Schema, integer, integers, members, string
 
 _PLACE = re.compile(

@@ -12,7 +12,7 @@ from typing import IO
 from dvtcli.domain.datatypes import Value
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.ports import Frame
-from dvtcli.domain.wall_clock import utc
+from dvtcli.domain.times import utc
 from dvtcli.errors import InputFileError
 from dvtcli.files.values.column_heads import column_of
 from dvtcli.files.values.opened_text import opened_text

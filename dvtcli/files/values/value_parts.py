@@ -14,7 +14,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.ports import Frame
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 from dvtcli.files.values.value_rows import STREAM, ValueWriter, stream_of
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 
-from dvtcli.domain.unit import parse_offset, parse_scale
+from dvtcli.domain.scaling import parse_offset, parse_scale
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.xdd.xdd_rules import PARAMETER_TWICE
 from dvtcli.files.xdd.xml_tree import XmlElement

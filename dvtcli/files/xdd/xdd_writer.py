@@ -12,7 +12,7 @@ from datetime import datetime
 from xml.etree import ElementTree
 
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary, ObjectType, OdEntry, OdObject
-from dvtcli.domain.unit import parse_offset
+from dvtcli.domain.scaling import parse_offset
 from dvtcli.files.dbc_text import decimal
 from dvtcli.files.eds.written_values import written_limit, written_value
 from dvtcli.files.file_info import NO_DATE, as_attributes

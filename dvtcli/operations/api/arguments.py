@@ -6,11 +6,11 @@ from reprlib import repr as short
 from typing import TYPE_CHECKING, Literal, TypedDict
 
 from dvtcli.domain.datatypes import BY_SHORT_NAME, DataType, Kind, Value
-from dvtcli.domain.milliseconds import counts
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.object_syntax import MappedObject, Skipped
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.request import PdoRequest
+from dvtcli.domain.times import counts
 from dvtcli.errors import UsageError
 from dvtcli.operations.api.checks import flag, number, whole, word, wrong
 from dvtcli.operations.meanings.named_objects import entry_at, object_at

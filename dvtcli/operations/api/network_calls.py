@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from dvtcli.domain.milliseconds import counts
 from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.times import counts
 from dvtcli.errors import UsageError
 from dvtcli.operations.api.checks import flags, number, path, whole, word, words, wrong
 from dvtcli.operations.network.network_load import LoadOptions

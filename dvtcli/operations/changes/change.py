@@ -7,9 +7,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.command_object import is_standard_command
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.plan import PdoChange, ValueChange, alters
+from dvtcli.domain.process_data import is_standard_command
 from dvtcli.domain.rules.producer import producer_findings, sent_by
 from dvtcli.domain.script_line import change_lines
 from dvtcli.operations.results import Changed

@@ -16,7 +16,7 @@ from dvtcli.device.change.own_journal import complete_wholes
 from dvtcli.device.change.undo_findings import with_undo_findings
 from dvtcli.device.change.untouched_pdos import as_they_are, present_beside, wholes_beside
 from dvtcli.device.stamped import is_stamp
-from dvtcli.domain.network.phases import phases
+from dvtcli.domain.network.network_plan import phases
 from dvtcli.domain.plan import PdoChange, Plan
 from dvtcli.errors import Interrupted
 from dvtcli.operations.changes.final_verify import AlsoClaimed, final_verify

@@ -18,7 +18,7 @@ from dvtcli.device.change.untouched_pdos import as_they_are, present_beside
 from dvtcli.device.observe import MOST_LOOKS
 from dvtcli.domain.hint import Action, Hint, as_hint, verbatim
 from dvtcli.domain.plan import Change, PdoChange, Plan, ValueChange
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 from dvtcli.errors import (
     BusUnavailable,
     DeviceRefused,

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from dvtcli.device.seen_state import STATUSWORDS
-from dvtcli.domain.drive_state import drive_state
 from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.process_data import drive_state
 from dvtcli.domain.rules.finding import WARNING, Rule, warning
 from dvtcli.errors import SafetyRefusal, SdoAborted
 

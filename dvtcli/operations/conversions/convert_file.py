@@ -12,7 +12,7 @@ from dvtcli.domain.dictionary_difference import DictionaryDifference, difference
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.concise_dcf import SUFFIX as CONCISE_SUFFIX
 from dvtcli.domain.object_dictionary import Commissioning
-from dvtcli.domain.several import join_some, plural
+from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import UsageError
 from dvtcli.files.carried_over import kept, not_held
 from dvtcli.files.dbc_text import SUFFIX

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.private_file import to_disk, unfinished
 from dvtcli.domain.hint import Action, Hint, as_hint
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError
 from dvtcli.operations.results.diagnosis import Check
 from dvtcli.operations.user.options import Options

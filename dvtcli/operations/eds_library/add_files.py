@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_dictionary import ERASED, DeviceInfo
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.device_file import DEVICE_SUFFIXES, must_be_whole, parse_device_file
 from dvtcli.files.device_library.file_notes import FileDescription, KnownFile, about_place, note_about, remembered

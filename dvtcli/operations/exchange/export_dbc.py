@@ -12,7 +12,7 @@ from dvtcli.domain.frame import Field, byte_length, layout
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.meanings import NOTHING
 from dvtcli.domain.network.network_state import Identifier, NetworkState, NodeState, identifier_of
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural
 from dvtcli.errors import NoAnswer
 from dvtcli.files.dbc_text import LONGEST_NAME, NOBODY, DbcMessage, DbcSignal, Names, dbc_bytes
 from dvtcli.operations.exchange.dbc_options import DbcOptions

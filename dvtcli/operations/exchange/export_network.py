@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.network.wanted_state import FileWord, NetworkWish
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural
 from dvtcli.errors import UsageError
 from dvtcli.files.device_library.stored_files import stored_path
 from dvtcli.files.network.write_network import write_network

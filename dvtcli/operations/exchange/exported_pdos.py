@@ -13,7 +13,7 @@ from dvtcli.domain.network.wanted_state import FileWord, NodeWish, PdoWish, PinW
 from dvtcli.domain.object_dictionary import normalised
 from dvtcli.domain.object_syntax import MappedObject, resolve_entry
 from dvtcli.domain.profile import BitPolicy
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 from dvtcli.errors import SdoAborted
 from dvtcli.operations.exchange.exported_objects import Said, exported_objects, exported_values, exported_watches
 

@@ -16,7 +16,7 @@ from dvtcli.device.read_pdos import WHATEVER, present_pdos, read_identity, read_
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_state import CONSUMER_HEARTBEAT
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.several import join_some, plural
+from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.files.dcf.device_keys import is_read_out
 from dvtcli.files.device_file import DEVICE_SUFFIXES, read_device_file

@@ -16,7 +16,7 @@ from dvtcli.domain.network.network_state import (
     identifier_of,
 )
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 from dvtcli.errors import SdoAborted, SdoProtocolError, UsageError
 from dvtcli.watch.heard_objects import HeardObjects, is_boot_up
 

@@ -11,7 +11,7 @@ from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.network.heartbeats import watched_ms
 from dvtcli.domain.network.links import found_links
 from dvtcli.domain.network.wanted_state import NetworkWish
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural
 from dvtcli.errors import SdoAborted
 from dvtcli.files.network.write_network import write_network
 from dvtcli.operations.results import Facts

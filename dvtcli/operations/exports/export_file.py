@@ -8,7 +8,7 @@ from functools import cache
 from typing import TYPE_CHECKING, ClassVar
 
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.several import join_some, plural
+from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import NoAnswer, UsageError
 from dvtcli.files.dbc_text import SUFFIX as DBC_SUFFIX
 from dvtcli.files.device_file import VALUE_SUFFIXES

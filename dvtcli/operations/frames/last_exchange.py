@@ -127,7 +127,7 @@ def _count_of_refusal(exchanged: Sequence[tuple[Frame, bool, bool]]) -> int:
 
 
 def _of_a_failed_run(session: SessionUser) -> list[tuple[Frame, bool, bool]]:
-    from dvtcli.domain.wall_clock import utc
+    from dvtcli.domain.times import utc
 
     try:
         kept = kept_exchange()
@@ -151,8 +151,8 @@ def _of_a_failed_run(session: SessionUser) -> list[tuple[Frame, bool, bool]]:
 
 def exchange_text(session: SessionNodes) -> list[str]:
     """Return the last exchange as text for a file, a line per frame; empty if there was none."""
+    from dvtcli.domain.times import utc
     from dvtcli.domain.typed_frame import frame_text
-    from dvtcli.domain.wall_clock import utc
 
     return [
         f"{utc(frame.timestamp_s)} {'->' if sent else '<-'} {frame_text(frame)}{LEFT_OUT if secret else ''}"

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from dvtcli.bus.bus_share import KeptShare
 from dvtcli.bus.watched_bus import DEFAULT_SHARE_PERCENT, NMT_CAN_ID
 from dvtcli.domain.nmt import NmtCommand, NmtState
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural
 from dvtcli.errors import DvtcliError
 from dvtcli.operations.results.sent import NO_END, Outcome
 from dvtcli.watch.lateness import Lateness

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.frame_filter import FrameFilter, frame_filter
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.several import join_some, plural
+from dvtcli.domain.text import join_some, plural
+from dvtcli.domain.typed_frame import FrameFilter, frame_filter
 from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.files.recording import check_readable, read_recorded
 from dvtcli.operations.frames.known_parties import KnownParties

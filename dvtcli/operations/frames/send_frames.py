@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural
 from dvtcli.domain.typed_frame import frame_text
 from dvtcli.errors import UsageError
 from dvtcli.operations.frames.explain_frame import described_nodes, explained, parsed_frame

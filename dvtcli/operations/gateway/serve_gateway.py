@@ -26,7 +26,7 @@ from dvtcli.domain.gateway.gateway_answers import (
     format_answer,
     format_event,
 )
-from dvtcli.domain.gateway.parse import parse_request, sequence_of
+from dvtcli.domain.gateway.requests import parse_request, sequence_of
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.ports import BootUp, Emergency
 from dvtcli.errors import BusUnavailable, SafetyRefusal, UsageError

@@ -12,7 +12,7 @@ from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.plan import PdoChange, Plan, ValueChange, alters, plan_pdo
-from dvtcli.domain.several import join_some, plural
+from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import UsageError
 from dvtcli.operations.consent.power_stage import refuse_powered
 from dvtcli.operations.results import Facts

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from dvtcli.device.read_whole import values_of
 from dvtcli.domain.datatypes import DOMAIN
 from dvtcli.domain.hint import Action, Hint, verbatim
-from dvtcli.domain.learning.learnt_value import Conclusions, Value
 from dvtcli.domain.learning.operational import merged
+from dvtcli.domain.learning.probe import Conclusions, Value
 from dvtcli.domain.learning.storage import RESTORE, STORE
 from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.operations.opening.simulated_nodes import family_named

@@ -17,11 +17,11 @@ from dvtcli.device.learn.subjects import mapped_subjects, subjects
 from dvtcli.device.storing import mark_stored, require_storable
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.learning.conclusions import conclude, forecast, most_until_refused, most_writes
-from dvtcli.domain.learning.learnt_value import Conclusions
+from dvtcli.domain.learning.probe import Conclusions
 from dvtcli.domain.learning.read_dictionary import absent_for_family
 from dvtcli.domain.learning.storage import not_asked, storage_for_family, storage_for_profile
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 from dvtcli.errors import DeviceRefused, stopped_node
 from dvtcli.operations.known_devices.keep_learnt import (
     differences,

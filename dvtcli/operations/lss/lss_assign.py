@@ -10,7 +10,7 @@ from dvtcli.device.lss_master import LssMaster
 from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.domain.lss_services import PARTS, LssAddress
 from dvtcli.domain.nmt import UNCONFIGURED
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 from dvtcli.errors import DvtcliError, NoAnswer, SafetyRefusal, UsageError
 from dvtcli.operations.lss.lss_find import lss_bus, scanned, selected, two_alike
 from dvtcli.operations.lss.lss_identity import Identity, in_words, who_is_there

@@ -11,7 +11,7 @@ from dvtcli.device.lss_master import LssMaster
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.lss_services import ANSWER_ID, BIT_TIMINGS, PARTS, LssAddress
 from dvtcli.domain.nmt import UNCONFIGURED, NmtState
-from dvtcli.domain.several import join_some, plural
+from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SafetyRefusal, UsageError
 from dvtcli.operations.consent.reset_consent import refuse_reset
 from dvtcli.operations.lss.lss_find import lss_bus, scanned, selected, two_alike

@@ -9,7 +9,7 @@ from dvtcli.device.lss_master import SCAN_S, LssMaster
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.lss_services import BITS, PARTS, LssAddress, LssRanges
 from dvtcli.domain.nmt import UNCONFIGURED
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural
 from dvtcli.errors import DeviceRefused, NoAnswer, UsageError
 from dvtcli.operations.lss.lss_identity import address_of, free_node_id
 from dvtcli.operations.results.lss_nodes import LssFound, LssNode

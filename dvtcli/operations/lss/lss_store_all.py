@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.lss_master import LssMaster
 from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.domain.nmt import UNCONFIGURED
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged
 from dvtcli.operations.lss.lss_find import selected
 from dvtcli.operations.lss.lss_node_id import answering_now, take_back, told_id

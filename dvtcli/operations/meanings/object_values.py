@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.datatypes import BY_SHORT_NAME, DataType, Kind
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.meanings import NOTHING, ScaledValue
-from dvtcli.domain.several import hex_preview
+from dvtcli.domain.text import hex_preview
 from dvtcli.errors import SdoProtocolError
 from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.operations.results.values import ValueRead

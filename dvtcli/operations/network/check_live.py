@@ -18,7 +18,7 @@ from dvtcli.domain.network.network_state import (
     NetworkState,
     NodeState,
 )
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, UsageError
 from dvtcli.operations.network.check_networks import (
     CheckOptions,

@@ -26,7 +26,7 @@ from dvtcli.domain.network.wanted_state import WantedIdentity
 from dvtcli.domain.object_syntax import parse_object
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import disables, mapping_differs
-from dvtcli.domain.several import join_some, plural
+from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import InputFileError, SdoAborted, UsageError
 from dvtcli.files.device_file import DEVICE_SUFFIXES, read_device_file
 from dvtcli.files.input_file import read_input

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.datatypes import BY_SHORT_NAME
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.several import join_some
 from dvtcli.domain.standard_objects import is_pdo_mapping, standard_name
+from dvtcli.domain.text import join_some
 from dvtcli.errors import SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.meanings.named_objects import object_at
 from dvtcli.operations.meanings.object_values import value_result

@@ -14,7 +14,7 @@ from dvtcli.device.node import Node
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import CanopenBus
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 from dvtcli.errors import NoAnswer, SafetyRefusal, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.opening.device_files import DeviceFiles
 

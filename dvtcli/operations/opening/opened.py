@@ -46,7 +46,7 @@ def judge_lost_bus(error: DvtcliError, acts: Callable[[], Sequence[str]]) -> Non
         return
     if sent := acts():
         error.state = "unknown"
-        from dvtcli.domain.several import join_some
+        from dvtcli.domain.text import join_some
 
         error.state_text = f"unknown: {join_some(sent)} went out before that; read back what the device holds"
 

@@ -6,7 +6,7 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural
 from dvtcli.errors import UsageError, ended_with
 from dvtcli.operations.picture.gather import PictureOptions, network_picture
 from dvtcli.operations.results import Facts

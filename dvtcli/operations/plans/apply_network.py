@@ -14,7 +14,7 @@ from dvtcli.device.seen_state import present_state
 from dvtcli.domain.network.links import MOVES
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.script_line import change_lines
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural
 from dvtcli.operations.changes.change import keep_words
 from dvtcli.operations.changes.change_together import apply_together, complete
 from dvtcli.operations.changes.final_verify import AlsoClaimed, ClaimsAtStore

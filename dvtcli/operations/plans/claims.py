@@ -15,7 +15,7 @@ from dvtcli.device.read_whole import PAUSE_S
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, PdoChange, ValueChange, plan_pdo
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, Restarted, SafetyRefusal
 from dvtcli.operations.changes.final_verify import require_held
 

@@ -10,7 +10,7 @@ from dvtcli.device.change.journal import ACCEPTED, DISCARDED, Journals, read_jou
 from dvtcli.device.change.own_journal import journal_files
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 from dvtcli.errors import DvtcliError, InputFileError, SafetyRefusal, UsageError
 from dvtcli.operations.recover.waiting_journals import furthest, stored_before, waiting_paths, with_others
 from dvtcli.operations.results import Facts

@@ -14,8 +14,8 @@ from dvtcli.device.stamped import held_stamp, is_stamp, stamp_changes
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.plan import PdoChange, Plan, ValueChange
-from dvtcli.domain.several import join_some
 from dvtcli.domain.stamp import DATE, TIME, Stamp
+from dvtcli.domain.text import join_some
 from dvtcli.errors import DeviceRefused, SafetyRefusal, UsageError
 from dvtcli.operations.changes.final_verify import ClaimsAtStore
 from dvtcli.operations.recover.waiting_journals import furthest, waiting

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from dvtcli.domain.hint import Hint
-from dvtcli.domain.wall_clock import local_clock, utc
+from dvtcli.domain.times import local_clock, utc
 from dvtcli.operations.results.documents import Answer, Document, Short
 
 GatewayHappening = Literal["connected", "left", "written", "nmt", "note", "warning"]

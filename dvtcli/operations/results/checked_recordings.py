@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from dvtcli.domain.wall_clock import utc
+from dvtcli.domain.times import utc
 from dvtcli.errors import DvtcliError, ended_with
 from dvtcli.operations.results.checked_files import FileFinding, FileReport, FileRule, Judged, wrong_reports
 from dvtcli.operations.results.documents import Answer, Document, Short

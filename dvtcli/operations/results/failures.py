@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.proof import RESTART_NAMES, Proof
-from dvtcli.domain.several import join_some, plural
+from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import DvtcliError, RuleError
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ from typing import ClassVar
 from dvtcli.domain.datatypes import Value
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.scaling import Scaling
+from dvtcli.domain.times import utc
 from dvtcli.domain.typed_frame import frame_text
-from dvtcli.domain.wall_clock import utc
 from dvtcli.operations.results.documents import Answer, Document, Short, hex_bytes, json_value, physical_document
 from dvtcli.watch.explain.parts import FramePart
 from dvtcli.watch.frame_reader import OTHER, Reading

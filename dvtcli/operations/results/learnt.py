@@ -6,9 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from dvtcli.domain.learning.learnt_value import Conclusions, Learnt, Value
-from dvtcli.domain.learning.probe import Probe, ProbeAnswer
-from dvtcli.domain.several import plural
+from dvtcli.domain.learning.probe import Conclusions, Learnt, Probe, ProbeAnswer, Value
+from dvtcli.domain.text import plural
 from dvtcli.errors import DvtcliError, ended_with
 from dvtcli.operations.results.documents import Answer as Answered
 from dvtcli.operations.results.documents import Document, Short

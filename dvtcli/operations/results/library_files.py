@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from dvtcli.domain.hint import Hint, next_step
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 from dvtcli.errors import DvtcliError, ended_with
 from dvtcli.operations.results.documents import Answer, Document, Rows, Short
 

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from dvtcli.domain.lss_services import LssAddress
 from dvtcli.domain.nmt import UNCONFIGURED
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 from dvtcli.errors import DvtcliError, State, ended_with
 from dvtcli.operations.results.documents import Answer, Document, Short
 

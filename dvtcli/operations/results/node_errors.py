@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from dvtcli.domain.emergency_codes import register_words
 from dvtcli.domain.hint import Hint
-from dvtcli.domain.wall_clock import utc
+from dvtcli.domain.times import utc
 from dvtcli.operations.results.documents import Answer, Document, Rows, Short, hex_bytes
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural
 from dvtcli.domain.typed_frame import frame_text
 from dvtcli.errors import DvtcliError, ended_with
 from dvtcli.operations.results.documents import Answer, Document, Short

@@ -9,7 +9,7 @@ from dvtcli.domain.abort import Abort, abort_text
 from dvtcli.domain.datatypes import Value
 from dvtcli.domain.meanings import NOTHING
 from dvtcli.domain.scaling import Scaling
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 from dvtcli.errors import DvtcliError, ended_with
 from dvtcli.operations.results.documents import Answer, Document, Rows, Short, hex_bytes, json_value, physical_document
 

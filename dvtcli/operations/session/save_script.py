@@ -13,7 +13,7 @@ from dvtcli.domain.end_state import end_state, left_out_stores, touched
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.plan import PdoChange
 from dvtcli.domain.script_line import backup_lines
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 from dvtcli.errors import UsageError
 from dvtcli.files.read_back import reader_of
 from dvtcli.operations.results import Facts

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.failed_change import BUS_BACK, beside, brought_back_first
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.several import join_some
 from dvtcli.domain.stamp import WhoStored
+from dvtcli.domain.text import join_some
 from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SdoProtocolError
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.ports import Frame
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 from dvtcli.operations.results import Synced
 from dvtcli.operations.sync.sync_frame import DEFAULT, sync_frame
 

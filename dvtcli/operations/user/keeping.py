@@ -18,7 +18,7 @@ from dvtcli.device.program_note import ProgramNotes
 from dvtcli.device.trust import unusable
 from dvtcli.domain.hint import Action, Hint, as_hint, verbatim
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 from dvtcli.errors import InputFileError, SafetyRefusal
 from dvtcli.files.user_folders import user_folder
 from dvtcli.operations.user.options import Options

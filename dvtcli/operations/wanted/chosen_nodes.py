@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.network.wanted_state import Endpoint
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural
 from dvtcli.errors import UsageError
 from dvtcli.operations.wanted.stamping import linked_with
 

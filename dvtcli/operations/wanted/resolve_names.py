@@ -24,7 +24,7 @@ from dvtcli.domain.request import PdoRequest, Switched
 from dvtcli.domain.rules import errors_in
 from dvtcli.domain.rules.entry_length import length_findings
 from dvtcli.domain.rules.mapped_object import object_findings
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 from dvtcli.errors import DvtcliError, SdoAborted, UsageError
 from dvtcli.operations.meanings.named_objects import entry_at, object_at
 from dvtcli.operations.meanings.physical_meanings import meaning_of, typed_bytes

@@ -11,8 +11,8 @@ from dvtcli.device.file_fits import refuse_unlike_file
 from dvtcli.device.scan_objects import AREAS, scan_objects
 from dvtcli.domain.configuration import Configuration
 from dvtcli.domain.hint import Action, Hint, verbatim
-from dvtcli.domain.several import join_some, plural
-from dvtcli.domain.wall_clock import utc
+from dvtcli.domain.text import join_some, plural
+from dvtcli.domain.times import utc
 from dvtcli.errors import UsageError
 from dvtcli.files.whole_device_file import SUFFIX, KeptDevice, KeptObject, read_whole_device, whole_device_text
 from dvtcli.operations.results import Facts

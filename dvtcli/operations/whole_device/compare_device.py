@@ -18,8 +18,8 @@ from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.domain.lint.described import object_text
 from dvtcli.domain.meanings import NOTHING
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.several import join_some
 from dvtcli.domain.standard_objects import is_pdo_mapping
+from dvtcli.domain.text import join_some
 from dvtcli.errors import UsageError
 from dvtcli.files.eds.written_values import same_value
 from dvtcli.files.input_file import read_input_head

@@ -12,7 +12,7 @@ from dvtcli.device.read_whole import ReadObject, values_of
 from dvtcli.domain.abort import abort_text
 from dvtcli.domain.configuration import Configuration
 from dvtcli.domain.hint import Action, Hint, verbatim
-from dvtcli.domain.several import join_some, plural
+from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import UsageError
 from dvtcli.files.dcf.write_dcf import Commissioned, DcfText, refuse_unlike_values, write_dcf
 from dvtcli.files.device_file import VALUE_SUFFIXES, XDD_SUFFIXES, device_file_bytes, is_xml, parse_device_file

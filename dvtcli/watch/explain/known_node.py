@@ -13,9 +13,9 @@ from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.meanings import Meanings
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.scaling import Scaling
-from dvtcli.domain.several import hex_preview, plural
 from dvtcli.domain.shown_value import cut_text
 from dvtcli.domain.standard_objects import is_pdo_communication, is_pdo_mapping, standard_entry, standard_name
+from dvtcli.domain.text import hex_preview, plural
 
 #: objects that are one COB-ID, and those whose bit 31 is no switch
 _COB_IDS, _WITHOUT_OFF = (0x1005, 0x1012, 0x1014), (0x1005, 0x1012)

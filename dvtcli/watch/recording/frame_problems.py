@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from dvtcli.domain.lint.lint_rule import ERROR, LintRule
 from dvtcli.domain.ports import Frame
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural
 from dvtcli.watch.decoder import Address, Layout
 from dvtcli.watch.layout_fit import misfit
 from dvtcli.watch.recording.problems import Moment, Moments, Problem, TimesOf

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 
 from dvtcli.domain.lint.lint_rule import WARNING, LintRule
 from dvtcli.domain.ports import Frame
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural
 from dvtcli.watch.decoder import Layout
 from dvtcli.watch.heard_objects import is_boot_up
 from dvtcli.watch.recording.frame_problems import FRAME_RULES, AnswerProblems, LengthProblems

@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dvtcli.domain.bus_load import frame_bits
-from dvtcli.domain.frame_filter import frame_filter
 from dvtcli.domain.ports import Frame
+from dvtcli.domain.typed_frame import frame_filter
 from dvtcli.errors import BusUnavailable
 from dvtcli.files.recorder import Recorder
 from dvtcli.files.recording import read_recording

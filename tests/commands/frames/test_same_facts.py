@@ -12,8 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from dvtcli.domain.frame_filter import READ_KINDS
-from dvtcli.domain.typed_frame import frame_text, typed_frame
+from dvtcli.domain.typed_frame import READ_KINDS, frame_text, typed_frame
 from dvtcli.operations.frames.watch_bus import stream, watching
 from tests.commands.bench import Bench
 from tests.monitor.test_sdo_transfers import by_blocks, in_segments

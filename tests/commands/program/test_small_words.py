@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.domain.glyphs import ascii_only
+from dvtcli.domain.text import ascii_only
 from dvtcli.files.eds.reader import parse_eds
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family

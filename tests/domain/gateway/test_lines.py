@@ -8,9 +8,19 @@ from hypothesis import strategies as st
 
 from dvtcli.domain.gateway.gateway_answers import GatewayError, GatewayRequestError
 from dvtcli.domain.gateway.line_words import LONGEST_LINE, TYPES, data_of, value_text, words_of
-from dvtcli.domain.gateway.parse import parse_request
 from dvtcli.domain.gateway.plan_lines import format_request
-from dvtcli.domain.gateway.requests import Nmt, Order, PdoEntry, Read, ReadPdo, Request, SetPdo, Write, WritePdo
+from dvtcli.domain.gateway.requests import (
+    Nmt,
+    Order,
+    PdoEntry,
+    Read,
+    ReadPdo,
+    Request,
+    SetPdo,
+    Write,
+    WritePdo,
+    parse_request,
+)
 from dvtcli.domain.nmt import NmtCommand
 from tests.domain.gateway.requests import REQUESTS, data_of_type
 

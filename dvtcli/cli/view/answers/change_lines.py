@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.cli.view.typed_hints import typed
-from dvtcli.domain.command_object import answers_with_state
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange
-from dvtcli.domain.several import join_some, plural
+from dvtcli.domain.process_data import answers_with_state
+from dvtcli.domain.text import join_some, plural
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Changed, ChangedNodes

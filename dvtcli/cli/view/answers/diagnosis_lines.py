@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from dvtcli.cli.view.lines import Cell, Line
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural
 from dvtcli.operations.results.diagnosis import Diagnosis
 
 _STYLES = {"ok": "green", "warn": "yellow", "FAIL": "red"}

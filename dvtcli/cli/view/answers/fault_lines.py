@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 
 from dvtcli.cli.view.lines import Cell, Line, Table, part
 from dvtcli.domain.emergency_codes import register_words
-from dvtcli.domain.wall_clock import local_clock
+from dvtcli.domain.times import local_clock
 from dvtcli.operations.results.node_errors import FaultRow, Faults, FaultSeen
 
 _SOURCES = {"active": "active now", "history": "history", "heard": "EMCY heard"}

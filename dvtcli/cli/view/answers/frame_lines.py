@@ -7,10 +7,10 @@ from functools import lru_cache
 
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.meanings import NOTHING
-from dvtcli.domain.several import plural
 from dvtcli.domain.shown_value import value_text
+from dvtcli.domain.text import plural
+from dvtcli.domain.times import local_clock
 from dvtcli.domain.typed_frame import frame_text
-from dvtcli.domain.wall_clock import local_clock
 from dvtcli.operations.results.bus_events import BusEvent
 from dvtcli.operations.results.frames import FrameExplained, FrameSeen, Plotted, Traced
 from dvtcli.operations.results.sent import FramesSent, Outcome, Replayed

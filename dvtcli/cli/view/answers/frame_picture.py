@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from dvtcli.cli.view.columns import clipped, columns
 from dvtcli.domain.mapping import MAX_PDO_BITS, SAM_MPDO
-from dvtcli.domain.safe_text import safe
+from dvtcli.domain.text import safe
 from dvtcli.operations.results.pdos import PdoRow
 
 #: The indent of a picture with its left border, and the minimum width of a byte with its right border.

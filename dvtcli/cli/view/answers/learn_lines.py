@@ -7,9 +7,9 @@ from pathlib import Path
 
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.abort import abort_text
-from dvtcli.domain.learning.learnt_value import Value
 from dvtcli.domain.learning.operational import IN_OPERATIONAL
-from dvtcli.domain.several import join_some
+from dvtcli.domain.learning.probe import Value
+from dvtcli.domain.text import join_some
 from dvtcli.operations.results.habit_listing import HabitListing, Wanted
 from dvtcli.operations.results.learnt import LearnForecast, LearntDevice
 

@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterator
 
 from dvtcli.cli.view.lines import Cell, Line, Table
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural
 from dvtcli.files.device_library.stored_files import identity_word
 from dvtcli.operations.results.library_files import (
     ADDED,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.network.frame_streams import NO_LIMIT, NO_SYNC
-from dvtcli.domain.several import join_some, plural
+from dvtcli.domain.text import join_some, plural
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.bus_need import StreamNeed

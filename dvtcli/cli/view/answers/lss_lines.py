@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.nmt import UNCONFIGURED
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural
 
 if TYPE_CHECKING:
     from dvtcli.operations.results.lss_nodes import LssBitRate, LssChanged, LssFound, LssGiven

@@ -16,8 +16,8 @@ from dvtcli.domain.network.concise_dcf import download_lines
 from dvtcli.domain.pdo import entry_text, parameter_text
 from dvtcli.domain.plan import STAMP, PdoChange, Step
 from dvtcli.domain.rules import errors_in
-from dvtcli.domain.several import join_some, plural
 from dvtcli.domain.shown_value import step_text
+from dvtcli.domain.text import join_some, plural
 from dvtcli.operations.results.checked_files import SEVERITIES
 from dvtcli.operations.results.networks import action, differing
 

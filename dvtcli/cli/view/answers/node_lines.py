@@ -10,8 +10,7 @@ from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.profile import GENERIC
-from dvtcli.domain.safe_text import safe
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural, safe
 from dvtcli.operations.results.nodes import LoggedIn
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.frame import layout
 from dvtcli.domain.mapping import SAM_MPDO
 from dvtcli.domain.pdo import PdoConfig, transmission_type_text
-from dvtcli.domain.several import plural
 from dvtcli.domain.shown_value import value_text
+from dvtcli.domain.text import plural
 from dvtcli.operations.results.pdos import LastFrame, MappedName, PdoListing, PdoRow, VpdoListing
 
 

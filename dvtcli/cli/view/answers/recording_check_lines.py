@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.answers.check_lines import STYLES
 from dvtcli.cli.view.lines import Cell, Line
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural
 from dvtcli.operations.results.checked_files import SEVERITIES
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from dvtcli.cli.view.answers.whole_device_lines import value_text
 from dvtcli.domain.pdo import parameter_text
 from dvtcli.domain.plan import PdoChange
-from dvtcli.domain.several import join_some, plural
 from dvtcli.domain.shown_value import step_text
+from dvtcli.domain.text import join_some, plural
 from dvtcli.operations.results.comparisons import Compared
 from dvtcli.operations.results.networks import NetworkPlanned, differing
 from dvtcli.operations.results.whole_devices import WholeCompared

@@ -9,7 +9,7 @@ from dvtcli.cli.view.lines import Line
 from dvtcli.cli.view.reports.cases import cases_of
 from dvtcli.cli.view.reports.github_lines import as_data, as_property
 from dvtcli.cli.view.typed_hints import error_text
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural
 from dvtcli.errors import InputFileError, RuleError
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from dvtcli.cli.view.lines import Line
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural
 from dvtcli.operations.results.checked_files import SEVERITIES, FileFinding, Report, Reported
 
 _COMMANDS = {"error": "error", "warning": "warning", "note": "notice"}

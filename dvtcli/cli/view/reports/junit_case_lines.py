@@ -11,7 +11,7 @@ from dvtcli.cli.view.lines import Line
 from dvtcli.cli.view.reports.cases import Case, cases_of
 from dvtcli.cli.view.reports.junit_lines import suites_text
 from dvtcli.cli.view.typed_hints import error_text
-from dvtcli.domain.safe_text import safe
+from dvtcli.domain.text import safe
 from dvtcli.errors import InputFileError, RuleError
 
 if TYPE_CHECKING:

@@ -6,8 +6,7 @@ from collections.abc import Iterable, Iterator
 from xml.etree import ElementTree as ET
 
 from dvtcli.cli.view.lines import Line
-from dvtcli.domain.safe_text import safe
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural, safe
 from dvtcli.operations.results.checked_files import FileFinding, Report, Reported
 
 

@@ -12,8 +12,7 @@ from dvtcli.cli.view.reports.github_case_lines import workflow_command
 from dvtcli.cli.view.reports.github_lines import as_data
 from dvtcli.cli.view.reports.junit_lines import suites_text
 from dvtcli.cli.view.typed_hints import error_text
-from dvtcli.domain.safe_text import safe
-from dvtcli.domain.several import plural
+from dvtcli.domain.text import plural, safe
 
 if TYPE_CHECKING:
     from dvtcli.cli.scripts.script_report import LineRan

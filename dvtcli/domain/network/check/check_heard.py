@@ -13,7 +13,7 @@ from dvtcli.domain.network.frame_streams import EVENT_DRIVEN, Stream
 from dvtcli.domain.network.heard_traffic import HeardId
 from dvtcli.domain.network.network_state import PRODUCER_HEARTBEAT, SYNC_COB_ID, Identifier, NetworkState, identifier_of
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.several import join_some, plural
+from dvtcli.domain.text import join_some, plural
 
 _SET = "CiA 301, 7.3.5: the pre-defined connection set"
 _SYNC = "CiA 301, 7.2.5: one producer"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from dvtcli.domain.command_object import commanded_by_other, is_controlword
 from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, PdoConnection, at
@@ -12,6 +11,7 @@ from dvtcli.domain.network.links import LinkSide
 from dvtcli.domain.network.network_state import Identifier, identifier_of
 from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.process_data import commanded_by_other, is_controlword
 
 _LAYOUT = "CiA 301, 7.5.2.36 and 7.5.2.38: both sides of a PDO have one layout"
 _LENGTHS = "CiA 301, emergency error codes 0x8210 and 0x8220"

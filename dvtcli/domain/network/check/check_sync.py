@@ -11,7 +11,7 @@ from dvtcli.domain.network.network_state import (
     SYNC_WINDOW,
 )
 from dvtcli.domain.services import PRODUCES
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 
 _TYPES = "CiA 301, 7.5.2.35 and 7.5.2.37: transmission type"
 _COUNTER = "CiA 301, 7.5.2.20 and 7.5.2.37: SYNC counter, SYNC start value"

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
-from dvtcli.domain.lint.map_judgement import blank
+from dvtcli.domain.lint.described import blank
 from dvtcli.domain.network.bus_need import BusNeed, bus_need
 from dvtcli.domain.network.frame_streams import SYNCHRONOUS, Streams, streams_of
 from dvtcli.domain.network.heard_traffic import HeardTraffic

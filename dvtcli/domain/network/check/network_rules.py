@@ -7,7 +7,6 @@ from collections.abc import Collection, Iterator
 from dvtcli.domain.lint.lint_rule import LintRule, RuleCheck, checks_of
 from dvtcli.domain.network.check import (
     check_against_file,
-    check_boot,
     check_bus,
     check_can_ids,
     check_each_pdo,
@@ -21,14 +20,14 @@ from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetSpot
 
 CHECKS: list[RuleCheck[CheckedNetwork, NetSpot]] = [
     *checks_of(
-        check_can_ids, check_layouts, check_sync, check_heartbeats, check_bus, check_nodes, check_boot, check_heard,
+        check_can_ids, check_layouts, check_sync, check_heartbeats, check_bus, check_nodes, check_heard,
         check_against_file,
     ),
     *check_each_pdo.CHECKS,
 ]  # fmt: skip
 #: Rules that compare a file's network with the nodes on a bus.
 AGAINST_FILE: tuple[LintRule, ...] = tuple(
-    check.rule for check in checks_of(check_nodes, check_boot, check_against_file) if check.rule.name != "nobody-starts"
+    check.rule for check in checks_of(check_nodes, check_against_file) if check.rule.name != "nobody-starts"
 )
 #: Network rules covered by a more detailed rule of a change: reported once per PDO.
 SAME_RULES: dict[str, tuple[str, ...]] = {

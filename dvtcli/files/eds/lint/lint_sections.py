@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from datetime import date
 
 from dvtcli.domain.datatypes import DATA_TYPES
-from dvtcli.domain.lint.default_pdos import default_pdos
+from dvtcli.domain.lint.described import default_pdos
 from dvtcli.domain.lint.lint_rule import NOTE, WARNING, check
 from dvtcli.domain.mapping import DUMMY_BITS, MAX_PDO_BITS
 from dvtcli.domain.object_dictionary import ObjectType

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from dvtcli.domain.object_dictionary import ObjectDictionary
-from dvtcli.domain.several import join_some
+from dvtcli.domain.text import join_some
 from dvtcli.files.eds.findings import EdsFinding, Findings
 from dvtcli.files.eds.ini import IniSection, IniValue, Values, section_values
 from dvtcli.files.eds.layout import object_place

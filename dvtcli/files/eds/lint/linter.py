@@ -9,12 +9,7 @@ from bisect import bisect_right
 from collections.abc import Collection
 from functools import cached_property
 
-from dvtcli.domain.lint import (
-    lint_objects,
-    lint_pdo_defaults,
-    lint_pdos,
-    lint_standard,
-)
+from dvtcli.domain.lint import lint_objects, lint_pdos, lint_standard
 from dvtcli.domain.lint.described import DescribedDevice, Spot, object_text
 from dvtcli.domain.lint.lint_rule import LintRule, RuleCheck, checks_of
 from dvtcli.domain.profile import GENERIC, DeviceProfile
@@ -33,7 +28,7 @@ from dvtcli.files.eds.reader import EdsFile
 
 TEXT_CHECKS: list[RuleCheck[LintedText, int]] = checks_of(lint_lines, lint_keys, lint_sections)
 DEVICE_CHECKS: list[RuleCheck[DescribedDevice, Spot]] = [
-    *lint_pdo_defaults.CHECKS,
+    *lint_pdos.CHECKS,
     *checks_of(lint_pdos, lint_standard, lint_objects),
 ]
 #: All rules.
