@@ -5,10 +5,20 @@ Read-only; needs no rights and no tool. Empty on other systems.
 
 from __future__ import annotations
 
+import errno
 import socket
 import struct
+import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
+from typing import cast
+
+import can
+
+from dvtcli.bus.carrier import Carrier
+from dvtcli.domain.hint import Action, Hint, verbatim
+from dvtcli.errors import BusUnavailable
 
 #: rtnetlink's messages (linux/rtnetlink.h), and the flag of a request for all links
 _NEW_LINK, _GET_LINK, _ERROR, _DONE, _ALL = 16, 18, 2, 3, 0x301
@@ -152,3 +162,150 @@ def _told() -> bytes:
     except OSError:
         pass  # a kernel without it, or a sandbox: unknown
     return told
+
+
+#: bytes of frames that may wait to be read (the kernel allows twice as much, and a frame takes 768 bytes): some 21,800
+#: frames before an answer, and some 87,000 where each frame is wanted, 5 s of the shortest ones at 1 Mbit/s. Memory is
+#: taken only while they wait
+ANSWER_BUFFER, RECEIVE_BUFFER = 8 << 20, 32 << 20
+#: socket options without a name in Python: a buffer beyond the system's limit, and its memory and drops
+_SO_RCVBUFFORCE, _SO_MEMINFO = 33, 55
+_MEMINFO = struct.Struct("=9I")
+_NO_CHANNEL = "no channel is given"
+#: CAN-IDs and their bits that count (CiA 301, 7.3.3) of what nodes say to a configurator: NMT, EMCY and SYNC, SDO both
+#: ways, heartbeats and boot-ups. No PDOs, and nothing of 29 bits
+_SERVICES = ((0x000, 0x7FF), (0x080, 0x780), (0x580, 0x780), (0x600, 0x780), (0x700, 0x780))
+#: python-can's error text, without a number, if its socket is full for now
+_FULL = "Transmit buffer full"
+
+
+def check_link(channel: object) -> None:
+    """Raise BusUnavailable with advice if *channel* is missing, unknown or down; OSError without CAN.
+
+    A socket on a link that is down opens without error, and python-can leaves a socket open on a missing link.
+    """
+    if sys.platform != "linux":
+        hint = Hint(Action.CHECK_SETUP, why="which interface has the adapter? {} lists what is there")
+        hint += "slcan adapters have a serial port"
+        what = f"cannot open socketcan:{channel}" if channel else "cannot open socketcan"
+        raise BusUnavailable(what, why="only Linux has SocketCAN", hint=hint)
+    if not channel:
+        raise BusUnavailable("cannot open socketcan", why=_NO_CHANNEL, hint="which channel?" + which(kernel_links()))
+    socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW).close()
+    try:
+        socket.if_nametoindex(str(channel))
+    except OSError as failed:
+        hint = "no such channel:" + which(kernel_links())
+        raise _not_yet(str(channel), failed.strerror, hint) from failed
+    link = kernel_link(str(channel))
+    if link is not None and not link.up:
+        raise _not_yet(str(channel), "it is down", link.way_up())
+
+
+def _not_yet(channel: str, why: str | None, hint: Hint | str) -> BusUnavailable:
+    unavailable = BusUnavailable(f"cannot open socketcan:{channel}", why=why, hint=hint)
+    unavailable.may_come = True
+    return unavailable
+
+
+def which(links: list[KernelLink]) -> Hint:
+    """The available links, in words that follow others."""
+    if not links:
+        give = Hint(Action.GIVE_CHANNEL, why=" give {}")
+        return give + Hint(Action.CHECK_SETUP, why="this machine has no CAN link now ({})")
+    first, *others = (
+        Hint(Action.GIVE_CHANNEL, {"channel": link.name}, f"{', ' if number else ' '}{{}} ({verbatim(link.about)})")
+        for number, link in enumerate(links)
+    )
+    return sum(others, first)
+
+
+class KernelCarrier(Carrier):
+    """The socket of python-can's *bus* on the link *channel*; *asked* is the requested bit rate (bit/s)."""
+
+    def __init__(self, bus: can.BusABC, channel: str, asked: int | None) -> None:
+        self._bus = bus
+        #: filters configured by the user for python-can
+        self._own_filters = bus.filters
+        self._socket: socket.socket = getattr(bus, "socket")  # noqa: B009 - python-can's base class has none
+        self._channel = channel
+        self._told_lost = 0
+        self._news: list[str] = []
+        link = kernel_link(channel)
+        if link is not None:
+            self.bit_rate = link.bit_rate
+            self._news = list(first_news(link, asked))
+        self._roomy = _make_room(self._socket, ANSWER_BUFFER)
+
+    def make_room(self) -> None:
+        """Enlarge the receive buffer as far as the system allows, RECEIVE_BUFFER at most."""
+        self._roomy = _make_room(self._socket, RECEIVE_BUFFER)
+
+    def hear(self, *, everything: bool) -> None:
+        """Pass on *everything*, or only services: PDOs then do not wake a thread that waits for an answer."""
+        if self._own_filters is None:
+            services = [{"can_id": can_id, "can_mask": mask, "extended": False} for can_id, mask in _SERVICES]
+            self._bus.set_filters(None if everything else cast("can.typechecking.CanFilters", services))
+
+    def is_full(self, error: Exception) -> bool:
+        """Whether the transmit queue, or the socket's part of the queue, is full."""
+        return super().is_full(error) or (isinstance(error, can.CanOperationError) and str(error) == _FULL)
+
+    def lost_frames(self) -> int:
+        """Number of frames that the kernel dropped because the socket was full."""
+        try:
+            return int(_MEMINFO.unpack(self._socket.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMINFO.size))[8])
+        except (OSError, struct.error):  # Linux before 4.12
+            return 0
+
+    def news(self) -> list[str]:
+        """A bit rate other than requested, a disabled controller, lost frames."""
+        news, self._news = self._news, []
+        lost = self.lost_frames()
+        if lost > self._told_lost:
+            news.append(_lost(lost - self._told_lost, roomy=self._roomy))
+            self._told_lost = lost
+        return news
+
+    def next_step(self, error: Exception) -> Hint | str:
+        """Advice about *error* from the link's state."""
+        if self.is_full(error):
+            return (
+                "its transmit queue stays full: does another node acknowledge what is sent? "
+                "Is one connected and powered, with this bit rate?"
+            )
+        link = kernel_link(self._channel)
+        if link is None and getattr(error, "error_code", None) in (errno.ENODEV, errno.ENXIO, errno.ENETDOWN):
+            return Hint(
+                Action.CHECK_SETUP,
+                why=f"{verbatim(self._channel)} is gone: plug the adapter in again; {{}} lists what is there",
+            )
+        return (link and link.problem) or super().next_step(error)
+
+
+def first_news(link: KernelLink, asked: int | None) -> list[str]:
+    """News about *link* at the start; *asked* is the requested bit rate (bit/s)."""
+    news = []
+    if asked is not None and link.bit_rate is not None and asked != link.bit_rate:
+        news.append(
+            f"{link.name} runs at {kbit_s(link.bit_rate)}, not at {kbit_s(asked)}: only the system sets that: "
+            f"{link.way_to(asked)}"
+        )
+    if link.up and link.problem is not None:
+        news.append(f"{link.name}: {link.problem}")
+    return news
+
+
+def _lost(count: int, *, roomy: bool) -> str:
+    more = "" if roomy else f"; more may wait after: sudo sysctl -w net.core.rmem_max={RECEIVE_BUFFER}"
+    return f"this computer dropped {count} frames: they came faster than they were read{more}"
+
+
+def _make_room(link: socket.socket, size: int) -> bool:
+    """Set the receive buffer to *size* bytes, or as large as allowed; whether the full size was set."""
+    with suppress(OSError):  # only root may exceed the limit
+        link.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, size)
+        return True
+    with suppress(OSError):
+        link.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, size)
+    return link.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) >= size

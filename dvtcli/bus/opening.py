@@ -16,8 +16,7 @@ import can
 from dvtcli.bus.bit_rate_setter import BitRateSetter
 from dvtcli.bus.carrier import Carrier
 from dvtcli.bus.drivers import PcanCarrier, check_bit_rate, is_missing, what_to_install, why_missing
-from dvtcli.bus.kernel_carrier import KernelCarrier, check_link
-from dvtcli.bus.kernel_links import kernel_link
+from dvtcli.bus.kernel_links import KernelCarrier, check_link, kernel_link
 from dvtcli.bus.python_can import CanBus
 from dvtcli.bus.python_can_settings import bit_rate_of, bus_name, completed, given_settings
 from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S

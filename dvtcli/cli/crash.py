@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from dvtcli.device.trust import private_folder
+from dvtcli.device.change.private_file import private_folder
 from dvtcli.errors import SafetyRefusal
 from dvtcli.files.user_folders import user_folder
 

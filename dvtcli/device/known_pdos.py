@@ -10,14 +10,16 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
 
-from dvtcli.device.boot_snapshot import BootSnapshot
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.nmt_gate import Gate, NodeAccess
 from dvtcli.device.observe import BusWitness, observed
 from dvtcli.device.quirks.standard_channel import in_standard_order
 from dvtcli.device.read_cache import ReadCache
 from dvtcli.device.read_pdos import IDENTITY, UNREADABLE, WHATEVER, present_pdos, read_cob_id, read_optional, read_pdo
+from dvtcli.device.store.pending import BootSnapshot
+from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.ports import CanopenBus, SdoReader, SdoTransport
@@ -147,8 +149,6 @@ class KnownPdos:
         try:
             return self.memory.upload(index, sub_index)
         except SdoAborted as aborted:
-            from dvtcli.device.missing import hint_for_missing
-
             self.access.explain(aborted)
             aborted.hint = hint_for_missing(aborted, self.dictionary) or aborted.hint
             raise
@@ -217,8 +217,6 @@ class KnownPdos:
         try:
             config = self.observed(lambda: read_pdo(self.memory.look(), pdo))
         except SdoAborted as aborted:
-            from dvtcli.device.missing import no_pdo
-
             raise no_pdo(self.node_id, pdo, self.present(), aborted) from aborted
         self._pdos[pdo] = self._shown[pdo] = config
         return config
@@ -291,3 +289,38 @@ class KnownPdos:
         """After a manual NMT command: forget the gate's state and expire reads."""
         self._gate = None
         self.read_anew()
+
+
+def no_pdo(node_id: int, pdo: Pdo, present: Iterable[Pdo], aborted: SdoAborted) -> SdoAborted:
+    """The error for *pdo*, unreadable (*aborted*) in node *node_id*, with the *present* PDOs in words.
+
+    *present* may come from the file: a missing object is reported as such.
+    """
+    same = [other for other in present if other.direction is pdo.direction]
+    if pdo in same:
+        if aborted.code in (Abort.NO_OBJECT, Abort.NO_SUB_INDEX):
+            aborted.text = f"node {node_id} has no {pdo.label}, though its EDS or DCF lists it: {aborted.text}"
+            aborted.node = node_id
+            aborted.hint = Hint(
+                Action.SHOW_NODE,
+                {"node": node_id},
+                f"a file of another revision? {{}} says which; leave {pdo.label} out",
+            ) + Hint(Action.GIVE_EDS, why=", or {}")
+        return aborted
+    have = f"it has {same[0]}…{same[-1]}" if same else f"it has no {pdo.direction.upper()}s"
+    aborted.text, aborted.node = f"node {node_id} has no {pdo.label}: {have}", node_id
+    aborted.args = (aborted.text,)
+    aborted.hint = Hint(Action.SHOW_PDOS, {"all": True}, "lists what it has")
+    return aborted
+
+
+def hint_for_missing(aborted: SdoAborted, dictionary: ObjectDictionary | None) -> Hint | str | None:
+    """What to try after an upload of a missing object; None for other refusals."""
+    if aborted.code == Abort.NO_SUB_INDEX and dictionary is not None:
+        from dvtcli.domain.rules.mapped_object import decimal_hint
+
+        return decimal_hint(dictionary, aborted.index, aborted.sub_index)
+    if aborted.code == Abort.NO_OBJECT:
+        find = Hint(Action.FIND_OBJECTS, why="searches the dictionary")
+        return find if dictionary else Hint(Action.GIVE_EDS, why="names its objects")
+    return None

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.changeable import Changeable
-from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING
+from dvtcli.device.store.pending import COMMUNICATION, EVERYTHING
 from dvtcli.domain.pdo import Pdo
 from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError
 
 if TYPE_CHECKING:
-    from dvtcli.device.applied import Applied
+    from dvtcli.device.change.applied import Applied
     from dvtcli.device.change.undo_plan import UndoRequest
     from dvtcli.device.observe import InitialState
     from dvtcli.domain.plan import Change, PdoChange, Plan, ValueChange
@@ -49,9 +49,9 @@ class Node(Changeable):
         *found* is the initial state if the node was claimed before: reads since then count. Raises errors of `resolve`
         for a request impossible on this node, RuleError if a rule forbids the change.
         """
-        from dvtcli.device.applied import refuse
+        from dvtcli.device.change.applied import refuse
         from dvtcli.device.file_fits import refuse_unlike_file
-        from dvtcli.device.heard_producers import heard_ids, heard_producer_findings
+        from dvtcli.device.other_producers import heard_ids, heard_producer_findings
         from dvtcli.device.proposal import proposal
         from dvtcli.device.resolve import resolve, untyped_lengths
         from dvtcli.domain.plan import Plan, plan_pdo
@@ -88,11 +88,11 @@ class Node(Changeable):
     def write(self, index: int, sub_index: int, data: bytes, *, force: bool = False) -> Applied:
         """Write one object as a plan of one step, under the rules of the matching command."""
         from dvtcli.device.access_level import refuse_passcode
-        from dvtcli.device.applied import refuse
+        from dvtcli.device.change.applied import refuse
         from dvtcli.device.file_fits import refuse_unlike_file
-        from dvtcli.device.heard_producers import heard_ids, heard_producer_findings
+        from dvtcli.device.other_producers import heard_ids, heard_producer_findings
         from dvtcli.device.raw_write_check import held_value, raw_change, raw_write_findings, taken_can_id_findings
-        from dvtcli.device.storing import prepare_store
+        from dvtcli.device.store.unstored import prepare_store
         from dvtcli.domain.plan import PdoChange, Plan, Step
         from dvtcli.domain.request import hinting_at_set, said_at
 
@@ -158,9 +158,9 @@ class Node(Changeable):
         based on. *is_part* marks one of several plans, which end a configuration stamp themselves.
         """
         from dvtcli.device.access_level import level_findings
-        from dvtcli.device.applied import Applied, refuse
-        from dvtcli.device.change.retry import apply_with_retry
-        from dvtcli.device.change.undo_findings import with_undo_findings
+        from dvtcli.device.change.applied import Applied, refuse
+        from dvtcli.device.change.apply_plan import apply_with_retry
+        from dvtcli.device.change.undo_plan import with_undo_findings
         from dvtcli.domain.text import join_some
 
         self.answered_otherwise = {}
@@ -222,7 +222,7 @@ class Node(Changeable):
 
         These boot-ups cleared earlier changes, but nothing of the plan.
         """
-        from dvtcli.device.change.after_change import set_words
+        from dvtcli.device.change.failed_change import set_words
         from dvtcli.domain.plan import alters
 
         self._heard(boot_ups)
@@ -284,7 +284,7 @@ class Node(Changeable):
             elif Pdo.at(change.step.index) is None:
                 self._remember_value(change)
             if any(self.saves((step.index, step.sub_index)) for step in change.steps):
-                from dvtcli.device.storing import mark_stored
+                from dvtcli.device.store.unstored import mark_stored
 
                 mark_stored(self, self.pending.was_stored(EVERYTHING, len(self.history)))
             elif alters(change) and self.profile.store.needed_for(change.steps[0].index):
@@ -357,8 +357,7 @@ class Node(Changeable):
         """Undo the changes in *asked* and return the number of plans. Raises the errors of `plan_undo`."""
         from dataclasses import replace
 
-        from dvtcli.device.change.undo_findings import foreseen, put_back_findings
-        from dvtcli.device.change.undo_plan import plan_undo, undo_plan_of
+        from dvtcli.device.change.undo_plan import foreseen, plan_undo, put_back_findings, undo_plan_of
 
         found = self.begin_change(whatever_happened=asked.rolls_back)
         boot_ups = self.bus.boot_ups(self.node_id)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import cache
 from typing import TYPE_CHECKING, Generic, TypeVar
 
-from dvtcli.device.neighbours import producers, producers_of, services_taken
+from dvtcli.device.other_producers import producers, producers_of, services_taken
 from dvtcli.device.read_pdos import learnt_objects, service_ids
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo, PdoConfig

@@ -7,7 +7,7 @@ from dataclasses import replace
 from itertools import takewhile
 from typing import TYPE_CHECKING
 
-from dvtcli.device.neighbours import enabled_pdos, services_taken
+from dvtcli.device.other_producers import enabled_pdos, services_taken
 from dvtcli.device.proposal import proposal
 from dvtcli.device.read_pdos import read_optional, service_ids_beside
 from dvtcli.domain.abort import Abort

@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING
 
-from dvtcli.device.neighbours import producers
+from dvtcli.device.other_producers import producers
 from dvtcli.device.proposal import proposal
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.domain.mapping import PdoMappingEntry

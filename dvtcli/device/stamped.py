@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, TypeGuard
 
 from dvtcli.device.read_pdos import UNREADABLE
-from dvtcli.device.store_parameters import STORE
+from dvtcli.device.store.store_parameters import STORE
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import STAMP, Plan, Step, ValueChange, alters
 from dvtcli.domain.stamp import DATE, TIME, Stamp, is_own_date

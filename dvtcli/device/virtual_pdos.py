@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
-from dvtcli.device.applied import Applied, refuse
+from dvtcli.device.change.applied import Applied, refuse
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.plan import Plan, ValueChange

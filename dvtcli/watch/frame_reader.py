@@ -18,7 +18,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.domain.text import plural
 from dvtcli.watch.decoder import Address, Decoder, Layout
 from dvtcli.watch.explain.known_node import KnownNode, of_mpdo
-from dvtcli.watch.explain.lss_parts import lss_parts
+from dvtcli.watch.explain.parts import lss_parts
 from dvtcli.watch.sdo_transfers import SDO_BYTES, SdoStep, SdoTransfers
 from dvtcli.watch.service import Service
 

@@ -12,8 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvtcli.bus.kernel_carrier import check_link, first_news, which
-from dvtcli.bus.kernel_links import KernelLink, kernel_link, links_of
+from dvtcli.bus.kernel_links import KernelLink, check_link, first_news, kernel_link, links_of, which
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.errors import BusUnavailable
 

@@ -12,10 +12,10 @@ from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.change.apply_plan import apply_plan
 from dvtcli.device.change.change_guard import ChangeGuard
 from dvtcli.device.change.failed_change import BRING_BACK
-from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.change.progress import Progress
 from dvtcli.device.node import Node
 from dvtcli.device.observe import InitialState
+from dvtcli.device.store.pending import CHANGE
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Plan, Step, ValueChange, plan_pdo

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dvtcli.device.boot_snapshot import BootSnapshot
 from dvtcli.device.read_pdos import read_pdo
+from dvtcli.device.store.pending import BootSnapshot
 from dvtcli.domain.pdo import Pdo
 from tests.laws.bench import DirectSdo, booted
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from dvtcli.cli.view.typed_hints import typed
-from dvtcli.device.canary import Canary, CanaryParameter, choose_canary, harmless_places
-from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.node import Node
-from dvtcli.device.storing import prepare_store
+from dvtcli.device.store.canary import Canary, CanaryParameter, choose_canary, harmless_places
+from dvtcli.device.store.pending import CHANGE
+from dvtcli.device.store.unstored import prepare_store
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.profile import GENERIC, DeviceProfile, StorePolicy
 from dvtcli.errors import DvtcliError, LeftChanged, NoAnswer, SafetyRefusal

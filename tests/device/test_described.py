@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 
 from dvtcli.cli.view.typed_hints import typed
-from dvtcli.device.change.proven_restore import AgainstDefaults, differing_from_defaults, values_unlike_defaults
 from dvtcli.device.described_node import Defaults, FileValues
-from dvtcli.device.missing import hint_for_missing, no_pdo
+from dvtcli.device.known_pdos import hint_for_missing, no_pdo
+from dvtcli.device.store.proven import AgainstDefaults, differing_from_defaults, values_unlike_defaults
 from dvtcli.device.wish import Wish, unlike
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.datatypes import DATA_TYPES

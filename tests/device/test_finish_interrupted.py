@@ -10,9 +10,9 @@ import pytest
 
 from dvtcli.device.change.apply_plan import apply_plan
 from dvtcli.device.change.journal import Journal
-from dvtcli.device.change.pending import CHANGE
-from dvtcli.device.change.undo_findings import put_back_findings
+from dvtcli.device.change.undo_plan import put_back_findings
 from dvtcli.device.habits import OFTEN_ENOUGH, Habit
+from dvtcli.device.store.pending import CHANGE
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Plan, plan_pdo

@@ -13,8 +13,8 @@ import pytest
 
 from dvtcli.device.change.change_group import ChangeGroup
 from dvtcli.device.change.change_guard import ChangeGuard
+from dvtcli.device.change.change_history import ChangeHistory
 from dvtcli.device.change.plan_document import Identity
-from dvtcli.device.change_history import ChangeHistory
 from dvtcli.domain.plan import Plan, Step, ValueChange
 from dvtcli.errors import JournalKept, SafetyRefusal
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from dvtcli.device.change.change_group import ChangeGroup
-from dvtcli.device.change.journal_contents import JournalContents, combine_plans
+from dvtcli.device.change.journal import JournalContents, combine_plans
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Plan, Step, ValueChange, plan_pdo

@@ -12,9 +12,9 @@ import pytest
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.change.change_group import ChangeGroup, GroupMember, Storing
 from dvtcli.device.change.change_guard import ChangeGuard
+from dvtcli.device.change.change_history import ChangeHistory
 from dvtcli.device.change.journal import Journal, read_journal
 from dvtcli.device.change.plan_document import Identity
-from dvtcli.device.change_history import ChangeHistory
 from dvtcli.domain.plan import Plan, Step, ValueChange
 from dvtcli.errors import JournalKept, SafetyRefusal
 from tests.device.test_full_disk import files_end_at

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import pytest
 
 from dvtcli.device.known_pdos import ReadProgress
-from dvtcli.device.neighbours import producers, producers_of
 from dvtcli.device.node import Node
+from dvtcli.device.other_producers import producers, producers_of
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import U16, VISIBLE_STRING
 from dvtcli.domain.nmt import NmtState

@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
+from dvtcli.device.change.change_history import ChangeHistory
 from dvtcli.device.change.journal import MOST_BYTES
 from dvtcli.device.change.plan_document import Identity
-from dvtcli.device.change_history import ChangeHistory
 from dvtcli.domain.plan import Plan, Step, ValueChange
 from dvtcli.errors import InputFileError
 

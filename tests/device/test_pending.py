@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dvtcli.device.change.pending import CHANGE, COMMUNICATION, EVERYTHING, REBOOT, VERIFY, Pending
+from dvtcli.device.store.pending import CHANGE, COMMUNICATION, EVERYTHING, REBOOT, VERIFY, Pending
 
 APPLICATION, MAKERS_OWN = 3, 4
 

@@ -8,12 +8,11 @@ from dataclasses import replace
 import pytest
 
 from dvtcli.cli.view.typed_hints import typed
-from dvtcli.device.canary import choose_canary
-from dvtcli.device.change.proven import Restart, prepare_proof, prove_store
-from dvtcli.device.change.proven_restore import prove_restore, restart_and_read
 from dvtcli.device.node import Node
-from dvtcli.device.snapshot import Snapshot
-from dvtcli.device.store_parameters import RESTORE, STORE, Signed
+from dvtcli.device.store.canary import choose_canary
+from dvtcli.device.store.proven import Restart, prepare_proof, prove_restore, prove_store, restart_and_read
+from dvtcli.device.store.snapshot import Snapshot
+from dvtcli.device.store.store_parameters import RESTORE, STORE, Signed
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import GENERIC, StorePolicy

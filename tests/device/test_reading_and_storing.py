@@ -11,7 +11,7 @@ from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.nmt_gate import Gate, NodeAccess
 from dvtcli.device.read_pdos import exists, read_pdo
 from dvtcli.device.resets import reset_and_wait
-from dvtcli.device.store_parameters import RESTORE, STORE, write_signature
+from dvtcli.device.store.store_parameters import RESTORE, STORE, write_signature
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo
 from dvtcli.errors import DeviceRefused, SafetyRefusal, SdoAborted, SdoProtocolError

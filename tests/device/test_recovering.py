@@ -10,9 +10,9 @@ import pytest
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.change.accepted_state import accepted_states, refuse_other_device
 from dvtcli.device.change.journal import Journal
-from dvtcli.device.change.pending import CHANGE, VERIFY
 from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.node import Node
+from dvtcli.device.store.pending import CHANGE, VERIFY
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, Plan, Step, ValueChange, plan_pdo
 from dvtcli.errors import LeftChanged, NoAnswer, SafetyRefusal

@@ -10,7 +10,7 @@ from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.nmt_gate import NodeAccess
 from dvtcli.device.read_pdos import read_identity, service_ids
-from dvtcli.device.store_parameters import RESTORE, STORE, write_signature
+from dvtcli.device.store.store_parameters import RESTORE, STORE, write_signature
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.profile import GENERIC, StorePolicy
 from dvtcli.errors import DeviceRefused, SdoAborted

@@ -7,7 +7,7 @@ import pytest
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.nmt_gate import NodeAccess
-from dvtcli.device.store_parameters import STORE, write_signature
+from dvtcli.device.store.store_parameters import STORE, write_signature
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.profile import GENERIC

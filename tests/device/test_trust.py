@@ -9,7 +9,14 @@ from pathlib import Path
 import pytest
 
 from dvtcli.cli.view.typed_hints import typed
-from dvtcli.device.trust import check_folder, open_private, private_folder, replaceable, stranger, sudo_user
+from dvtcli.device.change.private_file import (
+    check_folder,
+    open_private,
+    private_folder,
+    replaceable,
+    stranger,
+    sudo_user,
+)
 from dvtcli.errors import SafetyRefusal
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="Windows has no owners and modes of this kind")

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from dvtcli.device.change.change_history import ChangeHistory
 from dvtcli.device.change.plan_document import Identity
-from dvtcli.device.change_history import ChangeHistory
 from dvtcli.device.node import Node
-from dvtcli.device.unstored import held_unstored
+from dvtcli.device.store.unstored import held_unstored
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Change, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.profile import GENERIC, StorePolicy

@@ -32,9 +32,9 @@ from dvtcli.cli.view.reports.github_case_lines import github_error_lines
 from dvtcli.cli.view.reports.github_lines import github_lines
 from dvtcli.cli.view.reports.junit_case_lines import junit_error_lines
 from dvtcli.cli.view.reports.sarif_lines import sarif_lines
+from dvtcli.device.change.change_history import ChangeHistory
 from dvtcli.device.change.journal import Journals
 from dvtcli.device.change.private_file import file_name
-from dvtcli.device.change_history import ChangeHistory
 from dvtcli.domain.datatypes import BY_SHORT_NAME
 from dvtcli.domain.file_complaint import FileComplaint
 from dvtcli.domain.network.picture import (

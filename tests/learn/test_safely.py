@@ -6,10 +6,10 @@ from dataclasses import dataclass, field, replace
 
 import pytest
 
-from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.learn.safely import Asked, Terms, ask_safely, roll_back_writes
 from dvtcli.device.learn.subjects import subjects
 from dvtcli.device.node import Node
+from dvtcli.device.store.pending import CHANGE
 from dvtcli.domain.learning.operational import IN_OPERATIONAL
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from dvtcli.device.change_history import MOST_CHANGES, ChangeHistory
+from dvtcli.device.change.change_history import MOST_CHANGES, ChangeHistory
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Plan, Step, ValueChange

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import dvtcli
-from dvtcli.device.scan_objects import scan_objects
+from dvtcli.device.read_whole import scan_objects
 from dvtcli.domain.configuration import Configuration
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import SafetyRefusal

@@ -34,7 +34,7 @@ def read_decimal(session: SessionNodes, node_id: int, index: int, sub_index: int
 
 def write(session: Session, node_id: int, index: int, sub_index: int, data: bytes) -> WordResult:
     """Write *data* as `write` does: checked, journalled, read back, and rolled back if different."""
-    from dvtcli.device.store_parameters import SIGNATURES
+    from dvtcli.device.store.store_parameters import SIGNATURES
     from dvtcli.operations.objects.write_object import signature, write_bytes
 
     node = session.node(node_id)

@@ -33,7 +33,7 @@ from dvtcli.cli.view.lines import Cell
 from dvtcli.cli.view.output import Output
 from dvtcli.cli.view.paint import wrapped
 from dvtcli.cli.view.typed_hints import error_text, typed
-from dvtcli.device.trust import open_private, private_folder
+from dvtcli.device.change.private_file import open_private, private_folder
 from dvtcli.domain.text import safe
 from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError
 from dvtcli.files.user_folders import user_folder

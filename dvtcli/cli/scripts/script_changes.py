@@ -330,7 +330,7 @@ class ScriptChanges:
         self, left: LeftChanged, made: Iterable[tuple[Node, Sequence[Plan]]], failed: LeftChanged | None
     ) -> None:
         """Add to *left* the nodes' differences from before the script, and before the line that *failed*."""
-        from dvtcli.device.change.journal_contents import combine_plans
+        from dvtcli.device.change.journal import combine_plans
         from dvtcli.device.change.left_behind import Guarded, name_left
         from dvtcli.domain.plan import Plan
 

@@ -8,15 +8,21 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from dvtcli.device.backups import backups
+from dvtcli.device.change.backups import backups
 from dvtcli.device.change.change_group import ChangeGroup, GroupMember
+from dvtcli.device.change.change_history import ChangeHistory
 from dvtcli.device.change.journal import Journal, Journals, read_journal
 from dvtcli.device.change.lock import NodeLock
 from dvtcli.device.change.own_journal import ROOM_OF_TEST, OwnJournal, journal_files, room_beside
 from dvtcli.device.change.plan_document import Identity
-from dvtcli.device.change.private_file import file_name, remove, remove_unfinished, set_aside, write_private
-from dvtcli.device.change_history import ChangeHistory
-from dvtcli.device.trust import check_folder
+from dvtcli.device.change.private_file import (
+    check_folder,
+    file_name,
+    remove,
+    remove_unfinished,
+    set_aside,
+    write_private,
+)
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import PdoChange, Plan

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.expected import Expected
-from dvtcli.device.change.pending import Pending
 from dvtcli.device.known_pdos import KnownPdos
 from dvtcli.device.observe import InitialState
 from dvtcli.device.seen_state import present_state
+from dvtcli.device.store.pending import Pending
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.profile import PreOperational
 from dvtcli.errors import BusUnavailable

@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.accepted_state import refuse_other_device
 from dvtcli.device.change.left_behind import Guarded, could_not, name_left
-from dvtcli.device.change.pending import CHANGE
 from dvtcli.device.change.roll_back import roll_back_patiently, unreadable_now
-from dvtcli.device.change.undo_findings import put_back_findings
-from dvtcli.device.change.undo_plan import undo_plan_of
+from dvtcli.device.change.undo_plan import put_back_findings, undo_plan_of
 from dvtcli.device.change.untouched_pdos import altered_of, as_they_are, is_of_pdo, others_left, present_beside
 from dvtcli.device.observe import MOST_LOOKS, BusWitness
 from dvtcli.device.stamped import NO_STAMP, held_stamp, is_stamp, stamp_back
+from dvtcli.device.store.pending import CHANGE
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.network.network_plan import phases
 from dvtcli.domain.nmt import NmtState

@@ -14,8 +14,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO
 
-from dvtcli.device.change.private_file import file_name, to_disk
-from dvtcli.device.trust import check_folder, open_private, private_folder
+from dvtcli.device.change.private_file import check_folder, file_name, open_private, private_folder, to_disk
 from dvtcli.errors import SafetyRefusal
 
 #: two holders and a path

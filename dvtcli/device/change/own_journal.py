@@ -13,12 +13,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from dvtcli.device.change.change_group import ChangeGroup, GroupMember, Storing
-from dvtcli.device.change.journal import Journal, Journals
-from dvtcli.device.change.journal_contents import JournalContents, combine_plans, covers
+from dvtcli.device.change.journal import Journal, JournalContents, Journals, combine_plans, covers
 from dvtcli.device.change.lock import NodeLock
 from dvtcli.device.change.plan_document import Identity, change_document
-from dvtcli.device.change.private_file import remove
-from dvtcli.device.trust import OTHER_STATE
+from dvtcli.device.change.private_file import OTHER_STATE, remove
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import PdoChange, Plan, plan_pdo

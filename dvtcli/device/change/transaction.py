@@ -24,7 +24,7 @@ from dvtcli.device.change.roll_back import (
     held_otherwise,
     roll_back_patiently,
 )
-from dvtcli.device.change.undo_findings import put_back_findings
+from dvtcli.device.change.undo_plan import put_back_findings
 from dvtcli.device.change.untouched_pdos import UntouchedPdos, altered_too, is_of_pdo
 from dvtcli.device.observe import MOST_LOOKS, RebootMonitor, Undisturbed, observed, restarted_since_read
 from dvtcli.domain.hint import Action, Hint

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.after_change import left_open
+from dvtcli.device.change.failed_change import left_open
 from dvtcli.device.change.roll_back import roll_back_patiently
 from dvtcli.device.learn.asking import Asking
 from dvtcli.device.learn.saving import SignatureAnswers, ask_to_save

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from dvtcli.device.neighbours import producers
+from dvtcli.device.other_producers import producers
 from dvtcli.device.read_pdos import ABSENT, service_ids
 from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.learning.probe import Features, ProbedPdo

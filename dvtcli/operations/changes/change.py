@@ -7,15 +7,17 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from dvtcli.device.store.unstored import last_unstored
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.plan import PdoChange, ValueChange, alters
 from dvtcli.domain.process_data import is_standard_command
 from dvtcli.domain.rules.producer import producer_findings, sent_by
 from dvtcli.domain.script_line import change_lines
+from dvtcli.errors import DeviceRefused, DvtcliError
 from dvtcli.operations.results import Changed
 
 if TYPE_CHECKING:
-    from dvtcli.device.applied import Applied
+    from dvtcli.device.change.applied import Applied
     from dvtcli.device.node import Node
     from dvtcli.device.node_parts import NodeDescription
     from dvtcli.device.observe import InitialState
@@ -24,9 +26,8 @@ if TYPE_CHECKING:
     from dvtcli.domain.pdo import Pdo
     from dvtcli.domain.plan import Change, Plan, Step
     from dvtcli.domain.request import PdoWant
-    from dvtcli.domain.rules import Finding
+    from dvtcli.domain.rules.finding import Finding
     from dvtcli.operations.session.session_nodes import SessionNodes
-
 
 #: "store parameters" (CiA 301, 7.5.2.13)
 _STORE = 0x1010
@@ -107,7 +108,6 @@ def changed(
 
 def _is_as_stored(node: Node, applied: Applied) -> bool:
     """Tell whether no store by dvtcli took another value than *applied* rolled back to."""
-    from dvtcli.device.may_be_unstored import may_be_unstored
 
     return not may_be_unstored(node, [change.label for change in applied.plan.changes if alters(change)])
 
@@ -122,8 +122,6 @@ def keep_words(node: Node, plan: Plan) -> Hint | str:
     if policy.instead:
         return f"to keep it, {policy.instead}"
     if node.dictionary is None or not any(node.dictionary.entry(_STORE, index) for index in policy.sub_indices):
-        from dvtcli.device.takes_store import takes_store
-
         stores = takes_store(node)
     else:
         stores = True
@@ -152,3 +150,33 @@ def names(node: NodeDescription, changes: Iterable[object]) -> dict[str, str]:
             for entry in change.after.mapping:
                 found[entry.object] = node.dictionary.display_name(entry.index, entry.sub_index)
     return found
+
+
+def may_be_unstored(node: Node, labels: Iterable[str]) -> set[str]:
+    """The labels of changes by dvtcli that *node* may not have stored.
+
+    All *labels* if the stored values are no state of this session, as after a partial store.
+    """
+    pending, wanted = node.pending, set(labels)
+    if pending.partly_stored or len(node.history) < pending.stored_at:
+        return wanted
+    since = node.history[max(pending.stored_at, pending.lost_until) :]
+    unstored = {change.label for plan in since for change in plan.changes if alters(change)}
+    if node.keeper is not None:
+        unstored |= last_unstored(node, node.keeper.past, node.identity()).keys()
+    return wanted & unstored
+
+
+def takes_store(node: Node) -> bool:
+    """True if *node* supports a store command, or nobody knows; its 0x1010 is read once."""
+    if node.takes_store is None:
+        from dvtcli.device.store.store_parameters import STORE, chosen
+
+        try:
+            chosen(node.access, node.profile.store, STORE, None, node.dictionary)
+            node.takes_store = True
+        except DeviceRefused:
+            node.takes_store = False
+        except DvtcliError:
+            return True
+    return node.takes_store

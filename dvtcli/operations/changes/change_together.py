@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from dvtcli.bus.turns import one_by_one
 from dvtcli.device.change.change_group import GroupMember
 from dvtcli.device.change.own_journal import complete_wholes
-from dvtcli.device.change.undo_findings import with_undo_findings
+from dvtcli.device.change.undo_plan import with_undo_findings
 from dvtcli.device.change.untouched_pdos import as_they_are, present_beside, wholes_beside
 from dvtcli.device.stamped import is_stamp
 from dvtcli.domain.network.network_plan import phases

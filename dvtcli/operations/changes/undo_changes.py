@@ -17,7 +17,7 @@ from dvtcli.operations.changes.change import changed
 from dvtcli.operations.results import Changed, ChangedNodes
 
 if TYPE_CHECKING:
-    from dvtcli.device.applied import Applied
+    from dvtcli.device.change.applied import Applied
     from dvtcli.device.node import Node
     from dvtcli.operations.changes.undo_together import Undoing
     from dvtcli.operations.session.session import Session

@@ -9,7 +9,7 @@ import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from dvtcli.device.trust import unreadable
+from dvtcli.device.change.private_file import unreadable
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.rules.finding import WARNING, Finding, Rule, warning
 from dvtcli.errors import NoAnswer, SafetyRefusal, SdoAborted, SdoProtocolError, UsageError
@@ -19,10 +19,10 @@ from dvtcli.operations.results import Changed
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from dvtcli.device.applied import Applied
+    from dvtcli.device.change.applied import Applied
     from dvtcli.device.change.change_guard import ChangeGuard
+    from dvtcli.device.change.change_history import ChangeHistory, ChangeHistoryEntry
     from dvtcli.device.change.plan_document import Identity
-    from dvtcli.device.change_history import ChangeHistory, ChangeHistoryEntry
     from dvtcli.device.node import Node
     from dvtcli.domain.plan import Plan
     from dvtcli.operations.changes.undo_together import Undoing

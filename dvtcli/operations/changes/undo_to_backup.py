@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.device.backups import backups, of_this_device, remarks, way_to
+from dvtcli.device.change.backups import backups, of_this_device, remarks, way_to
 from dvtcli.device.wish import Wish
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Pdo

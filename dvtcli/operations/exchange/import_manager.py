@@ -12,7 +12,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import read_identity
-from dvtcli.device.store_parameters import SIGNATURES
+from dvtcli.device.store.store_parameters import SIGNATURES
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import CanopenTime, DataType, Kind
 from dvtcli.domain.mapping import MAX_ENTRIES, MAX_PDO_BITS, PdoMappingEntry

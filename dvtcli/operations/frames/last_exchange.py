@@ -14,7 +14,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.device.trust import open_private, private_folder, unreadable
+from dvtcli.device.change.private_file import open_private, private_folder, unreadable
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.typed_frame import typed_frame

@@ -14,7 +14,7 @@ from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.text import plural
 from dvtcli.errors import DvtcliError
 from dvtcli.operations.results.sent import NO_END, Outcome
-from dvtcli.watch.lateness import Lateness
+from dvtcli.watch.statistics import Lateness
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame

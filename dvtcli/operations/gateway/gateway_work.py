@@ -10,7 +10,7 @@ from time import monotonic
 from typing import TYPE_CHECKING
 
 from dvtcli.bus.node_watch import HEARTBEAT
-from dvtcli.device.store_parameters import SIGNATURES
+from dvtcli.device.store.store_parameters import SIGNATURES
 from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.gateway.gateway_answers import Answer, Done, Failed, GatewayError
 from dvtcli.domain.gateway.line_words import HEX, value_text

@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from time import monotonic
 from typing import TYPE_CHECKING
 
-from dvtcli.device.trust import is_own_user, replaceable
+from dvtcli.device.change.private_file import is_own_user, replaceable
 from dvtcli.domain.gateway.gateway_answers import (
     Answer,
     Dialect,

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dvtcli.device.access_level import level_finding
-from dvtcli.device.applied import refuse
+from dvtcli.device.change.applied import refuse
 from dvtcli.device.learn.read_device import absences
 from dvtcli.device.learn.safely import Terms, ask_safely
 from dvtcli.device.learn.saving import read_storage
 from dvtcli.device.learn.subjects import mapped_subjects, subjects
-from dvtcli.device.storing import mark_stored, require_storable
+from dvtcli.device.store.unstored import mark_stored, require_storable
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.learning.conclusions import conclude, forecast, most_until_refused, most_writes
 from dvtcli.domain.learning.probe import Conclusions

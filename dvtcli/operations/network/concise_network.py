@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.described_node import Defaults, FileValues
 from dvtcli.device.read_pdos import WHATEVER, read_pdo
-from dvtcli.device.store_parameters import SIGNATURES
+from dvtcli.device.store.store_parameters import SIGNATURES
 from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.concise_dcf import (

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.device.heard_producers import heard_ids
+from dvtcli.device.other_producers import heard_ids
 from dvtcli.domain.hint import Action, Hint, plain_json
 from dvtcli.domain.network.network_plan import NetworkPlan
 from dvtcli.errors import InputFileError, UsageError

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
-from dvtcli.device.store_parameters import RESTORE, SIGNATURES, STORE
+from dvtcli.device.store.store_parameters import RESTORE, SIGNATURES, STORE
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_state import CONCISE_DCF

@@ -240,7 +240,7 @@ def _restarted_since(node: Node) -> bool:
 
 def _ended(session: SessionNodes, recovery: Recovery, stored: bool | None, seconds: float) -> Changed:
     """Remove the journal after a recovery, and return the result; *stored* as of `stored_before`."""
-    from dvtcli.device.applied import Applied
+    from dvtcli.device.change.applied import Applied
     from dvtcli.device.change.undo_plan import unknown_before, unrestored_objects
 
     node, journal = session.node(recovery.node.node_id), recovery.journal

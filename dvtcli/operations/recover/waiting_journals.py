@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.journal import Journals, read_journal
 from dvtcli.device.change.lock import NodeLock
-from dvtcli.device.change.private_file import file_name
-from dvtcli.device.trust import unreadable
+from dvtcli.device.change.private_file import file_name, unreadable
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import InputFileError, NoAnswer, SafetyRefusal, UsageError
 from dvtcli.operations.user.keeping import state_folder

@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from dvtcli.device.store_parameters import STORE, chosen
+from dvtcli.device.store.store_parameters import STORE, chosen
 from dvtcli.domain.hint import Hint, as_hint
 from dvtcli.domain.rules.finding import ERROR, Finding, Rule, error
 from dvtcli.errors import DeviceRefused, RuleError, SdoAborted
@@ -65,7 +65,7 @@ def refuse_stores_of(nodes: Mapping[int, ReadableNode], wish: NetworkWish, log: 
 
 def refuse_unprovable_stores(nodes: Mapping[int, ReadableNode], stores: Mapping[int, str], prove: str) -> None:
     """Raises DeviceRefused if a restart (`reset`, `power`) could not prove a store of *stores*."""
-    from dvtcli.device.change.proven import refuse_unprovable
+    from dvtcli.device.store.proven import refuse_unprovable
 
     for node_id, word in stores.items():
         refuse_unprovable(nodes[node_id], store_group(word), certain=prove == "power")

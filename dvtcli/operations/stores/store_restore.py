@@ -6,14 +6,21 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.pending import COMMUNICATION, EVERYTHING, GROUPS
-from dvtcli.device.change.proven import Restart, prepare_proof, prove_store, refuse_deaf_to_reset, refuse_unprovable
-from dvtcli.device.change.proven_restore import prove_restore, restart_and_read
 from dvtcli.device.resets import await_power_cycle, reset_and_wait, return_to
-from dvtcli.device.snapshot import Snapshot
 from dvtcli.device.stamped import NO_STAMP, held_stamp, stamp_changes
-from dvtcli.device.store_parameters import RESTORE, STORE, chosen, write_signature
-from dvtcli.device.storing import mark_stored, prepare_store, require_storable
+from dvtcli.device.store.pending import COMMUNICATION, EVERYTHING, GROUPS
+from dvtcli.device.store.proven import (
+    Restart,
+    prepare_proof,
+    prove_restore,
+    prove_store,
+    refuse_deaf_to_reset,
+    refuse_unprovable,
+    restart_and_read,
+)
+from dvtcli.device.store.snapshot import Snapshot
+from dvtcli.device.store.store_parameters import RESTORE, STORE, chosen, write_signature
+from dvtcli.device.store.unstored import mark_stored, prepare_store, require_storable
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.plan import Plan
@@ -27,7 +34,7 @@ if TYPE_CHECKING:
 
     from dvtcli.device.node import Node
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
-    from dvtcli.device.store_parameters import Signed
+    from dvtcli.device.store.store_parameters import Signed
     from dvtcli.device.wish import Says
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.change_group import ChangeGroup
 from dvtcli.device.change.change_guard import ChangeGuard
+from dvtcli.device.change.change_history import ChangeHistory
 from dvtcli.device.change.journal import Journals
-from dvtcli.device.change_history import ChangeHistory
+from dvtcli.device.change.private_file import unusable
 from dvtcli.device.program_note import ProgramNotes
-from dvtcli.device.trust import unusable
 from dvtcli.domain.hint import Action, Hint, as_hint, verbatim
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.text import join_some

@@ -7,7 +7,7 @@ import stat
 import sys
 from typing import NamedTuple
 
-from dvtcli.device.trust import replaceable, stranger, sudo_user
+from dvtcli.device.change.private_file import replaceable, stranger, sudo_user
 from dvtcli.errors import DvtcliError, InputFileError, SafetyRefusal, UsageError
 from dvtcli.files.user_folders import user_folder
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from dvtcli.device.trust import open_private
+from dvtcli.device.change.private_file import open_private
 from dvtcli.errors import SafetyRefusal
 from dvtcli.files.user_folders import user_folder
 
@@ -81,7 +81,7 @@ def _file(known: str) -> Path:
 def _said(known: str) -> str:
     """Return the record of the file, empty if none, or if another user may have written it."""
     try:
-        from dvtcli.device.trust import check_folder
+        from dvtcli.device.change.private_file import check_folder
 
         check_folder(_folder())
     except (OSError, SafetyRefusal):

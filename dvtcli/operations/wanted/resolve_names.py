@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from dvtcli.device.proposal import proposal
 from dvtcli.device.raw_write_check import readable_value
 from dvtcli.device.read_pdos import read_optional
-from dvtcli.device.store_parameters import SIGNATURES
+from dvtcli.device.store.store_parameters import SIGNATURES
 from dvtcli.device.virtual_pdos import read_pins
 from dvtcli.domain.datatypes import parse_number
 from dvtcli.domain.mapping import PdoMappingEntry

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.device.stamped import ended_stamp, held_stamp, stamp_changes
-from dvtcli.device.unstored import is_remembered
+from dvtcli.device.store.unstored import is_remembered
 from dvtcli.domain.plan import STAMP, ValueChange
 from dvtcli.domain.rules.finding import NOTE, Rule, note
 from dvtcli.domain.stamp import DATE, TIME, Stamp

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.device.file_fits import refuse_unlike_file
-from dvtcli.device.scan_objects import AREAS, scan_objects
+from dvtcli.device.read_whole import AREAS, scan_objects
 from dvtcli.domain.configuration import Configuration
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.text import join_some, plural

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.pending import REBOOT, VERIFY
 from dvtcli.device.described_node import FileValues
 from dvtcli.device.file_fits import unlike_before
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.device.read_whole import Unread, named_itself
+from dvtcli.device.store.pending import REBOOT, VERIFY
 from dvtcli.device.wish import Wish, session_wish, unlike
 from dvtcli.domain.configuration import Configuration, configuration_of
 from dvtcli.domain.hint import Action, Hint, as_hint

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.device.heard_producers import heard_ids
+from dvtcli.device.other_producers import heard_ids
 from dvtcli.device.raw_write_check import readable_value
 from dvtcli.device.wish import Wish
 from dvtcli.domain.configuration import NotWritten

@@ -14,8 +14,7 @@ from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.watch.decoder import Decoder, Layout, Signal
 from dvtcli.watch.explain.known_node import KnownNode, of_mpdo, said
-from dvtcli.watch.explain.lss_parts import lss_parts
-from dvtcli.watch.explain.parts import BIT_INDENT, Bytes, FramePart
+from dvtcli.watch.explain.parts import BIT_INDENT, Bytes, FramePart, lss_parts
 from dvtcli.watch.service import Service, service_of
 
 #: name and value text of an object, by index, sub-index and bytes (None: no value)

@@ -55,7 +55,7 @@ def test_a_time_out_is_not_explained_by_a_missing_eds(step: int) -> None:
 
 
 def test_a_store_that_was_acknowledged_by_a_node_that_went_away_says_so() -> None:
-    from dvtcli.device.store_parameters import STORE, Signed
+    from dvtcli.device.store.store_parameters import STORE, Signed
     from dvtcli.errors import DeviceRefused
     from dvtcli.operations.stores.store_restore import refuse_after_restart
 

@@ -17,7 +17,7 @@ from dvtcli.operations.user.options import Options
 from dvtcli.operations.user.reporter import NullReporter
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.watch.frame_effect import Parties, effects
-from dvtcli.watch.lateness import Lateness
+from dvtcli.watch.statistics import Lateness
 from tests.commands.bench import Bench
 from tests.small_eds import U8, U32, Eds, var
 from tests.virtual_time import VirtualTimeBus

@@ -233,7 +233,7 @@ def test_a_state_folder_without_rights_stops_changes_only(tmp_path: Path, bits: 
     for parent in tmp_path.parents:
         assert parent.exists()
     program = (
-        "import os,sys\nfrom pathlib import Path\nfrom dvtcli.device.trust import unusable\n"
+        "import os,sys\nfrom pathlib import Path\nfrom dvtcli.device.change.private_file import unusable\n"
         "from dvtcli.device.change.change_guard import ChangeGuard\nfrom dvtcli.errors import SafetyRefusal\n"
         f"os.chown({str(folder)!r}, 65534, 65534)\nos.chdir({str(tmp_path)!r})\nos.setgroups([])\n"
         "os.setgid(65534)\nos.setuid(65534)\nfolder = Path('state')\n"

@@ -10,12 +10,11 @@ from typing import Any
 
 import pytest
 
-from dvtcli.device.canary import Canary, choose_canary
-from dvtcli.device.change.pending import CHANGE
-from dvtcli.device.change.proven import Restart
-from dvtcli.device.change.proven_restore import prove_restore
 from dvtcli.device.resets import await_power_cycle
-from dvtcli.device.store_parameters import RESTORE, Signed
+from dvtcli.device.store.canary import Canary, choose_canary
+from dvtcli.device.store.pending import CHANGE
+from dvtcli.device.store.proven import Restart, prove_restore
+from dvtcli.device.store.store_parameters import RESTORE, Signed
 from dvtcli.domain.proof import POWER
 from dvtcli.errors import NoAnswer
 from dvtcli.simulator.device.strict_device import StrictDevice

@@ -14,7 +14,7 @@ from tests.house.laws.uses import ALL, STAR, Top, taken
 ASKED_BY: dict[str, tuple[str, ...]] = {
     "device/change/transaction.py": ("device/change/",),
     "device/change/roll_back.py": ("device/",),
-    "device/store_parameters.py": ("operations/stores/store_restore.py",),
+    "device/store/store_parameters.py": ("operations/stores/store_restore.py",),
     "device/resets.py": ("device/", "operations/nodes/command_nmt.py", "operations/stores/store_restore.py"),
     "device/access_level.py": ("device/", "operations/nodes/log_in.py", "cli/dvt/state.py"),
     "device/nmt_gate.py": ("device/",),
@@ -45,7 +45,7 @@ ASKED_BY: dict[str, tuple[str, ...]] = {
 #: what anybody may take from them, since it sends nothing: numbers, what was answered, and what only reads
 HARMLESS: dict[str, frozenset[str]] = {
     "device/change/roll_back.py": frozenset({"PATIENCE_S", "RETRY_S", "first_difference"}),
-    "device/store_parameters.py": frozenset({"STORE", "RESTORE", "SIGNATURES", "Signed", "chosen", "word_of"}),
+    "device/store/store_parameters.py": frozenset({"STORE", "RESTORE", "SIGNATURES", "Signed", "chosen", "word_of"}),
     "device/access_level.py": frozenset({"level_finding"}),
     "device/nmt_gate.py": frozenset({"NodeAccess"}),
     "device/seen_state.py": frozenset({"HEARTBEAT_TIME", "CONTROLWORDS", "STATUSWORDS"}),

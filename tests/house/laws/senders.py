@@ -37,7 +37,7 @@ MAY_SEND = {
     "domain/ports.py": "the contract itself",
     "device/change/transaction.py": "plans",
     "device/change/roll_back.py": "the way back",
-    "device/store_parameters.py": "signatures of store and restore",
+    "device/store/store_parameters.py": "signatures of store and restore",
     "device/resets.py": "resets, under consent",
     "device/access_level.py": "logins",
     "device/nmt_gate.py": "the NMT gate, and the device's own state object",

@@ -25,12 +25,14 @@ BREAKS = [
     Break("senders", "operations/pdos/helper.py", in_a_function("from dvtcli.device import resets")),
     Break("senders", "cli/dvt/single_sdos.py", in_a_function("import dvtcli.device.learn.asking")),
     Break("senders", "operations/helper.py", in_a_function("session.canopen(1).nmt.state = 'OPERATIONAL'")),
-    Break("senders", "operations/nodes/helper.py", "import dvtcli.device.store_parameters as keeping"),
-    Break("senders", "operations/nodes/helper.py", "from dvtcli.device.store_parameters import *"),
+    Break("senders", "operations/nodes/helper.py", "import dvtcli.device.store.store_parameters as keeping"),
+    Break("senders", "operations/nodes/helper.py", "from dvtcli.device.store.store_parameters import *"),
     Break(
-        "senders", "operations/nodes/helper.py", "from dvtcli.device.store_parameters import write_signature as chosen"
+        "senders",
+        "operations/nodes/helper.py",
+        "from dvtcli.device.store.store_parameters import write_signature as chosen",
     ),
-    Break("senders", "operations/nodes/helper.py", "from dvtcli.device import store_parameters"),
+    Break("senders", "operations/nodes/helper.py", "from dvtcli.device.store import store_parameters"),
     Break(
         "senders", "operations/nodes/helper.py", "from dvtcli.operations.stores.store_restore import write_signature"
     ),
@@ -45,13 +47,13 @@ BREAKS = [
     Break(
         "senders",
         "operations/nodes/helper.py",
-        in_a_function('importlib.import_module("dvtcli.device.store_parameters").write_signature(node)'),
+        in_a_function('importlib.import_module("dvtcli.device.store.store_parameters").write_signature(node)'),
     ),
     Break(
         "senders",
         "operations/nodes/helper.py",
         in_a_function(
-            "import dvtcli.device.change.transaction", "dvtcli.device.store_parameters.write_signature(node)"
+            "import dvtcli.device.change.transaction", "dvtcli.device.store.store_parameters.write_signature(node)"
         ),
     ),
     Break("senders", "cli/commands/map.py", in_a_function("s = node.sdo", "getattr(s, node.word)(1)")),

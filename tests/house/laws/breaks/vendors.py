@@ -7,7 +7,9 @@ from tests.house.laws.breaks.way import Break, in_a_function
 BREAKS = [
     Break("vendors", "device/node.py", in_a_function('if node.profile.name == "gen4":', "    return 1")),
     Break(
-        "vendors", "device/store_parameters.py", in_a_function("if node.identity()['vendor'] == 0x1E:", "    return 1")
+        "vendors",
+        "device/store/store_parameters.py",
+        in_a_function("if node.identity()['vendor'] == 0x1E:", "    return 1"),
     ),
     Break("vendors", "operations/changes/change.py", "VENDOR = 0x4349"),
     Break("vendors", "domain/plan.py", "class TrinamicPlan: ..."),

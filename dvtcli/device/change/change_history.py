@@ -19,8 +19,7 @@ from typing import Any
 from dvtcli.device.change.journal import MOST_BYTES
 from dvtcli.device.change.lock import WAIT_S, lock_within
 from dvtcli.device.change.plan_document import Identity, change_document, read_number, read_plan
-from dvtcli.device.change.private_file import file_name, set_aside, to_disk, write_private
-from dvtcli.device.trust import open_private, private_folder
+from dvtcli.device.change.private_file import file_name, open_private, private_folder, set_aside, to_disk, write_private
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.plan import Change, Plan, alters
 from dvtcli.errors import InputFileError, SafetyRefusal

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.pending import GROUPS
 from dvtcli.device.process_data import is_no_setting
 from dvtcli.device.read_pdos import UNREADABLE
+from dvtcli.device.store.pending import GROUPS
 from dvtcli.device.wish import Place
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Plan, ValueChange

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dvtcli.domain.plan import Plan
-from dvtcli.domain.rules import Finding, errors_in
+from dvtcli.domain.rules import errors_in
+from dvtcli.domain.rules.finding import Finding
 from dvtcli.errors import RuleError
 
 
