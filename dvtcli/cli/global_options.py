@@ -53,6 +53,15 @@ _TABLE: list[tuple[tuple[str, ...], dict[str, Any]]] = [
     ),
     (("--dry-run",), {"is_flag": True, "help": "Work on a twin of the node; write nothing to the bus."}),
     (("--eds",), {"metavar": "FILE", "help": "EDS, DCF, XDD or XDC of the node, or a simulated family."}),
+    (
+        ("--modules",),
+        {
+            "multiple": True,
+            "metavar": "[NODE:]N,N,…",
+            "help": "Connected modules of a modular device, by their numbers in its EDS: 1,1,2; repeatable "
+            "[read from 0x1027].",
+        },
+    ),
     (("-p", "--profile"), {"metavar": "NAME", "help": "Device family [found by the node's identity]."}),
     (("--json", "format"), {"flag_value": "json", "is_flag": True, "help": "Results as JSON (same as --format json)."}),
     (("--format", "format"), {"type": click.Choice(CHOICES["format"]), "help": "How results are printed."}),

@@ -25,7 +25,7 @@ UNREADABLE = ABSENT | {Abort.WRITE_ONLY, Abort.UNSUPPORTED_ACCESS}
 WHATEVER = range(1 << 32)
 #: Stands for the COB-ID of a PDO that has none: bit 31 set says that the PDO does not exist (CiA 301, 7.5.2.35).
 _NO_COB_ID = CobId(0, valid=False)
-IDENTITY = 0x1018
+IDENTITY, MODULE_LIST = 0x1018, 0x1027
 #: Without an EDS every PDO up to this number is asked for; beyond it the first gap ends the search.
 ALWAYS_PROBED = 4
 
@@ -56,6 +56,15 @@ def read_identity(sdo: SdoReader, sub_index: int) -> int | None:
     try:
         return read_number(sdo, IDENTITY, sub_index, 4)
     except SdoAborted:
+        return None
+
+
+def read_modules(sdo: SdoReader) -> tuple[int, ...] | None:
+    """Read the module list (0x1027, CiA 301, 7.5.2.24): the modules' numbers in the EDS; None if it cannot be read."""
+    try:
+        count = read_number(sdo, MODULE_LIST, 0, 1)
+        return tuple(read_number(sdo, MODULE_LIST, sub_index, 2) for sub_index in range(1, count + 1))
+    except (SdoAborted, SdoProtocolError):
         return None
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
-from dvtcli.domain.object_dictionary import Commissioning, DeviceInfo, ObjectDictionary, OdEntry, OdObject
+from dvtcli.domain.object_dictionary import Commissioning, DeviceInfo, Modules, ObjectDictionary, OdEntry, OdObject
 from dvtcli.domain.scaling import parse_offset
 
 #: Fields about the place in a file, excluded from the comparison.
@@ -41,7 +41,8 @@ def differences(before: ObjectDictionary, after: ObjectDictionary) -> Iterator[D
 
 
 def _bare(info: DeviceInfo) -> DeviceInfo:
-    return replace(info, commissioning=Commissioning())
+    """*info* without what is compared by itself, and modules: the file's text is kept."""
+    return replace(info, commissioning=Commissioning(), modules=Modules())
 
 
 def _in_object(held: OdObject, left: OdObject) -> Iterator[DictionaryDifference]:

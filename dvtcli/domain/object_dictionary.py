@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from bisect import bisect_left
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import IntEnum, StrEnum
 
 from dvtcli.domain.datatypes import DataType
@@ -169,6 +169,18 @@ _IDENTITY, ERASED = 0x1018, 0xFFFF_FFFF
 
 
 @dataclass(frozen=True, slots=True)
+class Modules:
+    """Modules of a modular device (CiA 306, 4.8): numbers and names of the *supported* ones, numbers as *connected*."""
+
+    supported: Mapping[int, str] = field(default_factory=dict)
+    connected: tuple[int, ...] = ()
+
+    def without_description(self, modules: Collection[int]) -> list[int]:
+        """Return those of *modules* that the file does not describe."""
+        return sorted(set(modules) - self.supported.keys())
+
+
+@dataclass(frozen=True, slots=True)
 class DeviceInfo:
     """Data of a file about the whole device; None or empty if missing."""
 
@@ -190,6 +202,7 @@ class DeviceInfo:
     group_messaging: bool | None = None
     lss_supported: bool | None = None
     commissioning: Commissioning = Commissioning()
+    modules: Modules = Modules()
 
     @property
     def identity(self) -> dict[str, int | None]:

@@ -13,7 +13,7 @@ from dvtcli.errors import InputFileError
 from dvtcli.files.input_file import read_input_head
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
     from datetime import datetime
 
     from dvtcli.domain.object_dictionary import ObjectDictionary
@@ -31,9 +31,10 @@ _LOOKED_AT = 64
 _MARKS = b"\xef\xbb\xbf\xff\xfe\0 \t\r\n"
 
 
-def read_device_file(path: Path) -> EdsFile | XddFile:
+def read_device_file(path: Path, modules: Sequence[int] | None = None) -> EdsFile | XddFile:
     """Read the EDS, DCF, XDD or XDC file at *path*.
 
+    An EDS or DCF of a modular device is read with *modules* connected, by their numbers in the file; None: as it says.
     Raises InputFileError, with the line, for any other file; OSError if the file cannot be read.
     """
     if _is_xml(path):
@@ -42,7 +43,7 @@ def read_device_file(path: Path) -> EdsFile | XddFile:
         return read_xdd(path)
     from dvtcli.files.eds.reader import read_eds
 
-    return read_eds(path)
+    return read_eds(path, modules)
 
 
 def parse_device_file(data: bytes, source: str) -> EdsFile | XddFile:

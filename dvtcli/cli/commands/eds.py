@@ -122,6 +122,7 @@ def command(
     eds remove drive.eds
     eds convert drive.eds drive.xdd
     eds convert press.dcf press.xdc
+    eds convert coupler.eds coupler.dcf --modules 1,1,2    of a modular device, with its modules
     eds convert press.yaml ram.cdcf --for ram
     eds convert press.dcf press.cdcf
     eds convert press.yaml press.dbc
@@ -136,7 +137,9 @@ def command(
     if action == "check":
         from dvtcli.operations.known_devices.eds_files import check_eds
 
-        return check_eds(files, only, without, strict=strict, family=session.options.profile)
+        return check_eds(
+            files, only, without, strict=strict, family=session.options.profile, modules=session.options.chosen_modules
+        )
     if action == "convert":
         return _convert(session, files, conversion)
     return _show(session, _one(action, files)) if action == "show" else _library(session, action, files, identity)
@@ -190,7 +193,7 @@ def _show(session: SessionUser, file: str) -> Facts:
     from dvtcli.operations.known_devices.eds_files import show_eds
 
     if not file.lower().endswith(SUFFIX):
-        return show_eds(file)
+        return show_eds(file, session.options.chosen_modules)
     from dvtcli.operations.network.concise_network import show_concise
     from dvtcli.operations.opening.device_files import offline_dictionaries
 

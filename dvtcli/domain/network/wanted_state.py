@@ -150,6 +150,9 @@ class NodeWish:
     #: place of `profile`, and of *identity* by sub-index of 0x1018
     profile_mark: Mark = field(default=NOWHERE, compare=False)
     identity_marks: Mapping[int, Mark] = field(default_factory=dict, compare=False)
+    #: modules of a modular device, by their numbers in *dcf*; None: as the file or the device says
+    modules: tuple[int, ...] | None = None
+    modules_mark: Mark = field(default=NOWHERE, compare=False)
 
     @property
     def asks_nothing(self) -> bool:

@@ -6,7 +6,7 @@ understood or reported; `EdsFile.text` keeps the whole text with lines.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
@@ -22,7 +22,7 @@ from dvtcli.files.eds.findings import EdsFinding, Findings
 from dvtcli.files.eds.ini import IniText, IniValue, Values, section_values, split_sections
 from dvtcli.files.eds.keys import number_key, quoted, text_key
 from dvtcli.files.eds.layout import EdsLayout, ObjectSections, Parts, lay_out, report_repeated, report_stray
-from dvtcli.files.eds.modules import module_objects
+from dvtcli.files.eds.modules import connected_modules, module_objects, modules_of, with_modules
 from dvtcli.files.eds.numbers import read_number
 from dvtcli.files.eds.read_rules import (
     BAD_LINE,
@@ -352,39 +352,45 @@ class EdsFile:
         return section_values(parts, Findings())
 
 
-def read_eds(path: Path) -> EdsFile:
-    """Read the EDS or DCF file at *path*.
+def read_eds(path: Path, modules: Sequence[int] | None = None) -> EdsFile:
+    """Read the EDS or DCF file at *path*; of a modular device with *modules* connected (None: as the file says).
 
     Raises InputFileError if the file is no EDS or DCF, OSError if it cannot be read.
     """
-    return parse_eds(read_input_head(path, MOST_BYTES + 1), path.name)
+    return parse_eds(read_input_head(path, MOST_BYTES + 1), path.name, modules)
 
 
-def parse_eds(data: bytes, source: str) -> EdsFile:
-    """Parse the bytes of an EDS or DCF file; *source* is its name for messages.
+def parse_eds(data: bytes, source: str, modules: Sequence[int] | None = None) -> EdsFile:
+    """Parse the bytes of an EDS or DCF file; *source* is its name for messages, *modules* as of `read_eds`.
 
     Raises InputFileError if *data* has no section of an EDS, or is larger than any device needs.
     """
-    return _parsed(data, source)
+    return _parsed(data, source, None if modules is None else tuple(modules))
 
 
 #: nodes of a machine often share a file, and each command of a session reads its files again
 @lru_cache(maxsize=8)
-def _parsed(data: bytes, source: str) -> EdsFile:
+def _parsed(data: bytes, source: str, modules: tuple[int, ...] | None) -> EdsFile:
     if excess := too_much(data):
         raise InputFileError(f"{source} is {excess}", place=f"{source}:1", why="an EDS or DCF is some 100 kB")
     text = split_sections(data)
     layout = lay_out(text)
+    says_modules = bool(connected_modules(layout))
+    if modules is not None:
+        text = split_sections(with_modules(data, modules))
+        layout = lay_out(text)
     if not layout.recognised:
         raise _not_an_eds(data, source)
     findings = Findings()
     device = section_values(layout.device.get("deviceinfo", ()), findings)
     identity = _build(layout, _IDENTITY) if _IDENTITY in layout.objects else None
-    info = read_device_info(device, layout, identity, findings)
+    info = replace(read_device_info(device, layout, identity, findings), modules=modules_of(layout))
     objects: dict[int, OdObject | Callable[[], OdObject]] = {
         index: partial(_build, layout, index) for index in layout.objects
     }
-    objects |= module_objects(layout, lambda index, sections: _of_sections(index, sections, Findings()))
+    objects |= module_objects(
+        layout, lambda index, sections: _of_sections(index, sections, Findings()), chosen=not says_modules
+    )
     objects |= _compact_pdos(device, set(objects), info.rpdo_count or 0, info.tpdo_count or 0, findings)
     return EdsFile(ObjectDictionary(objects, info, source), text, layout, tuple(findings.found))
 

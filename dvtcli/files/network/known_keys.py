@@ -40,6 +40,13 @@ def _list(tree: Tree, _key: NetworkKey, log: FileLog) -> YamlList | None:
     return None
 
 
+def _modules(tree: Tree, key: NetworkKey, log: FileLog) -> tuple[int, ...] | None:
+    """Read a list of module numbers; None after a complaint about any of them."""
+    row = _list(tree, key, log)
+    numbers = [leaves.integer(item, key, log) for item in row.items] if row is not None else [None]
+    return None if None in numbers else tuple(number for number in numbers if number is not None)
+
+
 def _object(tree: Tree, _key: NetworkKey, log: FileLog) -> object:
     return leaves.object_word(tree, log)
 
@@ -63,6 +70,7 @@ _READERS: dict[Kind, Callable[[Any, NetworkKey, FileLog], object]] = {
     Kind.PINS: leaves.table,
     Kind.MEANINGS: leaves.table,
     Kind.ENTRIES: _list,
+    Kind.MODULES: _modules,
     Kind.VALUES: _list,
     Kind.LINKS: _list,
     Kind.ENDPOINT: _as_it_is,

@@ -45,6 +45,7 @@ class Kind(StrEnum):
     PINS = "group: pin: object"
     MEANINGS = "object: unit"
     ENTRIES = "list of objects"
+    MODULES = "list of numbers"
     VALUES = "list of values"
     LINKS = "list of links"
     ENDPOINT = "NODE:tpdoN"
@@ -119,6 +120,9 @@ KEYS: tuple[NetworkKey, ...] = (
                 "folder; a simulated family's name is that one's, the whole name of a file "
                 "in the EDS library is that file"),
     NetworkKey(Where.NODE, "eds", Kind.TEXT, "as `dcf`, where that is absent"),
+    NetworkKey(Where.NODE, "modules", Kind.MODULES,
+                "which modules of `dcf` a modular device has, in their order: numbers of [SupportedModules]; else its "
+                "module list (0x1027) says it", 1, _U16),
     NetworkKey(Where.NODE, "profile", Kind.TEXT, "its device family, a profile's name; else found by its identity"),
     NetworkKey(Where.NODE, "identity", Kind.TABLE, "what 0x1018 must say before anything is written"),
     NetworkKey(Where.NODE, "vendor_id", Kind.INTEGER, "as `identity.vendor`; 0 is not asked for", 0, _U32),

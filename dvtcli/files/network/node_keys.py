@@ -166,6 +166,7 @@ def read_node(name: str, branch: Branch, around: Surroundings, log: FileLog) -> 
         key_mark(branch, "store") if "store" in found else NOWHERE,
         tuple(sorted(read_physical(found["physical"], log))) if "physical" in found else (),
         NOWHERE if profile is None else profile.mark, identity_marks,
+        found.get("modules"), key_mark(branch, "modules") if "modules" in found else NOWHERE,
     )  # fmt: skip
 
 

@@ -83,16 +83,21 @@ MOST_BYTES = 1 << 20
 _NODE_ID = OF[Where.NODE]["node_id"]
 #: returns why a key's word names nothing, empty if valid
 WhyNot = Callable[[str], str]
+#: returns why a node cannot have its modules, empty if it can, or nobody knows
+WhyNoModules = Callable[[NodeWish], str]
 Named = dict[str, tuple[Leaf, Branch]]
 
 
-def read_network_file(path: Path, why_not: Mapping[str, WhyNot] | None = None) -> NetworkWish:
+def read_network_file(
+    path: Path, why_not: Mapping[str, WhyNot] | None = None, why_no_modules: WhyNoModules | None = None
+) -> NetworkWish:
     """Read the configuration in the file *path*.
 
-    *why_not* has, for `dcf` and `profile`, a function from a word to the reason why it names nothing (empty if valid).
-    Raises InputFileError with all errors, OSError if the file cannot be read.
+    *why_not* has, for `dcf` and `profile`, a function from a word to the reason why it names nothing (empty if valid);
+    *why_no_modules* gives the reason why a node cannot have its modules. Raises InputFileError with all errors, OSError
+    if the file cannot be read.
     """
-    return read_network(network_text(path), str(path), why_not)
+    return read_network(network_text(path), str(path), why_not, why_no_modules)
 
 
 def network_text(path: Path | str) -> str:
@@ -106,8 +111,13 @@ def network_text(path: Path | str) -> str:
         raise InputFileError(f"{path}: not UTF-8 (byte {wrong.start})", place=str(path)) from wrong
 
 
-def read_network(text: str, file: str, why_not: Mapping[str, WhyNot] | None = None) -> NetworkWish:
-    """Read the configuration in *text*; *file* is its name for messages, *why_not* as in `read_network_file`.
+def read_network(
+    text: str,
+    file: str,
+    why_not: Mapping[str, WhyNot] | None = None,
+    why_no_modules: WhyNoModules | None = None,
+) -> NetworkWish:
+    """Read the configuration in *text*; *file* is its name for messages, the others are as in `read_network_file`.
 
     Raises InputFileError with all errors.
     """
@@ -117,10 +127,20 @@ def read_network(text: str, file: str, why_not: Mapping[str, WhyNot] | None = No
     for key, mark, word in sorted({named for node in wish.nodes for named in _named(node)}):
         if why_not is not None and key in why_not and (reason := why_not[key](word)):
             log.complain(mark, reason)
+    _complain_of_modules(wish, why_no_modules, log)
     if not isinstance(tree, Branch) and log.is_silent:
         log.complain(tree.mark if tree else Mark(1, 1), "a network is written as keys and values")
     log.end()
     return wish
+
+
+def _complain_of_modules(wish: NetworkWish, why_no_modules: WhyNoModules | None, log: FileLog) -> None:
+    """Complain about modules that the file of a node does not have, once that file is right."""
+    if why_no_modules is None or not log.is_silent:
+        return
+    for node in wish.nodes:
+        if node.modules is not None and (reason := why_no_modules(node)):
+            log.complain(node.modules_mark, reason)
 
 
 def _named(node: NodeWish) -> Iterator[tuple[str, Mark, str]]:

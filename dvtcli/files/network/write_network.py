@@ -73,11 +73,7 @@ def _master(master: MasterRole | None) -> Iterator[str]:
 
 def _node(node: NodeWish, names: Mapping[int, str], remarks: Remarks) -> Iterator[str]:
     yield f"node_id: {node.node_id}"
-    if node.dcf is not None:
-        yield f"dcf: {_quoted(node.dcf.text)}"
-    if node.profile is not None:
-        yield f"profile: {_word(node.profile)}"
-    yield from _identity(node)
+    yield from _device(node)
     yield from _objects(node)
     if node.watches:
         yield "heartbeat_consumer:"
@@ -99,6 +95,17 @@ def _node(node: NodeWish, names: Mapping[int, str], remarks: Remarks) -> Iterato
         yield "physical:"
         yield from (f"  {_word(name)}: {text}" for name, text in node.physical)
     yield from _ways(node)
+
+
+def _device(node: NodeWish) -> Iterator[str]:
+    """Write the keys that say which device the node is."""
+    if node.dcf is not None:
+        yield f"dcf: {_quoted(node.dcf.text)}"
+    if node.modules is not None:
+        yield f"modules: [{', '.join(map(str, node.modules))}]"
+    if node.profile is not None:
+        yield f"profile: {_word(node.profile)}"
+    yield from _identity(node)
 
 
 def _identity(node: NodeWish) -> Iterator[str]:

@@ -79,6 +79,13 @@ def words(name: str, value: object) -> tuple[str, ...]:
     return tuple(value)
 
 
+def module_numbers(value: object) -> tuple[int, ...]:
+    """Require a list or tuple of numbers of modules."""
+    if not isinstance(value, list | tuple):
+        raise wrong("modules", value, "a list or tuple of numbers, as in [1, 1, 2]")
+    return tuple(whole("modules", item, "a module's number", 0xFFFF, low=1) for item in value)
+
+
 def path(name: str, value: object) -> Path:
     """Require the path of a file or folder, which need not exist."""
     if not isinstance(value, str | Path) or "\0" in str(value):

@@ -61,6 +61,7 @@ def simulate(
     *nodes: str,
     faults: tuple[str, ...] | list[str] = (),
     signals: tuple[str, ...] | list[str] = (),
+    modules: tuple[str, ...] | list[str] = (),
     timeout_s: float = 0.5,
     ask: Callable[[str], bool] | None = None,
     on_message: Callable[[Message], None] | None = None,
@@ -68,12 +69,14 @@ def simulate(
 ) -> Bus:
     """Open a bus of simulated *nodes* in this process: `gen4`, `tmcm@5`, `my.eds@9`.
 
-    *faults* and *signals* are words as of `--fault` and `--signal`. Raises UsageError for an invalid word.
+    *faults*, *signals* and *modules* are words as of `--fault`, `--signal` and `--modules`. Raises UsageError for an
+    invalid word.
     """
     given: dict[str, Any] = {
         "sim": simulated_words(nodes),
         "fault": words("faults", faults),
         "signal": words("signals", signals),
+        "modules": words("modules", modules),
     }
     given["timeout"] = seconds("timeout_s", timeout_s)
     call_back(ask=ask, on_message=on_message, on_progress=on_progress)

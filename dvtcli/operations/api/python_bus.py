@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from dvtcli.errors import UsageError
 from dvtcli.operations.api.calls import Calls
 from dvtcli.operations.api.canopen_access import TakingTurns
-from dvtcli.operations.api.checks import flags, number, path, seconds, whole, word, words, wrong
+from dvtcli.operations.api.checks import flags, module_numbers, number, path, seconds, whole, word, words, wrong
 from dvtcli.operations.api.network_calls import NetworkCalls
 from dvtcli.operations.api.python_node import Node
 from dvtcli.operations.opening.simulated_nodes import read_dictionary
@@ -141,13 +141,22 @@ class Bus(FrameCalls):
         """Tell whether calls now work on twins of the nodes."""
         return self._session.dry_run
 
-    def node(self, node_id: int | None = None, *, eds: str | Path | None = None, profile: str | None = None) -> Node:
+    def node(
+        self,
+        node_id: int | None = None,
+        *,
+        eds: str | Path | None = None,
+        profile: str | None = None,
+        modules: Sequence[int] | None = None,
+    ) -> Node:
         """Return the node with *node_id* (1…127; None: the first simulated node), with its EDS and device family.
 
         Sends nothing yet. Without *eds* the file of `dvtcli eds add` for the device's identity is taken, or none;
-        without *profile* the family is found by the identity. Raises UsageError if the file cannot be read, or the node
-        has another already; InputFileError if the file is invalid.
+        without *profile* the family is found by the identity, without *modules* (numbers of the EDS of a modular
+        device) they are read from the device (0x1027). Raises UsageError if the file cannot be read, or the node has
+        another already; InputFileError if the file is invalid.
         """
+        numbers = None if modules is None else module_numbers(modules)
         eds = None if eds is None else path("eds", eds)
         if profile is not None:
             word("profile", profile, "the name of a device family, as `dvtcli.profiles()` lists them")
@@ -155,13 +164,15 @@ class Bus(FrameCalls):
             chosen = self._node_id(node_id)
             network = self._session.open_network()
             if eds is not None:
-                read_dictionary(eds)
+                read_dictionary(eds, numbers)
                 _choose(network.files.own_eds, chosen, eds, met=chosen in network.nodes)
             if profile is not None:
                 from dvtcli.files.profile.library import load_profile
 
                 load_profile(profile)
                 _choose(network.files.own_profile, chosen, profile, met=chosen in network.nodes)
+            if numbers is not None:
+                _choose(network.files.own_modules, chosen, numbers, met=chosen in network.nodes)
             return self._nodes.setdefault(chosen, Node(self._calls, chosen, self._canopen_node))
 
     def _canopen_node(self, node_id: int) -> RemoteNode:

@@ -14,7 +14,7 @@ from dvtcli.operations.api.open_bus import connect, simulated_words
 from dvtcli.operations.api.python_bus import Bus
 from dvtcli.operations.api.told import LOG, Message
 from dvtcli.operations.opening.serve import LOOPBACK, ServeRequest, serving
-from dvtcli.operations.user.options import Options
+from dvtcli.operations.user.options import options_of
 
 if TYPE_CHECKING:
     from dvtcli.device.change.progress import Progress
@@ -55,16 +55,29 @@ class ServedBus:
         return connect(**self.settings, **options)
 
 
+#: options by the argument's name
+_OPTIONS = {"faults": "fault", "signals": "signal", "modules": "modules"}
+
+
 @contextmanager
 def serve(
-    *nodes: str, faults: Sequence[str] = (), signals: Sequence[str] = (), state: str | Path | None = None
+    *nodes: str,
+    faults: Sequence[str] = (),
+    signals: Sequence[str] = (),
+    modules: Sequence[str] = (),
+    state: str | Path | None = None,
 ) -> Iterator[ServedBus]:
     """Serve simulated *nodes* (`gen4`, `tmcm@5`, `my.eds@9`) on a free loopback port during a block.
 
-    *faults* and *signals* are words as of `--fault` and `--signal`; *state* is the folder of stored values. Raises
-    UsageError for invalid words, BusUnavailable if no port is free.
+    *faults*, *signals* and *modules* are words as of `--fault`, `--signal` and `--modules`; *state* is the folder of
+    stored values. Raises UsageError for invalid words, BusUnavailable if no port is free.
     """
-    options = Options(fault=words("faults", faults), signal=words("signals", signals))
+    given = {
+        "fault": words("faults", faults),
+        "signal": words("signals", signals),
+        "modules": words("modules", modules),
+    }
+    options = options_of(given)
     wanted = ServeRequest(simulated_words(nodes), (LOOPBACK, 0), state=None if state is None else path("state", state))
     with serving(options, wanted, LOG.warning) as served:
         thread = threading.Thread(target=served.server.run, name="dvtcli serve", daemon=True)

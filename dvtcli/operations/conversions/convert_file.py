@@ -28,6 +28,7 @@ from dvtcli.files.file_info import NO_DATE, file_info
 from dvtcli.operations.conversions.conversion_format import ConversionFormat, Converted
 from dvtcli.operations.exchange.dbc_options import DbcOptions
 from dvtcli.operations.exchange.export_network import SUFFIXES as NETWORK_SUFFIXES
+from dvtcli.operations.opening.simulated_nodes import must_have_modules
 from dvtcli.operations.results.files import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
 
@@ -92,7 +93,7 @@ def convert_device_file(session: SessionUser, file: str, target: str) -> Facts:
         raise UsageError(
             f"{target}: what format is that?", hint=f"a name that ends in {', '.join((*DEVICE_SUFFIXES, '.cdcf'))}"
         )
-    read = _read(file)
+    read = _read(file, session.options.chosen_modules)
     wanted = read.dictionary if suffix in VALUE_SUFFIXES else without_values(read.dictionary)
     said = file_info(read)
     keeps = _kept(read, suffix)
@@ -118,7 +119,7 @@ def _kept(read: EdsFile | XddFile, suffix: str) -> KeptText | None:
     return kept(read, of_a_node=suffix in VALUE_SUFFIXES)
 
 
-def _read(file: str) -> EdsFile | XddFile:
+def _read(file: str, modules: tuple[int, ...] | None) -> EdsFile | XddFile:
     if file.lower().endswith(CONCISE_SUFFIX):
         raise UsageError(
             f"{file} is a concise DCF: what a manager (0x1F22) writes to one node, and no description of a device",
@@ -127,9 +128,12 @@ def _read(file: str) -> EdsFile | XddFile:
             + Hint(Action.WRITE, {"object": "1F22:5", "value": f"@{file}"}, "gives node 5's to the manager"),
         )
     try:
-        return read_device_file(Path(file))
+        read = read_device_file(Path(file), modules)
     except OSError as failed:
         raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
+    if modules is not None:
+        must_have_modules(read.dictionary, modules)
+    return read
 
 
 def _unsaid(before: Mapping[str, str], after: Mapping[str, str]) -> list[str]:

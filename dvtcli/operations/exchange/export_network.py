@@ -33,7 +33,15 @@ def exported_node(session: SessionNodes, node: ReadableNode, held: Mapping[Pdo, 
     The file always names the EDS: its identity may lead to another file later, when one is added to the library.
     """
     found = exported(node, held, node.memory, all_of(node.dictionary))
-    return replace(found, wish=replace(found.wish, dcf=_dcf(session, node, path), profile=session.options.profile))
+    dcf, modules = _dcf(session, node, path), _modules(session, node)
+    return replace(found, wish=replace(found.wish, dcf=dcf, modules=modules, profile=session.options.profile))
+
+
+def _modules(session: SessionNodes, node: NodeDescription) -> tuple[int, ...] | None:
+    """Return the connected modules of *node*, None if its EDS is of no modular device, or says them itself."""
+    files = session.network.files
+    path = files.eds_path(node.node_id)
+    return None if path is None else files.modules(node.node_id, path)
 
 
 def _dcf(session: SessionNodes, node: NodeDescription, path: Path) -> FileWord | None:

@@ -206,11 +206,13 @@ def _node_state(session: SessionUser, values: HeardValues, pdos: dict[Pdo, PdoCo
 def _dictionary(session: SessionUser, values: HeardValues) -> ObjectDictionary | None:
     """Return --eds if it may describe the node, else the file of its recorded identity (0x1018)."""
     from dvtcli.device.file_fits import unlike_file
-    from dvtcli.operations.opening.device_files import found_file
-    from dvtcli.operations.opening.simulated_nodes import file_or_family, read_dictionary
+    from dvtcli.operations.opening.device_files import found_file, with_modules_of
+    from dvtcli.operations.opening.simulated_nodes import file_or_family
+    from dvtcli.operations.user.options import modules_of_node
 
+    modules = modules_of_node(session.base.modules, values.node_id)
     if session.base.eds:
-        chosen = read_dictionary(file_or_family(session.base.eds))
+        chosen = with_modules_of(file_or_family(session.base.eds), modules, values)
         unlike = unlike_file(values.node_id, chosen, (read_identity(values, 1), read_identity(values, 2)))
         if not unlike:
             return chosen
@@ -218,7 +220,7 @@ def _dictionary(session: SessionUser, values: HeardValues) -> ObjectDictionary |
     found = found_file(values)
     if found is not None and found.note:
         session.tell.note(f"node {values.node_id}: {found.note}")
-    return None if found is None else read_dictionary(found.path)
+    return None if found is None else with_modules_of(found.path, modules, values)
 
 
 def _profile(session: SessionUser, values: HeardValues, dictionary: ObjectDictionary | None) -> DeviceProfile:

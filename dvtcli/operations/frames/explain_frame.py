@@ -85,14 +85,13 @@ def _network_nodes(file: str | None) -> dict[int, KnownNode]:
     if file is None or Path(file).suffix.lower() not in _NETWORK:
         return {}
     from dvtcli.files.network.physical_keys import rules_by_node
-    from dvtcli.operations.network.described_network import words_of
+    from dvtcli.operations.network.described_network import simulation_of, words_of
     from dvtcli.operations.opening.device_files import offline_dictionaries
-    from dvtcli.operations.user.options import Options
     from dvtcli.operations.wanted.network_wish import read_wish
 
     wish = read_wish(file)
     own, words = rules_by_node(wish.nodes), words_of(file, wish)
-    devices = offline_dictionaries(Options(sim=tuple(f"{word}@{node_id}" for node_id, word in words.items())))
+    devices = offline_dictionaries(simulation_of(words))
     told = dict(zip(words, devices, strict=True))
     return {
         node.node_id: KnownNode(dictionary, meanings_of(profile, dictionary, [own.get(node.node_id, {})]))

@@ -42,7 +42,7 @@ def decoder_for(
             )
         return Decoder(file_layouts(dbc, session.tell))
     if base.eds is not None:
-        return _file_decoder(file_or_family(base.eds), nodes or base.nodes, base.profile)
+        return _file_decoder(file_or_family(base.eds), nodes or base.nodes, base.profile, base.modules)
     if base.sim or base.nodes or nodes or session.is_open:
         return live_decoder(session, nodes or ())
     return Decoder() if path is None else _own_decoder(session, path)
@@ -73,10 +73,11 @@ def _own_decoder(session: SessionUser, path: Path) -> Decoder:
     return decoder
 
 
-def _file_decoder(path: Path, nodes: tuple[int, ...], family: str | None) -> Decoder:
+def _file_decoder(path: Path, nodes: tuple[int, ...], family: str | None, modules: tuple[str, ...]) -> Decoder:
     """Return the decoder of an EDS, DCF, XDD or XDC for *nodes*, else its own node-ID, else node 1.
 
-    Scalings are of the profile *family*, None: of the file's identity.
+    *modules* are those of modular devices, as of `--modules`. Scalings are of the profile *family*, None: of the
+    file's identity.
     """
     from dvtcli.device.described_node import FileValues
     from dvtcli.device.read_pdos import present_pdos, read_pdo
@@ -84,13 +85,15 @@ def _file_decoder(path: Path, nodes: tuple[int, ...], family: str | None) -> Dec
     from dvtcli.files.profile.library import load_profile, profile_of
     from dvtcli.operations.meanings.physical_meanings import meanings_of
     from dvtcli.operations.opening.simulated_nodes import read_dictionary
+    from dvtcli.operations.user.options import modules_of_node
     from dvtcli.watch.decoder import Decoder, pdo_layouts
 
-    dictionary = read_dictionary(path)
-    profile = load_profile(family) if family else profile_of(dictionary)
-    meanings = meanings_of(profile, dictionary)
+    own = read_dictionary(path)
+    profile = load_profile(family) if family else profile_of(own)
     decoder = Decoder()
-    for node_id in nodes or (dictionary.info.node_id or 1,):
+    for node_id in nodes or (own.info.node_id or 1,):
+        dictionary = read_dictionary(path, modules_of_node(modules, node_id))
+        meanings = meanings_of(profile, dictionary)
         values = FileValues(dictionary, node_id)
         configs = {pdo: read_pdo(values, pdo) for pdo in present_pdos(values, dictionary)}
         decoder.add(pdo_layouts(node_id, configs, dictionary, meanings, f"the mapping in {path.name}"))

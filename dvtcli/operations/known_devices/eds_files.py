@@ -22,14 +22,20 @@ if TYPE_CHECKING:
     DeviceFile = EdsFile | XddFile
 
 
-def _read(file: str) -> DeviceFile:
+def _read(file: str, modules: tuple[int, ...] | None = None) -> DeviceFile:
+    """Read *file*, with *modules* connected; raises UsageError if it cannot be opened, or does not describe them."""
     try:
-        return read_device_file(Path(file))
+        read = read_device_file(Path(file), modules)
     except OSError as failed:
         raise UsageError(
             f"{file}: {failed.strerror}", place=file,
             hint="eds takes the path of an EDS, DCF, XDD or XDC, or a simulated family",
         ) from failed  # fmt: skip
+    if modules is not None:
+        from dvtcli.operations.opening.simulated_nodes import must_have_modules
+
+        must_have_modules(read.dictionary, modules)
+    return read
 
 
 def check_eds(
@@ -39,20 +45,21 @@ def check_eds(
     *,
     strict: bool = False,
     family: str | None = None,
+    modules: tuple[int, ...] | None = None,
 ) -> FileReport | FileReports:
     """Check *files* by the rules in *only* (empty: all) except *without*; findings have lines.
 
     A word with `*`, `?` or `[` that is no file matches files. *strict* treats warnings as errors; *family* is the
-    profile for PDOs. Raises UsageError for an unknown rule or family, or a missing single file. Among several files a
-    missing or unreadable file is a finding.
+    profile for PDOs, *modules* are connected in each file. Raises UsageError for an unknown rule or family, or a
+    missing single file. Among several files a missing or unreadable file is a finding.
     """
     from dvtcli.files.profile.library import load_profile
 
     rules, names = chosen_rules(only, without), _matched(files)
     profile = GENERIC if family is None else load_profile(family)
     if len(names) == 1:
-        return report(names[0], _read(names[0]), rules, strict=strict, profile=profile)
-    return FileReports(tuple(_one_of_many(name, rules, strict, profile) for name in names))
+        return report(names[0], _read(names[0], modules), rules, strict=strict, profile=profile)
+    return FileReports(tuple(_one_of_many(name, rules, strict, profile, modules) for name in names))
 
 
 def _matched(words: Sequence[str]) -> list[str]:
@@ -77,9 +84,11 @@ def _place(word: str) -> str:
     return str(file_or_family(word))
 
 
-def _one_of_many(file: str, rules: tuple[LintRule, ...], strict: bool, profile: DeviceProfile) -> FileReport:
+def _one_of_many(
+    file: str, rules: tuple[LintRule, ...], strict: bool, profile: DeviceProfile, modules: tuple[int, ...] | None
+) -> FileReport:
     try:
-        return report(file, _read(file), rules, strict=strict, profile=profile)
+        return report(file, _read(file, modules), rules, strict=strict, profile=profile)
     except (InputFileError, UsageError) as wrong:
         text = f"{wrong.text}: {wrong.why}" if wrong.why else wrong.text
         found = FileFinding(1, _UNREADABLE.severity, _UNREADABLE.name, "", text)
@@ -115,10 +124,10 @@ def chosen_rules(only: Collection[str] = (), without: Collection[str] = ()) -> t
     return rules_among(EVERY_RULE, only, without, "device files", "docs/reference/eds-rules.md")
 
 
-def show_eds(file: str) -> Facts:
-    """Summarise a file or a simulated family's EDS; raises UsageError if unreadable."""
+def show_eds(file: str, modules: tuple[int, ...] | None = None) -> Facts:
+    """Summarise a file or a simulated family's EDS, with *modules* connected; raises UsageError if unreadable."""
     path = _place(file)
-    return facts(path, _read(path))
+    return facts(path, _read(path, modules))
 
 
 def facts(file: str, eds: DeviceFile) -> Facts:
@@ -149,15 +158,12 @@ _OF_MODULES = ("modules", "connected")
 
 
 def _modules(eds: DeviceFile) -> tuple[tuple[str, list[str] | None], ...]:
-    """List the supported modules of a modular device by number, and those that a DCF has connected."""
-    from dvtcli.files.eds.modules import connected_modules, module_names
-    from dvtcli.files.eds.reader import EdsFile
-
-    if not isinstance(eds, EdsFile) or not eds.layout.modules:
+    """List the supported modules of a modular device by number, and those that are connected."""
+    modules = eds.dictionary.info.modules
+    if not modules.supported:
         return tuple((name, None) for name in _OF_MODULES)
-    supported = [f"{number} {name}" for number, name in module_names(eds.layout).items()]
-    connected = [str(number) for number in connected_modules(eds.layout)]
-    return ("modules", supported), ("connected", connected)
+    supported = [f"{number} {name}".rstrip() for number, name in modules.supported.items()]
+    return ("modules", supported), ("connected", [str(number) for number in modules.connected])
 
 
 def _shown(value: object) -> str:

@@ -175,7 +175,10 @@ def save_learnt(
     ]
     learnt = replace(learnt, profile=tuple(kept), family=tuple(family))
     path = session.network.files.eds_path(node.node_id)
-    eds = path or _described(node, name, origin, pdos, known)
+    modules = None if path is None else session.network.files.modules(node.node_id, path)
+    eds: Path | str = (
+        _of_modules(path, modules) if path and modules else path or _described(node, name, origin, pdos, known)
+    )
     if path is None:
         session.tell.note(f"no EDS of node {node.node_id} is known: {name}.eds has what was read of it, and no more")
         if node.bus.bitrate is None:
@@ -189,6 +192,14 @@ def save_learnt(
     files = write_folder(Path(name), origin, learnt, eds, Kept(node.node_id, values))
     _take_up(session)
     return tuple(map(str, files))
+
+
+def _of_modules(path: Path, modules: tuple[int, ...]) -> str:
+    """Return the text of the EDS at *path* with its connected *modules*."""
+    from dvtcli.files.connected_file import connected_file
+    from dvtcli.files.eds.ini import decode
+
+    return decode(connected_file(path, modules))[0].replace("\r\n", "\n")
 
 
 def _read_back(origin: Origin, learnt: Conclusions, eds: Path | str) -> None:

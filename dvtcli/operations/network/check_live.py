@@ -35,6 +35,7 @@ from dvtcli.operations.wanted.network_wish import read_wish
 if TYPE_CHECKING:
     from dvtcli.domain.network.heard_traffic import HeardTraffic
     from dvtcli.domain.network.wanted_state import NetworkWish
+    from dvtcli.operations.network.described_network import DeviceWord
     from dvtcli.operations.session.session_nodes import SessionNodes
 
 #: How long a bus is listened to: most heartbeats come once a second or faster, SYNC much faster.
@@ -81,7 +82,7 @@ def check_live(
     session: SessionNodes,
     wishes: CheckOptions | None = None,
     files: Sequence[str] = (),
-    on_bus: Mapping[str, Mapping[int, str]] | None = None,
+    on_bus: Mapping[str, Mapping[int, DeviceWord]] | None = None,
 ) -> NetworksChecked:
     """Check all nodes on the bus that are known, transmit or answer; compare *files* with them.
 
@@ -135,7 +136,7 @@ def _heard(traffic: HeardTraffic | None) -> tuple[float, int] | None:
     return None if traffic is None else (traffic.seconds, traffic.frames)
 
 
-def _described(file: str, on_bus: Mapping[int, str]) -> NetworkState | None:
+def _described(file: str, on_bus: Mapping[int, DeviceWord]) -> NetworkState | None:
     """Build the state that *file* describes, without links that cannot be made; None if there is none."""
     from dvtcli.operations.network.described_network import described_network
 

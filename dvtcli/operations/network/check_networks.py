@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.network.wanted_state import Mark, NetworkWish
     from dvtcli.domain.rules.finding import Finding
     from dvtcli.files.network.file_log import FileLog
+    from dvtcli.operations.network.described_network import DeviceWord
     from dvtcli.operations.user.reporter import Reporter
 
 
@@ -56,7 +57,9 @@ class CheckOptions:
 
 
 def check_networks(
-    files: Sequence[str], wishes: CheckOptions | None = None, on_bus: Mapping[str, Mapping[int, str]] | None = None
+    files: Sequence[str],
+    wishes: CheckOptions | None = None,
+    on_bus: Mapping[str, Mapping[int, DeviceWord]] | None = None,
 ) -> NetworksChecked:
     """Check each of *files*; *on_bus* has descriptions of other nodes by file and node-ID.
 
@@ -113,7 +116,9 @@ def asked_rules(rules: Sequence[LintRule]) -> tuple[FileRule, ...]:
     return tuple(FileRule(rule.name, str(rule.severity), rule.sense, rule.source) for rule in rules)
 
 
-def _report(file: str, wishes: CheckOptions, rules: tuple[LintRule, ...], on_bus: Mapping[int, str]) -> NetworkReport:
+def _report(
+    file: str, wishes: CheckOptions, rules: tuple[LintRule, ...], on_bus: Mapping[int, DeviceWord]
+) -> NetworkReport:
     """Report on *file*; raises InputFileError or UsageError if it cannot be read."""
     wish = read_wish(file)
     state, findings = judged_file(file, wish, wishes, on_bus)
@@ -151,7 +156,7 @@ def _undescribed(state: NetworkState) -> Iterator[FileNote]:
 
 
 def _report_anyway(
-    file: str, wishes: CheckOptions, rules: tuple[LintRule, ...], on_bus: Mapping[int, str]
+    file: str, wishes: CheckOptions, rules: tuple[LintRule, ...], on_bus: Mapping[int, DeviceWord]
 ) -> NetworkReport:
     """Report on *file*, with read errors as findings."""
     try:
@@ -179,7 +184,7 @@ def judged_file(
     file: str,
     wish: NetworkWish,
     wishes: CheckOptions,
-    on_bus: Mapping[int, str] | None = None,
+    on_bus: Mapping[int, DeviceWord] | None = None,
     tell: Reporter | None = None,
 ) -> tuple[NetworkState, tuple[NetworkFinding, ...]]:
     """Simulate the network of *wish* (from *file*) and apply the rules of changes and of networks.

@@ -33,12 +33,11 @@ from dvtcli.files.input_file import read_input
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.read_network import network_text
 from dvtcli.files.unread_values import must_tell_values
-from dvtcli.operations.network.described_network import simulated_word, words_of
+from dvtcli.operations.network.described_network import DeviceWord, simulated_word, simulation_of, words_of
 from dvtcli.operations.plans.plan_network import plan_wish
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
 from dvtcli.operations.session.session import Session
-from dvtcli.operations.user.options import Options
 from dvtcli.operations.wanted.network_wish import read_wish
 
 if TYPE_CHECKING:
@@ -93,7 +92,9 @@ def concise_dcf(file: str, node: str | int | None = None, tell: Reporter | None 
     return next(dcf for dcf in _concise(file, read, tell).nodes if dcf.node_id == chosen.node_id)
 
 
-def concise_dcfs(file: str, tell: Reporter | None = None, on_bus: Mapping[int, str] | None = None) -> ConciseNetwork:
+def concise_dcfs(
+    file: str, tell: Reporter | None = None, on_bus: Mapping[int, DeviceWord] | None = None
+) -> ConciseNetwork:
     """Make the concise DCFs of all described nodes of the network *file*; *on_bus* adds descriptions.
 
     Raises as `concise_dcf`.
@@ -102,15 +103,14 @@ def concise_dcfs(file: str, tell: Reporter | None = None, on_bus: Mapping[int, s
 
 
 def _concise(
-    file: str, read: NetworkWish, tell: Reporter | None, on_bus: Mapping[int, str] | None = None
+    file: str, read: NetworkWish, tell: Reporter | None, on_bus: Mapping[int, DeviceWord] | None = None
 ) -> ConciseNetwork:
     words = words_of(file, read, on_bus)
     wish = read.of(words.keys())
     anyone = replace(wish, nodes=tuple(replace(node, identity=WantedIdentity()) for node in wish.nodes))
-    options = Options(sim=tuple(f"{word}@{node_id}" for node_id, word in words.items()))
     made: list[ConciseDcf] = []
     if words:
-        with Session(options, tell) as session:
+        with Session(simulation_of(words), tell) as session:
             plan = plan_wish(session, anyone, FileLog(file, network_text(file)))
             dictionaries = {node_id: session.node(node_id).dictionary for node_id in words}
         planned = {node.node_id: node for node in plan.nodes}

@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.device.read_pdos import WHATEVER, read_pdo
 from dvtcli.device.resolve import resolve, untyped_lengths
@@ -78,7 +78,7 @@ def described_network(
     *,
     for_rules: bool = False,
     with_links: bool = True,
-    on_bus: Mapping[int, str] | None = None,
+    on_bus: Mapping[int, DeviceWord] | None = None,
     wish: NetworkWish | None = None,
     failures: list[DvtcliError] | None = None,
 ) -> NetworkState:
@@ -123,7 +123,7 @@ def described_pdos(file: str, wish: NetworkWish) -> NetworkState:
 def _as_said(file: str, wish: NetworkWish) -> NetworkState | None:
     """Return the PDOs of *wish* on its simulated nodes; None if one of them cannot be made as it stands."""
     words, log, nodes = words_of(file, wish), FileLog(file, network_text(file)), list[NodeState]()
-    options = Options(sim=tuple(f"{word}@{node_id}" for node_id, word in words.items()), force=True)
+    options = simulation_of(words, force=True)
     with Session(options) as session:
         if words:
             session.bus.read_at_once()
@@ -137,7 +137,7 @@ def _as_said(file: str, wish: NetworkWish) -> NetworkState | None:
             if pdos is None:
                 return None
             state = NodeState(told.node_id, told.name, pdos, {}, node.dictionary, node.profile)
-            nodes.append(replace(state, guessed=guessed_mappings(state, told, word)))
+            nodes.append(replace(state, guessed=guessed_mappings(state, told, word.text)))
     return NetworkState(tuple(sorted(nodes, key=lambda node_state: node_state.node_id)), file=file)
 
 
@@ -159,15 +159,37 @@ def _said_pdos(node: Node, wish: NodeWish, log: FileLog) -> dict[Pdo, PdoConfig]
     return {**wanted, **held, **wanted}
 
 
-def _met(node: NodeState, wish: NodeWish, word: str) -> NodeState:
-    return replace(with_wish(node, wish), guessed=guessed_mappings(node, wish, word))
+def _met(node: NodeState, wish: NodeWish, word: DeviceWord) -> NodeState:
+    return replace(with_wish(node, wish), guessed=guessed_mappings(node, wish, word.text))
 
 
-def words_of(file: str, wish: NetworkWish, on_bus: Mapping[int, str] | None = None) -> dict[int, str]:
-    """Return the `--sim` words for described nodes of *wish*; *file* goes before *on_bus*."""
-    told = on_bus or {}
-    found = {node.node_id: simulated_word(file, node) or told.get(node.node_id) for node in wish.nodes}
-    return {node_id: word for node_id, word in found.items() if word is not None}
+def words_of(file: str, wish: NetworkWish, on_bus: Mapping[int, DeviceWord] | None = None) -> dict[int, DeviceWord]:
+    """Return the words for described nodes of *wish*; *file* goes before *on_bus*."""
+    found: dict[int, DeviceWord] = {}
+    for node in wish.nodes:
+        text = simulated_word(file, node)
+        if text is not None:
+            found[node.node_id] = DeviceWord(text, node.modules or ())
+        elif on_bus is not None and node.node_id in on_bus:
+            found[node.node_id] = on_bus[node.node_id]
+    return found
+
+
+class DeviceWord(NamedTuple):
+    """What describes a node: the `--sim` word *text*, and the *modules* of a modular device, () as the file says."""
+
+    text: str
+    modules: tuple[int, ...] = ()
+
+
+def simulation_of(words: Mapping[int, DeviceWord], *, force: bool = False) -> Options:
+    """Return the options that simulate the nodes of *words*, by node-ID."""
+    modules = {node_id: ",".join(map(str, word.modules)) for node_id, word in words.items() if word.modules}
+    return Options(
+        sim=tuple(f"{word.text}@{node_id}" for node_id, word in words.items()),
+        modules=tuple(f"{node_id}:{numbers}" for node_id, numbers in modules.items()),
+        force=force,
+    )
 
 
 def _is_told(link: LinkWish, told: Collection[int]) -> bool:
@@ -232,13 +254,13 @@ def _linked_node(
 def _simulated(
     file: str,
     wish: NetworkWish,
-    words: Mapping[int, str],
+    words: Mapping[int, DeviceWord],
     tell: Reporter | None,
     failures: list[DvtcliError] | None,
     *,
     for_rules: bool,
 ) -> NetworkState:
-    options = Options(sim=tuple(f"{word}@{node_id}" for node_id, word in words.items()), force=True)
+    options = simulation_of(words, force=True)
     with Session(options, tell) as session:
         session.bus.read_at_once()
         plan = _planned(session, wish, FileLog(file, network_text(file)), failures, by_rules=for_rules)

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
-from dvtcli.operations.network.described_network import simulated_word
+from dvtcli.operations.network.described_network import DeviceWord, simulated_word
 from dvtcli.operations.wanted.identify_nodes import identify_nodes, is_wanted
 from dvtcli.simulator.network.family_file import family_of
 
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session_nodes import SessionNodes
 
 
-def words_on_bus(session: SessionNodes, file: str, wish: NetworkWish) -> dict[int, str]:
-    """Return the `--sim` word for each node of *wish* whose EDS only its identity tells.
+def words_on_bus(session: SessionNodes, file: str, wish: NetworkWish) -> dict[int, DeviceWord]:
+    """Return what describes each node of *wish* whose EDS only its identity tells.
 
     Silent nodes and other devices than in the file are left out.
     """
-    found: dict[int, str] = {}
+    found: dict[int, DeviceWord] = {}
     for node in _untold(file, wish):
         with suppress(NoAnswer, SdoAborted, SdoProtocolError):
             if is_wanted(session.network.node(node.node_id), node.identity):
@@ -32,8 +32,8 @@ def words_on_bus(session: SessionNodes, file: str, wish: NetworkWish) -> dict[in
     return found
 
 
-def words_of_present(session: SessionNodes, file: str, wish: NetworkWish) -> dict[int, str]:
-    """Return the `--sim` words as `words_on_bus`, but raise for a silent node or another device, as a plan does.
+def words_of_present(session: SessionNodes, file: str, wish: NetworkWish) -> dict[int, DeviceWord]:
+    """Return what describes the nodes as `words_on_bus`, but raise for a silent node or another device, as a plan does.
 
     A node without a word has no EDS, rather than no power.
     """
@@ -47,6 +47,9 @@ def _untold(file: str, wish: NetworkWish) -> list[NodeWish]:
     return [node for node in wish.nodes if simulated_word(file, node) is None]
 
 
-def _word(session: SessionNodes, node_id: int) -> dict[int, str]:
-    path = session.network.files.eds_path(node_id)
-    return {} if path is None else {node_id: family_of(path) or str(path)}
+def _word(session: SessionNodes, node_id: int) -> dict[int, DeviceWord]:
+    files = session.network.files
+    path = files.eds_path(node_id)
+    return (
+        {} if path is None else {node_id: DeviceWord(family_of(path) or str(path), files.modules(node_id, path) or ())}
+    )

@@ -54,8 +54,8 @@ def bus_of(
     Raises BusUnavailable, UsageError or InputFileError.
     """
     if options.eds:
-        read_dictionary(file_or_family(options.eds))  # a wrong file is said before a bus is touched
-    simulated = simulated_nodes(options.sim)
+        read_dictionary(file_or_family(options.eds), options.chosen_modules)  # said at once
+    simulated = simulated_nodes(options.sim, options.modules)
     if simulated and (options.interface or options.channel):
         raise UsageError(
             "a simulated node lives on no real bus, and an interface is chosen, too",

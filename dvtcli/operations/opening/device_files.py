@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.file_fits import unlike_file
 from dvtcli.device.read_cache import ReadCache
-from dvtcli.device.read_pdos import IDENTITY, read_identity
+from dvtcli.device.read_pdos import IDENTITY, read_identity, read_modules
+from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.ports import CanopenBus, SdoReader
 from dvtcli.domain.profile import DeviceProfile
+from dvtcli.domain.text import join_some
 from dvtcli.errors import SdoAborted
 from dvtcli.files.profile.library import (
     has_profile,
@@ -30,7 +32,7 @@ from dvtcli.operations.opening.simulated_nodes import (
     read_dictionary,
     simulated_nodes,
 )
-from dvtcli.operations.user.options import Options
+from dvtcli.operations.user.options import Options, modules_of_node
 
 if TYPE_CHECKING:
     from dvtcli.files.device_library.match import Match
@@ -94,6 +96,17 @@ def _held(node: SdoReader, sub_index: int) -> bytes | None:
         return None
 
 
+def with_modules_of(path: Path, chosen: tuple[int, ...] | None, device: SdoReader) -> ObjectDictionary:
+    """Read the dictionary at *path* with the *chosen* modules; None: those of the module list (0x1027) of *device*."""
+    if chosen is not None:
+        return read_dictionary(path, chosen)
+    dictionary = read_dictionary(path)
+    modules = dictionary.info.modules
+    if not modules.supported or modules.connected or (attached := read_modules(device)) is None:
+        return dictionary
+    return read_dictionary(path, tuple(number for number in attached if number in modules.supported))
+
+
 @dataclass(frozen=True, slots=True)
 class DeviceFiles:
     """The files of the nodes on *bus*, including *simulated* nodes, by *options*."""
@@ -101,9 +114,10 @@ class DeviceFiles:
     bus: CanopenBus
     options: Options
     simulated: tuple[Simulated, ...] = ()
-    #: EDS and profiles chosen for single nodes
+    #: EDS, profiles and modules chosen for single nodes
     own_eds: dict[int, Path] = field(default_factory=dict)
     own_profile: dict[int, str] = field(default_factory=dict)
+    own_modules: dict[int, tuple[int, ...]] = field(default_factory=dict)
     _memories: dict[int, ReadCache] = field(default_factory=dict)
     #: remarks already made about files and the bus
     _said: set[str] = field(default_factory=set)
@@ -116,17 +130,18 @@ class DeviceFiles:
         """Drop the cached identity of a node: another device may be there."""
         self._memories.pop(node_id, None)
 
-    def chosen(self) -> tuple[dict[int, Path], dict[int, str]]:
-        """Return the EDS and profiles chosen for single nodes."""
-        return dict(self.own_eds), dict(self.own_profile)
+    def chosen(self) -> tuple[dict[int, Path], dict[int, str], dict[int, tuple[int, ...]]]:
+        """Return the EDS, profiles and modules chosen for single nodes."""
+        return dict(self.own_eds), dict(self.own_profile), dict(self.own_modules)
 
-    def choose(self, chosen: tuple[dict[int, Path], dict[int, str]]) -> None:
-        """Set the EDS and profiles of single nodes to *chosen*, as returned by `chosen`."""
-        self.own_eds.clear()
-        self.own_profile.clear()
-        eds, profiles = chosen
+    def choose(self, chosen: tuple[dict[int, Path], dict[int, str], dict[int, tuple[int, ...]]]) -> None:
+        """Set the EDS, profiles and modules of single nodes to *chosen*, as returned by `chosen`."""
+        for own in (self.own_eds, self.own_profile, self.own_modules):
+            own.clear()
+        eds, profiles, modules = chosen
         self.own_eds.update(eds)
         self.own_profile.update(profiles)
+        self.own_modules.update(modules)
 
     def unlike(self, node_id: int, dictionary: ObjectDictionary | None) -> str:
         """Describe how the node differs from the device of *dictionary*, if the user chose the file."""
@@ -138,7 +153,50 @@ class DeviceFiles:
     def dictionary(self, node_id: int) -> ObjectDictionary | None:
         """Return the object dictionary of a node; None if no file is known."""
         path = self.eds_path(node_id)
-        return None if path is None else read_dictionary(path)
+        return None if path is None else read_dictionary(path, self.modules(node_id, path))
+
+    def modules(self, node_id: int, path: Path) -> tuple[int, ...] | None:
+        """Return the connected modules of a node described by *path*, None for those that the file names, or none.
+
+        They are the user's, else those of the simulated node, else those in the node's module list (0x1027).
+        """
+        described = read_dictionary(path).info.modules
+        chosen = self._chosen_modules(node_id)
+        if chosen is not None and (described.supported or node_id in self.own_modules or self.options.eds):
+            return chosen
+        attached = self._attached(node_id, path)
+        return None if attached is None else tuple(number for number in attached if number in described.supported)
+
+    def _chosen_modules(self, node_id: int) -> tuple[int, ...] | None:
+        """Return the modules that the user chose for a node, or those of its simulation."""
+        if (own := self.own_modules.get(node_id)) is not None:
+            return own
+        if any(node.node_id == node_id for node in self.simulated):
+            return next(node.modules for node in self.simulated if node.node_id == node_id)
+        return modules_of_node(self.options.modules, node_id)
+
+    def _attached(self, node_id: int, path: Path) -> tuple[int, ...] | None:
+        """Return the module list (0x1027) of a node; None where nobody needs it, or it cannot be read."""
+        described = read_dictionary(path).info.modules
+        is_asked = described.supported and not described.connected and self._chosen_modules(node_id) is None
+        return read_modules(self.memory(node_id)) if is_asked else None
+
+    def module_remark(self, node_id: int) -> Hint | None:
+        """Return a remark about modules of the node that nothing describes; once, None if there is none."""
+        path = self.eds_path(node_id)
+        if path is None or not (described := read_dictionary(path).info.modules).supported:
+            return None
+        attached = self._attached(node_id, path)
+        if attached is None and (described.connected or self._chosen_modules(node_id) is not None):
+            return None
+        unknown = described.without_description(attached or ())
+        if unknown:
+            text = f"module {join_some(map(str, unknown))} of its list (0x1027) is not in {path.name}"
+        else:
+            text = f"{path.name} is of a modular device, and nothing says which modules it has"
+        if (attached is not None and not unknown) or not self.is_news(f"{node_id}: {text}"):
+            return None
+        return Hint(Action.GIVE, {"modules": "1,1,2"}, f"node {node_id}: {verbatim(text)}: {{}} does, by their numbers")
 
     def eds_path(self, node_id: int) -> Path | None:
         """Return the path of a node's EDS; None if unknown."""
@@ -211,10 +269,13 @@ class DeviceFiles:
 
 def offline_dictionaries(options: Options) -> list[tuple[ObjectDictionary, DeviceProfile]]:
     """Return the dictionaries, with profiles, that are known before a bus is opened."""
-    paths = [file_or_family(options.eds)] if options.eds else []
     found = []
-    paths += [] if paths else [node.eds for node in simulated_nodes(options.sim)]
-    for dictionary in map(read_dictionary, paths):
+    if options.eds:
+        chosen = options.chosen_modules
+        dictionaries = [read_dictionary(file_or_family(options.eds), chosen)]
+    else:
+        dictionaries = [node.dictionary for node in simulated_nodes(options.sim, options.modules)]
+    for dictionary in dictionaries:
         profile = load_profile(options.profile) if options.profile else profile_of(dictionary)
         found.append((dictionary, profile))
     return found

@@ -168,6 +168,8 @@ class Network:
         text, doubtful = self.files.remark(node_id)
         if text:
             (self.warn if doubtful else self.note)(text)
+        if (remark := self.files.module_remark(node_id)) is not None:
+            self.warn(remark)
 
     def describe(self, node_id: int) -> None:
         """Update the node's EDS: found since its identification, or newly chosen."""

@@ -106,7 +106,7 @@ def serving(
     from dvtcli.simulator.network.station import stations
     from dvtcli.simulator.network.wire import Wire
 
-    nodes = simulated_nodes(wanted.nodes)
+    nodes = simulated_nodes(wanted.nodes, options.modules)
     for text in not_simulated(nodes):
         warn(text)
     devices = [simulated_device(node) for node in nodes]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.text import join_some
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.device_file import VALUE_SUFFIXES, read_device_file
 from dvtcli.files.profile.library import profile_of
 from dvtcli.files.user_folders import file_state
-from dvtcli.operations.user.options import is_file, node_id
+from dvtcli.operations.user.options import is_file, modules_of_node, node_id
 
 if TYPE_CHECKING:
     from dvtcli.domain.profile import DeviceProfile
@@ -58,6 +59,13 @@ class Simulated:
     family: str | None
     eds: Path
     folder: Path | None = None
+    #: the connected modules of a modular device; None: as the file says
+    modules: tuple[int, ...] | None = None
+
+    @property
+    def dictionary(self) -> ObjectDictionary:
+        """Return the object dictionary."""
+        return read_dictionary(self.eds, self.modules)
 
     @property
     def holds_values(self) -> bool:
@@ -88,7 +96,7 @@ def simulated_device(one: Simulated) -> StrictDevice:
     """Make the device, INITIALISING; a learnt device has the values found by `learn`."""
     from dvtcli.simulator.device.strict_device import StrictDevice
 
-    device = StrictDevice(read_dictionary(one.eds).identified(), _family(one), one.node_id)
+    device = StrictDevice(one.dictionary.identified(), _family(one), one.node_id)
     if one.folder is not None:
         from dvtcli.files.learnt_folder import found_state
 
@@ -101,7 +109,7 @@ def _family(one: Simulated) -> Family:
 
     if one.folder is not None:
         return load_family_folder(one.folder)
-    return family_named(one.family) if one.family else _family_of_file(read_dictionary(one.eds))
+    return family_named(one.family) if one.family else _family_of_file(one.dictionary)
 
 
 def _family_of_file(dictionary: ObjectDictionary) -> Family:
@@ -125,8 +133,8 @@ def _family_of_file(dictionary: ObjectDictionary) -> Family:
     )
 
 
-def simulated_nodes(words: tuple[str, ...]) -> tuple[Simulated, ...]:
-    """Parse *words* into simulated nodes: a file wins over `@`.
+def simulated_nodes(words: tuple[str, ...], modules: tuple[str, ...] = ()) -> tuple[Simulated, ...]:
+    """Parse *words* into simulated nodes, with *modules* as of `--modules`: a file wins over `@`.
 
     The node-ID defaults to that of the DCF, XDC or learnt device, else to the first free node-ID. `WHAT@255` is a node
     without node-ID.
@@ -143,7 +151,27 @@ def simulated_nodes(words: tuple[str, ...]) -> tuple[Simulated, ...]:
         if chosen != UNCONFIGURED and chosen in used:
             raise UsageError(f"{word}: node-ID {chosen} is given twice", hint="WHAT@ID sets the node-ID")
         found.append(one)
-    return tuple(found)
+    return tuple(_with_modules(found, modules)) if modules else tuple(found)
+
+
+def _with_modules(nodes: list[Simulated], words: tuple[str, ...]) -> Iterator[Simulated]:
+    """Give each of *nodes* that is modular its modules in *words*; raises UsageError for a node without any."""
+    ids, modular = [node.node_id for node in nodes], 0
+    for word in words:
+        own = word.rpartition(":")[0]
+        if own and int(own) not in ids:
+            raise UsageError("no such node here", given={"modules": word}, hint=f"here: {', '.join(map(str, ids))}")
+    for node in nodes:
+        chosen = modules_of_node(words, node.node_id)
+        is_own = any(word.startswith(f"{node.node_id}:") for word in words)
+        if chosen is not None and (is_own or len(nodes) == 1 or node.dictionary.info.modules.supported):
+            read_dictionary(node.eds, chosen)
+            modular += 1
+            yield replace(node, modules=chosen)
+        else:
+            yield node
+    if not modular:
+        raise UsageError("none of these nodes is of a modular device", given={"modules": words[0]})
 
 
 def simulated_faults(words: tuple[str, ...], simulated: tuple[Simulated, ...]) -> tuple[Fault, ...]:
@@ -193,7 +221,7 @@ def simulated_signals(words: tuple[str, ...], simulated: tuple[Simulated, ...]) 
 
     try:
         return read_signals(
-            words, [(simulated_node.node_id, read_dictionary(simulated_node.eds)) for simulated_node in simulated]
+            words, [(simulated_node.node_id, simulated_node.dictionary) for simulated_node in simulated]
         )
     except RowsError as wrong:
         raise InputFileError(
@@ -279,13 +307,14 @@ def file_or_family(text: str | Path) -> Path:
     return family_eds(str(text)) if str(text) in family_names() else Path(text)
 
 
-def read_dictionary(path: Path) -> ObjectDictionary:
+def read_dictionary(path: Path, modules: tuple[int, ...] | None = None) -> ObjectDictionary:
     """Read the dictionary of an EDS, DCF, XDD or XDC; raises UsageError if the file does not exist.
 
+    *modules* are those of a modular device, None: as the file says; raises UsageError for one that it does not have.
     Raises InputFileError if it is none of these; for a library file with a remedy.
     """
     try:
-        return _dictionary(path, None if path.is_absolute() else Path.cwd(), file_state(path))
+        dictionary = _dictionary(path, None if path.is_absolute() else Path.cwd(), file_state(path), modules)
     except OSError as failed:
         raise UsageError(
             f"{path}: {failed.strerror or failed}",
@@ -300,14 +329,35 @@ def read_dictionary(path: Path) -> ObjectDictionary:
                 why="it lies in the library: add the file again, or {} takes it out",
             ) + Hint(Action.GIVE_EDS, why="names another")
         raise
+    if modules is not None:
+        must_have_modules(dictionary, modules)
+    return dictionary
+
+
+def must_have_modules(dictionary: ObjectDictionary, modules: Collection[int]) -> None:
+    """Raise UsageError if the file of *dictionary* does not describe all of *modules*."""
+    if why := why_no_modules(dictionary, modules):
+        raise UsageError(why, place=dictionary.source, given={"modules": ",".join(map(str, modules))})
+
+
+def why_no_modules(dictionary: ObjectDictionary, modules: Collection[int]) -> str:
+    """Tell which of *modules* the file of *dictionary* does not describe; empty if it does."""
+    supported = dictionary.info.modules.supported
+    if not supported:
+        return f"{dictionary.source} is of no modular device: it has no [SupportedModules]"
+    unknown = dictionary.info.modules.without_description(modules)
+    known = ", ".join(f"{number} {name}".rstrip() for number, name in supported.items())
+    return f"{dictionary.source} has no module {join_some(map(str, unknown))}; it has {known}" if unknown else ""
 
 
 #: a bus has 127 nodes: each file is read once, even if every node has its own
 @lru_cache(maxsize=128)
-def _dictionary(path: Path, _folder: Path | None, _state: tuple[int, ...]) -> ObjectDictionary:
+def _dictionary(
+    path: Path, _folder: Path | None, _state: tuple[int, ...], modules: tuple[int, ...] | None
+) -> ObjectDictionary:
     """Cache the dictionary at *path* (relative to *_folder*) until the file changes."""
     from dvtcli.files.device_file import must_describe, read_device_file
 
-    dictionary = read_device_file(path).dictionary
+    dictionary = read_device_file(path, modules).dictionary
     must_describe(dictionary)
     return dictionary

@@ -5,7 +5,7 @@
 
 # No `from __future__ import annotations` here: `NamedTuple` would compile each annotation, at every start.
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 from dvtcli.errors import UsageError
@@ -23,6 +23,7 @@ START_ONLY = frozenset(
         "fault",
         "signal",
         "eds",
+        "modules",
         "profile",
         "journal",
         "color",
@@ -32,6 +33,8 @@ START_ONLY = frozenset(
 )
 #: What a bus can run at (bit/s): CiA 301 names 10 kbit/s to 1 Mbit/s, adapters take less.
 BIT_RATES = range(1_000, 1_000_001)
+#: Modules of a modular device: 0x1027 has 254 sub-indices of 16 bits.
+_HIGHEST_MODULE, _MOST_MODULES = 0xFFFF, 254
 #: Formats of every command, and of some.
 FORMATS, SPECIAL_FORMATS = ("text", "json", "jsonl"), ("github", "junit", "sarif")
 #: Formats of results that go through PDOs and objects one by one.
@@ -59,6 +62,7 @@ class Options(NamedTuple):
     signal: tuple[str, ...] = ()
     dry_run: bool = False
     eds: str | None = None
+    modules: tuple[str, ...] = ()
     profile: str | None = None
     format: str = "text"
     quiet: bool = False
@@ -97,6 +101,11 @@ class Options(NamedTuple):
         return self.node == ALL_NODES
 
     @property
+    def chosen_modules(self) -> tuple[int, ...] | None:
+        """Return the modules of `--modules` for the node of `--node`, else for every node; None for none."""
+        return modules_of_node(self.modules, self.one_node)
+
+    @property
     def one_node(self) -> int | None:
         """Return the node-ID of `--node` if it is a single node."""
         return self.nodes[0] if len(self.nodes) == 1 else None
@@ -125,8 +134,8 @@ def checked(name: str, value: Any) -> Any:
         return _percent(value)
     if name == "bitrate":
         return _bitrate(value)
-    if name == "bus_kwargs":
-        return tuple(map(_pair, value))
+    if name in ("bus_kwargs", "modules"):
+        return tuple(map(_pair if name == "bus_kwargs" else _modules, value))
     if name == "journal":
         return _folder(str(value))
     if name in CHOICES and value not in CHOICES[name]:
@@ -196,6 +205,28 @@ def _pair(text: str) -> str:
     if "=" not in text:
         raise UsageError(f"a setting is KEY=VALUE, not {text!r}; each pair alone", given={"bus_kwargs": None})
     return text
+
+
+def _modules(text: str) -> str:
+    """Return the modules *text*, `[NODE:]1,1,2`, without blanks and in decimal."""
+    node, colon, numbers = str(text).rpartition(":")
+    try:
+        found = [int(number, 0) for number in numbers.replace(" ", "").split(",")]
+    except ValueError:
+        found = [0]
+    if not all(0 < number <= _HIGHEST_MODULE for number in found) or len(found) > _MOST_MODULES:
+        raise UsageError(f"{text!r}: modules are numbers of the EDS, as in 1,1,2 or, of node 5, in 5:1,1,2",
+                         given={"modules": None})  # fmt: skip
+    return f"{f'{node_id(node)}:' if colon else ''}{','.join(map(str, found))}"
+
+
+def modules_of_node(words: Iterable[str], wanted: int | None) -> tuple[int, ...] | None:
+    """Return the modules in *words* (as `checked` has them) of the node *wanted*, else of every node; None: none."""
+    found: dict[str, tuple[int, ...]] = {}
+    for word in words:
+        node, _, numbers = word.rpartition(":")
+        found[node] = tuple(map(int, numbers.split(",")))
+    return found.get(str(wanted), found.get(""))
 
 
 def _seconds(text: str) -> float:

@@ -118,6 +118,8 @@ def _choose_files(session: SessionNodes, file: str, node: NodeWish) -> None:
     path = None if session.options.eds is not None else eds_of(file, node)
     if path is not None:
         files.own_eds[node.node_id] = path
+    if node.modules is not None:
+        files.own_modules[node.node_id] = node.modules
 
 
 def is_wanted(node: ReadableNode, wanted: WantedIdentity) -> bool:

@@ -27,7 +27,7 @@ def read_wish(file: str) -> NetworkWish:
     """
     try:
         why_not: dict[str, WhyNot] = {"dcf": partial(_why_no_dcf, Path(file).parent), "profile": _why_no_profile}
-        return read_network_file(Path(file), why_not)
+        return read_network_file(Path(file), why_not, partial(_why_no_modules, file))
     except OSError as failed:
         raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
 
@@ -83,6 +83,14 @@ def _why_no_description(path: Path) -> str:
         at = f" ({path.name}{line[0]})" if line and line[0] not in wrong.text else ""
         return f"{wrong.text}{f': {wrong.why}' if wrong.why else ''}{at}"
     return ""
+
+
+def _why_no_modules(file: str, node: NodeWish) -> str:
+    """Explain why the `dcf` of *node* does not have its modules; empty if it does, or another file describes it."""
+    from dvtcli.operations.opening.simulated_nodes import read_dictionary, why_no_modules
+
+    path = eds_of(file, node)
+    return "" if path is None else why_no_modules(read_dictionary(path), node.modules or ())
 
 
 def _why_no_profile(name: str) -> str:

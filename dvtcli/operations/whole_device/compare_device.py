@@ -385,11 +385,11 @@ def _known_by_identity(session: SessionUser, *held: HeldDevice) -> ObjectDiction
     from dvtcli.operations.opening.simulated_nodes import file_or_family, read_dictionary
 
     if session.options.eds is not None:
-        return read_dictionary(file_or_family(session.options.eds))
+        return read_dictionary(file_or_family(session.options.eds), session.options.chosen_modules)
     found = next(filter(None, (found_file(KeptIdentity(device)) for device in held)), None)
     if found is not None and found.note:
         session.tell.note(found.note)
-    return None if found is None else read_dictionary(found.path)
+    return None if found is None else read_dictionary(found.path, session.options.chosen_modules)
 
 
 def _profile(held: HeldDevice) -> DeviceProfile:

@@ -14,8 +14,15 @@ from dvtcli.domain.configuration import Configuration
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import UsageError
+from dvtcli.files.connected_file import connected_file
 from dvtcli.files.dcf.write_dcf import Commissioned, DcfText, refuse_unlike_values, write_dcf
-from dvtcli.files.device_file import VALUE_SUFFIXES, XDD_SUFFIXES, device_file_bytes, is_xml, parse_device_file
+from dvtcli.files.device_file import (
+    VALUE_SUFFIXES,
+    XDD_SUFFIXES,
+    device_file_bytes,
+    is_xml,
+    parse_device_file,
+)
 from dvtcli.files.eds.bounds import MOST_BYTES
 from dvtcli.files.eds.written_values import same_value
 from dvtcli.files.input_file import read_input
@@ -68,7 +75,10 @@ def dcf_of(session: SessionNodes, whole: WholeDevice, file_name: str) -> tuple[D
         file_name, node.node_id, datetime.now().astimezone(), rate // 1000 if rate else None,
         identity["serial"], identity["revision"],
     )  # fmt: skip
-    text = write_dcf(_eds_of(path, device.made), path.name, _own_revision(whole) | values_of(whole.objects), device)
+    modules = session.network.files.modules(node.node_id, path)
+    text = write_dcf(
+        _eds_of(path, modules, device.made), path.name, _own_revision(whole) | values_of(whole.objects), device
+    )
     text = replace(text, said=tuple(place for place in text.said if place in whole.objects))
     return (_as_xdc(text, whole, device) if file_name.lower().endswith(XDD_SUFFIXES) else text), path
 
@@ -81,8 +91,10 @@ def _own_revision(whole: WholeDevice) -> dict[ObjectAddress, bytes]:
     return {_REVISION: revision.to_bytes(4, "little")}
 
 
-def _eds_of(path: Path, made: datetime) -> bytes:
-    """Return the EDS at *path*; an XDD is converted."""
+def _eds_of(path: Path, modules: tuple[int, ...] | None, made: datetime) -> bytes:
+    """Return the EDS at *path*; an XDD is converted, and so is an EDS to which *modules* add objects."""
+    if modules:
+        return connected_file(path, modules)
     try:
         data = read_input(path, MOST_BYTES, "EDS")
     except OSError as failed:

@@ -127,6 +127,7 @@ FIXTURES: dict[tuple[Where, str], Fixture] = {
     (Where.NODE, "node_id"): _file("a: {node_id: 0x7F}", lambda wish: wish.nodes, (NodeWish("a", 127),)),
     (Where.NODE, "dcf"): _node('dcf: "@BUS_CONFIG_PATH@/a.eds"', dcf=FileWord("@BUS_CONFIG_PATH@/a.eds")),
     (Where.NODE, "eds"): _node('eds: "a.eds"', dcf=FileWord("a.eds")),
+    (Where.NODE, "modules"): _node("modules: [1, 0x1, 2]", modules=(1, 1, 2)),
     (Where.NODE, "profile"): _node("profile: gen4", profile="gen4"),
     (Where.NODE, "identity"): _node("identity: {vendor: 0x1E}", identity=WantedIdentity(0x1E)),
     (Where.NODE, "vendor_id"): _node("vendor_id: 0x1E", identity=WantedIdentity(0x1E)),

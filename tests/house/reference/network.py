@@ -61,6 +61,7 @@ def _takes(key: NetworkKey) -> str:
         Kind.WATCH: f"true, false, or producers, each with {span}",
         Kind.NUMBERS: f"sub-indices, each with {span}",
         Kind.HEARTBEAT: f"{span}, or false",
+        Kind.MODULES: f"a list, each {span}",
     }[key.kind]
 
 
@@ -191,6 +192,7 @@ _PLAIN: dict[Kind, Schema] = {
 }
 _TYPES: dict[Kind, Callable[[NetworkKey], Schema]] = {
     Kind.INTEGER: _whole,
+    Kind.MODULES: lambda key: {"type": "array", "items": _whole(key)},
     Kind.NUMBER: lambda key: {"type": "number", "minimum": key.low, "maximum": key.high},
     Kind.COB_ID: _cob_id,
     Kind.STORE: lambda key: {"anyOf": [{"type": "boolean"}, {"enum": [*STORE_WORDS]}, _whole(key)]},
