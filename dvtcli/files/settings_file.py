@@ -6,7 +6,7 @@ import json
 import os
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -37,11 +37,56 @@ def _set(lines: list[str], key: str, line: str) -> None:
     lines.insert(table, line)
 
 
+def with_table(text: str, name: str, table: Mapping[str, Setting]) -> str:
+    """Return *text* with the table [*name*] as *table*, left out if empty. Raises ValueError if the rest would change.
+
+    The lines of keys that stay are kept, with their comments.
+    """
+    before = tomllib.loads(text)
+    wanted = {key: value for key, value in before.items() if key != name} | ({name: dict(table)} if table else {})
+    lines = text.splitlines()
+    header = re.compile(rf"\s*\[\s*{re.escape(name)}\s*\]\s*(#.*)?")
+    begin = next((number for number, line in enumerate(lines) if header.fullmatch(line)), len(lines))
+    after = range(begin + 1, len(lines))
+    end = next((number for number in after if lines[number].lstrip().startswith("[")), len(lines))
+    kept = _kept_lines(lines[begin + 1 : end], before.get(name, {}), table)
+    new = [f"{json.dumps(key, ensure_ascii=False)} = {json.dumps(value, ensure_ascii=False)}" for key, value in
+           table.items() if before.get(name, {}).get(key) != value]  # fmt: skip
+    head = lines[begin : begin + 1] or [*([""] if lines and lines[-1] else []), f"[{name}]"]
+    result = "\n".join([*lines[:begin], *([*head, *kept, *new] if table else []), *lines[end:], ""])
+    if tomllib.loads(result) != wanted:
+        raise ValueError(f"the table [{name}] is written in another way than a key a line")
+    return result
+
+
+def _kept_lines(lines: list[str], before: Mapping[str, Any], table: Mapping[str, Setting]) -> list[str]:
+    """Return *lines* without those of keys that *table* has no more or with another value."""
+    kept: list[str] = []
+    for line in lines:
+        try:
+            keys = tomllib.loads(line)
+        except tomllib.TOMLDecodeError:
+            keys = {}
+        if all(table.get(key) == before.get(key) for key in keys):
+            kept.append(line)
+    return kept
+
+
 def save_settings(path: Path, settings: Mapping[str, Setting]) -> None:
     """Write *settings* into the file *path*. Raises InputFileError if the file cannot take them."""
+    _save(path, lambda text: with_settings(text, settings))
+
+
+def save_table(path: Path, name: str, table: Mapping[str, Setting]) -> None:
+    """Write the table [*name*] into the user's file *path*. Raises InputFileError if the file cannot take it."""
+    _save(path, lambda text: with_table(text, name, table))
+
+
+def _save(path: Path, changed: Callable[[str], str]) -> None:
     try:
         text = path.read_text("utf-8") if path.exists() else ""
-        written = with_settings(text, settings)
+        written = changed(text)
+        path.parent.mkdir(parents=True, exist_ok=True)
         # a file that others could write would not be taken, whatever the umask says
         with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644), "w", encoding="utf-8") as file:
             file.write(written)
@@ -77,6 +122,15 @@ def aliases(found: Any, path: str) -> dict[str, str]:
             raise InputFileError(
                 f"{path}: the alias {word!r} is not one word that stands for one line", place=path, hint=_ALIASES_HINT
             )
+    return found
+
+
+def transmit_lists(found: Any, path: str) -> dict[str, list[str]]:
+    """Return the table `[transmit]`: for each bus the rows of its transmit list. Raises InputFileError."""
+    if not isinstance(found, dict) or not all(
+        isinstance(rows, list) and all(map(_is_text, rows)) for rows in found.values()
+    ):
+        raise InputFileError(f"{path}: transmit is a table of lists of texts", place=path)
     return found
 
 

@@ -106,12 +106,19 @@ def _nothing(_data: bytes) -> list[Value | None]:
 class Decoder:
     """Decode frames by their address; unknown frames by the pre-defined connection set.
 
-    *names* are node names, by node-ID; *identities* are the 0x1018 values of nodes in the sources of the layouts.
+    *names* are node names, by node-ID; *called* are those that the user gave, in a network file. *identities* are the
+    0x1018 values of nodes in the sources of the layouts.
     """
 
-    def __init__(self, layouts: Mapping[Address, Layout] | None = None, names: Mapping[int, str] | None = None) -> None:
+    def __init__(
+        self,
+        layouts: Mapping[Address, Layout] | None = None,
+        names: Mapping[int, str] | None = None,
+        called: Mapping[int, str] | None = None,
+    ) -> None:
         self._known = dict(layouts or {})
-        self.names = dict(names or {})
+        self.called = dict(called or {})
+        self.names = dict(names or {}) | self.called
         self.identities: dict[int, Mapping[str, int | None]] = {}
         self._guessed: dict[Address, Layout] = {}
 

@@ -77,12 +77,13 @@ class Rhythm:
         """The frame came at *time_s*."""
         self.times_s.append(time_s)
 
-    def _gaps(self) -> list[float]:
+    def gaps(self) -> list[float]:
+        """Return the times between the last frames (s)."""
         return [later - before for before, later in pairwise(self.times_s)]
 
     def rate_hz(self, now_s: float) -> float | None:
         """Frames per second: 0 if the frame is overdue at *now_s*, None if too few frames came."""
-        gaps = self._gaps()
+        gaps = self.gaps()
         if not gaps:
             return None
         mean_s = fmean(gaps)
@@ -92,7 +93,7 @@ class Rhythm:
 
     def jitter_s(self) -> float | None:
         """Standard deviation of the time between frames, in seconds; None if too few frames came."""
-        gaps = self._gaps()
+        gaps = self.gaps()
         return pstdev(gaps) if len(gaps) >= 2 else None
 
 

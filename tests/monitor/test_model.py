@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from dvtcli.bus.carrier import Carrier
 from dvtcli.bus.python_can import CanBus
 from dvtcli.cli.monitor.graph import graph
-from dvtcli.cli.monitor.monitor_state import GRAPH, RAW, Moment, View
+from dvtcli.cli.monitor.monitor_state import GRAPH, PICTURE, RAW, Moment, View
 from dvtcli.cli.monitor.screen import picture
 from dvtcli.cli.monitor.signal_lines import age
 from dvtcli.domain.cob_id import CobId
@@ -183,7 +183,7 @@ def test_frames_of_any_length_can_be_looked_at(payloads: list[bytes]) -> None:
     for n, data in enumerate(payloads):
         store.take(Frame(0x201, data, timestamp_s=BEGIN_S + n))
     moment = Moment("sim", 1.0, 0, BEGIN_S + len(payloads))
-    for view in (View(), View(mode=RAW), View(mode=GRAPH)):
+    for view in (View(), View(mode=RAW), View(mode=GRAPH), View(mode=PICTURE)):
         lines = picture(store, view, moment, 80, 24)
         assert len(lines) == 24
         assert all(sum(len(cell.text) for cell in line) <= 80 for line in lines)
@@ -417,7 +417,7 @@ def test_ages_take_six_characters(seconds: float, text: str) -> None:
 
 
 @pytest.mark.parametrize(("columns", "rows"), [(80, 24), (120, 40)])
-@pytest.mark.parametrize("mode", ["table", "raw", "graph"])
+@pytest.mark.parametrize("mode", ["table", RAW, GRAPH, PICTURE])
 def test_screens_look_as_they_did(request: pytest.FixtureRequest, mode: str, columns: int, rows: int) -> None:
     view = View(mode=mode, chosen=1)
     drawn = picture(golden_store(), view, Moment("sim", 72.0, 3, BEGIN_S + 1.0), columns, rows)

@@ -43,10 +43,10 @@ def command(
 ) -> None:
     """Watch the bus: PDOs decoded by the mapping that the nodes hold, EMCY and NMT, until q or Ctrl-C.
 
-    At a terminal it is a full screen, with its keys at the bottom; else one dvtcli.frame/1 document a line. It only
-    reads: the mappings by SDO upload, once, at the start, and again with m. A node that does not answer shows its
-    frames as bytes. If the bus is gone, monitor waits for it, says so, and reads the mappings again; --no-reconnect
-    ends with 5.
+    At a terminal it is a full screen, with its keys at the bottom; else one dvtcli.frame/1 document a line. It reads
+    the mappings by SDO upload, once, at the start, and again with m. Only keys send: n NMT, y SYNC, x a transmit
+    list, asked about as nmt and send ask. A node that does not answer shows its frames as bytes. If the bus is gone,
+    monitor waits for it, says so, and reads the mappings again; --no-reconnect ends with 5.
 
     \b
     monitor

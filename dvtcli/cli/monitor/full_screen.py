@@ -7,7 +7,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from time import monotonic
 from typing import TYPE_CHECKING, Protocol
 
@@ -31,10 +31,14 @@ LEAVE_S = 2.0
 
 
 class MappingReader:
-    """Reads the mappings for *watched* once, in a thread; `news` returns the progress."""
+    """Reads the mappings for *watched* once, in a thread; `news` returns the progress.
 
-    def __init__(self, watched: Watched) -> None:
+    *turn* is held while a node is read.
+    """
+
+    def __init__(self, watched: Watched, turn: AbstractContextManager[object] | None = None) -> None:
         self._watched = watched
+        self._turn = turn or nullcontext()
         #: the node being read, None if none
         self.node: int | None = None
         #: the error that ended the thread, None if none; the listener reports a lost bus
@@ -48,10 +52,13 @@ class MappingReader:
 
     def _read(self) -> None:
         try:
-            for node, known in self._watched.decoders():
-                self.node, self._news = node, known
-                if self._stopping:
+            decoders = self._watched.decoders()
+            while not self._stopping:
+                with self._turn:
+                    found = next(decoders, None)
+                if found is None:
                     break
+                self.node, self._news = found
         except BusUnavailable:
             pass
         except BaseException as failed:  # noqa: BLE001 - nobody sees what ends a thread: `news` raises it
@@ -128,7 +135,7 @@ class GoneBus:
 REDRAW_S = 0.1
 STYLE = {
     "bold": "bold", "dim": "ansibrightblack", "red": "ansired bold", "yellow": "ansiyellow", "green": "ansigreen",
-    "cyan": "ansicyan",
+    "cyan": "ansicyan", "reverse": "reverse",
 }  # fmt: skip
 _PLAIN = ("", "dumb", "unknown")
 
@@ -156,11 +163,20 @@ def has_full_screen(session: Conversation) -> bool:
     return terminal and not session.output.json and not session.in_script
 
 
-def show(session: Conversation, screen: Screen, keys: KeyBindings, duration_s: float | None) -> None:
-    """Show *screen* until a key, Ctrl-C or *duration_s*. Raises errors of its `gather`."""
+def show(
+    session: Conversation,
+    screen: Screen,
+    keys: KeyBindings,
+    duration_s: float | None,
+    mouse: Mouse | None = None,
+) -> None:
+    """Show *screen* until a key, Ctrl-C or *duration_s*. Raises errors of its `gather`.
+
+    *mouse* gets what the mouse does; without it the terminal keeps the mouse to itself.
+    """
     try:
         with _held_signals() as came, session.output.held():
-            _application(session, screen, keys, duration_s, came).run()
+            _application(session, screen, keys, duration_s, came, mouse).run()
     finally:
         screen.leave()
 
@@ -185,12 +201,22 @@ def _held_signals() -> Iterator[list[int]]:
                 signal.raise_signal(number)
 
 
+#: Takes what the mouse does: `click`, `wheel-up` or `wheel-down`, with column and row, both from 0.
+Mouse = Callable[[str, int, int], None]
+
+
 def _application(
-    session: Conversation, screen: Screen, keys: KeyBindings, duration_s: float | None, came: list[int]
+    session: Conversation,
+    screen: Screen,
+    keys: KeyBindings,
+    duration_s: float | None,
+    came: list[int],
+    mouse: Mouse | None,
 ) -> Application[None]:
     """Build the application for *screen*, ended by a key or a signal that *came*."""
     from prompt_toolkit import Application
     from prompt_toolkit.layout import FormattedTextControl, Layout, Window
+    from prompt_toolkit.mouse_events import MouseEvent, MouseEventType
     from prompt_toolkit.output import ColorDepth
     from prompt_toolkit.styles import Style
 
@@ -201,6 +227,19 @@ def _application(
         return _fragments(screen.lines(size.columns, size.rows), plain=plain)
 
     until_s = None if duration_s is None else monotonic() + duration_s
+    acts = {
+        MouseEventType.MOUSE_UP: "click", MouseEventType.SCROLL_UP: "wheel-up", MouseEventType.SCROLL_DOWN: "wheel-down"
+    }  # fmt: skip
+
+    class Drawn(FormattedTextControl):
+        """The screen's text, which hands on what the mouse does."""
+
+        def mouse_handler(self, mouse_event: MouseEvent) -> None:
+            """Hand it on."""
+            if mouse is not None and (act := acts.get(mouse_event.event_type)) is not None:
+                mouse(act, mouse_event.position.x, mouse_event.position.y)
+
+    control = Drawn(drawn)
 
     def gather(application: Application[None]) -> None:
         if application.is_done:
@@ -214,8 +253,9 @@ def _application(
             application.exit()
 
     application: Application[None] = Application(
-        layout=Layout(Window(FormattedTextControl(drawn), always_hide_cursor=False)),
+        layout=Layout(Window(control, always_hide_cursor=False)),
         key_bindings=keys,
+        mouse_support=mouse is not None,
         style=Style.from_dict(STYLE),
         full_screen=True,
         refresh_interval=REDRAW_S,
@@ -255,3 +295,23 @@ def bind_leaving(keys: KeyBindings, unless: Callable[[], bool] | None = None) ->
         """Leave the screen only."""
         if event.app.is_running and not event.app.is_done:
             event.app.exit()
+
+
+#: names of keys that prompt_toolkit calls by their control codes
+_KEY_NAMES = {"c-m": "enter", "c-h": "backspace", "c-i": "tab", "<bracketed-paste>": "paste"}
+
+
+def bind_all(keys: KeyBindings, press: Callable[[str, str], None], when: Callable[[], bool]) -> None:
+    """Give all keys to *press*, by name and text, while *when*(); Ctrl-C too."""
+    from prompt_toolkit.filters import Condition
+
+    @keys.add("<any>", filter=Condition(when))
+    @keys.add("<bracketed-paste>", filter=Condition(when))
+    @keys.add("c-c", filter=Condition(when))
+    @keys.add("escape", filter=Condition(when))
+    def _press(event: KeyPressEvent) -> None:
+        """Hand it on."""
+        key = event.key_sequence[0].key
+        name = str(getattr(key, "value", key))
+        is_text = len(name) == 1 or name == "<bracketed-paste>"
+        press(_KEY_NAMES.get(name, name), event.data if is_text else "")

@@ -2,40 +2,51 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import deepcopy
+from functools import partial
 from time import monotonic, time
 from typing import TYPE_CHECKING
 
 from prompt_toolkit.filters import Condition
 from prompt_toolkit.key_binding import KeyBindings
 
-from dvtcli.cli.monitor.full_screen import GoneBus, MappingReader, bind, bind_leaving, show
-from dvtcli.cli.monitor.monitor_state import GRAPH, RAW, TABLE, Moment, View
-from dvtcli.cli.monitor.screen import chosen_signals, picture
+from dvtcli.cli.monitor.actions import Actions
+from dvtcli.cli.monitor.full_screen import GoneBus, MappingReader, bind, bind_all, bind_leaving, show
+from dvtcli.cli.monitor.monitor_state import GRAPH, PICTURE, RAW, TABLE, Moment, View
+from dvtcli.cli.monitor.room import cut
+from dvtcli.cli.monitor.screen import chosen_row, chosen_signals, picture
 from dvtcli.cli.monitor.signal_lines import Lines
 from dvtcli.errors import BusUnavailable
 from dvtcli.operations.frames.explain_frame import described_nodes
+from dvtcli.operations.frames.transmit_rows import KEYS
 from dvtcli.watch.frame_reader import FrameReader
-from dvtcli.watch.seen import FrameStore
+from dvtcli.watch.seen import Event, FrameStore
 
 if TYPE_CHECKING:
     from prompt_toolkit.key_binding import KeyPressEvent
 
     from dvtcli.cli.conversation import Conversation
     from dvtcli.operations.frames.watch_bus import Watched
+    from dvtcli.watch.decoder import Address
+
+
+#: rows of the picture at least, beside a dialog
+_LEAST = 3
 
 
 class Monitor:
     """The screen's contents: the store of all frames and, while paused, a frozen copy."""
 
-    def __init__(self, name: str, watched: Watched, view: View) -> None:
-        self._name = name
+    def __init__(self, session: Conversation, watched: Watched, view: View) -> None:
+        self._session, self._name = session, session.wire.name
         self._watched = watched
         self.store = FrameStore(watched.decoder, watched.bitrate)
         self.view = view
         self._began_s = monotonic()
         self._still: tuple[FrameStore, Moment] | None = None
-        self._reader = MappingReader(watched)
+        self.actions = Actions(session, watched, self._last_data)
+        self._reader = MappingReader(watched, self.actions.beside.turn)
         self._words = FrameReader(watched.decoder, described_nodes(watched.session, watched.dbc))
         self._gone = GoneBus(watched.listener)
 
@@ -45,6 +56,7 @@ class Monitor:
 
     def gather(self) -> None:
         """Take new frames. Raises BusUnavailable if the bus failed and must not be waited for."""
+        self._take_messages()
         gone_s = self._gone.back_after_s()
         if self._gone.is_waiting():
             return
@@ -55,26 +67,42 @@ class Monitor:
             self.store.know(news)
             self._words.know(news)
         try:
-            for frame in self._watched.listener.take():
-                self.store.take(frame, self._words.read(frame))
+            taken = self._watched.listener.take()
         except BusUnavailable as failed:
             self._gone.wait(failed)
+            return
+        for frame in taken:
+            self.store.take(frame, self._words.read(frame))
+        self.actions.take(taken)
+
+    def _take_messages(self) -> None:
+        """Show what was said and is going on beside the screen."""
+        self.actions.check()
+        for text, bad in self.actions.beside.news():
+            self.store.events.append(Event(time(), text, bad))
+        self.view.marks = tuple(self.actions.marks())
+
+    def _last_data(self, address: Address) -> bytes | None:
+        row = self.store.rows.get(address)
+        return None if row is None or row.remote else row.data
 
     def read_mappings(self) -> None:
         """Read the nodes' mappings again, unless already in progress."""
         if not self._gone.is_waiting() and not self._reader.is_reading:
-            self._reader = MappingReader(self._watched)
+            self._reader = MappingReader(self._watched, self.actions.beside.turn)
 
     def _is_back(self, gone_s: float) -> None:
         """Reset all data, including mappings, after the bus is back."""
+        self.actions.gap(gone_s, time())
         self.store.gap(time(), f"the bus was gone for {gone_s:.0f} s: nothing was seen meanwhile")
         self._reader.stop()
-        self._reader = MappingReader(self._watched)
+        self._reader = MappingReader(self._watched, self.actions.beside.turn)
 
     def leave(self) -> None:
         """Wait for the bus no longer, and read no more."""
         self._gone.leave()
         self._reader.stop()
+        self.actions.leave()
 
     def pause(self) -> None:
         """Let the screen stand still, or go on; frames are counted on."""
@@ -91,7 +119,27 @@ class Monitor:
     def lines(self, columns: int, rows: int) -> Lines:
         """Return the screen of *columns* x *rows*."""
         store, moment = self._shown()
-        return picture(store, self.view, moment, columns, rows)
+        dialog = self.actions.dialog()
+        if dialog is None:
+            return picture(store, self.view, moment, columns, rows)
+        block = [cut(line, columns, plain=self.view.plain) for line in dialog.lines(columns, max(1, rows - _LEAST))]
+        drawn = picture(store, self.view, moment, columns, max(_LEAST, rows - len(block) + 1))
+        return [*drawn[:-1], *block]
+
+    def nmt(self) -> None:
+        """Ask for an NMT command to the node of the chosen signal, else the selected node, else all nodes."""
+        found = chosen_row(self._shown()[0], self.view)
+        signal = None if found is None else found[1]
+        node_id = found[0].service.node if found is not None and signal is not None else self._session.selected_id()
+        name = self.store.decoder.names.get(node_id or 0, "") if node_id else "nodes"
+        self.actions.nmt(node_id, name)
+
+    def mouse(self, act: str, _column: int, _row: int) -> None:
+        """Scroll by the wheel, in a dialog if one is open."""
+        if self.actions.dialog() is not None:
+            self.actions.press(act, "")
+        elif act != "click":
+            self.choose(-3 if act == "wheel-up" else 3)
 
 
 def watch(session: Conversation, watched: Watched, view: View, duration_s: float | None) -> None:
@@ -99,16 +147,19 @@ def watch(session: Conversation, watched: Watched, view: View, duration_s: float
 
     Raises BusUnavailable if the bus failed and must not be waited for.
     """
-    monitor = Monitor(session.wire.name, watched, view)
-    show(session, monitor, _keys(monitor), duration_s)
+    monitor = Monitor(session, watched, view)
+    show(session, monitor, _keys(monitor), duration_s, monitor.mouse)
 
 
 def _keys(monitor: Monitor) -> KeyBindings:
     """Bind the keys."""
-    keys, view = KeyBindings(), monitor.view
+    keys, view, actions = KeyBindings(), monitor.view, monitor.actions
+
+    def asked() -> bool:
+        return actions.dialog() is not None
 
     def typing() -> bool:
-        return view.typing
+        return view.typing or asked()
 
     bind(keys, monitor.pause, "p", " ", unless=typing)
     bind(keys, monitor.read_mappings, "m", unless=typing)
@@ -121,8 +172,16 @@ def _keys(monitor: Monitor) -> KeyBindings:
     bind(keys, lambda: monitor.choose(10), "pagedown", unless=typing)
     bind(keys, monitor.store.forget, "c", unless=typing)
     bind(keys, lambda: _type(view), "f", "/", unless=typing)
+    bind(keys, lambda: _look(view, PICTURE), "i", unless=typing)
+    bind(keys, monitor.nmt, "n", unless=typing)
+    bind(keys, actions.sync, "y", unless=typing)
+    bind(keys, actions.transmit_list, "x", unless=typing)
+    bind(keys, actions.record, "l", unless=typing)
+    for key in KEYS:
+        bind(keys, partial(actions.send_by_key, key), key, unless=typing)
     bind_leaving(keys, unless=typing)
-    _typing_keys(keys, view)
+    _typing_keys(keys, view, asked)
+    bind_all(keys, actions.press, asked)
     return keys
 
 
@@ -136,9 +195,9 @@ def _type(view: View) -> None:
     view.typing = True
 
 
-def _typing_keys(keys: KeyBindings, view: View) -> None:
-    """Bind the keys of the filter line."""
-    typing = Condition(lambda: view.typing)
+def _typing_keys(keys: KeyBindings, view: View, asked: Callable[[], bool]) -> None:
+    """Bind the keys of the filter line, which a question interrupts."""
+    typing = Condition(lambda: view.typing and not asked())
 
     def change(text: str) -> None:
         view.filter, view.chosen, view.top, view.beyond = text, 0, 0, 0

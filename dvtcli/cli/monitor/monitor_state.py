@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-TABLE, RAW, GRAPH = "table", "raw", "graph"
+TABLE, RAW, GRAPH, PICTURE = "table", "raw", "graph", "picture"
 
 
 @dataclass(slots=True)
@@ -24,12 +24,14 @@ class View:
     top: int = 0
     #: lines scrolled beyond the last signal
     beyond: int = 0
+    #: what the keys started, in words
+    marks: tuple[str, ...] = ()
 
     def choose(self, step: int, count: int) -> None:
         """Select another of *count* signals; after the last scroll, and scroll back first."""
         place = self.chosen + self.beyond + step
         self.chosen = max(0, min(count - 1, place))
-        self.beyond = 0 if self.mode == GRAPH else max(0, place - self.chosen)
+        self.beyond = 0 if self.mode in (GRAPH, PICTURE) else max(0, place - self.chosen)
 
 
 @dataclass(frozen=True, slots=True)

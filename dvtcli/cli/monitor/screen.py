@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from dvtcli.cli.monitor.graph import graph
-from dvtcli.cli.monitor.monitor_state import GRAPH, RAW, TABLE, Moment, View
+from dvtcli.cli.monitor.monitor_state import GRAPH, PICTURE, RAW, TABLE, Moment, View
+from dvtcli.cli.monitor.picture_lines import frame_lines
 from dvtcli.cli.monitor.room import cut, wide
 from dvtcli.cli.monitor.signal_lines import Lines, row_line, signal_line, title_of, value_of, with_more
 from dvtcli.cli.view.columns import clipped, columns
@@ -103,12 +104,12 @@ def picture(store: FrameStore, view: View, moment: Moment, width: int, height: i
     events = [_event_line(event) for event in list(store.events)[-EVENTS:]]
     events = events[len(events) - min(len(events), max(0, height // 4)) :]
     above = [head_line("MONITOR", moment, _state(store, view, moment), width)]
-    if view.mode != GRAPH and height >= ABOVE_FROM:
+    if view.mode not in (GRAPH, PICTURE) and height >= ABOVE_FROM:
         above += [node_line(store, moment.reading, width, plain=view.plain), _heads()]
     room = max(0, height - 1 - len(above) - len(events))
-    body = _graph(store, view, moment, width, room) if view.mode == GRAPH else _table(store, view, moment, width, room)
+    body = _BODIES.get(view.mode, _table)(store, view, moment, width, room)
     body += [[] for _ in range(room - len(body))]
-    lines = [*above, *body[:room], *events, _keys(view)]
+    lines = [*above, *body[:room], *events, _keys(view, width)]
     return [cut(line, width, plain=view.plain) for line in lines]
 
 
@@ -117,7 +118,7 @@ def chosen_signals(store: FrameStore, view: View) -> list[tuple[SeenFrame, Signa
     return [
         (row, signal, course)
         for row in _rows(store, view)
-        for signal, course in _shown(row, view.filter.lower())
+        for signal, course in _shown(store, row, view.filter.lower())
         if row.service.kind != "sdo"
     ]
 
@@ -128,10 +129,10 @@ def _rows(store: FrameStore, view: View) -> list[SeenFrame]:
     return [row for row in rows if row.reading.is_one_of(view.only)] if view.only else rows
 
 
-def _shown(row: SeenFrame, wanted: str) -> list[tuple[Signal, ValueHistory]]:
+def _shown(store: FrameStore, row: SeenFrame, wanted: str) -> list[tuple[Signal, ValueHistory]]:
     """Return the signals of *row* passing the filter: all if the frame's own name matches."""
     pairs = list(zip(row.layout.signals, row.courses, strict=True))
-    if wanted in title_of(row).lower():
+    if wanted in title_of(row, store.decoder.called).lower():
         return pairs
     return [pair for pair in pairs if wanted in f"{pair[0].key} {pair[0].object}".lower()]
 
@@ -155,6 +156,7 @@ def _state(store: FrameStore, view: View, moment: Moment) -> list[Cell]:
         cells.append(Cell(f"  {store.unlisted} of more CAN-IDs", "yellow"))
     if view.paused:
         cells.append(Cell("  PAUSED", "yellow"))
+    cells += [Cell(f"  {mark}", "green") for mark in view.marks]
     if view.filter and not view.typing:
         cells.append(Cell(f"  filter: {view.filter}", "cyan"))
     return cells
@@ -171,11 +173,20 @@ def _heads() -> list[Cell]:
     return [Cell(f"{'FRAME':<24}{'RATE':>8}{'JITTER':>9}{'COUNT':>7}{'AGE':>7}  BYTES", "dim")]
 
 
-def _keys(view: View) -> list[Cell]:
+#: keys that a narrow screen leaves out, first of all the first
+_OBVIOUS = ("↑↓", "c", "m", "g", "r", "l", "i")
+
+
+def _keys(view: View, width: int) -> list[Cell]:
+    """Return the line of keys; the most obvious are left out if *width* is too small."""
     if view.typing:
         return [Cell("filter: ", "cyan"), Cell(f"{view.filter}_"), Cell("   Enter keep  Esc clear", "dim")]
-    keys = [("p", "go on" if view.paused else "pause"), ("f", "filter"), ("r", "raw"), ("g", "graph")]
-    keys += [("↑↓", "choose"), ("m", "mappings"), ("c", "clear"), ("q", "quit")]
+    keys = [("p", "go on" if view.paused else "pause"), ("f", "filter"), ("r", "raw"), ("g", "graph"), ("i", "frame")]
+    keys += [("n", "NMT"), ("y", "SYNC"), ("x", "send"), ("l", "log"), ("↑↓", "choose"), ("m", "mappings")]
+    keys += [("c", "clear"), ("q", "quit")]
+    for obvious in _OBVIOUS:
+        if sum(len(key) + len(what) + 3 for key, what in keys) > width:
+            keys = [(key, what) for key, what in keys if key != obvious]
     return [cell for key, what in keys for cell in (Cell(f" {key}", "bold"), Cell(f" {what} "))]
 
 
@@ -190,8 +201,8 @@ def _table(store: FrameStore, view: View, moment: Moment, width: int, room: int)
     wanted = view.filter.lower()
     number, at_chosen, idle = 0, 0, 0
     for row in _rows(store, view):
-        signals = _shown(row, wanted)
-        if not signals and wanted not in title_of(row).lower():
+        signals = _shown(store, row, wanted)
+        if not signals and wanted not in title_of(row, store.decoder.called).lower():
             continue
         if row.service.kind == "sdo" and not wanted and moment.now_s - row.last_s > IDLE_S:
             idle += 1
@@ -229,7 +240,7 @@ def _graph(store: FrameStore, view: View, moment: Moment, width: int, room: int)
     if not signals:
         return [[Cell("  no signal to draw: nothing decoded yet, or nothing fits the filter", "dim")]]
     row, signal, course = signals[min(view.chosen, len(signals) - 1)]
-    title = f"{title_of(row)}  {signal.object}  {signal.name}".rstrip()
+    title = f"{title_of(row, store.decoder.called)}  {signal.object}  {signal.name}".rstrip()
     now = Cell(f"  {value_of(signal, course, width)}   ", "yellow")
     if course.low is None:
         return [[Cell(title, "bold"), now], [Cell("  no number came yet", "dim")]]
@@ -238,3 +249,26 @@ def _graph(store: FrameStore, view: View, moment: Moment, width: int, room: int)
     points = physical_points(course.points, signal.meaning)
     drawn = graph(points, width, max(4, room - 1), span_s, ends=ends, plain=view.plain)
     return [with_more([Cell(title, "bold"), now], signal, course, width), *([Cell(line)] for line in drawn)]
+
+
+def chosen_row(store: FrameStore, view: View) -> tuple[SeenFrame, Signal | None] | None:
+    """Return the frame of the chosen signal with the signal; without signals the first frame; None without frames."""
+    signals = chosen_signals(store, view)
+    if signals:
+        row, signal, _ = signals[min(view.chosen, len(signals) - 1)]
+        return row, signal
+    rows = _rows(store, view)
+    return (rows[0], None) if rows else None
+
+
+def _picture(store: FrameStore, view: View, moment: Moment, width: int, room: int) -> Lines:
+    found = chosen_row(store, view)
+    if found is None:
+        return [[Cell("  nothing yet", "dim")]]
+    lines = frame_lines(*found, store, view, moment, width)
+    marked = next((number for number, line in enumerate(lines) if line and line[0].text == "  > "), 0)
+    view.top = scrolled(view.top, marked, len(lines), room)
+    return lines[view.top :]
+
+
+_BODIES = {GRAPH: _graph, PICTURE: _picture, TABLE: _table, RAW: _table}

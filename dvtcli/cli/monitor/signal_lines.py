@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from dvtcli.cli.monitor.monitor_state import Moment, View
 from dvtcli.cli.monitor.room import filled, least_and_most
-from dvtcli.cli.view.columns import columns
+from dvtcli.cli.view.columns import clipped, columns
 from dvtcli.cli.view.lines import Cell
 from dvtcli.domain.shown_value import value_text
+from dvtcli.domain.text import safe
 from dvtcli.watch.decoder import Signal
 from dvtcli.watch.seen import FrameStore, SeenFrame
 from dvtcli.watch.statistics import ValueHistory, spark
@@ -17,6 +18,8 @@ from dvtcli.watch.statistics import ValueHistory, spark
 FRESH_S = 0.5
 #: columns of a value on a narrow and on a WIDE screen
 VALUE, LONG_VALUE, WIDE = 16, 20, 100
+#: columns of a node's name in a frame's line
+NAME = 12
 _LEVELS, _PLAIN_LEVELS = "▁▂▃▄▅▆▇█", "_.-=+*#@"
 #: points of a sparkline in up to 100 columns and in many more
 SPARK, LONG_SPARK = 8, 60
@@ -24,19 +27,21 @@ SPARK, LONG_SPARK = 8, 60
 Lines = list[list[Cell]]
 
 
-def title_of(row: SeenFrame) -> str:
-    """Return a row's CAN-ID, kind of frame, and node."""
-    node = f" node {row.service.node}" if row.service.node else ""
+def title_of(row: SeenFrame, called: Mapping[int, str]) -> str:
+    """Return a row's CAN-ID, kind of frame, and node, by its name in *called* if it has one."""
+    number = row.service.node
+    node = "" if not number else f" {clipped(safe(called[number]), NAME)}" if number in called else f" node {number}"
     return f"0x{row.can_id:0{8 if row.extended else 3}X} {row.service.label}{node}"
 
 
 def row_line(row: SeenFrame, store: FrameStore, moment: Moment, width: int, *, with_words: bool = False) -> list[Cell]:
     """Return a frame's line, with the node's name if space permits; *with_words*: what it says goes before bytes."""
     rate, jitter = row.rhythm.rate_hz(moment.now_s), row.rhythm.jitter_s()
-    title = title_of(row)
+    title = title_of(row, store.decoder.called)
     text = "" if rate is None else f"{rate:.1f} Hz" if rate < 1000 else f"{rate:.0f} Hz"
     spread = "" if jitter is None or not rate else f"±{1000 * jitter:.{1 if jitter < 0.1 else 0}f} ms"
-    name = store.decoder.names.get(row.service.node or 0, "")
+    number = row.service.node or 0
+    name = "" if number in store.decoder.called else store.decoder.names.get(number, "")
     cells = [
         Cell(title, "bold"),
         Cell(text.rjust(max(len(text) + 1, 32 - len(title))), "yellow" if rate == 0 else ""),

@@ -78,6 +78,15 @@ def _as_guess(file: str, layout: Layout) -> Layout:
     return replace(layout, guess=said)
 
 
+def file_names(file: str) -> dict[int, str]:
+    """Return the names of nodes by node-ID in *file*; none unless it is a network file."""
+    if Path(file).suffix.lower() not in _NETWORK:
+        return {}
+    from dvtcli.operations.wanted.network_wish import read_wish
+
+    return {node.node_id: node.name for node in read_wish(file).nodes}
+
+
 #: how long is waited for a first heartbeat where no node is named (s): most are sent once a second or faster
 HEARD_S = 1.2
 _WITHOUT_EDS = Hint(Action.GIVE_EDS, why="its values have no names, and no sign: -1 reads 65535; {}") + Hint(
@@ -114,11 +123,12 @@ def live_decoders(
 
     *named* adds the nodes' names: a further read of each node without an EDS.
     """
-    known, names = Decoder(), dict[int, str]()
+    known, names, called = Decoder(), dict[int, str](), dict[int, str]()
     if dbc is not None:
         known.add(file_layouts(dbc, session.tell))
+        called = file_names(dbc) if named else {}
     for node_id in () if dbc is not None and not nodes else nodes or _present(session):
-        yield node_id, Decoder(known.layouts, names)
+        yield node_id, Decoder(known.layouts, names, called)
         try:
             node = session.node(node_id)
             meanings = meanings_of(node.profile, node.dictionary)
@@ -131,7 +141,7 @@ def live_decoders(
             raise
         except (NoAnswer, SdoAborted, SdoProtocolError) as silent:
             session.tell.note(f"node {node_id}: its mapping cannot be read ({silent.text}); its frames stay bytes")
-    yield None, Decoder(known.layouts, names)
+    yield None, Decoder(known.layouts, names, called)
 
 
 def mapping_of(session: SessionNodes, node_id: int) -> str:

@@ -17,6 +17,7 @@ from dvtcli.operations.results.sent import NO_END, Outcome
 from dvtcli.watch.statistics import Lateness
 
 if TYPE_CHECKING:
+    from dvtcli.device.cancellation import Cancellation
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.session.session_nodes import SessionNodes
@@ -31,17 +32,24 @@ _ALL = 100
 
 
 def put_on_bus(
-    session: Session, due: Iterable[tuple[float | None, Frame]], wanted: int, *, always_share: bool = False
+    session: Session,
+    due: Iterable[tuple[float | None, Frame]],
+    wanted: int,
+    *,
+    always_share: bool = False,
+    cancellation: Cancellation | None = None,
 ) -> Outcome:
     """Transmit each of *due* at its time (s from now; None: at once); *wanted* is their number.
 
-    Ends with the last frame, when the session is cancelled, or when the bus or *due* fails. While a node is, or may be,
-    OPERATIONAL, or always with *always_share*, the load stays within --bus-share (50 %) if the bit rate is known.
+    Ends with the last frame, on *cancellation* (None: the session's), or when the bus or *due* fails. While a node is,
+    or may be, OPERATIONAL, or always with *always_share*, the load stays within --bus-share (50 %) if the bit rate is
+    known.
     """
-    putting = _Putting(session, always_share=always_share)
+    cancellation = cancellation or session.cancellation
+    putting = _Putting(session, cancellation, always_share=always_share)
     told_s = began_s = putting.bus.now_s()
     errors = putting.bus.error_frame_count()
-    with session.cancellation.guard():
+    with cancellation.guard():
         try:
             for due_s, frame in due:
                 if not putting.put(frame, None if due_s is None else began_s + due_s):
@@ -57,11 +65,11 @@ def put_on_bus(
             putting.close()
     for node in session.met_nodes():  # whatever was read of it may be old, its state, too
         (node.commanded if putting.commanded else node.read_anew)()
-    cancelled = session.cancellation.requested and putting.sent < wanted
+    cancelled = cancellation.requested and putting.sent < wanted
     return Outcome(
         wanted, putting.sent, max(0.0, ended_s - putting.first_s), putting.late.most_s, putting.late.nearly_all_s(),
         error_frames=putting.bus.error_frame_count() - errors, failure=putting.failure,
-        interrupted=session.cancellation.exit_code if cancelled else 0,
+        interrupted=cancellation.exit_code if cancelled else 0,
     )  # fmt: skip
 
 
@@ -75,7 +83,7 @@ def _progress(sent: int, wanted: int) -> tuple[str, int, int]:
 class _Putting:
     """Frames being transmitted, and their outcome."""
 
-    def __init__(self, session: SessionNodes, *, always_share: bool) -> None:
+    def __init__(self, session: SessionNodes, cancellation: Cancellation, *, always_share: bool) -> None:
         self.bus = session.open_network().bus
         self.sent, self.late = 0, Lateness()
         self.first_s = self.last_s = self.bus.now_s()
@@ -83,7 +91,7 @@ class _Putting:
         #: whether an NMT command was among them
         self.commanded = False
         self._met = set(session.seen_nodes())
-        self._cancellation = session.cancellation
+        self._cancellation = cancellation
         self._always = always_share
         self._percent = session.options.bus_share or DEFAULT_SHARE_PERCENT
         self._share = None if self.bus.bitrate is None else KeptShare(self.bus, self.bus.bitrate)

@@ -45,14 +45,11 @@ def send_frames(
     and PDOs of *nodes*, of known nodes, or of the network *file*. Raises UsageError for an invalid frame, or if the bus
     does not carry it; SafetyRefusal without consent. A dry run sends nothing.
     """
-    frames = [_frame(text) for text in texts]
+    frames = [frame_to_send(text) for text in texts]
     rounds = _rounds(every_s, for_s, count)
-    _require_carried(open_wire(session), frames)
-    shown = _looked_at(session, frames, nodes, file)
+    often = "" if rounds == 1 else " until Ctrl-C" if rounds == _FOREVER else f" {rounds} times"
+    shown = agree_to_send(session, frames, often, nodes, file)
     wanted = rounds * len(frames)
-    for send in shown:
-        session.tell.note(f"{send.text}")
-    _ask(session, shown, rounds)
     if session.dry_run:
         return FramesSent(shown, Outcome(wanted), dry_run=True)
     from dvtcli.operations.frames.put_on_bus import put_on_bus
@@ -60,7 +57,24 @@ def send_frames(
     return FramesSent(shown, put_on_bus(session, _due(frames, rounds, every_s or EVERY_S), wanted))
 
 
-def _frame(text: str) -> Frame:
+def agree_to_send(
+    session: SessionNodes, frames: Sequence[Frame], often: str = "", nodes: Sequence[int] = (), file: str | None = None
+) -> tuple[FrameToSend, ...]:
+    """Explain *frames*, and ask once if nodes act on one; *nodes* and *file* as in `send_frames`.
+
+    *often* says in words how often they are sent, empty for once.
+
+    Raises UsageError if the bus does not carry them, SafetyRefusal without consent. Sends nothing but SDO uploads.
+    """
+    _require_carried(open_wire(session), frames)
+    shown = _looked_at(session, frames, nodes, file)
+    for send in shown:
+        session.tell.note(f"{send.text}")
+    _ask(session, shown, often)
+    return shown
+
+
+def frame_to_send(text: str) -> Frame:
     """Parse a frame to send; an empty frame needs a `#`, as a number alone may lack its data."""
     frame = parsed_frame(text)
     if "#" not in text and len(text.split()) == 1:
@@ -114,10 +128,9 @@ def _followed(session: SessionNodes) -> SdoValues:
     return secret
 
 
-def _ask(session: SessionUser, shown: Sequence[FrameToSend], rounds: int) -> None:
+def _ask(session: SessionUser, shown: Sequence[FrameToSend], often: str) -> None:
     said = [f"{frame_text(send.explained.frame)}: {send.effects}" for send in shown if send.effects]
     if said:
-        often = "" if rounds == 1 else " until Ctrl-C" if rounds == _FOREVER else f" {rounds} times"
         frames = "it" if len(shown) == 1 else plural(len(shown), "frame")
         session.consent(f"{'; '.join(dict.fromkeys(said))}; send {frames}{often}?")
 

@@ -401,7 +401,7 @@ class Opened:
     def met_nodes(self) -> Iterator[Node]:
         """Yield every node met so far, and every twin."""
         for network in (self._network, self._twin):
-            yield from network.nodes.values() if network else ()
+            yield from tuple(network.nodes.values()) if network else ()
 
     def writes(self) -> dict[int, int]:
         """Count writes and stores per node-ID, without twins, whatever their result."""

@@ -31,8 +31,10 @@ _BUS = frozenset({"bus", "interface", "channel", "bitrate", "bus_kwargs"}) | _SI
 PASSCODE = "passcode"
 #: The table of aliases at the prompt.
 ALIASES = "aliases"
-#: Options that another's project must not set.
-USERS_OWN = ("yes", "force", PASSCODE, "no_shell")
+#: The table of transmit lists by bus.
+TRANSMIT = "transmit"
+#: What another's project must not set.
+USERS_OWN = ("yes", "force", PASSCODE, "no_shell", TRANSMIT)
 #: The mark of a URL as channel: some of pyserial's write any file.
 _URL = "://"
 #: Keys of drivers that name a library to load, and names of such files.
@@ -72,7 +74,7 @@ class File:
 
     def __init__(self, found: SettingsFile, *, users_own: bool, believed: bool = False) -> None:
         """Read it, as trusted if *believed*; raises SafetyRefusal if others can write it, InputFileError if invalid."""
-        from dvtcli.files.settings_file import MOST_BYTES, aliases, parsed, tables
+        from dvtcli.files.settings_file import MOST_BYTES, aliases, parsed, tables, transmit_lists
         from dvtcli.operations.user.trusted_settings import digest, is_trusted
 
         self.path, self.named = found.path, found.named
@@ -85,6 +87,9 @@ class File:
         passcode = keys.pop(PASSCODE, None)
         self.passcode = None if passcode is None or not users_own else str(passcode)
         self.aliases = aliases(keys.pop(ALIASES, {}), self.path)
+        lists = keys.pop(TRANSMIT, {})
+        #: the transmit list of each bus, in the user's own file only
+        self.transmit = transmit_lists(lists, self.path) if users_own else {}
         described = tables(keys.pop("bus", {}), self.path)
         self.layer = self._layer(keys, self.path)
         for name in self.ignored:
@@ -134,7 +139,7 @@ class File:
             raise InputFileError(
                 f"{self.path}: unknown key {name!r}",
                 place=self.path,
-                hint=f"keys are the options: {', '.join(known)}; and {PASSCODE}, [{ALIASES}], [bus.NAME]",
+                hint=f"keys are the options: {', '.join(known)}; and {PASSCODE}, [{ALIASES}], [{TRANSMIT}], [bus.NAME]",
             )
         default = getattr(Options(), name)
         try:

@@ -16,6 +16,11 @@ MAY_READ_AND_SEND: dict[str, dict[str, str]] = {
     "gateway": {"": "what its clients ask for, under consent"},
     "help": {"": "names the DVT's words, each with its function, and calls none"},
     "import": {"device/quirks/": "the order of old firmware, over a file"},
+    "monitor": {
+        "cli/monitor/actions.py": "its keys, at a terminal only, ask as `nmt` and `send` do",
+        "cli/monitor/sending.py": "what was agreed to there",
+        "operations/frames/transmit_rows.py": "reads the mapping of a PDO by its name",
+    },
     "pdo": {"operations/changes/change.py": "`pdo edit` shows its plan, and `undo` reverts it"},
     "sync": {"operations/sync/produce_sync.py": "SYNC changes nothing that a node holds"},
     "verify": {"operations/pdos/look_at_frames.py": "the same, and the NMT state goes back to what it was"},

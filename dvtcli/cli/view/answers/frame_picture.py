@@ -75,9 +75,14 @@ def _box(group: list[tuple[int, int, str, str, bool]]) -> Box:
     return Box(first, last, f"{len(group)} fields", "", " ", fields)
 
 
+def cell_width(width: int) -> int:
+    """Return the columns of a byte with its border in a picture of *width* columns."""
+    return max(_LEAST, (width - _MARGIN) // 8)
+
+
 def picture(row: PdoRow, width: int) -> Iterator[str]:
     """The picture's lines on *width* columns, at least 79, with the sub-byte fields listed below it."""
-    parts, cell = boxes(row), max(_LEAST, (width - _MARGIN) // 8)
+    parts, cell = boxes(row), cell_width(width)
     numbers = "".join(f"{number:^{cell - 1}} " for number in range(8))
     yield f"byte   {numbers}".rstrip()
     yield _border(parts, cell, "┌┬┐")

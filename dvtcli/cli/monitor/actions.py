@@ -1,0 +1,256 @@
+"""The monitor's keys that act: NMT, SYNC, the transmit list, and a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.cli.monitor.sending import Sending
+from dvtcli.cli.monitor.transmit_list import ListedRow, TransmitList
+from dvtcli.cli.screen.beside import BesideScreen
+from dvtcli.cli.screen.choices import Choices
+from dvtcli.cli.screen.field import Dialog, FieldDialog
+from dvtcli.cli.view.typed_hints import error_text
+from dvtcli.domain.nmt import NmtCommand
+from dvtcli.domain.text import join_some
+from dvtcli.errors import DvtcliError
+from dvtcli.operations.frames.put_on_bus import put_on_bus
+from dvtcli.operations.frames.send_frames import agree_to_send
+from dvtcli.operations.frames.transmit_rows import TransmitRow, frame_of, keep_rows, kept_rows
+from dvtcli.operations.nodes.command_nmt import command_nmt
+from dvtcli.operations.session.save_script import ask_before_overwriting
+from dvtcli.operations.sync.sync_frame import DEFAULT, sync_frame
+
+if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
+    from dvtcli.domain.ports import Frame
+    from dvtcli.files.recorder import Recorder
+    from dvtcli.operations.frames.watch_bus import Watched
+    from dvtcli.watch.decoder import Address
+
+#: letters of the NMT commands
+_NMT = {
+    "s": NmtCommand.START, "t": NmtCommand.STOP, "p": NmtCommand.ENTER_PRE_OPERATIONAL,
+    "r": NmtCommand.RESET_NODE, "c": NmtCommand.RESET_COMMUNICATION,
+}  # fmt: skip
+#: range of the SYNC period (ms)
+_SYNC_MS = 1.0, 3_600_000.0
+
+
+class Actions:
+    """What the monitor's keys send or record; *last* returns the last data of an address, None if none came."""
+
+    def __init__(self, session: Conversation, watched: Watched, last: Callable[[Address], bytes | None]) -> None:
+        self.beside = BesideScreen(session)
+        #: open dialogs, the innermost last
+        self.dialogs: list[Dialog] = []
+        self._session, self._watched, self._last = session, watched, last
+        self._bus = session.wire.name
+        self._rows = [ListedRow(row) for row in self._kept()]
+        self._sync: Sending | None = None
+        self._recorder: Recorder | None = None
+
+    def _kept(self) -> list[TransmitRow]:
+        try:
+            return kept_rows(self._session, self._bus)
+        except DvtcliError as wrong:
+            self.beside.say(f"the transmit list kept for {self._bus}: {error_text(wrong)}", bad=True)
+            return []
+
+    def dialog(self) -> Dialog | None:
+        """Return what takes the keys now: a question first, then the innermost dialog."""
+        return self.beside.question or (self.dialogs[-1] if self.dialogs else None)
+
+    def press(self, key: str, text: str) -> None:
+        """Give a key to the present dialog, and close it if it is finished."""
+        dialog = self.dialog()
+        if dialog is not None and not dialog.press(key, text) and dialog in self.dialogs:
+            self.dialogs.remove(dialog)
+
+    def marks(self) -> list[str]:
+        """Return what is going on, in words for the screen's head."""
+        marks = [f"{self.beside.doing}..."] if self.beside.doing and self.beside.question is None else []
+        if self._sync is not None and self._sync.is_going:
+            marks.append(f"SYNC every {1000 * (self._sync.row.every_s or 0):g} ms")
+        if going := sum(listed.is_going for listed in self._rows):
+            marks.append(f"{going} cyclic")
+        if self._recorder is not None:
+            marks.append(f"REC {self._recorder.frames}")
+        return marks
+
+    def nmt(self, node_id: int | None, name: str) -> None:
+        """Let the user choose an NMT command for *node_id* (None: all nodes), called *name*."""
+        words = [(letter, command.word) for letter, command in _NMT.items()]
+        commands = list(_NMT.values())
+        whom = f"all {name}" if node_id is None else f"node {node_id} {name}"
+        self.dialogs.append(
+            Choices(f"NMT to {whom.rstrip()}", words, lambda number: self._command(commands[number], node_id or 0))
+        )
+
+    def _command(self, command: NmtCommand, node_id: int) -> None:
+        def work() -> str:
+            result = command_nmt(self._session, command, node_id)
+            if result.failure is not None:
+                raise result.failure
+            seen = ", ".join(f"node {seen_id} {state or 'does not say its state'}" for seen_id, state in result.states)
+            dry = "dry run, nothing was sent: " if self._session.dry_run else ""
+            lost = f"; the reset lost what was not stored: {join_some(result.lost)}" if result.lost else ""
+            return f"{dry}nmt {command.word}: {seen or 'nobody is heard'}{lost}"
+
+        self.beside.start(f"nmt {command.word}", work)
+
+    def sync(self) -> None:
+        """Stop SYNC if it is sent, else ask for its period and send it."""
+        if self._sync is not None and self._sync.is_going:
+            self._sync.stop()
+            self.beside.say(f"SYNC is off, {self._sync.sent} were sent")
+            return
+        self.dialogs.append(FieldDialog("SYNC period in ms", "20", self._start_sync))
+
+    def _start_sync(self, text: str) -> str:
+        try:
+            period_ms = float(text)
+        except ValueError:
+            period_ms = 0.0
+        if not _SYNC_MS[0] <= period_ms <= _SYNC_MS[1]:
+            return f"{text or 'nothing'}: a period is 1…3600000 ms"
+
+        def work() -> str:
+            selected = self._session.selected_id()
+            frame = DEFAULT if selected is None else sync_frame(self._session.bus.sdo(selected))
+            self._sync = self._begin(TransmitRow("SYNC", period_ms / 1000), frame)
+            return ""
+
+        self.beside.start("SYNC", work)
+        return ""
+
+    def _begin(self, row: TransmitRow, frame: Frame) -> Sending | None:
+        """Ask, and send *frame* from now on; None under --dry-run."""
+        self._agree(frame, f" every {1000 * (row.every_s or 0):g} ms until it is stopped")
+        return None if self._session.dry_run else Sending(self._session, row, frame)
+
+    def _agree(self, frame: Frame, often: str = "") -> None:
+        shown = agree_to_send(self._session, [frame], often, self._watched.nodes, self._watched.dbc)
+        if self._session.dry_run:
+            self.beside.say(f"dry run, not sent: {shown[0].text}")
+
+    def transmit_list(self) -> None:
+        """Open the transmit list."""
+        self.dialogs.append(TransmitList(self._rows, self.dialogs.append, self._send, self._cyclic, self._keep))
+
+    def send_by_key(self, key: str) -> None:
+        """Send the row of *key*: once, or if it has a period start or stop it."""
+        for listed in self._rows:
+            if listed.row.key == key:
+                (self._send if listed.row.every_s is None else self._cyclic)(listed)
+
+    def _send(self, listed: ListedRow) -> None:
+        def work() -> str:
+            frame = frame_of(self._session, listed.row, self._last)
+            self._agree(frame)
+            if not self._session.dry_run:
+                outcome = put_on_bus(self._session, [(None, frame)], 1)
+                listed.once += outcome.handed
+                if outcome.failure is not None:
+                    raise outcome.failure
+            return ""
+
+        self.beside.start(f"send {listed.row.frame}", work)
+
+    def _cyclic(self, listed: ListedRow) -> None:
+        if listed.is_going:
+            listed.stop()
+            return
+        if listed.row.every_s is None:
+            self.beside.say(f"{listed.row.frame} has no period: Enter edits it, every 100ms adds one", bad=True)
+            return
+
+        def work() -> str:
+            frame = frame_of(self._session, listed.row, self._last)
+            sending = self._begin(listed.row, frame)
+            if sending is not None:
+                listed.once, listed.sending = listed.sent, sending
+            return ""
+
+        self.beside.start(f"send {listed.row.frame}", work)
+
+    def _keep(self) -> None:
+        try:
+            keep_rows(self._session, self._bus, [listed.row for listed in self._rows])
+        except DvtcliError as failed:
+            self.beside.say(error_text(failed), bad=True)
+
+    def record(self) -> None:
+        """Start a recording of all frames from now on, or end it."""
+        if self._recorder is not None:
+            self._end_recording()
+            return
+        name = f"monitor-{datetime.now().astimezone():%Y%m%d-%H%M%S}.log"
+        self.dialogs.append(FieldDialog("record to", name, self._start_recording, ".asc .blf .log .trc .mf4 .pcapng"))
+
+    def _start_recording(self, text: str) -> str:
+        from dvtcli.files.recorder import Recorder
+        from dvtcli.files.recording_formats import format_of
+
+        path = Path(text)
+        try:
+            format_of(path)
+        except DvtcliError as wrong:
+            return error_text(wrong)
+
+        def work() -> str:
+            ask_before_overwriting(self._session, path)
+            self._recorder = Recorder(path)
+            return f"recording to {path}; l ends it"
+
+        self.beside.start("record", work)
+        return ""
+
+    def take(self, frames: Iterable[Frame]) -> None:
+        """Record *frames*, if a recording is running; a full disk ends it."""
+        recorder = self._recorder
+        if recorder is None:
+            return
+        try:
+            for frame in frames:
+                recorder.write(frame)
+            recorder.flush()
+        except DvtcliError as failed:
+            self.beside.say(error_text(failed), bad=True)
+            self._recorder = None
+
+    def gap(self, gone_s: float, at_s: float) -> None:
+        """Note a loss of the bus in a running recording."""
+        if self._recorder is not None:
+            self._recorder.note(f"{gone_s:.1f} s are missing: the bus was gone", at_s)
+
+    def _end_recording(self) -> None:
+        recorder, self._recorder = self._recorder, None
+        if recorder is None:
+            return
+        try:
+            recorder.close()
+        except DvtcliError as failed:
+            self.beside.say(error_text(failed), bad=True)
+            return
+        self._session.made.append(str(recorder.path))
+        left = f"; {recorder.left_out} remote frames are missing, it cannot hold them" if recorder.left_out else ""
+        self.beside.say(f"{recorder.path}: {recorder.frames} frames{left}")
+
+    def check(self) -> None:
+        """Raise an error that nobody expects of a sending."""
+        sendings = [self._sync, *(listed.sending for listed in self._rows)]
+        for sending in sendings:
+            if sending is not None and sending.fault is not None:
+                raise sending.fault
+
+    def leave(self) -> None:
+        """Send and record no longer."""
+        self.beside.leave()
+        if self._sync is not None:
+            self._sync.stop()
+        for listed in self._rows:
+            listed.stop()
+        self._end_recording()

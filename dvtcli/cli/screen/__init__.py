@@ -1,0 +1,1 @@
+"""The parts of full screens: fields, lists, questions, panes, and operations that run beside a screen."""
