@@ -38,7 +38,7 @@ from dvtcli.operations.results.nodes import (
     Synced,
     SyncSource,
 )
-from dvtcli.operations.results.pdos import MappedName, PdoListing, PdoRow, PinRow, VpdoListing, VpdoRow
+from dvtcli.operations.results.pdos import ListedRow, MappedName, PdoListing, PdoRow, PinRow, VpdoListing, VpdoRow
 from dvtcli.operations.results.sent import FramesSent, Replayed
 from dvtcli.operations.results.stores import Stored
 from dvtcli.operations.results.values import EntryUnread, ObjectListing, ObjectRow, RecordRead, ValueRead
@@ -66,6 +66,7 @@ __all__ = [
     "LibraryAdded",
     "LibraryListing",
     "LibraryRow",
+    "ListedRow",
     "LoggedIn",
     "LssAddress",
     "LssBitRate",

@@ -23,7 +23,7 @@ from dvtcli.domain.rules.raw_write import (
     with_raw,
     write_findings,
 )
-from dvtcli.domain.services import SDO_CHANNEL_INDICES, SYNC_BY_DEFAULT
+from dvtcli.domain.services import SRDO_COB_IDS, SRDOS, SYNC_BY_DEFAULT, is_channel_place
 from dvtcli.errors import SdoAborted
 
 if TYPE_CHECKING:
@@ -51,10 +51,10 @@ def raw_write_findings(node: ReadableNode, index: int, sub_index: int, data: byt
 def taken_can_id_findings(node: ReadableNode, index: int, sub_index: int, data: bytes) -> Iterator[Finding]:
     """An error if *data* gives a service of *node* a CAN-ID used by another service or an enabled PDO.
 
-    Services are SYNC, the time stamp, EMCY and further SDO channels. Reads present values of *node* and the other known
-    nodes, so only for a single write: a plan is judged by its result.
+    Services are SYNC, the time stamp, EMCY, further SDO channels and SRDOs. Reads present values of *node* and the
+    other known nodes, so only for a single write: a plan is judged by its result.
     """
-    is_channel = index in SDO_CHANNEL_INDICES and sub_index in (1, 2)
+    is_channel = is_channel_place(index, sub_index) and (index not in SRDOS or sub_index in SRDO_COB_IDS)
     raw = int.from_bytes(data, "little")
     if len(data) != 4 or not (is_channel or (index in COB_ID_OF and not sub_index)) or not is_in_use(index, raw):
         return

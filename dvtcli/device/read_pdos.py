@@ -11,10 +11,20 @@ from itertools import takewhile
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
+from dvtcli.domain.mpdo_lists import ListedObjects, listed_objects
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import MAX_PDO_NUMBER, Direction, Pdo, PdoCommunicationParameter, PdoConfig, is_mpdo
 from dvtcli.domain.ports import SdoReader
-from dvtcli.domain.services import SDO_CHANNEL_INDICES, SDO_CLIENTS, SDO_SERVERS, taken_by_services, taken_on_another
+from dvtcli.domain.services import (
+    SDO_CHANNEL_INDICES,
+    SDO_CLIENTS,
+    SDO_SERVERS,
+    SRDO_COB_IDS,
+    SRDO_DIRECTION,
+    SRDOS,
+    taken_by_services,
+    taken_on_another,
+)
 from dvtcli.errors import SdoAborted, SdoProtocolError
 
 #: Answers that mean "this device has no such object": devices choose freely among them.
@@ -68,6 +78,24 @@ def read_modules(sdo: SdoReader) -> tuple[int, ...] | None:
         return None
 
 
+def read_mpdo_lists(
+    sdo: SdoReader, dictionary: ObjectDictionary | None, lists: range
+) -> dict[tuple[int, int], ListedObjects]:
+    """Read the used entries of the scanner or dispatcher *lists* by index and sub-index, as far as readable."""
+    found: dict[tuple[int, int], ListedObjects] = {}
+    for index in lists if dictionary is None else dictionary.indices_among(lists):
+        try:
+            count = read_number(sdo, index, 0, 1)
+            for sub_index in range(1, count + 1):
+                entry = listed_objects(index, read_number(sdo, index, sub_index, 8))
+                if entry is not None:
+                    found[index, sub_index] = entry
+        except (SdoAborted, SdoProtocolError):
+            if dictionary is None:
+                break  # the lists have no gap
+    return found
+
+
 def learnt_objects(
     entries: Iterable[PdoMappingEntry], upload: Callable[[int, int], bytes]
 ) -> tuple[dict[tuple[int, int], int], dict[tuple[int, int], int]]:
@@ -98,6 +126,8 @@ def sdo_channel_places(sdo: SdoReader, dictionary: ObjectDictionary | None) -> I
         else:
             indices = dictionary.indices_among(channels)
         yield from ((index, sub_index) for index in indices for sub_index in (1, 2))
+    safety = () if dictionary is None else dictionary.indices_among(SRDOS)
+    yield from ((index, sub_index) for index in safety for sub_index in (SRDO_DIRECTION, *SRDO_COB_IDS))
 
 
 def _has(sdo: SdoReader, index: int) -> bool:
@@ -109,7 +139,7 @@ def _has(sdo: SdoReader, index: int) -> bool:
 
 
 def sdo_channels(sdo: SdoReader, dictionary: ObjectDictionary | None) -> dict[tuple[int, int], int]:
-    """The readable COB-IDs of further SDO channels, by index and sub-index."""
+    """The readable COB-IDs of further SDO channels and of SRDOs, with their directions, by index and sub-index."""
     found: dict[tuple[int, int], int] = {}
     for index, sub_index in sdo_channel_places(sdo, dictionary):
         with suppress(SdoAborted, SdoProtocolError):
@@ -133,14 +163,15 @@ def service_ids_beside(
 ) -> dict[tuple[int, bool], str]:
     """As `service_ids` for another node: unreadable services count as unused.
 
-    Ignores 0x1005, 0x1012, 0x1014 or the SDO channel with the index *without*.
+    Ignores 0x1005, 0x1012, 0x1014, or all SDO channels and SRDOs where the index *without* is one of them.
     """
     held: dict[int, int | None] = dict.fromkeys((0x1005, 0x1012, 0x1014))
     for index in held:
         if index != without and (dictionary is None or index in dictionary):
             with suppress(SdoAborted, SdoProtocolError):
                 held[index] = read_optional(sdo, index, 0, 4)
-    channels = {} if without in SDO_CHANNEL_INDICES else sdo_channels(sdo, dictionary)
+    of_any = without in SDO_CHANNEL_INDICES or without in SRDOS
+    channels = {} if of_any else sdo_channels(sdo, dictionary)
     return taken_on_another(node_id, held[0x1005], held[0x1014], channels, held[0x1012])
 
 

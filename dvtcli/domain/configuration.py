@@ -16,6 +16,7 @@ from dvtcli.domain.object_dictionary import Access, normalised
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.process_data import is_named_as_process_data, is_named_as_setting, pdo_may_carry, rpdo_may_take
 from dvtcli.domain.profile import Range, within
+from dvtcli.domain.standard_objects import SAFETY
 
 if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
@@ -167,7 +168,6 @@ _ERROR_HISTORY, _STAMP = 0x1003, 0x1020
 _STORE = (0x1010, 0x1011)
 _PROGRAM = range(0x1F50, 0x1F60)
 _DEFAULT_SDO_SERVER = 0x1200
-_SAFETY = range(0x1300, 0x1400)
 #: time stamp, stored EDS, operating system (CiA 301, 7.5.2.20 to 7.5.2.29), node-ID of old standards,
 #: and of CiA 302: verify and configure, request NMT, request guarding
 _REQUESTS = frozenset({0x1013, 0x1021, 0x1022, 0x1023, 0x1024, 0x1025, 0x1026, 0x1F24, 0x1F25, 0x1F82, 0x1F83})
@@ -350,7 +350,7 @@ def _by_standard(index: int) -> NotWritten | None:
         return found
     if index in _PROGRAM:
         return NotWritten.PROGRAM
-    return NotWritten.SAFETY if index in _SAFETY else None
+    return NotWritten.SAFETY if index in SAFETY else None
 
 
 def _by_access(entry: OdEntry) -> NotWritten | None:

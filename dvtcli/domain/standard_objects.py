@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dvtcli.domain.datatypes import U8, U16, U32, VISIBLE_STRING, DataType
+from dvtcli.domain.mpdo_lists import DISPATCHER_LISTS, SCANNER_LISTS
 from dvtcli.domain.object_dictionary import Access, ObjectType
 
 _STORED = ("all parameters", "communication parameters", "application parameters")
@@ -20,11 +21,14 @@ _NAMES = {
     0x1009: "manufacturer hardware version", 0x100A: "manufacturer software version", 0x100C: "guard time",
     0x100D: "life time factor", 0x1012: "COB-ID TIME", 0x1013: "high resolution time stamp", 0x1014: "COB-ID EMCY",
     0x1015: "inhibit time EMCY", 0x1017: "producer heartbeat time", 0x1019: "synchronous counter overflow value",
+    0x1300: "global fail-safe command", 0x13FE: "configuration valid",
 }  # fmt: skip
 _ONE_EACH = {0x1003: "error", 0x1016: "consumer heartbeat time"}
 _SDO = ("COB-ID client to server", "COB-ID server to client", "node-ID of the other side")
 #: SRDOs (EN 50325-5): communication and mapping parameters, and the signatures of their configuration.
 _SRDO_COMMUNICATION, _SRDO_MAPPING, _SRDO_SIGNATURES = range(0x1301, 0x1341), range(0x1381, 0x13C1), 0x13FF
+#: Objects of a safety device's configuration (EN 50325-5): no PDO carries them.
+SAFETY = range(0x1300, 0x1400)
 _SRDO = (
     "information direction", "refresh time or SCT", "SRVT", "transmission type", "COB-ID 1", "COB-ID 2 (inverted)",
 )  # fmt: skip
@@ -39,6 +43,8 @@ def standard_name(index: int, sub_index: int) -> str:
         return f"{_ONE_EACH[index]} {sub_index}"
     if is_pdo_mapping(index) or index in _SRDO_MAPPING:
         return f"mapped object {sub_index}"
+    if index in SCANNER_LISTS or index in DISPATCHER_LISTS:
+        return f"{'scanned' if index in SCANNER_LISTS else 'dispatched'} objects {sub_index}"
     if index == _SRDO_SIGNATURES:
         return f"signature of SRDO {sub_index}"
     names = _PARTS.get(index, ())
@@ -97,6 +103,13 @@ _ARRAYS = {
     0x1029: (StandardEntry(U8, _CONST), StandardEntry(U8, _RW)),
 }
 
+#: Safety objects of EN 50325-5, whose access a device chooses: an SRDO's communication parameter by sub-index, the
+#: count and entries of its mapping, and of the signatures.
+_SRDO_PARAMETER = tuple(StandardEntry(kind, None) for kind in (U8, U8, U16, U8, U8, U32, U32))
+_SRDO_ENTRIES = (StandardEntry(U8, None), StandardEntry(U32, None))
+_SIGNATURES = (StandardEntry(U8, None), StandardEntry(U16, None))
+_SAFETY_VARIABLES = {0x1300: StandardEntry(U8, None), 0x13FE: StandardEntry(U8, None)}
+
 #: SDO parameter records (7.5.2.33 and 7.5.2.34); a server's COB-IDs may be ro or rw.
 _SDO_PARAMETER = (
     StandardEntry(U8, _CONST),
@@ -125,6 +138,11 @@ def is_pdo_communication(index: int) -> bool:
     return 0x1400 <= index <= 0x15FF or 0x1800 <= index <= 0x19FF
 
 
+def is_srdo_mapping(index: int) -> bool:
+    """Whether *index* is the mapping parameter of an SRDO (EN 50325-5)."""
+    return index in _SRDO_MAPPING
+
+
 def is_pdo_mapping(index: int) -> bool:
     """Whether *index* is an RPDO's or TPDO's mapping parameter."""
     return 0x1600 <= index <= 0x17FF or 0x1A00 <= index <= 0x1BFF
@@ -144,7 +162,17 @@ def standard_entry(index: int, sub_index: int) -> StandardEntry | None:
         return PDO_COMMUNICATION[sub_index] if sub_index < len(PDO_COMMUNICATION) else None
     if is_pdo_mapping(index) and sub_index <= 64:
         return PDO_MAPPING[min(sub_index, 1)]
-    return None
+    return _safety_entry(index, sub_index) if index in SAFETY else None
+
+
+def _safety_entry(index: int, sub_index: int) -> StandardEntry | None:
+    if index in _SRDO_COMMUNICATION:
+        return _SRDO_PARAMETER[sub_index] if sub_index < len(_SRDO_PARAMETER) else None
+    if index in _SRDO_MAPPING:
+        return _SRDO_ENTRIES[min(sub_index, 1)]
+    if index == _SRDO_SIGNATURES:
+        return _SIGNATURES[min(sub_index, 1)]
+    return _SAFETY_VARIABLES.get(index) if sub_index == 0 else None
 
 
 #: Objects whose access CiA 301 leaves open, though it has them rw: a value that the device cannot change.

@@ -10,7 +10,7 @@ from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.files.device_file import read_device_file
 from dvtcli.files.eds.modules import with_modules
 from dvtcli.files.eds.reader import parse_eds
-from dvtcli.operations.opening.simulated_nodes import read_dictionary
+from dvtcli.operations.opening.simulated_nodes import read_dictionary, simulated_device, simulated_nodes
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.commands.bench import Bench, beside
@@ -233,3 +233,20 @@ def test_an_exported_network_says_the_modules(file: Path, monkeypatch: pytest.Mo
     assert (ran.code, "modules: [1, 2]" in Path("net.yaml").read_text()) == (0, True), ran
     with Bench() as bench:
         assert bench.run("check net.yaml").code == 0
+
+
+def test_the_simulated_coupler_has_its_modules() -> None:
+    with Bench(("coupler@5",), {"yes": True}) as bench:
+        assert bench.run("map tpdo1 6000:01 6000:03 6401:02").code == 0
+        assert bench.run("read 1027:04").stdout.split()[-1] == "u16"
+    with Bench(("coupler@5",), {"modules": ("2",), "yes": True}) as bench:
+        assert bench.run("map rpdo1 6200:02").code == 0
+        assert bench.run("read 6000:02").code == 1
+
+
+def test_a_served_coupler_says_its_modules() -> None:
+    with Bench(
+        (), {"eds": "coupler", "node": 1, "yes": True}, beside([simulated_device(*simulated_nodes(("coupler",)))])
+    ) as bench:
+        ran = bench.run("map tpdo1 6000:03 6401:01")
+        assert (ran.code, "modul" in ran.stderr) == (0, False), ran

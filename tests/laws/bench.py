@@ -15,7 +15,7 @@ from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.domain.rules import Proposal
 from dvtcli.errors import NoAnswer, SdoAborted
 from dvtcli.files.eds.reader import read_eds
-from dvtcli.files.profile.library import load_profile
+from dvtcli.files.profile.library import load_profile, profile_names
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.refusal import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice
@@ -32,7 +32,7 @@ def dictionary(family: str) -> ObjectDictionary:
 
 @lru_cache
 def profile(family: str) -> DeviceProfile:
-    return load_profile(family)
+    return load_profile(family) if family in profile_names() else GENERIC
 
 
 def booted(family: str = "generic", described: ObjectDictionary | None = None) -> StrictDevice:

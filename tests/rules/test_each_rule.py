@@ -64,6 +64,7 @@ CASES = [
     m("generic", "tpdo1", "object-exists", "0x1A00:02", 0x06020000, "6041:00/16", "5FFF:00/16"),
     m("generic", "tpdo1", "object-exists", "0x1A00:01", 0x06090011, "6401:77/16"),
     m("generic", "tpdo1", "mappable", "0x1A00:01", 0x06040041, "1018:01/32"),
+    m("safety", "tpdo1", "safety-object", "0x1A00:01", 0x06040041, "1301:05/32"),
     m("generic", "rpdo1", "direction", "0x1600:01", 0x06040041, "6041:00/16"),
     m("generic", "tpdo1", "read-write-object", "0x1A00:01", 0x06040041, "6040:00/16"),
     m("gen4", "tpdo1", "read-write-object", "0x1A00:01", None, "6040:00/16", severity=WARNING),

@@ -7,6 +7,7 @@ from dataclasses import fields, replace
 import pytest
 
 from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.pdo import is_mpdo
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import InputFileError, SdoAborted
 from dvtcli.files.profile.library import load_profile
@@ -93,7 +94,7 @@ def test_factory_state_is_legal_under_the_device_s_own_rules(family: str, node_i
     for communication in pdos:
         mapping = communication + 0x200
         cob_id, count = client.number(communication, 1), client.number(mapping, 0)
-        rows = [client.number(mapping, sub) for sub in range(1, count + 1)]
+        rows = [client.number(mapping, sub) for sub in range(1, 1 if is_mpdo(count) else count + 1)]
         client.write(communication, 1, cob_id | 1 << 31, 4)
         client.write(communication, 2, client.number(communication, 2), 1)
         client.write(mapping, 0, 0, 1)

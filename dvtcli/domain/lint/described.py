@@ -13,7 +13,7 @@ from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, is_mpdo
 from dvtcli.domain.profile import GENERIC, DeviceProfile, Severity
 from dvtcli.domain.rules import Proposal, check_pdo
 from dvtcli.domain.rules.finding import Finding
-from dvtcli.domain.services import SDO_CHANNEL_INDICES, taken_by_services
+from dvtcli.domain.services import is_channel_place, taken_by_services
 
 #: Object types with several sub-indices.
 OF_MANY = (ObjectType.DEFSTRUCT, ObjectType.ARRAY, ObjectType.RECORD)
@@ -167,7 +167,8 @@ def judged(
 ) -> Iterator[Finding]:
     """Errors and warnings about *pdos* on node *node_id* with *profile*, set up one after the other."""
     sync, emcy = (_cob_id(dictionary, index, 0, node_id) for index in (0x1005, 0x1014))
-    places = ((index, sub) for index in dictionary if index in SDO_CHANNEL_INDICES for sub in (1, 2))
+    indices = dictionary.indices_among(range(0x1201, 0x1341))
+    places = ((index, sub) for index in indices for sub in dictionary[index].entries if is_channel_place(index, sub))
     channels = {place: held for place in places if (held := _cob_id(dictionary, *place, node_id)) is not None}
     taken = taken_by_services(node_id, sync, emcy, channels)
     before: dict[Pdo, PdoConfig] = {}

@@ -17,7 +17,7 @@ _SHAPE = "CiA 301, 7.4.3"
 _NAMES = "CiA 306, 4.6.3: ParameterName"
 _STRUCTURE = 0xFF
 #: The pre-defined error field: sub-index 0 is the number of recorded errors (CiA 301, 1003h).
-_ERRORS = 0x1003
+_ERRORS, _MODULES = 0x1003, 0x1027
 _LONGEST_NAME = 241
 _FLAGS = 0b11
 
@@ -27,8 +27,8 @@ def highest_sub_index(device: DescribedDevice) -> Found:
     """A wrong count hides sub-indices from readers, or makes them read missing ones."""
     for found in _of_many(device):
         first, stated = found.entries.get(0), device.number(found.index, 0)
-        # A writable count is the number of present entries, not of possible ones: errors, mapped objects.
-        counts = found.index == _ERRORS or is_pdo_mapping(found.index)
+        # A writable count is the number of present entries, not of possible ones: errors, modules, mapped objects.
+        counts = found.index in (_ERRORS, _MODULES) or is_pdo_mapping(found.index)
         if first is None or stated is None or first.access.writable or counts:
             continue
         highest = max(found.entries.keys() - {_STRUCTURE})

@@ -10,7 +10,7 @@ from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.domain.rules.finding import Finding
-from dvtcli.domain.services import OFF, PRODUCES, SDO_CHANNEL_INDICES
+from dvtcli.domain.services import OFF, PRODUCES, is_channel_place
 
 Place = tuple[int, int]
 Identity = Mapping[str, int | None]
@@ -97,11 +97,8 @@ class NodeState:
 
     @property
     def sdo_channels(self) -> dict[Place, int]:
-        """The COB-IDs of further SDO servers and clients (0x1201…, 0x1280…) by index and sub-index."""
-        numbers = self.numbers.items()
-        return {
-            (index, sub): value for (index, sub), value in numbers if index in SDO_CHANNEL_INDICES and sub in (1, 2)
-        }
+        """The COB-IDs of further SDO servers and clients (0x1201…, 0x1280…) and of SRDOs, by index and sub-index."""
+        return {place: value for place, value in self.numbers.items() if is_channel_place(*place)}
 
     @property
     def sync(self) -> Identifier:

@@ -11,7 +11,7 @@ from dvtcli.domain.pdo import Direction, Pdo
 from dvtcli.domain.plan import disables
 from dvtcli.domain.profile import BitPolicy, Severity
 from dvtcli.domain.rules.finding import ERROR, NOTE, WARNING, Finding, Producer, Proposal, Rule, error, note, warning
-from dvtcli.domain.services import OFF, PRODUCES, SYNC_BY_DEFAULT, taken_by_services
+from dvtcli.domain.services import OFF, PRODUCES, SRDOS, SYNC_BY_DEFAULT, taken_by_services
 
 _ANOTHER = Hint(Action.SELECT_CAN_ID, why="take another CAN-ID, or {}")
 _OR_FREE = Hint(Action.SELECT_CAN_ID, why=", or {}")
@@ -106,7 +106,7 @@ def service_taken_findings(
     want = CobId.from_raw(raw)
     owner = taken.get((want.can_id, want.extended)) if is_in_use(index, raw) else None
     if owner is not None:
-        service = COB_ID_OF.get(index, "an SDO channel")
+        service = COB_ID_OF.get(index, "an SRDO" if index in SRDOS else "an SDO channel")
         yield error("can-id-in-use", f"0x{index:04X}:{sub_index:02X}", f"CAN-ID {want} for {service} is {owner}")
 
 

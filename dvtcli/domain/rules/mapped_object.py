@@ -10,6 +10,7 @@ from dvtcli.domain.mapping import DUMMY_BITS, MAX_PDO_BITS, PdoMappingEntry
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary, OdEntry
 from dvtcli.domain.profile import DeviceProfile, Severity
 from dvtcli.domain.rules.finding import ERROR, WARNING, Finding, Proposal, Rule, error, warning
+from dvtcli.domain.standard_objects import SAFETY
 
 RULES = (
     Rule("object-exists", ERROR,
@@ -18,6 +19,8 @@ RULES = (
          (Abort.NO_OBJECT, Abort.NO_SUB_INDEX)),
     Rule("direction", ERROR, "a TPDO would send what cannot be read, an RPDO set what cannot be written",
          "the EDS, AccessType (CiA 306, 4.6.3)", (Abort.NOT_MAPPABLE,)),
+    Rule("safety-object", ERROR, "an object of the safety configuration (0x1300…0x13FF) would be in a PDO",
+         "EN 50325-5: SRDOs and their configuration", (Abort.NOT_MAPPABLE,)),
     Rule("mappable-unknown", WARNING, "the file says nothing about mapping", "the EDS, PDOMapping (CiA 306)"),
     Rule("mappable", ERROR, "the file says PDOMapping=0", "the EDS, PDOMapping (CiA 306)", (Abort.NOT_MAPPABLE,)),
     Rule("advised-against", WARNING, "the maker advises against this object in a TPDO", "the family"),
@@ -34,7 +37,7 @@ TAKES_RPDO = frozenset({Access.WO, Access.RWW, Access.RW})
 def is_taken(profile: DeviceProfile, dictionary: ObjectDictionary, entry: OdEntry, *, tpdo: bool) -> bool:
     """Whether the rules below allow mapping *entry* into a TPDO, or an RPDO; warnings do not count."""
     refused = _of_read_write(profile, entry.access, tpdo=tpdo) is Severity.ERROR
-    fits = entry.data_type is None or 1 <= (entry.bits or 0) <= MAX_PDO_BITS
+    fits = entry.index not in SAFETY and (entry.data_type is None or 1 <= (entry.bits or 0) <= MAX_PDO_BITS)
     return fits and _has_access(entry.access, tpdo=tpdo) and not _is_said_unmappable(dictionary, entry) and not refused
 
 
@@ -60,6 +63,10 @@ def _of_read_write(profile: DeviceProfile, access: Access, *, tpdo: bool) -> Sev
 def object_findings(proposal: Proposal, place: str, entry: PdoMappingEntry) -> Iterator[Finding]:
     """Judge the object of *entry* at *place*: by its file, else by the device's answer to an upload."""
     dictionary = proposal.dictionary
+    if entry.index in SAFETY:
+        text = f"{entry.object} belongs to the safety configuration of the device, which no PDO carries"
+        yield error("safety-object", place, text, Abort.NOT_MAPPABLE, _mappable(proposal))
+        return
     if dictionary is None:
         if entry not in proposal.now.mapping and (abort := proposal.absent.get((entry.index, entry.sub_index))):
             yield _absent_object(proposal, place, entry, abort)

@@ -264,7 +264,7 @@ def _simulated(what: str, chosen: int) -> Simulated:
     if is_file(what):
         return Simulated(chosen, None, path)
     if what in family_names():
-        return Simulated(chosen, what, family_eds(what))
+        return Simulated(chosen, what, family_eds(what), modules=family_named(what).modules or None)
     if is_family_folder(what):
         return Simulated(chosen, path.resolve().name, family_folder_eds(path), path)
     known = ", ".join(family_names())

@@ -6,10 +6,12 @@ from dataclasses import replace
 from time import monotonic
 from typing import TYPE_CHECKING
 
-from dvtcli.device.read_pdos import read_optional
+from dvtcli.device.read_pdos import read_mpdo_lists, read_optional
 from dvtcli.domain.frame import byte_length, decode
+from dvtcli.domain.mapping import SAM_MPDO
+from dvtcli.domain.mpdo_lists import DISPATCHER_LISTS, SCANNER_LISTS
 from dvtcli.operations.meanings.physical_meanings import meanings_of
-from dvtcli.operations.results import LastFrame, MappedName, PdoListing, PdoRow
+from dvtcli.operations.results import LastFrame, ListedRow, MappedName, PdoListing, PdoRow
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -33,9 +35,21 @@ def show_pdo(session: Session, pdo: Pdo, node_id: int | None = None) -> PdoListi
     """Read a PDO of *node_id*, None for the selected node, with its last received frame."""
     node = session.node(node_id)
     row = _row(node, pdo, node.pdo(pdo))
-    row = replace(row, last=_last_frame(session, node, pdo, row.config))
+    row = replace(row, last=_last_frame(session, node, pdo, row.config), listed=_listed(node, pdo, row.config))
     period = read_optional(node.sdo, 0x1006, 0, 4)
     return PdoListing(node.node_id, node.title, (row,), detail=True, sync_period_us=period)
+
+
+def _listed(node: Node, pdo: Pdo, config: PdoConfig) -> tuple[ListedRow, ...] | None:
+    """Read the scanner or dispatcher list of a multiplexed PDO with source addressing; None for any other PDO."""
+    if config.mpdo != SAM_MPDO:
+        return None
+    lists = SCANNER_LISTS if pdo.is_tpdo else DISPATCHER_LISTS
+    meanings = meanings_of(node.profile, node.dictionary)
+    return tuple(
+        ListedRow(f"{index:04X}:{sub_index:02X}", entry, _name(node, meanings, entry.index, entry.sub_index).name)
+        for (index, sub_index), entry in read_mpdo_lists(node.sdo, node.dictionary, lists).items()
+    )
 
 
 def _row(node: Node, pdo: Pdo, config: PdoConfig) -> PdoRow:

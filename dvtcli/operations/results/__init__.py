@@ -127,6 +127,7 @@ NAMES: dict[str, tuple[str, ...]] = {
     "pdos": (
         "MappedName",
         "LastFrame",
+        "ListedRow",
         "PdoRow",
         "PdoListing",
         "PinRow",

@@ -8,6 +8,7 @@ from typing import ClassVar, overload
 from dvtcli.domain.datatypes import Value
 from dvtcli.domain.heard import Period
 from dvtcli.domain.meanings import NOTHING
+from dvtcli.domain.mpdo_lists import ListedObjects
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.scaling import Scaling
 from dvtcli.errors import UsageError
@@ -107,6 +108,24 @@ class LastFrame(Short):
 
 
 @dataclass(frozen=True, slots=True)
+class ListedRow(Short):
+    """An entry of a scanner or dispatcher list, at *place*; *name* is of its first object, empty if unknown."""
+
+    place: str
+    objects: ListedObjects
+    name: str = ""
+
+    def document(self) -> Document:
+        """An element of `listed` in `dvtcli.pdo/1`."""
+        entry = self.objects
+        source = None if entry.source is None else f"{entry.source[0]:04X}:{entry.source[1]:02X}"
+        return {
+            "entry": self.place, "object": f"{entry.index:04X}:{entry.sub_index:02X}", "count": max(entry.count, 1),
+            "name": self.name, "source_node": entry.node_id, "source": source,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
 class PdoRow(Short):
     """A PDO with names of mapped objects."""
 
@@ -117,6 +136,8 @@ class PdoRow(Short):
     unstored: bool = False
     #: None if no frame was received in this session
     last: LastFrame | None = None
+    #: the list of a multiplexed PDO with source addressing; None for any other PDO, and in a list of PDOs
+    listed: tuple[ListedRow, ...] | None = None
 
     def __str__(self) -> str:
         parameter, state = self.config.communication, "enabled" if self.config.enabled else "off"
@@ -142,6 +163,7 @@ class PdoRow(Short):
             "bits": self.config.bits,
             "mapping": self._mapping(),
             "inconsistent": self.config.inconsistency or None,
+            "listed": None if self.listed is None else [row.document() for row in self.listed],
             "last_frame": None if self.last is None else self.last.document() | {"values": self._last_values()},
         }
 

@@ -118,6 +118,7 @@ class Family:
     - *lss_echo*: answers every request of a fast scan, and each selection, in the configuration state; *lss_wakes*:
       activates its first node-ID on return to waiting, else only at a communication reset; *lss_tells_pending*:
       reports a new node-ID before its activation.
+    - *modules*: the connected modules of a modular device, by their numbers in its EDS.
     - *learnt*: written by `learn` with a profile, so no independent check of the profile.
     """
 
@@ -185,6 +186,7 @@ class Family:
     lss_wakes: bool = True
     lss_tells_pending: bool = False
     learnt: bool = False
+    modules: tuple[int, ...] = ()
 
     @property
     def capabilities(self) -> dict[int, int]:

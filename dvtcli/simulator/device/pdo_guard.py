@@ -116,6 +116,8 @@ class Gates:
 
 
 _ENFORCED_GRANULARITIES = (1, 8)
+#: SRDOs and their configuration (EN 50325-5), which no PDO carries, whatever a file says.
+_SAFETY = range(0x1300, 0x1400)
 _MISSING: dict[int, str] = {Abort.NO_OBJECT: "missing-object", Abort.NO_SUB_INDEX: "missing-sub-index"}
 
 
@@ -174,6 +176,8 @@ class EntryGuard:
         except Refusal as missing:
             refuse(self._family, pdo, _MISSING.get(missing.code, "missing-object"), missing.code)
             return None
+        if entry.index in _SAFETY:
+            refuse(self._family, pdo, "not-mappable", Abort.NOT_MAPPABLE)
         self._check_mappable(pdo, entry.index, entry.sub_index)
         data_type = self._memory.data_type(entry.index, entry.sub_index)
         if data_type is not None and data_type.bits is not None:

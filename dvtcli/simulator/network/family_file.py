@@ -212,6 +212,7 @@ FAMILY_KEYS: Schema = {
     "lss_wakes": boolean,
     "lss_tells_pending": boolean,
     "learnt": boolean,
+    "modules": integers(1, 0xFFFF),
 }
 
 

@@ -11,15 +11,25 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import DataType, Kind, Value
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.meanings import Meanings
+from dvtcli.domain.mpdo_lists import listed_objects
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.scaling import Scaling
+from dvtcli.domain.services import SRDO_COB_IDS, SRDO_DIRECTION, SRDOS
 from dvtcli.domain.shown_value import cut_text
-from dvtcli.domain.standard_objects import is_pdo_communication, is_pdo_mapping, standard_entry, standard_name
+from dvtcli.domain.standard_objects import (
+    is_pdo_communication,
+    is_pdo_mapping,
+    is_srdo_mapping,
+    standard_entry,
+    standard_name,
+)
 from dvtcli.domain.text import hex_preview, plural
 
 #: objects that are one COB-ID, and those whose bit 31 is no switch
 _COB_IDS, _WITHOUT_OFF = (0x1005, 0x1012, 0x1014), (0x1005, 0x1012)
 _CONSUMER_HEARTBEAT, _SDO_PARAMETERS = 0x1016, range(0x1200, 0x1300)
+#: information direction of an SRDO (EN 50325-5)
+_DIRECTIONS = ("off", "transmitted", "received")
 #: the longest number (bytes) of an object of unknown type
 _LONGEST_NUMBER = 8
 _NUMBERS = (Kind.BOOLEAN, Kind.INTEGER, Kind.UNSIGNED, Kind.REAL)
@@ -51,7 +61,8 @@ class KnownNode:
         if padded and size is not None:
             data = data[:size]
         value = _value(kind, data)
-        text = self._mapped(index, sub_index, value) or _communication_text(index, sub_index, value)
+        text = self._mapped(index, sub_index, value) or self._listed(index, sub_index, value)
+        text = text or _communication_text(index, sub_index, value)
         return NamedValue(name, text or said(value, self.meanings.of(index, sub_index), 8 * len(data)), value)
 
     @property
@@ -63,11 +74,21 @@ class KnownNode:
 
     def _mapped(self, index: int, sub_index: int, value: Value) -> str:
         """An object mapped into a PDO in words; empty for any other object."""
-        if not is_pdo_mapping(index) or not sub_index or not isinstance(value, int) or not 0 < value < 1 << 32:
+        is_mapping = (is_pdo_mapping(index) or is_srdo_mapping(index)) and sub_index
+        if not is_mapping or not isinstance(value, int) or not 0 < value < 1 << 32:
             return ""
         entry = PdoMappingEntry.from_raw(value)
         name = self.value(entry.index, entry.sub_index, None).name
         return f"{' '.join(filter(None, (entry.object, name)))}, {plural(entry.bits, 'bit')}"
+
+    def _listed(self, index: int, sub_index: int, value: Value) -> str:
+        """An entry of a scanner or dispatcher list in words; empty for any other object."""
+        entry = listed_objects(index, value) if sub_index and isinstance(value, int) and value >= 0 else None
+        if entry is None:
+            return ""
+        source = f"node {entry.node_id} {entry.sources} -> " if entry.sources else ""
+        name = self.value(entry.index, entry.sub_index, None).name
+        return " ".join(filter(None, (f"{source}{entry.objects}", name)))
 
     def _type(self, index: int, sub_index: int) -> DataType | None:
         entry = self.dictionary.entry(index, sub_index) if self.dictionary is not None else None
@@ -101,6 +122,10 @@ def _communication_text(index: int, sub_index: int, value: Value) -> str:
     if index == _CONSUMER_HEARTBEAT and sub_index:
         return f"node {value >> 16 & 0xFF}, {value & 0xFFFF} ms"
     is_sdo = index in _SDO_PARAMETERS and sub_index in (1, 2)
+    if index in SRDOS and sub_index == SRDO_DIRECTION:
+        return f"{_DIRECTIONS[value]} ({value})" if value < len(_DIRECTIONS) else ""
+    if index in SRDOS and sub_index in SRDO_COB_IDS:
+        return str(CobId.from_raw(value))
     if not is_sdo and not (is_pdo_communication(index) and sub_index == 1) and index not in _COB_IDS:
         return ""
     cob_id = CobId.from_raw(value)

@@ -14,7 +14,10 @@ from tests.house.source import PACKAGE
 
 FAMILIES = PACKAGE / "families"
 #: what is no maker's: how CiA 301 alone behaves, CiA 302-3, what the standards' objects mean, one behaviour alone
-_NOBODY = ("generic", "loader", "standard", "lss-echo", "lss-reset", "no-boot-up", "no-entry-zero")
+_NOBODY = (
+    "generic", "loader", "standard", "lss-echo", "lss-reset", "no-boot-up", "no-entry-zero", "coupler", "mpdo",
+    "safety",
+)  # fmt: skip
 #: makers whose devices have no family here
 _OTHERS = ("borgwarner", "maxon", "schunk", "faulhaber", "systec", "ingenia", "axiomatic")
 #: a word that has a maker's name in it by chance

@@ -11,7 +11,7 @@ from dvtcli.domain.mapping import SAM_MPDO
 from dvtcli.domain.pdo import PdoConfig, transmission_type_text
 from dvtcli.domain.shown_value import value_text
 from dvtcli.domain.text import plural
-from dvtcli.operations.results.pdos import LastFrame, MappedName, PdoListing, PdoRow, VpdoListing
+from dvtcli.operations.results.pdos import LastFrame, ListedRow, MappedName, PdoListing, PdoRow, VpdoListing
 
 
 def vpdo_lines(result: VpdoListing, width: int) -> Iterator[Line]:
@@ -162,10 +162,20 @@ def _multiplexed_note(row: PdoRow) -> Iterator[Line]:
     if count == SAM_MPDO:
         where = "scanner list (0x1FA0…0x1FCF)" if row.pdo.is_tpdo else "dispatcher list (0x1FD0…0x1FFF)"
         yield f"      multiplexed (SAM, count 0x{count:02X}): bit 7 of byte 0 is 0; the {where} says which objects"
+        yield from map(_listed, row.listed or ())
+        if row.listed == ():
+            yield "      that list is empty, or cannot be read"
         return
     first = row.config.multiplexed[0] if row.config.multiplexed and row.config.multiplexed[0].index else None
     what = f"; it sends {first.object}" if first is not None and row.pdo.is_tpdo else ""
     yield f"      multiplexed (DAM, count 0x{count:02X}): bit 7 of byte 0 is 1, node-ID 0 means all nodes{what}"
+
+
+def _listed(row: ListedRow) -> Line:
+    """Show an entry of a scanner list, or of a dispatcher list with whose objects it takes."""
+    entry, name = row.objects, f" {row.name}" if row.name else ""
+    source = f"node {entry.node_id} {entry.sources} -> " if entry.sources else ""
+    return f"      {row.place}  {source}{entry.objects}{name}"
 
 
 def _sync_note(result: PdoListing, row: PdoRow) -> str:
