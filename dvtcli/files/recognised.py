@@ -20,7 +20,7 @@ _BEGINNINGS = {
 _LINES = (
     (re.compile(r"\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}##?[0-9A-FRa-f]*.*"), ".log"),
     (re.compile(r"(?:date\s+\w{3}\s|base\s+(?:hex|dec)\b).*", re.I), ".asc"),
-    (re.compile(r";\$FILEVERSION=.*"), ".trc"),
+    (re.compile(r";\$FILEVERSION=.*|;##+"), ".trc"),
 )
 #: what people mistake for a recording: beginnings of files, and of first lines
 _OTHERS = {
@@ -33,6 +33,15 @@ _OTHER_LINES = (
     (re.compile(r"<\?xml .*|<\w+.*"), "an XML file"),
     (re.compile(r"time,frame,.*|time_s,.*"), "a CSV file of values; plot reads it"),
     (re.compile(r"(?:nodes|bus|drive):.*"), "a network file"),
+    (re.compile(r"No\.\s+Time\s+Source\s+Destination\b.*"), "a list of packets from Wireshark; a .pcapng is read"),
+    (re.compile(r"Chn\s+Identifier\s+Flg\b.*"), "a log of Kvaser CanKing; a .asc is read"),
+    (re.compile(r"Timestamp(?:Epoch)?;BusChannel;.*"), "a CSV file of a CSS logger; its .mf4 is read"),
+    (re.compile(r"ASCII Trace IXXAT .*"), "a trace of IXXAT's MiniMon; a .asc is read"),
+    (
+        re.compile(r"[tr][0-9A-F]{3}[0-8](?:[0-9A-F]{2})*(?:[0-9A-F]{4})?|[TR][0-9A-F]{8}[0-8](?:[0-9A-F]{2})*"),
+        "lines of an SLCAN interface; what dvtcli's log makes of them is read",
+    ),
+    (re.compile(r"[{\[].*"), "JSON of another kind than dvtcli's frames"),
 )
 
 

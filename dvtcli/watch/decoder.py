@@ -99,7 +99,8 @@ class Layout:
         }
 
 
-def _nothing(_data: bytes) -> list[Value | None]:
+def no_values(_data: bytes) -> list[Value | None]:
+    """Read no value: the layout of a frame without signals."""
     return []
 
 
@@ -149,7 +150,7 @@ class Decoder:
         address = frame.can_id, frame.extended
         found = self._known.get(address) or self._guessed.get(address)
         if found is None:
-            found = Layout(service_of(frame.can_id, extended=frame.extended), (), _nothing)
+            found = Layout(service_of(frame.can_id, extended=frame.extended), (), no_values)
             self._guessed[address] = found
         return found
 

@@ -16,14 +16,14 @@ from dvtcli.watch.decoder import Address
 from dvtcli.watch.service import Service, service_of
 
 _DEFAULTS = "by the pre-defined connection set"
-_SDO_REQUEST, _DOWNLOADS = "SDO request", (1, 6)
+_REQUEST, _DOWNLOADS = " request", (1, 6)
 _WORDS = {
     "sync": "SYNC: nodes act on the RPDOs that they got last, and send their TPDOs",
     "time": "TIME: nodes set their clocks by it",
     "emcy": "EMCY{of}: whoever watches takes it for a fault of the node",
     "heartbeat": "heartbeat{of}: whoever watches takes the node for alive, in the state that it names",
     "lss": "LSS: it changes node-IDs and bit rates",
-    "sdo": "SDO answer{of}: whoever asks the node takes it for the node's own",
+    "sdo": "{label}{of}: whoever asks the node takes it for the node's own",
 }
 _NMT = {
     NmtCommand.START: "to OPERATIONAL, and a machine may move",
@@ -88,13 +88,14 @@ def _of_pdos(address: Address, service: Service, parties: Parties) -> Iterator[s
 def _of_service(frame: Frame, service: Service) -> str:
     if service.kind == "nmt":
         return _command(frame.data)
-    if service.label == _SDO_REQUEST:
+    if service.kind == "sdo" and service.label.endswith(_REQUEST):
         writes = bool(frame.data) and frame.data[0] >> 5 in _DOWNLOADS
         to = "" if service.node is None else f" to node {service.node}"
-        return f"SDO request{to}: it {'writes' if writes else 'reads, or goes on with a transfer'}"
+        return f"{service.label}{to}: it {'writes' if writes else 'reads, or goes on with a transfer'}"
     if service.kind == "heartbeat" and frame.remote:
         return f"node guarding of node {service.node}: its life guarding may begin with it"
-    return _WORDS[service.kind].format(of="" if service.node is None else f" of node {service.node}")
+    of = "" if service.node is None else f" of node {service.node}"
+    return _WORDS[service.kind].format(of=of, label=service.label)
 
 
 def _command(data: bytes) -> str:

@@ -19,6 +19,7 @@ from dvtcli.domain.text import plural
 from dvtcli.watch.decoder import Address, Decoder, Layout
 from dvtcli.watch.explain.known_node import KnownNode, of_mpdo
 from dvtcli.watch.explain.parts import lss_parts
+from dvtcli.watch.sdo_servers import SDO_SERVERS, server_layouts
 from dvtcli.watch.sdo_transfers import SDO_BYTES, SdoStep, SdoTransfers
 from dvtcli.watch.service import Service
 
@@ -56,6 +57,8 @@ class FrameReader:
         self.decoder = decoder
         self.described = described
         self._transfers = SdoTransfers()
+        #: SDO servers whose COB-IDs a transfer had
+        self._servers: dict[Address, Layout] = {}
         #: nodes that were asked for their state: what they send next is no heartbeat
         self._guarded: set[int | None] = set()
         self._by_address: dict[Address, _Read] = {}
@@ -65,7 +68,8 @@ class FrameReader:
         }  # fmt: skip
 
     def know(self, decoder: Decoder) -> None:
-        """Use *decoder* from now on; running transfers stay."""
+        """Use *decoder* from now on; running transfers, and SDO servers that were seen, stay."""
+        decoder.add(self._servers)
         self.decoder = decoder
         self._by_address.clear()
 
@@ -139,6 +143,8 @@ class FrameReader:
         if step.place is None:
             short = len(frame.data) < SDO_BYTES
             return Reading("sdo", "too short: an SDO has 8 bytes" if short else _unknown(frame.data, request=request))
+        if step.step == "done" and step.place[0] in SDO_SERVERS and service.node is not None:
+            self._know_server(service.node, step.place, step.data)
         has_value = step.step == "done" or (step.step == "start" and step.data)
         data = step.data if has_value and step.data else None
         known = self.described(service.node or 0).value(*step.place, data, padded=step.is_padded)
@@ -156,6 +162,14 @@ class FrameReader:
         if has_value and (step.data or step.size is not None):
             facts |= {"value": value, "bytes": step.size if step.size is not None else len(step.data)}
         return Reading("sdo", _sdo_text(step, named, text), facts)
+
+    def _know_server(self, node_id: int, place: tuple[int, int], data: bytes) -> None:
+        """Read the frames of a further SDO server from now on: *data* is its COB-ID."""
+        found = server_layouts(node_id, {place: int.from_bytes(data, "little")})
+        self._servers |= found
+        self.decoder.add(found)
+        for address in found:
+            self._by_address.pop(address, None)
 
 
 def _asked(reading: Reading) -> Reading:

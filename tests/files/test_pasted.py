@@ -78,6 +78,12 @@ def _pcan(number: int, frame: Frame) -> str:
     )
 
 
+def _pcan_10(number: int, frame: Frame) -> str:
+    """Whole milliseconds, and no direction."""
+    can_id = f"{frame.can_id:08X}" if frame.extended else f"{frame.can_id:04X}"
+    return f"{number + 1:5d}) {1000 * (_at(number) - 0.001):9.0f}  {can_id}  {len(frame.data)}  {_bytes(frame)} "
+
+
 def _pcan_2(number: int, frame: Frame) -> str:
     can_id = f"{frame.can_id:08X}" if frame.extended else f"{frame.can_id:04X}"
     kind = "RR" if frame.remote else "DT"
@@ -128,6 +134,10 @@ _BUSMASTER = [
     "***START DATE AND TIME 27:11:2026 10:00:00:000***", "***HEX***", "***ABSOLUTE MODE***",
     "***<Time><Tx/Rx><Channel><CAN ID><Type><DLC><DataBytes>***",
 ]  # fmt: skip
+_PCAN_10 = [
+    ";##########################################################################", ";   C:\\run.trc", ";",
+    ";   PCAN-Net: Line", ";---+--   ----+----  --+--  +  -+ -- -- -- -- -- -- --",
+]  # fmt: skip
 _SAVVY = ["Time Stamp,ID,Extended,Dir,Bus,LEN,D1,D2,D3,D4,D5,D6,D7,D8"]
 _ASC = ["date Tue Nov 14 10:00:00.000 am 2023", "base hex  timestamps relative", "internal events logged"]
 FORMS: dict[str, Callable[[Sequence[Frame]], str]] = {
@@ -142,13 +152,15 @@ FORMS: dict[str, Callable[[Sequence[Frame]], str]] = {
     "SavvyCAN": _each(_savvy, _SAVVY),
     "PCAN-View": _each(_pcan),
     "PCAN-View 2": _each(_pcan_2),
+    "PCAN-View 1.0": _each(_pcan_10, _PCAN_10),
+    "PCAN-View 1.0, lines": _each(_pcan_10),
     "Vector ASC, relative": _each(_asc, _ASC),
     "dvtcli trace": _each(_trace),
     "python-can's screen": _python_can_screen,
     "python-can's CSV": _python_can_csv,
 }  # fmt: skip
 #: forms without remote frames
-_WITHOUT_REMOTE = ("SavvyCAN",)
+_WITHOUT_REMOTE = ("SavvyCAN", "PCAN-View 1.0", "PCAN-View 1.0, lines")
 #: what dvtcli wrote itself
 _OWN = ("decode", "decode --json")
 
@@ -236,6 +248,12 @@ def test_error_frames_of_candump_are_none(tmp_path: Path) -> None:
         (b'<?xml version="1.0"?>\n', "an XML file"),
         (b"time,frame,TPDO1 node 1 6041:00\n", "a CSV file of values; plot reads it"),
         (b"nodes:\n  drive: {node_id: 5}\n", "a network file"),
+        (b"No.     Time           Source      Destination  Protocol Length Info\n", "a list of packets from Wireshark"),
+        (b"Chn Identifier Flg   DLC  D0...1...2...3...4...5...6..D7   Time   Dir\n", "a log of Kvaser CanKing"),
+        (b"TimestampEpoch;BusChannel;ID;IDE;DLC;DataLength\n", "a CSV file of a CSS logger"),
+        (b"ASCII Trace IXXAT MiniMon V3  Version: 3.0\n", "a trace of IXXAT's MiniMon"),
+        (b"t705105\rt605840416000000000000\r", "lines of an SLCAN interface"),
+        (b'{"frames": []}\n', "JSON of another kind"),
     ],
 )
 @pytest.mark.parametrize("suffix", [".log", ".asc", ".txt"])
@@ -297,10 +315,25 @@ def test_a_damaged_line_of_candump_is_said(damaged: str, is_last: bool, tmp_path
 
 
 def test_what_candump_says_between_frames_is_no_frame(tmp_path: Path) -> None:
-    said = ["", "me@bench:~$ candump can0", "  read: network is down", "  -- can0 is up"]
+    said = [
+        "",
+        "me@bench:~$ candump can0",
+        "^C",
+        "me@bench:~$ ",
+        "root@bench:~# ",
+        "  read: network is down",
+        "  -- can0 is up",
+    ]
     path = tmp_path / "run.txt"
-    path.write_text("  can0  181   [1]  05\n" + "".join(f"{text}\n  can0  181   [1]  06\n" for text in said), "ascii")
+    frame = "  can0  181   [1]  05\n"
+    path.write_text(frame + "".join(f"{text}\n{frame}" for text in said), "ascii")
     assert len(list(read_recording(path))) == 1 + len(said)
+
+
+def test_a_shell_line_may_stand_before_candumps_frames(tmp_path: Path) -> None:
+    path = tmp_path / "run.txt"
+    path.write_text("me@bench:~$ candump can0 -n 1\n  can0  181   [1]  05\nme@bench:~$ \n", "ascii")
+    assert len(list(read_recording(path))) == 1
 
 
 @pytest.mark.parametrize("start_s", [0.0, 5.0, 100.0, BEGIN_S])

@@ -60,9 +60,10 @@ def command(
     do not count for --strict. Without FILE, or with --live, the nodes on the bus: what they hold, SYNC, heartbeats,
     other masters, unknown frames; with --live also whether they fit FILE. --format github, junit or sarif is for CI.
 
-    A recording (as `decode` reads): refused transfers, restarts, missing heartbeats, emergencies, PDOs of a wrong
-    length, incomplete mappings; each with its frames, exit code 3. PDOs are decoded by -d, by --eds, or by the mapping
-    in it.
+    A recording (as `decode` reads; - is standard input): refused transfers, time-outs, restarts, missing heartbeats,
+    emergencies, incomplete mappings, PDOs of a wrong length, RPDOs that nobody sends, SYNC jitter, two senders or
+    masters, a full bus (with --at, or by the network file's bit rate); each with its frames, exit code 3. PDOs are
+    decoded by -d, by --eds, or by the mapping in it.
 
     \b
     check press.yaml
@@ -74,12 +75,16 @@ def command(
     check run.log -d press.yaml
     """
     if not all(file.lower().endswith((".yaml", ".yml")) for file in files):  # else no recording is to be read
-        from dvtcli.operations.frames.check_recording import are_recordings, check_recordings
+        from dvtcli.operations.frames.check_recording import RecordingOptions, are_recordings, check_recordings
 
         if are_recordings(files):
             if live or for_s is not None:
                 raise UsageError("--live is of the bus", hint="a recording is checked without it")
-            return check_recordings(session, files, dbc, only=chosen["only"], without=chosen["without"])
+            options = RecordingOptions(
+                dbc, chosen["only"], chosen["without"], bit_rate or session.options.bitrate,
+                as_findings=session.output.format in SPECIAL_FORMATS,
+            )  # fmt: skip
+            return check_recordings(session, files, options)
     if dbc is not None:
         raise UsageError("-d is of a recording", hint="name network files without it")
     from dvtcli.operations.network.check_networks import CheckOptions, check_networks

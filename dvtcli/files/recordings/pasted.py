@@ -146,14 +146,17 @@ def _require_length(data: bytes, length: int) -> None:
 class CandumpScreen(PastedFormat):
     """What candump prints: with any of -t, -x, -a and -c."""
 
-    suffix = ".txt"
     title = "candump's screen"
     line = re.compile(
         r"\s*(?:\((?P<time>[-\d .:]+)\)\s+)?(?P<channel>[^\s(\[]+)\s+(?:[RT]X\s+\S\s+\S\s+)?"
         r"(?P<id>[0-9A-F]{8}|[0-9A-F]{3})\s+\[(?P<length>\d{1,2})\](?:\s+(?P<remote>remote request)|\s*"
         + _DATA + r")(?:\s+'.*)?(?:\s+(?P<error>ERRORFRAME))?", _FLAGS,
     )  # fmt: skip
-    aside = re.compile(r"\s*|\s+(?!.*\[\d)(?![0-9A-F\s]+$)[A-Za-z-]+.*|.*\$ candump .*", _FLAGS)
+    aside = re.compile(r"\s*|\s+(?!.*\[\d)(?![0-9A-F\s]+$)[A-Za-z-]+.*|.*[$#] ?(?:candump .*)?|\^C.*", _FLAGS)
+
+    def is_in(self, lines: list[str]) -> bool:
+        """Whether the first of *lines* is a frame, maybe behind a shell's line that runs candump."""
+        return super().is_in(lines[1:] if lines and " candump " in lines[0] else lines)
 
     def is_aside(self, text: str, channels: Collection[str]) -> bool:
         """Whether *text* is no frame: words without a length, that do not begin as a line of *channels*."""
@@ -185,7 +188,6 @@ def _is_clock(times: list[float]) -> bool:
 class CandumpDeltas(CandumpScreen):
     """What candump -td prints: times from line to line."""
 
-    suffix = ".txt"
     title = "candump's screen with -td"
 
     def is_in(self, lines: list[str]) -> bool:
@@ -279,10 +281,9 @@ class SavvyCan(PastedFormat):
 class PcanView(PastedFormat):
     """Lines of PCAN-View's trace as text, without the head of a .trc file."""
 
-    suffix = ".txt"
     title = "PCAN-View"
     line = re.compile(
-        r"\s*\d+\)?\s+(?P<time>\d+\.\d+)\s+(?:(?P<kind>DT|RR|ST|ER|EC|EV|FD|FB)\s+)?(?:\d\s+)?(?:(?P<way>[RT]x)\s+)?"
+        r"\s*\d+(?:\)\s+(?P<whole>\d+)|\)?\s+(?P<time>\d+\.\d+))\s+(?:(?P<kind>DT|RR|ST|ER|EC|EV|FD|FB)\s+)?(?:\d\s+)?(?:(?P<way>[RT]x)\s+)?"
         r"(?P<id>[0-9A-F]{8}|[0-9A-F]{4})\s+(?:[RT]x\s+)?(?:-\s+)?(?P<length>\d{1,2})"
         r"(?:\s+(?P<remote>RTR)|\s+" + _DATA[:-1] + r")?", _FLAGS,
     )  # fmt: skip
@@ -293,13 +294,13 @@ class PcanView(PastedFormat):
         remote, length = bool(found["remote"]) or found["kind"] == "RR", int(found["length"])
         if found["kind"] in ("FD", "FB") and len(bytes.fromhex(found["data"] or "")) == can.util.dlc2len(length):
             length = can.util.dlc2len(length)
-        return RecordedFrame(_frame(found, times.at(float(found["time"]) / 1000), remote=remote, length=length))
+        time_s = float(found["time"] or found["whole"]) / 1000
+        return RecordedFrame(_frame(found, times.at(time_s), remote=remote, length=length))
 
 
 class PythonCanScreen(PastedFormat):
     """What python-can's logger prints."""
 
-    suffix = ".txt"
     title = "python-can's screen"
     line = re.compile(
         r"Timestamp:\s+(?P<time>\d+\.\d+)\s+ID:\s+(?P<id>[0-9A-F]+)\s+(?P<kind>[SX])"
@@ -347,7 +348,6 @@ class PythonCanCsv(PastedFormat):
 class DecodedText(PastedFormat):
     """What `decode` prints: the time of day, CAN-ID, kind and bytes."""
 
-    suffix = ".txt"
     title = "a decoding's text"
     most_characters = MOST_CHARACTERS
     line = re.compile(
@@ -364,7 +364,6 @@ class DecodedText(PastedFormat):
 class TracedText(PastedFormat):
     """What `trace` prints, and the exchange that dvtcli keeps of a failed run."""
 
-    suffix = ".txt"
     title = "a trace's text"
     most_characters = MOST_CHARACTERS
     line = re.compile(

@@ -52,7 +52,7 @@ class RecordingFormat:
 
     def __init_subclass__(cls) -> None:
         for said, example in (("suffix", ".asc"), ("title", "Vector ASCII")):
-            if said not in vars(cls):
+            if not hasattr(cls, said):
                 raise TypeError(f'{cls.__module__}: {cls.__name__} lacks a line such as {said} = "{example}"')
 
     def require(self) -> None:

@@ -2,29 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.errors import UsageError
+from dvtcli.domain.network.network_state import identifier_of
+from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.recognised import is_recording
 from dvtcli.files.recording import check_readable, read_recorded
 from dvtcli.operations.frames.explain_frame import described_nodes
-from dvtcli.operations.frames.recorded import decoder_for
+from dvtcli.operations.frames.layouts import NETWORK_SUFFIXES
+from dvtcli.operations.frames.recorded import decoder_for, standard_input
 from dvtcli.operations.results.checked_files import FileRule, rules_among
 from dvtcli.operations.results.checked_recordings import RecordingFinding, RecordingReport, RecordingsChecked
 from dvtcli.watch.recording.problems import Problem
-from dvtcli.watch.recording.recording_rules import RECORDING_RULES, RecordingCheck
+from dvtcli.watch.recording.recording_rules import RECORDING_RULES, UNREADABLE, RecordingCheck
+from dvtcli.watch.recording.stream_problems import LOAD
 
 if TYPE_CHECKING:
     from dvtcli.domain.lint.lint_rule import LintRule
     from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.watch.decoder import Address, Decoder
+    from dvtcli.watch.explain.known_node import KnownNode
+    from dvtcli.watch.recording.rpdo_problems import NodePdo
+
+
+#: standard input
+STDIN = "-"
 
 
 def are_recordings(files: Sequence[str]) -> bool:
-    """Tell by suffixes and content whether *files* are recordings. Raises UsageError if only some are."""
-    recordings = [file for file in files if is_recording(Path(file))]
+    """Tell by suffixes and content whether *files* are recordings, as `-` is. Raises UsageError if only some are."""
+    recordings = [file for file in files if file == STDIN or is_recording(Path(file))]
     if recordings and len(recordings) < len(files):
         raise UsageError(
             f"{recordings[0]} is a recording, and others are not",
@@ -33,30 +44,80 @@ def are_recordings(files: Sequence[str]) -> bool:
     return bool(recordings)
 
 
-def check_recordings(
-    session: SessionNodes,
-    files: Sequence[str],
-    dbc: str | None = None,
-    *,
-    only: Collection[str] = (),
-    without: Collection[str] = (),
-) -> RecordingsChecked:
-    """Check each recording in *files* by the rules *only* (empty: all) except *without*.
+@dataclass(frozen=True, slots=True)
+class RecordingOptions:
+    """Options of `check` for recordings: rules by name (*only*, empty: all; except *without*).
 
-    PDOs are read by *dbc*, a DBC or network file, else as `decoder_for` does. Raises UsageError for a missing file or
-    an unknown rule, InputFileError for a damaged file.
+    *dbc* is a DBC or network file that describes the frames; *bit_rate* (bit/s) is the bus's, None: that of the network
+    file. *as_findings* turns read errors of a single recording into findings.
     """
-    rules = rules_among(RECORDING_RULES, only, without, "recordings", "docs/reference/recording-rules.md")
-    return RecordingsChecked(tuple(_report(session, file, dbc, rules) for file in dict.fromkeys(files)))
+
+    dbc: str | None = None
+    only: Collection[str] = ()
+    without: Collection[str] = ()
+    bit_rate: int | None = None
+    as_findings: bool = False
 
 
-def _report(session: SessionNodes, file: str, dbc: str | None, rules: tuple[LintRule, ...]) -> RecordingReport:
-    path = Path(file)
-    check_readable(path)
-    decoder, described = decoder_for(session, None, dbc, path), described_nodes(session, dbc)
+def check_recordings(session: SessionNodes, files: Sequence[str], options: RecordingOptions) -> RecordingsChecked:
+    """Check each recording in *files*; `-` is standard input.
+
+    Read errors are findings if there are several files; a single one raises UsageError if it is missing, InputFileError
+    if it is damaged. Raises UsageError for an unknown rule.
+    """
+    rules = rules_among(
+        (*RECORDING_RULES, UNREADABLE), options.only, options.without, "recordings",
+        "docs/reference/recording-rules.md",
+    )  # fmt: skip
+    known = _known(session, options)
+    names = tuple(dict.fromkeys(files))
+    report = _report if len(names) == 1 and not options.as_findings else _report_anyway
+    return RecordingsChecked(tuple(report(session, file, known, rules) for file in names))
+
+
+@dataclass(frozen=True, slots=True)
+class _Known:
+    """What is known of the nodes before a recording is read; *decoder* is None if each recording says it itself."""
+
+    decoder: Decoder | None
+    described: Callable[[int], KnownNode]
+    rpdos: Mapping[NodePdo, Address]
+    bit_rate: int | None
+
+
+def _known(session: SessionNodes, options: RecordingOptions) -> _Known:
+    is_given = options.dbc is not None or session.base.eds is not None
+    rpdos, bit_rate = _of_network(options.dbc)
+    return _Known(
+        decoder_for(session, None, options.dbc) if is_given else None, described_nodes(session, options.dbc), rpdos,
+        options.bit_rate or bit_rate,
+    )  # fmt: skip
+
+
+def _report_anyway(session: SessionNodes, file: str, known: _Known, rules: tuple[LintRule, ...]) -> RecordingReport:
+    """Report on *file*, with a read error as a finding."""
+    try:
+        return _report(session, file, known, rules)
+    except (InputFileError, UsageError) as failed:
+        text = failed.text.removeprefix(f"{file}: ")
+        finding = RecordingFinding(0, "error", UNREADABLE.name, "", f"{text}: {failed.why}" if failed.why else text)
+        return RecordingReport(file, _asked(rules, None), (finding,), unread=failed.exit_code)
+
+
+def _report(session: SessionNodes, file: str, known: _Known, rules: tuple[LintRule, ...]) -> RecordingReport:
+    """Report on *file*; raises UsageError or InputFileError if it cannot be read."""
+    with standard_input(file) as path:
+        check_readable(path)
+        return _report_of(session, file, path, known, rules)
+
+
+def _report_of(
+    session: SessionNodes, file: str, path: Path, known: _Known, rules: tuple[LintRule, ...]
+) -> RecordingReport:
+    decoder = decoder_for(session, None, None, path) if known.decoder is None else known.decoder
 
     def name_of(node_id: int, index: int, sub_index: int) -> str:
-        return described(node_id).value(index, sub_index, None)[0]
+        return known.described(node_id).value(index, sub_index, None)[0]
 
     checks: dict[str, RecordingCheck] = {}
     number, first_s, last_s = 0, 0.0, 0.0
@@ -65,7 +126,7 @@ def _report(session: SessionNodes, file: str, dbc: str | None, rules: tuple[Lint
             first_s = recorded.frame.timestamp_s
         last_s = recorded.frame.timestamp_s
         if (check := checks.get(recorded.channel)) is None:
-            check = checks[recorded.channel] = RecordingCheck(decoder.layout, name_of)
+            check = checks[recorded.channel] = RecordingCheck(decoder.layout, name_of, known.rpdos, known.bit_rate)
         if recorded.error:
             check.take_error(number, last_s)
         else:
@@ -79,8 +140,31 @@ def _report(session: SessionNodes, file: str, dbc: str | None, rules: tuple[Lint
     ]
     found.sort(key=lambda each: each[0].order)
     findings = tuple(_finding(problem, bus) for problem, bus in found)
-    asked = tuple(FileRule(rule.name, str(rule.severity), rule.sense, rule.source) for rule in rules)
-    return RecordingReport(file, asked, findings, number, first_s, last_s)
+    return RecordingReport(file, _asked(rules, known.bit_rate), findings, number, first_s, last_s)
+
+
+def _asked(rules: Sequence[LintRule], bit_rate: int | None) -> tuple[FileRule, ...]:
+    """Return *rules* as a report names them; without a bit rate the load is not judged."""
+    judged = (rule for rule in rules if bit_rate is not None or rule is not LOAD)
+    return tuple(FileRule(rule.name, str(rule.severity), rule.sense, rule.source) for rule in judged)
+
+
+def _of_network(file: str | None) -> tuple[dict[NodePdo, Address], int | None]:
+    """Return the enabled RPDOs that the network *file* itself names, and its bit rate; nothing of other files."""
+    if file is None or Path(file).suffix.lower() not in NETWORK_SUFFIXES:
+        return {}, None
+    from dvtcli.operations.network.described_network import described_pdos
+    from dvtcli.operations.wanted.network_wish import read_wish
+
+    wish = read_wish(file)
+    named = {(node.node_id, pdo.pdo) for node in wish.nodes for pdo in node.pdos}
+    found: dict[NodePdo, Address] = {}
+    for node in described_pdos(file, wish).nodes:
+        for pdo, config in node.pdos.items():
+            is_meant = (node.node_id, pdo) in named or pdo not in node.guessed
+            if config.enabled and not pdo.is_tpdo and is_meant:
+                found[node.node_id, pdo] = identifier_of(config)
+    return found, wish.master.bit_rate if wish.master is not None else None
 
 
 def _finding(problem: Problem, bus: str) -> RecordingFinding:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.typed_frame import typed_frame
 from dvtcli.errors import UsageError
+from dvtcli.operations.frames.layouts import NETWORK_SUFFIXES
 from dvtcli.operations.frames.recorded import decoder_for
 from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.operations.results.frames import FrameExplained
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.session.session_nodes import SessionNodes
 
-_NETWORK = (".yaml", ".yml")
 HOW = "write it as 185#1027, as candump does, or as 0x185 10 27"
 
 
@@ -82,7 +82,7 @@ def described_nodes(session: SessionNodes, file: str | None = None) -> Callable[
 
 def _network_nodes(file: str | None) -> dict[int, KnownNode]:
     """Return the nodes of a network *file*, of which nothing is planned; empty for other files."""
-    if file is None or Path(file).suffix.lower() not in _NETWORK:
+    if file is None or Path(file).suffix.lower() not in NETWORK_SUFFIXES:
         return {}
     from dvtcli.files.network.physical_keys import rules_by_node
     from dvtcli.operations.network.described_network import simulation_of, words_of

@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING
 from dvtcli.device.read_pdos import read_number
 from dvtcli.domain.cob_id import CobId
 from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, SdoProtocolError
-from dvtcli.operations.frames.layouts import HEARD_S, mapping_of
+from dvtcli.operations.frames.layouts import HEARD_S, NETWORK_SUFFIXES, mapping_of
 from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.operations.sync.sync_frame import sync_frame
-from dvtcli.watch.decoder import Decoder, pdo_layouts
+from dvtcli.watch.decoder import Decoder, Layout, no_values, pdo_layouts
 from dvtcli.watch.frame_effect import Parties
+from dvtcli.watch.sdo_servers import SDO_SERVERS, server_name
 from dvtcli.watch.service import Service
 
 if TYPE_CHECKING:
@@ -30,8 +31,8 @@ _EMCY, _TIME = 0x1014, 0x1012
 _TAKES, _SENDS = 1 << 31, 1 << 30
 #: CiA 301, 7.5.2.33 and 7.5.2.34: sub-index 1 is the CAN-ID to the server, 2 from the server; of a client's channel
 #: 3 is the server's node-ID
-_SDO_SERVERS, _SDO_CLIENTS = range(0x1200, 0x1280), range(0x1280, 0x1300)
-_SDO_WORDS = {1: "SDO request", 2: "SDO answer"}
+_SDO_CLIENTS = range(0x1280, 0x1300)
+_SDO_WORDS = {1: "request", 2: "answer"}
 _SERVER = 3
 
 
@@ -47,13 +48,13 @@ def node_services(node: ReadableNode) -> Iterator[tuple[Address, Service]]:
         yield address, Service("time", "TIME")
     if address := _address(_number(node, _EMCY, 0)):
         yield address, Service("emcy", "EMCY", node.node_id)
-    for _, channel in _sdo_channels(node, _SDO_SERVERS):
+    for index, channel in _sdo_channels(node, SDO_SERVERS):
         for word, address in channel.items():
-            yield address, Service("sdo", word, node.node_id)
+            yield address, Service("sdo", f"{server_name(index)} {word}", node.node_id)
     for index, channel in _sdo_channels(node, _SDO_CLIENTS):
         server = (_number(node, index, _SERVER, 1) or None) if channel else None
         for word, address in channel.items():
-            yield address, Service("sdo", word, server)
+            yield address, Service("sdo", f"SDO {word}", server)
 
 
 def _sdo_channels(node: ReadableNode, indices: range) -> Iterator[tuple[int, dict[str, Address]]]:
@@ -62,7 +63,7 @@ def _sdo_channels(node: ReadableNode, indices: range) -> Iterator[tuple[int, dic
     for index in indices:
         if exists or (node.dictionary and node.dictionary.entry(index, 1)):
             said = {word: _number(node, index, sub_index) for sub_index, word in _SDO_WORDS.items()}
-            exists = index == _SDO_SERVERS[0] or any(raw is not None for raw in said.values())
+            exists = index == SDO_SERVERS[0] or any(raw is not None for raw in said.values())
             yield index, {word: address for word, raw in said.items() if (address := _address(raw))}
 
 
@@ -79,9 +80,6 @@ def _address(raw: int | None) -> Address | None:
         return None
     cob_id = CobId.from_raw(raw)
     return (cob_id.can_id, cob_id.extended) if cob_id.valid and cob_id.can_id else None
-
-
-_NETWORK = (".yaml", ".yml")
 
 
 class KnownParties:
@@ -126,6 +124,8 @@ class KnownParties:
             self.parties.add(node_id, configs)
             for address, service in services:
                 self.parties.services.setdefault(address, {})[service] = None
+                if service.kind == "sdo":
+                    self.decoder.add({address: Layout(service, (), no_values)})
             meanings = meanings_of(node.profile, node.dictionary)
             self.decoder.add(
                 pdo_layouts(node_id, configs, node.dictionary, meanings, mapping_of(self._session, node_id))
@@ -135,7 +135,7 @@ class KnownParties:
         from dvtcli.operations.frames.layouts import file_layouts
 
         self.decoder.add(file_layouts(file, self._session.tell))
-        if Path(file).suffix.lower() in _NETWORK:
+        if Path(file).suffix.lower() in NETWORK_SUFFIXES:
             from dvtcli.operations.network.described_network import described_network
 
             for node in described_network(file).nodes:

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.object_syntax import parse_object
 from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.watch.decoder import Decoder, pdo_layouts
+from dvtcli.watch.sdo_servers import described_servers
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.meanings import Rules
     from dvtcli.domain.network.network_state import NodeState
+    from dvtcli.domain.network.wanted_state import ValueWish
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.ports import CanopenBus
     from dvtcli.operations.session.session_nodes import SessionNodes
@@ -23,7 +27,8 @@ if TYPE_CHECKING:
     from dvtcli.watch.decoder import Address, Layout
 
 
-_NETWORK = (".yaml", ".yml")
+#: suffixes of network files
+NETWORK_SUFFIXES = (".yaml", ".yml")
 
 
 def file_layouts(file: str, tell: Reporter) -> Mapping[Address, Layout]:
@@ -31,7 +36,7 @@ def file_layouts(file: str, tell: Reporter) -> Mapping[Address, Layout]:
 
     *tell* gets the object names in a network file without description: their frames stay bytes.
     """
-    if Path(file).suffix.lower() not in _NETWORK:
+    if Path(file).suffix.lower() not in NETWORK_SUFFIXES:
         from dvtcli.files.dbc import read_dbc
 
         return read_dbc(file)
@@ -54,6 +59,7 @@ def _network_layouts(file: str, tell: Reporter) -> Mapping[Address, Layout]:
         place = f"{file}:{note.mark.line}:{note.mark.column}"
         tell.note(f"{place}: {note.text}; frames with such a name stay bytes")
     rules, decoder = rules_by_node(wish.nodes), Decoder()
+    written = {node.node_id: _numbers(node.values) for node in wish.nodes}
     for node in state.nodes:
         said = {pdo: config for pdo, config in node.pdos.items() if pdo not in node.guessed}
         decoder.add(_layouts(node, said, rules.get(node.node_id, {}), f"the mapping in {Path(file).name}"))
@@ -61,7 +67,19 @@ def _network_layouts(file: str, tell: Reporter) -> Mapping[Address, Layout]:
         for pdo, whose in node.guessed.items():
             layouts = _layouts(node, {pdo: node.pdos[pdo]}, rules.get(node.node_id, {}), whose)
             decoder.add({address: _as_guess(file, layout) for address, layout in layouts.items()})
+        decoder.add(described_servers(node.node_id, node.dictionary, written.get(node.node_id)))
     return decoder.layouts
+
+
+def _numbers(values: Iterable[ValueWish]) -> dict[tuple[int, int], int]:
+    """Return those of *values* that are numbers of objects named by number."""
+    found: dict[tuple[int, int], int] = {}
+    for wish in values:
+        with suppress(ValueError):  # a name, or another kind of value
+            place = parse_object(wish.object.text)
+            if place is not None:
+                found[place] = int(wish.value.text, 0)
+    return found
 
 
 def _layouts(node: NodeState, pdos: Mapping[Pdo, PdoConfig], rules: Rules, source: str) -> Mapping[Address, Layout]:
@@ -133,6 +151,7 @@ def live_decoders(
             node = session.node(node_id)
             meanings = meanings_of(node.profile, node.dictionary)
             known.add(pdo_layouts(node_id, node.pdos(), node.dictionary, meanings, mapping_of(session, node_id)))
+            known.add(described_servers(node_id, node.dictionary))
             if named:
                 names[node_id] = _name(node)
             if node.dictionary is None:

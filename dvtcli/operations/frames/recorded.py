@@ -87,6 +87,7 @@ def _file_decoder(path: Path, nodes: tuple[int, ...], family: str | None, module
     from dvtcli.operations.opening.simulated_nodes import read_dictionary
     from dvtcli.operations.user.options import modules_of_node
     from dvtcli.watch.decoder import Decoder, pdo_layouts
+    from dvtcli.watch.sdo_servers import described_servers
 
     own = read_dictionary(path)
     profile = load_profile(family) if family else profile_of(own)
@@ -97,6 +98,7 @@ def _file_decoder(path: Path, nodes: tuple[int, ...], family: str | None, module
         values = FileValues(dictionary, node_id)
         configs = {pdo: read_pdo(values, pdo) for pdo in present_pdos(values, dictionary)}
         decoder.add(pdo_layouts(node_id, configs, dictionary, meanings, f"the mapping in {path.name}"))
+        decoder.add(described_servers(node_id, dictionary))
         info = dictionary.info
         numbers = (info.vendor_id, info.product_code, info.revision_number, info.commissioning.lss_serial_number)
         decoder.identities[node_id] = dict(zip(IDENTITY_NAMES, numbers, strict=True))

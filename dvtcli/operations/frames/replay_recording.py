@@ -13,16 +13,20 @@ from dvtcli.domain.text import join_some, plural
 from dvtcli.domain.typed_frame import FrameFilter, frame_filter
 from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.files.recording import check_readable, read_recorded
+from dvtcli.operations.frames.explain_frame import described_nodes
 from dvtcli.operations.frames.known_parties import KnownParties
 from dvtcli.operations.frames.layouts import open_wire
 from dvtcli.operations.network.live_network import nobody_chose
 from dvtcli.operations.results.sent import FramesToReplay, Outcome, Replayed
 from dvtcli.watch.frame_effect import effects
+from dvtcli.watch.frame_reader import FrameReader
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import CanopenBus, Frame
+    from dvtcli.domain.sdo_frame import SdoValues
     from dvtcli.files.recordings.recording_format import RecordedFrame
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
     from dvtcli.watch.decoder import Decoder
 
@@ -32,6 +36,8 @@ _MOST_ROWS = 40
 _ALONE_S = 0.1
 #: times since 1970 count as equal within (s)
 _CLOSE_S = 1e-6
+#: what frames of these kinds say is shown, up to so many texts of one kind
+_SAID, _MOST_WORDS = frozenset({"sdo", "mpdo", "emcy", "time", "lss"}), 100
 ALL = "all"
 
 
@@ -70,7 +76,7 @@ def replay_recording(
         _require_limit(bus, choice)
     known = KnownParties(session, nodes, file, on_bus=bus is not None)
     part = _Part(path, choice, filters, known.decoder, remote=bus is None or bus.carries_remote_frames)
-    found = part.summed_up()
+    found = part.summed_up(_Words(session, FrameReader(known.decoder, described_nodes(session, file))))
     rows = _rows(found, known)
     if bus is None:
         session.tell.note("no bus is chosen: what nodes there act on is told by the pre-defined connection set")
@@ -110,9 +116,10 @@ _Kind = tuple[int, bool, bool, bytes]
 
 @dataclass(slots=True)
 class _Found:
-    """The result of a first pass: frames by kind, first and last time, omissions."""
+    """The result of a first pass: frames by kind, what they say, first and last time, omissions."""
 
     kinds: Counter[_Kind] = field(default_factory=Counter)
+    words: dict[_Kind, dict[str, None]] = field(default_factory=dict)
     left_out: Counter[str] = field(default_factory=Counter)
     channels: set[str] = field(default_factory=set)
     first_s: float = 0.0
@@ -130,6 +137,26 @@ class _Found:
         return (span_s + (span_s / (self.count - 1) if self.count > 1 else _ALONE_S)) / rate
 
 
+@dataclass(slots=True)
+class _Words:
+    """What frames tell nodes, in words, without passcodes."""
+
+    session: SessionNodes
+    reader: FrameReader
+    _secret: SdoValues = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._secret = self.session.secrets.in_frames(unknown=True)
+
+    def of(self, frame: Frame) -> str:
+        """What *frame* writes, reports or configures, the next frame of the recording; empty for any other frame."""
+        shown, is_secret = self._secret.without(frame)
+        reading = self.reader.read(shown)
+        if reading.what == "sdo" and (reading.facts.get("step") != "start" or reading.facts.get("transfer") != "write"):
+            return ""
+        return reading.text if reading.what in _SAID and not is_secret else ""
+
+
 class _Part:
     """The chosen frames of a recording."""
 
@@ -141,15 +168,22 @@ class _Part:
         self._only, self._without = filters
         self._state = _state(path)
 
-    def summed_up(self) -> _Found:
-        """Count the frames; raises UsageError if there are none, or several channels without a choice."""
+    def summed_up(self, words: _Words) -> _Found:
+        """Count the frames, and read what they say.
+
+        Raises UsageError if there are none, or several channels without a choice.
+        """
         found = _Found()
         late_s = float("-inf")
         for frame, channel in self._frames(found.left_out):
             if not found.kinds:
                 found.first_s = frame.timestamp_s
             late_s = found.last_s = max(late_s, frame.timestamp_s)
-            found.kinds[_kind(frame)] += 1
+            kind = _kind(frame)
+            found.kinds[kind] += 1
+            text = words.of(frame)
+            if text and len(texts := found.words.setdefault(kind, {})) < _MOST_WORDS:
+                texts[text] = None
             found.channels.add(channel)
         if not found.count:
             said = ", ".join(f"{reason} ({count})" for reason, count in found.left_out.items() if count)
@@ -246,13 +280,17 @@ def _rows(found: _Found, known: KnownParties) -> tuple[FramesToReplay, ...]:
     from dvtcli.domain.ports import Frame
 
     counted: Counter[tuple[int, bool, bool, str]] = Counter()
+    words: dict[tuple[int, bool, bool, str], dict[str, None]] = {}
     for (can_id, extended, remote, data), count in found.kinds.items():
         said = effects(Frame(can_id, data, extended=extended, remote=remote), known.parties)
         counted[can_id, extended, remote, said] += count
+        kind = can_id, extended, remote, data
+        words.setdefault((can_id, extended, remote, said), {}).update(found.words.get(kind, {}))
     rows = []
-    for (can_id, extended, remote, said), count in sorted(counted.items()):
+    for (can_id, extended, remote, effect), count in sorted(counted.items()):
         service = known.decoder.layout(Frame(can_id, b"", extended=extended)).service
-        rows.append(FramesToReplay(can_id, extended, remote, service.label, service.node, count, said))
+        texts = tuple(words[can_id, extended, remote, effect])
+        rows.append(FramesToReplay(can_id, extended, remote, service.label, service.node, count, effect, texts))
     return tuple(rows)
 
 

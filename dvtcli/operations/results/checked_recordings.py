@@ -40,8 +40,8 @@ class RecordingFinding(FileFinding):
             "parties": self.parties,
             "text": self.text,
             "look": self.look,
-            "first": utc(self.first_s),
-            "last": utc(self.last_s),
+            "first": utc(self.first_s) if self.frames else None,
+            "last": utc(self.last_s) if self.frames else None,
             "times": self.times,
             "frames": list(self.frames),
         }
@@ -49,7 +49,10 @@ class RecordingFinding(FileFinding):
 
 @dataclass(frozen=True, slots=True)
 class RecordingReport(Short, Judged):
-    """The findings of *rules* in the recording *path*, which has *frames* from *first_s* to *last_s* (s since 1970)."""
+    """The findings of *rules* in the recording *path*, which has *frames* from *first_s* to *last_s* (s since 1970).
+
+    *unread* is the exit code of a file that cannot be read, else 0.
+    """
 
     made_by: ClassVar = "check"
 
@@ -60,11 +63,12 @@ class RecordingReport(Short, Judged):
     first_s: float = 0.0
     last_s: float = 0.0
     strict: bool = True
+    unread: int = 0
 
     @property
     def exit_code(self) -> int:
-        """3 for an error or a warning among the findings."""
-        return 3 if any(map(self.is_bad, self.findings)) else 0
+        """2 for a missing file, 4 for a damaged one, 3 for an error or a warning among the findings."""
+        return self.unread or (3 if any(map(self.is_bad, self.findings)) else 0)
 
     def fields(self) -> Document:
         """An element of `files` in `dvtcli.recording-check/1`."""
@@ -94,13 +98,15 @@ class RecordingsChecked(Answer):
 
     @property
     def exit_code(self) -> int:
-        """3 if any recording has an error or a warning."""
+        """4 for a damaged recording, else 3 for an error or a warning in one, else 2 for a missing file."""
         return max((report.exit_code for report in self.reports), default=0)
 
     @property
     def failure_of_document(self) -> DvtcliError | None:
         """The error for a nonzero exit code, for programs."""
-        return ended_with(3, wrong_reports(self.reports)) if self.exit_code else None
+        unread = [report.path for report in self.reports if report.unread]
+        wrong = wrong_reports(self.reports) or f"{', '.join(unread)} cannot be read"
+        return ended_with(self.exit_code, wrong) if self.exit_code else None
 
     def document(self) -> Document:
         """`dvtcli.recording-check/1`."""

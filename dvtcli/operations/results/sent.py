@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.text import plural
+from dvtcli.domain.text import join_some, plural
 from dvtcli.domain.typed_frame import frame_text
 from dvtcli.errors import DvtcliError, ended_with
 from dvtcli.operations.results.documents import Answer, Document, Short
@@ -169,7 +169,7 @@ class FramesSent(OfFrames, Answer):
 
 @dataclass(frozen=True, slots=True)
 class FramesToReplay(Short):
-    """Frames of a recording with the same CAN-ID and effect: kind, number, effects on nodes.
+    """Frames of a recording with the same CAN-ID and effect: kind, number, effects on nodes, what they say in words.
 
     *effects* is empty if nobody is known to act on them.
     """
@@ -181,6 +181,7 @@ class FramesToReplay(Short):
     node: int | None
     count: int
     effects: str
+    words: tuple[str, ...] = ()
 
     @property
     def what(self) -> str:
@@ -192,7 +193,8 @@ class FramesToReplay(Short):
     @property
     def text(self) -> str:
         """The row in a line."""
-        return f"{self.what}, {plural(self.count, 'frame')}{f': {self.effects}' if self.effects else ''}"
+        said = ": ".join(filter(None, (self.effects, join_some(self.words))))
+        return f"{self.what}, {plural(self.count, 'frame')}{f': {said}' if said else ''}"
 
     def document(self) -> Document:
         """An element of `frames` in `dvtcli.replay/1`."""
@@ -204,6 +206,7 @@ class FramesToReplay(Short):
             "node": self.node,
             "count": self.count,
             "effects": self.effects,
+            "texts": list(self.words),
         }
 
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
 
-from dvtcli.domain.lint.lint_rule import ERROR, LintRule
+from dvtcli.domain.lint.lint_rule import ERROR, WARNING, LintRule
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.text import plural
 from dvtcli.watch.decoder import Address, Layout
 from dvtcli.watch.layout_fit import misfit
 from dvtcli.watch.recording.problems import Moment, Moments, Problem, TimesOf
+from dvtcli.watch.recording.sdo_problems import Channel
 from dvtcli.watch.sdo_transfers import SdoStep
 
 LENGTH = LintRule("pdo-other-length", ERROR, "a PDO has another length than is mapped", "CiA 301, 7.4.7")
@@ -22,11 +23,11 @@ TWO_NODES = LintRule(
     "two-nodes-answer", ERROR, "an SDO request got two answers", "CiA 301, 7.3.4: a node-ID is there once"
 )
 NO_ANSWER = LintRule("sdo-no-answer", ERROR, "a node that answers SDO requests left one without", "CiA 301, 7.2.4.3")
-FRAME_RULES = (LENGTH, TWO_SENDERS, TWO_NODES, NO_ANSWER)
+UNASKED = LintRule("sdo-unasked", WARNING, "an SDO answer came that nobody asked for", "CiA 301, 7.2.4.3")
+FRAME_RULES = (LENGTH, TWO_SENDERS, TWO_NODES, NO_ANSWER, UNASKED)
 
 #: changes between two lengths from which two senders are likely: one change is a new mapping
 _ENOUGH = 4
-_REQUESTS = 0x600
 #: command specifiers of answers that begin a transfer, one for each request: upload, download
 _FIRST_ANSWERS = (2, 3)
 #: how long an answer takes at most (s)
@@ -72,6 +73,11 @@ class LengthProblems:
         if seen.misfit:
             self._misfits.note(moment, (seen.misfit, seen.node))
 
+    @property
+    def sent(self) -> Collection[Address]:
+        """The CAN-IDs of all frames so far, remote ones aside."""
+        return self._lengths.keys()
+
     def problems(self) -> Iterator[Problem]:
         """Return PDOs of a wrong length, and those whose length changes to and fro."""
         two = {address for address, seen in self._lengths.items() if seen.is_pdo and len(seen.changes) >= _ENOUGH}
@@ -91,64 +97,78 @@ class AnswerProblems:
     """Watches for SDO requests that get two answers, or none."""
 
     #: requests that are not answered yet, by node and object
-    _asked: dict[int, Counter[bytes]] = field(default_factory=lambda: defaultdict(Counter))
+    _asked: dict[Channel, Counter[bytes]] = field(default_factory=lambda: defaultdict(Counter))
     #: the answer to each node's last request, and the time of a request without one
-    _answered: dict[int, bytes | None] = field(default_factory=dict)
-    _waiting: dict[int, Moment] = field(default_factory=dict)
-    _twice: TimesOf[int] = field(default_factory=TimesOf)
-    _never: TimesOf[int] = field(default_factory=TimesOf)
+    _answered: dict[Channel, bytes | None] = field(default_factory=dict)
+    _waiting: dict[Channel, Moment] = field(default_factory=dict)
+    _twice: TimesOf[Channel] = field(default_factory=TimesOf)
+    _never: TimesOf[Channel] = field(default_factory=TimesOf)
+    _unasked: TimesOf[Channel] = field(default_factory=TimesOf)
     #: nodes that answer at all: tools ask every node-ID
-    _present: set[int] = field(default_factory=set)
+    _present: set[Channel] = field(default_factory=set)
 
     def start(self, node_id: int) -> None:
         """Node *node_id* starts: it answers no earlier request."""
-        self._asked.pop(node_id, None)
+        for channel in [channel for channel in self._asked if channel[0] == node_id]:
+            del self._asked[channel]
 
-    def take(self, moment: Moment, frame: Frame, step: SdoStep) -> None:
-        """Look at *frame*, an SDO, which is this *step* of a transfer."""
-        node_id, data = frame.can_id & 0x7F, frame.data
-        if frame.can_id & 0x780 == _REQUESTS:
-            self._request(moment, node_id, data, step)
+    def take(
+        self, moment: Moment, channel: Channel, data: bytes, step: SdoStep, *, request: bool, is_other: bool
+    ) -> None:
+        """Look at *data*, an SDO of *channel*, which is this *step* of a transfer.
+
+        *is_other*: it begins one within that of another client.
+        """
+        if request:
+            self._request(moment, channel, data, step, is_other=is_other)
         elif data:
-            self._present.add(node_id)
-            self._waiting.pop(node_id, None)
+            self._present.add(channel)
+            self._waiting.pop(channel, None)
             if step.step != "segment":
-                self._answer(moment, node_id, data, step)
+                self._answer(moment, channel, data, step)
 
-    def _request(self, moment: Moment, node_id: int, data: bytes, step: SdoStep) -> None:
-        self._answered[node_id] = None
+    def _request(self, moment: Moment, channel: Channel, data: bytes, step: SdoStep, *, is_other: bool) -> None:
+        self._answered[channel] = None
         if step.step == "abort":
-            self._waiting.pop(node_id, None)
+            self._waiting.pop(channel, None)
         elif step.step == "start":
-            if node_id in self._waiting:
-                self._never.note(self._waiting[node_id], node_id)
-            self._waiting[node_id] = moment
-            self._asked[node_id][data[1:4]] += 1
+            if channel in self._waiting and not is_other:
+                self._never.note(self._waiting[channel], channel)
+            self._waiting[channel] = moment
+            self._asked[channel][data[1:4]] += 1
 
-    def _answer(self, moment: Moment, node_id: int, data: bytes, step: SdoStep) -> None:
+    def _answer(self, moment: Moment, channel: Channel, data: bytes, step: SdoStep) -> None:
         """Look at an answer: of two to one request, the second is a finding."""
         is_first = data[0] >> 5 in _FIRST_ANSWERS
-        is_asked = self._asked[node_id][data[1:4]] > 0
+        is_asked = self._asked[channel][data[1:4]] > 0
         if is_asked and (is_first or step.step in ("accepted", "abort")):
-            self._asked[node_id][data[1:4]] -= 1
-        if is_first and node_id in self._answered:
-            before = self._answered[node_id]
+            self._asked[channel][data[1:4]] -= 1
+        if is_first and channel in self._answered:
+            before = self._answered[channel]
             if before is not None and before[:4] == data[:4] and not is_asked:
-                self._twice.note(moment, node_id)
-            self._answered[node_id] = data
+                self._twice.note(moment, channel)
+            elif not is_asked and before != data:
+                self._unasked.note(moment, channel)
+            self._answered[channel] = data
 
     def problems(self, end: Moment) -> Iterator[Problem]:
         """Return nodes that answer twice, or not always, in the frames until *end*."""
-        for node_id, moments in self._twice.items():
+        for (node_id, _), moments in self._twice.items():
             yield Problem(TWO_NODES, f"node {node_id}: requests are answered twice", f"nodes with node-ID {node_id}",
                           "the serial numbers (0x1018:04) of both, one of them unplugged",
                           moments, node_id)  # fmt: skip
-        for node_id, moment in self._waiting.items():
+        for (node_id, _), moments in self._unasked.items():
+            text = f"node {node_id}: {plural(moments.times, 'answer')} that nobody asked for"
+            yield Problem(UNASKED, text, f"SDO client and node {node_id}",
+                          "whether two nodes have this node-ID, and whether frames are missing in the recording",
+                          moments, node_id)  # fmt: skip
+        for channel, moment in self._waiting.items():
             if end.time_s - moment.time_s > _PATIENCE_S:
-                self._never.note(moment, node_id)
+                self._never.note(moment, channel)
         self._waiting = {}
-        for node_id, moments in self._never.items():
-            if node_id in self._present:
+        for channel, moments in self._never.items():
+            if channel in self._present:
+                node_id = channel[0]
                 text = f"node {node_id}: {plural(moments.times, 'request')} without an answer"
                 look = "what the node did then: did it restart, or was it busy?"
                 yield Problem(NO_ANSWER, text, f"SDO client and node {node_id}", look, moments, node_id)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from statistics import median
 
 from dvtcli.domain.emergency_codes import emergency_text
 from dvtcli.domain.lint.lint_rule import ERROR, WARNING, LintRule
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
+from dvtcli.watch.recording.beats import PATIENCE, Beats
 from dvtcli.watch.recording.problems import Moment, Moments, Problem, TimesOf
 
 BOOT_UP = LintRule(
@@ -21,42 +21,25 @@ LATE = LintRule("heartbeat-late", WARNING, "a heartbeat came late", "CiA 301, 7.
 NOT_RESET = LintRule("emergency-not-reset", ERROR, "an EMCY was sent, and no error reset", "CiA 301, 7.2.7")
 RESET = LintRule("emergency-reset", WARNING, "an EMCY was sent, and reset later", "CiA 301, 7.2.7")
 SYNC_LATE = LintRule("sync-late", WARNING, "a SYNC message came late", "CiA 301, 7.5.2.6: communication cycle period")
-NODE_RULES = (BOOT_UP, NO_BOOT_UP, STOPS, LATE, NOT_RESET, RESET, SYNC_LATE)
+SYNC_JITTER = LintRule("sync-jitter", WARNING, "SYNC comes at uneven times", "CiA 301, 7.2.5 and 7.5.2.6")
+TWO_SYNCS = LintRule("two-syncs", ERROR, "two nodes seem to send SYNC", "CiA 301, 7.2.5: one producer")
+TWO_HEARTBEATS = LintRule(
+    "two-heartbeats", ERROR, "heartbeats of one node-ID seem to come from two nodes",
+    "CiA 301, 7.3.4: a node-ID is there once",
+)  # fmt: skip
+NODE_RULES = (
+    BOOT_UP, NO_BOOT_UP, STOPS, LATE, NOT_RESET, RESET, SYNC_LATE, SYNC_JITTER, TWO_SYNCS, TWO_HEARTBEATS,
+)  # fmt: skip
 
 _NMT, _EMERGENCIES, _ANSWERS, _REQUESTS, _HEARTBEATS = 0x000, 0x080, 0x580, 0x600, 0x700
+_STATES = frozenset(NmtState)
 _RESETS = (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
 #: downloads of 0x1017 and 0x1006 begin so behind their command
 _HEARTBEAT_TIME, _SYNC_PERIOD = b"\x17\x10\x00", b"\x06\x10\x00"
-#: heartbeats from which a period is known, gaps that are kept, and how many periods a heartbeat may take
-_ENOUGH, _MOST_GAPS, _PATIENCE = 4, 1_000, 2.5
 #: how long a node may be silent after a reset (s)
 _BOOT_S = 5.0
-
-
-@dataclass(slots=True)
-class _Heartbeats:
-    """Heartbeats of a node, or SYNC, since a start or another period: the last, the gaps (s), and long gaps.
-
-    A long gap has its time (s), the time without any frame before its end (s), and the moment of its end.
-    """
-
-    last: Moment | None = None
-    gaps_s: list[float] = field(default_factory=list)
-    long: list[tuple[float, float, Moment]] = field(default_factory=list)
-
-    def take(self, moment: Moment, silent_s: float) -> None:
-        if self.last is not None:
-            gap_s = moment.time_s - self.last.time_s
-            if len(self.gaps_s) < _MOST_GAPS:
-                self.gaps_s.append(gap_s)
-            if len(self.gaps_s) <= _ENOUGH or gap_s > _PATIENCE * median(self.gaps_s[:_ENOUGH]):
-                self.long.append((gap_s, silent_s, moment))
-        self.last = moment
-
-    @property
-    def period_s(self) -> float:
-        """The usual gap; 0 if it is not known."""
-        return median(self.gaps_s) if len(self.gaps_s) >= _ENOUGH else 0.0
+#: changes to the state before the last, without an NMT command, from which two nodes are likely
+_STATE_TURNS = 4
 
 
 @dataclass(slots=True)
@@ -66,8 +49,13 @@ class _NodeSeen:
     #: resets that were commanded and have no boot-up yet, and the first since which a node that was alive sent nothing
     resets: int = 0
     gone: Moment | None = None
-    heartbeats: _Heartbeats = field(default_factory=_Heartbeats)
+    heartbeats: Beats = field(default_factory=Beats)
     is_guarded: bool = False
+    #: its first and last heartbeat in OPERATIONAL
+    operational: tuple[Moment, Moment] | None = None
+    #: the state before the last one, and returns to it since an NMT command
+    state_before: NmtState | None = None
+    state_turns: list[Moment] = field(default_factory=list)
     emergencies: dict[int, Moments] = field(default_factory=dict)
 
 
@@ -77,8 +65,8 @@ class NodeProblems:
 
     _nodes: dict[int, _NodeSeen] = field(default_factory=dict)
     _boot_ups: TimesOf[tuple[int, NmtState | None]] = field(default_factory=TimesOf)
-    _late: list[tuple[int, float, _Heartbeats]] = field(default_factory=list)
-    _syncs: list[_Heartbeats] = field(default_factory=lambda: [_Heartbeats()])
+    _late: list[tuple[int, float, Beats]] = field(default_factory=list)
+    _syncs: list[Beats] = field(default_factory=lambda: [Beats()])
     _ended: list[tuple[int, int, Moments]] = field(default_factory=list)
 
     def take(self, moment: Moment, frame: Frame, before: Moment) -> None:
@@ -102,9 +90,13 @@ class NodeProblems:
         elif service == _REQUESTS and data[1:4] == _HEARTBEAT_TIME and data[0] >> 5 == 1:
             self._new_period(node_id, node)
         elif service == _REQUESTS and data[1:4] == _SYNC_PERIOD and data[0] >> 5 == 1:
-            self._syncs.append(_Heartbeats())
+            self._syncs.append(Beats())
         elif service == _ANSWERS:
             node.is_alive, node.gone = True, None
+
+    def operational(self, node_id: int) -> tuple[Moment, Moment] | None:
+        """The first and the last heartbeat of *node_id* in OPERATIONAL."""
+        return self._nodes[node_id].operational if node_id in self._nodes else None
 
     def take_pdo(self, node_id: int) -> None:
         """Look at a frame with the default CAN-ID of a TPDO of *node_id*: the node is there."""
@@ -112,27 +104,35 @@ class NodeProblems:
             node.gone = None
 
     def _command(self, moment: Moment, data: bytes) -> None:
-        if len(data) != 2 or data[0] not in _RESETS:
+        if len(data) != 2:
             return
         for node_id, node in self._nodes.items():
             if data[1] in (0, node_id):
-                node.resets += 1
-                if node.is_alive and node.gone is None:
-                    node.gone = moment
-                self._new_period(node_id, node)
+                node.state_before = None
+                if data[0] in _RESETS:
+                    self._reset(moment, node_id, node)
+
+    def _reset(self, moment: Moment, node_id: int, node: _NodeSeen) -> None:
+        node.resets += 1
+        if node.is_alive and node.gone is None:
+            node.gone = moment
+        self._new_period(node_id, node)
 
     def _new_period(self, node_id: int, node: _NodeSeen) -> None:
         """Judge later heartbeats by themselves: the node starts, or its 0x1017 is written."""
         if (period_s := node.heartbeats.period_s) and not node.is_guarded:
             self._late.append((node_id, period_s, node.heartbeats))
-        node.heartbeats = _Heartbeats()
+        node.heartbeats = Beats()
 
     def _error_control(self, moment: Moment, node_id: int, node: _NodeSeen, state: int, silent_s: float) -> None:
         node.gone = None
         if state != NmtState.INITIALISING:
             node.is_alive = True
-            node.state = NmtState(state) if state in set(NmtState) else None
             node.heartbeats.take(moment, silent_s)
+            if state != node.state:
+                _change(moment, node, NmtState(state) if state in _STATES else None)
+            if state == NmtState.OPERATIONAL:
+                node.operational = (node.operational or (moment,))[0], moment
             return
         if node.is_alive and not node.resets:
             self._boot_ups.note(moment, (node_id, node.state))
@@ -140,7 +140,8 @@ class NodeProblems:
             self._new_period(node_id, node)
         for code, moments in node.emergencies.items():
             self._ended.append((node_id, code, moments))
-        node.is_alive, node.resets, node.state, node.emergencies = True, max(0, node.resets - 1), None, {}
+        node.is_alive, node.resets, node.emergencies = True, max(0, node.resets - 1), {}
+        node.state = node.state_before = None
 
     def _emergency(self, moment: Moment, node_id: int, node: _NodeSeen, code: int) -> None:
         if code >> 8 == 0:
@@ -166,7 +167,7 @@ class NodeProblems:
         for node_id, period_s, heartbeats in self._late:
             yield from _late(node_id, period_s, heartbeats)
         for syncs in self._syncs:
-            yield from _late(0, syncs.period_s, syncs)
+            yield from _of_syncs(syncs)
         for node_id, node in self._nodes.items():
             for code, moments in node.emergencies.items():
                 yield _of_node(NOT_RESET, node_id, f"EMCY 0x{code:04X}, {emergency_text(code)}: not reset", moments,
@@ -179,34 +180,58 @@ class NodeProblems:
         heartbeats, period_s = node.heartbeats, node.heartbeats.period_s
         if heartbeats.last is None or not period_s or node.is_guarded:
             return
+        yield from _of_two(node_id, node)
         yield from _late(node_id, period_s, heartbeats)
         silent_s = end.time_s - heartbeats.last.time_s
-        if silent_s > _PATIENCE * period_s:
+        if silent_s > PATIENCE * period_s:
             text = f"sends no heartbeat in the last {silent_s:.3g} s; before, one each {1000 * period_s:.0f} ms"
             yield _of_node(STOPS, node_id, text, Moments.at(heartbeats.last),
                            "whether the node is on, bus off, or was unplugged")  # fmt: skip
 
 
-def _late(node_id: int, period_s: float, heartbeats: _Heartbeats) -> Iterator[Problem]:
-    """Report gaps of more than two and a half periods in which other frames came after the heartbeat was due.
+def _change(moment: Moment, node: _NodeSeen, state: NmtState | None) -> None:
+    """Note another state of *node*, and whether it is the one before the last, without an NMT command."""
+    if state is not None and state is node.state_before:
+        node.state_turns.append(moment)
+    node.state_before, node.state = node.state, state
 
-    Node 0: of SYNC.
-    """
-    late = [
-        (gap_s, moment)
-        for gap_s, silent_s, moment in heartbeats.long
-        if gap_s > _PATIENCE * period_s > 0 and gap_s - silent_s > (_PATIENCE - 1) * period_s
-    ]
-    if not late:
-        return
-    worst_s, moments = max(gap_s for gap_s, _ in late), Moments.at(*(moment for _, moment in late))
-    text = f"{1000 * worst_s:.0f} ms after the one before it; usual are {1000 * period_s:.0f} ms"
-    if node_id:
+
+def _of_two(node_id: int, node: _NodeSeen) -> Iterator[Problem]:
+    """Report heartbeats that no single node sends: short and long gaps, or two states, by turns."""
+    times, how = node.heartbeats.turns.times, "come after short and long times by turns"
+    if len(node.state_turns) >= _STATE_TURNS:
+        times, how = Moments.at(*node.state_turns), "name two states by turns, without an NMT command"
+    if times is not None:
+        look = f"the serial numbers (0x1018:04) of the nodes with node-ID {node_id}, one of them unplugged"
+        yield Problem(TWO_HEARTBEATS, f"node {node_id}: its heartbeats {how}", f"nodes with node-ID {node_id}", look,
+                      times, node_id)  # fmt: skip
+
+
+def _late(node_id: int, period_s: float, heartbeats: Beats) -> Iterator[Problem]:
+    """Report gaps of more than two and a half periods in which other frames came after the heartbeat was due."""
+    if late := heartbeats.late():
+        worst_s, moments = max(gap_s for gap_s, _ in late), Moments.at(*(moment for _, moment in late))
+        text = f"heartbeat {1000 * worst_s:.0f} ms after the one before it; usual are {1000 * period_s:.0f} ms"
         look = "the node's load, and that of the bus, at these times"
-        yield _of_node(LATE, node_id, f"heartbeat {text}", moments, look)
-    else:
+        yield _of_node(LATE, node_id, text, moments, look)
+
+
+def _of_syncs(syncs: Beats) -> Iterator[Problem]:
+    """Report late SYNC messages, uneven ones, and those of two producers."""
+    period, parties = f"usual are {1000 * syncs.period_s:.3g} ms", "SYNC producer and all consumers"
+    if late := syncs.late():
+        text = f"SYNC {1000 * max(gap_s for gap_s, _ in late):.3g} ms after the one before it; {period}"
         look = "what its producer did, and who else has the bus, at these times"
-        yield Problem(SYNC_LATE, f"SYNC {text}", "SYNC producer and all consumers", look, moments)
+        yield Problem(SYNC_LATE, text, parties, look, Moments.at(*(moment for _, moment in late)))
+    if syncs.turns.times is not None:
+        yield Problem(TWO_SYNCS, "SYNC comes after short and long times by turns", "SYNC producers",
+                      "in which nodes bit 30 of 0x1005 is set, and whether a master sends SYNC, too",
+                      syncs.turns.times)  # fmt: skip
+    elif uneven := syncs.jitter():
+        gaps_s = [gap_s for gap_s, _ in uneven]
+        text = f"SYNC {1000 * min(gaps_s):.3g} to {1000 * max(gaps_s):.3g} ms after the one before it; {period}"
+        look = "whether its producer sends it from a task of its own, with what CAN-IDs it shares the bus"
+        yield Problem(SYNC_JITTER, text, parties, look, Moments.at(*(moment for _, moment in uneven)))
 
 
 def _of_node(rule: LintRule, node_id: int, text: str, moments: Moments, look: str) -> Problem:

@@ -10,6 +10,9 @@ from dvtcli.domain.lint.lint_rule import LintRule
 K = TypeVar("K")
 #: how many frames of a problem are named
 _MOST_FRAMES = 10
+#: rules whose problems mostly follow from others: a node that restarts, or is off, answers nothing; its mapping stays
+#: half done
+_FOLLOWS = {"sdo-given-up": 1, "sdo-no-answer": 1, "mapping-half-done": 2, "mapping-empty": 2}
 _FROM_BAD = ("error", "warning", "note")
 
 
@@ -58,9 +61,9 @@ class Problem:
     object: str = ""
 
     @property
-    def order(self) -> tuple[int, int]:
-        """A sort key: the worst first, then by time."""
-        return _FROM_BAD.index(str(self.rule.severity)), self.moments.first.number
+    def order(self) -> tuple[int, int, int]:
+        """A sort key: the worst first, what follows from others behind them, then by time."""
+        return _FROM_BAD.index(str(self.rule.severity)), _FOLLOWS.get(self.rule.name, 0), self.moments.first.number
 
 
 class TimesOf(dict[K, Moments]):

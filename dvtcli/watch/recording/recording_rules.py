@@ -2,60 +2,129 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 
-from dvtcli.domain.lint.lint_rule import WARNING, LintRule
+from dvtcli.domain.lint.lint_rule import ERROR, WARNING, LintRule
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.text import plural
-from dvtcli.watch.decoder import Layout
+from dvtcli.watch.decoder import Address, Layout
 from dvtcli.watch.heard_objects import is_boot_up
 from dvtcli.watch.recording.frame_problems import FRAME_RULES, AnswerProblems, LengthProblems
+from dvtcli.watch.recording.master_problems import MASTER_RULES, MasterProblems
 from dvtcli.watch.recording.node_problems import NODE_RULES, NodeProblems
 from dvtcli.watch.recording.problems import Moment, Problem, TimesOf
+from dvtcli.watch.recording.rpdo_problems import RPDO_RULES, NodePdo, RpdoProblems
 from dvtcli.watch.recording.sdo_problems import SDO_RULES, SdoProblems
+from dvtcli.watch.recording.stream_problems import STREAM_RULES, StreamProblems
+from dvtcli.watch.sdo_servers import SDO_SERVERS, server_layouts
 from dvtcli.watch.sdo_transfers import SdoTransfers
 
 ERROR_FRAMES = LintRule(
     "error-frames", WARNING, "error frames were recorded", "ISO 11898-1: error flags; wiring, termination, bit rate"
 )
-RECORDING_RULES: tuple[LintRule, ...] = (*SDO_RULES, *NODE_RULES, *FRAME_RULES, ERROR_FRAMES)
+#: of a file that cannot be read, if others can
+UNREADABLE = LintRule("recording-file", ERROR, "the recording cannot be read", "the formats of recordings")
+RECORDING_RULES: tuple[LintRule, ...] = (
+    *SDO_RULES, *NODE_RULES, *FRAME_RULES, *RPDO_RULES, *MASTER_RULES, *STREAM_RULES, ERROR_FRAMES,
+)  # fmt: skip
 #: services by the function code of their default CAN-IDs
-_SDO, _OF_NODES = frozenset({0x580, 0x600}), frozenset({0x000, 0x080, 0x580, 0x600, 0x700})
-_TPDOS, _REQUESTS = frozenset({0x180, 0x280, 0x380, 0x480}), 0x600
+_NMT, _SYNC, _ANSWERS, _REQUESTS, _OF_NODES = 0x000, 0x080, 0x580, 0x600, frozenset({0x080, 0x700})
+#: name of each node's default SDO server
+_DEFAULT = "SDO"
+_PDOS, _TPDO = range(0x180, 0x580), 0x080
+_Watch = Callable[[Moment, Frame], None]
 
 
 class RecordingCheck:
     """Checks the frames of one bus in order.
 
     *layout_of* a frame is what its sender maps; *name_of* node-ID, index and sub-index is an object's name, or empty.
+    *rpdos* are the RPDOs that a file describes, with their CAN-IDs; *bit_rate* is the bus's (bit/s), None: unknown.
     """
 
-    def __init__(self, layout_of: Callable[[Frame], Layout], name_of: Callable[[int, int, int], str]) -> None:
-        self._sdo, self._answers = SdoProblems(name_of), AnswerProblems()
+    def __init__(
+        self, layout_of: Callable[[Frame], Layout], name_of: Callable[[int, int, int], str],
+        rpdos: Mapping[NodePdo, Address] | None = None, bit_rate: int | None = None,
+    ) -> None:  # fmt: skip
+        self._layout_of = layout_of
+        self._sdo, self._answers, self._masters = SdoProblems(name_of), AnswerProblems(), MasterProblems()
         self._nodes, self._lengths = NodeProblems(), LengthProblems(layout_of)
+        self._rpdos, self._streams = RpdoProblems(rpdos or {}), StreamProblems(bit_rate)
         self._transfers = SdoTransfers()
         self._last: Moment | None = None
         self._errors: TimesOf[str] = TimesOf()
+        self._watches: dict[Address, _Watch] = {}
+        self._servers: dict[Address, Layout] = {}
 
     def take(self, number: int, frame: Frame) -> None:
         """Look at *frame*, which has this *number* in its recording."""
-        moment = Moment(number, frame.timestamp_s)
-        service = frame.can_id & 0x780
-        if not frame.extended and service in _OF_NODES:
-            self._nodes.take(moment, frame, self._last or moment)
-            node_id = frame.can_id & 0x7F
-            if is_boot_up(frame):
-                self._transfers.forget(node_id)
-                self._sdo.start(node_id)
-                self._answers.start(node_id)
-            elif service in _SDO and not frame.remote:
-                step = self._transfers.take((node_id, "SDO"), frame.data, request=service == _REQUESTS)
-                self._sdo.take(moment, frame, step)
-                self._answers.take(moment, frame, step)
-        elif not frame.extended and service in _TPDOS:
-            self._nodes.take_pdo(frame.can_id & 0x7F)
+        moment, address = Moment(number, frame.timestamp_s), (frame.can_id, frame.extended)
+        watch = self._watches.get(address)
+        if watch is None:
+            layout = self._servers.get(address) or self._layout_of(frame)
+            watch = self._watches[address] = self._watch_of(address, layout)
+        watch(moment, frame)
         self._lengths.take(moment, frame)
+        self._streams.take(moment, frame)
         self._last = moment
+
+    def _watch_of(self, address: Address, layout: Layout) -> _Watch:
+        """Return what looks at the frames of *address*; default CAN-IDs go before other *layout*s than SDO servers."""
+        service, (can_id, extended) = layout.service, address
+        function, node_id = (-1, 0) if extended else (can_id & 0x780, can_id & 0x7F)
+        name, _, way = service.label.partition(" ")
+        if service.kind == "sdo" and service.node is not None and name != _DEFAULT:
+            return partial(self._take_sdo, (service.node, name), request=way == "request")
+        if can_id == _NMT and not extended:
+            return self._take_command
+        if function in (_ANSWERS, _REQUESTS) and node_id:
+            return partial(self._take_sdo, (node_id, _DEFAULT), request=function == _REQUESTS)
+        if function in _OF_NODES:
+            return self._take_sync if can_id == _SYNC else self._take_of_node
+        if service.kind == "pdo" or function in _PDOS:
+            sender = node_id if function in _PDOS and function & _TPDO else 0
+            return partial(self._take_pdo, sender)
+        return _nothing
+
+    def _take_command(self, moment: Moment, frame: Frame) -> None:
+        self._nodes.take(moment, frame, self._last or moment)
+        self._masters.take_command(moment, frame.data)
+
+    def _take_sync(self, moment: Moment, frame: Frame) -> None:
+        self._nodes.take(moment, frame, self._last or moment)
+        self._streams.take_sync()
+
+    def _take_of_node(self, moment: Moment, frame: Frame) -> None:
+        self._nodes.take(moment, frame, self._last or moment)
+        if is_boot_up(frame):
+            node_id = frame.can_id & 0x7F
+            self._transfers.forget(node_id)
+            self._sdo.start(node_id)
+            self._answers.start(node_id)
+            self._masters.start(node_id)
+
+    def _take_sdo(self, channel: tuple[int, str], moment: Moment, frame: Frame, *, request: bool) -> None:
+        if channel[1] == _DEFAULT:
+            self._nodes.take(moment, frame, self._last or moment)
+        if frame.remote:
+            return
+        step = self._transfers.take(channel, frame.data, request=request)
+        self._sdo.take(moment, channel, frame.data, step, request=request)
+        is_other = self._masters.take_sdo(moment, channel, step, request=request)
+        self._answers.take(moment, channel, frame.data, step, request=request, is_other=is_other)
+        self._rpdos.take(moment, channel[0], step)
+        if step.step == "done" and step.place is not None and step.place[0] in SDO_SERVERS:
+            servers = server_layouts(channel[0], {step.place: int.from_bytes(step.data, "little")})
+            self._servers |= servers
+            for address in servers:
+                self._watches.pop(address, None)
+
+    def _take_pdo(self, sender: int, moment: Moment, frame: Frame) -> None:
+        if sender:
+            self._nodes.take_pdo(sender)
+        if not frame.remote:
+            self._streams.take_pdo(moment, frame)
 
     def take_error(self, number: int, time_s: float) -> None:
         """Look at an error frame, which has this *number* in its recording."""
@@ -67,9 +136,16 @@ class RecordingCheck:
             yield from self._sdo.problems()
             yield from self._nodes.problems(self._last)
             yield from self._answers.problems(self._last)
+            yield from self._masters.problems()
             yield from self._lengths.problems()
+            yield from self._rpdos.problems(self._lengths.sent, self._nodes)
+            yield from self._streams.problems()
         for moments in self._errors.values():
             yield Problem(
                 ERROR_FRAMES, plural(moments.times, "error frame"), "all nodes",
                 "wiring, termination, and a node with another bit rate", moments,
             )  # fmt: skip
+
+
+def _nothing(_moment: Moment, _frame: Frame) -> None:
+    """Look at no more than the frame's length."""

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from dvtcli.domain.abort import Abort, abort_text
 from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, LintRule
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.ports import Frame
 from dvtcli.domain.text import join_some
 from dvtcli.watch.recording.problems import Moment, Moments, Problem, TimesOf
 from dvtcli.watch.sdo_transfers import SdoStep
@@ -24,9 +23,13 @@ HALF_DONE = LintRule(
 )
 LEFT_OFF = LintRule("pdo-left-disabled", NOTE, "a PDO was configured and left disabled", "CiA 301, 7.5.2.36")
 EMPTY = LintRule("mapping-empty", WARNING, "a PDO was left without mapped objects", "CiA 301, 7.5.2.36")
-SDO_RULES = (REFUSED_WRITE, REFUSED_READ, GIVEN_UP, ABSENT, HALF_DONE, EMPTY, LEFT_OFF)
+INCOMPLETE = LintRule(
+    "sdo-segments", WARNING, "segments of a transfer are missing, or come twice", "CiA 301, 7.2.4.3: toggle bit"
+)
+SDO_RULES = (REFUSED_WRITE, REFUSED_READ, GIVEN_UP, INCOMPLETE, ABSENT, HALF_DONE, EMPTY, LEFT_OFF)
 
-_REQUESTS = 0x600
+#: node-ID and name of an SDO server
+Channel = tuple[int, str]
 _DISABLED = 1 << 31
 
 
@@ -64,13 +67,14 @@ class _AbortedTransfer:
 
 @dataclass(slots=True)
 class SdoProblems:
-    """Watches the default SDO of each node; *name_of* gives the name of a node's object, empty if unknown."""
+    """Watches the SDO transfers of each node; *name_of* gives the name of a node's object, empty if unknown."""
 
     name_of: Callable[[int, int, int], str]
     _refused: TimesOf[_AbortedTransfer] = field(default_factory=TimesOf)
     _given_up: TimesOf[_AbortedTransfer] = field(default_factory=TimesOf)
-    #: object and direction of the transfer in progress, by node
-    _asked: dict[int, tuple[bytes, bool]] = field(default_factory=dict)
+    #: object and direction of the transfer in progress
+    _asked: dict[Channel, tuple[bytes, bool]] = field(default_factory=dict)
+    _incomplete: TimesOf[tuple[int, str, bool]] = field(default_factory=TimesOf)
     _pdos: dict[tuple[int, Pdo], _PdoWrites] = field(default_factory=dict)
 
     def start(self, node_id: int) -> None:
@@ -78,18 +82,21 @@ class SdoProblems:
         for key in [key for key in self._pdos if key[0] == node_id]:
             del self._pdos[key]
 
-    def take(self, moment: Moment, frame: Frame, step: SdoStep) -> None:
-        """Look at *frame*, an SDO, which is this *step* of a transfer."""
-        node_id, data = frame.can_id & 0x7F, frame.data
+    def take(self, moment: Moment, channel: Channel, data: bytes, step: SdoStep, *, request: bool) -> None:
+        """Look at *data*, an SDO of *channel*, which is this *step* of a transfer."""
+        node_id = channel[0]
         if step.is_write and step.place is not None and step.has_whole_value:
             self._written(moment, node_id, step.place, int.from_bytes(step.data, "little"))
         if step.step == "abort":
-            self._aborted(moment, node_id, data, by_client=frame.can_id & 0x780 == _REQUESTS)
+            self._aborted(moment, channel, data, by_client=request)
         elif step.step == "start":
-            self._asked[node_id] = data[1:4], bool(step.is_write)
+            self._asked[channel] = data[1:4], bool(step.is_write)
+        elif step.step == "incomplete" and step.place is not None:
+            self._incomplete.note(moment, (node_id, step.object, bool(step.is_write)))
 
-    def _aborted(self, moment: Moment, node_id: int, data: bytes, *, by_client: bool) -> None:
-        asked, is_write = self._asked.pop(node_id, (data[1:4], False))
+    def _aborted(self, moment: Moment, channel: Channel, data: bytes, *, by_client: bool) -> None:
+        node_id = channel[0]
+        asked, is_write = self._asked.pop(channel, (data[1:4], False))
         if asked != data[1:4] and any(data[1:4]):
             asked, is_write = data[1:4], False
         index, sub_index, code = int.from_bytes(asked[:2], "little"), asked[2], int.from_bytes(data[4:], "little")
@@ -129,6 +136,10 @@ class SdoProblems:
                 )
         for transfer, moments in self._given_up.items():
             yield self._aborted_transfer(GIVEN_UP, "given up", transfer, moments)
+        for (node_id, place, is_write), moments in self._incomplete.items():
+            text = f"{'write to' if is_write else 'read of'} {place}: segments are missing, or come twice"
+            look = "the toggle bits of its segments, and whether frames are missing in the recording"
+            yield Problem(INCOMPLETE, text, f"SDO client and node {node_id}", look, moments, node_id, place)
         for (node_id, pdo), writes in self._pdos.items():
             yield from _left(node_id, pdo, writes)
 

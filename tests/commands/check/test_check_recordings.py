@@ -6,6 +6,7 @@ import json
 import signal
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -64,6 +65,29 @@ def mapped(at_s: float) -> Planted:
     ]  # fmt: skip
 
 
+def at_times(times_s: Iterable[float], can_id: int, *data: str) -> Planted:
+    """A frame at each of *times_s*, with *data* by turns."""
+    return [(at_s, can_id, data[number % len(data)]) for number, at_s in enumerate(times_s)]
+
+
+def every(period_s: float, first_s: float, last_s: float) -> list[float]:
+    return [first_s + number * period_s for number in range(round((last_s - first_s) / period_s))]
+
+
+def segmented(at_s: float, *, toggles: tuple[int, int, int] = (0, 1, 0)) -> Planted:
+    """An upload of 2100:03 of node 5 in three segments, with these toggle bits."""
+    rows: list[tuple[int, str]] = [(0x605, "4000210300000000"), (0x585, "4100210315000000")]
+    for number, toggle in enumerate(toggles):
+        rows += [(0x605, f"{0x60 | number % 2 << 4:02X}00000000000000")]
+        rows += [(0x585, f"{toggle << 4 | (number == 2):02X}{f'{number + 0x41:02X}' * 7}")]
+    return [(at_s + number / 1000, *row) for number, row in enumerate(rows)]
+
+
+def written_rpdo(at_s: float) -> Planted:
+    """RPDO1 of node 5 is enabled with 0x205."""
+    return write(at_s, "1400:01", "05020000")
+
+
 FAMILIES = ("canopennode", "espac", "gen4", "generic", "lely", "no-boot-up", "no-entry-zero", "roboteq", "tmcm")
 #: 4 s of a node that does what it is to do
 HEALTHY = [*heartbeats(0, 4), *pdos(0.5, 4), *mapped(0.2)]
@@ -101,6 +125,22 @@ PLANTED: dict[str, tuple[Planted, str, float]] = {
     "sdo-no-answer": ([*HEALTHY, (2.0, 0x605, "4018100400000000"), *read(3.0, "1018:04", "43PLACE01000000")],
                       "node 5: 1 request without an answer", 2.0),
     "sync-late": ([*HEALTHY, *syncs(0, 2), *syncs(2.3, 4)], "SYNC 320 ms after the one before it; usual are ", 2.305),
+    "sdo-segments": (HEALTHY + segmented(2.0, toggles=(0, 1, 1)), "read of 2100:03: segments are missing", 2.007),
+    "sync-jitter": ([*HEALTHY, *at_times([n / 50 + 0.005 + (0.008 if n in range(31, 120, 9) else 0)
+                                          for n in range(200)], 0x080, "")],
+                    "SYNC 12 to 28 ms after the one before it; usual are 20 ms", 0.633),
+    "two-syncs": ([*HEALTHY, *syncs(0, 4), *at_times(every(0.02, 1.009, 4), 0x080, "")],
+                  "SYNC comes after short and long times by turns", 1.105),
+    "two-heartbeats": ([*HEALTHY, *at_times(every(0.1, 1.033, 4), 0x705, "05")],
+                       "node 5: its heartbeats come after short and long times by turns", 1.5),
+    "rpdo-not-sent": (HEALTHY + written_rpdo(0.3), "RPDO1 of node 5 is 0x205, which nobody sends", 0.301),
+    "other-master": ([*HEALTHY, (2.0, 0x605, "4018100400000000"), (2.001, 0x605, "4041600000000000"),
+                      (2.002, 0x585, "4318100401000000"), (2.003, 0x585, "4B41600037060000")],
+                     "node 5: 1 request within another transfer", 2.001),
+    "pdo-floods": ([*HEALTHY, *at_times(every(0.001, 2.0, 2.3), 0x1A5, *(f"{n:02X}" for n in range(100)))],
+                   "0x1A5 comes up to 100 times in 0.1 s", 2.0),
+    "sdo-unasked": ([*HEALTHY, *read(2.0, "1018:04", "43PLACE01000000"), (2.2, 0x585, "4B41600037060000")],
+                    "node 5: 1 answer that nobody asked for", 2.2),
     "error-frames": ([*HEALTHY, (2.0, 0x20000004, "0000000000000000")], "1 error frame", 2.0),
 }  # fmt: skip
 
@@ -119,7 +159,8 @@ def recorded(path: Path, planted: Planted) -> Path:
 
 
 def test_each_rule_is_planted() -> None:
-    assert {*PLANTED} == {rule.name for rule in RECORDING_RULES}
+    """The load of the bus needs its bit rate, and has a test of its own."""
+    assert {*PLANTED} | {"bus-load"} == {rule.name for rule in RECORDING_RULES}
 
 
 @pytest.mark.parametrize("rule", sorted(PLANTED))
@@ -203,6 +244,7 @@ ASKED, ANSWERED = (0x605, "4018100400000000"), (0x585, "4318100401000000")
 
 
 @pytest.mark.parametrize(("frames", "rules"), [
+    ([ASKED, ANSWERED, ASKED, ANSWERED], set()),
     ([ASKED, ASKED, ANSWERED, ANSWERED], {"sdo-no-answer"}),
     ([ASKED, (0x605, "8018100400000405"), ASKED, ANSWERED, ANSWERED], {"sdo-given-up"}),
     ([ASKED, ASKED, (0x605, "4000100000000000"), ANSWERED, ANSWERED, (0x585, "4300100000000000")], {"sdo-no-answer"}),
@@ -212,7 +254,7 @@ ASKED, ANSWERED = (0x605, "4018100400000000"), (0x585, "4318100401000000")
     ([ASKED, ANSWERED, ANSWERED], {"two-nodes-answer"}),
 ])  # fmt: skip
 def test_only_more_answers_than_requests_are_of_two_nodes(frames: list[tuple[int, str]], rules: set[str]) -> None:
-    planted = [(2.0 + number / 1000, *frame) for number, frame in enumerate(frames)]
+    planted = [(2.0 + number / 50, *frame) for number, frame in enumerate(frames)]
     assert {rule for rule, _ in findings(HEALTHY + planted)} == rules
 
 
@@ -296,6 +338,34 @@ def test_a_recorded_session_has_no_problem(tmp_path: Path, family: str) -> None:
     assert (done.returncode, "error: " in done.stdout or "warning: " in done.stdout) == (0, False), done.stdout
 
 
+def test_a_full_bus_is_found_if_its_bit_rate_is_known(tmp_path: Path) -> None:
+    """Of the network file, or of --at; without one the load is not judged, and not counted as judged."""
+    busy = at_times(every(0.0004, 2.0, 2.5), 0x3C0, *(f"{n:02X}" * 8 for n in range(7)))
+    path = recorded(tmp_path / "run.log", [*HEALTHY, *busy, *at_times(every(0.0004, 0.0, 4.0), 0x080, "")])
+    counted = []
+    for words in ((), ("--at", "250000"), ("--at", "1000000")):
+        (report,) = documents(dvtcli("check", str(path), "--json", *words).stdout)[0]["files"]
+        counted.append((report["rules"], [found["text"] for found in report["findings"]]))
+    without, full, wide = counted
+    assert without == (len(RECORDING_RULES), [])
+    assert (full[0], wide) == (without[0] + 1, (without[0] + 1, []))
+    (text,) = full[1]
+    assert text.startswith("the bus was full to 15"), text
+
+
+@pytest.mark.parametrize(("line", "is_found"), [("rpdo: {1: {cob_id: 0x205, enabled: true}}", True), ("", False)])
+def test_an_rpdo_of_the_network_file_is_missed_if_the_file_names_it(tmp_path: Path, line: str, is_found: bool) -> None:
+    """Those that the device has enabled by itself may be meant for nothing."""
+    (tmp_path / "net.yaml").write_text(f"drive:\n  node_id: 5\n  profile: gen4\n  {line}\n")
+    frames = [*heartbeats(0, 4), *at_times(every(0.1, 0.05, 4), 0x3C5, "00")]
+    path = recorded(tmp_path / "run.log", frames)
+    done = dvtcli("check", str(path), "-d", str(tmp_path / "net.yaml"))
+    assert ("RPDO1 of node 5 is 0x205, which nobody sends" in done.stdout) is is_found, done.stdout + done.stderr
+    path = recorded(tmp_path / "sent.log", [*frames, *at_times(every(0.1, 0.05, 4), 0x205, "00" * 8)])
+    done = dvtcli("check", str(path), "-d", str(tmp_path / "net.yaml"))
+    assert "rpdo-not-sent" not in done.stdout
+
+
 def test_names_and_mappings_are_of_the_eds(tmp_path: Path) -> None:
     path = recorded(tmp_path / "run.log", [*heartbeats(0, 2), *write(1.0, "1017:00", "6400", "22000008"), *pdos(0, 2)])
     done = dvtcli("--eds", "gen4", "-n", "5", "check", str(path), "--json")
@@ -343,6 +413,30 @@ def test_what_cannot_be_checked_is_said(tmp_path: Path, words: list[str], code: 
     (tmp_path / "net.yaml").write_text("n5:\n  node_id: 5\n")
     done = dvtcli("check", *words, cwd=tmp_path)
     assert (done.returncode, says in done.stderr) == (code, True), done.stderr + done.stdout
+
+
+def test_each_of_several_recordings_is_judged(tmp_path: Path) -> None:
+    """A missing or damaged one keeps no other from that."""
+    recorded(tmp_path / "good.log", HEALTHY)
+    recorded(tmp_path / "bad.log", PLANTED["refused-write"][0])
+    (tmp_path / "cut.log").write_text((tmp_path / "good.log").read_text() + "(1.0) can0 281#XY\n")
+    done = dvtcli("check", "none.log", "bad.log", "cut.log", "good.log", cwd=tmp_path)
+    assert done.returncode == 4, done.stderr
+    for text in ("none.log: error: No such file", "[refused-write]", "cut.log: error: cut.log:", "damaged after",
+                 "good.log: 1"):  # fmt: skip
+        assert text in done.stdout, done.stdout
+    missing = dvtcli("check", "none.log", "good.log", "--json", cwd=tmp_path)
+    files = documents(missing.stdout)[0]["files"]
+    assert (missing.returncode, files[0]["findings"][0]["rule"], files[1]["findings"]) == (2, "recording-file", [])
+    assert files[0]["findings"][0]["first"] is None
+    wrong = dvtcli("check", "good.log", "bad.log", "-d", "none.yaml", cwd=tmp_path)
+    assert (wrong.returncode, "none.yaml" in wrong.stderr) == (2, True)
+
+
+def test_standard_input_is_checked(tmp_path: Path) -> None:
+    path = recorded(tmp_path / "run.log", PLANTED["refused-write"][0])
+    done = dvtcli("check", "-", stdin=path.read_text())
+    assert (done.returncode, "[refused-write]" in done.stdout) == (3, True), done.stderr
 
 
 _CANDUMP = "  can0  705   [1]  05\n  can0  085   [8]  20 30 81 00 00 00 00 00\n"

@@ -183,3 +183,58 @@ def test_no_other_object_is_an_axis() -> None:
     for index in (0x5841, 0xA041):
         said = Bench(()).run(f"explain 581#4B{index & 0xFF:02X}{index >> 8:02X}0037060000 --json").document
         assert said["text"] == f"{index:04X}:00 = 1591"
+
+
+#: the default server sets 0x6C5 and 0x5C5 for server 2 of node 5, which is asked then
+_SERVER_2 = ["605#23011201C5060000", "585#6001120100000000", "605#23011202C5050000", "585#6001120200000000"]
+_ASKED_2 = ["6C5#4041600000000000", "5C5#4B41600037060000", "6C5#2F60600008000000", "5C5#8060600030000906"]
+_SAID_2 = [
+    ("SDO2 request", "read 6041:00"), ("SDO2 answer", "6041:00 = operation enabled (0x0637)"),
+    ("SDO2 request", "write 6060:00 = cyclic synchronous position (8)"),
+    ("SDO2 answer", "abort 0x06090030 of 6060:00: invalid value for the parameter"),
+]  # fmt: skip
+
+
+def _said(path: Path, words: str, options: dict[str, str] | None = None) -> list[tuple[str, str]]:
+    """Service and text of the last four frames."""
+    ran = Bench((), options or {}).run(f"decode {path} --json {words}")
+    documents = [json.loads(line) for line in ran.stdout.splitlines()[-4:]]
+    lines = Bench((), options or {}).run(f"decode {path} {words}").stdout.splitlines()[-4:]
+    assert {document["kind"] for document in documents} == {"sdo"}, ran.stdout
+    return [(" ".join(line.split()[2:4]), document["text"]) for line, document in zip(lines, documents, strict=True)]
+
+
+def test_a_further_sdo_server_is_known_by_the_writes_of_its_cob_ids(tmp_path: Path) -> None:
+    path = recorded(tmp_path / "run.log", [*_SERVER_2, *_ASKED_2])
+    assert _said(path, "") == _SAID_2
+    disabled = recorded(tmp_path / "off.log", ["605#23011201C5060080", "585#6001120100000000", _ASKED_2[0]])
+    assert json.loads(Bench(()).run(f"decode {disabled} --json").stdout.splitlines()[-1])["kind"] != "sdo"
+
+
+def sdo2_eds(path: Path) -> Path:
+    """The EDS of a node whose second SDO server has CAN-IDs by its node-ID."""
+    text = (
+        MPDO.replace("DefaultValue=0\n", "DefaultValue=0x192\n", 1)
+        .replace("4=0x1A01\n", "4=0x1A01\n5=0x1201\n")
+        .replace("SupportedObjects=4", "SupportedObjects=5")
+    )
+    text += "[1201]\nParameterName=SDO server 2\nObjectType=9\nSubNumber=3\n"
+    for sub, kind, default in ((0, 5, "2"), (1, 7, "$NODEID+0x6C0"), (2, 7, "$NODEID+0x5C0")):
+        text += f"[1201sub{sub}]\nParameterName=COB-ID {sub}\nDataType={kind}\nAccessType=rw\nDefaultValue={default}\n"
+    path.write_text(text, "ascii")
+    return path
+
+
+def test_a_further_sdo_server_is_known_by_the_eds_or_the_network_file(tmp_path: Path) -> None:
+    eds, path = sdo2_eds(tmp_path / "two.eds"), recorded(tmp_path / "run.log", _ASKED_2)
+    assert _said(path, "--nodes 5", {"eds": str(eds)}) == _SAID_2
+    network = tmp_path / "net.yaml"
+    network.write_text("drive: {node_id: 5, dcf: two.eds}\n")
+    assert _said(path, f"-d {network}") == _SAID_2
+    values = [f"{{index: 0x1201, sub_index: {sub}, value: {value}}}" for sub, value in ((1, "0x6C9"), (2, "0x5C9"))]
+    network.write_text(f"drive: {{node_id: 5, dcf: two.eds, sdo: [{', '.join(values)}]}}\n")
+    moved = recorded(tmp_path / "moved.log", [frame.replace("C5#", "C9#") for frame in _ASKED_2])
+    assert _said(moved, f"-d {network}") == _SAID_2
+    done = dvtcli("--eds", str(eds), "-n", "5", "check", str(path), "--json")
+    (found,) = json.loads(done.stdout.splitlines()[0])["files"][0]["findings"]
+    assert (found["rule"], found["node"], found["object"]) == ("refused-write", 5, "6060:00")

@@ -138,6 +138,8 @@ def test_a_recorded_apply_asks(tmp_path: Path) -> None:
         assert all(frame.data[0] >> 5 == 2 for _, frame in sent), "only uploads"
         said = bench.run(f"replay {path}").stderr
         assert "SDO request to node 1: it writes" in said
+        assert "write 1800:01" in said
+        assert "606C:00" in said, "the mapped object in words"
         assert "--yes" in said
         table = bench.run(f"replay {path} --dry-run")
         assert (table.code, "SDO request to node 1: it writes" in table.stdout) == (0, True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from dvtcli.domain.profile import Severity
-from dvtcli.watch.recording.recording_rules import RECORDING_RULES
+from dvtcli.watch.recording.recording_rules import RECORDING_RULES, UNREADABLE
 from tests.house.reference.markdown import cell, code
 from tests.house.reference.markdown import table as markdown_table
 
@@ -13,7 +13,7 @@ from tests.house.reference.markdown import table as markdown_table
 def table() -> Iterator[str]:
     """Name, sense and source of each rule, by severity and name."""
     for severity in Severity:
-        mine = sorted(rule for rule in RECORDING_RULES if rule.severity is severity)
+        mine = sorted(rule for rule in (*RECORDING_RULES, UNREADABLE) if rule.severity is severity)
         yield from ("", f"## {str(severity).capitalize()}s ({len(mine)})", "")
         yield from markdown_table(
             ("rule", "what is wrong", "source"),

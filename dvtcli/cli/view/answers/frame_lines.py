@@ -8,7 +8,7 @@ from functools import lru_cache
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.meanings import NOTHING
 from dvtcli.domain.shown_value import value_text
-from dvtcli.domain.text import plural
+from dvtcli.domain.text import join_some, plural
 from dvtcli.domain.times import local_clock
 from dvtcli.domain.typed_frame import frame_text
 from dvtcli.operations.results.bus_events import BusEvent
@@ -59,7 +59,8 @@ def replayed_lines(result: Replayed, width: int) -> Iterator[Line]:
         for row in result.frames:
             can_id = f"0x{row.can_id:0{8 if row.extended else 3}X}"
             what = f"{row.label}{f', node {row.node}' if row.node else ''}{', remote' if row.remote else ''}"
-            table.add(can_id, what, str(row.count), row.effects)
+            said = ": ".join(filter(None, (row.effects, join_some(row.words))))
+            table.add(can_id, what, str(row.count), said)
         yield from table.lines(width)
     else:
         yield outcome_text(result.outcome)

@@ -19,6 +19,8 @@ def check_lines(result: RecordingsChecked, _width: int) -> Iterator[Line]:
     for report in result.reports:
         for finding in report.findings:
             yield from _finding(report, finding)
+        if report.unread:
+            continue
         counted = report.count()
         found = ", ".join(plural(counted[severity], severity) for severity in SEVERITIES if counted[severity])
         seconds = report.last_s - report.first_s
@@ -26,12 +28,15 @@ def check_lines(result: RecordingsChecked, _width: int) -> Iterator[Line]:
 
 
 def _finding(report: RecordingReport, found: RecordingFinding) -> Iterator[Line]:
+    line = f":{found.line}" if found.line else ""
     yield [
-        Cell(f"{report.path}:{found.line}: "),
+        Cell(f"{report.path}{line}: "),
         Cell(f"{found.severity}: ", STYLES[found.severity]),
         Cell(f"{found.text} "),
         Cell(f"[{found.rule}]", "dim"),
     ]
+    if not found.frames:
+        return
     when = f"at {found.first_s - report.first_s:.3f} s"
     if found.times > 1:
         when = f"{found.times} times, {when} to {found.last_s - report.first_s:.3f} s"

@@ -9,6 +9,8 @@ from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
 from dvtcli.domain.network.bus_need import BusNeed
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, NetSpot, at
 from dvtcli.domain.network.frame_streams import EVENT_DRIVEN, data_bytes
+from dvtcli.domain.network.network_state import NodeState
+from dvtcli.domain.pdo import Pdo, PdoConfig
 
 _TIMES = "CiA 301, 7.5.2.37: inhibit time, event timer"
 _ANALYSIS = "Davis, Burns, Bril, Lukkien 2007"
@@ -18,10 +20,15 @@ _FOR_EVENTS, _BUSY = Fraction(5, 100), Fraction(8, 10)
 _PROPOSED = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000)
 
 
+def _readable(network: CheckedNetwork) -> list[tuple[NodeState, Pdo, PdoConfig]]:
+    """TPDOs whose times and mapping are known: of others it is not known how often they come."""
+    return [found for found in network.tpdos if found[2].has_mapping and not found[2].untold]
+
+
 def _unlimited(network: CheckedNetwork) -> list[NetSpot]:
     return [
         at(node, pdo)
-        for node, pdo, config in network.tpdos
+        for node, pdo, config in _readable(network)
         if config.communication.transmission_type in EVENT_DRIVEN
         and not config.communication.inhibit_time
         and not config.communication.event_timer
@@ -53,7 +60,7 @@ def unbounded_event_pdo(network: CheckedNetwork) -> NetFound:
 @check("timer-without-inhibit", NOTE, "an event-driven TPDO has an event timer and no inhibit time", _TIMES)
 def timer_without_inhibit(network: CheckedNetwork) -> NetFound:
     """A device that also sends on each change is unlimited; many devices send by the timer only."""
-    for node, pdo, config in network.tpdos:
+    for node, pdo, config in _readable(network):
         held = config.communication
         if held.transmission_type in EVENT_DRIVEN and held.event_timer and not held.inhibit_time:
             yield at(node, pdo), f"its event timer is {held.event_timer} ms, its inhibit time 0"

@@ -1,0 +1,145 @@
+"""CAN-IDs that come too often or by turns, and a bus that is full (CiA 301, 7.2.2 and 7.3.5)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from operator import ne
+
+from dvtcli.domain.bus_load import least_frame_bits
+from dvtcli.domain.lint.lint_rule import WARNING, LintRule
+from dvtcli.domain.ports import Frame
+from dvtcli.domain.text import plural
+from dvtcli.watch.decoder import Address
+from dvtcli.watch.recording.beats import Turns
+from dvtcli.watch.recording.frame_problems import TWO_SENDERS
+from dvtcli.watch.recording.problems import Moment, Moments, Problem, TimesOf
+
+FLOOD = LintRule("pdo-floods", WARNING, "a PDO comes far more often than usual", "CiA 301, 7.5.2.37: inhibit time")
+LOAD = LintRule("bus-load", WARNING, "the bus was nearly full", "ISO 11898-1; CiA 301, 7.2.2: low priorities wait")
+STREAM_RULES = (FLOOD, LOAD)
+
+#: windows in a second, in which frames and bits are counted
+_WINDOWS = 10
+#: PDOs of one CAN-ID in a window from which they may be a flood: one each 2 ms; and how many come with each SYNC
+_FLOOD, _EACH_SYNC = 50, 2
+#: a CAN-ID that comes so evenly (share of the most in a window) in nearly all windows is cyclic
+_EVEN, _NEARLY_ALL, _ENOUGH_WINDOWS = 0.8, 0.9, 5
+#: the share of the bit rate from which a window is full; stuff bits come on top
+_FULL = 0.8
+#: bytes that two senders' data has otherwise, at least
+_OTHER_BYTES = 2
+
+
+@dataclass(slots=True)
+class _Pdo:
+    """The frames of a PDO's CAN-ID in the present window since *begin*, and the full windows so far."""
+
+    window: int
+    begin: Moment
+    syncs: int
+    count: int = 0
+    windows: int = 0
+    most: int = 0
+    fewest: int = 1 << 30
+    floods: list[Moment] = field(default_factory=list)
+    data: bytes = b""
+    before: bytes = b""
+    turns: Turns = field(default_factory=Turns)
+
+    def next_window(self, window: int, moment: Moment, syncs: int) -> None:
+        """Begin *window* at *moment*, after so many *syncs*."""
+        self.judge(syncs)
+        if self.windows > 1:  # the first one is not whole
+            self.fewest = min(self.fewest, self.count)
+        self.window, self.begin, self.syncs, self.count = window, moment, syncs, 1
+
+    def judge(self, syncs: int) -> None:
+        """Judge the present window, at the end of which there were so many *syncs*."""
+        if self.count >= _FLOOD and self.count > _EACH_SYNC * (syncs - self.syncs + 1):
+            self.floods.append(self.begin)
+        self.most = max(self.most, self.count)
+        self.windows += 1
+
+    def compare(self, moment: Moment, data: bytes) -> None:
+        """Look whether *data* comes by turns with other data of that length.
+
+        A switch that changes one byte by turns has one sender.
+        """
+        if data != self.data:
+            is_back = data == self.before and len(data) == len(self.data)
+            if is_back and sum(map(ne, data, self.data)) >= _OTHER_BYTES:
+                self.turns.take(moment)
+            self.before, self.data = self.data, data
+        else:
+            self.before = data
+
+    @property
+    def is_cyclic(self) -> bool:
+        """Whether the frames come evenly in nearly all windows."""
+        is_long = self.windows >= _ENOUGH_WINDOWS
+        return is_long and len(self.floods) > _NEARLY_ALL * self.windows - 1 and self.fewest >= _EVEN * self.most
+
+
+class StreamProblems:
+    """Watches how often PDOs come, and the load of a bus of *bit_rate* (bit/s; None: unknown, and not judged)."""
+
+    def __init__(self, bit_rate: int | None) -> None:
+        self._bits_of_window = None if bit_rate is None else bit_rate / _WINDOWS
+        self._window, self._bits, self._most_bits = 0, 0, 0
+        self._begin = Moment(0, 0.0)
+        self._full: TimesOf[str] = TimesOf()
+        self._pdos: dict[Address, _Pdo] = {}
+        self._syncs = 0
+
+    def take_sync(self) -> None:
+        """Count a SYNC."""
+        self._syncs += 1
+
+    def take_pdo(self, moment: Moment, frame: Frame) -> None:
+        """Look at *frame*, a PDO."""
+        window = int(moment.time_s * _WINDOWS)
+        pdo = self._pdos.get((frame.can_id, frame.extended))
+        if pdo is None:
+            pdo = self._pdos[frame.can_id, frame.extended] = _Pdo(window, moment, self._syncs, 1)
+        elif pdo.window == window:
+            pdo.count += 1
+        else:
+            pdo.next_window(window, moment, self._syncs)
+        pdo.compare(moment, frame.data)
+
+    def take(self, moment: Moment, frame: Frame) -> None:
+        """Count the bits of *frame*, of any kind, if the bit rate is known."""
+        if self._bits_of_window is None:
+            return
+        window = int(moment.time_s * _WINDOWS)
+        if window != self._window:
+            self._close()
+            self._window, self._begin, self._bits = window, moment, 0
+        self._bits += least_frame_bits(min(len(frame.data), 8), extended=frame.extended, remote=frame.remote)
+
+    def _close(self) -> None:
+        if self._bits_of_window is not None and self._bits > _FULL * self._bits_of_window:
+            self._full.note(self._begin, "")
+            self._most_bits = max(self._most_bits, self._bits)
+
+    def problems(self) -> Iterator[Problem]:
+        """Return PDOs that flood the bus, and times at which it was full."""
+        for (can_id, extended), pdo in sorted(self._pdos.items()):
+            pdo.judge(self._syncs)
+            named = f"0x{can_id:0{8 if extended else 3}X}"
+            if pdo.turns.times is not None:
+                text = f"{named} comes with two values by turns, each with a period of its own"
+                look = f"which nodes have {named} in a TPDO"
+                yield Problem(TWO_SENDERS, text, f"senders of {named}", look, pdo.turns.times)
+            if pdo.floods and not pdo.is_cyclic:
+                text = f"{named} comes up to {plural(pdo.most, 'time')} in 0.1 s"
+                yield Problem(FLOOD, text, f"the sender of {named}",
+                              "its inhibit time, and which of its values changes all the time",
+                              Moments.at(*pdo.floods))  # fmt: skip
+        self._close()
+        self._bits = 0
+        for moments in self._full.values():
+            share = self._most_bits / (self._bits_of_window or 1)
+            text = f"the bus was full to {share:.0%} and more, stuff bits aside"
+            yield Problem(LOAD, text, "all nodes", "which CAN-IDs come more often then than at other times", moments)
