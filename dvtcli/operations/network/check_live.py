@@ -5,7 +5,7 @@ The rules are in `domain/network/check`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -20,6 +20,7 @@ from dvtcli.domain.network.network_state import (
 )
 from dvtcli.domain.text import plural
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, UsageError
+from dvtcli.operations.frames.explain_frame import described_nodes
 from dvtcli.operations.network.check_networks import (
     CheckOptions,
     asked_rules,
@@ -31,10 +32,14 @@ from dvtcli.operations.network.eds_by_identity import words_on_bus
 from dvtcli.operations.network.live_network import heard_traffic, live_state, refuse_without_bus
 from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkReport, NetworksChecked
 from dvtcli.operations.wanted.network_wish import read_wish
+from dvtcli.watch.decoder import Decoder
+from dvtcli.watch.recording.recording_rules import RecordingCheck
 
 if TYPE_CHECKING:
+    from dvtcli.domain.lint.lint_rule import LintRule
     from dvtcli.domain.network.heard_traffic import HeardTraffic
     from dvtcli.domain.network.wanted_state import NetworkWish
+    from dvtcli.domain.ports import Frame
     from dvtcli.operations.network.described_network import DeviceWord
     from dvtcli.operations.session.session_nodes import SessionNodes
 
@@ -97,7 +102,8 @@ def check_live(
     networks = {
         file: state for file in dict.fromkeys(files) if (state := _described(file, told.get(file, {}))) is not None
     }
-    traffic = heard_traffic(session, _seconds(session, wishes))
+    recorded = _Recorded(session, wishes) if wishes.for_s else None
+    traffic = heard_traffic(session, _seconds(session, wishes), None if recorded is None else recorded.take)
     ids = {node.node_id for network in networks.values() for node in network.nodes}
     live, bus = live_state(session, traffic, ids), session.wire
     if not live.nodes:
@@ -106,7 +112,7 @@ def check_live(
     of_bus = NetworkReport(
         bus.name,
         asked_rules(rules),
-        tuple(findings_of(CheckedNetwork(live, bit_rate, traffic), rules)),
+        _with_problems(findings_of(CheckedNetwork(live, bit_rate, traffic), rules), recorded, rules),
         tuple((node.title, node.node_id, len(node.pdos)) for node in live.nodes),
         is_live=True,
         strict=wishes.strict,
@@ -114,6 +120,58 @@ def check_live(
     )
     against = [_against(file, state, live, wishes, bit_rate) for file, state in networks.items()]
     return NetworksChecked((of_bus, *(replace(report, bus=bus.name) for report in against)))
+
+
+class _Recorded:
+    """The frames that are heard, judged as those of a recording."""
+
+    def __init__(self, session: SessionNodes, wishes: CheckOptions) -> None:
+        described = described_nodes(session)
+
+        def name_of(node_id: int, index: int, sub_index: int) -> str:
+            return described(node_id).value(index, sub_index, None).name
+
+        self._check = RecordingCheck(Decoder().layout, name_of, bit_rate=_bit_rate(session, wishes))
+        self._count, self._begin_s = 0, 0.0
+
+    def take(self, frame: Frame) -> None:
+        """Look at the next *frame*."""
+        self._count += 1
+        if self._count == 1:
+            self._begin_s = frame.timestamp_s
+        self._check.take(self._count, frame)
+
+    def findings(self, names: Collection[str]) -> Iterator[NetworkFinding]:
+        """Yield the problems of the rules *names*, the worst first, with their times from the first frame."""
+        for problem in sorted(self._check.problems(), key=lambda problem: problem.order):
+            if problem.rule.name in names:
+                moments = problem.moments
+                when = f"at {moments.first.time_s - self._begin_s:.1f} s"
+                if moments.times > 1:
+                    when = f"{moments.times} times, {when} to {moments.last.time_s - self._begin_s:.1f} s"
+                yield NetworkFinding(
+                    1, str(problem.rule.severity), problem.rule.name, problem.object,
+                    f"{problem.text} ({when}); look first: {problem.look}", node=problem.node,
+                )  # fmt: skip
+
+
+#: rules of networks that say less than those about recordings
+_SAYS_MORE = {
+    "restarts": ("boot-up-in-operation",), "emergency": ("emergency-not-reset", "emergency-reset"),
+}  # fmt: skip
+
+
+def _with_problems(
+    found: Iterable[NetworkFinding], recorded: _Recorded | None, rules: Sequence[LintRule]
+) -> tuple[NetworkFinding, ...]:
+    """Return the findings *found* and those of what was *recorded*, if anything, each problem once."""
+    problems = () if recorded is None else tuple(recorded.findings({rule.name for rule in rules}))
+    said = {(problem.rule, problem.node) for problem in problems}
+    kept = (
+        finding for finding in found
+        if not any((name, finding.node) in said for name in _SAYS_MORE.get(finding.rule, ()))
+    )  # fmt: skip
+    return (*kept, *problems)
 
 
 def _nobody(name: str, traffic: HeardTraffic | None) -> NoAnswer:

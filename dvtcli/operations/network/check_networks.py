@@ -67,18 +67,32 @@ def check_networks(
     errors, or UsageError if it does not exist. Raises UsageError for an unknown rule.
     """
     wishes = wishes or CheckOptions()
-    rules, names = chosen_rules(wishes), tuple(dict.fromkeys(files))
+    of_bus = {rule.name for rule in traffic_rules()} if wishes.for_s else set()
+    rules = tuple(rule for rule in chosen_rules(wishes) if rule.name not in of_bus)
+    names = tuple(dict.fromkeys(files))
     report = _report if len(names) == 1 and not wishes.as_findings else _report_anyway
     told = on_bus or {}
     return NetworksChecked(tuple(report(file, wishes, rules, told.get(file, {})) for file in names))
 
 
 def chosen_rules(wishes: CheckOptions) -> tuple[LintRule, ...]:
-    """Return the rules that *wishes* name; raises UsageError for an unknown rule, or if none is left."""
+    """Return the rules that *wishes* name; raises UsageError for an unknown rule, or if none is left.
+
+    With a time to listen, those about recordings are among them.
+    """
     from dvtcli.domain.network.check.network_rules import NETWORK_RULES
 
-    rules = (*change_rules(), *FILE_RULES, *NETWORK_RULES)
+    rules = [*change_rules(), *FILE_RULES, *NETWORK_RULES]
+    if wishes.for_s:
+        rules += traffic_rules()
     return rules_among(rules, wishes.only, wishes.without, "networks", "docs/reference/network-rules.md")
+
+
+def traffic_rules() -> tuple[LintRule, ...]:
+    """List the rules about recordings that are asked of a bus; error frames have a rule of networks."""
+    from dvtcli.watch.recording.recording_rules import ERROR_FRAMES, RECORDING_RULES
+
+    return tuple(rule for rule in RECORDING_RULES if rule is not ERROR_FRAMES)
 
 
 def change_rules() -> tuple[LintRule, ...]:

@@ -49,13 +49,17 @@ def listen(session: SessionNodes, for_s: float, take: Callable[[Frame, bool], No
     return Listened(bus.now_s() - begun_s, bus.error_frame_count() - errors, bus.lost_frame_count() - lost)
 
 
-def heard_traffic(session: SessionNodes, for_s: float) -> HeardTraffic | None:
-    """Record others' traffic for *for_s* seconds; None if recording is not possible."""
+def heard_traffic(
+    session: SessionNodes, for_s: float, look: Callable[[Frame], None] | None = None
+) -> HeardTraffic | None:
+    """Record others' traffic for *for_s* seconds; None if recording is not possible. *look* gets each frame, too."""
     traffic = HeardTraffic()
 
     def take(frame: Frame, sent: bool) -> None:
         if not sent:
             traffic.add(frame)
+            if look is not None:
+                look(frame)
 
     listened = listen(session, for_s, take)
     traffic.seconds, traffic.error_frames = listened.seconds, listened.error_frames

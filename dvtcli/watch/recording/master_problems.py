@@ -12,11 +12,11 @@ from dvtcli.watch.recording.problems import Moment, Moments, Problem, TimesOf
 from dvtcli.watch.recording.sdo_problems import Channel
 from dvtcli.watch.sdo_transfers import SdoStep
 
-OTHER_MASTER = LintRule(
-    "other-master", WARNING, "two masters seem to be on the bus: SDO clients, or senders of NMT commands",
+TWO_MASTERS = LintRule(
+    "two-masters", WARNING, "two masters seem to be on the bus: SDO clients, or senders of NMT commands",
     "CiA 301, 7.2.4.3.1 and 7.2.8.3.1",
 )  # fmt: skip
-MASTER_RULES = (OTHER_MASTER,)
+MASTER_RULES = (TWO_MASTERS,)
 #: no client gives up a transfer so fast (s)
 _SAME_CLIENT_S = 0.01
 #: how often NMT commands undo each other until two masters are likely, and within what time (s)
@@ -87,11 +87,11 @@ class MasterProblems:
         for node_id, moments in self._clients.items():
             if node_id in self._present:
                 text = f"node {node_id}: {plural(moments.times, 'request')} within another transfer"
-                yield Problem(OTHER_MASTER, text, f"two SDO clients and node {node_id}",
+                yield Problem(TWO_MASTERS, text, f"two SDO clients and node {node_id}",
                               "which programs use the node's SDO at once: each takes the other's answers", moments,
                               node_id)  # fmt: skip
         for node_id, moments in self._fights.items():
             whom = f"node {node_id}" if node_id else "all nodes"
             text = f"{whom}: NMT commands undo each other {plural(moments.times, 'time')} in a row"
-            yield Problem(OTHER_MASTER, text, f"NMT masters and {whom}", "which masters are on the bus", moments,
+            yield Problem(TWO_MASTERS, text, f"NMT masters and {whom}", "which masters are on the bus", moments,
                           node_id or None)  # fmt: skip

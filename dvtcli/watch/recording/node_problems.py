@@ -22,7 +22,7 @@ NOT_RESET = LintRule("emergency-not-reset", ERROR, "an EMCY was sent, and no err
 RESET = LintRule("emergency-reset", WARNING, "an EMCY was sent, and reset later", "CiA 301, 7.2.7")
 SYNC_LATE = LintRule("sync-late", WARNING, "a SYNC message came late", "CiA 301, 7.5.2.6: communication cycle period")
 SYNC_JITTER = LintRule("sync-jitter", WARNING, "SYNC comes at uneven times", "CiA 301, 7.2.5 and 7.5.2.6")
-TWO_SYNCS = LintRule("two-syncs", ERROR, "two nodes seem to send SYNC", "CiA 301, 7.2.5: one producer")
+TWO_SYNCS = LintRule("two-sync-producers", ERROR, "two nodes seem to send SYNC", "CiA 301, 7.2.5: one producer")
 TWO_HEARTBEATS = LintRule(
     "two-heartbeats", ERROR, "heartbeats of one node-ID seem to come from two nodes",
     "CiA 301, 7.3.4: a node-ID is there once",

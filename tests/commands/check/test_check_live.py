@@ -10,6 +10,7 @@ import pytest
 
 from dvtcli.domain.ports import Frame
 from dvtcli.operations.opening.simulated_nodes import simulated_device, simulated_nodes
+from dvtcli.watch.recording.recording_rules import RECORDING_RULES
 from tests.commands.bench import Bench
 from tests.network_check.planted import concise
 from tests.process import ROOT
@@ -74,6 +75,27 @@ def test_another_master_and_what_nobody_sends_are_heard() -> None:
         "node 1: another SDO client asks it: 1 request that is not ours",
         "somebody commands: nmt start 1",
     ]
+
+
+def test_what_is_heard_in_a_given_time_is_judged_as_a_recording() -> None:
+    """A refused write, an EMCY, and heartbeats that end; each once, though a rule about networks has the EMCY, too."""
+    foreign = [
+        *((20 + n / 10, 0x709, b"\5") for n in range(60)), *((20 + n / 10, 0x70A, b"\5") for n in range(300)),
+        (22.0, 0x089, b"\x10\x81\1\0\0\0\0\0"), (23.0, 0x609, b"\x2b\x17\x10\0\x64\0\0\0"),
+        (23.1, 0x589, b"\x80\x17\x10\0\x22\0\0\x08"),
+    ]  # fmt: skip
+    recordings = {rule.name for rule in RECORDING_RULES} - {"error-frames"}
+    code, (bus,) = _check(_bus("gen4@1", foreign=foreign), "check --for 40 --json")
+    found = [(one["rule"], one["node"]) for one in bus["findings"] if one["rule"] in recordings]
+    assert (code, found) == (3, [("emergency-not-reset", 9), ("refused-write", 9), ("heartbeat-stops", 9)])
+    assert "emergency" not in _rules(bus)
+    (text,) = (one["text"] for one in bus["findings"] if one["rule"] == "refused-write")
+    assert text.startswith("write to 1017:00 producer heartbeat time refused: abort 0x08000022")
+    assert " s); look first: " in text
+    _, (short,) = _check(_bus("gen4@1", foreign=[(at - 20, *rest) for at, *rest in foreign]), "check --json")
+    assert not _rules(short) & recordings, "no time is given"
+    only = _check(_bus("gen4@1", foreign=foreign), "check --for 40 --rule heartbeat-stops --json")[1][0]
+    assert (only["rules"], _rules(only)) == (1, {"heartbeat-stops"})
 
 
 @heavy

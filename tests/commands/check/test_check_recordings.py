@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from dvtcli.domain.ports import Frame
 from dvtcli.files.recorder import Recorder
+from dvtcli.files.recording import read_recording
 from dvtcli.watch.decoder import Decoder
 from dvtcli.watch.recording.recording_rules import RECORDING_RULES, RecordingCheck
 from tests.files.recordings import BEGIN_S
@@ -129,12 +130,12 @@ PLANTED: dict[str, tuple[Planted, str, float]] = {
     "sync-jitter": ([*HEALTHY, *at_times([n / 50 + 0.005 + (0.008 if n in range(31, 120, 9) else 0)
                                           for n in range(200)], 0x080, "")],
                     "SYNC 12 to 28 ms after the one before it; usual are 20 ms", 0.633),
-    "two-syncs": ([*HEALTHY, *syncs(0, 4), *at_times(every(0.02, 1.009, 4), 0x080, "")],
+    "two-sync-producers": ([*HEALTHY, *syncs(0, 4), *at_times(every(0.02, 1.009, 4), 0x080, "")],
                   "SYNC comes after short and long times by turns", 1.105),
     "two-heartbeats": ([*HEALTHY, *at_times(every(0.1, 1.033, 4), 0x705, "05")],
                        "node 5: its heartbeats come after short and long times by turns", 1.5),
     "rpdo-not-sent": (HEALTHY + written_rpdo(0.3), "RPDO1 of node 5 is 0x205, which nobody sends", 0.301),
-    "other-master": ([*HEALTHY, (2.0, 0x605, "4018100400000000"), (2.001, 0x605, "4041600000000000"),
+    "two-masters": ([*HEALTHY, (2.0, 0x605, "4018100400000000"), (2.001, 0x605, "4041600000000000"),
                       (2.002, 0x585, "4318100401000000"), (2.003, 0x585, "4B41600037060000")],
                      "node 5: 1 request within another transfer", 2.001),
     "pdo-floods": ([*HEALTHY, *at_times(every(0.001, 2.0, 2.3), 0x1A5, *(f"{n:02X}" for n in range(100)))],
@@ -315,9 +316,41 @@ SESSION = (
 )  # fmt: skip
 
 
+#: how long an answer or a heartbeat (each 0.5 s or faster) may take on a machine that has time (s)
+_QUICK_S, _IN_TIME_S = 0.3, 1.0
+
+
+def was_slow(path: Path) -> bool:
+    """Whether a client, a node or the recorder waited for the processor: what it did then is no healthy session."""
+    asked_s = heartbeat_s = None
+    for frame in read_recording(path):
+        service, at_s = frame.can_id & 0x780, frame.timestamp_s
+        if service == 0x600 and frame.data[:1] == b"\x80":
+            return True
+        if asked_s is not None and service == 0x580 and at_s - asked_s > _QUICK_S:
+            return True
+        if service == 0x700 and heartbeat_s is not None and at_s - heartbeat_s > _IN_TIME_S:
+            return True
+        asked_s = at_s if service == 0x600 else None if service == 0x580 else asked_s
+        heartbeat_s = None if frame.can_id == 0 else at_s if service == 0x700 else heartbeat_s
+    return False
+
+
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_recorded_session_has_no_problem(tmp_path: Path, family: str) -> None:
-    """A node is started, read, changed, reset and changed again, while its bus is recorded."""
+    """On a busy machine a session may have real time-outs: then it is run again."""
+    for number in range(5):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        record_session(folder, family)
+        done = dvtcli("check", str(folder / "run.log"))
+        if done.returncode == 0 or not was_slow(folder / "run.log"):
+            break
+    assert (done.returncode, "error: " in done.stdout or "warning: " in done.stdout) == (0, False), done.stdout
+
+
+def record_session(tmp_path: Path, family: str) -> None:
+    """Start, read, change, reset and change a node again, while its bus is recorded into `run.log`."""
     with served(tmp_path, f"{family}@5") as server:
         process = subprocess.Popen(
             [sys.executable, "-m", "dvtcli", *bus_words(server.port), "log", "run.log"],
@@ -334,8 +367,6 @@ def test_a_recorded_session_has_no_problem(tmp_path: Path, family: str) -> None:
             process.communicate(timeout=PATIENCE_S)
         finally:
             process.kill()
-    done = dvtcli("check", str(tmp_path / "run.log"))
-    assert (done.returncode, "error: " in done.stdout or "warning: " in done.stdout) == (0, False), done.stdout
 
 
 def test_a_full_bus_is_found_if_its_bit_rate_is_known(tmp_path: Path) -> None:
