@@ -70,7 +70,7 @@ def command(
     check press.yaml bus.yml
     check line.yaml --strict --format github
     check line.yaml --rule unbounded-event-pdo --rule too-late
-    check --live --for 30s     the nodes on the bus, and what is heard, as in a recording
+    check --live --for 1s      the nodes on the bus, and what is heard, as in a recording
     check press.yaml --live    and whether they are those of the file
     check run.log -d press.yaml
     """
