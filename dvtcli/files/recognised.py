@@ -22,6 +22,8 @@ _LINES = (
     (re.compile(r"(?:date\s+\w{3}\s|base\s+(?:hex|dec)\b).*", re.I), ".asc"),
     (re.compile(r";\$FILEVERSION=.*|;##+"), ".trc"),
 )
+#: what a YAML file of a network is called here
+NETWORK_FILE = "a network file"
 #: what people mistake for a recording: beginnings of files, and of first lines
 _OTHERS = {
     b"SQLite format 3": "an SQLite database", b"PK\x03\x04": "a ZIP archive", b"\x1f\x8b": "a gzip archive",
@@ -32,7 +34,7 @@ _OTHER_LINES = (
     (re.compile(r'VERSION\s+".*|BO_ \d+ .*'), "a DBC file"),
     (re.compile(r"<\?xml .*|<\w+.*"), "an XML file"),
     (re.compile(r"time,frame,.*|time_s,.*"), "a CSV file of values; plot reads it"),
-    (re.compile(r"(?:nodes|bus|drive):.*"), "a network file"),
+    (re.compile(r"(?:nodes|bus|drive):.*"), NETWORK_FILE),
     (re.compile(r"No\.\s+Time\s+Source\s+Destination\b.*"), "a list of packets from Wireshark; a .pcapng is read"),
     (re.compile(r"Chn\s+Identifier\s+Flg\b.*"), "a log of Kvaser CanKing; a .asc is read"),
     (re.compile(r"Timestamp(?:Epoch)?;BusChannel;.*"), "a CSV file of a CSS logger; its .mf4 is read"),
@@ -54,9 +56,27 @@ def recognised(path: Path) -> RecordingFormat:
     if isinstance(found, str):
         raise UsageError(f"{path} is no recording of frames: it is {found}", hint="; ".join(_known()))
     if found is None:
+        if path.suffix.lower() not in formats() and not path.is_dir():
+            _require_content(path)
         return format_of(path, reading=True)
     found.require()
     return found
+
+
+def _require_content(path: Path) -> None:
+    """Raise UsageError if *path* is missing or empty."""
+    try:
+        size = path.stat().st_size
+    except OSError as failed:
+        raise UsageError(f"{path}: {failed.strerror or failed}", hint="; ".join(_known())) from failed
+    if not size and path.is_file():
+        raise UsageError(f"{path} is empty", hint="; ".join(_known()))
+
+
+def other_format(path: Path) -> str:
+    """What *path* is by its content if it is no recording: `an XML file`; empty if nothing is recognised."""
+    found = _by_content(_head(path))
+    return found if isinstance(found, str) else ""
 
 
 def is_recording(path: Path) -> bool:

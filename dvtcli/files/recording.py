@@ -18,6 +18,7 @@ from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.input_file import open_input, read_input
 from dvtcli.files.recognised import recognised
 from dvtcli.files.recorded_lines import CountedLines, LeftLines, LostLineError, NoFrameError, no_frame
+from dvtcli.files.recording_formats import formats
 from dvtcli.files.recordings.recording_format import RecordedFrame, RecordingFormat
 
 #: valid times of frames (s since 1970): years 1653 to 5138
@@ -109,7 +110,8 @@ def _opened(path: Path) -> BinaryIO:
 def _damaged(path: Path, kind: RecordingFormat, source: Any, count: int, wrong: Exception) -> InputFileError:
     line = _line(source, wrong)
     place = f"{path}:{line}" if line else str(path)
-    text = f"{place}: damaged after {plural(count, 'frame')}, or no {path.suffix or kind.title} file"
+    said = f"no {path.suffix} file" if path.suffix.lower() in formats() else f"not {kind.title}"
+    text = f"{place}: damaged after {plural(count, 'frame')}, or {said}"
     return InputFileError(
         text, why=_why(kind, source, wrong),
         place=place, hint=_without(path, kind, line) if line else "",

@@ -276,6 +276,15 @@ def test_a_damaged_line_is_said(tmp_path: Path) -> None:
         list(read_recording(path))
 
 
+def test_a_missing_or_empty_file_is_called_so(tmp_path: Path) -> None:
+    path = tmp_path / "run.txt"
+    with pytest.raises(UsageError, match=r"run\.txt: No such file"):
+        list(read_recording(path))
+    path.write_text("", "ascii")
+    with pytest.raises(UsageError, match=r"run\.txt is empty"):
+        list(read_recording(path))
+
+
 def test_what_is_nothing_known_is_a_usage_error(tmp_path: Path) -> None:
     path = tmp_path / "run.txt"
     path.write_text("nonsense\n", "ascii")

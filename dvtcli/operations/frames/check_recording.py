@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_state import identifier_of
 from dvtcli.errors import InputFileError, UsageError
-from dvtcli.files.recognised import is_recording
+from dvtcli.files.recognised import NETWORK_FILE, is_recording, other_format
 from dvtcli.files.recording import check_readable, read_recorded
 from dvtcli.operations.frames.explain_frame import described_nodes
 from dvtcli.operations.frames.layouts import NETWORK_SUFFIXES
@@ -34,8 +34,17 @@ STDIN = "-"
 
 
 def are_recordings(files: Sequence[str]) -> bool:
-    """Tell by suffixes and content whether *files* are recordings, as `-` is. Raises UsageError if only some are."""
+    """Tell by suffixes and content whether *files* are recordings, as `-` is.
+
+    Raises UsageError if only some are, or if a file is of another known format.
+    """
     recordings = [file for file in files if file == STDIN or is_recording(Path(file))]
+    for file in files if not recordings else ():
+        if (other := other_format(Path(file))) not in ("", NETWORK_FILE):
+            raise UsageError(
+                f"{file} is neither a recording nor a network file: it is {other}",
+                hint="a network file is YAML; recordings are what dvtcli's log, candump and other tools write",
+            )
     if recordings and len(recordings) < len(files):
         raise UsageError(
             f"{recordings[0]} is a recording, and others are not",
@@ -131,6 +140,10 @@ def _report_of(
             check.take_error(number, last_s)
         else:
             check.take(number, recorded.frame)
+    if number > 1 and first_s == last_s:
+        session.tell.note(
+            f"the frames of {path.name} have no times: what is late, uneven or missing is not judged, nor the load"
+        )
     names = {rule.name for rule in rules}
     found = [
         (problem, bus if len(checks) > 1 else "")

@@ -48,6 +48,8 @@ def decode_recording(
     decoder = decoder_for(session, nodes, dbc, path)
     misfits = Misfits(decoder.layout, session.tell.warning)
     seen = _seen_frames(path, misfits, _readers(session, decoder, dbc), only)
+    if only:
+        seen = _or_note(session, path, seen, only)
     return _matching(session, path, seen, decoder, text) if text else seen
 
 
@@ -200,6 +202,17 @@ def _seen_frames(
         seen = frame_seen(recorded.frame, reader.decoder, reader.read(recorded.frame))
         if not only or seen.reading.is_one_of(only):
             yield seen
+
+
+def _or_note(
+    session: SessionUser, path: Path, frames: Iterable[FrameSeen], only: frozenset[str]
+) -> Iterator[FrameSeen]:
+    """Yield *frames*; a note says that there are none of the kinds *only*."""
+    found = None
+    for found in frames:
+        yield found
+    if found is None:
+        session.tell.note(f"no frame in {path.name} is of the kinds {', '.join(sorted(only))}")
 
 
 def _matching(

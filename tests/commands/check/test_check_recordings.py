@@ -486,6 +486,20 @@ def test_a_recording_is_known_by_its_content(name: str, tmp_path: Path) -> None:
     assert (mixed.returncode, f"{name} is a recording, and others are not" in mixed.stderr) == (2, True)
 
 
+def test_another_file_is_named(tmp_path: Path) -> None:
+    (tmp_path / "drive.txt").write_text("[FileInfo]\nFileName=drive.eds\n")
+    done = dvtcli("check", "drive.txt", cwd=tmp_path)
+    assert (done.returncode, "neither a recording nor a network file: it is an EDS" in done.stderr) == (2, True)
+
+
+def test_frames_without_times_are_judged_without_them(tmp_path: Path) -> None:
+    """As candump prints them: which rules need times is said."""
+    (tmp_path / "run.txt").write_text(_CANDUMP, "ascii")
+    done = dvtcli("check", "run.txt", cwd=tmp_path)
+    assert (done.returncode, "[emergency-not-reset]" in done.stdout) == (3, True), done.stderr
+    assert "have no times: what is late, uneven or missing is not judged, nor the load" in done.stderr
+
+
 def test_a_network_file_is_one_whatever_it_is_called(tmp_path: Path) -> None:
     (tmp_path / "press.txt").write_text("nodes:\n  drive: {node_id: 5, profile: gen4}\n", "utf-8")
     checked = dvtcli("check", "press.txt", cwd=tmp_path)

@@ -75,6 +75,12 @@ def test_decode_says_what_a_frame_is(frames: list[str], what: str, text: str, tm
         assert (alone["what"], alone["text"]) == (what, text)
 
 
+def test_kinds_that_are_not_there_are_told(tmp_path: Path) -> None:
+    path = recorded(tmp_path / "run.log", ["705#05"])
+    ran = Bench(()).run(f"decode {path} --only emcy,nmt")
+    assert (ran.code, ran.stdout, "no frame in run.log is of the kinds emcy, nmt" in ran.stderr) == (0, "", True)
+
+
 def test_transfers_of_two_buses_are_read_by_themselves(tmp_path: Path) -> None:
     """Nodes with one node-ID on two buses are read at the same time, as text and into files."""
     begin = ["605#4008100000000000", "585#4108100008000000", "605#6000000000000000"]
