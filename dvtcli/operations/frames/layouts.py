@@ -98,7 +98,7 @@ def _as_guess(file: str, layout: Layout) -> Layout:
 
 def file_names(file: str) -> dict[int, str]:
     """Return the names of nodes by node-ID in *file*; none unless it is a network file."""
-    if Path(file).suffix.lower() not in _NETWORK:
+    if Path(file).suffix.lower() not in NETWORK_SUFFIXES:
         return {}
     from dvtcli.operations.wanted.network_wish import read_wish
 
