@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Iterable
 from pathlib import Path
+from random import Random
 from xml.etree import ElementTree as ET
 
 import pytest
@@ -219,6 +220,50 @@ def findings(planted: Planted) -> list[tuple[str, str]]:
     return [
         (problem.rule.name, problem.text) for problem in sorted(check.problems(), key=lambda problem: problem.order)
     ]
+
+
+def jittered(period_s: float, first_s: float, last_s: float, share: float = 0.1) -> list[float]:
+    """Times with a period that are off by up to *share* of it, as a driver's time stamps are."""
+    draw = Random(7)
+    return [at_s + share * period_s * draw.random() for at_s in every(period_s, first_s, last_s)]
+
+
+def counted(times_s: Iterable[float], can_id: int) -> Planted:
+    """A frame at each of *times_s* with another value each time."""
+    return [(at_s, can_id, f"{number & 0xFFFF:04X}{number * 7 & 0xFF:02X}") for number, at_s in enumerate(times_s)]
+
+
+_SYNCS_1_MS = at_times(every(0.001, 0, 3), 0x080, "")
+#: what buses do where nothing is wrong
+HEALTHY_BUSES: dict[str, Planted] = {
+    "heartbeats alone": [*heartbeats(0, 4), *heartbeats(0, 4, 6), *heartbeats(0, 4, 7, state=127)],
+    "a PDO with each SYNC of 1 ms": [*_SYNCS_1_MS, *counted(every(0.001, 0.0003, 3), 0x185),
+                                     *counted(every(0.001, 0.0004, 3), 0x285)],
+    "a timer of 1 ms without SYNC": counted(jittered(0.001, 0, 3), 0x185),
+    "time stamps that are not even": [*at_times(jittered(0.02, 0, 4), 0x080, ""),
+                                      *at_times(jittered(0.1, 0, 4), 0x705, "05")],
+    "SYNC with a counter": at_times(every(0.02, 0, 4), 0x080, *(f"{n:02X}" for n in range(1, 11))),
+    "a switch that goes on and off": [(n + at_s, 0x185, data) for n in range(20)
+                                      for at_s, data in ((0.0, "00"), (0.3, "01"))],
+    "events now and then": counted([0.1, 0.11, 0.4, 0.45, 0.5, 1.9, 2.0, 2.6], 0x185),
+    "a start with a boot-up and NMT": [(0.0, 0x705, "00"), (0.1, 0x000, "0105"), *heartbeats(0.2, 4)],
+    "two nodes that are read by one client": [
+        *[row for n in range(20) for row in read(0.1 * n + 0.01, "6041:00", "4BPLACE37060000")],
+        *[(at_s + 0.002, can_id + 1, data) for n in range(20) for at_s, can_id, data in
+          read(0.1 * n + 0.01, "6041:00", "4BPLACE37060000")]],
+    "guarding": [row for n in range(40) for row in ((n / 10, 0x705, f"{5 | n % 2 << 7:02X}"),)],
+    "states that a master commands": [row for n in range(5) for row in (
+        (n + 0.0, 0x000, "8005"), *write(n + 0.1, "1017:00", "6400"), (n + 0.5, 0x000, "0105"),
+        *heartbeats(n + 0.6, n + 1))],
+    "an EMCY that only says that all is well": [*heartbeats(0, 4), (1.0, 0x085, "0000000000000000")],
+    "segments with toggle bits": [*HEALTHY, *segmented(2.0)],
+    "an RPDO that its master sends": [*HEALTHY, *written_rpdo(0.3), *counted(every(0.05, 0.4, 4), 0x205)],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("bus", HEALTHY_BUSES)
+def test_a_healthy_bus_has_no_problem(bus: str) -> None:
+    assert findings(HEALTHY_BUSES[bus]) == []
 
 
 def blocks(at_s: float, size: int, *, is_write: bool) -> Planted:
