@@ -108,9 +108,14 @@ def _report_anyway(session: SessionNodes, file: str, known: _Known, rules: tuple
     try:
         return _report(session, file, known, rules)
     except (InputFileError, UsageError) as failed:
-        text = failed.text.removeprefix(f"{file}: ")
-        finding = RecordingFinding(0, "error", UNREADABLE.name, "", f"{text}: {failed.why}" if failed.why else text)
-        return RecordingReport(file, _asked(rules, None), (finding,), unread=failed.exit_code)
+        place = failed.place or file
+        line = place.rpartition(":")[2]
+        text = failed.text.removeprefix(f"{place}: ").removeprefix(f"{file}: ")
+        finding = RecordingFinding(
+            int(line) if line.isdecimal() else 1, "error", UNREADABLE.name, "",
+            f"{text}: {failed.why}" if failed.why else text,
+        )  # fmt: skip
+        return RecordingReport(file, _asked((UNREADABLE,), None), (finding,), unread=failed.exit_code)
 
 
 def _report(session: SessionNodes, file: str, known: _Known, rules: tuple[LintRule, ...]) -> RecordingReport:

@@ -498,13 +498,16 @@ def test_each_of_several_recordings_is_judged(tmp_path: Path) -> None:
     (tmp_path / "cut.log").write_text((tmp_path / "good.log").read_text() + "(1.0) can0 281#XY\n")
     done = dvtcli("check", "none.log", "bad.log", "cut.log", "good.log", cwd=tmp_path)
     assert done.returncode == 4, done.stderr
-    for text in ("none.log: error: No such file", "[refused-write]", "cut.log: error: cut.log:", "damaged after",
-                 "good.log: 1"):  # fmt: skip
+    damaged = f"cut.log:{len(HEALTHY) + 1}: error: damaged after"
+    for text in ("none.log: error: No such file", "[refused-write]", damaged, "good.log: 1"):
         assert text in done.stdout, done.stdout
     missing = dvtcli("check", "none.log", "good.log", "--json", cwd=tmp_path)
     files = documents(missing.stdout)[0]["files"]
     assert (missing.returncode, files[0]["findings"][0]["rule"], files[1]["findings"]) == (2, "recording-file", [])
     assert files[0]["findings"][0]["first"] is None
+    assert files[0]["rules"] == 1, "nothing else was looked at"
+    github = dvtcli("check", "none.log", "good.log", "--format", "github", cwd=tmp_path)
+    assert "::error file=none.log,line=1,title=recording-file::No such file" in github.stdout
     wrong = dvtcli("check", "good.log", "bad.log", "-d", "none.yaml", cwd=tmp_path)
     assert (wrong.returncode, "none.yaml" in wrong.stderr) == (2, True)
 

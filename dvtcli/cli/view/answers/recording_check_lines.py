@@ -28,7 +28,7 @@ def check_lines(result: RecordingsChecked, _width: int) -> Iterator[Line]:
 
 
 def _finding(report: RecordingReport, found: RecordingFinding) -> Iterator[Line]:
-    line = f":{found.line}" if found.line else ""
+    line = f":{found.line}" if found.line > 1 or found.frames else ""
     yield [
         Cell(f"{report.path}{line}: "),
         Cell(f"{found.severity}: ", STYLES[found.severity]),
