@@ -35,7 +35,7 @@ def show_pdo(session: Session, pdo: Pdo, node_id: int | None = None) -> PdoListi
     """Read a PDO of *node_id*, None for the selected node, with its last received frame."""
     node = session.node(node_id)
     row = _row(node, pdo, node.pdo(pdo))
-    row = replace(row, last=_last_frame(session, node, pdo, row.config), listed=_listed(node, pdo, row.config))
+    row = replace(row, last=last_frame(session, node, pdo, row.config), listed=_listed(node, pdo, row.config))
     period = read_optional(node.sdo, 0x1006, 0, 4)
     return PdoListing(node.node_id, node.title, (row,), detail=True, sync_period_us=period)
 
@@ -67,7 +67,7 @@ def _name(node: NodeDescription, meanings: Meanings, index: int, sub_index: int)
     return MappedName(node.dictionary.display_name(index, sub_index), kind, meaning)
 
 
-def _last_frame(session: Session, node: NodeDescription, pdo: Pdo, config: PdoConfig) -> LastFrame | None:
+def last_frame(session: Session, node: NodeDescription, pdo: Pdo, config: PdoConfig) -> LastFrame | None:
     """Return the last frame with the PDO's COB-ID received since the PDO was set, if any.
 
     It has no values if a TPDO's frame has another length than the mapping, or an RPDO's frame is shorter. A twin's

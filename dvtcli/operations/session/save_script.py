@@ -52,6 +52,11 @@ def script_of(session: SessionNodes, node_id: int) -> str:
     return _script(session, _held(session, [node_id]))[0]
 
 
+def script_of_lines(session: SessionNodes, node_id: int, lines: list[str]) -> str:
+    """Return *lines* about the node with *node_id* as a runnable script."""
+    return _script(session, [(node_id, lines)])[0]
+
+
 def save_script(
     session: Session,
     file: str,

@@ -1,0 +1,33 @@
+"""Edit a node's PDOs on the full screen: map, move, set, see the rules, then write like `map`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.effect import Effect
+from dvtcli.cli.pdo_params import PDO, NodePdo
+
+if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
+
+
+@click.command("edit", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
+@click.argument("pdo", type=PDO, required=False)
+@click.pass_obj
+def command(session: Conversation, /, pdo: NodePdo | None) -> None:
+    """Edit the PDOs of the node, beginning with PDO.
+
+    PDOs, the frame of one, and the objects that it may map; Tab goes on to the next. Nothing is written before F10
+    (or Ctrl-S), which does what map does; F5 shows the plan, F2 saves a script, Ctrl-Z takes a step back, Esc leaves.
+
+    \b
+    edit
+    edit tpdo1
+    edit 5:rpdo2
+    """
+    from dvtcli.cli.editor.edit_loop import edit
+
+    edit(session, pdo)

@@ -1,0 +1,1 @@
+"""The mapping editor: a node's PDOs on a full screen."""

@@ -1,0 +1,51 @@
+"""`edit`: the screen, then the change in the main thread, then the screen again."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dvtcli.cli.editor.editor import APPLY, Editor
+from dvtcli.cli.monitor.full_screen import has_full_screen
+from dvtcli.cli.view.typed_hints import error_text
+from dvtcli.domain.hint import Action, Hint
+from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError
+from dvtcli.operations.pdos.edit_pdos import apply_edited
+
+if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
+    from dvtcli.cli.pdo_params import NodePdo
+
+#: exit codes after which the node was asked in vain, or is not what it was: the screen does not come back
+_ENDS = frozenset({5, 7})
+
+
+def edit(session: Conversation, pdo: NodePdo | None) -> None:
+    """Show the editor of the PDO's node, or the selected node, until the user leaves; writes what is applied.
+
+    Raises SafetyRefusal without a terminal, and errors of a change that leaves the node unknown or changed.
+    """
+    if not has_full_screen(session):
+        raise SafetyRefusal("edit is a full screen, and there is no terminal", hint="map and set do the same in lines")
+    session.keep_frames()
+    node = session.node(None if pdo is None else pdo.node_id)
+    chosen = None if pdo is None else pdo.pdo
+    if chosen is not None and chosen not in node.pdos():
+        raise UsageError(
+            f"node {node.node_id} has no {chosen.label}", hint=Hint(Action.SHOW_PDOS, why="shows those that it has")
+        )
+    editor = Editor(session, node, chosen)
+    while editor.run() == APPLY:
+        changed = editor.pdos.changed()
+        try:
+            result = apply_edited(session, editor.node, editor.pdos.held, changed)
+        except DvtcliError as failed:
+            if failed.exit_code in _ENDS:
+                raise
+            session.output.error(failed)
+            editor.say(f"not applied: {error_text(failed)}", bad=True)
+        else:
+            session.output.result(result)
+            editor.say(f"{', '.join(pdo.label for pdo in changed)} set: {len(result.plan)} writes, read back equal")
+        editor.pdos.read_again(node.pdos())
+    if left := editor.pdos.changed():
+        session.tell.note(f"{', '.join(pdo.label for pdo in left)} left as it was")

@@ -1,0 +1,467 @@
+"""The mapping editor on the screen: keys, mouse, and what runs beside it."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from prompt_toolkit.application import get_app
+from prompt_toolkit.key_binding import KeyBindings
+
+from dvtcli.cli.editor.draw import FRAME, OBJECTS, PDOS, EditorView, Named, frame_rows, pane_at, picture
+from dvtcli.cli.editor.model import COB_ID, PARAMETERS, EditedPdos
+from dvtcli.cli.editor.object_list import ObjectList
+from dvtcli.cli.monitor.full_screen import bind_all, show
+from dvtcli.cli.monitor.room import cut
+from dvtcli.cli.screen.beside import BesideScreen
+from dvtcli.cli.screen.field import Dialog, FieldDialog
+from dvtcli.cli.screen.question import Question
+from dvtcli.cli.screen.text_dialog import TextDialog
+from dvtcli.cli.view.columns import broken, columns
+from dvtcli.cli.view.lines import Cell, Line
+from dvtcli.cli.view.paint import with_hints
+from dvtcli.cli.view.renderers import remarks, text
+from dvtcli.cli.view.typed_hints import error_text
+from dvtcli.domain.mapping import DUMMY_BITS, PdoMappingEntry, split_dummy
+from dvtcli.domain.object_syntax import Skipped
+from dvtcli.domain.rules.mappable import known_dummies
+from dvtcli.domain.shown_value import value_text
+from dvtcli.domain.text import join_some
+from dvtcli.errors import BusUnavailable, DvtcliError, UsageError
+from dvtcli.operations.meanings.named_objects import entry_at
+from dvtcli.operations.meanings.physical_meanings import meanings_of
+from dvtcli.operations.pdos.edit_pdos import judge_edited, plan_edited, save_edited
+from dvtcli.operations.pdos.list_pdos import last_frame
+
+if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
+    from dvtcli.device.node import Node
+    from dvtcli.domain.pdo import Pdo, PdoConfig
+    from dvtcli.domain.rules import Finding
+    from dvtcli.operations.results import Changed
+
+#: what the user left the screen for
+APPLY, LEAVE = "apply", "leave"
+_DUMMY_HINT = "bits to skip, as 8 or 16"
+
+
+class Editor:
+    """The PDOs of *node* while they are edited; *message* stands below at first."""
+
+    def __init__(self, session: Conversation, node: Node, chosen: Pdo | None) -> None:
+        self._session, self.node = session, node
+        self.pdos = EditedPdos(node.pdos())
+        order = list(self.pdos.held)
+        self.view = EditorView(f'node {node.node_id} "{node.title}"', self.pdos, order, plain=session.output.plain)
+        if chosen is not None:
+            self.view.pdo_cursor.chosen = order.index(chosen)
+            self.view.pane = FRAME
+        self._meanings = meanings_of(node.profile, node.dictionary)
+        self._objects = ObjectList(node.dictionary, node.profile, self._meanings)
+        self._dialogs: list[Dialog] = []
+        self._happened = node.bus.happened(node.node_id)
+        self._judged: dict[Pdo, PdoConfig] | None = None
+        self._judge: threading.Thread | None = None
+        self._found: Mapping[Pdo, Sequence[Finding]] = {}
+        self._fault: BaseException | None = None
+        self._beside: BesideScreen | None = None
+        self._rows = self._columns = 0
+        self.outcome = LEAVE
+
+    def run(self) -> str:
+        """Show the screen until it is left; returns `APPLY` or `LEAVE`."""
+        self.outcome = LEAVE
+        self._beside = BesideScreen(self._session)
+        keys = KeyBindings()
+        bind_all(keys, self.press, lambda: True)
+        show(self._session, self, keys, None, self.mouse)
+        return self.outcome
+
+    @property
+    def beside(self) -> BesideScreen:
+        """What runs beside the screen."""
+        assert self._beside is not None  # noqa: S101 - the screen is shown
+        return self._beside
+
+    def leave(self) -> None:
+        """Wait for what runs beside the screen."""
+        if self._judge is not None:
+            self._judge.join()
+        self.beside.leave()
+
+    def say(self, message: str, *, bad: bool = False) -> None:
+        """Show *message* below."""
+        self.view.message, self.view.is_bad = message, bad
+
+    def gather(self) -> None:
+        """Take what is new: messages, findings, values, and what happened to the node."""
+        for message, bad in self.beside.news():
+            self.say(message, bad=bad)
+        if self._fault is not None:
+            raise self._fault
+        self._ask_rules()
+        try:
+            happened = self.node.bus.happened(self.node.node_id)
+            self._session.wire.drain()
+        except BusUnavailable as gone:
+            self.say(error_text(gone), bad=True)
+            return
+        if happened != self._happened:
+            self._happened = happened
+            self.beside.start("reading the node again", self._read_again)
+        self.view.names = dict(self._names())
+
+    def _read_again(self) -> str:
+        self.node.read_anew()
+        self.pdos.read_again(self.node.pdos())
+        self._judged = None
+        return "the node restarted, or somebody wrote to it: it was read again, what you edited stays"
+
+    def _names(self) -> Iterator[tuple[PdoMappingEntry, Named]]:
+        """Yield each entry of the chosen PDO with its name, and its value if the node holds that mapping."""
+        view, dictionary = self.view, self.node.dictionary
+        values: Mapping[PdoMappingEntry, str] = {}
+        if view.config == self.pdos.held.get(view.pdo):
+            heard = last_frame(self._session, self.node, view.pdo, view.config)
+            values = {} if heard is None else {
+                entry: value_text(value, self._meanings.of(entry.index, entry.sub_index), entry.bits)
+                for entry, value in zip(view.config.mapping, heard.values, strict=True) if value is not None
+            }  # fmt: skip
+        for entry in view.config.mapping:
+            name = "" if dictionary is None else dictionary.display_name(entry.index, entry.sub_index)
+            yield entry, Named(name, values.get(entry, ""))
+
+    def _ask_rules(self) -> None:
+        """Ask the rules about what is edited, in a thread: they may read the node."""
+        changed = self.pdos.changed()
+        if changed == self._judged:
+            self.view.findings = self._found
+            return
+        if self._judge is not None and self._judge.is_alive():
+            self.view.findings = None
+            return
+
+        def judge() -> None:
+            try:
+                with self.beside.turn:
+                    self._found = judge_edited(self.node, self.pdos.held, changed)
+            except DvtcliError as failed:
+                self.beside.say(error_text(failed), bad=True)
+                self._found = {}
+            except BaseException as fault:  # noqa: BLE001 - nobody sees what ends a thread: `gather` raises it
+                self._fault = fault
+            self._judged = changed
+
+        self._judge = threading.Thread(target=judge, name="asking the rules", daemon=True)
+        self._judge.start()
+
+    def lines(self, columns: int, rows: int) -> list[list[Cell]]:
+        """Return the screen, an open dialog over its end."""
+        self._columns, self._rows = columns, rows
+        view = self.view
+        self._offer()
+        drawn = picture(view, columns, rows)
+        dialog = self._dialog()
+        if dialog is not None:
+            block = [cut(line, columns, plain=view.plain) for line in dialog.lines(columns, rows - 2)]
+            drawn[-len(block) :] = block
+        return drawn
+
+    def _offer(self) -> None:
+        """Look up what the filter offers: keys come faster than pictures."""
+        view = self.view
+        left = self.pdos.bits_left(view.pdo)
+        view.offers = self._objects.offers(view.filter.text, tpdo=view.pdo.is_tpdo, bits_left=left)
+
+    def _dialog(self) -> Dialog | None:
+        return self.beside.question or (self._dialogs[-1] if self._dialogs else None)
+
+    def press(self, key: str, text: str) -> None:
+        """Take a key."""
+        dialog = self._dialog()
+        if dialog is not None:
+            if not dialog.press(key, text) and dialog in self._dialogs:
+                self._dialogs.remove(dialog)
+            return
+        self.say("")
+        if key in _ALWAYS:
+            _ALWAYS[key](self)
+        elif self.view.pane == PDOS:
+            self._press_pdos(key, text)
+        elif self.view.pane == FRAME:
+            self._press_frame(key, text)
+        else:
+            self._press_objects(key, text)
+
+    def mouse(self, act: str, column: int, row: int) -> None:
+        """Choose a row by a click, and scroll by the wheel."""
+        if self._dialog() is not None or act != "click":
+            self.press(act, "")
+            return
+        view = self.view
+        view.pane = pane_at(view, self._columns, column)
+        if view.pane == PDOS:
+            self._choose_pdo(view.pdo_cursor.top + row - 2)
+        elif view.pane == OBJECTS:
+            view.object_cursor.chosen = max(0, min(len(view.offers) - 1, view.object_cursor.top + row - 3))
+        else:
+            at = view.frame_cursor.top + row - 4
+            at -= 2 if at > len(view.config.mapping) else 0
+            view.frame_cursor.chosen = max(0, min(frame_rows(view.config) - 1, at))
+
+    def _choose_pdo(self, number: int) -> None:
+        self.view.pdo_cursor.chosen = max(0, min(len(self.view.order) - 1, number))
+        self.view.frame_cursor.chosen = self.view.frame_cursor.top = 0
+
+    def _next_pane(self, step: int) -> None:
+        self.view.pane = (self.view.pane + step) % 3
+        self.view.replaces = False
+
+    def _press_pdos(self, key: str, text: str) -> None:
+        if key == "enter":
+            self.view.pane = FRAME
+        elif text == "e":
+            self._switch()
+        elif text == "a":
+            self._to_objects(replaces=False)
+        elif self.view.pdo_cursor.press(key, len(self.view.order)):
+            self._choose_pdo(self.view.pdo_cursor.chosen)
+
+    def _switch(self) -> None:
+        if not self.view.config.has_cob_id:
+            self.say("the node does not say the COB-ID of this PDO", bad=True)
+        else:
+            self.pdos.switch(self.view.pdo)
+
+    def _press_frame(self, key: str, text: str) -> None:
+        view, at = self.view, self.view.frame_cursor.chosen
+        is_entry = at < len(view.config.mapping)
+        if view.frame_cursor.press(key, frame_rows(view.config)):
+            return
+        if text == "e":
+            self._switch()
+        elif text == "a":
+            self._to_objects(replaces=False)
+        elif text == "s":
+            self._ask("skip", "8", self._skip, _DUMMY_HINT)
+        elif is_entry:
+            self._press_entry(key, text, at)
+        elif key == "enter":
+            self._edit_parameter(at - len(view.config.mapping))
+
+    def _press_entry(self, key: str, text: str, at: int) -> None:
+        """Take a key for the entry number *at*."""
+        view = self.view
+        if text == "d" or key == "delete":
+            self.pdos.remove(view.pdo, at)
+        elif text in ("<", ">") or key in ("left", "right"):
+            view.frame_cursor.chosen = self.pdos.move(view.pdo, at, -1 if text == "<" or key == "left" else 1)
+        elif text == "r":
+            self._to_objects(replaces=True)
+        elif key == "enter" or text == "l":
+            self._ask("length in bits", str(view.config.mapping[at].bits), self._set_length)
+
+    def _to_objects(self, *, replaces: bool) -> None:
+        if self.view.config.mpdo is not None:
+            self.say("a multiplexed PDO has no mapping to edit", bad=True)
+            return
+        self.view.pane, self.view.replaces = OBJECTS, replaces
+
+    def _ask(self, label: str, text: str, done: Callable[[str], str], help_text: str = "") -> None:
+        self._dialogs.append(FieldDialog(label, text, done, help_text))
+
+    def _edit_parameter(self, number: int) -> None:
+        parameter, pdo = PARAMETERS[number], self.view.pdo
+        shown = parameter.text(pdo, self.view.config)
+        if shown == "not there":
+            self.say(f"{pdo.label} of this node has no {parameter.name}", bad=True)
+            return
+
+        def done(text: str) -> str:
+            if parameter.name == COB_ID and text.lower() == "auto":
+                default = pdo.default_can_id(self.node.node_id)
+                if default is None:
+                    return f"{pdo.label} has no CAN-ID in the pre-defined set: type one"
+                text = f"0x{default:X}"
+            try:
+                self.pdos.put(pdo, parameter.set(self.pdos.now[pdo], text))
+            except ValueError as wrong:
+                return str(wrong)
+            return ""
+
+        self._ask(parameter.name, shown.split()[0], done)
+
+    def _set_length(self, text: str) -> str:
+        view, at = self.view, self.view.frame_cursor.chosen
+        entry = view.config.mapping[at]
+        if not text.isdecimal() or not 1 <= int(text) <= 64:
+            return f"{text or 'nothing'}: 1…64 bits"
+        self.pdos.replace(view.pdo, at, PdoMappingEntry(entry.index, entry.sub_index, int(text)))
+        return ""
+
+    def _skip(self, text: str) -> str:
+        """Add dummies of the bits in *text*, as `map … dummy/16` does."""
+        if not text.isdecimal() or not 1 <= int(text) <= 64:
+            return f"{text or 'nothing'}: 1…64 bits"
+        try:
+            dummies = split_dummy(int(text), known_dummies(self.node.dictionary, self.node.profile) or DUMMY_BITS)
+        except ValueError as wrong:
+            return str(wrong)
+        for dummy in dummies:
+            self._insert(dummy)
+        return ""
+
+    def _press_objects(self, key: str, text: str) -> None:
+        view = self.view
+        self._offer()
+        if key == "enter":
+            self._map()
+        elif key in ("home", "end", "left", "right") or not view.object_cursor.press(key, len(view.offers)):
+            before = view.filter.text
+            view.filter.press(key, text)
+            if view.filter.text != before:
+                view.object_cursor.chosen = view.object_cursor.top = 0
+
+    def _map(self) -> None:
+        """Map the chosen object; without an EDS the typed one."""
+        view = self.view
+        if not view.offers:
+            self._map_typed()
+            return
+        offer = view.offers[view.object_cursor.chosen]
+        entry = offer.listed.entry
+        if offer.reason and not offer.reason.endswith("free"):
+            self.say(f"{entry.object}: {offer.reason}", bad=True)
+            return
+        if entry.bits is None:
+            self.say(f"{entry.object}: its length is not known; type it: {entry.object}/32", bad=True)
+            return
+        self._place(PdoMappingEntry(entry.index, entry.sub_index, entry.bits))
+
+    def _map_typed(self) -> None:
+        """Map what the filter says, as `map` reads it; its length is read from the node if it is not typed."""
+        typed = self.view.filter.text
+
+        def work() -> str:
+            mapped = entry_at(self.node, typed)
+            if isinstance(mapped, Skipped):
+                raise UsageError("s in the frame skips bits")
+            bits = mapped.bits or self.node.length_of(mapped.index, mapped.sub_index)
+            if bits is None:
+                raise UsageError(f"{typed}: its length is not known; type it: {typed}/32")
+            self._place(PdoMappingEntry(mapped.index, mapped.sub_index, bits))
+            return ""
+
+        self.beside.start(f"map {typed}", work)
+
+    def _place(self, entry: PdoMappingEntry) -> None:
+        view, at = self.view, self.view.frame_cursor.chosen
+        if view.replaces and at < len(view.config.mapping):
+            self.pdos.replace(view.pdo, at, entry)
+            view.pane, view.replaces = FRAME, False
+        else:
+            self._insert(entry)
+        view.filter.press("c-e", "")
+        view.filter.press("c-u", "")
+        view.object_cursor.chosen = view.object_cursor.top = 0
+        self.say(f"{entry.object}/{entry.bits} is mapped; Tab goes on, Enter maps another")
+
+    def _insert(self, entry: PdoMappingEntry) -> None:
+        """Map *entry* behind all others."""
+        view = self.view
+        self.pdos.insert(view.pdo, len(view.config.mapping), entry)
+        view.frame_cursor.chosen = len(view.config.mapping) - 1
+
+    def _undo(self) -> None:
+        if not self.pdos.undo():
+            self.say("nothing to undo")
+
+    def _redo(self) -> None:
+        if not self.pdos.redo():
+            self.say("nothing to redo")
+
+    def _plan(self) -> None:
+        """Show what `map` would write."""
+        changed = self.pdos.changed()
+        if not changed:
+            self.say("nothing is changed")
+            return
+
+        def work() -> str:
+            result = plan_edited(self._session, self.node.node_id, self.pdos.held, changed)
+            self._dialogs.append(TextDialog("PLAN", list(self._plan_lines(result)), "f5"))
+            return ""
+
+        self.beside.start("plan", work)
+
+    def _plan_lines(self, result: Changed) -> Iterator[list[Cell]]:
+        width = max(60, self._columns)
+        for line in (*text(result, width), *remarks(result)):
+            cells = self._cells(line)
+            whole = "".join(cell.text for cell in cells)
+            if columns(whole) <= width:
+                yield cells
+            else:
+                yield from ([Cell(part, cells[0].style)] for part in broken(whole, width))
+
+    def _cells(self, line: Line) -> list[Cell]:
+        shown = with_hints(line, self._session.output.hints)
+        if isinstance(shown, str):
+            return [Cell(shown)]
+        return [shown] if isinstance(shown, Cell) else list(shown)
+
+    def _apply(self) -> None:
+        if not self.pdos.changed():
+            self.say("nothing is changed")
+            return
+        self._end(APPLY)
+
+    def _save(self) -> None:
+        changed = self.pdos.changed()
+        if not changed:
+            self.say("nothing is changed: `save FILE --all` keeps what the node holds")
+            return
+
+        def done(file: str) -> str:
+            def work() -> str:
+                return save_edited(self._session, self.node.node_id, self.pdos.held, changed, file)
+
+            self.beside.start("save", work)
+            return "" if file else "a file name"
+
+        self._ask("save as", "pdos.dvt", done)
+
+    def _leave(self) -> None:
+        """Leave; with changes after a question."""
+        changed = self.pdos.changed()
+        if not changed:
+            self._end(LEAVE)
+            return
+
+        def answered(answer: bool) -> None:
+            if answer:
+                self._end(LEAVE)
+
+        labels = join_some(pdo.label for pdo in changed)
+        self._dialogs.append(Question(f"{labels} changed and not applied: leave without?", answered))
+
+    def _end(self, outcome: str) -> None:
+        self.outcome = outcome
+        application = get_app()
+        if application.is_running and not application.is_done:
+            application.exit()
+
+
+_ALWAYS: Mapping[str, Callable[[Editor], None]] = {
+    "tab": lambda editor: editor._next_pane(1),  # noqa: SLF001
+    "s-tab": lambda editor: editor._next_pane(-1),  # noqa: SLF001
+    "f5": Editor._plan,  # noqa: SLF001
+    "f10": Editor._apply,  # noqa: SLF001
+    "c-s": Editor._apply,  # noqa: SLF001
+    "f2": Editor._save,  # noqa: SLF001
+    "c-z": Editor._undo,  # noqa: SLF001
+    "c-y": Editor._redo,  # noqa: SLF001
+    "escape": Editor._leave,  # noqa: SLF001
+    "c-c": Editor._leave,  # noqa: SLF001
+}

@@ -1,0 +1,170 @@
+"""A node's PDOs while they are edited: entries, parameters, undo and redo. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.mapping import MAX_PDO_BITS, PdoMappingEntry
+from dvtcli.domain.object_syntax import parse_cob_id
+from dvtcli.domain.pdo import PdoConfig, transmission_type_text
+
+if TYPE_CHECKING:
+    from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter
+
+#: steps that can be undone
+_STEPS = 200
+#: highest values of the parameters
+_WORD, _BYTE = 0xFFFF, 0xFF
+#: highest SYNC start value (CiA 301, 7.5.2.37)
+_SYNC_START = 240
+_INHIBIT_PER_MS = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A communication parameter that is edited as text."""
+
+    name: str
+    text: Callable[[Pdo, PdoConfig], str]
+    set: Callable[[PdoConfig, str], PdoConfig]
+
+
+def _cob_id_text(_pdo: Pdo, config: PdoConfig) -> str:
+    return str(config.communication.cob_id)
+
+
+def _set_cob_id(config: PdoConfig, text: str) -> PdoConfig:
+    cob_id, held = parse_cob_id(text), config.communication.cob_id
+    return _with(config, cob_id=CobId(cob_id, held.valid, held.rtr_allowed, held.extended or cob_id > 0x7FF))
+
+
+def _type_text(pdo: Pdo, config: PdoConfig) -> str:
+    kind = config.communication.transmission_type
+    return "" if kind is None else f"{kind}  {transmission_type_text(kind, pdo.direction)}"
+
+
+def _with(config: PdoConfig, **changes: object) -> PdoConfig:
+    communication: PdoCommunicationParameter = replace(config.communication, **changes)  # type: ignore[arg-type]
+    return replace(config, communication=communication)
+
+
+def _number(text: str, most: int, unit: str, scale: int = 1) -> int:
+    """Return *text*, in *unit*, times *scale*; raises ValueError unless it is within 0 and *most*."""
+    try:
+        value = float(text.split(maxsplit=1)[0]) * scale if text else -1.0
+    except ValueError:
+        value = -1.0
+    if not 0 <= value <= most or value != round(value, 6) or abs(value - round(value)) > 1e-6:
+        raise ValueError(f"{text or 'nothing'}: 0…{most / scale:g}{unit}")
+    return round(value)
+
+
+COB_ID = "COB-ID"
+PARAMETERS = (
+    Parameter(COB_ID, _cob_id_text, _set_cob_id),
+    Parameter(
+        "type", _type_text, lambda config, text: _with(config, transmission_type=_number(text, _BYTE, ", a type"))
+    ),
+    Parameter(
+        "inhibit time",
+        lambda _pdo, config: _text(config.communication.inhibit_time, " ms", _INHIBIT_PER_MS),
+        lambda config, text: _with(config, inhibit_time=_number(text, _WORD, " ms", _INHIBIT_PER_MS)),
+    ),
+    Parameter(
+        "event timer",
+        lambda _pdo, config: _text(config.communication.event_timer, " ms"),
+        lambda config, text: _with(config, event_timer=_number(text, _WORD, " ms")),
+    ),
+    Parameter(
+        "SYNC start",
+        lambda _pdo, config: _text(config.communication.sync_start_value, ""),
+        lambda config, text: _with(config, sync_start_value=_number(text, _SYNC_START, ", a SYNC start value")),
+    ),
+)
+
+
+def _text(value: int | None, unit: str, scale: int = 1) -> str:
+    return "not there" if value is None else f"{value / scale:g}{unit}"
+
+
+class EditedPdos:
+    """The PDOs as the node *held* them, and as they are edited."""
+
+    def __init__(self, held: Mapping[Pdo, PdoConfig]) -> None:
+        self.held = dict(held)
+        self.now = dict(held)
+        self._undo: list[dict[Pdo, PdoConfig]] = []
+        self._redo: list[dict[Pdo, PdoConfig]] = []
+
+    def changed(self) -> dict[Pdo, PdoConfig]:
+        """Return the PDOs that differ from what the node holds."""
+        return {pdo: config for pdo, config in self.now.items() if config != self.held.get(pdo)}
+
+    def put(self, pdo: Pdo, config: PdoConfig) -> None:
+        """Let *pdo* be *config* from now on."""
+        if config != self.now[pdo]:
+            self._undo = [*self._undo[-_STEPS:], dict(self.now)]
+            self._redo.clear()
+            self.now[pdo] = config
+
+    def undo(self) -> bool:
+        """Take the last step back; False if there is none."""
+        return self._step(self._undo, self._redo)
+
+    def redo(self) -> bool:
+        """Make the last undone step again; False if there is none."""
+        return self._step(self._redo, self._undo)
+
+    def _step(self, from_: list[dict[Pdo, PdoConfig]], to: list[dict[Pdo, PdoConfig]]) -> bool:
+        if not from_:
+            return False
+        to.append(dict(self.now))
+        self.now = from_.pop()
+        return True
+
+    def read_again(self, held: Mapping[Pdo, PdoConfig]) -> None:
+        """Take what the node holds now; PDOs that are being edited stay as edited."""
+        edited = self.changed()
+        self.held = dict(held)
+        self.now = {**held, **{pdo: config for pdo, config in edited.items() if pdo in held}}
+        self._undo.clear()
+        self._redo.clear()
+
+    def insert(self, pdo: Pdo, at: int, entry: PdoMappingEntry) -> None:
+        """Map *entry* in front of the entry number *at*."""
+        mapping = self.now[pdo].mapping
+        self._map(pdo, (*mapping[:at], entry, *mapping[at:]))
+
+    def replace(self, pdo: Pdo, at: int, entry: PdoMappingEntry) -> None:
+        """Map *entry* instead of the entry number *at*."""
+        mapping = self.now[pdo].mapping
+        self._map(pdo, (*mapping[:at], entry, *mapping[at + 1 :]))
+
+    def remove(self, pdo: Pdo, at: int) -> None:
+        """Map the entry number *at* no more."""
+        mapping = self.now[pdo].mapping
+        self._map(pdo, (*mapping[:at], *mapping[at + 1 :]))
+
+    def move(self, pdo: Pdo, at: int, step: int) -> int:
+        """Exchange the entry number *at* with its neighbour, *step* -1 or 1; returns its new number."""
+        mapping, to = list(self.now[pdo].mapping), at + step
+        if not 0 <= to < len(mapping):
+            return at
+        mapping[at], mapping[to] = mapping[to], mapping[at]
+        self._map(pdo, tuple(mapping))
+        return to
+
+    def _map(self, pdo: Pdo, mapping: tuple[PdoMappingEntry, ...]) -> None:
+        self.put(pdo, replace(self.now[pdo], mapping=mapping))
+
+    def switch(self, pdo: Pdo) -> None:
+        """Enable *pdo* if it is disabled, else disable it."""
+        config = self.now[pdo]
+        self.put(pdo, _with(config, cob_id=replace(config.communication.cob_id, valid=not config.enabled)))
+
+    def bits_left(self, pdo: Pdo) -> int:
+        """Return the free bits of the frame."""
+        return max(0, MAX_PDO_BITS - self.now[pdo].bits)

@@ -1,0 +1,80 @@
+"""The objects that may be mapped into a PDO, filtered as one types: those that fit first. Pure."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.object_dictionary import normalised
+from dvtcli.domain.rules.mapped_object import is_taken
+
+if TYPE_CHECKING:
+    from dvtcli.domain.meanings import Meanings
+    from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
+    from dvtcli.domain.profile import DeviceProfile
+
+
+#: a sub-index of one digit
+_SHORT_SUB = re.compile(r"^([0-9a-f]{4}):([0-9a-f])$")
+
+
+@dataclass(frozen=True, slots=True)
+class Listed:
+    """An object with its name and its unit; *search* is what the filter looks at, *taken* by direction of a PDO."""
+
+    entry: OdEntry
+    name: str
+    unit: str
+    search: str
+    taken: tuple[bool, bool]
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """An object in the list, and why it cannot be mapped; empty if it can."""
+
+    listed: Listed
+    reason: str = ""
+
+
+class ObjectList:
+    """All objects of *dictionary*, looked at once."""
+
+    def __init__(self, dictionary: ObjectDictionary | None, profile: DeviceProfile, meanings: Meanings) -> None:
+        self._listed: list[Listed] = []
+        if dictionary is not None:
+            self._listed = [_listed(dictionary, profile, meanings, entry) for entry in dictionary.entries()]
+        self._last: tuple[tuple[str, bool, int], list[Offer]] | None = None
+
+    def offers(self, text: str, *, tpdo: bool, bits_left: int) -> list[Offer]:
+        """Return the objects with *text* in number, name or unit: those that fit first, then the others."""
+        asked = text, tpdo, bits_left
+        if self._last is None or self._last[0] != asked:
+            self._last = asked, self._found(*asked)
+        return self._last[1]
+
+    def _found(self, text: str, tpdo: bool, bits_left: int) -> list[Offer]:
+        wanted = normalised(_SHORT_SUB.sub(r"\1:0\2", text.lower().removeprefix("0x")))
+        numbers, names, others, too_long, refused = [list[Offer]() for _ in range(5)]
+        for listed in self._listed:
+            if wanted and wanted not in listed.search:
+                continue
+            if not listed.taken[tpdo]:
+                refused.append(Offer(listed, "RPDO only" if listed.taken[not tpdo] and tpdo else
+                                     "TPDO only" if listed.taken[not tpdo] else "not mappable"))  # fmt: skip
+            elif (listed.entry.bits or 1) > bits_left:
+                too_long.append(Offer(listed, f"{listed.entry.bits} bits, {bits_left} are free"))
+            elif listed.search.startswith(wanted):
+                numbers.append(Offer(listed))
+            else:
+                (names if f" {wanted}" in listed.search else others).append(Offer(listed))
+        return [*numbers, *names, *others, *too_long, *refused]
+
+
+def _listed(dictionary: ObjectDictionary, profile: DeviceProfile, meanings: Meanings, entry: OdEntry) -> Listed:
+    name = dictionary.display_name(entry.index, entry.sub_index)
+    unit = meanings.of(entry.index, entry.sub_index).unit
+    search = f"{normalised(entry.object)} {normalised(name)} {unit.lower()}"
+    rpdo, tpdo = (is_taken(profile, dictionary, entry, tpdo=way) for way in (False, True))
+    return Listed(entry, name, unit, search, (rpdo, tpdo))

@@ -1,0 +1,124 @@
+"""What is edited: steps that can be undone, entries that keep their order, and objects that are offered."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dvtcli.cli.editor.model import PARAMETERS, EditedPdos
+from dvtcli.cli.editor.object_list import ObjectList
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.meanings import Meanings
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.operations.opening.device_files import offline_dictionaries
+from dvtcli.operations.user.options import Options
+
+TPDO1, RPDO1 = Pdo.parse("tpdo1"), Pdo.parse("rpdo1")
+STATUS, SPEED = PdoMappingEntry(0x6041, 0, 16), PdoMappingEntry(0x606C, 0, 32)
+
+
+def held() -> dict[Pdo, PdoConfig]:
+    parameter = PdoCommunicationParameter(CobId(0x181), 255, 0, 0)
+    return {pdo: PdoConfig(parameter, (STATUS,)) for pdo in (TPDO1, RPDO1)}
+
+
+_STEPS: list[Callable[[EditedPdos, Pdo], object]] = [
+    lambda pdos, pdo: pdos.insert(pdo, 0, SPEED),
+    lambda pdos, pdo: pdos.insert(pdo, len(pdos.now[pdo].mapping), STATUS),
+    lambda pdos, pdo: pdos.remove(pdo, 0),
+    lambda pdos, pdo: pdos.move(pdo, 0, 1),
+    lambda pdos, pdo: pdos.switch(pdo),
+    lambda pdos, pdo: pdos.put(pdo, PARAMETERS[1].set(pdos.now[pdo], "1")),
+]
+
+
+@given(st.lists(st.tuples(st.sampled_from(_STEPS), st.sampled_from([TPDO1, RPDO1])), max_size=20))
+def test_undo_takes_each_step_back_and_redo_makes_it_again(
+    steps: list[tuple[Callable[[EditedPdos, Pdo], object], Pdo]],
+) -> None:
+    pdos = EditedPdos(held())
+    states = [dict(pdos.now)]
+    for step, pdo in steps:
+        step(pdos, pdo)
+        if pdos.now != states[-1]:
+            states.append(dict(pdos.now))
+    for state in reversed(states[:-1]):
+        assert pdos.undo()
+        assert pdos.now == state
+    assert not pdos.undo()
+    assert pdos.changed() == {}
+    for state in states[1:]:
+        assert pdos.redo()
+        assert pdos.now == state
+    assert not pdos.redo()
+
+
+def test_what_is_edited_stays_when_the_node_is_read_again() -> None:
+    pdos = EditedPdos(held())
+    pdos.insert(TPDO1, 1, SPEED)
+    now = held() | {RPDO1: PdoConfig(PdoCommunicationParameter(CobId(0x205)), ())}
+    pdos.read_again(now)
+    assert pdos.now == {TPDO1: PdoConfig(held()[TPDO1].communication, (STATUS, SPEED)), RPDO1: now[RPDO1]}
+    assert list(pdos.changed()) == [TPDO1]
+
+
+@pytest.mark.parametrize(
+    ("number", "text", "value"),
+    [(0, "0x201", 0x201), (1, "254", 254), (2, "1.5", 15), (3, "100", 100), (4, "240", 240)],
+)
+def test_parameters_are_read_in_their_units(number: int, text: str, value: int) -> None:
+    communication = PARAMETERS[number].set(held()[TPDO1], text).communication
+    fields = (
+        communication.cob_id.can_id, communication.transmission_type, communication.inhibit_time,
+        communication.event_timer, communication.sync_start_value,
+    )  # fmt: skip
+    assert fields[number] == value
+
+
+@pytest.mark.parametrize(
+    ("number", "text"),
+    [
+        (0, "201"),
+        (0, ""),
+        (1, "256"),
+        (1, "-1"),
+        (1, "x"),
+        (2, "0.05"),
+        (2, "6554"),
+        (3, "1.5"),
+        (3, "nan"),
+        (4, "241"),
+    ],
+)  # fmt: skip
+def test_what_is_no_value_is_refused(number: int, text: str) -> None:
+    with pytest.raises(ValueError, match=r"."):
+        PARAMETERS[number].set(held()[TPDO1], text)
+
+
+def gen4() -> ObjectList:
+    ((dictionary, profile),) = offline_dictionaries(Options(sim=("gen4",)))
+    return ObjectList(dictionary, profile, Meanings())
+
+
+@pytest.mark.parametrize(
+    ("text", "first"),
+    [("606c", "606C:00"), ("0x6041", "6041:00"), ("6c01:1", "6C01:01"), ("velocity act", "606C:00")],
+)
+def test_the_best_fit_stands_first(text: str, first: str) -> None:
+    offers = gen4().offers(text, tpdo=True, bits_left=64)
+    assert (offers[0].listed.entry.object, offers[0].reason) == (first, "")
+
+
+def test_what_does_not_fit_stands_last_with_its_reason() -> None:
+    objects = gen4()
+    for tpdo in (True, False):
+        offers = objects.offers("", tpdo=tpdo, bits_left=8)
+        reasons = [bool(offer.reason) for offer in offers]
+        assert reasons == sorted(reasons)
+        assert {offer.reason for offer in offers if offer.reason} >= {"16 bits, 8 are free", "not mappable"}
+        assert all((offer.listed.entry.bits or 1) <= 8 for offer in offers if not offer.reason)
+    assert "TPDO only" in {offer.reason for offer in objects.offers("606c", tpdo=False, bits_left=64)}
