@@ -156,13 +156,13 @@ def _signal(layout: Layout, name: str) -> Signal:
 def kept_rows(session: SessionUser, bus: str) -> list[TransmitRow]:
     """Return the rows that the user's settings have for the *bus*; raises UsageError for a wrong row."""
     user = session.settings.user
-    return [transmit_row(text) for text in ({} if user is None else user.transmit).get(bus, [])]
+    return [transmit_row(text) for text in ({} if user is None else user.transmit_rows).get(bus, [])]
 
 
 def keep_rows(session: SessionUser, bus: str, rows: list[TransmitRow]) -> None:
     """Keep *rows* for the *bus* in the user's settings; raises InputFileError if they cannot be written."""
     user = session.settings.user
-    table = dict({} if user is None else user.transmit)
+    table = dict({} if user is None else user.transmit_rows)
     table[bus] = [str(row) for row in rows]
     if not rows:
         del table[bus]

@@ -89,7 +89,7 @@ class File:
         self.aliases = aliases(keys.pop(ALIASES, {}), self.path)
         lists = keys.pop(TRANSMIT, {})
         #: the transmit list of each bus, in the user's own file only
-        self.transmit = transmit_lists(lists, self.path) if users_own else {}
+        self.transmit_rows = transmit_lists(lists, self.path) if users_own else {}
         described = tables(keys.pop("bus", {}), self.path)
         self.layer = self._layer(keys, self.path)
         for name in self.ignored:

@@ -32,10 +32,16 @@ ASKED_BY: dict[str, tuple[str, ...]] = {
     "device/quirks/fixed_count.py": ("device/quirks/standard_channel.py",),
     "device/error_history.py": ("operations/nodes/show_faults.py",),
     "operations/sync/produce_sync.py": ("cli/commands/sync.py", "operations/api/python_bus.py"),
-    "operations/frames/put_on_bus.py": ("operations/frames/send_frames.py", "operations/frames/replay_recording.py"),
+    "operations/frames/put_on_bus.py": (
+        "operations/frames/send_frames.py",
+        "operations/frames/replay_recording.py",
+        "cli/monitor/actions.py",
+        "cli/monitor/sending.py",
+    ),
     "operations/pdos/look_at_frames.py": ("operations/whole_device/compare_device.py",),
     "operations/nodes/command_nmt.py": (
         "cli/commands/nmt.py",
+        "cli/monitor/actions.py",
         "operations/api/python_node.py",
         "operations/gateway/gateway_work.py",
     ),

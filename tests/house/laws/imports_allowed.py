@@ -13,6 +13,7 @@ ONLY_IN: dict[str, tuple[str, ...]] = {
     "canopen": ("bus/",),
     "prompt_toolkit": (
         "cli/prompt/",
+        "cli/editor/editor.py",
         "cli/monitor/full_screen.py",
         "cli/monitor/monitor_keys.py",
         "cli/monitor/watch_keys.py",
