@@ -45,6 +45,8 @@ class ObjectList:
         self._listed: list[Listed] = []
         if dictionary is not None:
             self._listed = [_listed(dictionary, profile, meanings, entry) for entry in dictionary.entries()]
+        #: each object, its offer if it can be mapped, and if it cannot, into an RPDO and into a TPDO
+        self._offers = [(listed, Offer(listed), (_refused(listed, 0), _refused(listed, 1))) for listed in self._listed]
         self._last: tuple[tuple[str, bool, int], list[Offer]] | None = None
 
     def offers(self, text: str, *, tpdo: bool, bits_left: int) -> list[Offer]:
@@ -56,19 +58,20 @@ class ObjectList:
 
     def _found(self, text: str, tpdo: bool, bits_left: int) -> list[Offer]:
         wanted = normalised(_SHORT_SUB.sub(r"\1:0\2", text.lower().removeprefix("0x")))
+        word = f" {wanted}"
         numbers, names, others, too_long, refused = [list[Offer]() for _ in range(5)]
-        for listed in self._listed:
-            if wanted and wanted not in listed.search:
+        for listed, offer, refusals in self._offers:
+            search = listed.search
+            if wanted and wanted not in search:
                 continue
             if not listed.taken[tpdo]:
-                refused.append(Offer(listed, "RPDO only" if listed.taken[not tpdo] and tpdo else
-                                     "TPDO only" if listed.taken[not tpdo] else "not mappable"))  # fmt: skip
+                refused.append(refusals[tpdo])
             elif (listed.entry.bits or 1) > bits_left:
                 too_long.append(Offer(listed, f"{listed.entry.bits} bits, {bits_left} are free"))
-            elif listed.search.startswith(wanted):
-                numbers.append(Offer(listed))
+            elif search.startswith(wanted):
+                numbers.append(offer)
             else:
-                (names if f" {wanted}" in listed.search else others).append(Offer(listed))
+                (names if word in search else others).append(offer)
         return [*numbers, *names, *others, *too_long, *refused]
 
 
@@ -78,3 +81,8 @@ def _listed(dictionary: ObjectDictionary, profile: DeviceProfile, meanings: Mean
     search = f"{normalised(entry.object)} {normalised(name)} {unit.lower()}"
     rpdo, tpdo = (is_taken(profile, dictionary, entry, tpdo=way) for way in (False, True))
     return Listed(entry, name, unit, search, (rpdo, tpdo))
+
+
+def _refused(listed: Listed, tpdo: int) -> Offer:
+    other = "RPDO only" if tpdo else "TPDO only"
+    return Offer(listed, other if listed.taken[not tpdo] else "not mappable")
