@@ -137,13 +137,13 @@ class Forked:
 
 
 class Fresh(Forked):
-    """The same in a Python of its own."""
+    """The same in a Python of its own, or the program that the variable TESTS_PROGRAM names: a frozen one."""
 
     def _begin(self, start: Start, *, pipes: bool) -> None:
         apart = subprocess.STDOUT if self._paths[1] == self._paths[2] else subprocess.PIPE
         with self._paths[0].open() as stdin, self._paths[1].open("a") as stdout, self._paths[2].open("a") as stderr:
             self._child = subprocess.Popen(
-                [sys.executable, "-m", "dvtcli", *start.words], stdin=stdin,
+                [*program_words(), *start.words], stdin=stdin,
                 stdout=subprocess.PIPE if pipes else stdout, stderr=apart if pipes else stderr,
                 env=start.env, cwd=start.cwd, umask=start.umask,
             )  # fmt: skip
@@ -156,6 +156,12 @@ class Fresh(Forked):
 
     def wait(self, timeout: float | None = None) -> int:
         return self._child.wait(timeout)
+
+
+def program_words() -> list[str]:
+    """The command line that starts dvtcli, without its own words."""
+    program = os.environ.get("TESTS_PROGRAM")
+    return [program] if program else [sys.executable, "-m", "dvtcli"]
 
 
 def _be_dvtcli(start: Start) -> None:

@@ -17,8 +17,8 @@ from tests.forked import Forked, Fresh
 from tests.surroundings import ROOT, clean_environment
 
 SCRIPTS = ROOT / "scripts"
-#: whether each dvtcli gets a Python of its own (`--fresh-python`)
-FRESH_PYTHON = os.name != "posix"
+#: whether each dvtcli gets a Python of its own (`--fresh-python`), as a frozen program has
+FRESH_PYTHON = os.name != "posix" or "TESTS_PROGRAM" in os.environ
 #: how long a process may take on a busy, or an emulated, machine (s)
 PATIENCE_S = 240.0
 

@@ -54,6 +54,13 @@ def adapters(interfaces: Sequence[str] = (), *, patience_s: float = PATIENCE_S) 
     ]
 
 
+def drivers_missing(*, patience_s: float = PATIENCE_S) -> dict[str, list[str] | None]:
+    """Interface -> what its driver lacks on this system; None if there is no such driver here. Empty if unknown."""
+    lines = (_output([*python_words(), "-m", "dvtcli.bus.driver_parts"], patience_s) or "").splitlines()
+    found: dict[str, list[str] | None] = json.loads(lines[-1]) if lines else {}
+    return found
+
+
 def _output(command: Sequence[str], patience_s: float) -> str | None:
     """Output of *command*; None if it fails, crashes, or takes longer than *patience_s*."""
     try:

@@ -101,6 +101,13 @@ except OSError:
 """
 
 
+def test_doctor_names_the_libraries_of_windows(machine: Machine) -> None:
+    document = json.loads(run(WINDOWS, machine.home, "--sim", "gen4", "--json", "doctor").stdout)
+    (drivers,) = (check["text"] for check in document["checks"] if check["check"] == "drivers")
+    for named in ("PCANBasic.dll", "canlib32.dll", "vcinpl2.dll", "libusb-1.0.dll", "not on this system: socketcan"):
+        assert named in drivers
+
+
 def test_the_double_is_strict(tmp_path: Path) -> None:
     """What the other tests rely on: names are missing, open files stay, text has the code page."""
     ran = Ran(WINDOWS, python(tmp_path, PROBE))

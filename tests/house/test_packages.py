@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import subprocess
@@ -77,6 +78,20 @@ def test_both_are_equal_however_often_and_wherever_they_are_built(tmp_path: Path
     in_checkout = {str(path.relative_to(one)) for path in (one / "dvtcli").rglob("*") if path.is_file()}
     assert {name for name in names if name.startswith("dvtcli/")} == in_checkout
     assert shared == {name: dvtcli(*words).stdout for name, words in SHARED.items()}
+
+
+@pytest.mark.needs("cyclonedx")
+def test_the_bill_of_materials_is_cyclonedx_and_names_every_package_that_is_needed(tmp_path: Path) -> None:
+    from cyclonedx.schema import SchemaVersion
+    from cyclonedx.validation.json import JsonStrictValidator
+
+    subprocess.run([sys.executable, ROOT / "scripts/bill_of_materials.py", tmp_path / "bill.json"], check=True)
+    bill = (tmp_path / "bill.json").read_text("utf-8")
+    assert JsonStrictValidator(SchemaVersion.V1_6).validate_str(bill) is None
+    named = {component["name"] for component in json.loads(bill)["components"]}
+    needed = {re.split(r"[^\w.-]", line)[0].replace(".", "-") for line in PROJECT["dependencies"]}
+    assert needed < named, "and what these need"
+    assert "pytest" not in named
 
 
 def test_the_version_stands_in_one_place() -> None:

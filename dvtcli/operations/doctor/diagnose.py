@@ -22,10 +22,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.user.session_user import SessionUser
 
 
-if TYPE_CHECKING:
-    pass
-
-
 def failed(name: str, error: DvtcliError) -> Check:
     """Make the failed check *name* from *error*."""
     why = f": {error.why}" if error.why else ""
@@ -228,6 +224,7 @@ def checks(session: SessionNodes) -> Iterator[Check]:
     yield _python()
     yield _packages()
     yield _settings(session)
+    yield drivers_check(session)
     yield from _interfaces(session)
     yield from bus_checks(session)
     yield library_check()
@@ -306,6 +303,26 @@ def _library_settings(options: dict[str, object]) -> Iterator[tuple[str, object,
 
 #: interfaces of python-can without an adapter of this machine: servers, and buses within this computer
 _OVER_A_LINE = frozenset({"socketcand", "udp_multicast", "virtual"})
+
+
+def drivers_check(session: SessionUser) -> Check:
+    """Tell which of the usual drivers are ready, and what the others lack; a warning if it is the chosen one's."""
+    from dvtcli.bus.discover import drivers_missing
+
+    found = drivers_missing()
+    if not found:
+        return Check("drivers", "warn", "not known: the process that looks for them gave no answer")
+    ready = [name for name, lacks in found.items() if lacks == []]
+    lacking = [f"{name} ({'; '.join(lacks)})" for name, lacks in found.items() if lacks]
+    absent = [name for name, lacks in found.items() if lacks is None]
+    parts = {"ready": ready, "missing": lacking, "not on this system": absent}
+    text = "; ".join(f"{title}: {', '.join(names)}" for title, names in parts.items() if names)
+    chosen = session.options.interface or ""
+    if chosen in absent:
+        return Check("drivers", "warn", text, f"{chosen} does not exist on this system")
+    if chosen in found and chosen not in ready:
+        return Check("drivers", "warn", text, f"for {chosen}: {'; '.join(found[chosen] or ())}")
+    return Check("drivers", "ok", text)
 
 
 def _interfaces(session: SessionUser) -> Iterator[Check]:

@@ -44,6 +44,16 @@ def test_a_simulated_node_is_well(tmp_path: Path) -> None:
     assert "python-can" in found["packages"]["text"]
 
 
+def test_what_the_chosen_interface_lacks_is_a_warning(tmp_path: Path) -> None:
+    (tmp_path / "broken").mkdir()
+    (tmp_path / "broken" / "libcanlib.so").write_bytes(b"no library" * 100)
+    folders = {"LD_LIBRARY_PATH": str(tmp_path / "broken")}
+    _, found = doctor(tmp_path, "-i", "kvaser", "-c", "0", **folders)
+    assert found["drivers"]["verdict"] == "warn"
+    assert found["drivers"]["hint"].startswith("for kvaser: Kvaser's CANlib cannot be loaded")
+    assert doctor(tmp_path, "--sim", "gen4", **folders)[1]["drivers"]["verdict"] == "ok"
+
+
 def test_each_setting_is_told_with_where_it_was_said(tmp_path: Path) -> None:
     (tmp_path / "dvtcli.toml").write_text('sim = ["gen4"]\ntimeout = 1.5\n')
     _, found = doctor(tmp_path, "-q", DVTCLI_ASCII="1")

@@ -53,9 +53,13 @@ DOORS: dict[str, tuple[str, ...]] = {
     "tkinter": ("cli/dvt/tcl_interp.py",),
     "winreg": ("bus/discover.py",),
     "getpass": ("cli/passcode.py",),
+    # whether a maker's library can be loaded, in a process of its own
+    "ctypes": ("bus/driver_parts.py",),
+    # whether they are installed, without importing them
+    **dict.fromkeys(("serial", "gs_usb", "usb"), ("bus/driver_parts.py",)),
     "termios": ("cli/view/typed_ahead.py",),
     **dict.fromkeys(("asyncio", "http", "socketserver", "ssl", "smtplib", "ftplib", "xmlrpc", "pickle"), ()),
-    **dict.fromkeys(("multiprocessing", "ctypes", "pty", "runpy", "pkgutil", "webbrowser", "_thread"), ()),
+    **dict.fromkeys(("multiprocessing", "pty", "runpy", "pkgutil", "webbrowser", "_thread"), ()),
 }
 #: what else of the standard library may be imported, anywhere: what stands in neither table may not
 PLAIN = frozenset(

@@ -14,6 +14,7 @@ from tests.house.laws.source_tree import SourceTree
 MAY_PRINT = {
     "cli/view/output.py": "the one place",
     "bus/drivers.py": "a child's answer to its parent",
+    "bus/driver_parts.py": "a child's answer to its parent",
     "__main__.py": "streams that are closed are given to nobody",
     "cli/boundary.py": "a stream that nobody reads any more is silenced",
     "cli/crash.py": "the report of a bug, into a file",
