@@ -79,7 +79,7 @@ def _is_installed(package: str) -> bool:
 
 def _kernel_lacks() -> str | None:
     """Tell why this kernel has no CAN sockets; None if it has."""
-    if not hasattr(socket, "AF_CAN"):
+    if sys.platform != "linux" or not hasattr(socket, "AF_CAN"):
         return "this Python has no CAN sockets"
     try:
         socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW).close()
