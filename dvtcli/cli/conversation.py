@@ -84,6 +84,14 @@ class CliReporter:
         # Ctrl-C reaches the main thread alone: nodes that are asked side by side have threads of their own
         return in_callers_thread(lambda: self._output.ask(question))
 
+    def confirm(self, question: str, word: str) -> bool | None:
+        """Ask for *word* at the terminal; returns None in a script, or without a terminal."""
+        if not self._may_ask() or not (sys.stdin.isatty() and sys.stderr.isatty()):
+            return None
+        from dvtcli.bus.turns import in_callers_thread
+
+        return in_callers_thread(lambda: self._output.ask(question, word))
+
     def progress(self, text: str, done: int, total: int) -> None:
         """Show the progress of long work."""
         self._output.progress(text, done, total)

@@ -37,6 +37,8 @@ _NO_RESTART_S = 3.0
 #: what became of the program, where it was loaded
 _OUTCOMES = {Stage.CHECKING: "was not started", Stage.STARTING: "was started, and is not known to run"}
 _UNREADABLE = (*ABSENT, Abort.WRITE_ONLY)
+#: how boot loaders refuse their objects while the flash memory is at work
+_BUSY = (Abort.DEVICE_STATE, Abort.LOCAL_CONTROL, Abort.HARDWARE)
 
 
 @dataclass(slots=True)
@@ -177,6 +179,11 @@ class ProgramDownload:
                 if self.bus.now_s() >= deadline_s:
                     raise
                 continue  # a processor writing flash memory may not answer meanwhile
+            except SdoAborted as aborted:
+                if aborted.code not in _BUSY or self.bus.now_s() >= deadline_s:
+                    raise
+                self.bus.sleep(_ASK_S)
+                continue
             if not status.is_at_work:
                 break
             if self.bus.now_s() >= deadline_s:

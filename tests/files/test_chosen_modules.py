@@ -149,6 +149,16 @@ def test_a_device_whose_list_cannot_be_read_is_said_once(file: Path) -> None:
     assert (first.code, second.code, "modules" in second.stderr) == (0, 0, False)
 
 
+def test_modules_of_a_device_without_that_list_are_chosen(file: Path) -> None:
+    options = {"eds": str(file), "node": 5, "modules": ("1,1,2",), "yes": True}
+    with Bench((), options, beside([device(coupler(has_list=False), 1, 1, 2)])) as bench:
+        ran = bench.run("map tpdo1 6100:04")
+        assert (ran.code, "modul" in ran.stderr) == (0, False), ran
+    with Bench((), {**options, "modules": ("9",)}, beside([device(coupler(), 1)])) as bench:
+        refused = bench.run("pdo")
+    assert (refused.code, "has no module 9" in refused.stderr) == (2, True), refused
+
+
 def test_a_module_that_the_file_does_not_have_is_said(file: Path) -> None:
     other = coupler().replace("[M2", "[M9").replace("NrOfEntries=2\n\n[M1", "NrOfEntries=9\n\n[M1")
     with Bench((), {"eds": str(file), "node": 5}, beside([device(other, 1, 9)])) as bench:

@@ -339,6 +339,9 @@ COMMISSIONING = (
     Planted("value-of-read-only", in_section("6000", "PDOMapping=1", "PDOMapping=1\nParameterValue=9", DCF),
             "ParameterValue=9", DCF, "pump.dcf"),
     Planted("commissioning-in-eds", HEAD + COMMISSIONED + SOUND[len(HEAD) :], "[DeviceComissioning]"),
+    Planted("unknown-module", SOUND + "\n[SupportedModules]\nNrOfEntries=1\n\n[M1ModuleInfo]\nProductName=8 DI\n"
+            "ProductVersion=1\nProductRevision=0\nOrderCode=DI8\n\n[ConnectedModules]\nNrOfEntries=2\n1=1\n2=2\n",
+            "[ConnectedModules]"),
     dcf("no-commissioning", "NodeID=5\n", "", "[DeviceComissioning]"),
     dcf("commissioning-spelling", "[DeviceComissioning]", "[DeviceCommissioning]"),
     dcf("commissioned-bit-rate", "Baudrate=500", "Baudrate=250"),

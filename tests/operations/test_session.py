@@ -55,6 +55,10 @@ class Heard:
         self.asked.append(question)
         return self.answer
 
+    def confirm(self, question: str, word: str) -> bool | None:
+        self.asked.append(f"{question} {word}")
+        return self.answer
+
     def progress(self, text: str, done: int, total: int) -> None:
         self.progressed.append((text, done, total))
 

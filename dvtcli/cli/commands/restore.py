@@ -2,21 +2,44 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.commands._store_group import StoreGroup
 from dvtcli.cli.effect import Effect
-from dvtcli.operations.stores.store_restore import restore_defaults
+from dvtcli.operations.stores.store_restore import look_before_restores, restore_defaults
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from dvtcli.errors import LeftChanged
     from dvtcli.operations.results import Stored
     from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 
-@click.command("restore", cls=DvtCommand, short_help=__doc__, effect=Effect.BRINGS_BACK)
+def _look_ahead(session: SessionNodes, node_ids: Sequence[int], params: Mapping[str, Any]) -> None:
+    """Check all of *node_ids* before the first restore."""
+    look_before_restores(session, node_ids, params["group"])
+
+
+def _who_restored(node_ids: Sequence[int], outcomes: Mapping[int, Any]) -> LeftChanged | None:
+    from dvtcli.operations.stores.unfinished_stores import only_some_restored
+
+    return only_some_restored(node_ids, outcomes)
+
+
+@click.command(
+    "restore",
+    cls=DvtCommand,
+    short_help=__doc__,
+    effect=Effect.BRINGS_BACK,
+    each=lambda _params: True,
+    ahead=_look_ahead,
+    ending=_who_restored,
+)
 @click.argument("group", type=StoreGroup(), required=False, metavar="[all|communication|application|N]")
 @click.option("--prove", is_flag=True, help="Reset the node at once, and check that it has its defaults.")
 @click.pass_obj

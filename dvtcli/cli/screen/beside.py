@@ -126,6 +126,10 @@ class BesideScreen:
             self.question = None
         return bool(self._answer)
 
+    def confirm(self, question: str, word: str) -> bool | None:
+        """Nobody types a word on a screen of keys; others are asked as usual."""
+        return None if self._mine() else self._outer.confirm(question, word)
+
     def _take_answer(self, answer: bool) -> None:
         self._answer = answer
         self._answered.set()

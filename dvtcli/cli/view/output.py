@@ -225,8 +225,8 @@ class Output:
 
         self.lines([[Cell("warning: ", "yellow"), part(text)]])
 
-    def ask(self, question: str) -> bool:
-        """Ask *question* at the terminal; any answer but yes is no, and earlier input is discarded.
+    def ask(self, question: str, word: str | None = None) -> bool:
+        """Ask *question* at the terminal; any answer but yes, or *word*, is no, and earlier input is discarded.
 
         A request for help is answered, and the question repeated. Raises KeyboardInterrupt after Ctrl-C.
         """
@@ -234,13 +234,17 @@ class Output:
         from dvtcli.cli.view.typed_ahead import throw_away
 
         width = max(_columns(self.stderr) - _ANSWER, 0)
-        text = painted(f"{question} [y/N]", self.stderr, colored=False, plain=self.plain, width=width)
+        wanted = "y/N" if word is None else f"type {word}"
+        text = painted(f"{question} [{wanted}]", self.stderr, colored=False, plain=self.plain, width=width)
         thrown_away = throw_away(sys.stdin)
         if thrown_away:
             self.warning(thrown_away)
         while (answer := self._answer(text)) in ("help", "?", "h"):
-            self.lines(["y and Enter is yes; Enter alone, or anything else, is no, and nothing happens; Ctrl-C leaves"])
-        return answer in ("y", "yes")
+            yes = "y" if word is None else word
+            self.lines(
+                [f"{yes} and Enter is yes; Enter alone, or anything else, is no, and nothing happens; Ctrl-C leaves"]
+            )
+        return answer in (("y", "yes") if word is None else (word.lower(),))
 
     def _answer(self, text: str) -> str:
         """Return the line typed after *text*, in lower case."""

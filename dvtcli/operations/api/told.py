@@ -66,6 +66,10 @@ class Told:
         ask = self._ask_user
         return None if ask is None else in_callers_thread(lambda: bool(ask(question)))
 
+    def confirm(self, question: str, word: str) -> bool | None:  # noqa: ARG002
+        """Ask; the function of a program is told the question, and types nothing."""
+        return self.ask(question)
+
     def progress(self, text: str, done: int, total: int) -> None:
         """Ignore it: a program has *on_progress*."""
 

@@ -118,6 +118,10 @@ class GatewayReporter:
         """Nobody can answer."""
         return None
 
+    def confirm(self, question: str, word: str) -> bool | None:  # noqa: ARG002
+        """Nobody can answer."""
+        return None
+
     def progress(self, text: str, done: int, total: int) -> None:
         """Show nothing."""
 

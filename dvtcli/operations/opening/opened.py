@@ -150,6 +150,17 @@ class Opened:
         if not answer:
             raise SafetyRefusal(f"{refused}: the answer was no", node=node_id)
 
+    def require_typed(self, question: str, word: str, node_id: int, hint: Hint) -> None:
+        """Ask for *word* to be typed, ignoring --yes, except in a dry run; raises SafetyRefusal as `require_yes`."""
+        if self.dry_run:
+            return
+        with self.cancellation.released():
+            answer = self.tell.confirm(question, word)
+        if answer is None:
+            raise SafetyRefusal(f"nobody can answer: {question}", node=node_id, hint=hint)
+        if not answer:
+            raise SafetyRefusal(f"not done: {word} was not typed", node=node_id)
+
     @contextmanager
     def agreed(self) -> Iterator[None]:
         """Suppress questions in a block: it was consented to, or rolls back."""

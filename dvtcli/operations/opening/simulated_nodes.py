@@ -151,7 +151,7 @@ def simulated_nodes(words: tuple[str, ...], modules: tuple[str, ...] = ()) -> tu
         if chosen != UNCONFIGURED and chosen in used:
             raise UsageError(f"{word}: node-ID {chosen} is given twice", hint="WHAT@ID sets the node-ID")
         found.append(one)
-    return tuple(_with_modules(found, modules)) if modules else tuple(found)
+    return tuple(_with_modules(found, modules)) if modules and found else tuple(found)
 
 
 def _with_modules(nodes: list[Simulated], words: tuple[str, ...]) -> Iterator[Simulated]:

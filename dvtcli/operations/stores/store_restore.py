@@ -112,6 +112,13 @@ def look_before_stores(
             chosen(node.access, node.profile.store, STORE, sub_index, node.dictionary)
 
 
+def look_before_restores(session: SessionNodes, node_ids: Sequence[int], sub_index: int | None) -> None:
+    """Check all nodes before the first restore: raises if one does not answer, or cannot restore that group."""
+    for node_id in node_ids:
+        node = session.node(node_id)
+        chosen(node.access, node.profile.store, RESTORE, sub_index, node.dictionary)
+
+
 def refuse_after_restart(node: ReadableNode, boot_ups: int, signed: Signed) -> None:
     """Raises DeviceRefused if *node* restarted between its last read and the store that it *signed*."""
     if node.bus.boot_ups(node.node_id) != boot_ups:

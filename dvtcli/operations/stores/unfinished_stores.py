@@ -120,6 +120,22 @@ def only_some_stored(node_ids: Sequence[int], outcomes: Mapping[int, Stored | Ba
     return error
 
 
+def only_some_restored(node_ids: Sequence[int], outcomes: Mapping[int, Stored | BaseException]) -> LeftChanged | None:
+    """Report that only some of *node_ids*, one by one, took the command to restore; None if none or all did."""
+    restored = [node_id for node_id, outcome in outcomes.items() if not isinstance(outcome, BaseException)]
+    rest = [node_id for node_id in node_ids if node_id not in restored]
+    if not restored or not rest:
+        return None
+    faults = {node_id: outcome for node_id, outcome in outcomes.items() if isinstance(outcome, BaseException)}
+    return LeftChanged(
+        f"node {join_some(map(str, restored))} restored its defaults, and node {join_some(map(str, rest))} did not",
+        node=rest[0],
+        why="; ".join(f"node {node_id}: {str(fault) or 'interrupted'}" for node_id, fault in faults.items()) or None,
+        hint=Hint(Action.RESTORE, {"node": rest}, "restores the rest"),
+        state="left_changed",
+    )
+
+
 def lost_besides(course: Stores, lost: BaseException) -> LeftChanged:
     """Report that all written values are held and stored, but another planned value differs."""
     left = LeftChanged(

@@ -31,6 +31,9 @@ class Reporter(Protocol):
     def ask(self, question: str) -> bool | None:
         """Ask; returns None if nobody can answer. Raises KeyboardInterrupt if cancelled."""
 
+    def confirm(self, question: str, word: str) -> bool | None:
+        """Ask for *word* to be typed, where a yes is too easily given; returns as `ask`."""
+
     def progress(self, text: str, done: int, total: int) -> None:
         """Report progress in words and as *done* of *total* (0: unknown), of work that may take long."""
 
@@ -54,6 +57,10 @@ class NullReporter:
         """Ignore it."""
 
     def ask(self, question: str) -> bool | None:  # noqa: ARG002
+        """Nobody can answer."""
+        return None
+
+    def confirm(self, question: str, word: str) -> bool | None:  # noqa: ARG002
         """Nobody can answer."""
         return None
 

@@ -78,5 +78,8 @@ class SessionUser(Protocol):
     def require_yes(self, question: str, node_id: int | None, hint: Hint, refused: str = "not done") -> None:
         """See `Opened.require_yes`."""
 
+    def require_typed(self, question: str, word: str, node_id: int, hint: Hint) -> None:
+        """See `Opened.require_typed`."""
+
     def agreed(self) -> AbstractContextManager[None]:
         """See `Opened.agreed`."""

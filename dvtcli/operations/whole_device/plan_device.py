@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,7 +16,7 @@ from dvtcli.domain.lint.described import object_text
 from dvtcli.domain.network.network_plan import NetworkPlan
 from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish, WantedIdentity
 from dvtcli.domain.pdo import BY_SUB_INDEX, MAPPING, PdoConfig
-from dvtcli.errors import SafetyRefusal, UsageError
+from dvtcli.errors import UsageError
 from dvtcli.operations.consent.power_stage import powered_findings
 from dvtcli.operations.meanings.object_values import understood
 from dvtcli.operations.meanings.planned_words import planned_words
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import NetworkApplied
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
     from dvtcli.operations.whole_device.held_device import HeldDevice
 
 
@@ -89,8 +90,10 @@ def plan_device(session: Session, file: str, options: DeviceOptions | None = Non
     refuse_kind(file)
     held = told_of(file, session.tell)
     _refuse_nothing(held)
-    wish = NetworkWish(tuple(_wish(held, node_id) for node_id in _node_ids(session, held, options)))
-    _refuse_nobody(held, options)
+    ids = _node_ids(session, held, options)
+    wish = NetworkWish(tuple(_wish(held, node_id) for node_id in ids))
+    if options.is_clone and not held.identity["product"]:
+        _confirm_unknown(session, held, ids)
     with short_frames(session.bus) as frames, heard_ids(session.bus) as heard:
         met = identify_nodes(session, file, wish)
         met.end()
@@ -203,12 +206,20 @@ def _nothing_compared(held: HeldDevice) -> UsageError:
     )
 
 
-def _refuse_nobody(held: HeldDevice, options: DeviceOptions) -> None:
-    if options.is_clone and not held.identity["product"]:
-        raise SafetyRefusal(
-            f"{held.name} does not say which product it is of",
-            place=held.name,
-            hint=Hint(
+def _confirm_unknown(session: SessionUser, held: HeldDevice, ids: Sequence[int]) -> None:
+    """Ask for each node-ID of *ids* to be typed: *held* does not say of which product it is.
+
+    Raises SafetyRefusal without that confirmation; --force needs none.
+    """
+    if session.options.force:
+        return
+    for node_id in ids:
+        session.require_typed(
+            f"{held.name} does not say which product it is of: write it to node {node_id} all the same?",
+            str(node_id),
+            node_id,
+            Hint(Action.FORCE, why="{} writes it to this node; else ")
+            + Hint(
                 Action.APPLY,
                 {"file": held.name},
                 "writes what is configuration by the standards, on whatever device is selected",

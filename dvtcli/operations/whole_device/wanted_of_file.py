@@ -54,6 +54,8 @@ def _wanted(
 ) -> PdoConfig | None:
     """Compute the wanted PDO, whether enabling is allowed or not."""
     said = _said(node, held, pdo)
+    if said is not None and said.mpdo is not None and (said.mpdo, said.multiplexed) == (now.mpdo, now.multiplexed):
+        return replace(now, communication=_communication(node, known, pdo, now, said, left_out))
     if said is None or said.mpdo is not None or said.held_count is not None:
         if said != now:
             _leave_out(left_out, pdo.label, "is no whole PDO in the file, or multiplexed")

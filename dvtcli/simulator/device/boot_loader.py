@@ -20,9 +20,13 @@ FACTORY_PROGRAM = b"the program that a simulated device comes with"
 
 
 class BootLoader:
-    """The boot loader of one device, with faults: *fails*, writing a program fails; *alters*, one byte is corrupted."""
+    """The boot loader of one device, with faults: *fails*, writing a program fails; *alters*, one byte is corrupted.
 
-    def __init__(self) -> None:
+    While its flash memory is at work, it refuses its objects with the abort code *busy*, 0: the status says so.
+    """
+
+    def __init__(self, busy: int = 0) -> None:
+        self.busy = busy
         self.program: bytes | None = FACTORY_PROGRAM
         self.fails = self.alters = False
         self._control = _STARTED
@@ -34,7 +38,10 @@ class BootLoader:
         return sub_index == 1 and index in (_DATA, _CONTROL, _IDENTIFICATION, _STATUS)
 
     def read(self, index: int) -> bytes:
-        """The value of the control, identification or status object."""
+        """The value of the control, identification or status object. Raises Refusal if it is refused while busy."""
+        if self._busy and self.busy:
+            self._busy -= 1
+            raise Refusal(self.busy)
         if index == _CONTROL:
             return bytes([self._control])
         if index == _IDENTIFICATION:

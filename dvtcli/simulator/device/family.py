@@ -113,7 +113,8 @@ class Family:
       leave OPERATIONAL, like a vehicle in motion.
     - *plant*: the simulated machine, if the device has its objects: `cia402`, a motor; "" for none.
     - *block_size*: segments of an SDO block, 0 for no block transfer; *block_crc*: CRC support.
-    - *boot_loader*: a program can be downloaded (CiA 302-3).
+    - *boot_loader*: a program can be downloaded (CiA 302-3); *flash_busy*: abort code of its objects while the flash
+      memory is at work, 0 for a flash status (0x1F57) that says so.
     - *pins*, *motors*: virtual PDOs. *boot_state*: the state after boot-up; *boot_up_message*: the device sends one.
     - *lss_echo*: answers every request of a fast scan, and each selection, in the configuration state; *lss_wakes*:
       activates its first node-ID on return to waiting, else only at a communication reset; *lss_tells_pending*:
@@ -177,6 +178,7 @@ class Family:
     block_size: int = 127
     block_crc: bool = True
     boot_loader: bool = False
+    flash_busy: int = 0
     pins: tuple[PinCopy, ...] = ()
     motors: MotorCopy | None = None
     plant: str = ""

@@ -146,7 +146,7 @@ class StrictDevice:
         #: the services besides SDO and NMT commands
         self.services = FrameServices(self._memory, family)
         #: the boot loader, None for a fixed program and for a twin
-        self.loader = _loader() if family.boot_loader and backing is None else None
+        self.loader = _loader(family.flash_busy) if family.boot_loader and backing is None else None
         #: the LSS slave; before its first use, the bit rate (bit/s) at power-on, and the accepted bit rates
         self._lss: LssSlave | None = None
         self._rates: tuple[int | None, Collection[int] | None] = (None, ())
@@ -344,8 +344,8 @@ class StrictDevice:
         self._gates.reset(communication_only=communication_only)
 
 
-def _loader() -> BootLoader:
+def _loader(busy: int) -> BootLoader:
     """A boot loader, loaded on demand since few devices have one."""
     from dvtcli.simulator.device.boot_loader import BootLoader
 
-    return BootLoader()
+    return BootLoader(busy)

@@ -203,6 +203,7 @@ FAMILY_KEYS: Schema = {
     "block_size": integer(0, 127),
     "block_crc": boolean,
     "boot_loader": boolean,
+    "flash_busy": _ABORT,
     "pins": _pins,
     "motors": _motors,
     "plant": _plant,

@@ -14,9 +14,12 @@ import dvtcli
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import SafetyRefusal
 from dvtcli.simulator.device.boot_loader import FACTORY_PROGRAM
+from dvtcli.simulator.device.refusal import Refusal
 from dvtcli.simulator.device.simulated_faults import read_faults
+from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.family_file import load_family
 from tests import process
-from tests.bus.devices import device
+from tests.bus.devices import device, dictionary
 from tests.commands.bench import Bench, Ran
 from tests.virtual_time import VirtualTimeBus
 
@@ -27,8 +30,9 @@ HEX = ":10010000214601360121470136007EFE09D2190140\n:00000001FF\n"
 class Loading:
     """A node with a boot loader on a bus that outlives the program, and a file for it."""
 
-    def __init__(self, folder: Path, *faults: str, **options: Any) -> None:
-        self.bus = VirtualTimeBus([device(1, "loader")], faults=read_faults(faults, [1]), simulated=False)
+    def __init__(self, folder: Path, *faults: str, device_: StrictDevice | None = None, **options: Any) -> None:
+        nodes = [device_ or device(1, "loader")]
+        self.bus = VirtualTimeBus(nodes, faults=read_faults(faults, [1]), simulated=False)
         self.file = folder / "fw.bin"
         self.file.write_bytes(PROGRAM)
         words = {"node": 1, "profile": "loader", "journal": str(folder / "state"), "yes": True, **options}
@@ -63,6 +67,39 @@ def test_a_program_is_loaded_checked_started_and_seen_to_run(loading: Loading) -
     document = loading.run("--json").document
     assert (document["schema"], document["identification"]) == ("dvtcli.program/1", crc32(PROGRAM))
     assert (document["bytes"], document["restarted"]) == (3000, True)
+
+
+@pytest.mark.parametrize("busy", [0x08000022, 0x08000021, 0x06060000])
+def test_a_loader_that_refuses_while_it_is_busy_is_waited_for(busy: int, tmp_path: Path) -> None:
+    loading = Loading(tmp_path)
+    loader = loading.bus.nodes[0].device.loader
+    assert loader is not None
+    loader.busy = busy
+    with loading.bench:
+        ran = loading.run("--expect", "crc32")
+    assert (ran.code, loading.held, loading.control) == (0, PROGRAM, 1), ran
+
+
+def test_another_refusal_of_the_flash_status_ends_it(tmp_path: Path) -> None:
+    loading = Loading(tmp_path)
+    loader = loading.bus.nodes[0].device.loader
+    assert loader is not None
+    loader.busy = 0x06010000
+    with loading.bench:
+        ran = loading.run()
+    assert (ran.code, "0x06010000" in ran.stderr) == (7, True), ran
+
+
+@pytest.mark.parametrize("absent", [(0x1F57,), (0x1F56,), (0x1F56, 0x1F57)])
+def test_a_loader_without_status_or_identification(absent: tuple[int, ...], tmp_path: Path) -> None:
+    family = replace(load_family("loader"), absent={(index, 0): 0x06020000 for index in absent})
+    loading = Loading(tmp_path, device_=StrictDevice(dictionary("loader"), family, 1), profile="generic")
+    for index in absent:
+        with pytest.raises(Refusal):
+            loading.bus.nodes[0].device.upload(index, 1)
+    with loading.bench:
+        ran = loading.run()
+    assert (ran.code, loading.held, loading.control) == (0, PROGRAM, 1), ran
 
 
 def test_a_restart_that_was_not_heard_is_not_denied(tmp_path: Path) -> None:

@@ -347,6 +347,19 @@ def commissioning_in_eds(text: LintedText) -> Found:
         yield section.line, f"[{section.name}] belongs to a DCF"
 
 
+@check("unknown-module", WARNING, "ConnectedModules names a module that the file does not describe",
+       "CiA 306, 4.8 and 5.4: SupportedModules, ConnectedModules")  # fmt: skip
+def unknown_module(text: LintedText) -> Found:
+    """What such a module adds is missing in the device that the file describes."""
+    modules = text.file.dictionary.info.modules
+    for part in text.file.layout.modules.get("connectedmodules", [])[:1]:
+        for module in modules.without_description(modules.connected):
+            yield (
+                part.line,
+                f"module {module} is connected and not described: what it adds is not known",
+            )
+
+
 @check("no-commissioning", NOTE, "a DCF without NodeID in DeviceComissioning", f"{_COMMISSIONING}: DeviceComissioning")
 def no_commissioning(text: LintedText) -> Found:
     """The file does not name its node."""
