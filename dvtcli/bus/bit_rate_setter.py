@@ -59,7 +59,7 @@ class BitRateSetter:
             )
         if self._interface not in _SETTABLE | silent_settings().keys():
             raise SafetyRefusal(
-                f"the bit rate of {where} cannot be set from here", why="whoever serves that bus sets it",
+                f"the bit rate of {where} cannot be set from here", why="its server sets it",
                 hint="set it there; or open a CAN adapter of this machine",
             )  # fmt: skip
         timing = next((key for key in _TIMINGS if self._config.get(key)), None)

@@ -115,7 +115,7 @@ def _stopped(session: Conversation) -> int:
         stopped = Interrupted(word, state=state)
         stopped.exit_code, stopped.state_text = code, said
         return _shown(session, stopped)
-    left = f": what {join_some(staying)} changed is not taken back" if staying else ""
+    left = f": what {join_some(staying)} changed stays" if staying else ""
     session.output.lines([word + left])
     return code
 

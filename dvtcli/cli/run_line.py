@@ -24,7 +24,7 @@ def parse(words: Sequence[str], session: SessionUser) -> click.Context:
             raise click.UsageError(
                 f"{name} is given when dvtcli starts; here `node 5` selects a node, and `read 1:1017 5:1017` names them"
             )
-        raise click.UsageError(f"{name} stands before any command; options stand behind it")
+        raise click.UsageError(f"{name} comes before any command; options come after it")
     command = REGISTRY.get_command(root, name)
     if command is None:
         raise click.UsageError(unknown_command(name))

@@ -31,7 +31,7 @@ def another_device(node_id: int, unlike: str) -> SafetyRefusal:
         place="1018",
         why=unlike,
         hint=Hint(
-            Action.SHOW_NODE, {"node": node_id}, "is this the right one? {} takes it as it is, and begins anew with it"
+            Action.SHOW_NODE, {"node": node_id}, "is this the right one? {} takes it as it is, and begins again with it"
         ),
     )
 

@@ -91,7 +91,7 @@ class Habits:
         except FileNotFoundError:
             return Counter()
         except (OSError, ValueError, RecursionError) as wrong:
-            self.say(f"{path} does not tell what this device wants ({wrong}): it is found out anew")
+            self.say(f"{path} does not tell what this device wants ({wrong}): it is found out again")
             return Counter()
 
 

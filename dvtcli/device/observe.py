@@ -86,7 +86,7 @@ def observed(witness: RebootMonitor, look: Callable[[], T], node_id: int | None 
     raise NoAnswer(
         f"{name} restarted, or lost an answer, each of {MOST_LOOKS} times that it was read back",
         node=node_id,
-        hint="look at its supply and its wiring, then try again",
+        hint="check its supply and its wiring, then try again",
     )
 
 
@@ -97,5 +97,5 @@ def restarted_since_read(node_id: int, lost: Iterable[str] = ()) -> SafetyRefusa
         f"node {node_id} restarted since it was read; run it again",
         node=node_id,
         why=f"its boot-up was received, and no reset was sent from here; {f'lost: {gone}' if gone else 'RAM is lost'}",
-        hint=Hint(Action.SHOW_PDOS, why="look at its supply; {} shows what it holds now"),
+        hint=Hint(Action.SHOW_PDOS, why="check its supply; {} shows what it holds now"),
     )

@@ -216,7 +216,7 @@ class ProgramDownload:
             place=failed.place if isinstance(failed, DvtcliError) else None,
             abort=failed.abort if isinstance(failed, DvtcliError) else None,
             why=failed.why if isinstance(failed, DvtcliError) else None,
-            hint="download the file again: its boot loader takes it as before; where it is silent, power it off and on",
+            hint="download the file again: its boot loader takes it as before; if it is silent, power it off and on",
         )  # fmt: skip
         left.state_text = f"the device holds {self.stage.value}"
         return left

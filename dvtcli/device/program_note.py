@@ -56,4 +56,4 @@ class ProgramNotes:
         return f"{said}{stage.value}; {_NEXT}"
 
 
-_NEXT = "load the program again, or forget that where it is all right"
+_NEXT = "load the program again, or forget that if the device is all right"

@@ -89,11 +89,11 @@ class SentReset:
             f"node {self.node_id} sent no boot-up message within {self.timeout_s:.0f} s after its reset, "
             "nor any answer",
             node=self.node_id,
-            hint=Hint(Action.FIND_NODES, why="look at the node, then {}"),
+            hint=Hint(Action.FIND_NODES, why="check the node, then {}"),
             state="unknown",
         )
         if (state := self.bus.nmt_state(self.node_id)) is not None:  # heard since the reset was sent
-            silent.hint = Hint(Action.FIND_NODES, why="it answers no SDO: look at the node, then {}")
+            silent.hint = Hint(Action.FIND_NODES, why="it answers no SDO: check the node, then {}")
             silent.state_text = f"{state.label}, as its heartbeat says; whether it was reset is not known"
         return silent
 
@@ -137,7 +137,7 @@ def reset_all_and_wait(
         raise NoAnswer(
             f"no boot-up message within {timeout_s:.0f} s after the reset from node {', '.join(silent)}, "
             "nor any answer",
-            hint=Hint(Action.FIND_NODES, why="look at it, then {}"),
+            hint=Hint(Action.FIND_NODES, why="check it, then {}"),
             state="unknown",
         )
     return [reset.node_id for reset in sent if not reset.booted]

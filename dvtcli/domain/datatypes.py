@@ -166,7 +166,7 @@ def _encode_latin(text: str) -> bytes:
     try:
         return text.encode("latin-1")
     except UnicodeEncodeError as wrong:
-        raise ValueError(f"{text[wrong.start]!r} is none of the characters of a VISIBLE_STRING") from None
+        raise ValueError(f"{text[wrong.start]!r} is not one of the characters of a VISIBLE_STRING") from None
 
 
 _NUMBER = re.compile(r"(?P<sign>-?)(?:(?P<decimal>[0-9]{1,40})|0[xX](?P<hex>[0-9a-fA-F]{1,38}))")

@@ -71,7 +71,7 @@ def _spaced(line: str) -> Frame | None:
         return _frame(digits, b"", remote=True, dlc=int(length or 0))
     data = bytes(int(word, 16) for word in rest.split())
     if length is not None and int(length) != len(data):
-        raise ValueError(f"[{length}] says another length than the {len(data)} bytes behind it")
+        raise ValueError(f"[{length}] says another length than the {len(data)} bytes after it")
     return _frame(digits, data)
 
 

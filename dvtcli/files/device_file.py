@@ -62,7 +62,7 @@ def must_describe(dictionary: ObjectDictionary) -> None:
     if not len(dictionary):
         source = dictionary.source
         hint = Hint(Action.CHECK_EDS, {"file": source}, "is it cut short? {} says more") + Hint(
-            Action.REMOVE_EDS, why="where it is in the library, {} takes it out"
+            Action.REMOVE_EDS, why="if it is in the library, {} takes it out"
         )
         raise InputFileError(f"{source} describes no object", place=source, hint=hint)
 

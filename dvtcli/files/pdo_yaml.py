@@ -135,7 +135,7 @@ def _root(text: str) -> MappingNode:
         if not isinstance(key, ScalarNode) or key.value not in _KEYS:
             raise _unknown(key, line)
         if key.value in seen:
-            raise wrong_at(line, f"{key.value} stands in line {seen[key.value]} already")
+            raise wrong_at(line, f"{key.value} is in line {seen[key.value]} already")
         seen[key.value] = line
     return node
 

@@ -39,7 +39,7 @@ def read_network_plan(path: Path) -> NetworkPlan:
             raise ValueError("it names no nodes")
         planned = tuple(sorted(map(_node, nodes), key=lambda plan: plan.node_id))
         if len({plan.node_id for plan in planned}) != len(planned):
-            raise ValueError("a node stands twice")
+            raise ValueError("a node occurs twice")
         return NetworkPlan(str(document.get("file", path)), planned, document.get("sync_master") is True)
     except (ValueError, RecursionError) as wrong:
         raise InputFileError(

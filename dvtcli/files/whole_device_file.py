@@ -97,7 +97,7 @@ def _objects(path: Path, lines: Iterable[tuple[int, dict[str, Any]]]) -> dict[tu
     for number, line in lines:
         place, one = _object(path, number, line)
         if place in found:
-            raise _wrong(path, number, f"{place[0]:04X}:{place[1]:02X} stands in line {at[place]} too")
+            raise _wrong(path, number, f"{place[0]:04X}:{place[1]:02X} is in line {at[place]} too")
         found[place], at[place] = one, number
     return found
 

@@ -463,7 +463,7 @@ os.kill(os.getpid(), signal.SIGKILL)
         thread.start()
         assert bus.node(3).recover(yes=True)
         thread.join()
-        assert bus.node(1).pdo("tpdo1").config.communication.event_timer == 33, "lost, and put back once more"
+        assert bus.node(1).pdo("tpdo1").config.communication.event_timer == 33, "lost, and rolled back once more"
 
 
 def test_a_program_logs_in_and_out() -> None:

@@ -38,7 +38,7 @@ def typed_words(hint: str) -> list[str]:
 @pytest.mark.together
 def test_all_hints_are_found() -> None:
     assert len(all_hints()) > 100
-    for hint in ("which one? 5", "look at its supply, then try again"):
+    for hint in ("which one? 5", "check its supply, then try again"):
         assert hint in all_hints()
 
 

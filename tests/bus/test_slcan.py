@@ -197,7 +197,7 @@ def test_an_adapter_that_is_plugged_in_again_is_opened_again(plug: Plug, tmp_pat
 
         assert come_back(bench.session, was, caught.value, lambda: False, plugged_in_again)
         ran = bench.run("pdo tpdo1 --json")
-        assert ran.document["pdos"][0]["event_timer_ms"] == 0, "another adapter, and another Gen4 behind it"
+        assert ran.document["pdos"][0]["event_timer_ms"] == 0, "another adapter, and another Gen4 after it"
         with pytest.raises(BusUnavailable):
             was.sdo(1).upload(0x1000, 0)
     assert [event.document()["event"] for event in told] == ["gone", "back"]

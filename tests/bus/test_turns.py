@@ -192,9 +192,9 @@ def test_how_many_are_asked_at_once_is_decided_as_each_begins() -> None:
         return work
 
     assert bus.side_by_side([works(number, 2 * HEARD_S) for number in range(MOST_AT_ONCE + 2)]) == []
-    assert begun_s[1] - begun_s[0] >= HEARD_S, "so long nobody knows whether a machine runs"
+    assert begun_s[1] - begun_s[0] >= HEARD_S, "so long it is not known whether a machine runs"
     assert beside[:MOST_AT_ONCE] == list(range(MOST_AT_ONCE)), "then it is known, while the first one goes on"
-    assert beside[MOST_AT_ONCE:] == [0, 0], "a PDO was heard meanwhile"
+    assert beside[MOST_AT_ONCE:] == [0, 0], "a PDO was received meanwhile"
     ends[1].shutdown()
     bus.close()
 

@@ -135,7 +135,7 @@ def test_what_undo_remembers_needs_no_backup(kept: BackingUp) -> None:
     assert kept.needed(IDENTITY, dict([before, other]))
     assert kept.needed(IDENTITY, dict([held("tpdo1", 40)]))
     kept.past.path(5, IDENTITY).write_text("rubbish", "utf-8")
-    assert kept.needed(IDENTITY, dict([before])), "nobody knows what it remembered"
+    assert kept.needed(IDENTITY, dict([before])), "it is not known what it remembered"
     assert not kept.needed(IDENTITY, {})
 
 

@@ -16,7 +16,7 @@ BOTH = {TPDO1: FIRST, TPDO2: SECOND}
 def test_without_a_boot_up_nobody_knows_what_was_written_before() -> None:
     boot_snapshot = BootSnapshot()
     boot_snapshot.read(0, BOTH)
-    assert boot_snapshot.why_not(0, BOTH) == "no boot-up of the node was heard"
+    assert boot_snapshot.why_not(0, BOTH) == "no boot-up message was received"
     assert BootSnapshot().why_not(1, BOTH) == "its PDOs were not read after its last boot-up"
 
 
@@ -39,8 +39,8 @@ def test_parts_of_it_may_be_read_one_after_the_other() -> None:
 def test_a_pdo_that_is_gone_is_not_as_it_came_up() -> None:
     boot_snapshot = BootSnapshot()
     boot_snapshot.read(1, BOTH)
-    assert boot_snapshot.why_not(1, {TPDO1: FIRST}) == "TPDO2 came up with it and cannot be read any more"
-    assert boot_snapshot.why_not(1, {}) == "TPDO1, TPDO2 came up with it and cannot be read any more"
+    assert boot_snapshot.why_not(1, {TPDO1: FIRST}) == "TPDO2 came up with it and can no longer be read"
+    assert boot_snapshot.why_not(1, {}) == "TPDO1, TPDO2 came up with it and can no longer be read"
 
 
 def test_the_first_reading_counts_and_not_what_somebody_else_made_of_it() -> None:

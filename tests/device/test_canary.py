@@ -97,7 +97,7 @@ def test_it_is_told_with_its_place_and_both_values() -> None:
     found = place(node())
     before = found.before.communication.event_timer
     assert found.text == f"0x1800:05 (event timer of TPDO1) {before} -> {found.after.communication.event_timer}"
-    assert found.put_back_text == f"0x1800:05 (event timer of TPDO1) is put back to {before}, read back equal"
+    assert found.put_back_text == f"0x1800:05 (event timer of TPDO1) is rolled back to {before}, read back equal"
 
 
 def test_it_survived_where_its_value_is_there_whatever_else_changed() -> None:
@@ -186,7 +186,7 @@ def test_what_cannot_be_put_back_is_left_to_recover_and_nothing_may_be_stored(ke
     silent_for_good(kept)
     with pytest.raises(LeftChanged) as caught:
         canary.roll_back()
-    assert caught.value.text == f"node {NODE} was changed to prove the store, and that could not be put back"
+    assert caught.value.text == f"node {NODE} was changed to prove the store, and that could not be rolled back"
     assert (caught.value.why or "").startswith(canary.place.text)
     assert (caught.value.place, kept.journal.exists()) == (str(kept.journal), True)
     assert "recover" in typed(caught.value.hint)
@@ -200,7 +200,7 @@ def test_a_fault_meanwhile_is_told_with_what_became_of_it(kept: KeptBench) -> No
     canary, before = plant(kept)
     fault = NoAnswer("no boot-up", state="unknown")
     canary.roll_back_after(fault)
-    assert fault.details == [("changed", f"{canary.place.text}: put back, read back equal")]
+    assert fault.details == [("changed", f"{canary.place.text}: rolled back, read back equal")]
     assert (fault.state, kept.node.pdos()) == ("unknown", before)
     again, _ = plant(kept)
     again.roll_back_after(KeyboardInterrupt())
@@ -232,4 +232,4 @@ def test_one_that_was_changed_before_something_failed_is_put_back_at_once(kept: 
     with pytest.raises(DvtcliError) as caught:
         choose_canary(kept.node, before)
     assert kept.node.pdos() == before
-    assert any(text.endswith("put back, read back equal") for _, text in caught.value.details)
+    assert any(text.endswith("rolled back, read back equal") for _, text in caught.value.details)

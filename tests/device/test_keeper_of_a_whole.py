@@ -151,7 +151,7 @@ def test_a_whole_that_changed_nothing_leaves_nothing(keep: Keep) -> None:
 def test_a_line_that_no_undo_reverts_is_on_disk_before_it_begins(keep: Keep) -> None:
     one = keep()
     one.own_journal.final("store")
-    assert one.open_journal() is None, "nothing was changed: nothing to put back"
+    assert one.open_journal() is None, "nothing was changed: nothing to roll back"
     make(one, 0x2000)
     one.own_journal.final("store")
     assert journal(one).part.final == "store"
@@ -178,7 +178,7 @@ def test_a_damaged_journal_says_what_closes_it(keep: Keep) -> None:
         one.refuse_while_open()
     assert (
         typed(caught.value.hint)
-        == f"the journal is damaged: `recover --discard` sets {path} aside, then look at the node with `pdo`"
+        == f"the journal is damaged: `recover --discard` sets {path} aside, then check the node with `pdo`"
     )
 
 
@@ -192,7 +192,7 @@ def test_what_is_recovered_is_forgotten_and_so_is_what_undo_knew_of_it(keep: Kee
     assert past.entries(5, IDENTITY) == []
     assert (one.open_journal(), one.lock.noted(), markers(one)) == (None, None, 0)
     make(one, 0x2002)
-    assert indices(one) == [0x2002], "what was put back is no part of what comes after it"
+    assert indices(one) == [0x2002], "what was rolled back is no part of what comes after it"
 
 
 def test_a_journal_that_was_kept_elsewhere_is_forgotten_there(keep: Keep) -> None:
@@ -247,7 +247,7 @@ def test_a_folder_that_takes_nothing_is_the_users_to_mend(keep: Keep, tmp_path: 
     assert (caught.value.place, typed(caught.value.hint)) == (str(state), f"mv {state} {state}.old")
     (tmp_path / "state").unlink()
     make(one, 0x2001)
-    assert indices(one) == [0x2001], "what was never begun is not put back"
+    assert indices(one) == [0x2001], "what was never begun is not rolled back"
 
 
 def test_a_journal_that_cannot_be_removed_is_said_with_what_holds(keep: Keep, tmp_path: Path) -> None:

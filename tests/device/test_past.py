@@ -90,7 +90,7 @@ def test_a_change_is_meant_from_its_own_node_and_from_where_it_was_made_as_far_b
         ChangeHistory(tmp_path, "can0", selected=selected).add(plan(value=value), IDENTITY)
     past = ChangeHistory(tmp_path, "can0")
     assert values(past) == values(past, 5) == [1, 2, 3, 4]
-    assert values(past, 7) == [3, 4], "what lies behind one that was not made from there would be put back out of turn"
+    assert values(past, 7) == [3, 4], "what lies behind one that was not made from there would be undone out of turn"
     assert values(past, 9) == []
     assert [len(past.tops(selected)) for selected in (None, 5, 7, 9)] == [1, 1, 1, 0]
 
@@ -217,7 +217,7 @@ def test_what_cannot_be_written_is_said_and_has_its_place_among_the_session_s_ch
     past.forget(held, BACK)
     folder.unlink()
     (tmp_path / "away").rename(folder)
-    undone = "it is put back, but what can be undone cannot be written down: Not a directory"
+    undone = "it is rolled back, but what can be undone cannot be written down: Not a directory"
     refused = f"{folder} is not used: it is a file, and no folder"
     assert said == [*2 * [f"the change is done, but cannot be remembered for a later undo: {refused}"], undone]
     past.forget_own(1, BACK)

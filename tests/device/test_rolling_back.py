@@ -189,7 +189,7 @@ def test_an_entry_behind_the_count_goes_back_with_its_pdo_whose_count_is_in_its_
     old, new = sdo.upload(0x1A00, 2), (0x606C_0020).to_bytes(4, "little")
     assert (len(before.mapping), old != new) == (1, True)
     unknown = ValueChange(Step(0x1A00, 4, None, new, "write-only, as it was said"))
-    entry = ValueChange(Step(0x1A00, 2, old, new, "behind the count"))
+    entry = ValueChange(Step(0x1A00, 2, old, new, "after the count"))
     sdo.download(0x1800, 5, (77).to_bytes(2, "little"))
     for sub_index, data in ((0, b"\0"), (2, new), (0, b"\1")):
         sdo.download(0x1A00, sub_index, data)

@@ -178,7 +178,7 @@ def test_a_difference_is_laid_to_a_restart_only_where_there_was_one(sdo: DirectS
     assert "took 1017:00 without an error" in str(error), "it restarted before the change only"
     error = failed(FaultySdo(sdo, ignore, 1), value(sdo, 1000), witness=Restarts(1))
     assert str(error) == f"node {NODE} restarted while 1017:00 was changed, and reads back differently"
-    assert typed(error.hint) == "look at its supply, then try again"
+    assert typed(error.hint) == "check its supply, then try again"
     assert (error.place, error.why) == ("1017:00", "0x1017:00 is 0x01F4, expected 0x03E8")
 
 
@@ -200,7 +200,7 @@ def test_a_device_that_restarts_each_time_it_is_put_back_proves_nothing(sdo: Dir
     change = value(sdo, 1000)
     error = failed(FaultySdo(Slow(sdo.device), refuse, 1), change, clock=clock, witness=Restarts(0, always=True))
     assert isinstance(error, LeftChanged)
-    assert "the node restarted, or lost an answer, each time that it was put back" in str(error.why)
+    assert "the node restarted, or lost an answer, each time that it was rolled back" in str(error.why)
     assert clock.now_s() >= PATIENCE_S
 
 
@@ -295,7 +295,7 @@ def test_of_one_that_was_not_read_whole_the_cob_id_is_put_back_and_that_is_said(
     assert (error.state, read_pdo(sdo, TPDO1), read_pdo(sdo, TPDO2)) == ("rolled_back", change.before, before)
     assert error.state_text == (
         "rolled back: TPDO1 is as it was, and TPDO2 has its COB-ID again, read back equal; what else it held was not "
-        "read before: look at it"
+        "read before: check it"
     )
 
 
@@ -379,10 +379,10 @@ class Life:
             None,
             False,
             "it answers again: an answer or request may be lost or late, or it restarted unheard",
-            "try again; where that repeats",
+            "try again; if it repeats",
         ),
-        ("no acknowledgement", False, "no acknowledgement", "try again; where that repeats"),
-        (None, True, "it restarted meanwhile: its boot-up message was heard", "look at its supply, then try again"),
+        ("no acknowledgement", False, "no acknowledgement", "try again; if it repeats"),
+        (None, True, "it restarted meanwhile: its boot-up message was received", "check its supply, then try again"),
     ],
 )
 def test_a_node_that_answers_again_is_not_said_to_be_off(

@@ -159,7 +159,7 @@ def test_a_file_is_opened_for_its_owner_alone_and_never_elsewhere(tmp_path: Path
         with pytest.raises(SafetyRefusal) as caught:
             open_private(tmp_path / name, os.O_RDONLY)
         assert caught.value.text == f"{tmp_path / name} is not used: {reason}"
-        assert typed(caught.value.hint) == "look at it, then remove it"
+        assert typed(caught.value.hint) == "check it, then remove it"
 
 
 @AS_ROOT

@@ -7,7 +7,7 @@ from dvtcli.errors import LeftChanged, LeftObject
 
 
 def left(node_id: int, label: str, *, known: bool = True, as_before: tuple[str, ...] = ()) -> LeftChanged:
-    error = LeftChanged("not put back", node=node_id, state="left_changed")
+    error = LeftChanged("not rolled back", node=node_id, state="left_changed")
     error.left = (LeftObject(node_id, label, "1800:05", b"\1", b"\0", "1 instead of 0", is_known=known),)
     error.as_before = {node_id: as_before} if as_before else {}
     return error
@@ -20,5 +20,5 @@ def test_each_node_is_said_with_what_is_left_of_it() -> None:
         "LEFT CHANGED: TPDO1 of node 5; what node 6 holds of 0x1017:00 is not known; "
         "TPDO2 of node 5 is as it was, read back equal"
     )
-    assert could_not(error, 5, "put back") == "TPDO1 of node 5 could not be put back"
-    assert could_not(error, 7, "put back") is None
+    assert could_not(error, 5, "rolled back") == "TPDO1 of node 5 could not be rolled back"
+    assert could_not(error, 7, "rolled back") is None

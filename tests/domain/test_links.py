@@ -107,11 +107,11 @@ def test_a_multiplexed_or_half_pdo_is_no_side_of_a_link() -> None:
 
 def test_types_that_differ_and_parts_are_said() -> None:
     assert [(one.rule, one.text) for one in link("i16 i32", "u16").findings] == [
-        ("link-type", '2200:00 "rpdo2 0" of 5:rpdo2 is u16 and hears 2100:00 "tpdo1 0", i16')
+        ("link-type", '2200:00 "rpdo2 0" of 5:rpdo2 is u16 and receives 2100:00 "tpdo1 0", i16')
     ]
     found = link("i16 u16", "16 u8 8")
     assert [(one.rule, one.text) for one in found.findings] == [
-        ("link-part", '2201:00 "rpdo2 1" of 5:rpdo2 hears 8 of the 16 bits of 2101:00 "tpdo1 1"')
+        ("link-part", '2201:00 "rpdo2 1" of 5:rpdo2 receives 8 of the 16 bits of 2101:00 "tpdo1 1"')
     ]
 
 

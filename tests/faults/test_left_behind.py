@@ -112,7 +112,7 @@ def test_of_an_atomic_script_what_nobody_can_read_is_left_and_the_rest_is_as_bef
         script.write_text("set tpdo1 --timer 9\nwrite 2004 5\nset tpdo2 --timer 8\nread 5FFF\n")
         error = error_of(bench.run(f"run {script} --atomic --json"))
         assert differing(before, devices) == {(5, "2004:00")}
-        assert error["text"] == "2004:00 of node 5 could not be taken back"
+        assert error["text"] == "2004:00 of node 5 could not be rolled back"
         assert [(row["changed"], row["object"], row["holds"], row["before"]) for row in error["left"]] == [
             ("2004:00", "2004:00", None, None)
         ]
@@ -149,7 +149,7 @@ def test_of_a_node_that_is_silent_nothing_is_known(fault: str, tmp_path: Path) -
     with bench:
         ran = bench.run("map tpdo1 6041 6064")
         assert ran.code == 7
-        assert "error: TPDO1 of node 5 could not be put back" in ran.stderr
+        assert "error: TPDO1 of node 5 could not be rolled back" in ran.stderr
         assert "  left    TPDO1 of node 5: what it holds is not known: node 5 did not answer" in ran.stderr
         assert "see above" not in ran.stderr
         assert "is as it was" not in ran.stderr

@@ -76,7 +76,7 @@ def test_one_that_does_so_each_time_is_left_changed_and_says_so(tmp_path: Path) 
     assert journal is not None
     left = journal.interrupted()
     assert left is not None
-    assert {change.label for change in left.plan.changes} == {"TPDO1", "TPDO2"}, "both have to be put back"
+    assert {change.label for change in left.plan.changes} == {"TPDO1", "TPDO2"}, "both have to be rolled back"
 
 
 def test_an_event_timer_moves_no_other_pdo_and_reads_only_their_cob_ids(tmp_path: Path) -> None:

@@ -99,7 +99,7 @@ def test_value(short: str, text: str, value: object) -> None:
         ("r32", "1,5", "could not convert"),
         ("r32", "1_0", "not a number"),
         ("r32", "1e99", "does not fit"),
-        ("vs", "5 Ω", "'Ω' is none of the characters of a VISIBLE_STRING"),
+        ("vs", "5 Ω", "'Ω' is not one of the characters of a VISIBLE_STRING"),
         ("os", "xyz", "hexadecimal bytes"),
         ("os", "123", "hexadecimal bytes"),
         ("t", "0x1FFFFFFFFFFFF", "48 bits"),

@@ -396,7 +396,7 @@ def test_a_length_that_is_not_that_of_the_bytes_is_damage(form: str, said: int, 
         return
     with pytest.raises(InputFileError, match="damaged after 1 frame") as failed:
         list(read_recording(path))
-    assert f"the length {said} is not that of the 3 bytes behind it" in failed.value.why
+    assert f"the length {said} is not that of the 3 bytes after it" in failed.value.why
 
 
 def test_a_length_of_pcan_view_may_be_a_code_of_can_fd(tmp_path: Path) -> None:

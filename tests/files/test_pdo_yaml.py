@@ -56,7 +56,7 @@ def test_values_are_read_as_they_stand() -> None:
 @pytest.mark.parametrize(
     ("text", "line", "says"),
     [
-        ("type: 1\ntype: 2\n", 2, "stands in line 1 already"),
+        ("type: 1\ntype: 2\n", 2, "is in line 1 already"),
         ("type: 1\ninhibt_ms: 2\n", 2, "did you mean 'inhibit_ms'?"),
         ("\n\ntype: 256\n", 3, "0…255"),
         ("inhibit_ms: 0.05\n", 1, "steps of 0.1"),

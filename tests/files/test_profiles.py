@@ -50,7 +50,7 @@ def test_every_value_names_its_source(path: Path) -> None:
         elif "=" in line.partition("#")[0] and not (source.search(line) or source.search(table)):
             missing.append(f"{path.name}:{number}: {line}")
         previous = line
-    assert not missing, "say its source behind it, or above its table: a paper that the file's head names, or assumed"
+    assert not missing, "say its source after it, or above its table: a paper that the file's head names, or assumed"
 
 
 @pytest.mark.parametrize(

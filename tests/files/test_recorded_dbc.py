@@ -217,7 +217,7 @@ def test_a_mapping_that_is_not_all_there_is_refused_with_what_is_missing(tmp_pat
     half = [*cob_id, *uploaded((0x1A00, 0), b"\2"), *uploaded((0x1A00, 2), b"\x10\0\0\x20")]
     text, ran = converted(recorded(tmp_path / "run.log", half))
     assert (text, ran.code) == ("", 2)
-    assert "TPDO1 of node 5: 1A00:01 was not heard" in ran.stderr
+    assert "TPDO1 of node 5: 1A00:01 was not received" in ran.stderr
     text, ran = converted(recorded(tmp_path / "run.asc", [Frame(0x185, b"12345678")]))
     assert (text, ran.code) == ("", 2)
     assert "does not say what its PDOs carry" in ran.stderr
@@ -225,7 +225,7 @@ def test_a_mapping_that_is_not_all_there_is_refused_with_what_is_missing(tmp_pat
     whole = [*cob_id, *uploaded((0x1A00, 0), b"\1"), *uploaded((0x1A00, 1), entry)]
     text, ran = converted(recorded(tmp_path / "run.log", [*whole, BOOT_UP]))
     assert (text, ran.code) == ("", 2)
-    assert "TPDO1 of node 5: nothing was heard of it after the node's last boot-up" in ran.stderr
+    assert "TPDO1 of node 5: nothing was received of it after the node's last boot-up" in ran.stderr
 
 
 def test_nodes_are_chosen_and_one_that_says_nothing_is_named(passed: Passed, tmp_path: Path) -> None:
@@ -234,7 +234,7 @@ def test_nodes_are_chosen_and_one_that_says_nothing_is_named(passed: Passed, tmp
         ran = bench.run(f"eds convert {path} {tmp_path / 'run.dbc'}")
     assert ran.code == 0, ran
     assert "1 node, " in ran.stdout
-    assert "left out: node 9: no mapping was heard" in ran.stdout
+    assert "left out: node 9: no mapping received" in ran.stdout
 
 
 def test_a_program_gives_the_file_that_has_the_names(tmp_path: Path) -> None:

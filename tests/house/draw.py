@@ -25,7 +25,7 @@ ROOMS: dict[str, str] = {
     "interpreter": "the Python that runs code of ours in another process",
     "domain": "what a PDO is, what is legal, what must be written",
     "errors": "the one tree of failures",
-    "device": "one device over the seams: reading, changing, putting back",
+    "device": "one device over the seams: reading, changing, rolling back",
     "bus": "ways to a bus, the strict SDO client, discovery",
     "watch": "frames as they pass or were recorded",
     "files": "one file or folder a format",

@@ -29,7 +29,7 @@ COMMANDS = (
     ("--sim gen4 --yes map tpdo3 6041", "", "read back equal"),
     ("--sim gen4 export x.dcf", "", "x.dcf: node 1"),
     ("--sim gen4 report x.html", "", "x.html: sim, 1 node"),
-    ("--sim gen4 tour", "\n" * 20, "TPDO1 put back"),
+    ("--sim gen4 tour", "\n" * 20, "TPDO1 rolled back"),
 )
 
 

@@ -64,7 +64,7 @@ def test_recover_puts_back_what_a_killed_learn_changed(bench: Bench, step: int) 
     assert "of node 5; recover?" in compared
     code, stdout, stderr = bench.run("recover", "--yes")
     assert code == 0, stderr
-    named, _, rest = stdout.splitlines()[-1].partition(" put back: ")
+    named, _, rest = stdout.splitlines()[-1].partition(" rolled back: ")
     if rest:
         assert set(named.split(", ")) <= {"TPDO5", "RPDO5"}, "only what was written"
         assert " more are as before" in rest

@@ -61,7 +61,7 @@ def test_entries_that_do_not_go_back_are_asked_of_a_pdo_whose_do() -> None:
     with VirtualWire(one).bench() as bench:
         consent = " ".join(bench.run("learn").stderr.split())
         ran = bench.run("learn --yes --json")
-    assert "instead, off meanwhile, if an entry of 0 cannot be put back" in consent
+    assert "instead, off meanwhile, if an entry of 0 cannot be rolled back" in consent
     assert ran.code == 0, ran
     assert held(one) == before
     asked = ran.document["pdos"]

@@ -131,6 +131,6 @@ def test_a_pdo_that_is_not_whole_and_was_altered_is_named() -> None:
     ask(node)
     assert node.pdos() == before
     channel.altered = {OTHERS_TIMER: b"\x55\0"}
-    with pytest.raises(LeftChanged, match="TPDO1 of node 1 could not be put back") as caught:
+    with pytest.raises(LeftChanged, match="TPDO1 of node 1 could not be rolled back") as caught:
         ask(node)
     assert caught.value.why == "the device altered TPDO1 beside what it was asked"

@@ -272,7 +272,7 @@ def test_a_finding_has_the_columns_of_its_value(tmp_path: Path) -> None:
     (sarif,) = json.loads(check(tmp_path, text, "--format", "sarif").stdout)["runs"]
     (one,) = [one for one in sarif["results"] if one["ruleId"] == "eds-version"]
     region = one["locations"][0]["physicalLocation"]["region"]
-    assert (region["startColumn"], region["endColumn"]) == (16, 19), "the end is the column behind it"
+    assert (region["startColumn"], region["endColumn"]) == (16, 19), "the end is the column after it"
 
 
 def test_pdos_are_judged_as_on_a_device_of_the_family(tmp_path: Path) -> None:

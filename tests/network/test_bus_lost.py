@@ -121,7 +121,7 @@ def test_a_script_names_only_the_nodes_that_it_had_written_to(nodes: Killable) -
     (nodes.folder / "x.dvt").write_text(LINES)
     before = held(nodes)
     code, error = cut_off(nodes, ["run", str(nodes.folder / "x.dvt"), "--atomic"], 15, of_node_3)
-    assert (error["text"], error["also"]) == ("TPDO1 of node 1 could not be taken back", [])
+    assert (error["text"], error["also"]) == ("TPDO1 of node 1 could not be rolled back", [])
     told_true(nodes, code, error, before)
 
 

@@ -100,9 +100,9 @@ def test_a_kill_while_nodes_store_is_said_and_goes_back_or_on(nodes: Killable) -
     assert killed(nodes, "defaults: {store: true}\n" + FILE, 2, is_save) == -SIGKILL
     recovered = as_printed(nodes, nodes.dvtcli("recover").stderr, "recover --yes")
     assert recovered.returncode == 0, recovered.stderr
-    assert "had begun: node 1 stored what was taken back; `dvtcli " in recovered.stderr
+    assert "had begun: node 1 stored what was rolled back; `dvtcli " in recovered.stderr
     assert "-n 1 store` keeps what it holds now" in recovered.stderr
-    assert "had begun: node 3 may have stored what was taken back" in recovered.stderr
+    assert "had begun: node 3 may have stored what was rolled back" in recovered.stderr
     assert "node 1 may have" not in recovered.stderr
     assert held(nodes) == before
     same = nodes.folder / "same.yaml"
@@ -156,7 +156,7 @@ def test_what_is_not_verified_any_more_is_not_stored(nodes: Killable) -> None:
     bus.send(can.Message(arbitration_id=0, data=[0x81, 3], is_extended_id=False))  # node 3 loses what it did not store
     finished = nodes.dvtcli("recover", "--finish", "--yes")
     assert finished.returncode == 6
-    assert "node 3 does not hold any more what was verified" in finished.stderr
+    assert "node 3 no longer holds what was verified" in finished.stderr
     assert len(journals(nodes)) == 3
 
 

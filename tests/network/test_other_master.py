@@ -51,7 +51,7 @@ def test_beside_another_master_nothing_is_written(nodes: Served, said: str) -> N
     with sending(nodes.attach(), can_id, bytes.fromhex(data)):
         refused = nodes.dvtcli("--yes", "apply", file)
         assert refused.returncode == 6, refused.stderr
-        assert f"another master is active: {said} was heard" in refused.stderr
+        assert f"another master is active: {said} was received" in refused.stderr
         assert nodes.dvtcli("diff", file).returncode == 3
     assert nodes.dvtcli("--yes", "apply", file).returncode == 0
 

@@ -129,7 +129,7 @@ def test_the_others_are_asked_and_it_goes_back(chain: Chain, home: Path, ids: tu
     assert (types(chain), chain.journals()) == (before, [])
     assert set(stamps(chain).values()) == {0}
     assert [
-        text.partition(" stored what")[0][-1] for text in said.warnings if " stored what was taken back" in text
+        text.partition(" stored what")[0][-1] for text in said.warnings if " stored what was rolled back" in text
     ] == [str(one) for one in IDS if one not in ids]
     assert "may have stored" not in str(said.warnings)
 
@@ -315,7 +315,7 @@ def test_the_question_says_what_is_to_be_written_and_what_is_only_compared(chain
             recover(session)
     question = asked.questions[-1]
     back, _, same = question.partition("; ")
-    assert back == "TPDO1 of node 7, TPDO1 of node 9 will be put back as before the interrupted change"
+    assert back == "TPDO1 of node 7, TPDO1 of node 9 will be rolled back as before the interrupted change"
     assert same.startswith("as before the interrupted change, and only compared: TPDO1")
     assert same.endswith(" of node 5; recover?")
     assert len(chain.journals()) == 3

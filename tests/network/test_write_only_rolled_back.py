@@ -88,7 +88,7 @@ def test_recover_names_what_stays() -> None:
     with bench(f"5:{REFUSED}") as network:
         assert network.run("apply net.yaml").code == 7
         ran = network.run("recover")
-        assert "2050:00 of node 6 NOT put back: what was there before is not known" in ran.stdout, ran
+        assert "2050:00 of node 6 NOT rolled back: what was there before is not known" in ran.stdout, ran
         assert "equal" not in ran.stdout
 
 
@@ -107,7 +107,7 @@ def test_an_apply_says_what_undo_reverts_and_undo_reverts_that(file: str, said: 
         assert f"In RAM only on node 6: `store` keeps it, {said}" in ran.stdout
         undone = network.run("undo --all")
         assert (undone.code, trim(network), limits(network)) == (0, b"\x01", [bytes(2)] * 2), undone
-        assert "2050:00 of node 6 NOT put back: what was there before is not known" in undone.stdout
+        assert "2050:00 of node 6 NOT rolled back: what was there before is not known" in undone.stdout
 
 
 def test_an_undo_of_write_only_values_alone_is_refused() -> None:

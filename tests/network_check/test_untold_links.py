@@ -40,7 +40,7 @@ def test_a_link_is_none_that_nobody_sends_or_takes(first: str, second: str, tmp_
         assert (ran.code, of_link) == (0, [])
         loaded = bench.run(f"load {path}")
         assert loaded.code == 0
-        assert "2:rpdo1 hear" not in loaded.stdout
+        assert "2:rpdo1 receive" not in loaded.stdout
 
 
 def test_the_can_id_is_what_the_file_says_of_the_tpdo(tmp_path: Path) -> None:

@@ -133,7 +133,7 @@ def test_a_heartbeat_that_stops_is_said(wire: Wire, terminal: Terminal) -> None:
     for _ in range(3):
         wire.say(0x705, PRE_OPERATIONAL)
     terminal.wait("NO HEARTBEAT")
-    terminal.wait("node 5  no heartbeat any more: the last one came")
+    terminal.wait("node 5  heartbeat lost: the last one came")
     wire.say(0x705, PRE_OPERATIONAL)
     terminal.wait("node 5  heartbeat is back")
 
@@ -159,7 +159,7 @@ def test_a_bus_that_goes_away_is_said_and_the_prompt_stays(wire: Wire, open_term
     terminal = opened(wire, open_terminal, "--no-reconnect")
     wire.hang_up()
     terminal.wait("FAILED")
-    terminal.wait("failed (receive): nothing is heard any more")
+    terminal.wait("failed (receive): no frames are received any more")
     terminal.run("pdo")
     terminal.wait("error: ")
     terminal.wait_prompt(prompt(wire, "").rstrip() + "> ")

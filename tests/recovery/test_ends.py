@@ -126,7 +126,7 @@ def test_what_a_driver_raises_is_a_bug_and_never_success(
     assert raises in kept.read_text()
     assert str(kept) in (json.loads(ran.stdout)["hint"] if options else ran.stderr)
     after = held(bench)
-    assert after.pop((STATE, 0))[0] == PRE_OPERATIONAL, "after a bug of ours nobody knows what it did"
+    assert after.pop((STATE, 0))[0] == PRE_OPERATIONAL, "after a bug of ours it is not known what it did"
     assert "node 5 was OPERATIONAL and is PRE-OPERATIONAL now" in ran.stderr
     before.pop((STATE, 0))
     assert after == before

@@ -117,7 +117,7 @@ def test_every_line_of_every_node_is_recovered(nodes: Killable, kill_at: int) ->
     assert document["verified"] is True
     assert held(nodes) == before
     assert waiting(nodes) == []
-    assert nodes.dvtcli("undo").returncode == 2, "what was taken back is not remembered as a change"
+    assert nodes.dvtcli("undo").returncode == 2, "what was rolled back is not remembered as a change"
 
 
 def test_a_kill_between_two_lines_is_said_and_recovered_from_either_node(nodes: Killable) -> None:
@@ -138,8 +138,8 @@ def test_a_kill_between_two_lines_is_said_and_recovered_from_either_node(nodes: 
     assert waiting(nodes) == [1, 3]
     recovered = nodes.dvtcli("-n", "3", "recover", "--yes")
     assert recovered.returncode == 0, recovered.stderr
-    assert f"{script} was interrupted: every line of it is taken back, on node 1, 3" in recovered.stderr
-    assert all(f"of node {node_id} put back" in recovered.stdout for node_id in NODES)
+    assert f"{script} was interrupted: every line of it is rolled back, on node 1, 3" in recovered.stderr
+    assert all(f"of node {node_id} rolled back" in recovered.stdout for node_id in NODES)
     assert held(nodes) == before
     assert waiting(nodes) == []
 
@@ -155,7 +155,7 @@ def test_a_script_that_is_complete_leaves_nothing_to_recover(nodes: Killable) ->
     failing = "\n".join(["set 1:tpdo3 --timer 5", "set 3:tpdo3 --timer 5", "read 5FFF"])
     assert nodes.dvtcli("-n", "1", "run", "-", "--atomic", stdin=failing).returncode == 1
     assert held(nodes) == after
-    assert waiting(nodes) == [], "what was taken back leaves nothing to recover either"
+    assert waiting(nodes) == [], "what was rolled back leaves nothing to recover either"
     assert nodes.dvtcli("-n", "1", "set", "tpdo1", "--timer", "6").returncode == 0
 
 
@@ -166,11 +166,11 @@ def test_a_kill_while_it_stores_says_that_it_may_be_stored(nodes: Killable) -> N
     assert waiting(nodes) == [1, 3]
     recovered = nodes.dvtcli("recover", "--yes")
     assert recovered.returncode == 0, recovered.stderr
-    assert "x.dvt:3 store had begun: node 1 may have stored what was taken back" in recovered.stderr
+    assert "x.dvt:3 store had begun: node 1 may have stored what was rolled back" in recovered.stderr
     assert held(nodes) == before
     assert killed(nodes, lines, 1, is_upload_of(0x1009)) == -SIGKILL
     assert nodes.dvtcli("recover", "--yes").stdout.startswith("nothing to recover"), (
-        "what is stored cannot be taken back"
+        "what is stored cannot be rolled back"
     )
     assert held(nodes) != before
 

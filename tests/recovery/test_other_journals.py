@@ -47,7 +47,7 @@ def test_a_journal_that_is_named_is_not_taken_for_the_one_that_waits(tmp_path: P
         other = waiting(node, "tpdo2")
         assert bench.run(f"recover {saved}").code == 0
         assert not saved.exists()
-        assert other.exists(), "that change was not put back"
+        assert other.exists(), "that change was not rolled back"
         assert bench.run("set tpdo3 --timer 9").code == 6, "and it still waits"
         assert bench.run("recover").code == 0
         assert bench.run("set tpdo3 --timer 9").code == 0
@@ -141,5 +141,5 @@ def test_the_same_of_what_is_recovered() -> None:
         ran = bench.run("recover")
         rows = dict(line.strip().split(None, 1) for line in ran.stderr.splitlines() if line.startswith("  "))
         assert ran.code == 1, ran.stderr
-        assert "node 1 restarted after it was put back" in ran.stderr
+        assert "node 1 restarted after it was rolled back" in ran.stderr
         assert rows["done"].startswith("node 3:"), ran.stderr

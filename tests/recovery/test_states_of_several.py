@@ -12,7 +12,7 @@ def failed(node_id: int, state: State) -> DvtcliError:
 def test_two_failures_are_told_apart_also_if_no_node_went_back() -> None:
     failures = [failed(5, "unchanged"), failed(6, "left_changed")]
     error = worst_of(failures)
-    error.beside([], failures, "put back")
+    error.beside([], failures, "rolled back")
     assert error.node == 6
     assert error.nodes == {5: "unchanged", 6: "left_changed"}
     assert error.worst_state == "left_changed"
@@ -24,12 +24,12 @@ def test_of_two_failures_of_a_node_the_worse_state_counts() -> None:
         [failed(5, "unchanged"), failed(5, "left_changed")],
     ):
         error = worst_of(failures)
-        error.beside([6], failures, "put back")
+        error.beside([6], failures, "rolled back")
         assert error.nodes == {6: "rolled_back", 5: "left_changed"}
 
 
 def test_one_failure_alone_has_no_list() -> None:
     error = failed(5, "unknown")
-    error.beside([], [error], "put back")
+    error.beside([], [error], "rolled back")
     assert error.nodes == {}
     assert error.worst_state == "unknown"

@@ -296,11 +296,11 @@ def test_all_in_a_process_of_its_own_is_everything_remembered_of_every_node(tmp_
         assert nodes.dvtcli("-n", "3", "clear", "tpdo1").returncode == 0
         alone = nodes.dvtcli("undo", "--dry-run").stderr
         assert " to node 3 back" in alone
-        assert "what was changed on node 1 is not taken back by this: `dvtcli " in alone
+        assert "what was changed on node 1 is not undone by this: `dvtcli " in alone
         assert "undo --all` takes all of it back" in alone
         tried = nodes.dvtcli("undo", "--all", "--dry-run", "--json")
         assert (tried.returncode, json.loads(tried.stdout)["dry_run"]) == (0, True)
-        assert "is not taken back" not in tried.stderr
+        assert "is not rolled back" not in tried.stderr
         undone = nodes.dvtcli("undo", "--all", "--json")
         assert undone.returncode == 0, undone.stdout
         document = json.loads(undone.stdout)

@@ -43,7 +43,7 @@ def test_each_process_puts_back_what_the_device_takes(tmp_path: Path) -> None:
                 True,
             ), done
             assert "not as it was; what it is now was read back" in done.stderr
-            assert "NOT put back as it was" in done.stdout
+            assert "NOT undone completely" in done.stdout
         assert server.dvtcli(*words, "undo").returncode == 2
 
 
@@ -56,11 +56,11 @@ def test_a_backup_says_what_it_does_not_put_back(tmp_path: Path) -> None:
         stamp = sorted((tmp_path / "state-home").rglob("*.dvt"))[0].stem.rpartition("-")[2]
         done = server.dvtcli(*words, "undo", "--backup", stamp)
         assert done.returncode == 1, done.stderr
-        assert "TPDO1 is not put back as it was: tpdo1 was enabled" in done.stderr
-        assert "TPDO2 is not put back as it was: tpdo2 is inconsistent" in done.stderr
-        assert "NOT put back as it was" in done.stdout
-        assert "not put back as it was: tpdo1 was enabled with CAN-ID 0x180" in done.stderr
-        assert "not put back as it was: tpdo2 is inconsistent (its count is 9" in done.stderr
+        assert "TPDO1 is not undone completely: tpdo1 was enabled" in done.stderr
+        assert "TPDO2 is not undone completely: tpdo2 is inconsistent" in done.stderr
+        assert "NOT undone completely" in done.stdout
+        assert "not undone completely: tpdo1 was enabled with CAN-ID 0x180" in done.stderr
+        assert "not undone completely: tpdo2 is inconsistent (its count is 9" in done.stderr
 
 
 def test_a_backup_of_an_odd_pdo_that_is_as_it_was_is_put_back_whole(tmp_path: Path) -> None:
@@ -73,7 +73,7 @@ def test_a_backup_of_an_odd_pdo_that_is_as_it_was_is_put_back_whole(tmp_path: Pa
         assert server.dvtcli(*words, "map", "tpdo1", "6000:2").returncode == 0
         done = server.dvtcli(*words, "undo", "--backup")
         assert (done.returncode, "tpdo2 is inconsistent" in done.stderr) == (0, True), done
-        assert "TPDO1 put back" in done.stdout
+        assert "TPDO1 rolled back" in done.stdout
 
 
 def test_a_document_says_what_is_not_put_back(tmp_path: Path) -> None:
@@ -103,7 +103,7 @@ def test_an_undo_that_ends_at_a_node_says_which_nodes_were_put_back_before(tmp_p
         ran = server.dvtcli("--json", "undo", "--all")
         *_, error = map(json.loads, ran.stdout.splitlines())
         assert (ran.returncode, error["exit_code"], error["node"]) == (6, 6, 1), ran
-        assert error["done"] == ["node 2: put back before this"]
+        assert error["done"] == ["node 2: rolled back before this"]
         assert error["nodes"] == [{"node": 1, "state": "unchanged"}, {"node": 2, "state": "rolled_back"}]
         assert error["state"] == "rolled_back"
         assert "state   node 1 unchanged: nothing was written" in error["message"]

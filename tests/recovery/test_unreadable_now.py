@@ -148,7 +148,7 @@ def test_a_journal_that_cannot_be_used_does_not_keep_other_nodes_from_going_back
         True,
     )
     document = error_document(told.value)
-    assert (document["done"], document["state"]) == (["node 9: put back"], "rolled_back")
+    assert (document["done"], document["state"]) == (["node 9: rolled back"], "rolled_back")
     own = [] if spoilt == "damaged" else [{"node": 5, "state": "unchanged"}]
     assert document["nodes"] == [*own, {"node": 9, "state": "rolled_back"}]
     *_, state = error_lines(told.value)

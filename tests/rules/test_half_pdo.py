@@ -13,7 +13,7 @@ from tests.rules.test_edges import parameter, proposal
 
 STATUSWORD = PdoMappingEntry(0x6041, 0, 16)
 NO_OBJECT = 0x0602_0000
-UNKNOWN = "nobody can tell whether TPDO1 is off: 0x1800:01 cannot be read"
+UNKNOWN = "it is not known whether TPDO1 is off: 0x1800:01 cannot be read"
 
 
 def half(asked: Proposal, *unread: tuple[int, int]) -> Proposal:

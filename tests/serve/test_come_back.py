@@ -148,7 +148,7 @@ def test_the_time_ends_the_waiting_too(tmp_path: Path, words: tuple[str, ...]) -
         _, errors = timed.communicate(PATIENCE_S)
         if GONE in errors:
             break
-    assert timed.returncode == 5, "what was not heard to its end is no success"
+    assert timed.returncode == 5, "what was not received to its end is no success"
 
 
 def test_a_command_waits_for_a_bus_that_is_not_there_where_it_is_told_to(tmp_path: Path, port: int) -> None:

@@ -84,7 +84,7 @@ def test_the_node_that_a_failure_is_about_is_named_where_another_one_was_selecte
 
 def test_advice_is_no_command_and_placeholders_are_not_run() -> None:
     hints = TypedHints(lambda: SHELL)
-    assert hints.words(as_hint("look at its supply")) is None
+    assert hints.words(as_hint("check its supply")) is None
     assert hints.words(Hint(Action.FIND_OBJECTS, why="searches")) is None
     both = Hint(Action.FIND_OBJECTS, why="searches") + Hint(Action.SHOW_PDOS)
     assert hints.words(both) == ["dvtcli", "-i", "socketcan", "-c", "can 0", "-n", "5", "pdo"]

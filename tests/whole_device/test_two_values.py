@@ -53,7 +53,11 @@ def said(text: str, is_same: bool, last: str, place: str, folder: Path) -> None:
         assert kept.data == (1300).to_bytes(4, "little")
     else:
         refused(
-            file, text, f" {place} UNSIGNED32: {last}, but ParameterValue=", " in line ", "nobody knows which is meant"
+            file,
+            text,
+            f" {place} UNSIGNED32: {last}, but ParameterValue=",
+            " in line ",
+            "it is not known which is meant",
         )
 
 
@@ -90,7 +94,7 @@ def test_an_object_of_an_xdc_that_stands_twice(tmp_path: Path) -> None:
             continue
         with pytest.raises(InputFileError) as raised:
             held_by(str(file))
-        assert "2001 stands in line " in raised.value.complaints[0].text
+        assert "2001 is in line " in raised.value.complaints[0].text
 
 
 def test_an_object_of_a_backup_that_stands_twice(tmp_path: Path) -> None:
@@ -100,4 +104,4 @@ def test_an_object_of_a_backup_that_stands_twice(tmp_path: Path) -> None:
     file.write_text("\n".join([*lines, json.dumps(first | {"raw": "FF"})]) + "\n", "utf-8")
     with pytest.raises(InputFileError) as raised:
         held_by(str(file))
-    assert f"{first['object']} stands in line 2 too" in (raised.value.why or "")
+    assert f"{first['object']} is in line 2 too" in (raised.value.why or "")

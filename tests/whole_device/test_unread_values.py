@@ -21,7 +21,7 @@ BEHIND = (
     ("[1017 sub 0]\nParameterValue=700\n", "[1017 sub 0] is not read: "),
     ("[2FFEValue]\nNrOfEntries=1\n1=5\n", "[2FFEValue] is not read: "),
     ("[DeviceComisioning]\nNodeID=9\n", "[DeviceComisioning] is not read: "),
-    ("[1017]\nDenotation=Beat\n", "[1017] stands in line "),
+    ("[1017]\nDenotation=Beat\n", "[1017] is in line "),
 )
 
 

@@ -28,8 +28,8 @@ from dvtcli.errors import (
 _NEVER = Hint(Action.FIND_NODES, why="power, node-ID, bit rate? A node in STOPPED answers no SDO; {} shows who does")
 _BEFORE = Hint(
     Action.GIVE_TIMEOUT,
-    why="it answered before, and one lost frame is enough for this: try again; where that repeats, a longer {}, "
-    "or look at its supply, the wiring and the bus load",
+    why="it answered before, and one lost frame is enough for this: try again; if it repeats, a longer {}, "
+    "or check its supply, the wiring and the bus load",
 )
 
 

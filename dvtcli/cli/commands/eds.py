@@ -67,7 +67,7 @@ class IdentityType(CanopenType):
         for pair in text.replace(",", " ").split():
             name, equals, number = pair.partition("=")
             if not equals or name not in _IDENTITY:
-                raise ValueError(f"{pair!r}: write vendor=…,product=… and, where it matters, revision=…")
+                raise ValueError(f"{pair!r}: write vendor=…,product=… and, if it matters, revision=…")
             found[name] = parse_number(number)
             if not 0 <= found[name] <= 0xFFFF_FFFF:
                 raise ValueError(f"{pair}: it has 32 bits")

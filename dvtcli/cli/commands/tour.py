@@ -43,7 +43,7 @@ STEPS = (
     TourStep("--dry-run tries a line on an exact twin of the node; nothing is written:", "clear tpdo2 --dry-run"),
     TourStep("Start the node and send a SYNC, and the frame comes:", "verify tpdo1 --frame --yes"),
     TourStep("So far it is in the node's RAM. Let it survive a reset, and prove that:", "store --prove"),
-    TourStep("Put back what the last change replaced:", "undo"),
+    TourStep("Undo the last change:", "undo"),
 )
 
 

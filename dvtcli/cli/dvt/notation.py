@@ -89,7 +89,7 @@ def _width_of_digits(text: str) -> int:
     digits = text.strip().lower()
     if not digits.startswith("0x"):
         raise ValueError(
-            f"{text}: a decimal value needs its width in bytes behind it, or write it in hex: 0x00 is 1 byte"
+            f"{text}: a decimal value needs its width in bytes after it, or write it in hex: 0x00 is 1 byte"
         )
     count = len(digits) - 2
     if count % 2 or count // 2 not in WIDTHS:

@@ -138,7 +138,7 @@ class TclMode:
         finally:
             if not self._lines.waits:  # it was stopped from outside, or is gone
                 self.close()
-                self._session.output.note("Tcl begins anew: variables and procedures are gone")
+                self._session.output.note("Tcl begins again: variables and procedures are gone")
 
 
 def tcl_of(session: Conversation) -> TypedTcl:

@@ -130,7 +130,7 @@ class Commands:
 def refuse_beyond_nodes(words: Sequence[str], session: SessionUser) -> None:
     """Raise UsageError if the `dvtcli` line *words* does more than work on nodes, e.g. opens a file."""
     if not words:
-        raise UsageError("dvtcli: a command is missing behind it, as in: dvtcli read 6041")
+        raise UsageError("dvtcli: a command is missing after it, as in: dvtcli read 6041")
     if words[0] not in ON_NODES:
         raise _refused(f"dvtcli {words[0]}")
     if words[0] in _WITH_FILES and any(map(_WITH_FILES[words[0]], _arguments(words, session))):

@@ -93,7 +93,7 @@ class TclScript(TclRun):
         count = len(self._calls.failures)
         words = f"{count} word{' was' if count == 1 else 's were'} refused"
         text = f"{words}, first at {place} ({first.word}: {first.answer})"
-        hint = "where that is meant, end the script with `exit 0`"
+        hint = "if that is meant, end the script with `exit 0`"
         if self._session.output.json:
             raise self._placed(ended_with(first.exit_code, text, hint=hint))
         self._session.output.warning(f"{text}; {hint}")

@@ -34,7 +34,7 @@ def node_line(store: FrameStore, reading: int | None, width: int, *, plain: bool
     states = {node: store.states.get(node) for node in shown}
     before = [Cell(f"reading the mapping of node {reading}...  ", "cyan")] if reading is not None else []
     if not shown:
-        return [*before, Cell("no node is heard", "dim")]
+        return [*before, Cell("no node is seen", "dim")]
     room = width - wide([before], plain=plain) if before else width
     return [*before, *_fitting(names, states, room, plain=plain)]
 

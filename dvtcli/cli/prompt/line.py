@@ -136,12 +136,12 @@ def checked(destination: Destination, *, programs: bool) -> Destination:
         if not programs:
             raise UsageError("`|` is off: dvtcli was started with --no-shell")
         if not destination.target:
-            raise UsageError("`|` needs a program behind it", hint="pdo --all | grep 0x181")
+            raise UsageError("`|` needs a program after it", hint="pdo --all | grep 0x181")
         return destination
     words = split(destination.target)
     if len(words) != 1:
         raise UsageError(
-            f"`{destination.sign}` needs one file behind it, not {len(words)}",
+            f"`{destination.sign}` needs one file after it, not {len(words)}",
             hint='pdo > pdos.txt; write "…" around a name with blanks',
         )
     return Destination(destination.sign, words[0])

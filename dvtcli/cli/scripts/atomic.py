@@ -93,7 +93,7 @@ class Reach:
         if self.wrong is not None:
             place, word, later = self.wrong
             raise UsageError(
-                f"{place}: `{word}` cannot be taken back, and {later} changes something after it",
+                f"{place}: `{word}` cannot be rolled back, and {later} changes something after it",
                 place=place,
-                hint="in an atomic script it stands behind the last line that changes something",
+                hint="in an atomic script it must come after the last line that changes something",
             )

@@ -74,7 +74,7 @@ def _refuse_half(ctx: click.Context, changes: ScriptChanges, code: int) -> None:
     """Fail an atomic script if a line ended with *code* without an error, as `verify` may."""
     if not changes.atomic or changes.ended:
         return
-    failed = TakenBack(f"{ctx.info_name} ended with {code}: the script's changes are taken back")
+    failed = TakenBack(f"{ctx.info_name} ended with {code}: the script's changes are rolled back")
     failed.exit_code = code
     raise failed
 

@@ -224,10 +224,10 @@ class ScriptChanges:
             if lost := no_longer_held(node, changes):
                 self._lost = True
                 raise DeviceRefused(
-                    f"node {node.node_id} does not hold any more what the script set: {lost[0][0]} {lost[0][1]}",
+                    f"node {node.node_id} no longer holds what the script set: {lost[0][0]} {lost[0][1]}",
                     node=node.node_id,
                     why=join_some(f"{label} {text}" for label, text in lost[1:]) or None,
-                    hint="a later line altered it with what it wrote, or the node restarted and nobody heard it",
+                    hint="a later line altered it, or the node restarted without a boot-up message",
                 )
 
     def return_nodes(self) -> None:
@@ -294,7 +294,7 @@ class ScriptChanges:
             first, *others = failures
             self._name_left(first, [made[changed.node] for changed in failures if changed.node in made], failed)
             for failure in failures:
-                failure.text = could_not(first, failure.node or 0, "taken back") or failure.text
+                failure.text = could_not(first, failure.node or 0, "rolled back") or failure.text
             first.details += [("also", failure.text) for failure in others]
             raise first
         if failed is not None:
@@ -353,7 +353,7 @@ class ScriptChanges:
         from dvtcli.domain.hint import Action, Hint
 
         return LeftChanged(
-            f"{cause}; what the lines before {self.final} changed cannot be taken back after that line",
-            hint=Hint(Action.SHOW_PDOS, why="look at each node with {}"),
+            f"{cause}; what the lines before {self.final} changed cannot be rolled back after that line",
+            hint=Hint(Action.SHOW_PDOS, why="check each node with {}"),
             state="left_changed",
         )

@@ -188,7 +188,7 @@ def _state(error: DvtcliError, at: str | None) -> str:
         text = f"{text}, but for node {', '.join(others)}" if error.node is None else f"node {error.node} {text}"
     if not error.stays:
         return text
-    stays = f"what {join_some(error.stays)} changed is not taken back"
+    stays = f"what {join_some(error.stays)} changed stays"
     if error.stays_differing is not None:
         is_held = not error.stays_differing
         stays += ", read back equal" if is_held else f", and is not as it was set: {join_some(error.stays_differing)}"

@@ -64,7 +64,7 @@ def refuse_other_device(node: ReadableNode, journal: Journal) -> None:
             hint=Hint(
                 Action.RECOVER,
                 {"discard": True},
-                "attach that device; where it is gone for good, {} sets the journal aside",
+                "attach that device; if it is gone for good, {} sets the journal aside",
             ),
         )
 

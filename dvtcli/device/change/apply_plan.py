@@ -129,7 +129,7 @@ def look_again(
     difference = next(filter(None, differences), None)
     if difference is not None:
         raise Restarted(
-            f"node {node.node_id} {what}: {labels_of(plan)} is not as wanted any more",
+            f"node {node.node_id} {what}: {labels_of(plan)} is no longer as wanted",
             node=node.node_id,
             why=difference,
             hint=TRY_AGAIN,
@@ -295,7 +295,7 @@ def _in_pre_operational(node: Changeable, plan: Plan, refused: DeviceRefused, ru
     times = node.habits.add(node.identity(), Habit(None, refused.abort or 0))
     text = (
         f"0x{refused.place} was refused while node {node.node_id} was OPERATIONAL (abort 0x{refused.abort or 0:08X}): "
-        f"all was put back, and done again in PRE-OPERATIONAL; {_remembered(node, times, 'brought there')}"
+        f"all was rolled back, and done again in PRE-OPERATIONAL; {_remembered(node, times, 'brought there')}"
     )
     return note("pre-operational-first", f"0x{refused.place}", text)
 
@@ -318,7 +318,7 @@ def _noted(node: Changeable, change: PdoChange, step: Step, refused: DeviceRefus
 def _remembered(node: ReadableNode, times: int, what: str) -> str:
     """The consequence of a requirement seen *times* times, for display; *what* is done first from then on."""
     if times < OFTEN_ENOUGH:
-        return "where that comes again it is remembered"
+        return "if it happens again, it is remembered"
     if not name_of(node.identity()):
         return f"from now on it is {what} first; the node says no identity, so no later process knows"
     return "this is remembered of devices like this one, as a habit that can be shown and forgotten"

@@ -307,5 +307,5 @@ def _way_out(path: Path) -> Hint:
         read_journal(path)
     except InputFileError:
         discard = Hint(Action.RECOVER, {"discard": True}, f"the journal is damaged: {{}} sets {verbatim(path)} aside")
-        return discard + Hint(Action.SHOW_PDOS, why=", then look at the node with {}")
+        return discard + Hint(Action.SHOW_PDOS, why=", then check the node with {}")
     return Hint(Action.RECOVER, why=f"puts the old configuration back, from {verbatim(path)}")

@@ -229,7 +229,7 @@ class ChangeHistory:
             try:
                 self._remember_back(back, back.changes, identity)
             except (OSError, SafetyRefusal) as failed:
-                self.say(f"it is put back, but that it is not stored cannot be remembered: {_why(failed)}")
+                self.say(f"it is rolled back, but that it is not stored cannot be remembered: {_why(failed)}")
 
     def was_stored(self, node_id: int, identity: Identity, labels: Collection[str]) -> None:
         """Mark *labels* as stored, and with them all earlier changes to the same PDOs and objects."""
@@ -273,7 +273,7 @@ class ChangeHistory:
             if back is not None:
                 self._add_undoing(back, [entry for entry in found if entry.id in names])
         except (OSError, SafetyRefusal) as failed:
-            self.say(f"it is put back, but what can be undone cannot be written down: {_why(failed)}")
+            self.say(f"it is rolled back, but what can be undone cannot be written down: {_why(failed)}")
 
     def _add_undoing(self, back: Plan, undone: Sequence[ChangeHistoryEntry]) -> None:
         stored = {label for entry in undone for label in entry.stored | entry.maybe_stored}

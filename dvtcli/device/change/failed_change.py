@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.rules.finding import Finding
 
 #: What to do about a node that restarts.
-TRY_AGAIN = "look at its supply, then try again"
+TRY_AGAIN = "check its supply, then try again"
 #: What to do first about one that does not answer, and about a bus that failed.
 BRING_BACK = Hint(Action.FIND_NODES, why="bring the node back first (power, wiring, {})")
 BUS_BACK = Hint(Action.CHECK_SETUP, why="bring the bus back first ({} looks at it)")
@@ -68,11 +68,11 @@ def _reason(error: BaseException) -> str:
 def left_changed(plan: Plan, fault: BaseException, second: BaseException) -> LeftChanged:
     """The error for a failed change with a failed roll-back: both causes and the values possibly left in the device."""
     labels = join_some(change.label for change in plan.changes)
-    look = Hint(Action.SHOW_PDOS, {"all": True}, "look at it with {}; a power cycle brings the stored settings back")
+    look = Hint(Action.SHOW_PDOS, {"all": True}, "check it with {}; a power cycle brings the stored settings back")
     if isinstance(second, NoAnswer | BusUnavailable):
         look = look.after(BRING_BACK if isinstance(second, NoAnswer) else BUS_BACK)
     return LeftChanged(
-        f"{labels} of node {plan.node_id} could not be put back",
+        f"{labels} of node {plan.node_id} could not be rolled back",
         node=plan.node_id,
         why=f"{fault}; then, while rolling back: {second}{_reason(second)}",
         hint=look,
@@ -97,7 +97,7 @@ def unreadable_left(plan: Plan, taken: Sequence[Change], fault: BaseException) -
     """The error for acknowledged changes *taken* with an unknown old value, after *fault*; the rest is rolled back."""
     names = join_some(change.label for change in taken)
     left = LeftChanged(
-        f"{names} of node {plan.node_id} could not be put back",
+        f"{names} of node {plan.node_id} could not be rolled back",
         node=plan.node_id,
         why=f"{fault}{_reason(fault)}; {names} was acknowledged before that, and what it held cannot be read",
         hint="set it by hand: its value before is not known",
@@ -112,10 +112,10 @@ def not_rolled_back(plans: Iterable[Plan], node_id: int, fault: str, why: str) -
     """The error for *plans* still in effect on *node_id*: no roll-back after *fault*, because of *why*."""
     labels = join_some(dict.fromkeys(change.label for plan in plans for change in plan.changes))
     return LeftChanged(
-        f"{labels or 'what this line changed'} of node {node_id} could not be taken back",
+        f"{labels or 'what this line changed'} of node {node_id} could not be rolled back",
         node=node_id,
         why=f"{fault}; then, while taking it back: {why}",
-        hint=Hint(Action.SHOW_PDOS, why="look at it with {}")
+        hint=Hint(Action.SHOW_PDOS, why="check it with {}")
         + Hint(Action.RESET_NODE, {"node": node_id}, "brings the stored settings back"),
         state="left_changed",
     )
@@ -161,7 +161,7 @@ def end_change(node: Changeable, plan: Plan, back: Callable[[], None], *, keep_j
         raise left from torn
     except DvtcliError as failed:  # the node may have restarted since the read-back
         failed.state = "unknown"
-        failed.state_text = f"unknown: {set_words(plan)} before that; look at the node"
+        failed.state_text = f"unknown: {set_words(plan)} before that; check the node"
         if not keep_journal:
             _close(node, failed)
         raise
@@ -203,10 +203,10 @@ def restore_nmt_state(node: Changeable, error: BaseException, found: InitialStat
     except DvtcliError as failed:
         _add(error, f"{failed.text}: {failed.why or failed.hint}")
     except KeyboardInterrupt:
-        _add(error, f"stopped once more: look at the NMT state of node {node.node_id}")
+        _add(error, f"stopped once more: check the NMT state of node {node.node_id}")
     else:
         if unseen:
-            _add(error, f"node {node.node_id} restarted; its NMT state before is not known: look at it")
+            _add(error, f"node {node.node_id} restarted; its NMT state before is not known: check it")
     _close(node, error)
 
 

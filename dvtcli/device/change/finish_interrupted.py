@@ -157,7 +157,7 @@ class Recovery:
             return None
         node_id, labels = self.node.node_id, join_some(change.label for change in self.unknown)
         left = LeftChanged(
-            f"what node {node_id} holds of {labels} is not known: it can be read no more",
+            f"what node {node_id} holds of {labels} is not known: it can no longer be read",
             node=node_id,
             why="; ".join(dict.fromkeys(str(refused) for refused in self.unknown.values())),
             hint=Hint(Action.RESET_NODE, {"node": node_id}, "brings back what it has stored")
@@ -186,12 +186,12 @@ class Recovery:
                 node.pending.boot_ups = self._boot_ups
                 return
         raise LeftChanged(
-            f"node {node.node_id} restarted each of {MOST_LOOKS} times that it was put back",
+            f"node {node.node_id} restarted each of {MOST_LOOKS} times that it was rolled back",
             node=node.node_id,
             place=str(self.journal.path),
             hint=Hint(
                 Action.RECOVER,
-                why=f"look at its supply and its wiring; {{}} tries again, from {verbatim(self.journal.path)}",
+                why=f"check its supply and its wiring; {{}} tries again, from {verbatim(self.journal.path)}",
             ),
             state="left_changed",
         )
@@ -236,7 +236,7 @@ class Recovery:
     def _left(self, fault: BaseException) -> LeftChanged:
         node, labels = self.node, join_some(self.journal.labels)
         left = LeftChanged(
-            f"{labels} of node {node.node_id} could not be put back",
+            f"{labels} of node {node.node_id} could not be rolled back",
             node=node.node_id,
             place=str(self.journal.path),
             why=_reason(fault),
@@ -245,7 +245,7 @@ class Recovery:
         )
         guarded = Guarded(node.node_id, node.sdo, node.witness, self.changes)
         name_left(left, [guarded], stopped=isinstance(fault, KeyboardInterrupt))
-        left.text = could_not(left, node.node_id, "put back") or left.text
+        left.text = could_not(left, node.node_id, "rolled back") or left.text
         return left
 
 
@@ -272,7 +272,8 @@ def _without_stamp(node: KnownPdos, interrupted: Plan, back: Plan) -> tuple[Chan
     if held.is_own and not any(map(is_stamp, back.changes)):
         return others  # nothing covered by the stamp changes
     ends = (
-        Step(STAMP, sub_index, bytes(4), held.data(sub_index), "a stamp is not put back") for sub_index in (DATE, TIME)
+        Step(STAMP, sub_index, bytes(4), held.data(sub_index), "a stamp is not rolled back")
+        for sub_index in (DATE, TIME)
     )
     return (*others, *map(ValueChange, ends))
 

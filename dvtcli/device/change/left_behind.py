@@ -93,7 +93,7 @@ def _state_text(left: LeftChanged) -> str | None:
     if not texts:
         if not same:
             return None
-        return f"{'; '.join(same)}, read last; but the roll-back did not end: look at it again"
+        return f"{'; '.join(same)}, read last; but the roll-back did not end: check it again"
     return "; ".join([f"LEFT CHANGED: {'; '.join(texts)}", *(f"{text}, read back equal" for text in same)])
 
 

@@ -136,7 +136,7 @@ class NodeLock:
             f"another dvtcli (process {process}) is changing node {self.node_id} on {self.bus}",
             node=self.node_id,
             why=f"{ran} holds the node's lock{since}, and was waited for {wait_s:g} s",
-            hint=f"try again when it has finished; where it hangs, end process {process}, which puts its change back",
+            hint=f"try again when it has finished; if it hangs, end process {process}, which rolls its change back",
         )
 
     def _look_back(self) -> None:

@@ -281,7 +281,7 @@ def _not_ours(status: os.stat_result) -> str | None:
 
 
 def _no_file_of_ours(path: str, why: str) -> SafetyRefusal:
-    return SafetyRefusal(f"{path} is not used: {why}", place=path, hint="look at it, then remove it")
+    return SafetyRefusal(f"{path} is not used: {why}", place=path, hint="check it, then remove it")
 
 
 def _is_ours(status: os.stat_result) -> bool:

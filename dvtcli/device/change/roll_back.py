@@ -61,7 +61,7 @@ def roll_back_patiently(
             if witness.upsets() == upsets:
                 return otherwise
             if is_last:
-                raise DeviceRefused("the node restarted, or lost an answer, each time that it was put back")
+                raise DeviceRefused("the node restarted, or lost an answer, each time that it was rolled back")
         except _PASSING:
             if is_last:
                 raise

@@ -228,7 +228,7 @@ class Transaction:
             otherwise = self._roll_back_side_effects(fault, second)
         if isinstance(fault, DvtcliError):
             self._say_unreadable(fault)
-            fault.details += [("put back", finding.text) for finding in put_back_findings(otherwise)]
+            fault.details += [("rolled back", finding.text) for finding in put_back_findings(otherwise)]
             if otherwise and fault.state == "rolled_back":
                 fault.state_text = "rolled back as far as the device takes it, read back equal; nothing was stored"
             fault.node = self.plan.node_id
@@ -271,7 +271,7 @@ class Transaction:
         beside = tuple(self.others.unchanged())
         guarded = Guarded(self.plan.node_id, self.sdo, self.witness, self.plan.changes, beside)
         name_left(left, [guarded], stopped=isinstance(second, KeyboardInterrupt))
-        left.text = could_not(left, self.plan.node_id, "put back") or left.text
+        left.text = could_not(left, self.plan.node_id, "rolled back") or left.text
         return left
 
     def _say_unreadable(self, fault: DvtcliError) -> None:
@@ -312,7 +312,7 @@ class Transaction:
         fault.state = "unknown"
         fault.state_text = (
             f"unknown: {own} is as it was, read back equal; {left} is not, and was left so: the node may have "
-            "restarted without a boot-up message that was heard, and hold what it has stored; look at it"
+            "restarted without a boot-up message, and hold what it has stored; check it"
         )
         fault.details.append(("left", join_some(self._left.values())))
 
@@ -340,20 +340,20 @@ class Transaction:
         fault.state = "unknown"
         fault.state_text = (
             f"unknown: {own} is as it was, read back equal; {labels} was not read before it, and is as no backup and "
-            "no earlier change left it: this change altered it with its own, or another tool set it; look at it"
+            "no earlier change left it: this change altered it with its own, or another tool set it; check it"
         )
 
     def _explain_silence(self, silent: NoAnswer) -> None:
         """Explain *silent*: the node has answered the roll-back since, so it is neither off nor STOPPED."""
         if self._restarted():
-            silent.why, silent.hint = "it restarted meanwhile: its boot-up message was heard", TRY_AGAIN
+            silent.why, silent.hint = "it restarted meanwhile: its boot-up message was received", TRY_AGAIN
         else:
             silent.why = (
                 silent.why or "it answers again: an answer or request may be lost or late, or it restarted unheard"
             )
             silent.hint = Hint(
                 Action.GIVE_TIMEOUT,
-                why="try again; where that repeats, a longer {}, or look at the wiring and the bus load",
+                why="try again; if it repeats, a longer {}, or check the wiring and the bus load",
             )
 
     def _roll_back_changes(self) -> tuple[PdoChange, ...]:

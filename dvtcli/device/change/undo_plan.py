@@ -210,8 +210,8 @@ def refuse_unless_left(node: Changeable, plans: Sequence[Plan], count: int) -> i
         f"node {node.node_id} does not hold what that change left: {found[0][0]} {found[0][1]}",
         node=node.node_id,
         why=join_some(f"{label} {text}" for label, text in found[1:]) or None,
-        hint=Hint(Action.SHOW_PDOS, why=f"{verbatim(who_else(node.keeper))}: look at it with {{}}")
-        + Hint(Action.UNDO, {"force": True}, "puts back what was before that change all the same")
+        hint=Hint(Action.SHOW_PDOS, why=f"{verbatim(who_else(node.keeper))}: check it with {{}}")
+        + Hint(Action.UNDO, {"force": True}, "goes back to the values before that change all the same")
         + Hint(Action.UNDO, {"backup": True}, ", {} an automatic backup"),
     )
 

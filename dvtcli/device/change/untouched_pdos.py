@@ -106,7 +106,7 @@ class UntouchedPdos:
         own, altered = (join_some(item.label for item in group) for group in (plan.changes, self._in_part))
         return (
             f"rolled back: {own} is as it was, and {altered} has its COB-ID again, read back equal; what else it held "
-            "was not read before: look at it"
+            "was not read before: check it"
         )
 
 
@@ -171,12 +171,12 @@ def others_left(plan: Plan, altered: Mapping[PdoChange, str], failed: DvtcliErro
     """The error: the roll-back *plan* succeeded, but its side effects on *altered* PDOs could not be rolled back."""
     own, labels = join_some(change.label for change in plan.changes), join_some(change.label for change in altered)
     left = LeftChanged(
-        f"node {plan.node_id} altered {labels} when {own} was put back, and {labels} could not be put back",
+        f"node {plan.node_id} altered {labels} when {own} was rolled back, and {labels} could not be rolled back",
         node=plan.node_id,
         why="; ".join(altered.values()) if failed is None else f"{'; '.join(altered.values())}; then: {failed}",
         hint=Hint(
             Action.SHOW_PDOS,
-            why="these PDOs depend on each other in this device: its manual says how; look at them with {}",
+            why="these PDOs depend on each other in this device: its manual says how; check them with {}",
         ),
         state="left_changed",
     )

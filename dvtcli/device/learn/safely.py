@@ -125,7 +125,7 @@ def _told(fault: DvtcliError, *, may_have_saved: bool) -> None:
     fault.state = "rolled_back"
     if may_have_saved:
         fault.state = "unknown"
-        fault.state_text = "unknown: everything is put back, read back equal; nobody knows what it has stored"
+        fault.state_text = "unknown: everything is rolled back, read back equal; it is not known what it has stored"
 
 
 def _ask(
@@ -231,8 +231,8 @@ def _left(
 ) -> LeftChanged:
     why = f"{failed or 'interrupted'}"
     return LeftChanged(
-        f"{join_some(pdo.label for pdo in pdos)} of node {node.node_id} could not be put back",
+        f"{join_some(pdo.label for pdo in pdos)} of node {node.node_id} could not be rolled back",
         node=node.node_id,
-        why=why if fault is None else f"{fault}; then, while it was put back: {why}",
+        why=why if fault is None else f"{fault}; then, while it was rolled back: {why}",
         state="left_changed",
     )

@@ -73,7 +73,7 @@ class CanaryParameter:
     def put_back_text(self) -> str:
         """The place and the verified old value, for display."""
         place = f"0x{self.pdo.communication_index:04X}:{self.sub_index:02X}"
-        return f"{place} ({self.name}) is put back to {_shown(self.before, self.field)}, read back equal"
+        return f"{place} ({self.name}) is rolled back to {_shown(self.before, self.field)}, read back equal"
 
     @property
     def name(self) -> str:
@@ -114,7 +114,8 @@ class CanaryObject:
     @property
     def put_back_text(self) -> str:
         """The place and the verified old value, for display."""
-        return f"0x{self.step.object} ({self.name}) is put back to {self.step.text(self.step.before)}, read back equal"
+        before = self.step.text(self.step.before)
+        return f"0x{self.step.object} ({self.name}) is rolled back to {before}, read back equal"
 
     @property
     def change(self) -> Change:
@@ -320,7 +321,7 @@ class Canary:
             raise left from fault
         else:
             if isinstance(fault, DvtcliError):
-                fault.details.append(("changed", f"{self.place.text}: put back, read back equal"))
+                fault.details.append(("changed", f"{self.place.text}: rolled back, read back equal"))
 
 
 def holds_test(node: ReadableNode, changes: Sequence[Change]) -> bool:
@@ -342,7 +343,7 @@ def roll_back_test(node: Node, changes: Sequence[Change], text: str) -> None:
         reset = Hint(Action.RESET_NODE, {"node": node.node_id}, "{}, or a power cycle")
         reset += Hint(Action.SHOW_PDOS, why="shows what it holds")
         left = LeftChanged(
-            f"node {node.node_id} was changed to prove the store, and that could not be put back",
+            f"node {node.node_id} was changed to prove the store, and that could not be rolled back",
             node=node.node_id,
             why=f"{text}: {failed or 'interrupted'}",
             hint=reset.after(BUS_BACK if isinstance(failed, BusUnavailable) else None),

@@ -88,7 +88,7 @@ class Pending:
     def lost(self, labels: tuple[str, ...]) -> None:
         """Record *labels* as lost before they were stored: no automatic store from now on."""
         self.unstored = {label: index for label, index in self.unstored.items() if label not in labels}
-        self.suspicions[REBOOT] = f"it does not hold any more what was not stored ({join_some(labels)})"
+        self.suspicions[REBOOT] = f"it no longer holds what was not stored ({join_some(labels)})"
 
     def rebooted(self, boot_ups: int) -> tuple[str, ...]:
         """Return the labels lost by an unexpected restart, and record why nothing may be stored."""
@@ -131,7 +131,7 @@ class BootSnapshot:
     def why_not(self, boot_ups: int, now: Mapping[Pdo, PdoConfig]) -> str:
         """Why *now* may differ from the stored values; empty if equal to the boot values with no write since."""
         if not boot_ups:
-            return "no boot-up of the node was heard"
+            return "no boot-up message was received"
         if boot_ups != self.boot_ups:
             return "its PDOs were not read after its last boot-up"
         if self.written:
@@ -140,7 +140,7 @@ class BootSnapshot:
             return "not all its PDOs were read after its last boot-up"
         gone = [pdo.label for pdo in self.pdos if pdo not in now]
         if gone:
-            return f"{join_some(gone)} came up with it and cannot be read any more"
+            return f"{join_some(gone)} came up with it and can no longer be read"
         if any(config.untold for config in now.values()):
             return "not all of its PDOs could be read"
         return "" if self.pdos == now else "it is not what came up"

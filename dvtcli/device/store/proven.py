@@ -158,7 +158,7 @@ def _refuse_altered(node: Node, before: Snapshot, place: AnyPlace) -> None:
             f"{text}: nothing was stored", node=node.node_id, why=join_some(left), hint=hint, state="left_changed"
         )
     refused = DeviceRefused(f"{text}: nothing was stored", node=node.node_id, hint=hint, state="rolled_back")
-    refused.state_text = "what it altered is put back, read back equal; nothing was stored"
+    refused.state_text = "what it altered is rolled back, read back equal; nothing was stored"
     raise refused
 
 
@@ -434,7 +434,7 @@ def prove_restore(
         return _against_defaults(node, node.dictionary, signed, restart, before, after, lost, says)
     uncovered = uncovered_group(signed.sub_index)
     changed = sum(_is_otherwise(config, after.pdos.get(pdo)) for pdo, config in (before.pdos if before else {}).items())
-    who = "the EDS is another device's" if node.unlike_file else "no EDS tells the defaults"
+    who = "the EDS is another device's" if node.unlike_file else "no EDS has the defaults"
     unproved = f"{who}, and nothing differs from what was stored before"
     return Proof(
         restart.by, changed, "what was stored before", (), uncovered or ("" if changed else unproved), lost=lost,
@@ -458,7 +458,7 @@ def _against_defaults(
         pdos = differing_from_defaults(dictionary, node.profile, node.node_id, {} if uncovered else held.pdos)
         objects = values_unlike_defaults(dictionary, node.node_id, held.of_group(signed.sub_index), says)
         untold = join_some((*pdos.untold, *objects.untold))
-        said = (f"not compared: {untold}, of which the EDS tells no default or the node no value",) if untold else ()
+        said = (f"not compared: {untold}, of which the EDS has no default or the node no value",) if untold else ()
         return Proof(
             restart.by, pdos.compared, against, (*pdos.differences, *objects.differences), objects=objects.compared,
             notes=(*held.notes, *said),
@@ -469,7 +469,7 @@ def _against_defaults(
     differed = set() if before is None else set(look(before).differing) - set(lost)  # a reset takes those anyway
     return replace(
         found,
-        unproved=uncovered or unread or ("" if told else "the EDS tells no defaults of its PDOs"),
+        unproved=uncovered or unread or ("" if told else "the EDS has no defaults of its PDOs"),
         lost=lost,
         hint=RESTORE_ALL if uncovered else AGAIN if unread else _MANUAL,
         already=not differed,

@@ -156,7 +156,7 @@ def _refuse_fixed(dictionary: ObjectDictionary | None, index: int, sub_index: in
         why=f"0x{place} is {entry.access} in {dictionary.place(entry)}: it takes no signature",
         hint=Hint(
             Action.GIVE_EDS,
-            why="its manual says how it keeps settings; where the file is wrong, mend it, or give another one: {}",
+            why="its manual says how it keeps settings; if the file is wrong, correct it, or give another one: {}",
         ),
     )
 

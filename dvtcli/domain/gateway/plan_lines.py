@@ -95,7 +95,7 @@ def plan_lines(plan: NetworkPlan, around: dict[int, Around]) -> list[str]:
         f"# CiA 309-3 gateway lines: {plural(plan.writes, 'SDO download')} for {_plain(plan.file)}",
         *map(_who, plan.nodes),
     ]
-    lines.append("# Nothing is read back and nothing taken back: stop at the first answer that is an ERROR.")
+    lines.append("# Nothing is read back and nothing rolled back: stop at the first answer that is an ERROR.")
     lines += required_lines(nodes)
     commands = list(_commands(nodes, around)) or ["nothing is to be done: every node holds what the file says"]
     number = 0

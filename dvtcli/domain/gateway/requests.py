@@ -231,7 +231,7 @@ def _command(words: list[str]) -> Command:
 
 def _alone(command: Nmt, rest: list[str]) -> Nmt:
     if rest:
-        raise wrong(f"{rest[0][:20]!r} stands behind the command")
+        raise wrong(f"{rest[0][:20]!r} stands after the command")
     return command
 
 
@@ -244,7 +244,7 @@ def _place(words: list[str]) -> tuple[int, int]:
 def _read(words: list[str]) -> Read:
     index, sub_index = _place(words)
     if len(words) > 3:
-        raise wrong(f"{words[3][:20]!r} stands behind the data type")
+        raise wrong(f"{words[3][:20]!r} stands after the data type")
     return Read(index, sub_index, type_word(words[2]) if len(words) == 3 else None)
 
 

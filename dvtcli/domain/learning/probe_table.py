@@ -258,7 +258,7 @@ def _how_many(known: KnownAnswers) -> Iterator[Probe]:
         yield from map(number, range(2, last))
     if last < 64 and not known.subject.more:
         yield _probe(
-            known, f"entry {last + 1}", "an entry behind the last one is taken", _entry(known, last + 1, word)
+            known, f"entry {last + 1}", "an entry after the last one is taken", _entry(known, last + 1, word)
         )  # fmt: skip
 
 

@@ -48,7 +48,7 @@ def no_transmission_type(device: DescribedDevice) -> Found:
     yield from _without(device, 2, "transmission type")
 
 
-@check("unknown-cob-id", NOTE, "a COB-ID without a default: nobody knows whether the PDO comes up enabled",
+@check("unknown-cob-id", NOTE, "a COB-ID without a default: it is not known whether the PDO is enabled by default",
        _COMMUNICATION)  # fmt: skip
 def unknown_cob_id(device: DescribedDevice) -> Found:
     """Tools assume disabled, or 0."""
@@ -105,7 +105,7 @@ def mapped_twice(device: DescribedDevice) -> Found:
                 yield spot, f"{pdo.pdo.label} carries {entry.object} as entry {first} and {number}"
 
 
-@check("mpdo", NOTE, "a PDO comes up multiplexed (count 0xFE or 0xFF): it maps no objects", _MAPPING)
+@check("mpdo", NOTE, "a PDO is multiplexed by default (count 0xFE or 0xFF): it maps no objects", _MAPPING)
 def mpdo(device: DescribedDevice) -> Found:
     """The contents of a multiplexed PDO are given in its frames."""
     for pdo in device.pdos:
@@ -134,13 +134,13 @@ def unknown_entry(device: DescribedDevice) -> Found:
             )
 
 
-@check("enabled-and-empty", NOTE, "a PDO comes up enabled and maps nothing", f"ours: {_MAPPING}")
+@check("enabled-and-empty", NOTE, "a PDO is enabled by default and maps nothing", f"ours: {_MAPPING}")
 def enabled_and_empty(device: DescribedDevice) -> Found:
     """Frames would have no data, and the PDO could not be rolled back after a change."""
     for pdo in device.pdos:
         if pdo.cob_id is not None and pdo.config.enabled and pdo.count == 0:
             spot = Spot(pdo.pdo.communication_index, 1, HELD)
-            yield spot, f"{pdo.pdo.label} comes up enabled and maps nothing"
+            yield spot, f"{pdo.pdo.label} is enabled by default and maps nothing"
 
 
 @check("fixed-pdo", NOTE, "a mapping of which only a part can be written", f"{_MAPPING}; CiA 306, AccessType")
@@ -168,7 +168,7 @@ def cob_id_fixed(device: DescribedDevice) -> Found:
             )
 
 
-@check("synchronous-without-sync", WARNING, "a PDO comes up synchronous on a device without 0x1005",
+@check("synchronous-without-sync", WARNING, "a PDO is synchronous by default on a device without 0x1005",
        "CiA 301, 7.5.2.5 and 7.5.2.35")  # fmt: skip
 def synchronous_without_sync(device: DescribedDevice) -> Found:
     """The PDO waits for a SYNC that the device does not support."""
@@ -191,7 +191,7 @@ def timer_below_inhibit(device: DescribedDevice) -> Found:
             yield Spot(pdo.pdo.communication_index, 5, HELD), f"{pdo.pdo.label}: {text}"
 
 
-@check("default-cob-id", NOTE, "PDO 1 to 4 comes up with another CAN-ID than the pre-defined connection set's",
+@check("default-cob-id", NOTE, "PDO 1 to 4 has another default CAN-ID than the pre-defined connection set's",
        "CiA 301, 7.3.5")  # fmt: skip
 def default_cob_id(device: DescribedDevice) -> Found:
     """Masters that rely on the pre-defined connection set do not receive the PDO."""
@@ -200,9 +200,7 @@ def default_cob_id(device: DescribedDevice) -> Found:
         held = pdo.config.communication.cob_id
         if pdo.cob_id is None or expected is None or device.configured or not held.valid or held.can_id == expected:
             continue
-        text = (
-            f"{pdo.pdo.label} comes up with {held}; the pre-defined set has 0x{expected:03X} for node {device.node_id}"
-        )
+        text = f"{pdo.pdo.label} boots with {held}; the pre-defined set has 0x{expected:03X} for node {device.node_id}"
         yield Spot(pdo.pdo.communication_index, 1, HELD), text
 
 

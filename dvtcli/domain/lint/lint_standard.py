@@ -146,7 +146,7 @@ _CONTROLWORD_AND_STATUSWORD = (0x6040, 0x6041)
 _FIRST_PROFILE_INDEX, _LAST_PROFILE_INDEX = 0x6000, 0x67FF
 
 
-@check("service-can-id", WARNING, "SYNC, TIME or EMCY comes up with a CAN-ID that CiA 301 restricts",
+@check("service-can-id", WARNING, "SYNC, TIME or EMCY has a default CAN-ID that CiA 301 restricts",
        "CiA 301, 7.3.5")  # fmt: skip
 def service_can_id(device: DescribedDevice) -> Found:
     """The CAN-ID would collide with NMT, SDO or heartbeat."""
@@ -169,7 +169,7 @@ def sync_without_period(device: DescribedDevice) -> Found:
         yield Spot(_SYNC, 0, HELD), "produces SYNC (bit 30), and 1006 (period) is missing or 0"
 
 
-@check("sync-counter", WARNING, "0x1019 comes up with 1 or more than 240", "CiA 301, 7.5.2.22")
+@check("sync-counter", WARNING, "the default of 0x1019 is 1 or more than 240", "CiA 301, 7.5.2.22")
 def sync_counter(device: DescribedDevice) -> Found:
     """Both are reserved."""
     number = device.number(_COUNTER)
@@ -194,7 +194,7 @@ def sdo_can_id(device: DescribedDevice) -> Found:
             yield Spot(0x1200, sub_index, HELD), text
 
 
-@check("fixed-cob-id", NOTE, "a COB-ID that comes up enabled is not relative to the node-ID: every node has the same",
+@check("fixed-cob-id", NOTE, "a COB-ID that is enabled by default does not follow the node-ID: every node has the same",
        "CiA 301, 7.3.5; CiA 306, 4.6.3: $NODEID")  # fmt: skip
 def fixed_cob_id(device: DescribedDevice) -> Found:
     """Two such devices on one bus collide. A DCF is exempt: it is for one node."""

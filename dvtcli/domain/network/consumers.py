@@ -12,7 +12,7 @@ from dvtcli.domain.plan import PdoChange
 from dvtcli.domain.rules.finding import WARNING, Finding, Producer, Rule, warning
 
 RULES = (
-    Rule("consumer-length", WARNING, "an RPDO of a network maps another length than the TPDO that it hears",
+    Rule("consumer-length", WARNING, "an RPDO of a network maps another length than the TPDO that it receives",
          "CiA 301, emergency error codes 0x8210 and 0x8220"),
     Rule("consumer-left", WARNING, "an RPDO goes on hearing a CAN-ID that a TPDO gives up and no other sends",
          "CiA 301, 7.3.5: producer and consumer of a PDO have one CAN-ID"),

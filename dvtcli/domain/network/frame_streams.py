@@ -122,7 +122,7 @@ def assumptions(state: NetworkState, streams: Iterable[Stream], what_if: WhatIf,
     others = [row for row in without_producer(state) if not _counted(row[2], sync_us)]
     if others:
         listed = join_some(f"{node.node_id}:{pdo}" for node, pdo, _ in others)
-        yield f"no node here sends what {listed} {'hears' if len(others) == 1 else 'hear'}: not counted"
+        yield f"no node here sends what {listed} {'receives' if len(others) == 1 else 'receive'}: not counted"
     asked = [f"{node.node_id}:{pdo}" for node, pdo, config in state.enabled(is_tpdo=True) if _is_asked(config)]
     if asked:
         yield f"sent on request (RTR) only, and not counted: {join_some(asked)}"

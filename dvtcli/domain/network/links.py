@@ -95,16 +95,16 @@ def _same_id(one: PdoConfig, other: PdoConfig) -> bool:
 
 _LAYOUT = "CiA 301, 7.5.2.36 and 7.5.2.38: both sides of a PDO have one layout"
 RULES = (
-    Rule("link-self", ERROR, "a node is to hear what it sends itself", "ours: a CAN node does not hear itself"),
+    Rule("link-self", ERROR, "an RPDO is linked to a TPDO of its own node", "ours"),
     Rule("link-producer", ERROR, "the TPDO of a link maps nothing, is multiplexed, or no whole PDO", _LAYOUT),
     Rule("link-consumer", ERROR, "the RPDO of a link maps no object, is multiplexed, or no whole PDO", _LAYOUT),
     Rule("link-length", ERROR, "nothing that the TPDO of a link sends is as long as an object of its RPDO", _LAYOUT),
-    Rule("link-place", ERROR, "an object of a link's RPDO could hear several of the TPDO's", "ours"),
-    Rule("link-skip", ERROR, "the consumer of a link has no dummies for what it does not hear", _LAYOUT),
-    Rule("link-type", WARNING, "an object hears one of another data type", "both devices' files"),
-    Rule("link-part", WARNING, "an object hears some bits of a longer one", "ours"),
-    Rule("link-command", WARNING, "a controlword hears what is no command", "CiA 402-2, 8.4: it moves the machine"),
-    Rule("link-target", NOTE, "a target or an output hears what is none", "CiA 401-1, CiA 402-2: it moves the machine"),
+    Rule("link-place", ERROR, "an object of a link's RPDO could receive several of the TPDO's", "ours"),
+    Rule("link-skip", ERROR, "the consumer of a link has no dummies for what it does not receive", _LAYOUT),
+    Rule("link-type", WARNING, "an object receives one of another data type", "both devices' files"),
+    Rule("link-part", WARNING, "an object receives some bits of a longer one", "ours"),
+    Rule("link-command", WARNING, "a controlword receives what is no command", "CiA 402-2, 8.4: it moves the machine"),
+    Rule("link-target", NOTE, "a target or an output receives another kind of value", "CiA 401-1, CiA 402-2"),
     Rule("link-object", WARNING, "a PDO of a link maps what its device's file says it cannot", "both devices' files"),
 )  # fmt: skip
 #: Rules whose findings are asked about before execution, in interactive use.
@@ -196,7 +196,7 @@ def _over(sent: Sequence[PdoMappingEntry], start: int, bits: int) -> PdoMappingE
 
 def _refused(producer: LinkSide, consumer: LinkSide) -> Iterator[Finding]:
     if producer.end.node_id == consumer.end.node_id:
-        yield error("link-self", str(consumer), f"{consumer} cannot hear {producer}: both are PDOs of one node")
+        yield error("link-self", str(consumer), f"{consumer} cannot receive {producer}: both are PDOs of one node")
     if wrong := _not_whole(producer.config) or ("" if producer.config.mapping else "maps nothing"):
         yield error(
             "link-producer", str(producer), f"{producer} {wrong}", hint=Hint(Action.MAP, {"pdo": producer}, "{} first")
@@ -207,7 +207,7 @@ def _refused(producer: LinkSide, consumer: LinkSide) -> Iterator[Finding]:
         hint = Hint(
             Action.MAP,
             {"pdo": consumer, "off": True},
-            f"first {{}}, with what is to hear {sent} of {producer}; then link",
+            f"first {{}}, with what should receive {sent} of {producer}; then link",
         )
         yield error("link-consumer", str(consumer), f"{consumer} {wrong}", hint=hint)
 
@@ -292,7 +292,7 @@ def _no_place(producer: LinkSide, consumer: LinkSide, objects: list[PdoMappingEn
 
 
 def _ambiguous(producer: LinkSide, consumer: LinkSide, heard: PdoMappingEntry, sent: list[PdoMappingEntry]) -> Finding:
-    text = f"{consumer.name(heard)} of {consumer} could hear {producer.name(sent[0])} or {producer.name(sent[1])}"
+    text = f"{consumer.name(heard)} of {consumer} could receive {producer.name(sent[0])} or {producer.name(sent[1])}"
     hint = Hint(
         Action.MAP, {"pdo": consumer, "objects": f"dummy/BITS {heard.object}", "off": True},
         "say where it is: {}, or mapping: [dummy/BITS, …] in the network file, "
@@ -318,7 +318,7 @@ def _filled(
         mapping += split_dummy(skipped, DUMMY_BITS if usable is None else usable)
     except ValueError as wrong:
         hint = f"change {producer}, or map what {consumer} skips onto objects that nobody uses"
-        return (), (error("link-skip", str(consumer), f"{consumer} cannot hear {producer}: {wrong}", hint=hint),)
+        return (), (error("link-skip", str(consumer), f"{consumer} cannot receive {producer}: {wrong}", hint=hint),)
     return tuple(mapping), ()
 
 
@@ -330,11 +330,11 @@ def _remarks(producer: LinkSide, consumer: LinkSide, mapping: Sequence[PdoMappin
             continue
         yield from _command_remarks(producer, sent, consumer, heard)
         if sent.bits != heard.bits:
-            text = f"hears {heard.bits} of the {sent.bits} bits of {producer.name(sent)}"
+            text = f"receives {heard.bits} of the {sent.bits} bits of {producer.name(sent)}"
             yield warning("link-part", str(consumer), f"{consumer.name(heard)} of {consumer} {text}")
         elif not _is_alike(producer, sent, consumer, heard):
             types = [data_type.short if data_type else "?" for data_type in (consumer.type(heard), producer.type(sent))]
-            text = f"{consumer.name(heard)} of {consumer} is {types[0]} and hears {producer.name(sent)}, {types[1]}"
+            text = f"{consumer.name(heard)} of {consumer} is {types[0]} and receives {producer.name(sent)}, {types[1]}"
             yield warning("link-type", str(consumer), text)
 
 

@@ -68,7 +68,7 @@ def _step_findings(proposal: Proposal, dictionary: ObjectDictionary, entry: OdEn
             place,
             text,
             code,
-            Hint(Action.GIVE_EDS, why="where the file is wrong, mend it, or give another one: {}"),
+            Hint(Action.GIVE_EDS, why="if the file is wrong, correct it, or give another one: {}"),
         )
         return
     yield from _limit_findings(proposal, entry, step, where)

@@ -16,10 +16,10 @@ RULES = (
     Rule("way-back", WARNING,
          "a PDO holds what a device does not take: an undo leaves it off, or off and empty, where that is refused",
          "CiA 301, 7.5.2.35 to 7.5.2.38; the EDS; the family"),
-    Rule("no-way-back", ERROR, "after the change a PDO could neither be put back nor be switched off and emptied",
+    Rule("no-way-back", ERROR, "after the change a PDO could neither be rolled back nor be switched off and emptied",
          "ours; the EDS; the family"),
     Rule("restarted-meanwhile", WARNING,
-         "a node restarted while it was put back: what else it held in RAM only is lost", "ours"),
+         "a node restarted while it was rolled back: what else it held in RAM only is lost", "ours"),
 )  # fmt: skip
 
 _FIELDS = {
@@ -42,13 +42,13 @@ def way_back(back: Proposal) -> tuple[PdoConfig, Finding] | None:
     pdo, before, reason = back.pdo, back.want, refusals[0]
     taken = next((config for config in _weaker(back) if not _refusals(replace(back, want=config))), None)
     if taken is None:
-        text = f"{pdo.label} could not be put back after this, nor be switched off and emptied: {reason.text}"
+        text = f"{pdo.label} could not be rolled back after this, nor be switched off and emptied: {reason.text}"
         return before, error(
             "no-way-back", reason.place, text, None, Hint(Action.SHOW_PDOS, {"all": True}, "choose another PDO ({})")
         )
     text = f"{pdo.label} is {_state(before, taken)} now, and a device may not take that back ({reason.text})"
     return taken, warning(
-        "way-back", reason.place, f"{text}: where it does not, an undo leaves it {left_as(before, taken)}"
+        "way-back", reason.place, f"{text}: if it does not, an undo leaves it {left_as(before, taken)}"
     )
 
 

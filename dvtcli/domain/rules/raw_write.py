@@ -34,7 +34,7 @@ RULES = (
     Rule("mapping-while-valid", ERROR, "write to a mapping while the PDO is enabled",
          _FROZEN_WHILE_VALID, (Abort.UNSUPPORTED_ACCESS,)),
     Rule("write-only", WARNING,
-         "what is written cannot be read back: nothing shows that the device took it, and an undo does not put it back",
+         "what is written cannot be read back: nothing shows that the device took it, and an undo does not restore it",
          "the EDS, AccessType (CiA 306); CiA 301, 7.5.2.13 and 7.5.2.14; CiA 302-2, CiA 302-3"),
     Rule("entry-while-counted", ERROR, "write to an entry while the count is not 0",
          _FROZEN_WHILE_VALID, (Abort.UNSUPPORTED_ACCESS,)),

@@ -38,7 +38,7 @@ def whole_findings(proposal: Proposal) -> Iterator[Finding]:
                     Abort.NO_OBJECT, hint)  # fmt: skip
     if not now.has_cob_id and (now == want or (_is_described(proposal) and needs_disabling(now, want))):
         place = proposal.communication_place(1)
-        yield error("half-pdo", place, f"nobody can tell whether {label} is off: {place} cannot be read",
+        yield error("half-pdo", place, f"it is not known whether {label} is off: {place} cannot be read",
                     None, _ANOTHER)  # fmt: skip
     enables = want.enabled and (not now.enabled or disables(now, want))
     if want.held_count is not None and (maps or enables):

@@ -98,7 +98,7 @@ def _node_id(layout: EdsLayout, findings: Findings) -> int | None:
     values = section_values(sections, findings)
     if len(differing := _given_node_ids(sections)) > 1:
         every = ", ".join(f"{number} in line {line}" for number, line in differing.items())
-        text = f"NodeID is {every}: nobody knows which of them is meant; ignored"
+        text = f"NodeID is {every}: it is not known which of them is meant; ignored"
         findings.add(NODE_ID, values["nodeid"].line, text, value_lost=True)
         return None
     given = values.get("nodeid")
@@ -106,7 +106,7 @@ def _node_id(layout: EdsLayout, findings: Findings) -> int | None:
         return None
     node_id = _whole(given)
     if node_id is None or not (0 <= node_id <= _HIGHEST_NODE_ID or node_id == _UNCONFIGURED):
-        text = f"{quoted(given)} is no node-ID, which is 1..127: of which node the values are, nobody knows; ignored"
+        text = f"{quoted(given)} is no node-ID, which is 1..127: the node of the values is not known; ignored"
         findings.add(NODE_ID, given.line, text, value_lost=True)
         return None
     if 1 <= node_id <= _HIGHEST_NODE_ID:

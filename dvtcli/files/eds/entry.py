@@ -136,7 +136,7 @@ def _tell_other(given: IniValue, data_type: DataType | None, findings: Findings)
     other = given.other
     while other is not None:
         if not _means_same(given.value, other.value, data_type):
-            text = f"{quoted(given)}, but {quoted(other)} in line {other.line}: nobody knows which is meant"
+            text = f"{quoted(given)}, but {quoted(other)} in line {other.line}: it is not known which is meant"
             findings.add(VALUE_TWICE, given.line, text, value_lost=True)
             return
         other = other.other

@@ -147,5 +147,5 @@ def report_repeated(every: Iterable[Parts], findings: Findings, *, have_values: 
     """Report a warning for each repeated section; *have_values*: the section contains values."""
     for parts in every:
         for part in parts[1:]:
-            text = f"[{part.name}] stands in line {parts[0].line} too; where both have a key, the later one counts"
+            text = f"[{part.name}] is in line {parts[0].line} too; where both have a key, the later one counts"
             findings.add(DUPLICATE_SECTION, part.line, text, value_unread=have_values)

@@ -9,12 +9,12 @@ _OBJECTS = "CiA 306, 4.6.3"
 _COMPACT = "CiA 306, 4.6.3.3"
 
 # Lines and sections.
-BAD_HEADER = LintRule("bad-header", WARNING, "a header has no closing bracket, or text behind it", _LINES)
+BAD_HEADER = LintRule("bad-header", WARNING, "a header has no closing bracket, or text after it", _LINES)
 BAD_LINE = LintRule("bad-line", WARNING, "a line is neither KEY=VALUE nor a comment, or says nothing there", _LINES)
-DUPLICATE_KEY = LintRule("duplicate-key", WARNING, "a key stands twice in a section: readers differ in which counts",
+DUPLICATE_KEY = LintRule("duplicate-key", WARNING, "a key occurs twice in a section: readers differ in which counts",
                          _LINES)  # fmt: skip
 DUPLICATE_SECTION = LintRule("duplicate-section", WARNING,
-                             "a section stands twice: many readers refuse the file or drop one", _LINES)  # fmt: skip
+                             "a section occurs twice: many readers refuse the file or drop one", _LINES)  # fmt: skip
 NOT_UNDERSTOOD = LintRule("section-not-understood", NOTE, "a section is not the standard's, or its object is not there",
                           "CiA 306")  # fmt: skip
 
@@ -22,11 +22,11 @@ NOT_UNDERSTOOD = LintRule("section-not-understood", NOTE, "a section is not the 
 BAD_NUMBER = LintRule("bad-number", WARNING, "a key's value is no number, or outside what the key may have", _LINES)
 LEADING_ZERO = LintRule("leading-zero", WARNING, "a leading 0 makes a number octal: readers differ", _LINES)
 EMPTY_VALUE = LintRule("empty-value", NOTE, "a key is there without a value", _OBJECTS)
-BAD_VALUE = LintRule("bad-value", ERROR, "DefaultValue or ParameterValue is none of the object's data type", _OBJECTS)
-VALUE_TWICE = LintRule("value-twice", ERROR, "two values of one object: nobody knows which is meant", _OBJECTS)
+BAD_VALUE = LintRule("bad-value", ERROR, "DefaultValue or ParameterValue does not fit the object's data type", _OBJECTS)
+VALUE_TWICE = LintRule("value-twice", ERROR, "two values of one object: it is not known which is meant", _OBJECTS)
 UNTYPED_VALUE = LintRule("untyped-value", WARNING, "a value of an object whose data type is not known", _OBJECTS)
 ODD_VALUE = LintRule("odd-value", NOTE, "a value is written in a way that other readers may not take", _LINES)
-LIMIT_TYPE = LintRule("limit-type", WARNING, "LowLimit or HighLimit is none of the object's data type", _OBJECTS)
+LIMIT_TYPE = LintRule("limit-type", WARNING, "LowLimit or HighLimit does not fit the object's data type", _OBJECTS)
 LIMITS_CROSSED = LintRule("limits-crossed", ERROR, "LowLimit is above HighLimit: no value would be allowed", _OBJECTS)
 LIMITS_WRAPPED = LintRule(
     "limits-wrapped",
@@ -64,7 +64,7 @@ NO_SUB_INDEX = LintRule("no-sub-index", WARNING, "a row of a table names a sub-i
 DEVICE_IDENTITY = LintRule("device-identity", WARNING, "VendorNumber, ProductNumber or RevisionNumber is not what "
                            "0x1018 holds: the device is not recognised by its file", "CiA 306, DeviceInfo")  # fmt: skip
 NODE_ID = LintRule(
-    "node-id", WARNING, "NodeID is not within 1..127, or stands twice and differs", "CiA 306, DeviceComissioning"
+    "node-id", WARNING, "NodeID is not within 1..127, or occurs twice and differs", "CiA 306, DeviceComissioning"
 )
 NO_NODE_ID = LintRule("no-node-id", NOTE, "NodeID=255: the node is not configured", "CiA 305")
 LIST_COUNT = LintRule("list-count", WARNING, "SupportedObjects is not the number of objects in the list",

@@ -14,9 +14,9 @@ from dvtcli.files.network.yaml_tree import Branch, Leaf, Tree, YamlList
 #: mappings that may have keys of other tools
 _OPEN = {Where.FILE, Where.OPTIONS, Where.MASTER, Where.NODE}
 _SLIP = 0.82
-_IN_A_FILE = "the file: it stands at the top level"
-_IN_A_NODE = "a node: it stands below the node's name"
-_IN_A_PDO = "a PDO: it stands below a number of tpdo or rpdo"
+_IN_A_FILE = "the file: it belongs at the top level"
+_IN_A_NODE = "a node: it belongs below the node's name"
+_IN_A_PDO = "a PDO: it belongs below a number of tpdo or rpdo"
 #: by the mapping with a misplaced key: the mappings it may be meant for, and their place in words
 _BELONGS: dict[Where, dict[Where, str]] = {
     Where.FILE: {Where.NODE: _IN_A_NODE, Where.TPDO: _IN_A_PDO, Where.RPDO: _IN_A_PDO, Where.MASTER: "master"},

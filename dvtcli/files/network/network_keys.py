@@ -93,7 +93,7 @@ def _of_each_pdo(where: Where) -> Iterable[NetworkKey]:
 KEYS: tuple[NetworkKey, ...] = (
     NetworkKey(Where.FILE, "nodes", Kind.NODES, "the nodes by name; they may stand at the top level, too"),
     NetworkKey(Where.FILE, "defaults", Kind.TABLE, "keys of every node, which a node's own keys override one by one"),
-    NetworkKey(Where.FILE, "links", Kind.LINKS, "which RPDOs hear which TPDO"),
+    NetworkKey(Where.FILE, "links", Kind.LINKS, "which RPDOs receive which TPDO"),
     NetworkKey(Where.FILE, "master", Kind.TABLE, "who the master is: a role, nothing of it is written"),
     NetworkKey(Where.FILE, "options", Kind.TABLE, "dcfgen's own options"),
     NetworkKey(
@@ -204,7 +204,7 @@ KEYS: tuple[NetworkKey, ...] = (
         "what it should hold; 0 unless said, as dcfgen takes it; `$NODEID+0x80` follows the node-ID",
     ),
     NetworkKey(Where.LINK, "from", Kind.ENDPOINT, "the TPDO", required=True),
-    NetworkKey(Where.LINK, "to", Kind.ENDPOINTS, "the RPDOs that hear it", required=True),
+    NetworkKey(Where.LINK, "to", Kind.ENDPOINTS, "the RPDOs that receive it", required=True),
     NetworkKey(
         Where.LINK, "heartbeat", Kind.HEARTBEAT,
         "the producer's heartbeat, which the consumers watch; false: no watching; else as the producer has it",

@@ -43,7 +43,7 @@ def read_pdos(branch: Branch, direction: Direction, title: str, log: FileLog) ->
     for leaf, value in branch.items.values():
         if spelled(leaf.text) in OF[Where.TPDO if direction is Direction.TPDO else Where.RPDO]:
             log.complain(
-                leaf.mark, f"{leaf.text!r} in {direction} of {title} belongs to a PDO: it stands below its number"
+                leaf.mark, f"{leaf.text!r} in {direction} of {title} belongs to a PDO: it belongs below its number"
             )
             continue
         number = number_key(leaf, 1, MAX_PDO_NUMBER, "PDO number", log)

@@ -34,13 +34,13 @@ def read_links(row: YamlList, node_ids: Mapping[str, int], log: FileLog) -> Iter
         to = found.get("to")
         trees = to.items if isinstance(to, YamlList) else () if to is None else (to,)
         if to is not None and not trees:
-            log.complain(to.mark, "a link needs an RPDO that hears it")
+            log.complain(to.mark, "a link needs an RPDO that receives it")
         consumers = []
         for endpoint in trees:
             consumer = _endpoint(endpoint, Direction.RPDO, node_ids, log)
             if consumer is not None and consumer in heard:
                 log.complain(
-                    endpoint.mark, f"{leaves.shown(endpoint)} hears another TPDO already (line {heard[consumer]})"
+                    endpoint.mark, f"{leaves.shown(endpoint)} receives another TPDO already (line {heard[consumer]})"
                 )
             elif consumer is not None:
                 heard[consumer] = endpoint.mark.line
@@ -225,7 +225,7 @@ def _take(leaf: Leaf, value: Tree, nodes: Named, log: FileLog) -> None:
     elif not leaf.text.strip() or ":" in leaf.text:
         log.complain(leaf.mark, f"{leaf.text[:40]!r} is no name: a node is called by a word without a colon")
     elif leaf.text in nodes:
-        log.complain(leaf.mark, f"node {leaf.text[:40]} stands twice (first at line {nodes[leaf.text][0].mark.line})")
+        log.complain(leaf.mark, f"node {leaf.text[:40]} occurs twice (first at line {nodes[leaf.text][0].mark.line})")
     else:
         nodes[leaf.text] = (leaf, value)
 

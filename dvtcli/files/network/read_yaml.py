@@ -46,7 +46,7 @@ def read_tree(text: str, log: FileLog) -> Tree | None:
 
 
 def _complain_twice(log: FileLog, name: Leaf, first: int) -> None:
-    log.complain(name.mark, f"{name.text[:40]!r} stands twice (first at line {first})")
+    log.complain(name.mark, f"{name.text[:40]!r} occurs twice (first at line {first})")
 
 
 def _general_tree(text: str, log: FileLog) -> Tree | None:

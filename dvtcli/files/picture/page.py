@@ -84,9 +84,9 @@ def frame_cards(picture: NetworkPicture) -> Iterator[FrameCard]:
 def _card(picture: NetworkPicture, node: PictureNode, pdo: PicturePdo, partners: list[PicturePdo]) -> FrameCard:
     odd = pdo.config.inconsistency if node.is_told else ""
     facts = filter(None, (byte_count(pdo), timing(pdo), odd))
-    verb = "heard by" if pdo.is_tpdo else "hears"
+    verb = "received by" if pdo.is_tpdo else "receives"
     names = ", ".join(f"{end_text(end)} {_name(picture, end.node_id)}".rstrip() for end in pdo.partners)
-    nobody = "nobody here hears it" if pdo.is_tpdo else "nobody here sends it"
+    nobody = "nobody here receives it" if pdo.is_tpdo else "nobody here sends it"
     rows = tuple(_row(number, field, partners) for number, field in enumerate(pdo.fields, 1))
     return FrameCard(
         f"{pdo.end.pdo}-{node.node_id}", pdo.end.pdo.label, node_text(picture, node.node_id), pdo.is_tpdo,
@@ -184,7 +184,7 @@ def _place(root: Element, frame: PictureFrame, left: float, step: float) -> None
     mark = add(root, "rect", x=f"{x + (step - wide) / 2:.2f}", y=y, width=f"{wide:.2f}", height=_ROW - 3, rx=1,
                class_=f"place {_kind(frame)}")  # fmt: skip
     whose = "" if frame.node is None else f" of node {frame.node}"
-    hears = f", heard by {ends_text(frame.consumers)}" if frame.consumers else ""
+    hears = f", received by {ends_text(frame.consumers)}" if frame.consumers else ""
     add(mark, "title", f"{cob_id(frame.identifier)} {frame.what or frame.why}{whose}{hears}{_warning(frame)}")
 
 

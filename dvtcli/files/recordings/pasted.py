@@ -140,7 +140,7 @@ def _frame(
 def _require_length(data: bytes, length: int) -> None:
     """Raise ValueError if *data* has not *length* bytes."""
     if len(data) != length:
-        raise ValueError(f"the length {length} is not that of the {plural(len(data), 'byte')} behind it")
+        raise ValueError(f"the length {length} is not that of the {plural(len(data), 'byte')} after it")
 
 
 class CandumpScreen(PastedFormat):

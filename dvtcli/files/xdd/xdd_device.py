@@ -133,7 +133,7 @@ def _node_id(placed: XmlElement, findings: Findings) -> int | None:
     if node_id in (0, _UNCONFIGURED):
         findings.add(NO_NODE_ID, placed.line, f"nodeID={node_id} means not configured")
     else:
-        said = f"nodeID={text[:40]} is no node-ID, which is 1..127: of which node the values are, nobody knows; ignored"
+        said = f"nodeID={text[:40]} is no node-ID, which is 1..127: the node of the values is not known; ignored"
         findings.add(NODE_ID, placed.line, said, value_lost=True)
     return None
 

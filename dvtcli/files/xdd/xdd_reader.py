@@ -338,7 +338,7 @@ def _objects(root: XmlElement, findings: Findings) -> dict[int, XmlElement]:
     """Return the objects of the first list, by index."""
     first, *others = root.anywhere("CANopenObjectList")
     for other in others:
-        text = f"a list of objects stands in line {first.line} too; this one is left out"
+        text = f"a list of objects is in line {first.line} too; this one is left out"
         findings.add(OBJECT_LISTS, other.line, text)
     found: dict[int, XmlElement] = {}
     for element in first.all("CANopenObject"):
@@ -346,7 +346,7 @@ def _objects(root: XmlElement, findings: Findings) -> dict[int, XmlElement]:
         if index is None:
             continue
         if index in found:
-            text = f"{index:04X} stands in line {found[index].line} too; that one counts"
+            text = f"{index:04X} is in line {found[index].line} too; that one counts"
             is_lost = _values(element) != _values(found[index])
             findings.add(OBJECT_TWICE, element.line, text, value_lost=is_lost, value_unread=True)
             continue

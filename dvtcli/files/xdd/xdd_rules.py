@@ -8,7 +8,7 @@ _OBJECTS = "CiA 311, CANopenObject"
 
 NO_PARAMETER = LintRule("no-parameter", WARNING, "uniqueIDRef names no parameter of the file", "CiA 311, uniqueIDRef")
 PARAMETER_TWICE = LintRule("parameter-twice", WARNING, "two parameters have one uniqueID", "CiA 311, uniqueIDRef")
-MAPPING_WORD = LintRule("mapping-word", WARNING, "PDOmapping is none of no, default, optional, TPDO, RPDO", _OBJECTS)
+MAPPING_WORD = LintRule("mapping-word", WARNING, "PDOmapping is not one of no, default, optional, TPDO, RPDO", _OBJECTS)
 MAPPING_DIRECTION = LintRule("mapping-direction", WARNING, "PDOmapping is a direction that the access type forbids",
                              f"{_OBJECTS}; CiA 301, 7.4.6")  # fmt: skip
 OBJECT_TWICE = LintRule("object-twice", WARNING, "an object, or a sub-index of it, is described twice", _OBJECTS)

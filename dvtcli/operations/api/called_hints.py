@@ -263,9 +263,7 @@ def _say_in_calls(raised: DvtcliError, *, others: bool) -> None:
 def _of_this_program(text: str) -> str:
     """Name this program in *text* instead of another process: a Bus of this program has the node until a call ends."""
     text = re.sub(rf"another dvtcli \(process {os.getpid()}\b[^()]*\)", "another Bus of this program", text)
-    return re.sub(
-        rf"when it has finished; where it hangs, end process {os.getpid()},.*", "when its call has ended", text
-    )
+    return re.sub(rf"when it has finished; if it hangs, end process {os.getpid()},.*", "when its call has ended", text)
 
 
 def _further(raised: DvtcliError) -> Iterator[tuple[str, str]]:

@@ -131,7 +131,7 @@ def require_held(node: ReadableNode, changes: Sequence[Change]) -> None:
             f"node {node.node_id} does not hold what was planned",
             node=node.node_id,
             why="; ".join(differences),
-            hint="it restarted, or altered this beside a change of something else: look at its supply and its manual",
+            hint="it restarted, or altered this beside a change of something else: check its supply and its manual",
         )
 
 
@@ -148,5 +148,5 @@ def _require_not_restarted(nodes: Mapping[int, ReadableNode], boot_ups: Mapping[
         raise Restarted(
             f"node {', '.join(map(str, again))} restarted while the nodes were changed",
             node=again[0],
-            hint="look at its supply, then try again",
+            hint="check its supply, then try again",
         )

@@ -131,7 +131,7 @@ def all_back(
         said.append(f"nothing was written to node {_names(unwritten)}")
     said.append("nothing was stored")
     if look_at is not None:
-        said.append(f"look at the NMT state of node {look_at}")
+        said.append(f"check the NMT state of node {look_at}")
     if restarted:
         said.append(f"node {join_some(map(str, restarted))} restarted: what else it held in RAM only is lost")
     if unknown:
@@ -322,7 +322,7 @@ class NetworkTransaction:
                 if isinstance(change, PdoChange) or change.is_readable or change.label in written
             ]
             name_left(failure, [Guarded(node_id, node.sdo, node.witness, changes)])
-            failure.text = could_not(failure, node_id, "taken back") or failure.text
+            failure.text = could_not(failure, node_id, "rolled back") or failure.text
         merge_left(first, others)
         first.details += [("also", text) for text in (*(failure.text for failure in others), *self._unsure_texts())]
         first.details += other_nodes(*self._others(failures))
@@ -407,7 +407,7 @@ class NetworkTransaction:
                 raise DeviceRefused("it does not read back as it was", why=difference)
         untaken = [change.label for change in plan.changes if is_otherwise(node, change)]
         if untaken:
-            raise DeviceRefused(f"the device does not take back what {join_some(untaken)} held")
+            raise DeviceRefused(f"the device does not accept again what {join_some(untaken)} held")
 
     def _forget(self, node: Node) -> None:
         """Drop the recovery data of *node* after all nodes are as before."""

@@ -82,12 +82,12 @@ def _one_by_one(session: SessionNodes, things: Iterable[T], put_back: Callable[[
         again += [node_id for node_id, seen in boot_ups.items() if session.bus.boot_ups(node_id) != seen]
         if again:
             raise Restarted(
-                f"node {', '.join(map(str, again))} restarted after it was put back: what it had not stored is lost",
-                hint=Hint(Action.SHOW_PDOS, why="look at its supply, then at what it holds with {}"),
+                f"node {', '.join(map(str, again))} restarted after it was rolled back: what it had not stored is lost",
+                hint=Hint(Action.SHOW_PDOS, why="check its supply, then what it holds with {}"),
                 state="unknown",
             )
     except DvtcliError as error:
-        error.beside([undone.node for undone in done if undone.node not in again], [error], "put back before this")
+        error.beside([undone.node for undone in done if undone.node not in again], [error], "rolled back before this")
         error.nodes |= dict.fromkeys(again, "unknown")
         raise
     return done[0] if len(done) == 1 else ChangedNodes(tuple(done))

@@ -111,7 +111,7 @@ def _tell_of_others(session: SessionNodes, chain: RememberedDevice) -> None:
     others = sorted({entry.plan.node_id for entry in tops} - {chain.node.node_id})
     if others:
         nodes = f"node {', '.join(map(str, others))}"
-        why = f"what was changed on {nodes} is not taken back by this: {{}} takes all of it back"
+        why = f"what was changed on {nodes} is not undone by this: {{}} takes all of it back"
         session.tell.note(Hint(Action.UNDO, {"all": True}, why))
 
 
@@ -191,7 +191,7 @@ def _newer_elsewhere(past: ChangeHistory, chains: list[RememberedDevice]) -> tup
     last = past.newest_of_all()
     if last is None or last.order <= max(chain.entries[-1].order for chain in chains):
         return ()
-    hint = Hint(Action.UNDO, {"node": last.plan.node_id}, "puts that back")
+    hint = Hint(Action.UNDO, {"node": last.plan.node_id}, "undoes that")
     text = f"node {last.plan.node_id} was changed later, at {_time(last)}"
     return (warning("newer-change", f"node {last.plan.node_id}", text, hint),)
 

@@ -42,7 +42,7 @@ def undo_to_backup(session: SessionNodes, rehearse: Rehearse, when: str | None =
     session.tell.note(f"this puts {file} back")
     said = remarks(Path(file))
     for remark in said:
-        session.tell.warning(f"not put back as it was: {remark}")
+        session.tell.warning(f"not undone completely: {remark}")
     started = time.monotonic()
     wish = rehearse(file, node.node_id).get(node.node_id, Wish())
     if not wish.pdos:
@@ -87,7 +87,7 @@ def _unlike_backup(node: ReadableNode, said: Iterable[str]) -> Iterator[Finding]
     for remark in said:
         pdo = Pdo.parse(remark.split()[0])
         if f"# {remark}" not in backup_of(pdo, node.pdo(pdo)):
-            text = f"{pdo.label} is not put back as it was: {remark}"
+            text = f"{pdo.label} is not undone completely: {remark}"
             yield warning("way-back", f"0x{pdo.communication_index:04X}:01", text)
 
 
@@ -100,10 +100,10 @@ def _backup_file(keeper: ChangeGuard, node: ReadableNode, when: str | None, *, f
     found = kind if force else of_this_device(kind, node.identity())
     if kind and not found:
         other = SafetyRefusal(
-            f"no backup of the device that is node {node.node_id} now: those of node {node.node_id} are another one's",
+            f"no backup of the device that is node {node.node_id} now: those of this node-ID are another device's",
             node=node.node_id,
             why="its serial number (0x1018:04) is another one",
-            hint=Hint(Action.FORCE, why="puts one back all the same, as on a spare device that takes its place"),
+            hint=Hint(Action.FORCE, why="writes one all the same, to a spare device that takes its place"),
         )
         other.details += [("backup", f"{backup.stamp}  {backup.path}") for backup in kind]
         raise other

@@ -30,7 +30,7 @@ def refuse_other_master(session: SessionNodes) -> None:
         said = _request(frame)
         if said:
             raise SafetyRefusal(
-                f"another master is active: {said} was heard",
+                f"another master is active: {said} was received",
                 why=f"0x{frame.can_id:03X} [{len(frame.data)}] {frame.data.hex(' ').upper()}",
                 hint=Hint(Action.FORCE, why="stop it while the network is changed; {} goes on beside it"),
             )

@@ -115,7 +115,7 @@ def habits_check() -> Check:
     broken = [row.name for row in rows if row.problem]
     if broken:
         text = f"what is remembered of {', '.join(broken)} cannot be read"
-        return Check("habits", "warn", text, "profiles forget removes it; it is found out anew")
+        return Check("habits", "warn", text, "profiles forget removes it; it is found out again")
     if not rows:
         return Check("habits", "ok", "nothing is remembered of any device")
     return Check("habits", "ok", f"{len(rows)} devices want a PDO off first, or may: profiles habits shows them")
@@ -188,9 +188,9 @@ def _heard(session: SessionNodes) -> Iterator[Check]:
         yield Check("traffic", "ok", f"{frames / LISTEN_S:.0f} frames/s, no error frames")
     else:
         yield Check(
-            "traffic", "warn", f"nothing was heard in {LISTEN_S:g} s", f"nodes may be quiet: scan asks them. {_WORST}"
+            "traffic", "warn", f"nothing was received in {LISTEN_S:g} s", f"nodes may be silent: scan asks. {_WORST}"
         )
-    yield Check("heartbeats", "ok", f"heard of node {', '.join(map(str, nodes))}" if nodes else "none was heard")
+    yield Check("heartbeats", "ok", f"heard of node {', '.join(map(str, nodes))}" if nodes else "none was received")
 
 
 def _node(session: SessionNodes) -> Iterator[Check]:

@@ -327,7 +327,7 @@ def export_dbc(session: SessionNodes, file: str, wishes: DbcOptions = PLAIN) -> 
     if not ids:
         raise NoAnswer(
             "no node answers",
-            hint=Hint(Action.CHECK_SETUP, why="look at bit rate and supply: {}") + Hint(Action.FIND_NODES, why=", {}"),
+            hint=Hint(Action.CHECK_SETUP, why="check bit rate and supply: {}") + Hint(Action.FIND_NODES, why=", {}"),
         )
     state = network_state([session.node(node_id) for node_id in ids])
     return _write(session, file, None, state, {}, wishes)

@@ -274,7 +274,7 @@ def import_network(session: SessionNodes, file: str, folder: str | None = None, 
         if not found:
             raise NoAnswer(
                 "no node answers",
-                hint=Hint(Action.CHECK_SETUP, why="look at bit rate and supply: {}")
+                hint=Hint(Action.CHECK_SETUP, why="check bit rate and supply: {}")
                 + Hint(Action.FIND_NODES, why=", {}"),
             )
     else:

@@ -52,7 +52,7 @@ def recorded_network(session: SessionUser, path: Path, *, throughout: bool = Fal
     wanted = session.base.nodes
     nodes, missing = (
         [],
-        [f"node {wanted_id}: no mapping was heard" for wanted_id in wanted if wanted_id not in followed.heard.node_ids],
+        [f"node {wanted_id}: no mapping received" for wanted_id in wanted if wanted_id not in followed.heard.node_ids],
     )
     for node_id in followed.heard.node_ids:
         if not wanted or node_id in wanted:
@@ -174,12 +174,12 @@ def _whole_pdos(node_id: int, followed: _Followed, missing: list[str]) -> dict[P
         config = _heard_pdo(values, pdo)
         after = " after the node's last boot-up" if (node_id, pdo) in followed.drawn else ""
         if config is None:
-            missing.append(f"{pdo.label} of node {node_id}: nothing was heard of it{after}")
+            missing.append(f"{pdo.label} of node {node_id}: nothing was received of it{after}")
         elif not config.unread:
             whole[pdo] = config
         elif config.enabled or not config.has_cob_id:
             index, sub_index = config.unread[0]
-            missing.append(f"{pdo.label} of node {node_id}: {index:04X}:{sub_index:02X} was not heard{after}")
+            missing.append(f"{pdo.label} of node {node_id}: {index:04X}:{sub_index:02X} was not received{after}")
     return whole
 
 

@@ -49,7 +49,7 @@ def write_found(
     )
     for consumer, producer in links.unlike:
         heard, sent = (f"{end.node_id}:{end.pdo}" for end in (consumer, producer))
-        notes.append(f"{heard} hears {sent}, and their layouts differ: no link")
+        notes.append(f"{heard} receives {sent}, and their layouts differ: no link")
     wishes = tuple(exported_node.exported.wish for _, exported_node in sorted(nodes.items()))
     remarks = {word: text for node in found for word, text in node.exported.remarks.items()}
     make_file(session, path, write_network(NetworkWish(wishes, links.links), title, remarks))

@@ -73,7 +73,7 @@ def export_nodelist(session: SessionNodes, file: str, *, twice: bool = False) ->
     if not ids:
         raise NoAnswer(
             "no node answers",
-            hint=Hint(Action.CHECK_SETUP, why="look at bit rate and supply: {}") + Hint(Action.FIND_NODES, why=", {}"),
+            hint=Hint(Action.CHECK_SETUP, why="check bit rate and supply: {}") + Hint(Action.FIND_NODES, why=", {}"),
         )
     said: list[str] = []
     nodes = [_listed(session, path, node_id, notes, said, twice=twice) for node_id in sorted(ids)]

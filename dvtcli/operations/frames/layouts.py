@@ -118,7 +118,7 @@ def open_wire(session: SessionNodes) -> CanopenBus:
     if not bus.carries_frames:
         raise UsageError(
             f"{bus.name} carries no CAN frames: there is nothing to listen to",
-            hint="objects can be read and written there; an interface of this machine hears frames",
+            hint="objects can be read and written there; an interface of this machine receives frames",
         )
     return bus
 

@@ -97,7 +97,7 @@ def _first_file(session: SessionUser, path: Path, *, append: bool) -> Path:
             if finished.rows:
                 session.tell.note(f"{finished.path}: {finished.rows} rows of a recording that was killed")
             if finished.aside is not None:
-                session.tell.warning(f"the recording is damaged behind them; all of it is kept in {finished.aside}")
+                session.tell.warning(f"the recording is damaged after them; all of it is kept in {finished.aside}")
             append = append or finished.path == path
         if append:
             return next_part(path)

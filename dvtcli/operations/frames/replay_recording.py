@@ -247,7 +247,7 @@ class _Part:
         if choice.channel not in (None, ALL, one.channel):
             return "frames of other channels"
         if not choice.from_s - _CLOSE_S <= at_s <= choice.to_s + _CLOSE_S:
-            return "frames before the first or behind the last second that was chosen"
+            return "frames before the first or after the last second that was chosen"
         if not self._only and not self._without:
             return ""
         service = self._decoder.layout(one.frame).service

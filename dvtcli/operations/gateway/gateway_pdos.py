@@ -99,7 +99,7 @@ class GatewayPdos:
             return Failed(GatewayError.INTERNAL_STATE, f"RPDO {number} of the gateway is not set up")
         data = self._heard.get(number)
         if data is None:
-            return Failed(GatewayError.INTERNAL_STATE, "no frame of it was heard yet")
+            return Failed(GatewayError.INTERNAL_STATE, "no frame of it was received yet")
         if 8 * len(data) < sum(map(_bits, pdo.entries)):
             return Failed(GatewayError.PDO_LENGTH, f"the last frame has {len(data)} bytes only")
         values = _unpacked(pdo, data)

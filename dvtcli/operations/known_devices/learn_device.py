@@ -170,7 +170,7 @@ def _prepared(session: SessionNodes, node: Node, *, isolated: bool, with_store: 
         raise DeviceRefused(
             f"node {node.node_id} has no PDO that could be asked",
             node=node.node_id,
-            why="none has a mapping and a COB-ID that can be written, and a configuration that it takes back",
+            why="none has a mapping and a COB-ID that can be written, and a configuration that it accepts again",
             hint=Hint(Action.SHOW_PDOS, {"all": True}, "shows them; clear one"),
         )
     instead = mapped_subjects(node, pdos, asked)
@@ -203,8 +203,8 @@ def _consent(session: SessionUser, prepared: _Prepared) -> None:
     others = [subject.pdo.label for subject in prepared.instead]
     while_off = ", off meanwhile" if any(subject.held.enabled for subject in prepared.instead) else ""
     parts = [
-        f"{labels} of node {node.node_id} will be written up to {prepared.limit} times and put back",
-        f"{join_some(others)} instead{while_off}, if an entry of 0 cannot be put back" if others else "",
+        f"{labels} of node {node.node_id} will be written up to {prepared.limit} times and rolled back",
+        f"{join_some(others)} instead{while_off}, if an entry of 0 cannot be rolled back" if others else "",
         f"{join_some(enabled)} {verb} enabled, and off meanwhile" if enabled else "",
         prepared.storage.wears,
         _saving_text(prepared),
@@ -224,7 +224,7 @@ def _saving_text(prepared: _Prepared) -> str:
     unstored = join_some(prepared.node.pending.unstored)
     what = f"what it holds now, {unstored} with it," if unstored else "what it holds now"
     place = prepared.saves[0].label
-    return f'0x{place} is written twice: a wrong signature, then "save": {what} is what it comes up with after that'
+    return f'0x{place} is written twice: a wrong signature, then "save": {what} is what it boots with after that'
 
 
 def _note_saved(node: Node, saved: SignatureAnswers) -> None:

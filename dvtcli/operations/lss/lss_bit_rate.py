@@ -403,7 +403,7 @@ def prove_by_resets(session: SessionNodes, change: RateChange, stored: Sequence[
     unheard = [named_slave for named_slave in named if named_slave.node_id not in booted]
     if unheard:
         raise DeviceRefused(
-            f"{names(unheard)}: no boot-up was heard after the reset: nothing is proved",
+            f"{names(unheard)}: no boot-up message was received after the reset: nothing is proved",
             state="unknown",
             why=f"all answer at {change.after} bit/s, and said that they stored it",
             hint=Hint(Action.FIND_NODES, why="switch them off and on, then {}"),

@@ -57,7 +57,7 @@ def _meant(master: LssMaster, address: LssAddress | None) -> tuple[LssAddress, i
     if said is None:
         raise UsageError(
             "no node is selected by LSS",
-            hint=Hint(Action.LSS_SELECT, why="{}, or name these behind the node-ID") + Hint(Action.LSS_SCAN),
+            hint=Hint(Action.LSS_SELECT, why="{}, or name these after the node-ID") + Hint(Action.LSS_SCAN),
         )
     return said
 

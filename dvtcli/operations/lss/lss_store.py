@@ -76,7 +76,7 @@ def prove_by_reset(session: SessionNodes, master: LssMaster, given: LssGiven) ->
         raise _not_kept(master, given, failed) from failed
     if not booted:
         raise DeviceRefused(
-            f"node {node_id} was not heard to boot up after its reset: nothing is proved",
+            f"node {node_id} sent no boot-up message after its reset: nothing is proved",
             node=node_id,
             why="it answers with its node-ID all the same",
             hint=Hint(Action.FIND_NODES, why="switch it off and on, then {}"),

@@ -107,7 +107,7 @@ def _commanded(
         _note_what_came_up(session, states)
     seen = tuple((seen_id, None if state is None else state.label) for seen_id, state in sorted(states.items()))
     notes: list[Hint | str] = [
-        f"node {node_id} sent no boot-up message, and answers: nobody knows whether it restarted" for node_id in unheard
+        f"node {node_id} sent no boot-up message, and answers: whether it restarted is not known" for node_id in unheard
     ]
     for note in notes:
         session.tell.warning(note)

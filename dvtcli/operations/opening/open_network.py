@@ -219,7 +219,7 @@ class Network:
             with suppress(SdoAborted, UsageError):  # what cannot be read is not called lost
                 if lost := node.look_after_gap():
                     self.warn(
-                        f"node {node.node_id} does not hold any more what was set and not stored: {join_some(lost)}; "
+                        f"node {node.node_id} no longer holds what was set and not stored: {join_some(lost)}; "
                         "it may have restarted"
                     )
             self.left.pop(node.node_id, None)

@@ -68,7 +68,7 @@ class Claims:
         try:
             self.require_as_planned({plan.node_id for plan in self._equal()})
         except SafetyRefusal as lost:
-            hint = "look at its supply, then try again"
+            hint = "check its supply, then try again"
             raise Restarted(lost.text, node=lost.node, place=lost.place, why=lost.why, hint=hint) from lost
 
     def _equal(self) -> list[NodePlan]:

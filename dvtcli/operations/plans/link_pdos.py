@@ -82,10 +82,10 @@ def _refuse_ends(producer: Endpoint, consumers: Sequence[Endpoint]) -> None:
     if not producer.pdo.is_tpdo:
         raise UsageError(f"{producer.node_id}:{producer.pdo} sends nothing: a link begins with a TPDO", hint=hint)
     if not consumers:
-        raise UsageError("a link needs an RPDO that hears the TPDO", hint=hint)
+        raise UsageError("a link needs an RPDO that receives the TPDO", hint=hint)
     for number, end in enumerate(consumers):
         if end.pdo.is_tpdo:
-            raise UsageError(f"{end.node_id}:{end.pdo} hears nothing: a link goes to RPDOs", hint=hint)
+            raise UsageError(f"{end.node_id}:{end.pdo} receives nothing: a link goes to RPDOs", hint=hint)
         if end in consumers[:number]:
             raise UsageError(f"{end.node_id}:{end.pdo} is named twice")
 
@@ -94,7 +94,7 @@ def _refuse_unlinked(node: ReadableNode, end: Endpoint, producer: Endpoint, sent
     heard = node.pdo(end.pdo).communication.cob_id
     if (heard.can_id, heard.extended) != (sent.can_id, sent.extended):
         names = [f"{endpoint.node_id}:{endpoint.pdo}" for endpoint in (end, producer)]
-        raise UsageError(f"{names[0]} does not hear {names[1]}: it has CAN-ID {heard}, and that sends {sent}")
+        raise UsageError(f"{names[0]} does not receive {names[1]}: it has CAN-ID {heard}, and that sends {sent}")
 
 
 def _no_watches(

@@ -89,7 +89,7 @@ def _question(paths: Sequence[Path]) -> str:
         except (InputFileError, SafetyRefusal):
             continue  # it stays, and that is the error
         named.append(f"{join_some(journal.labels)} of node {journal.plan.node_id}")
-    return f"{join_some(named)} will stay as held now, and no recover puts that back any more; accept?"
+    return f"{join_some(named)} will stay as held now, and `recover` will no longer change that; accept?"
 
 
 def _first_of(refused: Sequence[DvtcliError], done: Sequence[str]) -> DvtcliError:
@@ -208,7 +208,7 @@ def discarded(session: SessionNodes, file: str | None) -> Facts:
     )
     said = Hint(
         Action.SHOW_PDOS,
-        why=f"the journal is kept as {verbatim(kept)}; look at the node with {{}}, and set it as it should be",
+        why=f"the journal is kept as {verbatim(kept)}; check the node with {{}}, and set it as it should be",
     )
     text = said if kept is not None else "dry run: the journal stays"
     return Facts("recover", rows, (text,), changed_nothing=True)

@@ -57,7 +57,7 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
     if not may_finish(journals):
         raise UsageError(
             "not all nodes had been verified: there is nothing to finish",
-            hint=Hint(Action.RECOVER_ALL, why="puts them back as they were"),
+            hint=Hint(Action.RECOVER_ALL, why="rolls them back"),
         )
     part = furthest(journals)
     nodes = {storing.node_id: session.node(storing.node_id) for storing in _verified(part)}
@@ -249,7 +249,7 @@ def _refuse_unlike(claims: ClaimsAtStore, node_id: int, name: str) -> None:
         claims.verify_before_store(node_id)
     except DeviceRefused as other:
         raise SafetyRefusal(
-            f"node {node_id} does not hold any more what was verified: nothing is stored",
+            f"node {node_id} no longer holds what was verified: nothing is stored",
             node=node_id,
             why=other.why,
             hint=back_and_again(name),

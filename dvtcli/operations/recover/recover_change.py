@@ -79,7 +79,7 @@ def _recovered(session: Session, file: str | None, *, finish: bool) -> Changed |
     if failures:
         lost = [recovered.node for recovered in done if _restarted_since(session.node(recovered.node))]
         failed = _worst_with_others(failures)
-        failed.beside([recovered.node for recovered in done if recovered.node not in lost], failures, "put back")
+        failed.beside([recovered.node for recovered in done if recovered.node not in lost], failures, "rolled back")
         failed.nodes |= dict.fromkeys(lost, "unknown")
         raise failed
     return done[0] if len(done) == 1 else ChangedNodes(tuple(done))
@@ -166,14 +166,14 @@ def _question(session: SessionNodes, journals: Sequence[Journal]) -> str:
         if all(other_journal.part.asked for other_journal in journals)
         else "the interrupted change"
     )
-    said = [f"{join_some(back)} will be put back as before {what}"] if back else []
+    said = [f"{join_some(back)} will be rolled back as before {what}"] if back else []
     said += [f"as before {what}, and only compared: {join_some(same)}"] if same else []
     return f"{'; '.join([*said, *unread])}; recover?"
 
 
 def _whole_text(journal: Journal, journals: list[Journal]) -> str:
     ids = [other_journal.plan.node_id for other_journal in journals if other_journal.part.whole == journal.part.whole]
-    return f"{journal.part.name} was interrupted: every line of it is taken back, on node {', '.join(map(str, ids))}"
+    return f"{journal.part.name} was interrupted: every line of it is rolled back, on node {', '.join(map(str, ids))}"
 
 
 def _worst_with_others(failures: Sequence[DvtcliError]) -> DvtcliError:
@@ -226,8 +226,8 @@ def _restarted(session: SessionNodes, done: list[Changed]) -> Restarted | None:
     if not again:
         return None
     return Restarted(
-        f"node {', '.join(map(str, again))} restarted after it was put back: what it had not stored is lost",
-        hint=Hint(Action.SHOW_PDOS, why="look at its supply, then at what it holds with {}")
+        f"node {', '.join(map(str, again))} restarted after it was rolled back: what it had not stored is lost",
+        hint=Hint(Action.SHOW_PDOS, why="check its supply, then what it holds with {}")
         + Hint(Action.UNDO, {"backup": True}, "puts an automatic backup back"),
         state="unknown",
     )
@@ -247,7 +247,7 @@ def _ended(session: SessionNodes, recovery: Recovery, stored: bool | None, secon
     plan, not_put_back = recovery.end(stored=stored is not False)
     if stored is not False:
         said = "stored" if stored else "may have stored"
-        begun = f"{verbatim(journal.part.final)} had begun: node {node.node_id} {said} what was taken back"
+        begun = f"{verbatim(journal.part.final)} had begun: node {node.node_id} {said} what was rolled back"
         session.tell.warning(Hint(Action.STORE, {"node": node.node_id}, f"{begun}; {{}} keeps what it holds now"))
     unknown = unknown_before([journal.plan])
     findings = (*recovery.restart_findings(), *unknown)

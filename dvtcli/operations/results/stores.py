@@ -77,7 +77,7 @@ class Stored(Answer):
             known = "nothing stored that differed from its default before"
         if not known or not proof.holds:
             return proof.notes
-        shows = f"dvtcli knows of {known}: this shows what the node comes up with, not that {did}"
+        shows = f"dvtcli knows of {known}: this shows what the node boots with, not that {did}"
         return (shows, *proof.notes)
 
     def document(self) -> Document:

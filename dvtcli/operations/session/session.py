@@ -178,7 +178,7 @@ class Session(Opened):
         raise NoAnswer(
             f"{names} restarted each of {MOST_LOOKS} times that it was read",
             node=restarted[0],
-            hint="look at its supply and its wiring, then try again",
+            hint="check its supply and its wiring, then try again",
         )
 
     def end_line(self, code: int, *, alone: bool = False) -> None:

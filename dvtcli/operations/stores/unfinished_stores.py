@@ -179,7 +179,7 @@ def lost_settings(name: str, course: Stores, lost: Sequence[BaseException]) -> L
         goes_on = "looks at every node once more" if course.are_all_done() else "goes on with the stores"
         left.hint = Hint(Action.FINISH_STORES, why=goes_on).after(BUS_BACK if is_gone else None) + _ALL_BACK
     if isinstance(first, LeftChanged):
-        finish = Hint(Action.FINISH_STORES, why="puts that back and goes on with the stores")
+        finish = Hint(Action.FINISH_STORES, why="rolls that back and continues the stores")
         left.hint = finish.after(brought_back_first(first.hint)) + _ALL_BACK
         left.details += first.details
     left.details += beside(left, others)

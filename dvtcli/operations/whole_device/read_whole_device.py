@@ -92,7 +92,7 @@ def described(node: NodeDescription) -> ObjectDictionary:
     """Return the dictionary of *node*; raises UsageError without a file."""
     if node.dictionary is None:
         raise UsageError(
-            f"node {node.node_id} has no EDS here: nobody knows which objects it has",
+            f"node {node.node_id} has no EDS here: it is not known which objects it has",
             node=node.node_id,
             hint=Hint(Action.GIVE_EDS, why="gives one")
             + Hint(Action.ADD_EDS, why=", {} keeps it for every node of its kind"),

@@ -146,7 +146,7 @@ FORMS = {
     FaultKind.EMCY: Form(
         "emcy=CODE[:S]", "the node raises error CODE (0x3210) S seconds after each start [0]; 0: its errors are gone"
     ),
-    FaultKind.BIT_RATE: Form("bit-rate=N", "the node runs at N bit/s (250000), and hears nothing else"),
+    FaultKind.BIT_RATE: Form("bit-rate=N", "the node runs at N bit/s (250000), and receives nothing else"),
     FaultKind.NO_BIT_TIMING: Form("no-bit-timing", "LSS cannot tell it another bit rate: it refuses each"),
     FaultKind.KEEPS_BIT_RATE: Form("keeps-bit-rate", "it takes another bit rate by LSS, and stays at the old one"),
     FaultKind.LOSES_BIT_RATE: Form(

@@ -244,7 +244,7 @@ CHECKS = {
     "count-over-zero": "a count over an entry of 0",
     "count-over-no-bits": "a count over an entry of 0 bits",
     "too-many-bits": "a count over more than 64 bits",
-    "no-entry": "an entry behind the last one",
+    "no-entry": "an entry after the last one",
     "entry-again": "the entry that is held already, while the PDO is valid",
     "entry-while-valid": "another entry, while the PDO is valid",
     "entry-again-counted": "the entry that is held already, while the count is not 0",

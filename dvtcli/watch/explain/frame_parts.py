@@ -314,7 +314,7 @@ def _pdo_parts(data: bytes, known: Layout) -> Iterator[FramePart]:
         else:
             yield from _object_parts(cut, field, *next(signals))
     if last < end:
-        yield cut.part(last, end - last, "behind the mapping", _of_rest(known, end - last))
+        yield cut.part(last, end - last, "after the mapping", _of_rest(known, end - last))
 
 
 def _of_rest(known: Layout, bits: int) -> str:

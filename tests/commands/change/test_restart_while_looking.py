@@ -154,7 +154,7 @@ def test_what_fails_behind_the_last_line_is_in_the_report(form: str, tmp_path: P
     assert (suites.attrib["tests"], suites.attrib["failures"]) == ("3", "1")
     last = suites[0][2]
     assert (last.attrib["name"], last[0].tag) == (f"1: run {script}", "failure")
-    assert "does not hold any more what the script set" in last[0].attrib["message"]
+    assert "no longer holds what the script set" in last[0].attrib["message"]
     assert last.find("system-out") is None, "what the line before it said is that line's"
 
 

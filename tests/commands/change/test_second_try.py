@@ -65,11 +65,11 @@ def test_it_is_done_again_with_the_pdo_off_and_known_after_two(abort: int, check
             ran = bench.run(line)
             assert ran.code == 0, ran.stderr
             cob_id = f"{place[:4]}:01"
-            assert written(wire) == [place, cob_id, place, cob_id], "refused, so nothing is to be put back"
+            assert written(wire) == [place, cob_id, place, cob_id], "refused, so nothing is to be rolled back"
             said = " ".join(ran.stdout.split() + ran.stderr.split())
             assert f"0x{place} was refused while" in said
             assert f"(abort 0x{abort:08X})" in said
-            assert "where that comes again it is remembered" in said
+            assert "if it happens again, it is remembered" in said
             wire.frames()
             ran = bench.run("undo")
             assert ran.code == 0
@@ -355,7 +355,7 @@ def test_a_running_node_goes_to_pre_operational_and_back_once_and_is_known_after
             ran = typed(bench, line)
             assert ran.code == 0, ran.stderr
             assert commands(wire.frames()) == THERE_AND_BACK
-            assert "where that comes again it is remembered" in " ".join(ran.stdout.split() + ran.stderr.split())
+            assert "if it happens again, it is remembered" in " ".join(ran.stdout.split() + ran.stderr.split())
             assert device.state is NmtState.OPERATIONAL
             ran = typed(bench, "undo")
             assert ran.code == 0, ran.stderr

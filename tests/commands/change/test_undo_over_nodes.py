@@ -21,7 +21,7 @@ def test_the_last_change_is_undone_whichever_node_it_was_on() -> None:
         assert (first["node"], first["pdos"]) == (3, ["tpdo3"])
         second = bench.run("undo")
         assert second.code == 0
-        assert "TPDO2 of node 1 put back" in second.stdout
+        assert "TPDO2 of node 1 rolled back" in second.stdout
         third = bench.run("undo --json").document
         assert (third["node"], third["pdo"]) == (3, "tpdo1")
         assert {node_id: bench.session.node(node_id).pdos() for node_id in (1, 3)} == before

@@ -96,4 +96,4 @@ def test_a_restart_while_the_others_are_looked_at_after_the_way_back_is_no_rolle
         device_held.add(held(device)[TPDO2] == before[TPDO2])
         device.restart()
         device.boot_up()
-    assert (False in device_held) is heard, "not heard, what was read whole of the other is put back"
+    assert (False in device_held) is heard, "not heard, what was read whole of the other is rolled back"

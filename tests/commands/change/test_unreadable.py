@@ -161,7 +161,7 @@ def test_a_forced_undo_claims_nothing_of_it(bench: Bench, line: str, undo: str) 
         if said:
             assert (ran.document["verified"], ran.document["readable"], ran.document["writes"]) == (False, False, 0)
         else:
-            assert "NOT put back: what was there before is not known; nothing was written" in ran.stdout
+            assert "NOT rolled back: what was there before is not known; nothing was written" in ran.stdout
             assert "as wanted" not in ran.stdout
 
 
@@ -175,7 +175,7 @@ def test_nor_an_undo_of_all_that_puts_others_back(bench: Bench, is_same: bool) -
         if said:
             assert (ran.document["verified"], ran.document["readable"]) == (False, False)
         else:
-            assert "2050:00 NOT put back: what was there before is not known" in ran.stdout
+            assert "2050:00 NOT rolled back: what was there before is not known" in ran.stdout
             assert "As it was before" not in ran.stdout
 
 

@@ -23,8 +23,8 @@ def test_a_node_that_restarts_in_a_change_is_not_called_silent(number: int) -> N
     with sim(f"reset@{number}") as bench:
         ran = bench.run(MAP)
     assert ran.code == 5
-    assert "why     it restarted meanwhile: its boot-up message was heard" in ran.stderr
-    assert "hint    look at its supply, then try again" in ran.stderr
+    assert "why     it restarted meanwhile: its boot-up message was received" in ran.stderr
+    assert "hint    check its supply, then try again" in ran.stderr
     assert "bit rate?" not in ran.stderr
     assert "rolled back" in ran.stderr
 
@@ -87,7 +87,7 @@ def test_a_bus_that_failed_is_to_be_brought_back_first() -> None:
         ran = bench.run(MAP)
     assert ran.code == 7
     assert (
-        "hint    bring the bus back first (`dvtcli --sim gen4 doctor` looks at it); then look at it with `dvtcli --sim"
+        "hint    bring the bus back first (`dvtcli --sim gen4 doctor` looks at it); then check it with `dvtcli --sim"
         in ran.stderr
     )
 

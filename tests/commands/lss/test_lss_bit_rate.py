@@ -219,7 +219,7 @@ class NoSignOfLife(VirtualTimeBus):
 def test_a_reset_that_was_not_heard_proves_nothing() -> None:
     nodes = three()
     told = ran(NoSignOfLife(nodes, simulated=False, bit_rate=OLD), "lss bitrate 500k --store --prove")
-    assert (told.code, "node 5: no boot-up was heard" in told.stderr) == (1, True), told.stderr
+    assert (told.code, "node 5: no boot-up message was received" in told.stderr) == (1, True), told.stderr
     assert rates(nodes) == [(NEW, NEW)] * 3
 
 

@@ -189,7 +189,7 @@ def test_an_rpdo_that_maps_nothing_is_said_with_what_comes_first(bench: Bench) -
     assert bench.run("clear 5:rpdo2").code == 0
     said = bench.run("link 1:tpdo1 5:rpdo2").stderr
     assert "5:rpdo2 maps nothing" in said
-    first = r"first `dvtcli .*\bmap 5:rpdo2 OBJECT.* --off`, with what is to hear (.*)"
+    first = r"first `dvtcli .*\bmap 5:rpdo2 OBJECT.* --off`, with what should receive (.*)"
     found = re.search(first, said)
     assert found, said
     assert found[1] == "6041:00 (16 bits), 606C:00 (32 bits) of 1:tpdo1; then link"

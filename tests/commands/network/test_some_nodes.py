@@ -32,7 +32,7 @@ def changes(file: Path, *nodes: int) -> list[str]:
 def test_a_link_that_lacks_an_end_is_left_alone_on_the_others(tmp_path: Path) -> None:
     file = tmp_path / "network.yaml"
     file.write_text(NETWORK)
-    assert changes(file, 7, 9) == ["7:tpdo2", "9:tpdo2"], "each RPDO hears the layout that its producer has"
+    assert changes(file, 7, 9) == ["7:tpdo2", "9:tpdo2"], "each RPDO receives the layout that its producer has"
     assert {"9:rpdo1", "9:tpdo1", "7:rpdo1"} <= set(changes(file, 5, 7, 9))
 
 

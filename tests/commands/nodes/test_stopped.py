@@ -29,7 +29,7 @@ def test_a_stopped_node_is_brought_back_by_the_first_command(command: str, state
         bench.session.close()
         assert bench.run("read 1000 --timeout 0.1").code == 5
         if command.startswith("reset"):
-            assert bench.run(f"nmt {command} --timeout 0.1").code == 6, "nobody knows whether its operation is enabled"
+            assert bench.run(f"nmt {command} --timeout 0.1").code == 6, "its operation may be enabled"
         ran = bench.run(f"nmt {command} --yes --timeout 0.5")
         assert ran.code == 0, ran.stderr
         assert node.state is state

@@ -86,7 +86,7 @@ def test_a_warning_of_the_way_back_claims_no_more_than_undo_does() -> None:
         before = row(one.run("pdo --all --json"), "tpdo1")
         said = " ".join(one.run("disable tpdo1").stderr.split())
         assert "a device may not take that back" in said
-        assert "where it does not, an undo leaves it off" in said
+        assert "if it does not, an undo leaves it off" in said
         assert one.run("undo").code == 0
         assert row(one.run("pdo --all --json"), "tpdo1") == before
 
@@ -154,10 +154,10 @@ def test_a_mapping_without_its_communication_parameter() -> None:
         picture = one.run("pdo tpdo2").stdout
         assert re.search(r"^  COB-ID +- \? \(default 0x281\)$", picture, re.M), picture
         ran = one.run("disable tpdo2")
-        assert (ran.code, "nobody can tell whether TPDO2 is off" in ran.stderr) == (1, True), ran
+        assert (ran.code, "it is not known whether TPDO2 is off" in ran.stderr) == (1, True), ran
         assert "--force" not in ran.stderr, "there is nothing that could be sent"
         forced = one.run("disable tpdo2 --force")
-        assert (forced.code, "nobody can tell whether TPDO2 is off" in forced.stderr) == (1, True), forced
+        assert (forced.code, "it is not known whether TPDO2 is off" in forced.stderr) == (1, True), forced
         ran = one.run("map tpdo2 6000:2")
         assert (ran.code, "TPDO2 of this device has no COB-ID" in ran.stderr) == (1, True)
         assert one.run("map tpdo2 6000:2 --off").code == 0

@@ -261,7 +261,7 @@ def test_what_could_be_enabled_and_never_disabled_again_is_not_enabled() -> None
     limited = var("COB-ID", U32, 0x80000191, HighLimit=0x7FFFFFFF)
     with bench(changed("tpdo", sub1=limited)) as one:
         for line in ("enable tpdo1", "map tpdo1 6000:2"):
-            refused_before_any_write(one, line, "could not be put back after this", "no-way-back")
+            refused_before_any_write(one, line, "could not be rolled back after this", "no-way-back")
         assert one.run("map tpdo1 6000:2 --off").code == 0
         assert one.run("undo").code == 0
 

@@ -113,7 +113,7 @@ class Interrupted:
     is_as_before: bool
 
 
-_BOTH_BACK = "node 5 put back: .*, read back equal.* node 9 put back: .*, read back equal"
+_BOTH_BACK = "node 5 rolled back: .*, read back equal.* node 9 rolled back: .*, read back equal"
 #: the same of a change, or of stores, that were really interrupted
 INTERRUPTED = {
     A.RECOVER: Interrupted(_BOTH_BACK, is_as_before=True),

@@ -72,7 +72,7 @@ WRONG = [
     ("write 60FF 99999999999", 2, "does not fit INTEGER32"),
     ("write 60FF abc", 2, "is not a number"),
     ("write 6041 1", 1, "is ro"),
-    ("write 2000:1 5Ω --as vs", 2, "'Ω' is none of the characters"),
+    ("write 2000:1 5Ω --as vs", 2, "'Ω' is not one of the characters"),
     ("write 6040 6 --as u32", 1, "2 bytes, not 4"),
     ("write 1017 1,5s", 2, "with a decimal point: 1.5s"),
     ("write 1017 1,5", 2, "0 ms to 65535 ms"),
@@ -250,7 +250,7 @@ def test_an_error_about_many_pdos_names_a_few() -> None:
     with Bench(("generic",), {"fault": ("silent@10",), "timeout": 0.05}) as bench:
         ran = bench.run("clear all")
         assert ran.code == 7
-        assert "TPDO1, TPDO2, TPDO3 and 5 more of node 1 could not be put back" in ran.stderr.splitlines()[0]
+        assert "TPDO1, TPDO2, TPDO3 and 5 more of node 1 could not be rolled back" in ran.stderr.splitlines()[0]
     with Bench(("generic",)) as bench:
         assert bench.run("clear all").code == 0
         ran = bench.run("enable tpdo1 tpdo2 tpdo3 tpdo4 rpdo1")

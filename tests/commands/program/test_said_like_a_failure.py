@@ -55,7 +55,7 @@ def test_a_store_that_was_not_kept_leaves_no_line_of_a_script_standing() -> None
         said = rows(ran)
         assert ran.code == 1
         assert said["error"].startswith("test.dvt:2: error: node 1 ")
-        assert "not taken back" not in said["state"]
+        assert "not rolled back" not in said["state"]
 
 
 @pytest.mark.parametrize("fault", ["keeps-ram", "saves-itself"])
@@ -67,8 +67,8 @@ def test_a_store_that_is_not_proved_says_that_the_test_value_was_put_back(fault:
         assert said["why"] == "RAM is kept over a reset, or it was saved by itself"
         assert said["hint"].endswith(" store --prove power` finds out")
         assert "8 PDOs read back equal after the reset, and could be lost with the power" in said["state"]
-        assert "0x1802:05 (event timer of TPDO3) is put back to 0, read back equal" in said["state"]
-        assert said["state"].endswith("what test.dvt:1 changed is not taken back, read back equal")
+        assert "0x1802:05 (event timer of TPDO3) is rolled back to 0, read back equal" in said["state"]
+        assert said["state"].endswith("what test.dvt:1 changed stays, read back equal")
 
 
 def test_a_group_that_has_no_pdos_gets_the_hint_of_the_one_that_has() -> None:
@@ -143,7 +143,7 @@ def test_a_store_that_is_not_proved_is_final_for_an_atomic_script() -> None:
         said = rows(ran)
         assert ran.code == 7
         assert "it keeps it is not proved" in said["error"]
-        assert "cannot be taken back after that line" in said["error"]
+        assert "cannot be rolled back after that line" in said["error"]
         assert "nothing was stored" not in ran.stderr
 
 

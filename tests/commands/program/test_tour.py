@@ -12,7 +12,13 @@ def test_without_a_terminal_every_step_is_printed_and_run() -> None:
     done = dvtcli("tour", merge=True)
     assert done.returncode == 0, done.stdout
     assert done.stdout.count("tour> ") == len(STEPS)
-    for shown in ("TPDO1 set: ", "is not mappable", "Nothing was sent.", "proved: after the reset", "TPDO1 put back"):
+    for shown in (
+        "TPDO1 set: ",
+        "is not mappable",
+        "Nothing was sent.",
+        "proved: after the reset",
+        "TPDO1 rolled back",
+    ):
         assert shown in done.stdout
     assert "That was the tour." in done.stdout
 

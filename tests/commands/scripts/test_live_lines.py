@@ -92,7 +92,7 @@ def test_lines_that_come_together_are_a_script() -> None:
         driven.send("set tpdo1 --timer 70\nmap tpdo1 1018:1\nset tpdo1 --timer 90\n")
         assert driven.answer()["schema"] == "dvtcli.change/1"
         assert driven.answer()["at"] == "<stdin>:2"
-        assert driven.ask("read 1800:5")["value"] == 70, "what came behind the failing line was not done"
+        assert driven.ask("read 1800:5")["value"] == 70, "what came after the failing line was not done"
         driven.send("set tpdo1 --timer 30\nsett tpdo1 --timer 40\n")
         assert driven.answer()["exit_code"] == 2, "all of them are parsed before the first one runs"
         assert driven.ask("read 1800:5")["value"] == 70

@@ -107,7 +107,7 @@ def test_ram_that_is_kept_proves_nothing(fault: str) -> None:
         assert ran.code == 1
         assert "NOT PROVED: RAM is kept over a reset, or it was saved by itself." in ran.stdout
         assert "store --prove power" in ran.stderr
-        assert timers(bench) == before, "the canary was put back"
+        assert timers(bench) == before, "the canary was rolled back"
         assert mapping(bench) == MAPPED
         document = proved(bench.run("store --prove --json"))
         assert (document["proved"], document["stored"], document["differences"]) == (False, True, [])
@@ -264,7 +264,7 @@ def test_a_node_that_does_not_come_back_leaves_the_journal(tmp_path: Path) -> No
         ran = bench.run("store --prove power --within 1")
         assert ran.code == 5
         assert "no boot-up message within 1 s" in ran.stderr
-        assert "put back, read back equal" in ran.stderr
+        assert "rolled back, read back equal" in ran.stderr
         assert timers(bench) == before
         assert journals(tmp_path) == []
 
@@ -444,10 +444,10 @@ def test_what_verify_found_does_not_hold_a_restore_back() -> None:
 
 def test_a_change_that_could_not_be_put_back_holds_a_restore_back_in_its_own_words() -> None:
     with sim() as bench:
-        bench.session.node().pending.suspicions[CHANGE] = "TPDO1 could not be put back"
+        bench.session.node().pending.suspicions[CHANGE] = "TPDO1 could not be rolled back"
         ran = bench.run("restore")
         assert ran.code == 6
-        assert "node 1 is not restored: TPDO1 could not be put back" in ran.stderr
+        assert "node 1 is not restored: TPDO1 could not be rolled back" in ran.stderr
         assert "then `dvtcli --sim generic restore`" in ran.stderr
         assert "store;" not in ran.stderr
 
@@ -483,7 +483,7 @@ def test_without_an_eds_a_change_in_ram_is_no_difference() -> None:
 def test_a_node_that_holds_what_it_came_up_with_is_not_stored() -> None:
     with Wire(device("generic")) as wire, Bench((), {**wire.options, "yes": True}) as bench:
         bench.run("pdo")
-        assert proved(bench.run("store --if-changed --json"))["stored"] is True, "no boot-up was heard"
+        assert proved(bench.run("store --if-changed --json"))["stored"] is True, "no boot-up message was received"
         wire.frames()
         ran = bench.script("nmt reset-node", "store --if-changed --json")
         sent = [m for m in wire.frames() if m.arbitration_id == 0x601 and m.data[4:] == b"save"]

@@ -137,5 +137,5 @@ def test_what_an_eds_tells_no_default_of_is_said_and_the_rest_compared(tmp_path:
             document = bench.run("restore --prove --json").document
             assert document["proved"] is not bool(code)
             assert document["compared"] == 4
-            assert "not compared: 0x1800:01, of which the EDS tells no default" in "; ".join(document["notes"])
+            assert "not compared: 0x1800:01, of which the EDS has no default" in "; ".join(document["notes"])
             assert [text for text in document["differences"] if "0x1800:05" not in text] == []

@@ -74,7 +74,7 @@ def test_proved_only_where_what_was_in_ram_only_is_gone_and_all_else_is_equal(
             assert (ran.code, document["state"]) == (1, "unchanged"), ran
             assert "could not be proved" in document["text"]
             assert "store --prove power" in document["hint"]
-            assert held(bench) == before, "what was tried is put back"
+            assert held(bench) == before, "what was tried is rolled back"
             return
         if fault == "stores-nothing":
             assert (ran.code, document["proved"]) == (1, False)
@@ -110,7 +110,7 @@ def test_a_pdo_that_was_taken_off_for_the_test_is_put_back_where_ram_is_kept(tmp
         ran = bench.run("store --prove")
         assert ran.code == 1
         assert "0x1800:01 (COB-ID of TPDO1) 0x181 enabled -> 0x181 off" in ran.stdout
-        assert "0x1800:01 (COB-ID of TPDO1) is put back to 0x181 enabled, read back equal" in ran.stderr
+        assert "0x1800:01 (COB-ID of TPDO1) is rolled back to 0x181 enabled, read back equal" in ran.stderr
         assert held(bench) == before
 
 

@@ -28,4 +28,4 @@ def test_it_is_said_what_the_device_has_acknowledged(after: int) -> None:
         untap()
         assert ran.code == 130, ran
         assert "0x1010:01 acknowledged the store, which is not proved" in ran.stderr
-        assert bench.run("set tpdo3 --timer 0 --json").document["writes"] == 0, "the test of the reset is put back"
+        assert bench.run("set tpdo3 --timer 0 --json").document["writes"] == 0, "the test of the reset is rolled back"

@@ -104,7 +104,7 @@ def test_nothing_is_asked(line: str) -> None:
         ('[1] 4 w 0x1800 1 u8 "1"', "no quotes"),
         ("[1] 4 r 0x10000 0", "index 65536"),
         ("[1] 4 r 0x1000", "missing"),
-        ("[1] 4 start now", "behind the command"),
+        ("[1] 4 start now", "after the command"),
         ("[1] 1 4 set node 3", "takes no node"),
         ("[1] 1 set network 3", "takes no net"),
         ("[1] 4", "a command is missing"),

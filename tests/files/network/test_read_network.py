@@ -203,8 +203,8 @@ def test_what_is_wrong_in_a_node_is_said(text: str, says: str) -> None:
         ("a: {dcf: x.eds}\n", 1, "node a has no node_id"),
         ("a: {node_id: 1}\nb: {node_id: 1}\n", 2, "node-ID 1 is that of a already"),
         ("master: {node_id: 1}\na: {node_id: 1}\n", 2, "node-ID 1 is that of the master already"),
-        ("a: {node_id: 1}\na: {node_id: 2}\n", 2, "'a' stands twice (first at line 1)"),
-        ("nodes: {a: {node_id: 1}}\na: {node_id: 2}\n", 2, "node a stands twice (first at line 1)"),
+        ("a: {node_id: 1}\na: {node_id: 2}\n", 2, "'a' occurs twice (first at line 1)"),
+        ("nodes: {a: {node_id: 1}}\na: {node_id: 2}\n", 2, "node a occurs twice (first at line 1)"),
         ("nodes: {5: {node_id: 5}}\n", 1, "'5' is no name: call the node by a word, and give it node_id: 5"),
         ("nodes: {'a:b': {node_id: 5}}\n", 1, "'a:b' is no name: a node is called by a word without a colon"),
         ("nodes: {a: 5}\n", 1, "keys and values of node a belong here, not 5"),
@@ -212,7 +212,7 @@ def test_what_is_wrong_in_a_node_is_said(text: str, says: str) -> None:
         ("a: 1\n b: 2\n", 2, "no YAML: mapping values are not allowed here"),
         ("a: {node_id: 1}\n---\nb: {}\n", 2, "no YAML: but found another document"),
         ("a: &x {<<: *x}\n", 1, "an alias stands inside of what it repeats"),
-        ("a: {node_id: 1, x: {y: 1, y: 2}}\n", 1, "'y' stands twice (first at line 1)"),
+        ("a: {node_id: 1, x: {y: 1, y: 2}}\n", 1, "'y' occurs twice (first at line 1)"),
         ("a: {? [1] : 2, node_id: 1}\n", 1, "a key is one word"),
         ("a: {<<: 5, node_id: 1}\n", 1, "behind << belong mappings"),
         ("a: {node_id: 1, x: \x07}\n", 1, "no YAML"),
@@ -224,7 +224,7 @@ def test_what_is_wrong_in_a_node_is_said(text: str, says: str) -> None:
         ("a: {node_id: 1}\nlinks: [{from: a:tpdo1, to: []}]\n", 2, "a link needs an RPDO"),
         ("a: {node_id: 1}\nlinks: [{from: a:tpdo0, to: a:rpdo1}]\n", 2, "PDO numbers are 1..512"),
         ("a: {node_id: 1}\nlinks: [{from: a:tpdo1, to: a:rpdo1}, {from: a:tpdo2, to: 1:rpdo1}]\n", 2,
-         '"1:rpdo1" hears another TPDO already (line 2)'),
+         '"1:rpdo1" receives another TPDO already (line 2)'),
     ],
 )  # fmt: skip
 def test_what_is_wrong_in_a_file_is_said(text: str, line: int, says: str) -> None:

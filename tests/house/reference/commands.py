@@ -19,11 +19,11 @@ PROMISES = {
     "Begin": "what is missing is said with the next step",
     "Find nodes": "nothing is changed on another device than the one you mean; your own device is one TOML file",
     "See": "raw 32-bit values are the truth, names come from the EDS; frames are decoded with what the nodes map",
-    "Change PDOs": "it is checked, written in order, read back, and put back if anything fails",
+    "Change PDOs": "it is checked, written in order, read back, and rolled back if anything fails",
     "Frames": "a frame is read bit by bit, and none is sent that was not asked for",
     "Check and keep": "nothing is called stored or equal that was not read back",
     "Whole devices": "one pass over everything that can be read; values are compared by what they mean",
-    "Networks": "every node gets what one file says, or none does; no consumer hears a layout that is not its own",
+    "Networks": "every node gets what one file says, or none does; no consumer receives a layout that is not its own",
     "Scripts and files": "a script is parsed before its first line runs; exit codes and JSON are fixed; Tcl works, too",
     "Programs around": "other programs work on the same strict devices, over socketcand or a CAN link",
 }

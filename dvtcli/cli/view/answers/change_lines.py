@@ -29,7 +29,7 @@ def change_lines(result: Changed, width: int) -> Iterator[Line]:
     labels = join_some(_written(result))
     labels += f" of node {result.node}" if result.named else ""
     if not count and result.not_put_back:
-        yield f"{labels} NOT put back as it was; nothing was written."
+        yield f"{labels} NOT undone completely; nothing was written."
         return
     if not count and result.unrestored:
         others = f"; {labels} {_is(result)} as wanted already" if result.plan.changes else ""
@@ -55,11 +55,11 @@ def change_lines(result: Changed, width: int) -> Iterator[Line]:
 
 def _outcome_lines(result: Changed, labels: str, writes: str) -> Iterator[Line]:
     """Show the outcome of *labels* with their number of *writes*, how they are stored, and how to revert them."""
-    verb = "put back" if result.undone else "set"
+    verb = "rolled back" if result.undone else "set"
     equal = _read_back(result)
     others = (f"{_unrestored(result)}. " if result.unrestored else "") + _others(result)
     if result.not_put_back:
-        verb, equal = "NOT put back as it was", "which alone were read back equal"
+        verb, equal = "NOT undone completely", "which alone were read back equal"
     keeps = f"In RAM only: {typed(result.keep)}" if result.volatile else "The device keeps it by itself"
     if result.as_before and result.volatile:
         keeps = "As it was before: dvtcli stored nothing of it in between"
@@ -77,7 +77,7 @@ def _outcome_lines(result: Changed, labels: str, writes: str) -> Iterator[Line]:
 def _unrestored(result: Changed) -> str:
     """Name objects that keep a new value despite the roll-back."""
     of_node = f" of node {result.node}" if result.named else ""
-    return f"{join_some(result.unrestored)}{of_node} NOT put back: what was there before is not known"
+    return f"{join_some(result.unrestored)}{of_node} NOT rolled back: what was there before is not known"
 
 
 def _read_back(result: Changed) -> str:

@@ -34,7 +34,7 @@ def _remembered(result: Faults) -> Iterator[Line]:
     elif result.rows:
         yield f"{who}: errors, newest first"
     else:
-        yield f"{who}: it tells no errors, and none were heard"
+        yield f"{who}: it reports no errors, and none were received"
     if not result.has_history:
         yield "it has no error history (0x1003)"
 

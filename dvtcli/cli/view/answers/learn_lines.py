@@ -61,7 +61,7 @@ def learnt_lines(result: LearntDevice, width: int) -> Iterator[Line]:
     labels = " and ".join(pdo.upper() for pdo in result.pdos)
     count = sum(answer.code is not None for answer in result.answers)
     yield (
-        f"{count} questions, {result.writes} writes to {labels}, {result.seconds:.1f} s; everything is put back and "
+        f"{count} questions, {result.writes} writes to {labels}, {result.seconds:.1f} s; everything is rolled back and "
         "read back equal"
     )
     yield from _saving(result)
@@ -184,8 +184,8 @@ def forecast_lines(result: LearnForecast, width: int) -> Iterator[Line]:
     if result.stores:
         yield [Cell("note: ", "yellow"), Cell(result.stores)]
     if any(probe.pdo is None for probe in result.probes):
-        yield [Cell("note: ", "yellow"), Cell("what the node holds then is what it comes up with from then on")]
+        yield [Cell("note: ", "yellow"), Cell("what the node holds then is what it boots with from then on")]
     yield (
         f"dry run: {result.likely} writes to node {result.node} where it answers as its family does, "
-        f"{result.writes} at most, and everything put back; nothing was sent"
+        f"{result.writes} at most, and everything rolled back; nothing was sent"
     )

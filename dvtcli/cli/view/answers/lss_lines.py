@@ -74,7 +74,7 @@ def changed_lines(result: LssChanged, _width: int) -> Iterator[Line]:
     for name in result.missing:
         yield [Cell(f"{name}: not found", "red")]
     if result.action == "assign" and not (result.nodes or result.missing):
-        yield "every node has its node-ID, as it says by SDO"
+        yield "every node has its node-ID, confirmed by SDO"
     if result.nodes and not all(node.stored for node in result.nodes):
         stored = "; ".join(f"lss store {node.node_id}" for node in result.nodes)
         yield [Cell(f"  lost with the power until it is stored: {stored}", "dim")]
@@ -89,7 +89,7 @@ def _given(node: LssGiven) -> list[Cell]:
     if node.proved:
         line.append(Cell("  stored, proved by a reset", "green"))
     elif node.stored:
-        line.append(Cell("  stored, as the node says", "green"))
+        line.append(Cell("  stored, acknowledged by the node", "green"))
     return line
 
 
@@ -103,7 +103,7 @@ def bit_rate_lines(result: LssBitRate, _width: int) -> Iterator[Line]:
         return
     for node in result.nodes:
         name = "no node-ID" if node.node_id == UNCONFIGURED else f"node {node.node_id}"
-        said = "  stored, proved by a reset" if node.proved else "  stored, as the node says"
+        said = "  stored, proved by a reset" if node.proved else "  stored, acknowledged by the node"
         stored = [Cell(said, "green")] if node.stored else []
         yield [Cell(name, "bold"), Cell(f"  {node.address}"), *stored]
     yield f"{plural(len(result.nodes), 'node')} at {result.bit_rate} bit/s (before: {result.before})"

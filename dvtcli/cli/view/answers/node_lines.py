@@ -25,7 +25,7 @@ def program_lines(result: ProgramLoaded, _width: int) -> Iterator[Line]:
         new = f"load {result.file} ({result.size:,} bytes) and start it"
         yield [Cell("dry run: ", "cyan"), Cell(f"would stop and clear {what}, {new}. Nothing was sent.")]
         return
-    seen = "its boot-up message was heard" if result.restarted else "it says so; no boot-up message was heard"
+    seen = "its boot-up message was received" if result.restarted else "it says so; no boot-up message was received"
     yield f"{what}: {result.file}, {result.size:,} bytes in {result.seconds:.1f} s, runs: {seen}"
     yield f"  0x1F56 says {_said(result.after)} (before: {_said(result.before)}){_compared(result)}"
 
@@ -178,7 +178,7 @@ def commanded_lines(result: Commanded, _width: int) -> Iterator[Line]:
         state = result.states[0][1]
         yield [Cell(f"NMT {result.command} to node {result.node}: "), *_seen(result, state), dry]
         return
-    known = plural(len(result.states), "node") if result.states else "no node is heard: state not confirmed"
+    known = plural(len(result.states), "node") if result.states else "no node is seen: state not confirmed"
     yield [Cell(f"NMT {result.command} to all nodes: {known}"), dry]
     for node, state in result.states:
         yield [Cell(f"  node {node}: "), *_seen(result, state)]

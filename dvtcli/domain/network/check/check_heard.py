@@ -30,7 +30,7 @@ def _sync_ids(state: NetworkState) -> set[Identifier]:
     return {node.sync for node in state.nodes} or {(0x080, False)}
 
 
-@check("sync-not-heard", ERROR, "PDOs are synchronous, and no SYNC was heard", "CiA 301, 7.5.2.35 and 7.5.2.37")
+@check("sync-not-heard", ERROR, "PDOs are synchronous, and no SYNC was received", "CiA 301, 7.5.2.35 and 7.5.2.37")
 def sync_not_heard(network: CheckedNetwork) -> NetFound:
     """Synchronous PDOs are never sent, and never take effect."""
     traffic, periods = network.traffic, network.state.sync_periods_us
@@ -43,7 +43,7 @@ def sync_not_heard(network: CheckedNetwork) -> NetFound:
     yield at(node, pdo), f"no SYNC within {traffic.seconds:.1f} s, and these wait for it: {listed}"
 
 
-@check("sync-heard-twice", ERROR, "more SYNC messages were heard than one producer sends", _SYNC)
+@check("sync-heard-twice", ERROR, "more SYNC messages were received than one producer sends", _SYNC)
 def sync_heard_twice(network: CheckedNetwork) -> NetFound:
     """Synchronous PDOs come twice as often, at wrong times."""
     traffic = network.traffic
@@ -95,7 +95,7 @@ def _more(network: CheckedNetwork, kind: str, identifier: Identifier) -> str:
     if most is None or traffic.count(identifier) <= most:
         return ""
     rate = sum(1_000_000 / float(stream.frame.period_us) for stream in streams if stream.frame.period_us)
-    return f"{traffic.rate_hz(identifier):.1f} a second were heard, {rate:.1f} are to come at most"
+    return f"{traffic.rate_hz(identifier):.1f} a second were received, {rate:.1f} are to come at most"
 
 
 def _streams(network: CheckedNetwork, kind: str, identifier: Identifier) -> list[Stream]:
@@ -112,7 +112,7 @@ def comes_too_often(network: CheckedNetwork) -> NetFound:
             yield at(node, pdo), why
 
 
-@check("other-length", ERROR, "a TPDO was heard with another length than it maps", _SET)
+@check("other-length", ERROR, "a TPDO was received with another length than it maps", _SET)
 def other_length(network: CheckedNetwork) -> NetFound:
     """Another producer uses the CAN-ID."""
     for node, pdo, config in network.tpdos:
@@ -120,10 +120,10 @@ def other_length(network: CheckedNetwork) -> NetFound:
         is_known = config.has_mapping and not config.inconsistency and config.mpdo is None
         if heard is not None and is_known and heard.lengths != {byte_length(config.bits)}:
             lengths = join_some(str(length) for length in sorted(heard.lengths))
-            yield at(node, pdo), f"{lengths} bytes were heard, it maps {byte_length(config.bits)}"
+            yield at(node, pdo), f"{lengths} bytes were received, it maps {byte_length(config.bits)}"
 
 
-@check("not-heard", WARNING, "a TPDO with an event timer was not heard, though its node is OPERATIONAL",
+@check("not-heard", WARNING, "a TPDO with an event timer was not received, though its node is OPERATIONAL",
        "CiA 301, 7.5.2.37: event timer")  # fmt: skip
 def not_heard(network: CheckedNetwork) -> NetFound:
     """Consumers wait in vain."""
@@ -137,15 +137,15 @@ def not_heard(network: CheckedNetwork) -> NetFound:
             yield at(node, pdo), f"its event timer is {timer} ms, and none came within {traffic.seconds:.1f} s"
 
 
-@check("from-nobody", WARNING, "a frame was heard that no node here sends", _SET)
+@check("from-nobody", WARNING, "a frame was received that no node here sends", _SET)
 def from_nobody(network: CheckedNetwork) -> NetFound:
     """A controller without CANopen, another tool, or a node that was not read."""
     for identifier, heard in () if network.traffic is None else sorted(network.traffic.by_id.items()):
         if identifier not in _known(network) and network.traffic is not None:
             hears = [f"{node.node_id}:{pdo}" for node, pdo, held in network.rpdos if identifier_of(held) == identifier]
-            who = f"; {join_some(hears)} {'hear' if len(hears) > 1 else 'hears'} it" if hears else ""
+            who = f"; {join_some(hears)} {'receive' if len(hears) > 1 else 'receives'} it" if hears else ""
             often = f"{network.traffic.rate_hz(identifier):.1f} a second" if heard.frames > 1 else "once"
-            yield NetSpot(), f"0x{identifier[0]:03X} was heard, {often}, and no node that was read sends it{who}"
+            yield NetSpot(), f"0x{identifier[0]:03X} was received, {often}, and no node that was read sends it{who}"
 
 
 def _known(network: CheckedNetwork) -> set[Identifier]:
@@ -205,7 +205,7 @@ def _signs_of_two(network: CheckedNetwork, node_id: int) -> Iterator[str]:
         yield f"its heartbeats say {states[0].label} and {states[1].label} by turns, without an NMT command"
 
 
-@check("heartbeat-not-heard", ERROR, "a node is to send a heartbeat, and none was heard", "CiA 301, 7.5.2.18")
+@check("heartbeat-not-heard", ERROR, "a node is to send a heartbeat, and none was received", "CiA 301, 7.5.2.18")
 def heartbeat_not_heard(network: CheckedNetwork) -> NetFound:
     """Heartbeat consumers take the node for lost."""
     traffic = network.traffic
@@ -231,7 +231,7 @@ def restarts(network: CheckedNetwork) -> NetFound:
     """Values only in RAM are lost."""
     for node_id, count in () if network.traffic is None else sorted(network.traffic.boot_ups.items()):
         if count:
-            yield NetSpot(node_id), f"its boot-up was heard{_often(count)}"
+            yield NetSpot(node_id), f"its boot-up message was received{_often(count)}"
 
 
 @check("emergency", WARNING, "a node sent an EMCY while the bus was listened to", "CiA 301, 7.2.7")
@@ -244,7 +244,7 @@ def emergency(network: CheckedNetwork) -> NetFound:
             yield NetSpot(node_id), f"EMCY 0x{code:04X}, {emergency_text(code)}{_often(count)}"
 
 
-@check("error-frames", WARNING, "error frames were heard", "ISO 11898-1: error flags; wiring, termination, bit rate")
+@check("error-frames", WARNING, "error frames were received", "ISO 11898-1: error flags; wiring, termination, bit rate")
 def error_frames(network: CheckedNetwork) -> NetFound:
     """Wiring, termination, or a node with another bit rate."""
     if network.traffic is not None and network.traffic.error_frames:

@@ -50,7 +50,7 @@ def heartbeat_of_nobody(network: CheckedNetwork) -> NetFound:
         for producer in node.watched:
             is_master = master is not None and master.node_id == producer
             if network.state.node(producer) is None and not is_master:
-                text = f"it waits for node {producer}, which is none of this network"
+                text = f"it waits for node {producer}, which is not one of this network"
                 yield held(node, CONSUMER_HEARTBEAT, _slot(node, producer)), text
 
 
@@ -88,9 +88,7 @@ def heartbeat_twice(network: CheckedNetwork) -> NetFound:
                 yield held(node, CONSUMER_HEARTBEAT, _slot(node, producer)), f"{times} entries wait for node {producer}"
 
 
-@check(
-    "heartbeat-of-itself", ERROR, "a node waits for its own heartbeat", "CiA 301, 7.5.2.17; a node does not hear itself"
-)
+@check("heartbeat-of-itself", ERROR, "a node waits for its own heartbeat", "CiA 301, 7.5.2.17")
 def heartbeat_of_itself(network: CheckedNetwork) -> NetFound:
     """A node never receives its own heartbeat."""
     for node in network.nodes:
@@ -153,7 +151,7 @@ def unwatched_link(network: CheckedNetwork) -> NetFound:
             continue
         if connection.producer.heartbeat_ms:
             said.add(pair)
-            yield connection.spot, f"it hears {connection.sender}, whose heartbeat the node does not watch"
+            yield connection.spot, f"it receives {connection.sender}, whose heartbeat the node does not watch"
 
 
 @check("goes-on-after-error", NOTE, "a node that waits for heartbeats stays as it is when one is missing (0x1029:01 is "

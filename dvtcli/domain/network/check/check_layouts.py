@@ -28,7 +28,7 @@ def rpdo_without_producer(network: CheckedNetwork) -> NetFound:
             yield at(node, pdo), f"no node here sends {config.communication.cob_id}"
 
 
-@check("tpdo-without-consumer", NOTE, "nobody hears what an enabled TPDO sends", _ONE_ID)
+@check("tpdo-without-consumer", NOTE, "nobody receives what an enabled TPDO sends", _ONE_ID)
 def tpdo_without_consumer(network: CheckedNetwork) -> NetFound:
     """A master may receive it: silent if the file names a master."""
     heard = {identifier_of(config) for _, _, config in network.rpdos}
@@ -39,7 +39,7 @@ def tpdo_without_consumer(network: CheckedNetwork) -> NetFound:
             yield at(node, pdo), f"no RPDO here takes {config.communication.cob_id}"
 
 
-@check("own-tpdo", ERROR, "an RPDO waits for what its own node sends", "a CAN node does not hear itself")
+@check("own-tpdo", ERROR, "an RPDO waits for what its own node sends", "a CAN node does not receive its own frames")
 def own_tpdo(network: CheckedNetwork) -> NetFound:
     """The RPDO receives nothing, or frames that another node sends by mistake."""
     for node, pdo, config in network.rpdos:
@@ -73,7 +73,7 @@ def heard_twice(network: CheckedNetwork) -> NetFound:
             yield at(node, pdo), f"{other.label} has {config.communication.cob_id}, too"
 
 
-@check("frame-too-short", ERROR, "a TPDO sends less than an RPDO that hears it maps: the frame is ignored (0x8210)",
+@check("frame-too-short", ERROR, "a TPDO sends less than an RPDO that receives it maps: the frame is ignored (0x8210)",
        _LENGTHS)  # fmt: skip
 def frame_too_short(network: CheckedNetwork) -> NetFound:
     """The consumer sends an EMCY for each."""
@@ -85,7 +85,7 @@ def frame_too_short(network: CheckedNetwork) -> NetFound:
             )
 
 
-@check("frame-too-long", WARNING, "a TPDO sends more than an RPDO that hears it maps: the rest is dropped (0x8220)",
+@check("frame-too-long", WARNING, "a TPDO sends more than an RPDO that receives it maps: the rest is dropped (0x8220)",
        _LENGTHS)  # fmt: skip
 def frame_too_long(network: CheckedNetwork) -> NetFound:
     """Devices may send an EMCY for it; dummies show that it is intended."""
@@ -97,7 +97,7 @@ def frame_too_long(network: CheckedNetwork) -> NetFound:
             )
 
 
-@check("layout", ERROR, "an object of an RPDO lies across two objects of the TPDO that it hears", _LAYOUT)
+@check("layout", ERROR, "an object of an RPDO lies across two objects of the TPDO that it receives", _LAYOUT)
 def layout(network: CheckedNetwork) -> NetFound:
     """The received value mixes two objects."""
     for connection in _whole(network):
@@ -105,22 +105,22 @@ def layout(network: CheckedNetwork) -> NetFound:
             sent = [entry for first, entry in _starts(connection.sends.mapping)
                     if first < start + heard.bits and start < first + entry.bits]  # fmt: skip
             if len(sent) > 1 and not heard.is_dummy:
-                text = f"{heard.object} hears parts of {sent[0].object} and {sent[1].object} of {connection.sender}"
+                text = f"{heard.object} receives parts of {sent[0].object} and {sent[1].object} of {connection.sender}"
                 yield connection.spot, text
 
 
-@check("part-of-object", WARNING, "an object of an RPDO hears some bits of a longer one", _LAYOUT)
+@check("part-of-object", WARNING, "an object of an RPDO receives some bits of a longer one", _LAYOUT)
 def part_of_object(network: CheckedNetwork) -> NetFound:
     """Intended for bits of a status word, a mistake for numbers."""
     for one, heard, sent in _pairs(network):
         if heard.bits < sent.bits:
             yield (
                 one.spot,
-                f"{heard.object} hears {heard.bits} of the {sent.bits} bits of {sent.object} of {one.sender}",
+                f"{heard.object} receives {heard.bits} of the {sent.bits} bits of {sent.object} of {one.sender}",
             )
 
 
-@check("data-type", WARNING, "an object of an RPDO hears one of another data type", "both devices' files")
+@check("data-type", WARNING, "an object of an RPDO receives one of another data type", "both devices' files")
 def data_type(network: CheckedNetwork) -> NetFound:
     """-1 becomes 65535, a REAL nonsense."""
     for one, heard, sent in _pairs(network):
@@ -128,17 +128,17 @@ def data_type(network: CheckedNetwork) -> NetFound:
         types = consumer.type(heard), producer.type(sent)
         if heard.bits == sent.bits and types[0] is not None and types[1] is not None and types[0] != types[1]:
             names = f"{consumer.name(heard)} is {types[0].short}"
-            yield one.spot, f"{names} and hears {producer.name(sent)}, {types[1].short}, of {one.sender}"
+            yield one.spot, f"{names} and receives {producer.name(sent)}, {types[1].short}, of {one.sender}"
 
 
-@check("hears-no-command", WARNING, "a controlword hears what is no command", "CiA 402-2, 8.4: it moves the machine")
+@check("hears-no-command", WARNING, "a controlword receives what is no command", "CiA 402-2, 8.4: it moves the machine")
 def hears_no_command(network: CheckedNetwork) -> NetFound:
     """One drive's statusword enables another drive."""
     yield from _commanded(network, controlwords=True)
 
 
 @check(
-    "hears-no-target", NOTE, "a target or an output hears what is none", "CiA 401-1, CiA 402-2: it moves the machine"
+    "hears-no-target", NOTE, "a target or an output receives what is none", "CiA 401-1, CiA 402-2: it moves the machine"
 )
 def hears_no_target(network: CheckedNetwork) -> NetFound:
     """Intended for a drive that follows another drive, or a lamp that shows a switch."""
@@ -213,7 +213,7 @@ def _commanded(network: CheckedNetwork, *, controlwords: bool) -> NetFound:
         if is_controlword(heard.index) is controlwords and commanded_by_other(
             heard.index, known[0], sent.index, known[1]
         ):
-            yield one.spot, f"{consumer.name(heard)} hears {producer.name(sent)} of {one.sender}"
+            yield one.spot, f"{consumer.name(heard)} receives {producer.name(sent)} of {one.sender}"
 
 
 def _sides(one: PdoConnection) -> tuple[LinkSide, LinkSide]:

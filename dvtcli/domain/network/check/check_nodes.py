@@ -84,7 +84,7 @@ def slave_missing(network: CheckedNetwork) -> NetFound:
     for node in _managers(network):
         for (index, slave), value in node.numbers.items():
             if index == SLAVE_ASSIGNMENT and value & _SLAVE and network.state.node(slave) is None:
-                yield held(node, index, slave), f"node {slave} is assigned, and is none of this network"
+                yield held(node, index, slave), f"node {slave} is assigned, and is not one of this network"
 
 
 @check("slave-not-assigned", WARNING, "a node is not assigned to the manager of the network (0x1F81)", _BOOT)

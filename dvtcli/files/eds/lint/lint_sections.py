@@ -167,9 +167,7 @@ def lss_identity(text: LintedText) -> Found:
         yield value.line, f"{quoted(value)}, but 1018 has no sub-index {', '.join(missing)}: LSS chooses a node by it"
 
 
-@check(
-    "group-messaging", NOTE, "GroupMessaging=0, and a PDO comes up multiplexed", "CiA 306, DeviceInfo: GroupMessaging"
-)
+@check("group-messaging", NOTE, "GroupMessaging=0, and a PDO is multiplexed", "CiA 306, DeviceInfo: GroupMessaging")
 def group_messaging(text: LintedText) -> Found:
     """GroupMessaging is about multiplexed PDOs."""
     value, dictionary = given(text.values("deviceinfo"), "groupmessaging"), text.file.dictionary
@@ -365,7 +363,7 @@ def no_commissioning(text: LintedText) -> Found:
     """The file does not name its node."""
     section = text.section(_SECTION)
     if text.is_dcf and "nodeid" not in text.values(_SECTION):
-        yield section.line if section else 1, "no NodeID in [DeviceComissioning]: for which node it is, is not said"
+        yield section.line if section else 1, "no NodeID in [DeviceComissioning]: the node of the file is not known"
 
 
 @check("commissioning-spelling", NOTE, "DeviceCommissioning with two m, where the standard has one",
@@ -377,7 +375,7 @@ def commissioning_spelling(text: LintedText) -> Found:
         yield section.line, f"[{section.name}] is spelled [DeviceComissioning] in the standard: most tools miss it"
 
 
-@check("commissioned-bit-rate", WARNING, "Baudrate is none of CiA 301's (kbit/s), or one that DeviceInfo says 0 to",
+@check("commissioned-bit-rate", WARNING, "Baudrate is not one of CiA 301's (kbit/s), or one that DeviceInfo says 0 to",
        f"{_COMMISSIONING}: Baudrate")  # fmt: skip
 def commissioned_bit_rate(text: LintedText) -> Found:
     """The node could not communicate."""
