@@ -18,6 +18,7 @@ from dvtcli.simulator.network.family_file import family_names, load_family
 from tests.console import commands, compare, rewritten, workplace
 from tests.house.pages import CONSOLE, DOCS, PAGES, anchors, first_column, links, section, text
 from tests.house.reference import REWRITE, pages
+from tests.house.reference.sample_report import SAMPLE, sample_report
 from tests.house.reference.screens import PICTURES, picture, pictured
 from tests.house.source import PACKAGE
 from tests.process import ROOT, SCRIPTS
@@ -45,6 +46,10 @@ def test_pictures_of_terminals_are_the_golden_screens() -> None:
     assert set(shown) == set(PICTURES.iterdir()), REWRITE
     for path, name in shown.items():
         assert path.read_text("utf-8") == picture(name), f"{path.name} is not {name}: {REWRITE}"
+
+
+def test_the_sample_report_is_what_report_writes() -> None:
+    assert SAMPLE.read_text("utf-8") == sample_report(), REWRITE
 
 
 def test_there_are_sessions_and_pictures() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from tests.house.reference import pages, rewritten
 from tests.house.reference.house import DRAWING, drawing
 from tests.house.reference.network import SCHEMA_FILES, schema_text
+from tests.house.reference.sample_report import SAMPLE, sample_report
 from tests.house.reference.screens import picture, pictured
 from tests.surroundings import ROOT
 
@@ -28,3 +29,7 @@ for path, name in pictured(pages()).items():
     if not path.exists() or path.read_text("utf-8") != picture(name):
         path.write_text(picture(name), encoding="utf-8")
         print(f"{path.relative_to(ROOT)} rewritten")
+
+if not SAMPLE.exists() or SAMPLE.read_text("utf-8") != sample_report():
+    SAMPLE.write_text(sample_report(), encoding="utf-8")
+    print(f"{SAMPLE.relative_to(ROOT)} rewritten")
