@@ -125,7 +125,7 @@ class ValueChange:
         """The change that restores the old value. Raises ValueError if the old value is unknown."""
         if self.step.before is None:
             raise ValueError(f"the value of 0x{self.step.object} before the change is not known")
-        step = replace(self.step, before=self.step.after, after=self.step.before, reason="put the old value back")
+        step = replace(self.step, before=self.step.after, after=self.step.before, reason="old value")
         return ValueChange(step)
 
 

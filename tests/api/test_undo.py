@@ -65,7 +65,7 @@ def test_each_call_puts_back_one_more_of_earlier_programs(served: ServedBus) -> 
         assert timer(served) == before
         with pytest.raises(errors.UsageError, match="no change of node 5 is remembered"):
             bus.node(5).undo()
-    assert len([one for one in told if "this puts the change of" in one.text]) == 2
+    assert len([one for one in told if "this undoes the change of" in one.text]) == 2
 
 
 def test_a_call_that_changed_nothing_is_not_undone_in_an_earlier_programs_place(served: ServedBus) -> None:

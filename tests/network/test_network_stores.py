@@ -504,7 +504,7 @@ def test_a_line_that_only_looks_at_what_was_stored_is_no_change(chain: Chain, ho
 def test_what_all_stored_and_one_lost_is_no_end_of_it(chain: Chain, home: Path) -> None:
     assert cut_after_stores(chain, home, 1) is not None
     chain.devices[5].download(*TYPE, b"\x07")
-    with chain.session(node=None) as session, pytest.raises(SafetyRefusal, match="node 5 does not hold") as told:
+    with chain.session(node=None) as session, pytest.raises(SafetyRefusal, match="node 5 no longer holds") as told:
         recover(session, finish=True)
     assert told.value.hint is not None
     shell = TypedHints(lambda: TypedCall(node=("-n", "9"), selected=9, alone=True), told.value.node)

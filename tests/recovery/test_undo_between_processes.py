@@ -321,7 +321,7 @@ def test_what_was_changed_from_a_node_is_undone_from_there_and_what_is_newer_els
         (finding,) = document["findings"]
         assert finding["rule"] == "newer-change"
         assert "node 3 was changed later" in finding["text"]
-        assert "-n 3 undo` puts that back" in finding["hint"]
+        assert "-n 3 undo` undoes that" in finding["hint"]
         assert json.loads(nodes.dvtcli("-n", "3", "undo", "--json").stdout)["pdo"] == "tpdo3"
         undone = nodes.dvtcli("-n", "1", "undo", "--json")
         document = json.loads(undone.stdout)
@@ -355,7 +355,7 @@ def test_a_change_that_was_overtaken_does_not_block_those_before_it(bench: Bench
     for words in (("undo",), ("undo", "--all")):
         code, stdout, _ = bench.run(*words, "--json")
         assert code == 6
-        assert "undo --force` puts back" in json.loads(stdout)["hint"]
+        assert "undo --force` goes back" in json.loads(stdout)["hint"]
     assert bench.run("undo", "--force")[0] == 0
     assert bench.pdos() == first
     assert bench.run("undo")[0] == 0

@@ -127,7 +127,7 @@ def _roll_back_dependent(sdo: SdoTransport, changes: Sequence[ValueChange]) -> N
     back: list[Step] = []
     unseen: list[Step] = []  # what cannot be read now
     for written, before in known:
-        step = replace(written, after=before, reason="put the old value back")
+        step = replace(written, after=before, reason="old value")
         try:
             back.append(replace(step, before=sdo.upload(step.index, step.sub_index)))
         except SdoAborted:

@@ -182,7 +182,7 @@ def _value_changes(
                 if not patient:
                     raise
                 continue  # the roll-back finds out whether the object is writable
-            back.append(replace(step, before=held, after=before, reason="put the old value back"))
+            back.append(replace(step, before=held, after=before, reason="old value"))
     return map(ValueChange, altering(back))
 
 

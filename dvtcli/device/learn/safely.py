@@ -68,7 +68,7 @@ def roll_back_writes(
         changes.append(PdoChange(subject.pdo, subject.held, subject.held, ()))
         for number, word in list(enumerate(subject.entries, 1))[subject.held.count :]:
             data = word.to_bytes(4, "little")
-            changes.append(ValueChange(Step(subject.pdo.mapping_index, number, data, data, "put the old value back")))
+            changes.append(ValueChange(Step(subject.pdo.mapping_index, number, data, data, "old value")))
     return Plan(node_id, tuple(changes))
 
 
@@ -78,7 +78,7 @@ def _stamp_back(stamp: Stamp | None) -> Iterator[ValueChange]:
         return
     for sub_index in (DATE, TIME):
         data = stamp.data(sub_index)
-        yield ValueChange(Step(STAMP, sub_index, data, data, "put the old value back"))
+        yield ValueChange(Step(STAMP, sub_index, data, data, "old value"))
 
 
 def ask_safely(

@@ -202,9 +202,9 @@ def _undone_text(undone: list[ChangeHistoryEntry], node_id: int, *, gone: bool) 
         what = f"what was before the last {len(undone)} changes of node {node_id}, since {since},"
         return f"{what} is there already, as after a reset"
     return (
-        f"this puts the change of {since} to node {node_id} back"
+        f"this undoes the change of {since} to node {node_id}"
         if len(undone) == 1
-        else (f"this puts the {len(undone)} changes since {since} to node {node_id} back")
+        else (f"this undoes the {len(undone)} changes since {since} to node {node_id}")
     )
 
 

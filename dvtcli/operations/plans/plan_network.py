@@ -58,7 +58,7 @@ RULES = (
          "ours; CiA 301, 7.5.2.35 and 7.5.2.37: bit 31 (valid)"),
     Rule("asked-nothing", WARNING, "a network file names a node and says nothing that it should hold", "ours"),
 )  # fmt: skip
-ASKS_NOTHING = "the file asks for nothing of it: nothing is set, and nothing is compared"
+ASKS_NOTHING = "the file sets nothing on it: nothing is written or compared"
 
 
 def plan_network(session: Session, file: str, *, trust_stamp: bool = False, as_far: bool = False) -> NetworkPlan:

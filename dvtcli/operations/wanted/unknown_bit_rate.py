@@ -25,7 +25,7 @@ def tell_unknown_bit_rate(session: SessionNodes, nodes: int) -> None:
         Hint(
             Action.GIVE_BIT_RATE,
             {"rate": 250000},
-            f"{verbatim(unknown)}: its {nodes} nodes are asked slowly, and nothing of the bus is kept free for a "
-            "running machine; say what it is, as {} or as bitrate = 250000 in dvtcli.toml",
+            f"{verbatim(unknown)}: its {nodes} nodes are read slowly, and no bus load is kept free for a "
+            "running machine; give it, as {} or as bitrate = 250000 in dvtcli.toml",
         )
     )

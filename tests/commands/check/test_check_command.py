@@ -104,7 +104,7 @@ def test_what_a_file_holds_is_said_with_its_notes(bench: Bench, tmp_path: Path) 
         f"{file}:1:43: note: driver is left alone: a key of another tool (2 times)",
         f"{file}:1:1: note: no EDS is known of nodes 1, 2: rules that need an EDS were skipped; `dcf:` beside the "
         "node_id names one",
-        f"{file}: note: the bit rate is not known: load and deadlines were not judged; this check takes one (bit/s) "
+        f"{file}: note: the bit rate is not known: load and deadlines were not checked; give a bit rate (bit/s) "
         "[unknown-bit-rate]",
         f"{file}: 2 nodes, 0 PDOs; 1 note",
     ]

@@ -296,8 +296,8 @@ def test_a_node_of_which_a_file_asks_nothing_is_not_said_to_hold_it(tmp_path: Pa
     with Bench(("generic@5", "generic@9")) as bench:
         for word in ("plan", "diff"):
             ran = bench.run(f"{word} {file}")
-            assert (ran.code, ran.stderr.count("node 5: the file asks for nothing of it")) == (0, 1), ran
-            assert "every node of which it asks anything holds what the file says" in ran.stdout
+            assert (ran.code, ran.stderr.count("node 5: the file sets nothing on it")) == (0, 1), ran
+            assert "every node that the file sets holds what the file says" in ran.stdout
         file.write_text("a: {node_id: 5}\n", "utf-8")
         assert "No difference: the file asks for nothing. Nothing was written." in bench.run(f"diff {file}").stdout
         assert bench.run(f"apply {file}").stdout == "The file asks for nothing; nothing was written.\n"

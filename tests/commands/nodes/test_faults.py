@@ -21,7 +21,7 @@ def test_a_sound_node_tells_none() -> None:
     with bench() as one:
         ran = one.run("faults --json")
         assert (ran.code, ran.document["register"], ran.document["faults"]) == (0, 0, [])
-        assert "it reports no errors" in one.run("faults").stdout
+        assert "no error is reported" in one.run("faults").stdout
 
 
 def test_history_newest_first_and_what_was_heard() -> None:

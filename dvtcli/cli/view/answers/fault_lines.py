@@ -34,7 +34,7 @@ def _remembered(result: Faults) -> Iterator[Line]:
     elif result.rows:
         yield f"{who}: errors, newest first"
     else:
-        yield f"{who}: it reports no errors, and none were received"
+        yield f"{who}: no error is reported, no EMCY was received"
     if not result.has_history:
         yield "it has no error history (0x1003)"
 

@@ -98,7 +98,7 @@ def node_plan_lines(file: str, node: NodePlan, width: int, *, compares: bool = F
         more = plural(node.also_equal, "more setting")
         yield [Cell(f"  = {more} as the file says, of those that are not written", "dim")]
     if node.is_asked_nothing and not any(found.rule == "asked-nothing" for found in node.findings):
-        yield [Cell("  ! ", "yellow"), Cell("the file asks for nothing of it: nothing was compared")]
+        yield [Cell("  ! ", "yellow"), Cell("the file sets nothing on it: nothing was compared")]
     if node.lacks:
         yield [Cell("  ! ", "yellow"), Cell(f"the device has no {join_some(node.lacks)}")]
     yield from _left_out(node)
@@ -288,7 +288,7 @@ def _every(plan: NetworkPlan) -> str:
     if len(plan.unread) == len(plan.nodes):
         return f"every node, as its stamp (0x{STAMP:04X}) says,"
     if any(node.is_asked_nothing for node in plan.nodes):
-        return "every node of which it asks anything"
+        return "every node that the file sets"
     return "every node that was read" if plan.unread else "every node"
 
 

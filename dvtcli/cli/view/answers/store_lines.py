@@ -48,7 +48,7 @@ def _outcome(result: Stored) -> Iterator[Line]:
         return
     yield took
     if proof.canary:
-        yield [Cell(f"changed in RAM after that, to see what a {RESTART_NAMES[proof.by]} takes: {proof.canary}", "dim")]
+        yield [Cell(f"test value in RAM, which the {RESTART_NAMES[proof.by]} must discard: {proof.canary}", "dim")]
     if proof.lost and result.word == "store":
         yield [Cell(f"not stored, and lost by the {RESTART_NAMES[proof.by]}: {join_some(proof.lost)}", "yellow")]
     yield from _shown_by(result, proof)
@@ -67,7 +67,7 @@ def _shown_by(result: Stored, proof: Proof) -> Iterator[Line]:
     elif proof.unproved:
         yield [Cell("NOT PROVED: ", "red"), Cell(f"{proof.unproved}.")]
     elif stored:
-        gone = ", and what was changed for the test was gone" if proof.canary else ""
+        gone = ", and the test value was gone" if proof.canary else ""
         yield [Cell("proved: ", "green"), Cell(f"{after} {what} read back equal{gone}")]
     elif proof.against == "what was stored before":
         yield [Cell("proved: ", "green"), Cell(f"{after} {what} no longer hold {proof.against}")]

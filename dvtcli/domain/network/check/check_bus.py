@@ -114,8 +114,8 @@ def _share(need: BusNeed) -> str:
     return f"{share} of {need.bit_rate / 1000:g} kbit/s at worst; the bus load says what takes it"
 
 
-@check("unknown-bit-rate", NOTE, "the bit rate is not known: load and deadlines are not judged", _ANALYSIS)
+@check("unknown-bit-rate", NOTE, "the bit rate is not known: load and deadlines are not checked", _ANALYSIS)
 def unknown_bit_rate(network: CheckedNetwork) -> NetFound:
     """A load too high for a slow bus may fit a fast bus."""
     if network.bit_rate is None and network.streams.streams:
-        yield NetSpot(), "the bit rate is not known: load and deadlines were not judged; this check takes one (bit/s)"
+        yield NetSpot(), "the bit rate is not known: load and deadlines were not checked; give a bit rate (bit/s)"
