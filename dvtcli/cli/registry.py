@@ -19,11 +19,10 @@ if TYPE_CHECKING:
 _FIRST_OPTIONS = (
     "  -i NAME -c NAME -b BIT/S  the bus, by python-can's names",
     "  -n ID                     the node; several: 1,3,5, or all",
-    "  --sim WHAT                a simulated node instead of a bus: gen4, drive.eds",
+    "  --sim WHAT                a simulated node: a family, or drive.eds",
     "  --dry-run                 work on a twin of the node; write nothing to the bus",
-    "Try it without hardware:  dvtcli --sim gen4 pdo",
-    "All options:  dvtcli help --all    A command's options:  dvtcli help COMMAND",
 )
+_MORE = "All options: dvtcli help --all    A command's options: dvtcli help COMMAND"
 
 
 class Registry(Root):
@@ -61,7 +60,9 @@ class Registry(Root):
         """Write one screen: all commands by task, and the options to begin with."""
         self.format_usage(ctx, formatter)
         self.format_help_text(ctx, formatter)
-        formatter.write("\n".join(["", "Commands, by task:", *task_rows(), "", *_FIRST_OPTIONS, ""]))
+        formatter.write(
+            "\n".join(["", "Commands, by task:", *task_rows(), "", *_FIRST_OPTIONS, self.epilog or "", _MORE, ""])
+        )
 
     def long_help(self, ctx: click.Context) -> str:
         """Return the help of every command and of all global options."""

@@ -89,7 +89,7 @@ def _question(paths: Sequence[Path]) -> str:
         except (InputFileError, SafetyRefusal):
             continue  # it stays, and that is the error
         named.append(f"{join_some(journal.labels)} of node {journal.plan.node_id}")
-    return f"{join_some(named)} will stay as held now, and `recover` will no longer change that; accept?"
+    return f"{join_some(named)} will stay as held now, and no later roll-back changes that; accept?"
 
 
 def _first_of(refused: Sequence[DvtcliError], done: Sequence[str]) -> DvtcliError:
