@@ -5,7 +5,7 @@ Writes nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
@@ -91,6 +91,9 @@ class KnownPdos:
     _pdos: dict[Pdo, PdoConfig] = field(default_factory=dict, init=False)
     _shown: dict[Pdo, PdoConfig] = field(default_factory=dict, init=False)
     _present: list[Pdo] | None = field(default=None, init=False)
+    #: the PDOs, and all COB-IDs, made of values in the read cache: with what had expired of it then
+    _made: dict[tuple[Pdo, bool], tuple[int, PdoConfig]] = field(default_factory=dict, init=False)
+    _made_cob_ids: tuple[int, Mapping[Pdo, CobId]] | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         self.memory = ReadCache(self.bus, self.node_id, lambda: self.sdo, self._looks)
@@ -165,7 +168,7 @@ class KnownPdos:
 
     def describe(self, dictionary: ObjectDictionary | None) -> None:
         """Set the node's *dictionary*, unknown or different when the node was opened; None for none."""
-        self.dictionary, self._present = dictionary, None
+        self.dictionary, self._present, self._made_cob_ids = dictionary, None, None
 
     def present(self) -> list[Pdo]:
         """The PDOs of the node, TPDOs first."""
@@ -192,7 +195,17 @@ class KnownPdos:
 
     def _read_pdos(self) -> dict[Pdo, PdoConfig]:
         look = self.memory.look()
-        return self._of_present(lambda pdo: read_pdo(look, pdo, WHATEVER))
+        return self._of_present(lambda pdo: self._read_pdo(look, pdo, WHATEVER))
+
+    def _read_pdo(self, look: SdoReader, pdo: Pdo, passing: Container[int] = UNREADABLE) -> PdoConfig:
+        """As `read_pdo` by a *look* at the cache, put together once for the values in it."""
+        expired, key = self.memory.expired(), (pdo, passing is WHATEVER)
+        made = self._made.get(key)
+        if made is not None and made[0] == expired:
+            return made[1]
+        config = read_pdo(look, pdo, passing)
+        self._made[key] = expired, config
+        return config
 
     def _of_present(self, read: Callable[[Pdo], T]) -> dict[Pdo, T]:
         """The result of *read* for each PDO, without PDOs missing in the node."""
@@ -207,6 +220,14 @@ class KnownPdos:
             self._looked = 0, 0
         return found
 
+    def known_enabled_pdos(self) -> Mapping[Pdo, PdoConfig]:
+        """Every enabled PDO, as `known_pdos` has it."""
+        return self.observed(self._read_enabled)
+
+    def _read_enabled(self) -> dict[Pdo, PdoConfig]:
+        cob_ids, look = self.known_cob_ids(), self.memory.look()
+        return {pdo: self._read_pdo(look, pdo, WHATEVER) for pdo, cob_id in cob_ids.items() if cob_id.valid}
+
     def pdo(self, pdo: Pdo) -> PdoConfig:
         """Read one PDO. Raises UsageError if the node has no such PDO."""
         self.memory.forget_objects((pdo.communication_index, pdo.mapping_index))
@@ -215,7 +236,7 @@ class KnownPdos:
     def known_pdo(self, pdo: Pdo) -> PdoConfig:
         """One PDO, from the cache if nothing could have changed it since."""
         try:
-            config = self.observed(lambda: read_pdo(self.memory.look(), pdo))
+            config = self.observed(lambda: self._read_pdo(self.memory.look(), pdo))
         except SdoAborted as aborted:
             raise no_pdo(self.node_id, pdo, self.present(), aborted) from aborted
         self._pdos[pdo] = self._shown[pdo] = config
@@ -228,9 +249,12 @@ class KnownPdos:
         """
         return self.observed(self._read_cob_ids)
 
-    def _read_cob_ids(self) -> dict[Pdo, CobId]:
+    def _read_cob_ids(self) -> Mapping[Pdo, CobId]:
         until_s, look = self.bus.now_s() + PASSING_S, self.memory.look()
-        return self._of_present(lambda pdo: self._cob_id(look, pdo, until_s))
+        expired = self.memory.expired()
+        if self._made_cob_ids is None or self._made_cob_ids[0] != expired:
+            self._made_cob_ids = expired, self._of_present(lambda pdo: self._cob_id(look, pdo, until_s))
+        return self._made_cob_ids[1]
 
     def _cob_id(self, look: SdoReader, pdo: Pdo, until_s: float) -> CobId:
         while True:

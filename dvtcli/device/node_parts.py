@@ -124,6 +124,9 @@ class ReadableNode(NodeDescription, Protocol):
     def pdo(self, pdo: Pdo) -> PdoConfig:
         """See `KnownPdos.pdo`."""
 
+    def known_enabled_pdos(self) -> Mapping[Pdo, PdoConfig]:
+        """See `KnownPdos.known_enabled_pdos`."""
+
     def known_pdos(self) -> Mapping[Pdo, PdoConfig]:
         """See `KnownPdos.known_pdos`."""
 

@@ -41,6 +41,7 @@ class ReadCache:
     #: called with each object (index, sub-index) before its upload
     on_read: Callable[[int, int], None] = lambda _index, _sub_index: None
     _read: dict[tuple[int, int], bytes | SdoAborted] = field(default_factory=dict)
+    _expired: int = 0
     #: the node's events at the first read
     _seen: tuple[int, int] = (0, 0)
 
@@ -63,6 +64,14 @@ class ReadCache:
             raise SdoAborted(index, sub_index, held.code, node=self.node_id)
         return held
 
+    def expired(self) -> int:
+        """A number that grows whenever a value expires: while it stays, so does what was made of the values.
+
+        Judges expiry as `upload_known`.
+        """
+        self._drop_what_may_be_old()
+        return self._expired
+
     def look(self) -> CacheLook:
         """A faster view for consecutive reads without other work between.
 
@@ -80,22 +89,27 @@ class ReadCache:
 
     def forget(self) -> None:
         """Expire all values except the identity, which only a restart can change."""
+        self._expired += 1
         self._read = {place: held for place, held in self._read.items() if place[0] == IDENTITY}
 
     def forget_one(self, index: int, sub_index: int) -> None:
         """Expire one object."""
+        self._expired += 1
         self._read.pop((index, sub_index), None)
 
     def forget_objects(self, indices: Collection[int]) -> None:
         """Expire the objects at *indices*."""
+        self._expired += 1
         self._read = {place: held for place, held in self._read.items() if place[0] not in indices}
 
     def learn(self, other: ReadCache) -> None:
         """Copy the values of *other*, a cache of the same node."""
+        self._expired += 1
         self._read, self._seen = dict(other._read), other._seen
 
     def clear(self) -> None:
         """Expire everything, after a gap in monitoring or a possible replacement of the device."""
+        self._expired += 1
         self._read.clear()
 
     def is_of_now(self) -> bool:

@@ -84,28 +84,49 @@ def decode(entries: Iterable[PdoMappingEntry], data: bytes, type_of: TypeOf) -> 
 
     A frame may be shorter than the mapping: missing values are None. Bytes past the mapping are ignored.
     """
-    return [
-        Decoded(entry, raw, None if raw is None else _value(raw, entry.bits, type_of(entry)))
-        for entry, raw in unpack(entries, data)
-    ]
+    entries = tuple(entries)
+    values = values_reader(entries, type_of)(data)
+    return [Decoded(entry, raw, value) for (entry, raw), value in zip(unpack(entries, data), values, strict=True)]
 
 
 def values_reader(entries: Iterable[PdoMappingEntry], type_of: TypeOf) -> Callable[[bytes], list[Value | None]]:
     """Return a function that reads the values of `decode` from a frame's data; computes the layout only once."""
-    fields = [
-        (field.start_bit, field.end_bit, field.bits, type_of(field.entry))
-        for field in layout(entries)
-        if not field.entry.is_dummy
+    fields = [field for field in layout(entries) if not field.entry.is_dummy]
+    places = [
+        (field.start_bit, field.end_bit, (1 << field.bits) - 1, *_reading(field.bits, type_of(field.entry)))
+        for field in fields
     ]
+    whole_numbers = [(start_bit, mask, sign) for start_bit, _, mask, sign, convert in places if convert is None]
+    #: the length in bits from which on a frame has all values, and all of them are whole numbers
+    least = max((field.end_bit for field in fields), default=0) if len(whole_numbers) == len(places) else None
 
     def read(data: bytes) -> list[Value | None]:
         word, length = int.from_bytes(data, "little"), 8 * len(data)
+        if least is not None and length >= least:
+            return [((word >> start_bit & mask) ^ sign) - sign for start_bit, mask, sign in whole_numbers]
         return [
-            _value(word >> start_bit & (1 << bits) - 1, bits, data_type) if end_bit <= length else None
-            for start_bit, end_bit, bits, data_type in fields
+            None
+            if end_bit > length
+            else ((word >> start_bit & mask) ^ sign) - sign
+            if convert is None
+            else convert(word >> start_bit & mask)
+            for start_bit, end_bit, mask, sign, convert in places
         ]
 
     return read
+
+
+def _reading(bits: int, data_type: DataType | None) -> tuple[int, Callable[[int], Value] | None]:
+    """How *bits* raw bits become a value: the sign bit (0: unsigned) of a whole number, or what makes another value."""
+    kind = data_type.kind if data_type else Kind.UNSIGNED
+    if kind is Kind.BOOLEAN:
+        return 0, bool
+    if kind is Kind.INTEGER:
+        return 1 << bits >> 1, None
+    if data_type is None or kind is Kind.UNSIGNED or bits % 8 or data_type.bits not in (None, bits):
+        return 0, None  # a part of a REAL or TIME means nothing by itself
+    decode_bytes = data_type.decode
+    return 0, lambda raw: decode_bytes(raw.to_bytes(bits // 8, "little"))
 
 
 def encode(entries: Iterable[PdoMappingEntry], values: Mapping[tuple[int, int], Value], type_of: TypeOf) -> bytes:
@@ -121,19 +142,6 @@ def encode(entries: Iterable[PdoMappingEntry], values: Mapping[tuple[int, int], 
         return _raw(value, entry, type_of(entry))
 
     return pack(entries, raw_of)
-
-
-def _value(raw: int, bits: int, data_type: DataType | None) -> Value:
-    match data_type.kind if data_type else Kind.UNSIGNED:
-        case Kind.BOOLEAN:
-            return bool(raw)
-        case Kind.INTEGER:
-            return raw - (1 << bits) if bits and raw >> bits - 1 else raw
-        case Kind.UNSIGNED:
-            return raw
-    if data_type is None or bits % 8 or data_type.bits not in (None, bits):
-        return raw  # a part of a REAL or TIME means nothing by itself
-    return data_type.decode(raw.to_bytes(bits // 8, "little"))
 
 
 def _raw(value: Value, entry: PdoMappingEntry, data_type: DataType | None) -> int:

@@ -57,16 +57,14 @@ class Scaling:
     values: Mapping[int, str] = field(default_factory=dict)
     states: tuple[State, ...] = ()
     bits: Mapping[int, str] = field(default_factory=dict)
+    #: whether the physical number differs from the raw one
+    is_scaled: bool = field(init=False, repr=False, compare=False)
     _counts: _Counts | None = field(default=None, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if not self.factor:
             raise ValueError("a factor of 0 makes all values the same")
-
-    @property
-    def is_scaled(self) -> bool:
-        """Whether the physical number differs from the raw one."""
-        return self.factor != 1 or bool(self.offset)
+        object.__setattr__(self, "is_scaled", self.factor != 1 or bool(self.offset))
 
     @property
     def says(self) -> bool:

@@ -73,7 +73,8 @@ class Layout:
     source: str = ""
     guess: str = ""
     mpdo: int | None = None
-    #: constant data by signal key: meaning and object
+    #: the signals' keys in their order, and constant data by key: meaning and object
+    keys: tuple[str, ...] = field(init=False, repr=False, compare=False)
     meanings: Mapping[str, Scaling] = field(init=False, repr=False, compare=False)
     #: the PDO in small letters, None unless its mapping is known
     pdo: str | None = field(init=False, repr=False, compare=False)
@@ -84,6 +85,7 @@ class Layout:
         objects = {signal.key: signal.object for signal in self.signals if signal.object}
         service = self.service
         is_known = service.kind == "pdo" and not service.label.endswith("?")
+        object.__setattr__(self, "keys", tuple(signal.key for signal in self.signals))
         object.__setattr__(self, "pdo", service.label.lower() if is_known else None)
         object.__setattr__(self, "meanings", meanings)
         object.__setattr__(self, "objects", objects)
@@ -92,11 +94,7 @@ class Layout:
         """Signals completely in *frame*, by key."""
         if frame.remote or not self.signals:
             return {}
-        return {
-            signal.key: value
-            for signal, value in zip(self.signals, self.read(frame.data), strict=True)
-            if value is not None
-        }
+        return {key: value for key, value in zip(self.keys, self.read(frame.data), strict=True) if value is not None}
 
 
 def no_values(_data: bytes) -> list[Value | None]:

@@ -63,6 +63,8 @@ LATELY = 64
 PERIODS, GRACE_S = 4, 1.0
 #: duration of a point (s), and number of kept points: 60 s
 POINT_S, POINTS = 0.1, 600
+#: a graph's span counts as at least so long (s): all its values may have one time
+SHORTEST_S = 1e-9
 
 
 class Rhythm:

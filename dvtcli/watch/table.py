@@ -56,14 +56,16 @@ class SignalRows:
         self.services = [decoder.layouts[address].service for address, _ in chosen]
         self._numbers = {place: number for number, place in enumerate(chosen)}
         self._of_frames = self._by_frame()
+        self._titles: dict[Address, str] = {}
         self.frames = 0
         self.other = 0
 
-    def _by_frame(self) -> dict[Address, tuple[int | None, ...]]:
-        """The column of each signal by frame address."""
+    def _by_frame(self) -> dict[Address, tuple[Layout, tuple[int | None, ...]]]:
+        """The layout by frame address, and the column of each of its signals."""
+        layouts = {address: self.decoder.layouts[address] for address, _ in self._numbers}
         return {
-            address: tuple(self._numbers.get((address, signal.key)) for signal in self.decoder.layouts[address].signals)
-            for address in {address for address, _ in self._numbers}
+            address: (layout, tuple(self._numbers.get((address, key)) for key in layout.keys))
+            for address, layout in layouts.items()
         }
 
     def decode_by(self, decoder: Decoder) -> bool:
@@ -72,6 +74,7 @@ class SignalRows:
             return False
         self.decoder = decoder
         self._of_frames = self._by_frame()
+        self._titles.clear()
         if self.reader is not None:
             self.reader.know(decoder)
         return True
@@ -89,19 +92,18 @@ class SignalRows:
             self.reading = self.reader.read(frame)
             if self._only and not self.reading.is_one_of(self._only):
                 return None
-        address = frame.can_id, frame.extended
-        numbers = self._of_frames.get(address)
-        if numbers is None or frame.remote:
+        known = self._of_frames.get((frame.can_id, frame.extended))
+        if known is None or frame.remote:
             if self.reading.text and self._wanted in f"{self.title(frame)} {self.reading.text}".lower():
                 self.frames += 1
                 return []
             self.other += 1
             return None
         self.frames += 1
-        read = self.decoder.layouts[address].read(frame.data)
+        layout, numbers = known
         return [
             (number, value)
-            for number, value in zip(numbers, read, strict=True)
+            for number, value in zip(numbers, layout.read(frame.data), strict=True)
             if number is not None and value is not None
         ]
 
@@ -117,7 +119,10 @@ class SignalRows:
 
     def title(self, frame: Frame) -> str:
         """The name of a frame with a row."""
-        return title(self.decoder.layout(frame))
+        address = frame.can_id, frame.extended
+        if address not in self._titles:
+            self._titles[address] = title(self.decoder.layout(frame))
+        return self._titles[address]
 
     def head(self, frame: Frame) -> str:
         """The name of the last frame, with its words if it has no values."""

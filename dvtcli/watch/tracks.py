@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
-from math import isfinite
+from math import inf, isfinite
 from typing import TypeVar
 
+from dvtcli.domain.datatypes import Value
 from dvtcli.domain.object_dictionary import normalised
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import UsageError
-from dvtcli.watch.decoder import Decoder, Signal
-from dvtcli.watch.statistics import Point, physical_points
+from dvtcli.watch.decoder import Address, Decoder, Signal
+from dvtcli.watch.statistics import SHORTEST_S, Point, physical_points
 from dvtcli.watch.table import Column, Place
 
 _Place = TypeVar("_Place", bound=Hashable)
@@ -31,6 +32,30 @@ class Track:
         """The samples in their physical unit, each as a point."""
         pairs = zip(self.times_s, self.values, strict=True)
         return physical_points((Point(time_s, value, value, value) for time_s, value in pairs), self.signal.meaning)
+
+    def ranges(self, span_s: tuple[float, float], slots: int) -> list[Point]:
+        """The samples in their physical unit, consecutive ones of a slot as one point: *slots* equal parts of *span_s*.
+
+        Each is the range of its samples, which begins at the first of them.
+        """
+        begin_s, end_s = span_s
+        length_s = max(end_s - begin_s, SHORTEST_S)
+        points, present = list[Point](), None
+        start_s = low = high = last = 0.0
+        for time_s, value in zip(self.times_s, self.values, strict=True):
+            slot = int((time_s - begin_s) / length_s * slots)
+            if slot != present:
+                if present is not None:
+                    points.append(Point(start_s, low, high, last))
+                present, start_s, low, high = slot, time_s, value, value
+            elif value < low:
+                low = value
+            elif value > high:
+                high = value
+            last = value
+        if present is not None:
+            points.append(Point(start_s, low, high, last))
+        return physical_points(points, self.signal.meaning)
 
 
 def find_tracks(words: Sequence[str], columns: Mapping[_Place, Column]) -> dict[_Place, Track]:
@@ -79,20 +104,28 @@ def _unknown(word: str, names: list[str]) -> UsageError:
 
 def fill(tracks: Mapping[Place, Track], frames: Iterable[Frame], decoder: Decoder) -> tuple[float, float]:
     """Add the samples of *frames* to their tracks; the recording's first and last time (s since 1970)."""
-    addresses = {address for address, _ in tracks}
-    first_s = last_s = None
+    #: the places of a frame's signals that have tracks, by address, with what reads them all
+    wanted = dict[Address, tuple[Callable[[bytes], list[Value | None]], list[tuple[int, Track]]]]()
+    for address in {address for address, _ in tracks}:
+        layout = decoder.layouts[address]
+        places = [(number, tracks.get((address, key))) for number, key in enumerate(layout.keys)]
+        wanted[address] = layout.read, [(number, track) for number, track in places if track is not None]
+    first_s, last_s = inf, -inf
     for frame in frames:
-        first_s = frame.timestamp_s if first_s is None else min(first_s, frame.timestamp_s)
-        last_s = frame.timestamp_s if last_s is None else max(last_s, frame.timestamp_s)
-        address = frame.can_id, frame.extended
-        if address not in addresses:
+        time_s = frame.timestamp_s
+        first_s = min(first_s, time_s)
+        last_s = max(last_s, time_s)
+        of_frame = wanted.get((frame.can_id, frame.extended))
+        if of_frame is None or frame.remote:
             continue
-        for key, value in decoder.values(frame).items():
-            track = tracks.get((address, key))
-            if track is not None and isinstance(value, int | float) and isfinite(value):
-                track.times_s.append(frame.timestamp_s)
+        read, own = of_frame
+        values = read(frame.data)
+        for number, track in own:
+            value = values[number]
+            if isinstance(value, int | float) and isfinite(value):
+                track.times_s.append(time_s)
                 track.values.append(float(value))
-    return first_s or 0.0, last_s or 0.0
+    return (first_s, last_s) if first_s <= last_s else (0.0, 0.0)
 
 
 def fill_rows(tracks: Mapping[int, Track], rows: Iterable[tuple[float, list[float | None]]]) -> tuple[float, float]:

@@ -255,3 +255,28 @@ def test_of_what_is_unknown_nothing_that_was_read_before_is_believed() -> None:
     assert drive.timer_ms == before
     drive.node.mark_unknown()
     assert drive.timer_ms == 78
+
+
+def test_what_was_put_together_of_values_goes_with_any_of_them() -> None:
+    """A change of one PDO, a restart, another file: each time the PDO is as the device has it then."""
+    drive = Drive.of()
+    asked = drive.node
+    first = asked.known_pdo(TPDO1)
+    assert asked.known_pdos()[TPDO1] == asked.known_enabled_pdos()[TPDO1] == first
+    drive.alters_itself(77)
+    assert drive.timer_ms == first.communication.event_timer, "nothing that could have changed it was seen"
+    asked.memory.forget_one(*TIMER)
+    assert drive.timer_ms == 77
+    drive.alters_itself(78)
+    asked.memory.forget_objects((TPDO1.communication_index,))
+    assert (drive.timer_ms, asked.known_pdos()[TPDO1].communication.event_timer) == (78, 78)
+    drive.alters_itself(79)
+    asked.forget()
+    assert (asked.known_enabled_pdos()[TPDO1].communication.event_timer, drive.timer_ms) == (79, 79)
+    cob_ids = asked.known_cob_ids()
+    asked.describe(None)
+    assert dict(asked.known_cob_ids()) == dict(cob_ids)
+    drive.bus.device.set_value(TPDO1.communication_index, 1, (0x8000_0181).to_bytes(4, "little"))
+    asked.read_anew()
+    assert not asked.known_cob_ids()[TPDO1].valid
+    assert TPDO1 not in asked.known_enabled_pdos()

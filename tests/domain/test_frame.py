@@ -140,9 +140,18 @@ def test_bytes_of_a_field(start: int, bits: int, touched: list[int]) -> None:
 
 
 @given(rows, st.binary(max_size=10))
-def test_values_read_by_a_layout_made_once_are_those_of_decode(
+def test_any_data_is_read_as_each_object_s_own_type_reads_its_bits(
     mapped_rows: list[tuple[PdoMappingEntry, DataType | None, Value]], data: bytes
 ) -> None:
     entries = [row[0] for row in mapped_rows]
-    type_of = {row[0]: row[1] for row in mapped_rows}.get
-    assert repr(values_reader(entries, type_of)(data)) == repr([row.value for row in decode(entries, data, type_of)])
+    types = {row[0]: row[1] for row in mapped_rows}
+
+    def value(entry: PdoMappingEntry, raw: int | None) -> Value | None:
+        data_type = types[entry]
+        if raw is None or data_type is None:
+            return raw
+        return data_type.decode(raw.to_bytes((entry.bits + 7) // 8, "little"))
+
+    expected = [value(entry, raw) for entry, raw in unpack(entries, data)]
+    assert repr(values_reader(entries, types.get)(data)) == repr(expected)  # NaN equals nothing
+    assert repr([row.value for row in decode(entries, data, types.get)]) == repr(expected)

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from dvtcli.bus.carrier import Carrier
 from dvtcli.bus.python_can import CanBus
-from dvtcli.cli.monitor.graph import graph
+from dvtcli.cli.monitor.graph import graph, slots
 from dvtcli.cli.monitor.monitor_state import GRAPH, PICTURE, RAW, Moment, View
 from dvtcli.cli.monitor.screen import picture
 from dvtcli.cli.monitor.signal_lines import age
@@ -33,9 +33,9 @@ from dvtcli.watch.decoder import Decoder, Layout, Signal, pdo_layouts, unique
 from dvtcli.watch.listener import FOREIGN_CLOCK_S, Listener
 from dvtcli.watch.seen import ROWS, FrameStore
 from dvtcli.watch.service import service_of
-from dvtcli.watch.statistics import Rhythm, ValueHistory, spark
+from dvtcli.watch.statistics import Point, Rhythm, ValueHistory, spark
 from dvtcli.watch.table import all_columns
-from dvtcli.watch.tracks import find_tracks
+from dvtcli.watch.tracks import Track, find_tracks
 from tests.serve.served import wait_for
 
 BEGIN_S = 1_700_000_000.0
@@ -431,3 +431,24 @@ def test_screens_look_as_they_did(request: pytest.FixtureRequest, mode: str, col
     if request.config.getoption("--update-transcripts"):
         path.write_text(text, encoding="utf-8")
     assert text == path.read_text("utf-8")
+
+
+@given(
+    st.lists(st.tuples(st.floats(0, 10), st.floats(-1e6, 1e6)), min_size=1, max_size=60),
+    st.integers(30, 70), st.booleans(), st.sampled_from([(1, 0), (Fraction(1, 4), -3), (-2, 7)]),
+)  # fmt: skip
+def test_a_graph_of_ranges_is_that_of_all_samples(
+    samples: list[tuple[float, float]], width: int, plain: bool, scale: tuple[Fraction, Fraction]
+) -> None:
+    """Also of samples whose times go back."""
+    factor, offset = map(Fraction, scale)
+    signal = Signal("it", meaning=Scaling(factor=factor, offset=offset))
+    track = Track("it", signal, [time_s for time_s, _ in samples], [value for _, value in samples])
+    span_s = min(track.times_s), max(track.times_s)
+
+    def drawn(points: list[Point]) -> list[str]:
+        return graph(points, width, 12, span_s, ends=("a", "b"), plain=plain)
+
+    ranges = track.ranges(span_s, slots(width, plain=plain))
+    assert drawn(ranges) == drawn(track.points())
+    assert len(ranges) <= len(samples)

@@ -71,7 +71,7 @@ def _drawn(
     session: Conversation, track: Track, span_s: tuple[float, float], count: int, *, picture: bool
 ) -> PlottedSignal:
     """Return the signal with its graph, sized so that *count* graphs fit the terminal."""
-    from dvtcli.cli.monitor.graph import graph
+    from dvtcli.cli.monitor.graph import graph, slots
     from dvtcli.operations.results import PlottedSignal
 
     signal = track.signal
@@ -80,6 +80,7 @@ def _drawn(
     wide = min(_WIDTH, size.columns)
     ends = "0 s", f"{span_s[1] - span_s[0]:.2f} s"
     plain = session.output.plain
-    drawing = () if picture else tuple(graph(track.points(), wide, height, span_s, ends=ends, plain=plain))
+    points = () if picture else track.ranges(span_s, slots(wide, plain=plain))
+    drawing = () if picture else tuple(graph(points, wide, height, span_s, ends=ends, plain=plain))
     low, high = min(track.values), max(track.values)
     return PlottedSignal(track.name, signal.object, signal.meaning, len(track.values), low, high, drawing)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from dvtcli.watch.statistics import Point
+from dvtcli.watch.statistics import SHORTEST_S, Point
 
 #: The braille dot at (column, row) of a character of 2 x 4 dots (Unicode 10.0, chapter 21.1).
 _DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))
@@ -64,7 +64,7 @@ def graph(
 
     *ends* are the words below the ends of the time axis.
     """
-    canvas = _Canvas.empty(max(8, width - _LABEL - 2), max(2, height - 2), plain=plain)
+    canvas = _Canvas.empty(_columns(width), max(2, height - 2), plain=plain)
     begin_s, end_s = span_s
     shown = [point for point in points if begin_s <= point.time_s <= end_s]
     low = min((point.low for point in shown), default=0.0)
@@ -73,10 +73,19 @@ def graph(
     return _framed(canvas, low, high, ends)
 
 
+def slots(width: int, *, plain: bool) -> int:
+    """How many columns of dots a graph of *width* characters has: points of one column may be one point."""
+    return _Canvas.empty(_columns(width), 0, plain=plain).width
+
+
+def _columns(width: int) -> int:
+    return max(8, width - _LABEL - 2)
+
+
 def _draw(canvas: _Canvas, points: Sequence[Point], span_s: tuple[float, float], range_: tuple[float, float]) -> None:
     """Draw each column from minimum to maximum of its time, joined with the previous value."""
     (begin_s, end_s), (low, high) = span_s, range_
-    length_s, span = max(end_s - begin_s, 1e-9), high - low
+    length_s, span = max(end_s - begin_s, SHORTEST_S), high - low
     top = canvas.height - 1
 
     def y(value: float) -> int:

@@ -17,8 +17,8 @@ from dvtcli.files.recordings.recording_format import RecordedFrame, RecordingFor
 #: a data frame of candump: time, channel, CAN-ID, data; every match is a valid frame
 _DATA_FRAME = re.compile(
     r"\((?P<time>[0-9]{1,10}\.[0-9]{1,9})\) (?P<channel>\S+)"
-    r" (?P<can_id>[0-7][0-9A-F]{2}|[01][0-9A-F]{7})#(?P<data>(?:[0-9A-F]{2}){0,8})(?: [RT])?\s*",
-    re.I | re.ASCII,
+    r" (?P<can_id>[0-7][0-9A-Fa-f]{2}|[01][0-9A-Fa-f]{7})#(?P<data>(?:[0-9A-Fa-f]{2}){0,8})(?: [RTrt])?\s*",
+    re.ASCII,  # without re.IGNORECASE, which takes half as long again
 )
 #: CAN-IDs with the error flag (linux/can.h)
 _ERROR_FRAME = re.compile(r" [2367][0-9A-F]{7}#", re.I)

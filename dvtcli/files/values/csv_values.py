@@ -30,14 +30,20 @@ class CsvWriter:
         self._file = file
         self._rows = rows
         self.size = 0
+        self._empty = [""] * len(rows.columns)
         self._csv = csv.writer(file, lineterminator="\n")
         self._csv.writerow([TIME, FRAME, *(no_formula(column.header) for column in rows.columns)])
 
     def write(self, frame: Frame, _bus: str = "") -> None:
         """Write a frame."""
-        cells = self._rows.row(frame)
-        if cells is not None:
-            self._csv.writerow([utc(frame.timestamp_s), no_formula(self._rows.head(frame)), *map(csv_text, cells)])
+        values = self._rows.values(frame)
+        if values is None:
+            return
+        columns = self._rows.columns
+        cells = [utc(frame.timestamp_s), no_formula(self._rows.head(frame)), *self._empty]
+        for number, value in values:
+            cells[number + 2] = csv_text(columns[number].cell(value))
+        self._csv.writerow(cells)
 
     def flush(self) -> None:
         """Flush to the system."""

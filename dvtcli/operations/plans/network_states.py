@@ -11,7 +11,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from dvtcli.device.read_pdos import WHATEVER, read_number, read_pdo, sdo_channels
+from dvtcli.device.read_pdos import read_number, sdo_channels
 from dvtcli.domain.network.network_state import (
     BOOT_TIME,
     CONCISE_DCF,
@@ -44,7 +44,6 @@ if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
     from dvtcli.domain.network.wanted_state import LinkWish, NetworkWish, NodeWish
-    from dvtcli.domain.pdo import Pdo
     from dvtcli.domain.ports import SdoReader
     from dvtcli.operations.session.session_nodes import SessionNodes
 
@@ -70,7 +69,7 @@ def node_state(node: ReadableNode, *, for_rules: bool = False, only_enabled: boo
 
     *only_enabled* skips disabled PDOs.
     """
-    pdos = node.observed(lambda: _enabled(node)) if only_enabled else dict(node.known_pdos())
+    pdos = dict(node.known_enabled_pdos() if only_enabled else node.known_pdos())
     places = (*TIMING, *(JUDGED if for_rules else ()))
     numbers = node.observed(lambda: dict(_numbers(node.memory.look(), places, {CONSUMER_HEARTBEAT: 4})))
     if for_rules:
@@ -79,11 +78,6 @@ def node_state(node: ReadableNode, *, for_rules: bool = False, only_enabled: boo
         numbers |= node.observed(lambda: sdo_channels(node.memory.look(), node.dictionary))
     downloads = node.observed(lambda: dict(_downloads(node.memory))) if numbers.get((NMT_STARTUP, 0)) else {}
     return NodeState(node.node_id, "", pdos, numbers, node.dictionary, node.profile, node.title, downloads=downloads)
-
-
-def _enabled(node: ReadableNode) -> dict[Pdo, PdoConfig]:
-    cob_ids, look = node.known_cob_ids(), node.memory.look()
-    return {pdo: read_pdo(look, pdo, WHATEVER) for pdo, cob_id in cob_ids.items() if cob_id.valid}
 
 
 def states_of(session: SessionNodes, nodes: Sequence[ReadableNode]) -> NetworkState:
