@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
-from datetime import UTC, datetime, time, timedelta, timezone
+import time
+from datetime import UTC, datetime, timedelta, timezone
+from datetime import time as time_of_day
 from functools import lru_cache
 from math import modf
-from time import localtime
 
 #: how much of `.075123` a text has, by the names of `datetime.isoformat`
 _FRACTION = {"seconds": 0, "milliseconds": 4, "microseconds": 7}
@@ -24,9 +25,8 @@ def local_clock(time_s: float, timespec: str = "seconds") -> str:
     *timespec* is as in `datetime.isoformat`. Without the date: for current events, or events that follow another.
     """
     second, microseconds = _split(time_s)
-    fraction = f".{microseconds:06d}"[: _FRACTION[timespec]]
-    clock = localtime(second)
-    return f"{clock.tm_hour:02d}:{clock.tm_min:02d}:{clock.tm_sec:02d}{fraction}{_offset(clock.tm_gmtoff)}"
+    clock, offset = _local_second(second, time.tzname, time.timezone)
+    return f"{clock}{f'.{microseconds:06d}'[: _FRACTION[timespec]]}{offset}"
 
 
 def _split(time_s: float) -> tuple[int, int]:
@@ -42,9 +42,16 @@ def _utc_second(second: int) -> str:
 
 
 @lru_cache(maxsize=64)
+def _local_second(second: int, _names: tuple[str, str], _west_s: int) -> tuple[str, str]:
+    """A whole second as the local time of day, and its offset, in the zone of those names and seconds west of UTC."""
+    clock = time.localtime(second)
+    return f"{clock.tm_hour:02d}:{clock.tm_min:02d}:{clock.tm_sec:02d}", _offset(clock.tm_gmtoff)
+
+
+@lru_cache(maxsize=64)
 def _offset(seconds: int) -> str:
     """An offset from UTC (s) as text: `+01:00`."""
-    return time(tzinfo=timezone(timedelta(seconds=seconds))).isoformat().removeprefix("00:00:00")
+    return time_of_day(tzinfo=timezone(timedelta(seconds=seconds))).isoformat().removeprefix("00:00:00")
 
 
 _TIME = re.compile(r"([+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?) ?(ms|s|)")

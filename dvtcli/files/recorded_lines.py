@@ -5,6 +5,7 @@ python-can's readers of .asc and .trc skip unknown lines, including damaged fram
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from io import TextIOWrapper
 
 from dvtcli.domain.text import safe
@@ -53,6 +54,16 @@ class CountedLines(TextIOWrapper):
         if not text:
             raise StopIteration
         return text
+
+    def lines(self) -> Iterator[tuple[int, str]]:
+        """Iterate over the lines with their numbers, as `readline` returns them; faster than that."""
+        readline = super().readline
+        while text := readline(MOST_CHARACTERS):
+            self.line += 1
+            if len(text) == MOST_CHARACTERS:
+                raise LostLineError(self.line, text[:80])
+            self.text = text
+            yield self.line, text
 
 
 class LeftLines(CountedLines):

@@ -174,17 +174,19 @@ def pdo_layouts(
             cob_id = config.communication.cob_id
             service = Service("pdo", pdo.label, node_id)
             bits = sum(entry.bits for entry in config.mapping)
-            layout = replace(
-                _layout(service, config.mapping, dictionary, meanings), is_consumers=not pdo.is_tpdo, source=source,
+            signals, read = _signals(config.mapping, dictionary, meanings)
+            layout = Layout(
+                service, signals, read, config.mapping, is_consumers=not pdo.is_tpdo, source=source,
                 byte_length=byte_length(bits) if config.mpdo is None else None, mpdo=config.mpdo,
             )  # fmt: skip
             layouts.setdefault((cob_id.can_id, cob_id.extended), layout)
     return layouts
 
 
-def _layout(
-    service: Service, mapping: tuple[PdoMappingEntry, ...], dictionary: ObjectDictionary | None, meanings: Meanings
-) -> Layout:
+def _signals(
+    mapping: tuple[PdoMappingEntry, ...], dictionary: ObjectDictionary | None, meanings: Meanings
+) -> tuple[tuple[Signal, ...], Callable[[bytes], list[Value | None]]]:
+    """The signals of *mapping*, and what reads their values."""
     types: dict[PdoMappingEntry, DataType | None] = {}
     signals: list[Signal] = []
     for entry in mapping:
@@ -195,7 +197,7 @@ def _layout(
             meaning = meanings.of(entry.index, entry.sub_index)
             signals.append(Signal(name or entry.object, name, entry.object, meaning, entry.bits, types[entry]))
 
-    return Layout(service, tuple(unique(signals)), values_reader(mapping, types.get), mapping)
+    return tuple(unique(signals)), values_reader(mapping, types.get)
 
 
 def unique(signals: Iterable[Signal]) -> list[Signal]:
@@ -211,5 +213,5 @@ def unique(signals: Iterable[Signal]) -> list[Signal]:
             number += 1
             key = f"{base} #{number}"
         taken.add(key)
-        found.append(replace(signal, key=key))
+        found.append(signal if key == signal.key else replace(signal, key=key))
     return found

@@ -39,13 +39,14 @@ class CandumpFormat(RecordingFormat):
 
     def reader(self, source: Any) -> Iterator[can.Message | RecordedFrame]:
         """The frames, line by line; python-can reads the lines that are no usual data frame."""
-        for text in source:
-            found = _DATA_FRAME.fullmatch(text)
+        data_frame = _DATA_FRAME.fullmatch
+        for line, text in source.lines():
+            found = data_frame(text)
             if found is None:
-                yield from _by_python_can(source.line, text)
+                yield from _by_python_can(line, text)
                 continue
             time, channel, can_id, data = found.groups()
-            frame = Frame(int(can_id, 16), bytes.fromhex(data), extended=len(can_id) > 3, timestamp_s=float(time))
+            frame = Frame(int(can_id, 16), bytes.fromhex(data), len(can_id) > 3, False, float(time))
             yield RecordedFrame(frame, str(int(channel)) if channel.isdigit() else channel)
 
     def write(self, writer: Any, message: can.Message) -> None:

@@ -13,6 +13,7 @@ from dvtcli.files.recording import check_readable, read_recorded
 from dvtcli.files.values.value_parts import next_part
 from dvtcli.operations.frames.explain_frame import described_nodes
 from dvtcli.operations.frames.frame_answer import frame_seen
+from dvtcli.operations.frames.layouts import network_wish
 from dvtcli.operations.frames.recorded import decoder_for
 from dvtcli.operations.frames.values_origin import DEFAULTS, ValuesOptions, parquet_form
 from dvtcli.watch.frame_reader import FrameReader
@@ -20,6 +21,7 @@ from dvtcli.watch.layout_fit import Misfits
 from dvtcli.watch.table import SignalRows
 
 if TYPE_CHECKING:
+    from dvtcli.domain.network.wanted_state import NetworkWish
     from dvtcli.domain.ports import Frame
     from dvtcli.files.values.value_rows import ParquetForm
     from dvtcli.operations.results import Facts, FrameSeen
@@ -45,9 +47,10 @@ def decode_recording(
     name; InputFileError, after the frames before it, where the file is damaged.
     """
     check_readable(path)
-    decoder = decoder_for(session, nodes, dbc, path)
+    wish = network_wish(dbc)
+    decoder = decoder_for(session, nodes, dbc, path, wish)
     misfits = Misfits(decoder.layout, session.tell.warning)
-    seen = _seen_frames(path, misfits, _readers(session, decoder, dbc), only)
+    seen = _seen_frames(path, misfits, _readers(session, decoder, dbc, wish), only)
     if only:
         seen = _or_note(session, path, seen, only)
     return _matching(session, path, seen, decoder, text) if text else seen
@@ -70,8 +73,9 @@ def write_values(
     DvtcliError if *target* cannot be written; else as `decode_recording`.
     """
     check_readable(path)
-    decoder = decoder_for(session, nodes, dbc, path)
-    reader_of = _readers(session, decoder, dbc)
+    wish = network_wish(dbc)
+    decoder = decoder_for(session, nodes, dbc, path, wish)
+    reader_of = _readers(session, decoder, dbc, wish)
     rows = SignalRows(decoder, text, reader_of(""), options.only)
     if not rows.columns:
         if text and len(rows.decoder):
@@ -125,9 +129,11 @@ def values_into_file(
     return Facts("decode", said, (f"{target}: {rows.frames} frames, {len(names)} signals",))
 
 
-def _readers(session: SessionNodes, decoder: Decoder, dbc: str | None) -> Callable[[str], FrameReader]:
+def _readers(
+    session: SessionNodes, decoder: Decoder, dbc: str | None, wish: NetworkWish | None
+) -> Callable[[str], FrameReader]:
     """Return what gives the reader of a channel: nodes of two buses may have one node-ID."""
-    described = described_nodes(session, dbc)
+    described = described_nodes(session, dbc, wish)
     return cache(lambda _channel: FrameReader(decoder, described))
 
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.typed_frame import typed_frame
 from dvtcli.errors import UsageError
-from dvtcli.operations.frames.layouts import NETWORK_SUFFIXES
+from dvtcli.operations.frames.layouts import network_wish
 from dvtcli.operations.frames.recorded import decoder_for
 from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.operations.results.frames import FrameExplained
@@ -18,6 +17,7 @@ from dvtcli.watch.frame_reader import FrameReader
 from dvtcli.watch.layout_fit import doubts
 
 if TYPE_CHECKING:
+    from dvtcli.domain.network.wanted_state import NetworkWish
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.session.session_nodes import SessionNodes
 
@@ -41,10 +41,11 @@ def explain_frame(
     is no frame.
     """
     frame = parsed_frame(text)
-    decoder = decoder_for(session, nodes, file)
+    wish = network_wish(file)
+    decoder = decoder_for(session, nodes, file, wish=wish)
     for doubt in doubts(frame, decoder.layout(frame)):
         session.tell.warning(doubt)
-    return explained(frame, FrameReader(decoder, described_nodes(session, file)))
+    return explained(frame, FrameReader(decoder, described_nodes(session, file, wish)))
 
 
 def explained(frame: Frame, reader: FrameReader) -> FrameExplained:
@@ -54,12 +55,16 @@ def explained(frame: Frame, reader: FrameReader) -> FrameExplained:
     return FrameExplained(frame, service.kind, service.label, service.node, parts, reader.read(frame))
 
 
-def described_nodes(session: SessionNodes, file: str | None = None) -> Callable[[int], KnownNode]:
+def described_nodes(
+    session: SessionNodes, file: str | None = None, wish: NetworkWish | None = None
+) -> Callable[[int], KnownNode]:
     """Return what describes a node-ID: the network file, else the node if met, else --eds, of the nodes of -n if given.
 
-    Asks no node. Raises as the reading of the files: no frame does so later.
+    *wish* is the network file as read, if read already. Asks no node. Raises as the reading of the files: no frame does
+    so later.
     """
-    known = _network_nodes(file)
+    wish = wish or network_wish(file)
+    known = {} if file is None or wish is None else _network_nodes(file, wish)
     offline: list[KnownNode] = []
     if session.base.eds is not None:
         from dvtcli.operations.opening.device_files import offline_dictionaries
@@ -80,16 +85,12 @@ def described_nodes(session: SessionNodes, file: str | None = None) -> Callable[
     return described
 
 
-def _network_nodes(file: str | None) -> dict[int, KnownNode]:
-    """Return the nodes of a network *file*, of which nothing is planned; empty for other files."""
-    if file is None or Path(file).suffix.lower() not in NETWORK_SUFFIXES:
-        return {}
+def _network_nodes(file: str, wish: NetworkWish) -> dict[int, KnownNode]:
+    """Return the nodes of the network *file*, read as *wish*, of which nothing is planned."""
     from dvtcli.files.network.physical_keys import rules_by_node
     from dvtcli.operations.network.described_network import simulation_of, words_of
     from dvtcli.operations.opening.device_files import offline_dictionaries
-    from dvtcli.operations.wanted.network_wish import read_wish
 
-    wish = read_wish(file)
     own, words = rules_by_node(wish.nodes), words_of(file, wish)
     devices = offline_dictionaries(simulation_of(words))
     told = dict(zip(words, devices, strict=True))

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.meanings import Rules
     from dvtcli.domain.network.network_state import NodeState
-    from dvtcli.domain.network.wanted_state import ValueWish
+    from dvtcli.domain.network.wanted_state import NetworkWish, ValueWish
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.ports import CanopenBus
     from dvtcli.operations.session.session_nodes import SessionNodes
@@ -31,29 +31,38 @@ if TYPE_CHECKING:
 NETWORK_SUFFIXES = (".yaml", ".yml")
 
 
-def file_layouts(file: str, tell: Reporter) -> Mapping[Address, Layout]:
+def network_wish(file: str | None) -> NetworkWish | None:
+    """Read the network file *file*, known by its suffix; None for a DBC file, and for none. Raises as its reading."""
+    if file is None or Path(file).suffix.lower() not in NETWORK_SUFFIXES:
+        return None
+    from dvtcli.operations.wanted.network_wish import read_wish
+
+    return read_wish(file)
+
+
+def file_layouts(file: str, tell: Reporter, wish: NetworkWish | None = None) -> Mapping[Address, Layout]:
     """Return the layouts of *file*, a network file by its suffix, else a DBC file; raises as their reading.
 
-    *tell* gets the object names in a network file without description: their frames stay bytes.
+    *wish* is the network file as read, if read already. *tell* gets the object names in it without description: their
+    frames stay bytes.
     """
-    if Path(file).suffix.lower() not in NETWORK_SUFFIXES:
+    wish = wish or network_wish(file)
+    if wish is None:
         from dvtcli.files.dbc import read_dbc
 
         return read_dbc(file)
-    return _network_layouts(file, tell)
+    return _network_layouts(file, wish, tell)
 
 
-def _network_layouts(file: str, tell: Reporter) -> Mapping[Address, Layout]:
+def _network_layouts(file: str, wish: NetworkWish, tell: Reporter) -> Mapping[Address, Layout]:
     """Return the layouts of PDOs in the network *file*, as applied, with its scalings.
 
     The file's own values go before defaults of a node's EDS.
     """
     from dvtcli.files.network.physical_keys import rules_by_node
     from dvtcli.operations.network.described_network import described_pdos, unknown_names
-    from dvtcli.operations.wanted.network_wish import read_wish
     from dvtcli.watch.decoder import Decoder
 
-    wish = read_wish(file)
     state = described_pdos(file, wish)
     for note in unknown_names(file, wish):
         place = f"{file}:{note.mark.line}:{note.mark.column}"

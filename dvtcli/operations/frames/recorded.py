@@ -15,15 +15,22 @@ from dvtcli.errors import UsageError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from dvtcli.domain.network.wanted_state import NetworkWish
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
     from dvtcli.watch.decoder import Decoder
 
 
 def decoder_for(
-    session: SessionNodes, nodes: tuple[int, ...] | None, dbc: str | None, path: Path | None = None
+    session: SessionNodes,
+    nodes: tuple[int, ...] | None,
+    dbc: str | None,
+    path: Path | None = None,
+    wish: NetworkWish | None = None,
 ) -> Decoder:
     """Return the decoder of a recording: --dbc, else the mapping in --eds, else of the nodes.
+
+    *wish* is the network file *dbc* as read, if read already.
 
     Nodes are read only if named (-n, --nodes, --sim) or a bus is open; else the mappings in SDO transfers of the
     recording at *path* count, and other frames stay bytes.
@@ -40,7 +47,7 @@ def decoder_for(
             session.tell.note(
                 Hint(Action.GIVE, {"eds": base.eds}, f"is not used: {verbatim(dbc)} says what the frames carry")
             )
-        return Decoder(file_layouts(dbc, session.tell))
+        return Decoder(file_layouts(dbc, session.tell, wish))
     if base.eds is not None:
         return _file_decoder(file_or_family(base.eds), nodes or base.nodes, base.profile, base.modules)
     if base.sim or base.nodes or nodes or session.is_open:
