@@ -27,6 +27,8 @@ GRACE_S = 1.0
 
 #: shorter delays of the reading thread are normal (s)
 LATE_S = 0.02
+#: how exactly a delay is known (s): the processor time is a system call, as much as a twentieth of an exchange
+EXACT_S = 0.005
 
 M = TypeVar("M")
 T = TypeVar("T")
@@ -68,11 +70,12 @@ class Receiver(Generic[M]):
         self._closing = threading.Event()
         self._closed = False
         self._last_wait_s = 0.0
-        #: how long in all this machine kept the bus from being read (s), and until when that is known, with the
-        #: processor time by then
+        #: how long in all this machine kept the bus from being read (s), and until when that is known
         self._delay_s = 0.0
         self._delay_lock = threading.Lock()
-        self._seen_s, self._seen_cpu_s = monotonic(), process_time()
+        self._seen_s = monotonic()
+        #: the processor time when it was last asked for, and the time since then without a delay (s)
+        self._seen_cpu_s, self._passed_s = process_time(), 0.0
 
     def take(self, inbox: SimpleQueue[T | Wake], deadline_s: float) -> T | None:
         """The next item delivered into *inbox*; None at *deadline_s* (time.monotonic).
@@ -145,9 +148,15 @@ class Receiver(Generic[M]):
     def _note_delay(self, waited_s: float = 0.0, *, counts: bool = True) -> None:
         """Count the time since the last call, less *waited_s* and the computing time of this process."""
         with self._delay_lock:
-            now_s, cpu_s = monotonic(), process_time()
-            delay_s = now_s - self._seen_s - waited_s - (cpu_s - self._seen_cpu_s)
-            self._seen_s, self._seen_cpu_s = now_s, cpu_s
+            now_s = monotonic()
+            passed_s = now_s - self._seen_s
+            self._seen_s = now_s
+            if passed_s < LATE_S + waited_s and self._passed_s + passed_s < EXACT_S:
+                self._passed_s += passed_s
+                return
+            cpu_s = process_time()
+            delay_s = passed_s - waited_s - max(cpu_s - self._seen_cpu_s - self._passed_s, 0.0)
+            self._seen_cpu_s, self._passed_s = cpu_s, 0.0
             if counts and delay_s >= LATE_S:
                 self._delay_s += delay_s
 

@@ -2,21 +2,32 @@
 
     python -m tests.benchmarks [--rounds N] [--json FILE] [NAME...]
     python -m tests.benchmarks --compare BEFORE.json AFTER.json
+    python -m tests.benchmarks --page RUN.json...
 
-NAME chooses of startup, decode, eds, files, sdo, writes. dvtcli and what it is compared with are measured in turn, so
-that what else the machine does falls on both; ratios are those of each round. The bench_*.py files beside this one
-measure more.
+NAME chooses of startup, decode, long, eds, files, sdo, requests, writes; --page prints runs as a table for a page.
+dvtcli and what it is compared with are measured in turn, so that what else the machine does falls on both; ratios are
+those of each round. The bench_*.py files beside this one measure more.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import logging
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from tests.benchmarks import bench_decode, bench_eds, bench_files, bench_sdo, bench_startup, bench_writes
-from tests.benchmarks.figures import Figure, as_json, comparison, figures_in, table
+from tests.benchmarks import (
+    bench_decode,
+    bench_eds,
+    bench_files,
+    bench_long,
+    bench_requests,
+    bench_sdo,
+    bench_startup,
+    bench_writes,
+)
+from tests.benchmarks.figures import Figure, as_json, comparison, figures_in, page, table
 
 
 def writes(_rounds: int) -> Iterator[Figure]:
@@ -29,9 +40,11 @@ def writes(_rounds: int) -> Iterator[Figure]:
 FIGURES: dict[str, Callable[[int], Iterator[Figure]]] = {
     "startup": bench_startup.figures,
     "decode": bench_decode.figures,
+    "long": bench_long.figures,
     "eds": bench_eds.figures,
     "files": bench_files.figures,
     "sdo": bench_sdo.figures,
+    "requests": bench_requests.figures,
     "writes": writes,
 }
 
@@ -51,7 +64,11 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=7)
     parser.add_argument("--json", type=Path, metavar="FILE")
     parser.add_argument("--compare", type=Path, nargs=2, metavar=("BEFORE", "AFTER"))
+    parser.add_argument("--page", type=Path, nargs="+", metavar="RUN")
     options = parser.parse_args()
+    if options.page:
+        print(*page(json.loads(path.read_text("utf-8")) for path in options.page), sep="\n")
+        return
     if options.compare:
         before, after = map(figures_in, options.compare)
         print(*comparison(before, after), sep="\n")

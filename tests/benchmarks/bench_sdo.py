@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from time import perf_counter
+from contextlib import closing, contextmanager
+from time import perf_counter, process_time
 
 import can
 import canopen
 
 from dvtcli.bus.python_can import CanBus
+from tests.benchmarks.bench_serve import Sim, sim
 from tests.benchmarks.figures import Figure
 
 CHANNEL, NODE = "bench-sdo", 1
@@ -80,8 +81,32 @@ def rates(client: Callable[[], object], requests: int) -> tuple[float, float]:
         return requests / (between - started), requests / (perf_counter() - between)
 
 
+def socketcand_us(server: Sim, requests: int) -> tuple[float, float]:
+    """Processor time (µs) of this process for an upload over socketcand: by our client, and by canopen's."""
+    with closing(CanBus(server.bus(), "socketcand:can0", timeout_s=5)) as bus:
+        own = upload_us(bus.sdo(NODE).upload, requests)
+    network = canopen.Network()
+    network.NOTIFIER_CYCLE = 0.02
+    network.connect(interface="socketcand", host="127.0.0.1", port=server.port, channel="can0", ignore_config=True)
+    node = network.add_node(NODE, canopen.ObjectDictionary())
+    node.sdo.RESPONSE_TIMEOUT = 5
+    other = upload_us(node.sdo.upload, requests)
+    network.disconnect()
+    return own, other
+
+
+def upload_us(upload: Upload, requests: int) -> float:
+    """Processor time (µs) of this process for each *upload*."""
+    for _ in range(20):
+        upload(0x1000, 0)
+    began_s = process_time()
+    for _ in range(requests):
+        upload(0x1000, 0)
+    return 1e6 * (process_time() - began_s) / requests
+
+
 def figures(rounds: int, requests: int = 1000) -> Iterator[Figure]:
-    """Uploads and downloads a second of both clients."""
+    """Uploads and downloads a second of both clients, and the processor's time for an upload over socketcand."""
     server = Server()
     server.start()
     results = [(rates(ours, requests), rates(stock, requests)) for _ in range(rounds)]
@@ -91,3 +116,7 @@ def figures(rounds: int, requests: int = 1000) -> Iterator[Figure]:
     for number, name in enumerate(("uploads", "downloads")):
         own, other = ([pair[side][number] for pair in results] for side in (0, 1))
         yield Figure(f"SDO {name} a second", "", own, "canopen's client", other, least=1)
+    with sim(f"generic@{NODE}") as served:
+        pairs = [socketcand_us(served, requests) for _ in range(rounds)]
+    own, other = (list(side) for side in zip(*pairs, strict=True))
+    yield Figure("SDO upload over socketcand, processor", "µs", own, "canopen's client", other, most=0.66)

@@ -15,6 +15,7 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from statistics import median, quantiles
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
 #: byte code is cached, as it is where dvtcli was installed
@@ -92,6 +93,21 @@ def table(figures: Iterable[Figure]) -> Iterator[str]:
             f"{figure.name:46}{own:>12}  {f'{other} {figure.against}':40}{median(figure.ratios):6.2f}"
             f"  {f'{low:.2f} .. {high:.2f}':13}  {figure.goal}{missed}"
         ).rstrip()
+
+
+def page(runs: Iterable[dict[str, Any]]) -> Iterator[str]:
+    """The lines of a table for a page of the figures of *runs*, each as `as_json` writes it."""
+    yield "| what | dvtcli | compared with | ratio | half of them | goal | |"
+    yield "|---|---|---|---|---|---|---|"
+    for run in runs:
+        for figure in (Figure(**entry) for entry in run["figures"]):
+            own, other = (f"{median(values):.4g} {figure.unit}".rstrip() for values in (figure.own, figure.other))
+            low, high = figure.spread
+            met = "" if not figure.goal else "missed" if figure.is_missed else "met"
+            yield (
+                f"| {figure.name} | {own} | {other} {figure.against} | {median(figure.ratios):.2f} "
+                f"| {low:.2f} .. {high:.2f} | {figure.goal} | {met} |"
+            )
 
 
 def as_json(figures: Sequence[Figure]) -> str:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
-from tests.benchmarks.figures import Figure, as_json, comparison, figures_in, verdict
+from tests.benchmarks.figures import Figure, as_json, comparison, figures_in, page, verdict
 
 
 def figure(*own: float, most: float | None = None) -> Figure:
@@ -31,3 +32,10 @@ def test_a_run_is_read_as_it_was_written(tmp_path: Path) -> None:
     assert read["reading"].ratios == figure(20, 21, 22).ratios
     lines = list(comparison(read, read | {"counting": Figure("counting", "", [0], "other", [8])}))
     assert [line.split()[-1] for line in lines[1:]] == ["equal", "after"]
+
+
+def test_a_run_is_a_table_of_a_page_with_what_was_met() -> None:
+    runs = [json.loads(as_json([figure(20, 21, 22, most=most)])) for most in (2.1, 2.0)]
+    _, _, met, missed = page(runs)
+    assert met == "| reading | 21 ms | 10 ms other | 2.10 | 2.05 .. 2.15 | <= 2.1 | met |"
+    assert missed == "| reading | 21 ms | 10 ms other | 2.10 | 2.05 .. 2.15 | <= 2 | missed |"

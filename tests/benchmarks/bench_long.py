@@ -1,0 +1,72 @@
+"""What `decode` and `plot` take for long recordings, and how it grows: 10,000, 100,000 and 1,000,000 frames.
+
+    python -m tests.benchmarks long
+
+The recording is that of `bench_decode.py`. Seconds are compared with the goals, growth with n^1: it is the exponent of
+time without what a command takes for ten frames, from 10,000 frames on. Memory is what the process held at most.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from math import log
+from pathlib import Path
+
+from tests.benchmarks.bench_decode import FEW, NETWORK, record
+from tests.benchmarks.figures import ENVIRONMENT, ROOT, Figure
+
+COUNTS = (FEW, 10_000, 100_000, 1_000_000)
+#: python-can imports asammdf wherever that is installed, which takes 100 MB
+ENTRY = (
+    "import sys; sys.modules['asammdf'] = None; from dvtcli.__main__ import entry; sys.argv[1:] = {words!r}; entry()"
+)
+#: name, words with places for the recording and a file that is made, most seconds for a million frames
+ROWS: list[tuple[str, list[str], float]] = [
+    ("decode -o CSV", ["-y", "decode", "{}", "-d", NETWORK, "-o", "{}.csv"], 30),
+    ("plot", ["--eds", "gen4", "plot", "{}", "6041"], 8),
+]
+MOST_MB, MOST_GROWTH = 100, 1.1
+
+
+def used(words: list[str]) -> tuple[float, float]:
+    """Processor time (s) and memory (MB) that dvtcli with *words* takes."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", ENTRY.format(words=words)],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        cwd=ROOT,
+        env=ENVIRONMENT,
+    )
+    _, status, taken = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode:
+        raise SystemExit(f"dvtcli {' '.join(words)} ended with {process.returncode}")
+    return taken.ru_utime + taken.ru_stime, taken.ru_maxrss / 1024
+
+
+def figures(rounds: int) -> Iterator[Figure]:
+    """Each of ROWS: seconds, growth, memory; at most three rounds."""
+    with tempfile.TemporaryDirectory() as folder:
+        files = {count: record(Path(folder) / f"{count}.log", count) for count in COUNTS}
+        most = COUNTS[-1]
+        for name, words, most_s in ROWS:
+            took = [
+                {count: used([word.format(file) for word in words]) for count, file in files.items()}
+                for _ in range(min(rounds, 3))
+            ]
+            ones = [1.0] * len(took)
+            seconds = [{count: each[count][0] - each[FEW][0] for count in COUNTS} for each in took]
+            yield Figure(
+                f"{name}: {most:,} frames", "s", [each[most][0] for each in took], "the goal",
+                [most_s * one for one in ones], most=1,
+            )  # fmt: skip
+            growth = [log(each[most] / each[10_000]) / log(most / 10_000) for each in seconds]
+            yield Figure(f"{name}: growth, n^", "", growth, "n^1", ones, most=MOST_GROWTH)
+            yield Figure(
+                f"{name}: memory", "MB", [each[most][1] for each in took], "the goal",
+                [MOST_MB * one for one in ones], most=1,
+            )  # fmt: skip
