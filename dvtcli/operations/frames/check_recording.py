@@ -13,7 +13,7 @@ from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.recognised import NETWORK_FILE, is_recording, other_format
 from dvtcli.files.recording import check_readable, read_recorded
 from dvtcli.operations.frames.explain_frame import described_nodes
-from dvtcli.operations.frames.layouts import NETWORK_SUFFIXES
+from dvtcli.operations.frames.layouts import network_wish
 from dvtcli.operations.frames.recorded import decoder_for, standard_input
 from dvtcli.operations.results.checked_files import FileRule, rules_among
 from dvtcli.operations.results.checked_recordings import RecordingFinding, RecordingReport, RecordingsChecked
@@ -23,6 +23,7 @@ from dvtcli.watch.recording.stream_problems import LOAD
 
 if TYPE_CHECKING:
     from dvtcli.domain.lint.lint_rule import LintRule
+    from dvtcli.domain.network.wanted_state import NetworkWish
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.watch.decoder import Address, Decoder
     from dvtcli.watch.explain.known_node import KnownNode
@@ -96,9 +97,10 @@ class _Known:
 
 def _known(session: SessionNodes, options: RecordingOptions) -> _Known:
     is_given = options.dbc is not None or session.base.eds is not None
-    rpdos, bit_rate = _of_network(options.dbc)
+    dbc, wish = options.dbc, network_wish(options.dbc)
+    rpdos, bit_rate = ({}, None) if dbc is None or wish is None else _of_network(dbc, wish)
     return _Known(
-        decoder_for(session, None, options.dbc) if is_given else None, described_nodes(session, options.dbc), rpdos,
+        decoder_for(session, None, dbc, wish=wish) if is_given else None, described_nodes(session, dbc, wish), rpdos,
         options.bit_rate or bit_rate,
     )  # fmt: skip
 
@@ -167,14 +169,10 @@ def _asked(rules: Sequence[LintRule], bit_rate: int | None) -> tuple[FileRule, .
     return tuple(FileRule(rule.name, str(rule.severity), rule.sense, rule.source) for rule in judged)
 
 
-def _of_network(file: str | None) -> tuple[dict[NodePdo, Address], int | None]:
-    """Return the enabled RPDOs that the network *file* itself names, and its bit rate; nothing of other files."""
-    if file is None or Path(file).suffix.lower() not in NETWORK_SUFFIXES:
-        return {}, None
+def _of_network(file: str, wish: NetworkWish) -> tuple[dict[NodePdo, Address], int | None]:
+    """Return the enabled RPDOs that the network *file*, read as *wish*, itself names, and its bit rate."""
     from dvtcli.operations.network.described_network import described_pdos
-    from dvtcli.operations.wanted.network_wish import read_wish
 
-    wish = read_wish(file)
     named = {(node.node_id, pdo.pdo) for node in wish.nodes for pdo in node.pdos}
     found: dict[NodePdo, Address] = {}
     for node in described_pdos(file, wish).nodes:
