@@ -18,8 +18,8 @@ from dvtcli.cli.monitor.room import cut
 from dvtcli.cli.monitor.screen import chosen_row, chosen_signals, picture
 from dvtcli.cli.monitor.signal_lines import Lines
 from dvtcli.errors import BusUnavailable
-from dvtcli.operations.frames.explain_frame import described_nodes
 from dvtcli.operations.frames.transmit_rows import KEYS
+from dvtcli.operations.network.described_nodes import described_nodes
 from dvtcli.watch.frame_reader import FrameReader
 from dvtcli.watch.seen import Event, FrameStore
 

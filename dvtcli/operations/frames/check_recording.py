@@ -12,9 +12,8 @@ from dvtcli.domain.network.network_state import identifier_of
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.recognised import NETWORK_FILE, is_recording, other_format
 from dvtcli.files.recording import check_readable, read_recorded
-from dvtcli.operations.frames.explain_frame import described_nodes
-from dvtcli.operations.frames.layouts import network_wish
 from dvtcli.operations.frames.recorded import decoder_for, standard_input
+from dvtcli.operations.network.described_nodes import described_nodes, network_wish
 from dvtcli.operations.results.checked_files import FileRule, rules_among
 from dvtcli.operations.results.checked_recordings import RecordingFinding, RecordingReport, RecordingsChecked
 from dvtcli.watch.recording.problems import Problem

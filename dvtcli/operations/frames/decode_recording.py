@@ -11,11 +11,10 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 from dvtcli.files.recording import check_readable, read_recorded
 from dvtcli.files.values.value_parts import next_part
-from dvtcli.operations.frames.explain_frame import described_nodes
 from dvtcli.operations.frames.frame_answer import frame_seen
-from dvtcli.operations.frames.layouts import network_wish
 from dvtcli.operations.frames.recorded import decoder_for
 from dvtcli.operations.frames.values_origin import DEFAULTS, ValuesOptions, parquet_form
+from dvtcli.operations.network.described_nodes import described_nodes, network_wish
 from dvtcli.watch.frame_reader import FrameReader
 from dvtcli.watch.layout_fit import Misfits
 from dvtcli.watch.table import SignalRows

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.typed_frame import typed_frame
 from dvtcli.errors import UsageError
-from dvtcli.operations.frames.layouts import network_wish
 from dvtcli.operations.frames.recorded import decoder_for
-from dvtcli.operations.meanings.physical_meanings import meanings_of
+from dvtcli.operations.network.described_nodes import described_nodes, network_wish
 from dvtcli.operations.results.frames import FrameExplained
 from dvtcli.watch.explain.frame_parts import frame_parts
-from dvtcli.watch.explain.known_node import KnownNode
 from dvtcli.watch.frame_reader import FrameReader
 from dvtcli.watch.layout_fit import doubts
 
 if TYPE_CHECKING:
-    from dvtcli.domain.network.wanted_state import NetworkWish
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.session.session_nodes import SessionNodes
 
@@ -53,49 +49,3 @@ def explained(frame: Frame, reader: FrameReader) -> FrameExplained:
     service = reader.decoder.layout(frame).service
     parts = tuple(frame_parts(frame, reader.decoder, reader.described))
     return FrameExplained(frame, service.kind, service.label, service.node, parts, reader.read(frame))
-
-
-def described_nodes(
-    session: SessionNodes, file: str | None = None, wish: NetworkWish | None = None
-) -> Callable[[int], KnownNode]:
-    """Return what describes a node-ID: the network file, else the node if met, else --eds, of the nodes of -n if given.
-
-    *wish* is the network file as read, if read already. Asks no node. Raises as the reading of the files: no frame does
-    so later.
-    """
-    wish = wish or network_wish(file)
-    known = {} if file is None or wish is None else _network_nodes(file, wish)
-    offline: list[KnownNode] = []
-    if session.base.eds is not None:
-        from dvtcli.operations.opening.device_files import offline_dictionaries
-
-        offline = [
-            KnownNode(dictionary, meanings_of(profile, dictionary))
-            for dictionary, profile in offline_dictionaries(session.base)
-        ]
-    nobody = KnownNode(None, meanings_of(None, None))
-
-    def described(node_id: int) -> KnownNode:
-        node = session.network.nodes.get(node_id) if session.is_open else None
-        if node is not None and node_id not in known:
-            known[node_id] = KnownNode(node.dictionary, meanings_of(node.profile, node.dictionary))
-        is_of_eds = not session.base.nodes or node_id in session.base.nodes
-        return known.get(node_id) or (next(iter(offline), nobody) if is_of_eds else nobody)
-
-    return described
-
-
-def _network_nodes(file: str, wish: NetworkWish) -> dict[int, KnownNode]:
-    """Return the nodes of the network *file*, read as *wish*, of which nothing is planned."""
-    from dvtcli.files.network.physical_keys import rules_by_node
-    from dvtcli.operations.network.described_network import simulation_of, words_of
-    from dvtcli.operations.opening.device_files import offline_dictionaries
-
-    own, words = rules_by_node(wish.nodes), words_of(file, wish)
-    devices = offline_dictionaries(simulation_of(words))
-    told = dict(zip(words, devices, strict=True))
-    return {
-        node.node_id: KnownNode(dictionary, meanings_of(profile, dictionary, [own.get(node.node_id, {})]))
-        for node in wish.nodes
-        for dictionary, profile in (told.get(node.node_id, (None, None)),)
-    }

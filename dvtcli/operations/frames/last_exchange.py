@@ -93,7 +93,8 @@ def trace_last(session: SessionNodes, count: int | None = None) -> Traced:
     None: 32, or all from the last write that a node refused or did not answer. Without an exchange, those of the last
     failed run. The values of passcodes are left out. Raises UsageError if there are none.
     """
-    from dvtcli.operations.frames.explain_frame import described_nodes, explained
+    from dvtcli.operations.frames.explain_frame import explained
+    from dvtcli.operations.network.described_nodes import described_nodes
     from dvtcli.operations.results.frames import Traced, TracedFrame
     from dvtcli.watch.decoder import Decoder
     from dvtcli.watch.frame_reader import FrameReader

@@ -12,6 +12,7 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_syntax import parse_object
 from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.meanings.physical_meanings import meanings_of
+from dvtcli.operations.network.described_nodes import NETWORK_SUFFIXES, network_wish
 from dvtcli.watch.decoder import Decoder, pdo_layouts
 from dvtcli.watch.sdo_servers import described_servers
 
@@ -25,19 +26,6 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.user.reporter import Reporter
     from dvtcli.watch.decoder import Address, Layout
-
-
-#: suffixes of network files
-NETWORK_SUFFIXES = (".yaml", ".yml")
-
-
-def network_wish(file: str | None) -> NetworkWish | None:
-    """Read the network file *file*, known by its suffix; None for a DBC file, and for none. Raises as its reading."""
-    if file is None or Path(file).suffix.lower() not in NETWORK_SUFFIXES:
-        return None
-    from dvtcli.operations.wanted.network_wish import read_wish
-
-    return read_wish(file)
 
 
 def file_layouts(file: str, tell: Reporter, wish: NetworkWish | None = None) -> Mapping[Address, Layout]:

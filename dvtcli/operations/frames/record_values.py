@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError
 from dvtcli.files.values.value_parts import Rotation, ValueParts, finish_parts, next_part
-from dvtcli.operations.frames.explain_frame import described_nodes
 from dvtcli.operations.frames.frame_answer import frame_seen
 from dvtcli.operations.frames.layouts import live_decoder, open_wire
 from dvtcli.operations.frames.running_recording import Filters, RunningRecording
 from dvtcli.operations.frames.values_origin import DEFAULTS, ValuesOptions, is_parquet, parquet_form
+from dvtcli.operations.network.described_nodes import described_nodes
 from dvtcli.operations.session.save_script import ask_before_overwriting
 from dvtcli.operations.session.steady_listener import SteadyListener
 from dvtcli.watch.frame_reader import FrameReader

@@ -20,7 +20,6 @@ from dvtcli.domain.network.network_state import (
 )
 from dvtcli.domain.text import plural
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, UsageError
-from dvtcli.operations.frames.explain_frame import described_nodes
 from dvtcli.operations.network.check_networks import (
     CheckOptions,
     asked_rules,
@@ -28,6 +27,7 @@ from dvtcli.operations.network.check_networks import (
     chosen_rules,
     findings_of,
 )
+from dvtcli.operations.network.described_nodes import described_nodes
 from dvtcli.operations.network.eds_by_identity import words_on_bus
 from dvtcli.operations.network.live_network import heard_traffic, live_state, refuse_without_bus
 from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkReport, NetworksChecked

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from operator import ne
 
 from dvtcli.domain.bus_load import least_frame_bits
 from dvtcli.domain.lint.lint_rule import WARNING, LintRule
@@ -68,7 +67,7 @@ class _Pdo:
         """
         if data != self.data:
             is_back = data == self.before and len(data) == len(self.data)
-            if is_back and sum(map(ne, data, self.data)) >= _OTHER_BYTES:
+            if is_back and sum(new != old for new, old in zip(data, self.data, strict=False)) >= _OTHER_BYTES:
                 self.turns.take(moment)
             self.before, self.data = self.data, data
         else:

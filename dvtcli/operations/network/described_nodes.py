@@ -1,0 +1,72 @@
+"""What describes a node whose frames are read: a network file, the node itself, or its EDS. Asks no node."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.operations.meanings.physical_meanings import meanings_of
+from dvtcli.watch.explain.known_node import KnownNode
+
+if TYPE_CHECKING:
+    from dvtcli.domain.network.wanted_state import NetworkWish
+    from dvtcli.operations.session.session_nodes import SessionNodes
+
+#: suffixes of network files
+NETWORK_SUFFIXES = (".yaml", ".yml")
+
+
+def network_wish(file: str | None) -> NetworkWish | None:
+    """Read the network file *file*, known by its suffix; None for a DBC file, and for none. Raises as its reading."""
+    if file is None or Path(file).suffix.lower() not in NETWORK_SUFFIXES:
+        return None
+    from dvtcli.operations.wanted.network_wish import read_wish
+
+    return read_wish(file)
+
+
+def described_nodes(
+    session: SessionNodes, file: str | None = None, wish: NetworkWish | None = None
+) -> Callable[[int], KnownNode]:
+    """Return what describes a node-ID: the network file, else the node if met, else --eds, of the nodes of -n if given.
+
+    *wish* is the network file as read, if read already. Asks no node. Raises as the reading of the files: no frame does
+    so later.
+    """
+    wish = wish or network_wish(file)
+    known = {} if file is None or wish is None else _network_nodes(file, wish)
+    offline: list[KnownNode] = []
+    if session.base.eds is not None:
+        from dvtcli.operations.opening.device_files import offline_dictionaries
+
+        offline = [
+            KnownNode(dictionary, meanings_of(profile, dictionary))
+            for dictionary, profile in offline_dictionaries(session.base)
+        ]
+    nobody = KnownNode(None, meanings_of(None, None))
+
+    def described(node_id: int) -> KnownNode:
+        node = session.network.nodes.get(node_id) if session.is_open else None
+        if node is not None and node_id not in known:
+            known[node_id] = KnownNode(node.dictionary, meanings_of(node.profile, node.dictionary))
+        is_of_eds = not session.base.nodes or node_id in session.base.nodes
+        return known.get(node_id) or (next(iter(offline), nobody) if is_of_eds else nobody)
+
+    return described
+
+
+def _network_nodes(file: str, wish: NetworkWish) -> dict[int, KnownNode]:
+    """Return the nodes of the network *file*, read as *wish*, of which nothing is planned."""
+    from dvtcli.files.network.physical_keys import rules_by_node
+    from dvtcli.operations.network.described_network import simulation_of, words_of
+    from dvtcli.operations.opening.device_files import offline_dictionaries
+
+    own, words = rules_by_node(wish.nodes), words_of(file, wish)
+    devices = offline_dictionaries(simulation_of(words))
+    told = dict(zip(words, devices, strict=True))
+    return {
+        node.node_id: KnownNode(dictionary, meanings_of(profile, dictionary, [own.get(node.node_id, {})]))
+        for node in wish.nodes
+        for dictionary, profile in (told.get(node.node_id, (None, None)),)
+    }
