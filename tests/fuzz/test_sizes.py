@@ -5,6 +5,7 @@ Every case is a process of its own under limits of the system; what it took is w
 
 from __future__ import annotations
 
+import json
 import os
 import struct
 import subprocess
@@ -229,6 +230,20 @@ SLOW = {
 }
 
 
+#: Runs dvtcli under limits (CPU seconds, bytes) and prints what it took. A small process begins it: the peak memory of
+#: a process counts that of the process it was forked from.
+_MEASURE = """
+import json, os, resource, subprocess, sys
+seconds, size = map(int, sys.argv[1:3])
+resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
+resource.setrlimit(resource.RLIMIT_AS, (size, size))
+child = subprocess.Popen([sys.executable, "-m", "dvtcli", *sys.argv[3:]], stdout=subprocess.DEVNULL)
+_, status, used = os.wait4(child.pid, 0)
+child.returncode = os.waitstatus_to_exitcode(status)
+print(json.dumps([child.returncode, used.ru_utime + used.ru_stime, used.ru_maxrss]))
+"""
+
+
 def run(case: Case, folder: Path) -> tuple[int, str, float, float]:
     """Run *case* under limits: its exit code, what it said on stderr, CPU seconds and MB that it took."""
     for name, text in case.files.items():
@@ -236,26 +251,15 @@ def run(case: Case, folder: Path) -> tuple[int, str, float, float]:
         content = text()
         (folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())
 
-    def limit() -> None:
-        resource.setrlimit(resource.RLIMIT_CPU, (2 * SECONDS, 2 * SECONDS))
-        resource.setrlimit(resource.RLIMIT_AS, (3 * MEGABYTES * _MB, 3 * MEGABYTES * _MB))
-
     environment = {**os.environ, "HOME": str(folder), "XDG_STATE_HOME": str(folder), "XDG_DATA_HOME": str(folder)}
     with (folder / "stderr").open("wb") as stderr:
-        child = subprocess.Popen(
-            [sys.executable, "-m", "dvtcli", *case.words],
-            cwd=folder,
-            env=environment,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=stderr,
-            preexec_fn=limit,  # noqa: PLW1509 - nothing runs in this process that a fork could stop halfway
-        )
-        _, status, used = os.wait4(child.pid, 0)
-        child.returncode = os.waitstatus_to_exitcode(status)
+        measured = subprocess.run(
+            [sys.executable, "-c", _MEASURE, str(2 * SECONDS), str(3 * MEGABYTES * _MB), *case.words],
+            cwd=folder, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=stderr, check=True,
+        )  # fmt: skip
+    code, seconds, peak = json.loads(measured.stdout)
     said = (folder / "stderr").read_text(errors="replace")
-    scale = 1 << 20 if sys.platform == "darwin" else 1 << 10
-    return child.returncode, said, used.ru_utime + used.ru_stime, used.ru_maxrss / scale
+    return code, said, seconds, peak / (1 << 20 if sys.platform == "darwin" else 1 << 10)
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
