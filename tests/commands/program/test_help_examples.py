@@ -19,7 +19,7 @@ from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench
 from tests.commands.frames.test_recording_commands import DBC, ramp
 from tests.house.test_commands import examples
-from tests.process import PATIENCE_S, ROOT, environment, start
+from tests.process import PATIENCE_S, ROOT, dvtcli, environment, start
 from tests.small_eds import plain, var
 from tests.surroundings import HOMES
 
@@ -68,6 +68,7 @@ def folder(recordings: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPat
     for name in ("drive.eds", "bare.eds"):
         shutil.copy(family_eds("gen4"), tmp_path / name)
     (tmp_path / "press.dcf").write_text(dcf(family_eds("gen4").read_text("utf-8")), "utf-8")
+    shutil.copy(family_eds("coupler"), tmp_path)
     (tmp_path / "eds-files").mkdir()
     shutil.copy(family_eds("gen4"), tmp_path / "eds-files")
     for name in ("press.yaml", "line.yaml", "bus.yml"):
@@ -113,6 +114,10 @@ def test_each_command_has_an_example_that_is_run() -> None:
 @pytest.mark.parametrize("line", quick_first(ENDING))
 def test_an_example_does_what_it_says(line: str, folder: Path) -> None:
     needs = NEEDS.get(line, {})
+    if needs.get("starts"):
+        done = dvtcli(*line.split(), cwd=folder)
+        assert done.returncode == needs.get("code", 0), done.stderr
+        return
     with chdir(folder), Bench(tuple(needs.get("sim", ["gen4"])), {"yes": True}) as bench:
         for before in needs.get("before", []):
             assert bench.run(before).code == 0
