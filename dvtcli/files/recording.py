@@ -110,7 +110,7 @@ def _opened(path: Path) -> BinaryIO:
 def _damaged(path: Path, kind: RecordingFormat, source: Any, count: int, wrong: Exception) -> InputFileError:
     line = _line(source, wrong)
     place = f"{path}:{line}" if line else str(path)
-    said = f"no {path.suffix} file" if path.suffix.lower() in formats() else f"not {kind.title}"
+    said = f"no {path.suffix} file" if path.suffix.lower() in formats() else f"not {kind.title} throughout"
     text = f"{place}: damaged after {plural(count, 'frame')}, or {said}"
     return InputFileError(
         text, why=_why(kind, source, wrong),

@@ -140,5 +140,8 @@ class StreamProblems:
         self._bits = 0
         for moments in self._full.values():
             share = self._most_bits / (self._bits_of_window or 1)
-            text = f"the bus was full to {share:.0%} and more, stuff bits aside"
-            yield Problem(LOAD, text, "all nodes", "which CAN-IDs come more often then than at other times", moments)
+            text = f"frames took up to {share:.0%} of the bit rate in 0.1 s, stuff bits aside"
+            look = "which CAN-IDs come more often then than at other times"
+            if share > 1:
+                look = "whether this is the bus's bit rate: no bus carries more than that"
+            yield Problem(LOAD, text, "all nodes", look, moments)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -426,7 +427,9 @@ def test_a_full_bus_is_found_if_its_bit_rate_is_known(tmp_path: Path) -> None:
     assert without == (len(RECORDING_RULES), [])
     assert (full[0], wide) == (without[0] + 1, (without[0] + 1, []))
     (text,) = full[1]
-    assert text.startswith("the bus was full to 15"), text
+    assert re.fullmatch(r"frames took up to 1\d\d% of the bit rate in 0.1 s, stuff bits aside", text)
+    shown = dvtcli("check", str(path), "--at", "250000").stdout
+    assert "look first: whether this is the bus's bit rate" in shown
 
 
 @pytest.mark.parametrize(("line", "is_found"), [("rpdo: {1: {cob_id: 0x205, enabled: true}}", True), ("", False)])
