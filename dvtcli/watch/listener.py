@@ -95,13 +95,18 @@ class Listener:
         self.stop()
 
     def stop(self) -> None:
-        """Stop listening; recorded frames can still be taken."""
+        """Stop listening; frames received by now can still be taken, even if the thread was late to read them."""
         if self._stopping.is_set():
             return
-        _ = self.dropped  # the present value: later losses do not count
         self._stopping.set()
-        self._untap()
         self._thread.join(1.0)
+        if self._failure is None:
+            try:
+                self._bus.drain()
+            except BusUnavailable as failure:  # `take` raises the error
+                self._failure = failure
+        self._lost = self._bus.lost_frame_count() - self._lost_before
+        self._untap()
 
     def _listen(self) -> None:
         try:

@@ -280,6 +280,19 @@ def test_a_bus_that_failed_before_is_told_to_who_takes() -> None:
         listener.take(5.0)
 
 
+def test_no_frame_is_missing_that_was_sent_before_the_end() -> None:
+    channel = "sent at the end"
+    bus = CanBus(can.Bus(channel, interface="virtual", ignore_config=True), channel)
+    with can.Bus(channel, interface="virtual", ignore_config=True) as sender:
+        for _ in range(20):
+            with Listener(bus, SdoValues(set())) as listener:
+                for number in range(50):
+                    sender.send(can.Message(arbitration_id=0x181, data=[number], is_extended_id=False))
+                listener.stop()
+                assert [frame.data[0] for frame in listener.take()] == [*range(50)]
+    bus.close()
+
+
 def test_who_stops_listening_can_still_take_what_came() -> None:
     channel = "stopped"
     bus = CanBus(can.Bus(channel, interface="virtual", ignore_config=True), channel)
