@@ -46,6 +46,7 @@ class Simulate(Protocol):
         *nodes: str,
         faults: tuple[str, ...] | list[str] = (),
         signals: tuple[str, ...] | list[str] = (),
+        modules: tuple[str, ...] | list[str] = (),
         timeout_s: float = 0.5,
         ask: Callable[[str], bool] | None = None,
         on_message: Callable[[Message], None] | None = None,
@@ -62,6 +63,7 @@ class Serve(Protocol):
         *nodes: str,
         faults: Sequence[str] = (),
         signals: Sequence[str] = (),
+        modules: Sequence[str] = (),
         state: str | Path | None = None,
     ) -> ServedBus:
         """A bus on loopback with simulated *nodes*."""

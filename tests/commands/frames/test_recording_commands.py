@@ -59,7 +59,7 @@ def test_help_names_every_format(name: str) -> None:
     silent = [suffix for suffix in FORMATS if suffix not in told]
     assert not silent, f"name {' '.join(silent)} in {place}"
     if name == "log":
-        for said in (f"Behind what is there ({' '.join(APPENDABLE)})", f"so many bytes ({' '.join(ROTATING)})"):
+        for said in (f"Append to FILE ({' '.join(APPENDABLE)})", f"that many bytes ({' '.join(ROTATING)})"):
             assert said in told, f"say “{said}” in {place} of its option"
 
 

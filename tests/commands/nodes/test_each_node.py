@@ -80,7 +80,7 @@ def test_a_node_that_refuses_keeps_no_other_from_being_asked_to_store(ids: tuple
 def test_lines_that_are_about_one_node_refuse_several() -> None:
     for named in ((1, 7), "all"):
         with Bench(NODES, {"node": named}) as bench:
-            for line in ("map tpdo1 6041", "write 1017 500", "restore"):
+            for line in ("map tpdo1 6041", "write 1017 500"):
                 ran = bench.run(line)
                 assert (ran.code, "several nodes, and this is about one" in ran.stderr) == (2, True), line
 
