@@ -100,13 +100,14 @@ class Listener:
             return
         self._stopping.set()
         self._thread.join(1.0)
-        if self._failure is None:
-            try:
+        try:
+            if self._failure is None:
                 self._bus.drain()
-            except BusUnavailable as failure:  # `take` raises the error
-                self._failure = failure
-        self._lost = self._bus.lost_frame_count() - self._lost_before
-        self._untap()
+        except BusUnavailable as failure:  # `take` raises the error
+            self._failure = failure
+        finally:
+            self._lost = self._bus.lost_frame_count() - self._lost_before
+            self._untap()
 
     def _listen(self) -> None:
         try:

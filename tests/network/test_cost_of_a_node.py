@@ -5,6 +5,7 @@ The bus among it: who waits for an answer is told of it, and only nodes that a f
 
 from __future__ import annotations
 
+import re
 import sys
 import threading
 from collections import Counter
@@ -27,6 +28,8 @@ FEW, MANY = 2, 6
 #: how many more calls of one function a node may cost where there are many, of some 90,000 in all: what looks at every
 #: other node's PDOs would be more
 MOST_GROWN = 40
+#: what compiles a pattern: once in a process, whenever it is first used
+_COMPILER = str(Path(re.__file__).parent)
 
 
 def calls(work: Callable[[], T]) -> Counter[CodeType]:
@@ -34,7 +37,7 @@ def calls(work: Callable[[], T]) -> Counter[CodeType]:
     counted: Counter[CodeType] = Counter()
 
     def count(frame: FrameType, event: str, _argument: object) -> None:
-        if event == "call":
+        if event == "call" and not frame.f_code.co_filename.startswith(_COMPILER):
             counted[frame.f_code] += 1
 
     threading.setprofile(count)

@@ -91,8 +91,8 @@ class RunningRecording:
                 failed = self._write_batch(time.batch_s)
                 if failed is not None and self._is_back(failed, is_over):
                     self.on_back()
-            seconds = monotonic() - began_s
             self.listener.stop()
+            seconds = monotonic() - began_s
             self._write_batch(0.0)
         return seconds
 
