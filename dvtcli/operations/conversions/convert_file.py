@@ -82,7 +82,7 @@ _BESIDE = ("value_relative", "default_relative", "low_relative", "high_relative"
 
 
 def convert_device_file(session: SessionUser, file: str, target: str) -> Facts:
-    """Convert the device file *file* to the format of *target*'s suffix, and list what is lost.
+    """Convert the device file or simulated family *file* to the format of *target*'s suffix, and list what is lost.
 
     An EDS or XDD has no values of a node. Asks before overwriting. Raises UsageError if *target* has another suffix, or
     a file cannot be read or written; InputFileError if *file* is invalid.
@@ -127,8 +127,10 @@ def _read(file: str, modules: tuple[int, ...] | None) -> EdsFile | XddFile:
             hint=Hint(Action.SHOW_EDS, {"file": file}, "shows it")
             + Hint(Action.WRITE, {"object": "1F22:5", "value": f"@{file}"}, "gives node 5's to the manager"),
         )
+    from dvtcli.operations.opening.simulated_nodes import file_or_family
+
     try:
-        read = read_device_file(Path(file), modules)
+        read = read_device_file(file_or_family(file), modules)
     except OSError as failed:
         raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
     if modules is not None:

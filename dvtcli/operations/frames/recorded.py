@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint, verbatim
-from dvtcli.errors import UsageError
+from dvtcli.errors import DvtcliError, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -114,7 +114,10 @@ def _file_decoder(path: Path, nodes: tuple[int, ...], family: str | None, module
 
 @contextmanager
 def standard_input(file: str) -> Iterator[Path]:
-    """The path of *file*; of `-` a temporary copy of standard input, which a recording is read from twice."""
+    """The path of *file*; of `-` a temporary copy of standard input, which a recording is read from twice.
+
+    Errors about the copy name it `stdin`.
+    """
     if file != "-":
         yield Path(file)
         return
@@ -122,4 +125,9 @@ def standard_input(file: str) -> Iterator[Path]:
         path = Path(folder) / "stdin"
         with path.open("wb") as copy:
             copyfileobj(sys.stdin.buffer, copy)
-        yield path
+        try:
+            yield path
+        except DvtcliError as failed:
+            failed.text = failed.text.replace(str(path), path.name)
+            failed.place = failed.place and failed.place.replace(str(path), path.name)
+            raise

@@ -338,3 +338,8 @@ def test_an_eds_beside_a_dbc_is_said_not_to_be_used(tmp_path: Path) -> None:
     with Bench((), {"eds": "generic"}) as bench:
         ran = bench.run(f"decode {log} -d {dbc}")
         assert (ran.code, f"--eds generic is not used: {dbc} says" in ran.stderr) == (0, True)
+
+
+def test_an_error_in_standard_input_names_it() -> None:
+    done = dvtcli("decode", "-", stdin=" can0  285   [8]  24 FA FF FF 78 00 88 FF\nrubbish\n")
+    assert (done.returncode, "error: stdin:2: damaged" in done.stderr, "dvtcli-" in done.stderr) == (4, True, False)
