@@ -5,7 +5,7 @@ Writes nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
@@ -42,7 +42,7 @@ class ReadProgress:
 
 
 T = TypeVar("T")
-#: how long COB-IDs that are refused for a moment are asked for again, and the pause between two tries (s)
+#: all pauses between tries of COB-IDs that are refused for a moment, and one of them (s)
 PASSING_S, _AGAIN_S = 0.5, 0.1
 
 
@@ -245,26 +245,30 @@ class KnownPdos:
     def known_cob_ids(self) -> Mapping[Pdo, CobId]:
         """The COB-ID of every PDO, from the cache if nothing could have changed it since.
 
-        A temporary refusal is retried, for `PASSING_S` in all.
+        A temporary refusal is retried, after pauses of `PASSING_S` in all.
         """
         return self.observed(self._read_cob_ids)
 
     def _read_cob_ids(self) -> Mapping[Pdo, CobId]:
-        until_s, look = self.bus.now_s() + PASSING_S, self.memory.look()
+        pauses, look = iter([_AGAIN_S] * round(PASSING_S / _AGAIN_S)), self.memory.look()
         expired = self.memory.expired()
         if self._made_cob_ids is None or self._made_cob_ids[0] != expired:
-            self._made_cob_ids = expired, self._of_present(lambda pdo: self._cob_id(look, pdo, until_s))
+            self._made_cob_ids = expired, self._of_present(lambda pdo: self._cob_id(look, pdo, pauses))
         return self._made_cob_ids[1]
 
-    def _cob_id(self, look: SdoReader, pdo: Pdo, until_s: float) -> CobId:
+    def _cob_id(self, look: SdoReader, pdo: Pdo, pauses: Iterator[float]) -> CobId:
+        """The COB-ID of *pdo*, after a temporary refusal asked for again as long as there are *pauses*."""
         while True:
             try:
                 return read_cob_id(look, pdo)
             except SdoAborted as aborted:
-                if aborted.code in UNREADABLE or self.bus.now_s() >= until_s:
+                if aborted.code in UNREADABLE:
                     raise
-            self.bus.sleep(_AGAIN_S)
-            self.memory.forget_one(pdo.communication_index, 1)
+                self.memory.forget_one(pdo.communication_index, 1)  # nor is anything made of the refusal kept
+                pause_s = next(pauses, None)
+                if pause_s is None:
+                    raise
+            self.bus.sleep(pause_s)
             look = self.memory.look()
 
     @property

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import pytest
 
-from dvtcli.device.known_pdos import ReadProgress
+from dvtcli.device.known_pdos import PASSING_S, ReadProgress
 from dvtcli.device.node import Node
 from dvtcli.device.other_producers import producers, producers_of
 from dvtcli.domain.cob_id import CobId
@@ -222,6 +222,33 @@ def test_a_passing_refusal_in_the_cache_hides_no_cob_id(code: int) -> None:
     with suppress(SdoAborted):
         node.memory.upload(0x1800, 1)
     assert producers([node], anew=False)[0] == Producer(NODE, TPDO1, CobId(0x181))
+
+
+@pytest.mark.parametrize("refusals", [2, 100])
+@pytest.mark.parametrize("code", [0x0800_0022, 0x0800_0000, 0x0504_0000])
+def test_a_cob_id_refused_for_the_moment_on_a_slow_bus_is_not_missed(code: int, refusals: int) -> None:
+    """Other COB-IDs take longer than a refusal may pass."""
+
+    class SlowAndShy(DirectSdo):
+        asked = 0
+
+        def upload(
+            self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
+        ) -> bytes:
+            bus.sleep(PASSING_S)
+            if (index, sub_index) == (0x1801, 1):
+                self.asked += 1
+                if self.asked <= refusals:
+                    raise SdoAborted(index, sub_index, code)
+            return super().upload(index, sub_index, timeout_s=timeout_s, retries=retries)
+
+    device = booted()
+    channel = SlowAndShy(device)
+    bus = DirectBus(device, channel)
+    node = Node(bus, NODE, dictionary("generic"))
+    assert (TPDO2 in node.known_cob_ids()) == (refusals == 2)
+    channel.asked = refusals
+    assert TPDO2 in node.known_cob_ids()
 
 
 @pytest.mark.parametrize(("code", "is_asked_again"), [(0x0800_0022, True), (0x0504_0000, True), (0x0602_0000, False)])
