@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 def _look_ahead(session: SessionNodes, node_ids: Sequence[int], params: Mapping[str, Any]) -> None:
     """Check all of *node_ids* before the first restore."""
-    look_before_restores(session, node_ids, params["group"])
+    look_before_restores(session, node_ids, params["group"], prove=params["prove"])
 
 
 def _who_restored(node_ids: Sequence[int], outcomes: Mapping[int, Any]) -> LeftChanged | None:

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 
 #: How long a power cycle is waited for, in seconds.
 POWER_CYCLE_S = 60.0
+_UNPROVED = Hint(Action.RESTORE, why="without a proof, then switch the node off and on")
 
 
 def store_settings(
@@ -112,10 +113,15 @@ def look_before_stores(
             chosen(node.access, node.profile.store, STORE, sub_index, node.dictionary)
 
 
-def look_before_restores(session: SessionNodes, node_ids: Sequence[int], sub_index: int | None) -> None:
-    """Check all nodes before the first restore: raises if one does not answer, or cannot restore that group."""
+def look_before_restores(
+    session: SessionNodes, node_ids: Sequence[int], sub_index: int | None, *, prove: bool = False
+) -> None:
+    """Check all nodes before the first restore: raises if a node must not restore, cannot, or could not prove it."""
     for node_id in node_ids:
         node = session.node(node_id)
+        if prove and not session.dry_run:
+            refuse_deaf_to_reset(node, _UNPROVED)
+        require_storable(node, force=session.options.force, confirm=False)
         chosen(node.access, node.profile.store, RESTORE, sub_index, node.dictionary)
 
 
@@ -201,7 +207,7 @@ def restore_defaults(session: SessionNodes, node: Node, sub_index: int | None, *
     )
     asked, prove = prove, prove and not session.dry_run  # a twin has no defaults but those of its file
     if prove:
-        refuse_deaf_to_reset(node, Hint(Action.RESTORE, why="without a proof, then switch the node off and on"))
+        refuse_deaf_to_reset(node, _UNPROVED)
         consent_to_reset(session, [node.node_id])
     prepare_store(node, force=session.options.force, confirm=False)
     communication = sub_index == COMMUNICATION

@@ -121,14 +121,22 @@ def only_some_stored(node_ids: Sequence[int], outcomes: Mapping[int, Stored | Ba
 
 
 def only_some_restored(node_ids: Sequence[int], outcomes: Mapping[int, Stored | BaseException]) -> LeftChanged | None:
-    """Report that only some of *node_ids*, one by one, took the command to restore; None if none or all did."""
-    restored = [node_id for node_id, outcome in outcomes.items() if not isinstance(outcome, BaseException)]
-    rest = [node_id for node_id in node_ids if node_id not in restored]
-    if not restored or not rest:
-        return None
+    """Report that only some of *node_ids*, one by one, restored their defaults; None if none or all did alike."""
     faults = {node_id: outcome for node_id, outcome in outcomes.items() if isinstance(outcome, BaseException)}
+    answers = {node_id: outcome for node_id, outcome in outcomes.items() if not isinstance(outcome, BaseException)}
+    restored = [node_id for node_id, answer in answers.items() if answer.exit_code == 0]
+    unproved = [node_id for node_id in answers if node_id not in restored]
+    unsure = [node_id for node_id, fault in faults.items() if _is_unsure(fault)]
+    missing = [node_id for node_id in node_ids if node_id not in (*answers, *unsure)]
+    if not answers or len(node_ids) in (len(restored), len(unproved)):
+        return None
+    rest = sorted((*unproved, *unsure, *missing))
+    said = [f"node {join_some(map(str, restored))} restored its defaults"] if restored else []
+    said += [f"node {join_some(map(str, unproved))} is not proved to have its defaults"] if unproved else []
+    said += [f"node {join_some(map(str, missing))} did not"] if missing else []
+    said += [f"whether node {join_some(map(str, unsure))} restored them is not known"] if unsure else []
     return LeftChanged(
-        f"node {join_some(map(str, restored))} restored its defaults, and node {join_some(map(str, rest))} did not",
+        ", and ".join(said),
         node=rest[0],
         why="; ".join(f"node {node_id}: {str(fault) or 'interrupted'}" for node_id, fault in faults.items()) or None,
         hint=Hint(Action.RESTORE, {"node": rest}, "restores the rest"),

@@ -43,3 +43,41 @@ def test_who_refused_is_named() -> None:
         True,
     )
     assert "-n 2 restore" in ran.stderr
+
+
+@pytest.mark.parametrize("words", ["restore", "restore --prove"])
+@pytest.mark.parametrize("fault", ["silent@1", "lose-response@1"])
+def test_a_lost_answer_leaves_it_unknown_who_restored(fault: str, words: str) -> None:
+    with Bench((), OPTIONS, beside([device("generic", n) for n in (1, 2, 3)], f"2:{fault}")) as bench:
+        ran = bench.run(words)
+    said = " ".join(ran.stderr.split())
+    assert (ran.code, "-n 2 restore" in said) == (7, True), ran
+    assert "node 1, 3 restored its defaults, and whether node 2 restored them is not known" in said
+
+
+def test_a_node_without_its_defaults_is_not_among_those_that_restored() -> None:
+    with Bench((), OPTIONS, beside([device("generic", n) for n in (1, 2, 3)], "2:restores-nothing")) as bench:
+        for node_id in (1, 2, 3):
+            assert bench.run(f"write {node_id}:1017 700").code == 0
+        assert bench.run("store").code == 0
+        ran = bench.run("restore --prove")
+    said = " ".join(ran.stderr.split())
+    assert (ran.code, "-n 2 restore" in said) == (7, True), ran
+    assert "node 1, 3 restored its defaults, and node 2 is not proved to have its defaults" in said
+
+
+def test_no_node_is_restored_before_a_later_one_is_refused() -> None:
+    with Bench(("generic@1", "gen4-locked@2"), {"node": (1, 2), "yes": True}) as bench:
+        ran = bench.run("restore")
+        assert (ran.code, "-n 2 login" in " ".join(ran.stderr.split()), ran.stdout) == (1, True, ""), ran
+        assert "the access level is too low" in ran.stderr
+
+
+def test_no_node_is_restored_before_a_later_one_that_obeys_no_reset() -> None:
+    master = device("gen4", 2)
+    assert master.family.master_object is not None
+    master.set_value(*master.family.master_object, b"\1")
+    with Bench((), {"node": (1, 2), "yes": True}, beside([device("generic", 1), master])) as bench:
+        ran = bench.run("restore --prove")
+        assert (ran.code, ran.stdout) == (1, ""), ran
+        assert "node 2 obeys no NMT reset" in ran.stderr
