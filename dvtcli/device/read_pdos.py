@@ -70,12 +70,16 @@ def read_identity(sdo: SdoReader, sub_index: int) -> int | None:
 
 
 def read_modules(sdo: SdoReader) -> tuple[int, ...] | None:
-    """Read the module list (0x1027, CiA 301, 7.5.2.24): the modules' numbers in the EDS; None if it cannot be read."""
+    """Read the module list (0x1027, CiA 301, 7.5.2.24): the modules' numbers in the EDS; None if it cannot be read.
+
+    0, a slot without a module, is left out.
+    """
     try:
         count = read_number(sdo, MODULE_LIST, 0, 1)
-        return tuple(read_number(sdo, MODULE_LIST, sub_index, 2) for sub_index in range(1, count + 1))
+        slots = [read_number(sdo, MODULE_LIST, sub_index, 2) for sub_index in range(1, count + 1)]
     except (SdoAborted, SdoProtocolError):
         return None
+    return tuple(number for number in slots if number)
 
 
 def read_mpdo_lists(

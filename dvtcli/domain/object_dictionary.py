@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_left
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum, StrEnum
+from itertools import takewhile
 
 from dvtcli.domain.datatypes import DataType
 
@@ -178,6 +179,10 @@ class Modules:
     def without_description(self, modules: Collection[int]) -> list[int]:
         """Return those of *modules* that the file does not describe."""
         return sorted(set(modules) - self.supported.keys())
+
+    def with_description(self, modules: Sequence[int]) -> tuple[int, ...]:
+        """Return *modules* up to the first that the file does not describe: it may shift sub-indices of the others."""
+        return tuple(takewhile(self.supported.__contains__, modules))
 
 
 @dataclass(frozen=True, slots=True)

@@ -167,6 +167,20 @@ def test_a_module_that_the_file_does_not_have_is_said(file: Path) -> None:
     assert "module 9 of its list (0x1027) is not in coupler.eds" in " ".join(ran.stderr.split())
 
 
+@pytest.mark.parametrize(("listed", "named"), [((1, 9, 1), 2), ((9, 1), 0), ((1, 0, 1), 4), ((0, 0, 1), 2)])
+def test_objects_behind_a_module_that_nothing_describes_are_not_named(
+    file: Path, listed: tuple[int, ...], named: int
+) -> None:
+    held = device(coupler(), *[1 for _ in listed])
+    for sub_index, number in enumerate(listed, 1):
+        held.set_value(LIST, sub_index, number.to_bytes(2, "little"))
+    with Bench((), {"eds": str(file), "node": 5}, beside([held])) as bench:
+        ran = bench.run("pdo")
+        found = subs(bench.session.node(5).dictionary)
+    assert found == ({IN: list(range(named + 1))} if named else {})
+    assert ("which objects the modules from there on add" in " ".join(ran.stderr.split())) == (9 in listed)
+
+
 def test_it_is_backed_up_with_its_modules(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(file.parent)
     file.write_text(coupler(own_inputs=2))

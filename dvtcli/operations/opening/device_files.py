@@ -104,7 +104,7 @@ def with_modules_of(path: Path, chosen: tuple[int, ...] | None, device: SdoReade
     modules = dictionary.info.modules
     if not modules.supported or modules.connected or (attached := read_modules(device)) is None:
         return dictionary
-    return read_dictionary(path, tuple(number for number in attached if number in modules.supported))
+    return read_dictionary(path, modules.with_description(attached))
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,14 +158,15 @@ class DeviceFiles:
     def modules(self, node_id: int, path: Path) -> tuple[int, ...] | None:
         """Return the connected modules of a node described by *path*, None for those that the file names, or none.
 
-        They are the user's, else those of the simulated node, else those in the node's module list (0x1027).
+        They are the user's, else those of the simulated node, else those in the node's module list (0x1027), up to the
+        first that nothing describes.
         """
         described = read_dictionary(path).info.modules
         chosen = self._chosen_modules(node_id)
         if chosen is not None and (described.supported or node_id in self.own_modules or self.options.eds):
             return chosen
         attached = self._attached(node_id, path)
-        return None if attached is None else tuple(number for number in attached if number in described.supported)
+        return None if attached is None else described.with_description(attached)
 
     def _chosen_modules(self, node_id: int) -> tuple[int, ...] | None:
         """Return the modules that the user chose for a node, or those of its simulation."""
@@ -191,7 +192,10 @@ class DeviceFiles:
             return None
         unknown = described.without_description(attached or ())
         if unknown:
-            text = f"module {join_some(map(str, unknown))} of its list (0x1027) is not in {path.name}"
+            text = (
+                f"module {join_some(map(str, unknown))} of its list (0x1027) is not in {path.name}, and nothing says"
+                " which objects the modules from there on add"
+            )
         else:
             text = f"{path.name} is of a modular device, and nothing says which modules it has"
         if (attached is not None and not unknown) or not self.is_news(f"{node_id}: {text}"):
