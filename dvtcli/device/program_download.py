@@ -94,10 +94,7 @@ class ProgramDownload:
 
     def _replace(self, data: bytes, expected: int | None) -> None:
         self._enter(Stage.CLEARING)
-        try:
-            self._control(CLEAR, SLOW_S)
-        except NoAnswer:
-            self._control(CLEAR, SLOW_S)  # whether it is clear already, or not
+        self._clear()
         self._await_flash("clear its program")
         self._enter(Stage.LOADING)
         with self.cancellation.released():  # an incomplete program is none
@@ -108,6 +105,22 @@ class ProgramDownload:
         self._enter(Stage.STARTING)
         self._start()
         self._check(expected)
+
+    def _clear(self) -> None:
+        """Have the program cleared; a device that did not answer, and may be at it, is told again."""
+        try:
+            self._control(CLEAR, SLOW_S)
+            return
+        except NoAnswer:
+            pass
+        try:
+            self._control(CLEAR, SLOW_S)
+        except SdoAborted as aborted:
+            if aborted.code not in _BUSY:
+                raise
+            self._await_flash("clear its program")
+            if self._read(PROGRAM_CONTROL) != CLEAR:
+                self._control(CLEAR, SLOW_S)
 
     def _check(self, expected: int | None) -> None:
         found = self.identification()

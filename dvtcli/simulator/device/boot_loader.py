@@ -39,9 +39,7 @@ class BootLoader:
 
     def read(self, index: int) -> bytes:
         """The value of the control, identification or status object. Raises Refusal if it is refused while busy."""
-        if self._busy and self.busy:
-            self._busy -= 1
-            raise Refusal(self.busy)
+        self._refuse_if_busy()
         if index == _CONTROL:
             return bytes([self._control])
         if index == _IDENTIFICATION:
@@ -50,6 +48,11 @@ class BootLoader:
             self._busy -= 1
             return _AT_WORK.to_bytes(4, "little")
         return self._status.to_bytes(4, "little")
+
+    def _refuse_if_busy(self) -> None:
+        if self._busy and self.busy:
+            self._busy -= 1
+            raise Refusal(self.busy)
 
     def begin(self, index: int) -> None:
         """Begin a program download. Raises Refusal unless the flash memory is clear; afterwards it is not."""
@@ -65,6 +68,7 @@ class BootLoader:
         if index == _DATA:
             self._write(data)
             return False
+        self._refuse_if_busy()
         if state is not NmtState.PRE_OPERATIONAL:
             raise Refusal(Abort.DEVICE_STATE)
         match data[0]:

@@ -80,6 +80,19 @@ def test_a_loader_that_refuses_while_it_is_busy_is_waited_for(busy: int, tmp_pat
     assert (ran.code, loading.held, loading.control) == (0, PROGRAM, 1), ran
 
 
+@pytest.mark.parametrize("fault", ["lose-response@2", "lose-request@2"])
+@pytest.mark.parametrize("busy", [0x08000022, 0x08000021, 0x06060000])
+def test_a_loader_that_still_clears_when_it_is_told_again_is_waited_for(busy: int, fault: str, tmp_path: Path) -> None:
+    """The answer to the first command takes too long, and the second is refused meanwhile."""
+    loading = Loading(tmp_path, fault)
+    loader = loading.bus.nodes[0].device.loader
+    assert loader is not None
+    loader.busy = busy
+    with loading.bench:
+        ran = loading.run("--expect", "crc32")
+    assert (ran.code, loading.held, loading.control) == (0, PROGRAM, 1), ran
+
+
 def test_another_refusal_of_the_flash_status_ends_it(tmp_path: Path) -> None:
     loading = Loading(tmp_path)
     loader = loading.bus.nodes[0].device.loader
