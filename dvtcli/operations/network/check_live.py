@@ -33,7 +33,10 @@ from dvtcli.operations.network.live_network import heard_traffic, live_state, re
 from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkReport, NetworksChecked
 from dvtcli.operations.wanted.network_wish import read_wish
 from dvtcli.watch.decoder import Decoder
+from dvtcli.watch.recording.frame_problems import LENGTH
 from dvtcli.watch.recording.recording_rules import RecordingCheck
+from dvtcli.watch.recording.rpdo_problems import NOT_SENT
+from dvtcli.watch.recording.stream_problems import LOAD
 
 if TYPE_CHECKING:
     from dvtcli.domain.lint.lint_rule import LintRule
@@ -45,6 +48,11 @@ if TYPE_CHECKING:
 
 #: How long a bus is listened to: most heartbeats come once a second or faster, SYNC much faster.
 LISTEN_S = 2.0
+#: rules about recordings that need what a file says of the PDOs
+_NEED_A_FILE = {
+    LENGTH.name: "rule other-length compares with what the nodes hold",
+    NOT_SENT.name: "which RPDOs somebody is to send is not known; check a recording with a network file",
+}
 #: Identification and NMT settings of a node, which no file decides.
 _OF_ITSELF = {IDENTITY, 0x1000, *range(NMT_STARTUP, BOOT_TIME + 1)}
 
@@ -98,6 +106,8 @@ def check_live(
     wishes = wishes or CheckOptions()
     rules = chosen_rules(wishes)
     refuse_without_bus(session)
+    bit_rate = _bit_rate(session, wishes)
+    rules = _judged(rules, wishes, bit_rate)
     told = on_bus or {}
     networks = {
         file: state for file in dict.fromkeys(files) if (state := _described(file, told.get(file, {}))) is not None
@@ -108,7 +118,6 @@ def check_live(
     live, bus = live_state(session, traffic, ids), session.wire
     if not live.nodes:
         raise _nobody(bus.name, traffic)
-    bit_rate = _bit_rate(session, wishes)
     of_bus = NetworkReport(
         bus.name,
         asked_rules(rules),
@@ -120,6 +129,24 @@ def check_live(
     )
     against = [_against(file, state, live, wishes, bit_rate) for file, state in networks.items()]
     return NetworksChecked((of_bus, *(replace(report, bus=bus.name) for report in against)))
+
+
+def _judged(rules: Sequence[LintRule], wishes: CheckOptions, bit_rate: int | None) -> tuple[LintRule, ...]:
+    """Return *rules* without those about recordings that the frames alone do not decide.
+
+    Raises UsageError if *wishes* name one of these, or if no rule is left.
+    """
+    unjudged = dict(_NEED_A_FILE)
+    if bit_rate is None:
+        unjudged[LOAD.name] = "nothing says the bit rate"
+    judged = tuple(rule for rule in rules if rule.name not in unjudged)
+    for rule in rules:
+        if rule.name in unjudged and (rule.name in wishes.only or not judged):
+            raise UsageError(
+                f"rule {rule.name} is not judged on a running bus: {unjudged[rule.name]}",
+                hint="what no rule looks at is not checked",
+            )
+    return judged
 
 
 class _Recorded:

@@ -9,6 +9,8 @@ from typing import Any
 import pytest
 
 from dvtcli.domain.ports import Frame
+from dvtcli.operations.network.check_live import check_live
+from dvtcli.operations.network.check_networks import CheckOptions
 from dvtcli.operations.opening.simulated_nodes import simulated_device, simulated_nodes
 from dvtcli.watch.recording.recording_rules import RECORDING_RULES
 from tests.commands.bench import Bench
@@ -96,6 +98,19 @@ def test_what_is_heard_in_a_given_time_is_judged_as_a_recording() -> None:
     assert not _rules(short) & recordings, "no time is given"
     only = _check(_bus("gen4@1", foreign=foreign), "check --for 40 --rule heartbeat-stops --json")[1][0]
     assert (only["rules"], _rules(only)) == (1, {"heartbeat-stops"})
+
+
+@pytest.mark.parametrize("rate", [125_000, None])
+def test_rules_that_cannot_be_judged_are_not_called_checked(rate: int | None) -> None:
+    unjudged = {"pdo-other-length", "rpdo-not-sent"} | ({"bus-load"} if rate is None else set())
+    with Bench((), {"sim": (), "yes": True, "bitrate": rate}, _bus("gen4@1")) as bench:
+        (asked,) = check_live(bench.session, CheckOptions(for_s=3)).reports
+        names = {rule.name for rule in asked.rules}
+        assert {rule.name for rule in RECORDING_RULES} - names == unjudged
+        for name in unjudged:
+            ran = bench.run(f"check --live --for 3 --rule {name} --rule restarts")
+            said = f"rule {name} is not judged on a running bus" in " ".join(ran.stderr.split())
+            assert (ran.code, said) == (2, True), ran
 
 
 @heavy
