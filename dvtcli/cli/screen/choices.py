@@ -56,7 +56,7 @@ class Choices:
 
     def lines(self, _width: int, height: int) -> list[list[Cell]]:
         """Return the title, and the rows that fit."""
-        lines = [[Cell(self._title, "cyan"), Cell("   Enter choose  Esc no", "dim")]]
+        lines = [[Cell(self._title, "cyan"), Cell("   a letter or Enter: at once  Esc: no", "dim")]]
         for number in self._cursor.window(len(self._rows), height - 1):
             letter, text = self._rows[number]
             mark = "> " if number == self._cursor.chosen else "  "
