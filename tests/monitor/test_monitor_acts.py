@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import re
+import threading
+import time
 from pathlib import Path
 
 import can
 import pytest
 
+from dvtcli.cli.conversation import Conversation
+from dvtcli.cli.monitor.actions import Actions
+from dvtcli.cli.view.output import Output
+from dvtcli.operations.frames.watch_bus import watching
 from tests.monitor.test_monitor_screen import SIZES, leave, started
 from tests.prompt.conftest import Open, open_terminal
 from tests.prompt.terminal import ENTER, ESCAPE, Terminal
@@ -128,6 +134,40 @@ def test_a_transmit_list_is_typed_sent_edited_and_kept(tmp_path: Path, open_term
         again.type(ESCAPE + "q")
         assert again.ended() == 0
     assert "[transmit]" not in (tmp_path / ".config" / "dvtcli" / "config.toml").read_text()
+
+
+@pytest.mark.parametrize("meanwhile", ["deleted", "edited"])
+def test_a_row_that_changes_while_its_frame_is_looked_up_is_not_sent(meanwhile: str) -> None:
+    held, let_go = threading.Event(), threading.Event()
+
+    def last(_address: object) -> None:
+        held.set()
+        assert let_go.wait(30)
+
+    session = Conversation(Output())
+    session.start({"sim": ("gen4",), "yes": True})
+    with session, watching(session) as watched:
+        actions = Actions(session, watched, last)
+        actions.transmit_list()
+        for letter in "atpdo1 6041=1 every 50ms":
+            actions.press(letter, letter)
+        actions.press("enter", "\r")
+        actions.press("c", "c")
+        assert held.wait(30)
+        if meanwhile == "deleted":
+            actions.press("d", "d")
+        else:
+            actions.press("enter", "\r")
+            actions.press("backspace", "")
+            actions.press("backspace", "")
+            actions.press("s", "s")
+            actions.press("enter", "\r")
+        let_go.set()
+        while actions.beside.doing:
+            time.sleep(0.01)
+        assert any("was not sent: the row was changed" in text for text, _bad in actions.beside.news())
+        assert not any("cyclic" in mark for mark in actions.marks())
+        actions.leave()
 
 
 def wait_for_frame(bus: can.BusABC, can_id: int) -> list[can.Message]:

@@ -15,7 +15,7 @@ from dvtcli.cli.screen.field import Dialog, FieldDialog
 from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.text import join_some
-from dvtcli.errors import DvtcliError
+from dvtcli.errors import DvtcliError, SafetyRefusal
 from dvtcli.operations.frames.put_on_bus import put_on_bus
 from dvtcli.operations.frames.send_frames import agree_to_send
 from dvtcli.operations.frames.transmit_rows import TransmitRow, frame_of, keep_rows, kept_rows
@@ -50,6 +50,8 @@ class Actions:
         self._bus = session.wire.name
         self._rows = [ListedRow(row) for row in self._kept()]
         self._sync: Sending | None = None
+        #: sendings that go on, or whose end was not told yet
+        self._sendings: list[Sending] = []
         self._recorder: Recorder | None = None
 
     def _kept(self) -> list[TransmitRow]:
@@ -120,16 +122,24 @@ class Actions:
         def work() -> str:
             selected = self._session.selected_id()
             frame = DEFAULT if selected is None else sync_frame(self._session.bus.sdo(selected))
-            self._sync = self._begin(TransmitRow("SYNC", period_ms / 1000), frame)
+            row = TransmitRow("SYNC", period_ms / 1000)
+            self._agree_to_repeat(frame, row)
+            self._sync = self._begin(row, frame)
             return ""
 
         self.beside.start("SYNC", work)
         return ""
 
     def _begin(self, row: TransmitRow, frame: Frame) -> Sending | None:
-        """Ask, and send *frame* from now on; None under --dry-run."""
+        """Send *frame* from now on; None under --dry-run."""
+        if self._session.dry_run:
+            return None
+        sending = Sending(self._session, row, frame)
+        self._sendings.append(sending)
+        return sending
+
+    def _agree_to_repeat(self, frame: Frame, row: TransmitRow) -> None:
         self._agree(frame, f" every {1000 * (row.every_s or 0):g} ms until it is stopped")
-        return None if self._session.dry_run else Sending(self._session, row, frame)
 
     def _agree(self, frame: Frame, often: str = "") -> None:
         shown = agree_to_send(self._session, [frame], often, self._watched.nodes, self._watched.dbc)
@@ -146,10 +156,18 @@ class Actions:
             if listed.row.key == key:
                 (self._send if listed.row.every_s is None else self._cyclic)(listed)
 
+    def _demand_unchanged(self, listed: ListedRow, row: TransmitRow) -> None:
+        """Raise SafetyRefusal if *listed* was deleted, or is no longer *row*."""
+        if listed.row is not row or not any(present is listed for present in self._rows):
+            raise SafetyRefusal(f"{row.frame} was not sent: the row was changed")
+
     def _send(self, listed: ListedRow) -> None:
+        row = listed.row
+
         def work() -> str:
-            frame = frame_of(self._session, listed.row, self._last)
+            frame = frame_of(self._session, row, self._last)
             self._agree(frame)
+            self._demand_unchanged(listed, row)
             if not self._session.dry_run:
                 outcome = put_on_bus(self._session, [(None, frame)], 1)
                 listed.once += outcome.handed
@@ -157,24 +175,32 @@ class Actions:
                     raise outcome.failure
             return ""
 
-        self.beside.start(f"send {listed.row.frame}", work)
+        self.beside.start(f"send {row.frame}", work)
 
     def _cyclic(self, listed: ListedRow) -> None:
         if listed.is_going:
             listed.stop()
             return
-        if listed.row.every_s is None:
-            self.beside.say(f"{listed.row.frame} has no period: Enter edits it, every 100ms adds one", bad=True)
+        row = listed.row
+        if row.every_s is None:
+            self.beside.say(f"{row.frame} has no period: Enter edits it, every 100ms adds one", bad=True)
             return
 
         def work() -> str:
-            frame = frame_of(self._session, listed.row, self._last)
-            sending = self._begin(listed.row, frame)
+            frame = frame_of(self._session, row, self._last)
+            self._agree_to_repeat(frame, row)
+            self._demand_unchanged(listed, row)
+            sending = self._begin(row, frame)
             if sending is not None:
                 listed.once, listed.sending = listed.sent, sending
+                try:
+                    self._demand_unchanged(listed, row)  # changed while it was started: nobody else would stop it
+                except SafetyRefusal:
+                    sending.stop()
+                    raise
             return ""
 
-        self.beside.start(f"send {listed.row.frame}", work)
+        self.beside.start(f"send {row.frame}", work)
 
     def _keep(self) -> None:
         try:
@@ -241,16 +267,13 @@ class Actions:
 
     def check(self) -> None:
         """Raise an error that nobody expects of a sending."""
-        sendings = [self._sync, *(listed.sending for listed in self._rows)]
-        for sending in sendings:
-            if sending is not None and sending.fault is not None:
+        for sending in self._sendings:
+            if sending.fault is not None:
                 raise sending.fault
 
     def leave(self) -> None:
         """Send and record no longer."""
         self.beside.leave()
-        if self._sync is not None:
-            self._sync.stop()
-        for listed in self._rows:
-            listed.stop()
+        for sending in self._sendings:
+            sending.stop()
         self._end_recording()

@@ -83,8 +83,8 @@ class TransmitList:
         elif text == "c":
             self._cyclic(listed)
         elif text == "d" or key == "delete":
-            listed.stop()
-            self._rows.remove(listed)
+            self._rows[:] = [other for other in self._rows if other is not listed]
+            listed.stop()  # now: what starts beside the screen looks whether its row is still there
             self._changed()
 
     def _add(self, text: str) -> str:
@@ -105,8 +105,9 @@ class TransmitList:
             return wrong.text
         if row != listed.row:
             was_going = listed.is_going
-            listed.stop()
-            listed.row, listed.once, listed.sending = row, listed.sent, None
+            listed.row = row
+            listed.stop()  # now: what starts beside the screen looks whether its row is still the same
+            listed.once, listed.sending = listed.sent, None
             self._changed()
             if was_going:
                 self._cyclic(listed)
