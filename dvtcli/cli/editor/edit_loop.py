@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.editor.editor import APPLY, Editor
 from dvtcli.cli.monitor.full_screen import has_full_screen
 from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.text import plural
 from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError
 from dvtcli.operations.pdos.edit_pdos import apply_edited
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.cli.pdo_params import NodePdo
+    from dvtcli.domain.pdo import Pdo
+    from dvtcli.operations.results import Changed
 
-#: exit codes after which the node was asked in vain, or is not what it was: the screen does not come back
-_ENDS = frozenset({5, 7})
+#: exit codes after which the node was asked in vain, or is not what it was, or a signal came: no screen again
+_ENDS = frozenset({5, 7, 129, 130, 143})
+_NOT_WHAT_IT_WAS = ("unknown", "left_changed")
 
 
 def edit(session: Conversation, pdo: NodePdo | None) -> None:
@@ -39,13 +44,23 @@ def edit(session: Conversation, pdo: NodePdo | None) -> None:
         try:
             result = apply_edited(session, editor.node, editor.pdos.held, changed)
         except DvtcliError as failed:
-            if failed.exit_code in _ENDS:
+            if failed.exit_code in _ENDS or failed.state in _NOT_WHAT_IT_WAS or session.cancellation.requested:
                 raise
             session.output.error(failed)
             editor.say(f"not applied: {error_text(failed)}", bad=True)
         else:
             session.output.result(result)
-            editor.say(f"{', '.join(pdo.label for pdo in changed)} set: {len(result.plan)} writes, read back equal")
+            editor.say(_said(result, changed))
+        session.cancellation.release()
+        if session.cancellation.requested:  # asked for when the change was complete already
+            raise KeyboardInterrupt
         editor.pdos.read_again(node.pdos())
     if left := editor.pdos.changed():
         session.tell.note(f"{', '.join(pdo.label for pdo in left)} left as it was")
+
+
+def _said(result: Changed, changed: Collection[Pdo]) -> str:
+    labels = ", ".join(pdo.label for pdo in changed)
+    if result.dry_run:
+        return f"dry run: {labels} would be set with {plural(len(result.plan), 'write')}, nothing was written"
+    return f"{labels} set: {plural(len(result.plan), 'write')}, read back equal"
