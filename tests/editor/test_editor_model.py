@@ -66,6 +66,31 @@ def test_what_is_edited_stays_when_the_node_is_read_again() -> None:
     assert list(pdos.changed()) == [TPDO1]
 
 
+def test_what_another_changed_beside_what_is_edited_is_taken() -> None:
+    pdos = EditedPdos(held())
+    pdos.insert(TPDO1, 1, SPEED)
+    pdos.put(TPDO1, PARAMETERS[3].set(pdos.now[TPDO1], "100"))
+    pdos.switch(RPDO1)
+    theirs = PdoConfig(PdoCommunicationParameter(CobId(0x1B1), 1, 0, 50), (STATUS,))
+    said = pdos.read_again({TPDO1: theirs, RPDO1: theirs})
+    assert said == "TPDO1: event timer changed on the node, too; yours stays"
+    assert pdos.now == {
+        TPDO1: PdoConfig(PdoCommunicationParameter(CobId(0x1B1), 1, 0, 100), (STATUS, SPEED)),
+        RPDO1: PdoConfig(PdoCommunicationParameter(CobId(0x1B1, valid=False), 1, 0, 50), (STATUS,)),
+    }
+    assert pdos.held == {TPDO1: theirs, RPDO1: theirs}
+
+
+@pytest.mark.parametrize("edits", [False, True])
+def test_a_pdo_that_is_missing_later_stands_as_it_was(edits: bool) -> None:
+    pdos = EditedPdos(held())
+    if edits:
+        pdos.switch(RPDO1)
+    before = dict(pdos.now)
+    assert pdos.read_again({TPDO1: held()[TPDO1]}) == "RPDO1 is not there any more, it stands as it was"
+    assert (pdos.now, pdos.held) == (before, held())
+
+
 @pytest.mark.parametrize(
     ("number", "text", "value"),
     [(0, "0x201", 0x201), (1, "254", 254), (2, "1.5", 15), (3, "100", 100), (4, "240", 240)],

@@ -73,6 +73,8 @@ class EditorView:
     names: Mapping[PdoMappingEntry, Named] = field(default_factory=dict)
     #: what the rules say by PDO; None while they are asked
     findings: Mapping[Pdo, Sequence[Finding]] | None = field(default_factory=dict)
+    #: why the rules could not be asked, empty if they were
+    not_judged: str = ""
     message: str = ""
     is_bad: bool = False
     plain: bool = False
@@ -154,6 +156,8 @@ def _key_line(keys: Sequence[tuple[str, str]]) -> list[Cell]:
 def _rule_line(view: EditorView) -> list[Cell]:
     if view.findings is None:
         return [Cell("asking the rules...", "dim")]
+    if view.not_judged:
+        return [Cell(f"the rules could not be asked: {view.not_judged}", "red")]
     found = view.findings.get(view.pdo, ())
     if not found:
         others = [pdo.label for pdo, findings in view.findings.items() if findings]

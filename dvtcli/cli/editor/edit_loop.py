@@ -54,7 +54,8 @@ def edit(session: Conversation, pdo: NodePdo | None) -> None:
         session.cancellation.release()
         if session.cancellation.requested:  # asked for when the change was complete already
             raise KeyboardInterrupt
-        editor.pdos.read_again(node.pdos())
+        if note := editor.pdos.read_again(node.pdos()):
+            editor.say(f"{editor.view.message}; {note}", bad=True)
     if left := editor.pdos.changed():
         session.tell.note(f"{', '.join(pdo.label for pdo in left)} left as it was")
 

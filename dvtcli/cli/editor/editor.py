@@ -43,6 +43,8 @@ if TYPE_CHECKING:
 
 #: what the user left the screen for
 APPLY, LEAVE = "apply", "leave"
+#: maximum wait for the rules when the screen is left (s)
+_LEAVE_S = 10.0
 _DUMMY_HINT = "bits to skip, as 8 or 16"
 
 
@@ -66,12 +68,13 @@ class Editor:
         self._found: Mapping[Pdo, Sequence[Finding]] = {}
         self._fault: BaseException | None = None
         self._beside: BesideScreen | None = None
+        self._leaving = False
         self._rows = self._columns = 0
         self.outcome = LEAVE
 
     def run(self) -> str:
         """Show the screen until it is left; returns `APPLY` or `LEAVE`."""
-        self.outcome = LEAVE
+        self.outcome, self._leaving = LEAVE, False
         self._beside = BesideScreen(self._session)
         keys = KeyBindings()
         bind_all(keys, self.press, lambda: True)
@@ -86,9 +89,12 @@ class Editor:
 
     def leave(self) -> None:
         """Wait for what runs beside the screen."""
-        if self._judge is not None:
-            self._judge.join()
+        self._leaving = True
         self.beside.leave()
+        if self._judge is not None:
+            self._judge.join(_LEAVE_S)
+            if self._judge.is_alive() and self.outcome == APPLY:
+                raise DvtcliError("the rules still read the node: nothing was applied", node=self.node.node_id)
 
     def say(self, message: str, *, bad: bool = False) -> None:
         """Show *message* below."""
@@ -107,16 +113,20 @@ class Editor:
         except BusUnavailable as gone:
             self.say(error_text(gone), bad=True)
             return
-        if happened != self._happened:
-            self._happened = happened
-            self.beside.start("reading the node again", self._read_again)
+        if happened != self._happened and not self.beside.doing:
+            self.beside.start("reading the node again", lambda: self._read_again(happened))
         self.view.names = dict(self._names())
 
-    def _read_again(self) -> str:
+    def _read_again(self, happened: tuple[int, int]) -> str:
         self.node.read_anew()
-        self.pdos.read_again(self.node.pdos())
-        self._judged = None
-        return "the node restarted, or somebody wrote to it: it was read again, what you edited stays"
+        note = self.pdos.read_again(self.node.pdos())
+        self._judged, self._happened = None, happened
+        if note:
+            self.beside.say(f"the node was read again: {note}", bad=True)
+            return ""
+        return (
+            "the node restarted, somebody wrote to it, or an answer was late: it was read again, what you edited stays"
+        )
 
     def _names(self) -> Iterator[tuple[PdoMappingEntry, Named]]:
         """Yield each entry of the chosen PDO with its name, and its value if the node holds that mapping."""
@@ -145,9 +155,12 @@ class Editor:
         def judge() -> None:
             try:
                 with self.beside.turn:
+                    if self._leaving:
+                        return
                     self._found = judge_edited(self.node, self.pdos.held, changed)
+                self.view.not_judged = ""
             except DvtcliError as failed:
-                self.beside.say(error_text(failed), bad=True)
+                self.view.not_judged = error_text(failed)
                 self._found = {}
             except BaseException as fault:  # noqa: BLE001 - nobody sees what ends a thread: `gather` raises it
                 self._fault = fault
@@ -337,11 +350,11 @@ class Editor:
         if entry.bits is None:
             self.say(f"{entry.object}: its length is not known; type it: {entry.object}/32", bad=True)
             return
-        self._place(PdoMappingEntry(entry.index, entry.sub_index, entry.bits))
+        self._place(PdoMappingEntry(entry.index, entry.sub_index, entry.bits), *self._place_now())
 
     def _map_typed(self) -> None:
         """Map what the filter says, as `map` reads it; its length is read from the node if it is not typed."""
-        typed = self.view.filter.text
+        typed, place = self.view.filter.text, self._place_now()
 
         def work() -> str:
             mapped = entry_at(self.node, typed)
@@ -350,18 +363,30 @@ class Editor:
             bits = mapped.bits or self.node.length_of(mapped.index, mapped.sub_index)
             if bits is None:
                 raise UsageError(f"{typed}: its length is not known; type it: {typed}/32")
-            self._place(PdoMappingEntry(mapped.index, mapped.sub_index, bits))
+            self._place(PdoMappingEntry(mapped.index, mapped.sub_index, bits), *place)
             return ""
 
         self.beside.start(f"map {typed}", work)
 
-    def _place(self, entry: PdoMappingEntry) -> None:
+    def _place_now(self) -> tuple[Pdo, int, PdoMappingEntry | None]:
+        """Return the chosen PDO, the number of the chosen entry, and the entry if it is to be replaced."""
         view, at = self.view, self.view.frame_cursor.chosen
-        if view.replaces and at < len(view.config.mapping):
-            self.pdos.replace(view.pdo, at, entry)
-            view.pane, view.replaces = FRAME, False
+        mapping = view.config.mapping
+        return view.pdo, at, mapping[at] if view.replaces and at < len(mapping) else None
+
+    def _place(self, entry: PdoMappingEntry, pdo: Pdo, at: int, replaced: PdoMappingEntry | None) -> None:
+        """Map *entry* in *pdo*, instead of *replaced* at *at*, or behind all; raises UsageError if that has changed."""
+        view, mapping = self.view, self.pdos.now[pdo].mapping
+        if replaced is None:
+            self.pdos.insert(pdo, len(mapping), entry)
+        elif mapping[at : at + 1] == (replaced,):
+            self.pdos.replace(pdo, at, entry)
         else:
-            self._insert(entry)
+            raise UsageError(f"{entry.object} is not mapped: {pdo.label} was changed meanwhile")
+        if pdo == view.pdo and replaced is None:
+            view.frame_cursor.chosen = len(mapping)
+        elif pdo == view.pdo:
+            view.pane, view.replaces = FRAME, False
         view.filter.press("c-e", "")
         view.filter.press("c-u", "")
         view.object_cursor.chosen = view.object_cursor.top = 0

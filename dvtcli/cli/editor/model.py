@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import MAX_PDO_BITS, PdoMappingEntry
 from dvtcli.domain.object_syntax import parse_cob_id
-from dvtcli.domain.pdo import PdoConfig, transmission_type_text
+from dvtcli.domain.pdo import PdoCommunicationParameter, PdoConfig, transmission_type_text
+from dvtcli.domain.text import join_some
 
 if TYPE_CHECKING:
-    from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter
+    from dvtcli.domain.pdo import Pdo
 
+T = TypeVar("T")
 #: steps that can be undone
 _STEPS = 200
 #: highest values of the parameters
@@ -90,6 +92,31 @@ def _text(value: int | None, unit: str, scale: int = 1) -> str:
     return "not there" if value is None else f"{value / scale:g}{unit}"
 
 
+def _merged(before: PdoConfig, edited: PdoConfig, held: PdoConfig) -> tuple[PdoConfig, list[str]]:
+    """Return *held* with what *edited* has otherwise than *before*, and the names of what *held* has otherwise, too."""
+    twice: list[str] = []
+
+    def chosen(name: str, of: Callable[[PdoConfig], T]) -> T:
+        was, mine, theirs = of(before), of(edited), of(held)
+        if mine == was:
+            return theirs
+        if theirs not in (was, mine):
+            twice.append(name)
+        return mine
+
+    can_id, extended = chosen(COB_ID, lambda pdo: (pdo.communication.cob_id.can_id, pdo.communication.cob_id.extended))
+    cob_id = CobId(can_id, chosen("on/off", lambda pdo: pdo.enabled), held.communication.cob_id.rtr_allowed, extended)
+    communication = PdoCommunicationParameter(
+        cob_id,
+        chosen("type", lambda pdo: pdo.communication.transmission_type),
+        chosen("inhibit time", lambda pdo: pdo.communication.inhibit_time),
+        chosen("event timer", lambda pdo: pdo.communication.event_timer),
+        chosen("SYNC start", lambda pdo: pdo.communication.sync_start_value),
+    )
+    mapping, mpdo, multiplexed = chosen("mapping", lambda pdo: (pdo.mapping, pdo.mpdo, pdo.multiplexed))
+    return replace(held, communication=communication, mapping=mapping, mpdo=mpdo, multiplexed=multiplexed), twice
+
+
 class EditedPdos:
     """The PDOs as the node *held* them, and as they are edited."""
 
@@ -125,13 +152,19 @@ class EditedPdos:
         self.now = from_.pop()
         return True
 
-    def read_again(self, held: Mapping[Pdo, PdoConfig]) -> None:
-        """Take what the node holds now; PDOs that are being edited stay as edited."""
-        edited = self.changed()
-        self.held = dict(held)
-        self.now = {**held, **{pdo: config for pdo, config in edited.items() if pdo in held}}
+    def read_again(self, held: Mapping[Pdo, PdoConfig]) -> str:
+        """Take what the node holds now, except what was edited; returns what is missing, or was changed twice."""
+        notes = [f"{pdo.label} is not there any more, it stands as it was" for pdo in self.held if pdo not in held]
+        now = {**self.now, **held}
+        for pdo, edited in self.changed().items():
+            if pdo in held:
+                now[pdo], twice = _merged(self.held[pdo], edited, held[pdo])
+                if twice:
+                    notes.append(f"{pdo.label}: {join_some(twice)} changed on the node, too; yours stays")
+        self.held, self.now = {**self.held, **held}, now
         self._undo.clear()
         self._redo.clear()
+        return "; ".join(notes)
 
     def insert(self, pdo: Pdo, at: int, entry: PdoMappingEntry) -> None:
         """Map *entry* in front of the entry number *at*."""
