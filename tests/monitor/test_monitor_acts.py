@@ -170,6 +170,27 @@ def test_a_row_that_changes_while_its_frame_is_looked_up_is_not_sent(meanwhile: 
         actions.leave()
 
 
+def test_a_sending_that_ends_by_itself_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    session = Conversation(Output())
+    session.start({"sim": ("gen4",), "yes": True})
+    with session, watching(session) as watched:
+        actions = Actions(session, watched, lambda _address: None)
+        actions.sync()
+        for letter in "\b\b5":
+            actions.press("backspace" if letter == "\b" else letter, letter)
+        actions.press("enter", "\r")
+        while not any("SYNC every" in mark for mark in actions.marks()):
+            time.sleep(0.01)
+        session.wire.close()
+        while any("SYNC every" in mark for mark in actions.marks()):
+            time.sleep(0.01)
+        actions.check()
+        actions.check()
+        said = [(text, bad) for text, bad in actions.beside.news() if "SYNC ended after" in text]
+        assert [bad for _text, bad in said] == [True]
+        actions.leave()
+
+
 def wait_for_frame(bus: can.BusABC, can_id: int) -> list[can.Message]:
     """The frames up to one with *can_id*."""
     found: list[can.Message] = []

@@ -9,9 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.ports import Frame
 from dvtcli.errors import UsageError
 from dvtcli.files.settings_file import with_table
-from dvtcli.operations.frames.transmit_rows import TransmitRow, frame_of, transmit_row
+from dvtcli.operations.frames.transmit_rows import TransmitRow, frame_of, rounds, transmit_row
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
 
@@ -39,6 +40,21 @@ def test_what_is_written_is_read_back(frame: str, every_ms: int | None, key: str
 def test_what_is_no_row_is_refused(text: str, said: str) -> None:
     with pytest.raises(UsageError, match=said):
         transmit_row(text)
+
+
+def test_frames_that_are_late_by_a_period_are_left_out() -> None:
+    clock = [10.0]
+    counted: list[tuple[int, int]] = []
+    due = rounds(
+        transmit_row("185#10 every 100ms"), Frame(0x185, b"\x10"), lambda: clock[0],
+        lambda sent, left: counted.append((sent, left)),
+    )  # fmt: skip
+    times = []
+    for now_s in (10.0, 10.01, 10.15, 10.75, 10.76, 10.85):
+        clock[0] = now_s
+        times.append(round(next(due)[0], 6))
+    assert times == [0.0, 0.1, 0.2, 0.7, 0.8, 0.9]
+    assert counted == [(0, 0), (1, 0), (2, 0), (3, 4), (4, 4), (5, 4)]
 
 
 @pytest.fixture

@@ -266,10 +266,13 @@ class Actions:
         self.beside.say(f"{recorder.path}: {recorder.frames} frames{left}")
 
     def check(self) -> None:
-        """Raise an error that nobody expects of a sending."""
-        for sending in self._sendings:
+        """Say once why a sending ended by itself, and what it left out; raises an error that nobody expects of it."""
+        for sending in [sending for sending in self._sendings if not sending.is_going]:
+            self._sendings.remove(sending)
             if sending.fault is not None:
                 raise sending.fault
+            if sending.end:
+                self.beside.say(sending.end, bad=True)
 
     def leave(self) -> None:
         """Send and record no longer."""
@@ -277,3 +280,4 @@ class Actions:
         for sending in self._sendings:
             sending.stop()
         self._end_recording()
+        self.check()

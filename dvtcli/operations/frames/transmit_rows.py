@@ -170,10 +170,19 @@ def keep_rows(session: SessionUser, bus: str, rows: list[TransmitRow]) -> None:
     session.settings.read_files()
 
 
-def rounds(row: TransmitRow, frame: Frame, count: Callable[[int], None]) -> Iterator[tuple[float, Frame]]:
-    """Yield *frame* at the times of *row* (s) for ever; *count* gets the number of frames before each."""
-    number = 0
+def rounds(
+    row: TransmitRow, frame: Frame, now_s: Callable[[], float], count: Callable[[int, int], None]
+) -> Iterator[tuple[float, Frame]]:
+    """Yield *frame* at the times of *row* (s from now) for ever, without those that are past by a period or more.
+
+    *count* gets the number of frames before each, and of those that were left out.
+    """
+    began_s, period_s = now_s(), row.every_s or 0.0
+    number = left_out = 0
     while True:
-        count(number)
-        yield number * (row.every_s or 0.0), frame
+        past = int((now_s() - began_s) / period_s) - number if period_s else 0
+        if past > 0:
+            number, left_out = number + past, left_out + past
+        count(number - left_out, left_out)
+        yield number * period_s, frame
         number += 1
