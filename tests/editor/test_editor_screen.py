@@ -156,6 +156,16 @@ def test_rules_are_said_while_one_edits_and_refuse_as_map_does(open_terminal: Op
     assert terminal.ended() == 0
 
 
+def test_a_dry_run_says_that_nothing_was_written(open_terminal: Open) -> None:
+    terminal = edited(open_terminal, "--dry-run", "tpdo1", columns=120)
+    terminal.type("e")
+    terminal.wait("TPDO1 changed, not applied")
+    terminal.type(F10)
+    terminal.wait("dry run: TPDO1 would be set with 1 write, nothing was written")
+    terminal.type(ESCAPE)
+    assert terminal.ended() == 0
+
+
 def test_leaving_with_changes_asks_and_writes_nothing(open_terminal: Open) -> None:
     terminal = edited(open_terminal, "tpdo1", columns=120, rows=40)
     terminal.type("e")
