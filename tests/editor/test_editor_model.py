@@ -66,6 +66,14 @@ def test_what_is_edited_stays_when_the_node_is_read_again() -> None:
     assert list(pdos.changed()) == [TPDO1]
 
 
+def test_what_is_edited_can_be_undone_if_nothing_was_applied() -> None:
+    pdos = EditedPdos(held())
+    pdos.insert(TPDO1, 1, SPEED)
+    assert pdos.read_again(held()) == ""
+    assert pdos.undo()
+    assert pdos.changed() == {}
+
+
 def test_what_another_changed_beside_what_is_edited_is_taken() -> None:
     pdos = EditedPdos(held())
     pdos.insert(TPDO1, 1, SPEED)

@@ -15,6 +15,7 @@ from dvtcli.cli.view.lines import Cell
 from dvtcli.domain.frame import layout
 from dvtcli.domain.mapping import MAX_PDO_BITS
 from dvtcli.domain.profile import Severity
+from dvtcli.domain.text import plural
 
 if TYPE_CHECKING:
     from dvtcli.cli.editor.object_list import Offer
@@ -215,7 +216,7 @@ def _free_line(config: PdoConfig, free: int) -> list[Cell]:
     state = Cell("  enabled, " if config.enabled else "  off, ", "bold")
     over = config.bits - MAX_PDO_BITS
     if over > 0:
-        return [state, Cell(f"{over} bits too many", "red")]
+        return [state, Cell(f"{plural(over, 'bit')} too many", "red")]
     return [state, Cell(f"{free // 8} bytes free" if not free % 8 else f"{free} bits free", "dim")]
 
 

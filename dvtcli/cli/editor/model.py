@@ -161,9 +161,10 @@ class EditedPdos:
                 now[pdo], twice = _merged(self.held[pdo], edited, held[pdo])
                 if twice:
                     notes.append(f"{pdo.label}: {join_some(twice)} changed on the node, too; yours stays")
+        if {**self.held, **held} != self.held:  # else each step can still be undone
+            self._undo.clear()
+            self._redo.clear()
         self.held, self.now = {**self.held, **held}, now
-        self._undo.clear()
-        self._redo.clear()
         return "; ".join(notes)
 
     def insert(self, pdo: Pdo, at: int, entry: PdoMappingEntry) -> None:
