@@ -10,7 +10,7 @@ from dvtcli.cli.monitor.full_screen import has_full_screen
 from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.text import plural
-from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError
+from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError, ended_with
 from dvtcli.operations.pdos.edit_pdos import apply_edited
 
 if TYPE_CHECKING:
@@ -53,7 +53,9 @@ def edit(session: Conversation, pdo: NodePdo | None) -> None:
             editor.say(_said(result, changed))
         session.cancellation.release()
         if session.cancellation.requested:  # asked for when the change was complete already
-            raise KeyboardInterrupt
+            ended = ended_with(session.cancellation.exit_code, "edit was ended by a signal", state="left_changed")
+            ended.state_text = "what was applied was read back, and stays"
+            raise ended
         if note := editor.pdos.read_again(node.pdos()):
             editor.say(f"{editor.view.message}; {note}", bad=True)
     if left := editor.pdos.changed():
