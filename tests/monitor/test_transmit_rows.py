@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -12,9 +13,10 @@ from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import UsageError
 from dvtcli.files.settings_file import with_table
-from dvtcli.operations.frames.transmit_rows import TransmitRow, frame_of, rounds, transmit_row
+from dvtcli.operations.frames.transmit_rows import TransmitRow, frame_of, keep_rows, kept_rows, rounds, transmit_row
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
+from tests.surroundings import HOMES
 
 
 @given(
@@ -40,6 +42,16 @@ def test_what_is_written_is_read_back(frame: str, every_ms: int | None, key: str
 def test_what_is_no_row_is_refused(text: str, said: str) -> None:
     with pytest.raises(UsageError, match=said):
         transmit_row(text)
+
+
+def test_rows_with_sdo_requests_are_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in HOMES:
+        monkeypatch.setenv(name, str(tmp_path))
+    session = Session(Options(sim=("gen4",)))
+    rows = ["185#1027", "601#2B005001D2040000 key 1", "rpdo1 6040=15"]
+    keep_rows(session, "can0", [transmit_row(row) for row in rows])
+    assert [str(row) for row in kept_rows(session, "can0")] == [rows[0], rows[2]]
+    assert not [path for path in tmp_path.rglob("*") if path.is_file() and b"D204" in path.read_bytes()]
 
 
 def test_frames_that_are_late_by_a_period_are_left_out() -> None:

@@ -18,7 +18,7 @@ from dvtcli.domain.text import join_some
 from dvtcli.errors import DvtcliError, SafetyRefusal
 from dvtcli.operations.frames.put_on_bus import put_on_bus
 from dvtcli.operations.frames.send_frames import agree_to_send
-from dvtcli.operations.frames.transmit_rows import TransmitRow, frame_of, keep_rows, kept_rows
+from dvtcli.operations.frames.transmit_rows import TransmitRow, frame_of, is_sdo_request, keep_rows, kept_rows
 from dvtcli.operations.nodes.command_nmt import command_nmt
 from dvtcli.operations.session.save_script import ask_before_overwriting
 from dvtcli.operations.sync.sync_frame import DEFAULT, sync_frame
@@ -205,6 +205,8 @@ class Actions:
     def _keep(self) -> None:
         try:
             keep_rows(self._session, self._bus, [listed.row for listed in self._rows])
+            if any(is_sdo_request(listed.row) for listed in self._rows):
+                self.beside.say("rows with SDO requests are not kept: they may carry a passcode")
         except DvtcliError as failed:
             self.beside.say(error_text(failed), bad=True)
 

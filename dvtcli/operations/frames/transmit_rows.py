@@ -33,6 +33,7 @@ KEYS = "123456789"
 HOW = "185#1027, or rpdo1 6040=15; every 100ms and key 1 may stand behind it"
 _TIME = re.compile(r"(\d{1,7}(?:\.\d{1,3})?)(ms|s)")
 _FASTEST_S, _SLOWEST_S = 0.001, 3600.0
+_SDO_REQUESTS = 0x600
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,14 +161,25 @@ def kept_rows(session: SessionUser, bus: str) -> list[TransmitRow]:
 
 
 def keep_rows(session: SessionUser, bus: str, rows: list[TransmitRow]) -> None:
-    """Keep *rows* for the *bus* in the user's settings; raises InputFileError if they cannot be written."""
+    """Keep *rows* for the *bus* in the user's settings; raises InputFileError if they cannot be written.
+
+    SDO requests are not kept: they may carry a passcode.
+    """
     user = session.settings.user
     table = dict({} if user is None else user.transmit_rows)
-    table[bus] = [str(row) for row in rows]
-    if not rows:
+    table[bus] = [str(row) for row in rows if not is_sdo_request(row)]
+    if not table[bus]:
         del table[bus]
     save_table(user_folder("config") / "config.toml", TRANSMIT, table)
     session.settings.read_files()
+
+
+def is_sdo_request(row: TransmitRow) -> bool:
+    """Whether *row* is a frame to a node's default SDO server (0x600 + node-ID)."""
+    if _names_pdo(row.frame):
+        return False
+    frame = frame_to_send(row.frame)
+    return not frame.extended and frame.can_id & ~0x7F == _SDO_REQUESTS
 
 
 def rounds(
