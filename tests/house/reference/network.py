@@ -97,7 +97,7 @@ def schema() -> Schema:
             "additionalProperties": {"if": {"type": "object"}, "then": {"$ref": "#/definitions/node"}},
         },
         "definitions": {
-            "keys of a node": _mapping(Where.NODE, required=False, kind=_TABLE),
+            "keys-of-a-node": _mapping(Where.NODE, required=False, kind=_TABLE),
             **{str(where): _mapping(where) for where in places},
         },
     }
@@ -162,7 +162,7 @@ def _endpoint(letters: str) -> Schema:
 
 def _table_of(key: NetworkKey) -> Schema:
     if key.name == "defaults":
-        return {"allOf": [{"$ref": "#/definitions/keys of a node"}]}
+        return {"allOf": [{"$ref": "#/definitions/keys-of-a-node"}]}
     if key.name == "identity":
         return {"anyOf": [{"$ref": "#/definitions/identity"}, {"type": "null"}]}
     return _mapping(Where(key.name), kind=_TABLE)
