@@ -295,7 +295,7 @@ def test_all_in_a_process_of_its_own_is_everything_remembered_of_every_node(tmp_
         assert nodes.dvtcli("-n", "1", "run", "-", stdin=script).returncode == 0
         assert nodes.dvtcli("-n", "3", "clear", "tpdo1").returncode == 0
         alone = nodes.dvtcli("undo", "--dry-run").stderr
-        assert " to node 3 back" in alone
+        assert " to node 3" in alone
         assert "what was changed on node 1 is not undone by this: `dvtcli " in alone
         assert "undo --all` takes all of it back" in alone
         tried = nodes.dvtcli("undo", "--all", "--dry-run", "--json")
