@@ -13,7 +13,8 @@ from dvtcli.simulator.network.family_file import family_eds, load_family
 
 @lru_cache
 def dictionary(family: str) -> ObjectDictionary:
-    return read_eds(family_eds(family)).dictionary
+    """What a simulated device of *family* has: a modular device with the modules of its family."""
+    return read_eds(family_eds(family), load_family(family).modules or None).dictionary
 
 
 def device(node_id: int, family: str = "generic") -> StrictDevice:
