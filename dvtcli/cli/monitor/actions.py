@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.monitor.sending import Sending
-from dvtcli.cli.monitor.transmit_list import ListedRow, TransmitList
+from dvtcli.cli.monitor.transmit_list import TransmitEntry, TransmitList
 from dvtcli.cli.screen.beside import BesideScreen
 from dvtcli.cli.screen.choices import Choices
 from dvtcli.cli.screen.field import Dialog, FieldDialog
@@ -48,7 +48,7 @@ class Actions:
         self.dialogs: list[Dialog] = []
         self._session, self._watched, self._last = session, watched, last
         self._bus = session.wire.name
-        self._rows = [ListedRow(row) for row in self._kept()]
+        self._rows = [TransmitEntry(row) for row in self._kept()]
         self._sync: Sending | None = None
         #: sendings that go on, or whose end was not told yet
         self._sendings: list[Sending] = []
@@ -156,12 +156,12 @@ class Actions:
             if listed.row.key == key:
                 (self._send if listed.row.every_s is None else self._cyclic)(listed)
 
-    def _demand_unchanged(self, listed: ListedRow, row: TransmitRow) -> None:
+    def _demand_unchanged(self, listed: TransmitEntry, row: TransmitRow) -> None:
         """Raise SafetyRefusal if *listed* was deleted, or is no longer *row*."""
         if listed.row is not row or not any(present is listed for present in self._rows):
             raise SafetyRefusal(f"{row.frame} was not sent: the row was changed")
 
-    def _send(self, listed: ListedRow) -> None:
+    def _send(self, listed: TransmitEntry) -> None:
         row = listed.row
 
         def work() -> str:
@@ -177,7 +177,7 @@ class Actions:
 
         self.beside.start(f"send {row.frame}", work)
 
-    def _cyclic(self, listed: ListedRow) -> None:
+    def _cyclic(self, listed: TransmitEntry) -> None:
         if listed.is_going:
             listed.stop()
             return

@@ -20,7 +20,7 @@ _KEYS = (("a", "add"), ("Enter", "edit"), ("s", "send once"), ("c", "cyclic"), (
 
 
 @dataclass(slots=True)
-class ListedRow:
+class TransmitEntry:
     """A row of the list, with its cyclic sending if it was started, and the frames sent once."""
 
     row: TransmitRow
@@ -55,10 +55,10 @@ class TransmitList:
 
     def __init__(
         self,
-        rows: list[ListedRow],
+        rows: list[TransmitEntry],
         ask: Callable[[Dialog], None],
-        send: Callable[[ListedRow], None],
-        cyclic: Callable[[ListedRow], None],
+        send: Callable[[TransmitEntry], None],
+        cyclic: Callable[[TransmitEntry], None],
         changed: Callable[[], None],
     ) -> None:
         self._rows, self._ask, self._changed = rows, ask, changed
@@ -75,7 +75,7 @@ class TransmitList:
             self._act(key, text, self._rows[self._cursor.chosen])
         return True
 
-    def _act(self, key: str, text: str, listed: ListedRow) -> None:
+    def _act(self, key: str, text: str, listed: TransmitEntry) -> None:
         if key == "enter":
             self._ask(FieldDialog("edit", str(listed.row), lambda typed: self._edit(listed, typed), HOW))
         elif text == "s":
@@ -92,12 +92,12 @@ class TransmitList:
             row = transmit_row(text)
         except UsageError as wrong:
             return wrong.text
-        self._rows.append(ListedRow(row))
+        self._rows.append(TransmitEntry(row))
         self._cursor.chosen = len(self._rows) - 1
         self._changed()
         return ""
 
-    def _edit(self, listed: ListedRow, text: str) -> str:
+    def _edit(self, listed: TransmitEntry, text: str) -> str:
         """Change the row; what is being sent is stopped, and started again with a question."""
         try:
             row = transmit_row(text)

@@ -15,7 +15,7 @@ from dvtcli.operations.results import LastFrame, ListedRow, MappedName, PdoListi
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
-    from dvtcli.device.node_parts import NodeDescription
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.domain.datatypes import DataType
     from dvtcli.domain.mapping import PdoMappingEntry
     from dvtcli.domain.meanings import Meanings
@@ -40,7 +40,7 @@ def show_pdo(session: Session, pdo: Pdo, node_id: int | None = None) -> PdoListi
     return PdoListing(node.node_id, node.title, (row,), detail=True, sync_period_us=period)
 
 
-def _listed(node: Node, pdo: Pdo, config: PdoConfig) -> tuple[ListedRow, ...] | None:
+def _listed(node: ReadableNode, pdo: Pdo, config: PdoConfig) -> tuple[ListedRow, ...] | None:
     """Read the scanner or dispatcher list of a multiplexed PDO with source addressing; None for any other PDO."""
     if config.mpdo != SAM_MPDO:
         return None
