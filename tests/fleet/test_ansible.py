@@ -117,7 +117,7 @@ def test_a_fleet_from_the_first_run_to_its_repair(fleet: Fleet, request: pytest.
         assert [results[name]["state"] for name in sorted(bad)] == [*["rolled_back"] * 3, "unchanged"]
         put_back = sorted(bad - {"bench-04"})
         assert {name: held(buses[name]) for name in put_back} == dict.fromkeys(put_back, before)
-        repaired = fleet.play_text(documented(fleet, "Finish what was interrupted"))
+        repaired = fleet.play_text(documented(fleet, "Finish interrupted changes"))
         assert repaired.code == 0, repaired.said
         assert repaired.hosts("changed") == {"bench-04"}
         second = fleet.play([task(fleet)], "--limit", ",".join(sorted(set(buses) - set(put_back))))
@@ -189,7 +189,7 @@ def test_an_interrupted_host_is_found_in_check_mode_and_finished(fleet: Fleet) -
 
 def table() -> list[tuple[int, str, bool]]:
     """The rows of the documentation's table: exit code, what the task is, and whether to retry."""
-    part = page("docs/how-to/fleets.md").partition("### What a task ends with")[2].partition("\n### ")[0]
+    part = page("docs/how-to/fleets.md").partition("### How a task ends")[2].partition("\n### ")[0]
     rows = re.findall(r"^\| (\d+) \| (\w+) \| (\w+) \|", part, re.MULTILINE)
     return [(int(code), end, retry == "true") for code, end, retry in rows]
 
