@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import pytest
 
-from dvtcli.operations.api.open_bus import simulate
-from dvtcli.operations.api.served_bus import ServedBus, serve
+from dvtcli.operations.api.open_bus import ServedBus, serve, simulate
 
 if TYPE_CHECKING:
     from dvtcli.device.change.progress import Progress

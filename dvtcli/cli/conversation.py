@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.ports import Frame
     from dvtcli.domain.profile import DeviceProfile
-    from dvtcli.operations.opening.bus_of_options import OpenBus
     from dvtcli.operations.results.bus_events import BusEvent
+    from dvtcli.operations.session.bus_of_options import OpenBus
 
 
 #: The options that a follow-up command needs for the same nodes, with their letters.
@@ -282,7 +282,7 @@ class Conversation(Session):
 
     def offline_dictionaries(self) -> list[tuple[ObjectDictionary, DeviceProfile]]:
         """Return dictionaries with profiles known without a bus: --eds, and of simulated nodes."""
-        from dvtcli.operations.opening.device_files import offline_dictionaries
+        from dvtcli.operations.session.device_files import offline_dictionaries
 
         return offline_dictionaries(self.base)
 

@@ -56,7 +56,7 @@ def _dictionaries(
     contexts = [ctx.find_root(), ctx]
     try:
         given = {name: value for context in contexts for name, value in taken(dict(context.params)).items()}
-        from dvtcli.operations.opening.device_files import offline_dictionaries
+        from dvtcli.operations.session.device_files import offline_dictionaries
 
         return offline_dictionaries(_laid_over_files(given))
     except (DvtcliError, click.ClickException):

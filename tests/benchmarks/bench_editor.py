@@ -16,7 +16,7 @@ from dvtcli.cli.editor.object_list import ObjectList
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.meanings import Meanings
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
-from dvtcli.operations.opening.device_files import offline_dictionaries
+from dvtcli.operations.session.device_files import offline_dictionaries
 from dvtcli.operations.user.options import Options
 from tests.benchmarks.bench_keys import GOAL_MS, ROUNDS, large_eds
 

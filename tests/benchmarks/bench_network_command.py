@@ -20,9 +20,9 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from dvtcli.operations.consent.other_master import LISTEN_S
 from dvtcli.operations.plans.apply_network import apply_network
 from dvtcli.operations.plans.plan_network import plan_network
+from dvtcli.operations.session.consent import LISTEN_S
 from examples.many_nodes import network
 from tests.benchmarks.bench_network import BIT_RATES, described, wired
 from tests.benchmarks.bench_serve import Sim, sim

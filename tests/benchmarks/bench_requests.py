@@ -14,11 +14,11 @@ from pathlib import Path
 
 from dvtcli.bus.sdo.sdo_link import REQUEST_ID
 from dvtcli.domain.ports import Frame
+from dvtcli.operations.devices.backup_device import backup_device
 from dvtcli.operations.nodes.find_nodes import find_nodes
 from dvtcli.operations.plans.apply_network import apply_network
 from dvtcli.operations.plans.plan_network import plan_network
 from dvtcli.operations.session.session import Session
-from dvtcli.operations.whole_device.backup_device import backup_device
 from examples.many_nodes import network
 from tests.benchmarks.bench_network import described, wired
 from tests.benchmarks.figures import Figure

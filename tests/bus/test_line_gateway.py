@@ -23,12 +23,12 @@ from dvtcli.domain.ports import BootUp, CanopenBus, Frame, NodeEvent
 from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import BusUnavailable, DvtcliError, NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.changes.change import configure
+from dvtcli.operations.changes.store_restore import store_settings
+from dvtcli.operations.devices.compare_device import verify
 from dvtcli.operations.frames.layouts import open_wire
 from dvtcli.operations.nodes.find_nodes import find_nodes
 from dvtcli.operations.session.session import Session
-from dvtcli.operations.stores.store_restore import store_settings
 from dvtcli.operations.user.options import Options
-from dvtcli.operations.whole_device.compare_device import verify
 from dvtcli.simulator.network.in_process_bus import simulate
 from tests.bus import line_gateway
 from tests.bus.devices import device

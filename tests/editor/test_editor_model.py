@@ -14,7 +14,7 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.meanings import Meanings
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
-from dvtcli.operations.opening.device_files import offline_dictionaries
+from dvtcli.operations.session.device_files import offline_dictionaries
 from dvtcli.operations.user.options import Options
 
 TPDO1, RPDO1 = Pdo.parse("tpdo1"), Pdo.parse("rpdo1")

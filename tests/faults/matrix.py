@@ -27,8 +27,8 @@ from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import DvtcliError
-from dvtcli.operations.opening.device_files import DeviceFiles
-from dvtcli.operations.opening.open_network import Network
+from dvtcli.operations.session.device_files import DeviceFiles
+from dvtcli.operations.session.open_network import Network
 from dvtcli.simulator.device.refusal import Refusal
 from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice

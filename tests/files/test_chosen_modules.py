@@ -10,7 +10,7 @@ from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.files.device_file import read_device_file
 from dvtcli.files.eds.modules import with_modules
 from dvtcli.files.eds.reader import parse_eds
-from dvtcli.operations.opening.simulated_nodes import read_dictionary, simulated_device, simulated_nodes
+from dvtcli.operations.session.simulated_nodes import read_dictionary, simulated_device, simulated_nodes
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.commands.bench import Bench, beside

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.files.profile.library import load_profile
-from dvtcli.operations.opening.simulated_nodes import read_dictionary
+from dvtcli.operations.session.simulated_nodes import read_dictionary
 from dvtcli.simulator.network.family_file import family_eds
 
 TIME_NS = 10**18

@@ -70,8 +70,8 @@ from dvtcli.files.whole_device_file import read_whole_device
 from dvtcli.operations import results
 from dvtcli.operations.known_devices import eds_files
 from dvtcli.operations.objects.search_objects import object_row
-from dvtcli.operations.opening.device_files import DeviceFiles
-from dvtcli.operations.opening.open_network import Network
+from dvtcli.operations.session.device_files import DeviceFiles
+from dvtcli.operations.session.open_network import Network
 from dvtcli.operations.user.options import node_id
 from dvtcli.operations.user.settings import File
 from dvtcli.operations.user.settings_search import SettingsFile

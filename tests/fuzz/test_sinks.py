@@ -56,7 +56,7 @@ from dvtcli.files.picture import svg
 from dvtcli.files.picture.graphviz import graphviz
 from dvtcli.files.picture.page import page
 from dvtcli.files.values.csv_values import csv_text
-from dvtcli.operations.known_devices.keep_learnt import refuse_name
+from dvtcli.operations.known_devices.learn_device import refuse_name
 from dvtcli.operations.results import Facts, FileFinding, FileReport, FileRule
 
 #: what a stranger's file has in a name: commands of terminals, of shells, formulas, ends of strings and of markup

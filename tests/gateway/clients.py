@@ -20,7 +20,7 @@ from dvtcli.domain.hint import Hint
 from dvtcli.operations.gateway.serve_gateway import Gateway, gateway
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
-from dvtcli.operations.user.reporter import NullReporter
+from dvtcli.operations.user.session_user import NullReporter
 from tests.process import PATIENCE_S
 from tests.virtual_time import VirtualTimeBus
 

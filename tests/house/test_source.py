@@ -56,7 +56,7 @@ MAY_OPEN = {
     "files/sim_state.py": "writes the state of a simulated node",
     "files/recordings/captures.py": "writes a recording",
     "files/values/value_file.py": "writes values",
-    "operations/eds_library/add_files.py": "compares with dvtcli's own library",
+    "operations/known_devices/eds_library.py": "compares with dvtcli's own library",
     "operations/frames/last_exchange.py": "dvtcli's own last exchange",
     "operations/objects/watch_objects.py": "writes values",
     "operations/session/whole_file.py": "writes a file",
@@ -85,7 +85,7 @@ def test_files_of_strangers_have_one_door() -> None:
 _WRITES_LINES = {
     "domain/script_line.py": "lines of scripts",
     "operations/api/called_hints.py": "what has no call is a command",
-    "operations/api/served_bus.py": "the words with which the program joins a served bus",
+    "operations/api/open_bus.py": "the words with which the program joins a served bus",
     "operations/nodes/serve_nodes.py": "the line with which another dvtcli joins",
 }
 #: a command between marks, or an option: with two dashes, or with one in a sentence

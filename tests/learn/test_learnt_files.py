@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.operations.opening.simulated_nodes import simulated_device, simulated_nodes
+from dvtcli.operations.session.simulated_nodes import simulated_device, simulated_nodes
 from dvtcli.simulator.network.family_file import family_eds, load_family_folder
 from tests.commands.bench import Bench
 from tests.learn.test_learnt_families import differing, dump

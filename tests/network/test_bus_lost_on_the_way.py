@@ -9,8 +9,8 @@ import pytest
 
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged
+from dvtcli.operations.changes.recover_change import recover
 from dvtcli.operations.network.network_files import applied
-from dvtcli.operations.recover.recover_change import recover
 from tests.network.bench import Chain, Heard
 from tests.sample import heavy
 

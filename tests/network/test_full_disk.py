@@ -16,10 +16,10 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged, SafetyRefusal
 from dvtcli.operations.changes.change import configure
-from dvtcli.operations.changes.undo_changes import undo
+from dvtcli.operations.changes.recover_change import recover
+from dvtcli.operations.changes.undo import undo
 from dvtcli.operations.network.network_files import applied
 from dvtcli.operations.plans.link_pdos import link_pdos, unlink_pdos
-from dvtcli.operations.recover.recover_change import recover
 from dvtcli.operations.session.session import Session
 from tests.commands.bench import Bench
 from tests.network.bench import CHAIN, Chain

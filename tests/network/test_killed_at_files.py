@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from dvtcli.operations.recover.recover_change import recover
+from dvtcli.operations.changes.recover_change import recover
 from tests.faults.matrix import Snapshot
 from tests.network.bench import Chain, Heard
 from tests.network.killed import Watched, afterwards, in_own_process

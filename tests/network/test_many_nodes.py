@@ -10,7 +10,7 @@ import pytest
 
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import DvtcliError, LeftChanged
-from dvtcli.operations.recover.recover_change import recover
+from dvtcli.operations.changes.recover_change import recover
 from dvtcli.simulator.network.station import SimulatedNode
 from examples.many_nodes import network
 from tests.network.bench import Chain, Heard

@@ -11,10 +11,10 @@ from dvtcli.domain.ports import Frame
 from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import SafetyRefusal
 from dvtcli.operations.changes.change import configure
+from dvtcli.operations.devices.compare_device import verify
 from dvtcli.operations.network.network_files import applied
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
-from dvtcli.operations.whole_device.compare_device import verify
 from dvtcli.simulator.network.family_file import family_eds
 from tests.network.bench import device
 from tests.virtual_time import VirtualTimeBus

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from dvtcli.errors import DvtcliError
-from dvtcli.operations.changes.undo_changes import undo
-from dvtcli.operations.recover.recover_change import recover
+from dvtcli.operations.changes.recover_change import recover
+from dvtcli.operations.changes.undo import undo
 from tests.network.bench import Chain, Heard
 from tests.network.killed import Watched, afterwards
 from tests.network.test_network_faults import OPERATIONAL, STEPS, ideal

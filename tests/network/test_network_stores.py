@@ -19,12 +19,12 @@ from dvtcli.domain.hint import Hint
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.stamp import WhoStored
 from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, UsageError
-from dvtcli.operations.changes.undo_changes import undo
+from dvtcli.operations.changes.recover_change import recover
+from dvtcli.operations.changes.undo import undo
+from dvtcli.operations.changes.waiting_journals import furthest, stores_of
 from dvtcli.operations.network.network_files import applied
-from dvtcli.operations.recover.recover_change import recover
-from dvtcli.operations.recover.waiting_journals import furthest, stores_of
 from dvtcli.operations.results import Changed, Facts
-from dvtcli.operations.user.reporter import NullReporter
+from dvtcli.operations.user.session_user import NullReporter
 from dvtcli.simulator.device.refusal import Refusal
 from tests.commands.bench import Bench
 from tests.journals import journal_document

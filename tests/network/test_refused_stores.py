@@ -15,8 +15,8 @@ from dvtcli.domain.request import PdoRequest
 from dvtcli.domain.stamp import WhoStored
 from dvtcli.errors import InputFileError, LeftChanged, SafetyRefusal, UsageError
 from dvtcli.operations.changes.change import configure
+from dvtcli.operations.changes.recover_change import recover
 from dvtcli.operations.network.network_files import applied
-from dvtcli.operations.recover.recover_change import recover
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.session import Session
 from dvtcli.simulator.device.refusal import Refusal

@@ -19,12 +19,12 @@ from dvtcli.domain.request import PdoRequest
 from dvtcli.domain.stamp import Stamp
 from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, SdoAborted
 from dvtcli.operations.changes.change import configure
-from dvtcli.operations.changes.undo_changes import undo
+from dvtcli.operations.changes.recover_change import recover
+from dvtcli.operations.changes.store_restore import restore_defaults, store_settings
+from dvtcli.operations.changes.undo import undo
 from dvtcli.operations.network.network_files import applied, planned
 from dvtcli.operations.plans.link_pdos import link_pdos
-from dvtcli.operations.recover.recover_change import recover
 from dvtcli.operations.session.session import Session
-from dvtcli.operations.stores.store_restore import restore_defaults, store_settings
 from dvtcli.simulator.device.refusal import Refusal
 from tests.network.bench import Chain
 from tests.network.killed import Watched, afterwards

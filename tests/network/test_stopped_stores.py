@@ -12,7 +12,7 @@ from dvtcli.domain.hint import Hint
 from dvtcli.errors import Interrupted, LeftChanged
 from dvtcli.operations.network.network_files import applied
 from dvtcli.operations.session.session import Session
-from dvtcli.operations.user.reporter import NullReporter
+from dvtcli.operations.user.session_user import NullReporter
 from tests.network.bench import Chain
 from tests.network.killed import Watched
 from tests.network.test_network_stores import TYPE, file, stored_type, types, while_storing

@@ -9,12 +9,12 @@ from typing import Any, NoReturn
 import pytest
 
 from dvtcli.domain.hint import Hint
+from dvtcli.operations.devices.compare_device import verify
 from dvtcli.operations.exchange.import_network import import_network
 from dvtcli.operations.network.network_files import applied, planned
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
-from dvtcli.operations.user.reporter import NullReporter
-from dvtcli.operations.whole_device.compare_device import verify
+from dvtcli.operations.user.session_user import NullReporter
 from dvtcli.simulator.network.family_file import family_eds
 from tests.network.bench import device
 from tests.sample import heavy

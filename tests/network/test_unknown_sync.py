@@ -9,8 +9,8 @@ import pytest
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import RuleError
 from dvtcli.operations.network.network_files import applied, planned
+from dvtcli.operations.pdos.sync import ShortFrames
 from dvtcli.operations.session.session import Session
-from dvtcli.operations.sync.unknown_sync import ShortFrames
 from dvtcli.operations.user.options import Options
 from dvtcli.simulator.network.family_file import family_eds
 from tests.network.bench import device

@@ -14,10 +14,10 @@ from dvtcli.domain.ports import Frame
 from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.operations.changes.change import configure
+from dvtcli.operations.changes.store_restore import restore_defaults, store_settings
 from dvtcli.operations.pdos.pdo_as_text import configure_from_text, pdo_as_text
 from dvtcli.operations.results.bus_events import BusEvent
 from dvtcli.operations.session.session import Session
-from dvtcli.operations.stores.store_restore import restore_defaults, store_settings
 from dvtcli.operations.user.options import Options, options_of
 from tests.sample import heavy
 

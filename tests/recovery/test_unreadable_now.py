@@ -13,7 +13,7 @@ from dvtcli.cli.view.error_lines import error_document, error_lines
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, Plan, Step, ValueChange, plan_pdo
 from dvtcli.errors import DvtcliError, LeftChanged
-from dvtcli.operations.recover.recover_change import recover
+from dvtcli.operations.changes.recover_change import recover
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.session import Session
 from dvtcli.simulator.device.refusal import Refusal

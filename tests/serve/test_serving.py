@@ -13,7 +13,7 @@ import pytest
 from dvtcli.bus.opening import open_bus
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.sim_state import Kept, read_state, write_state
-from dvtcli.operations.opening.serve import address, is_loopback
+from dvtcli.operations.session.serve import address, is_loopback
 from tests.process import PATIENCE_S, dvtcli, start
 from tests.serve.served import ANSWER_S, Served, own_environment, raw_client, served, wait_for
 

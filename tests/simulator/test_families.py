@@ -12,7 +12,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.errors import InputFileError, SdoAborted
 from dvtcli.files.profile.library import load_profile
 from dvtcli.files.profile.toml import builtin_names
-from dvtcli.operations.opening.simulated_nodes import read_dictionary
+from dvtcli.operations.session.simulated_nodes import read_dictionary
 from dvtcli.simulator.device.family import GENERIC, Family
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import FAMILY_KEYS, family_eds, family_names, load_family, read_family

@@ -15,7 +15,7 @@ from dvtcli.errors import SafetyRefusal
 from dvtcli.files.device_file import read_device_file
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.files.whole_device_file import read_whole_device
-from dvtcli.operations.whole_device.backup_device import backup_device
+from dvtcli.operations.devices.backup_device import backup_device
 from tests.bus.devices import unknown
 from tests.commands.bench import Bench
 from tests.real_files import real_files

@@ -13,10 +13,10 @@ from dvtcli.domain.configuration import configuration_of
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.files.eds.written_values import same_value
 from dvtcli.files.profile.toml import builtin_path
+from dvtcli.operations.devices.export_dcf import export_dcf
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
-from dvtcli.operations.user.reporter import NullReporter
-from dvtcli.operations.whole_device.export_dcf import export_dcf
+from dvtcli.operations.user.session_user import NullReporter
 from tests.commands.bench import Bench
 from tests.small_eds import U8, U16, U32, plain, var
 

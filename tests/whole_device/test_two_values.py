@@ -10,7 +10,7 @@ import pytest
 
 from dvtcli.errors import InputFileError
 from dvtcli.files.device_file import device_file_bytes, parse_device_file
-from dvtcli.operations.whole_device.held_device import held_by
+from dvtcli.operations.devices.held_device import held_by
 from tests.small_eds import U16, Section, var
 from tests.whole_device.test_apply_file import made
 from tests.whole_device.test_lost_values import described, refused

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import dvtcli
-from dvtcli.operations.whole_device.held_device import held_by
+from dvtcli.operations.devices.held_device import held_by
 from tests.commands.bench import Bench
 from tests.sample import heavy
 from tests.small_eds import U16, Section, var

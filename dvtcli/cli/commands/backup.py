@@ -31,6 +31,6 @@ def command(session: Session, /, file: str, twice: bool) -> Facts:
     backup press.dcf
     backup press.jsonl
     """
-    from dvtcli.operations.whole_device.backup_device import backup_device
+    from dvtcli.operations.devices.backup_device import backup_device
 
     return backup_device(session, file, twice=twice)

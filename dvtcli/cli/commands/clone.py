@@ -36,7 +36,7 @@ def command(ctx: click.Context, /, file: str, include: tuple[str, ...]) -> Netwo
     clone press.jsonl --yes
     clone press.dcf --dry-run
     """
-    from dvtcli.operations.whole_device.plan_device import DeviceOptions, apply_device
+    from dvtcli.operations.devices.plan_device import DeviceOptions, apply_device
 
     show = partial(show_plan, ctx.obj.output)
     return apply_device(ctx.obj, file, DeviceOptions(include, is_clone=True), on_plan=show)

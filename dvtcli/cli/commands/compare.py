@@ -36,6 +36,6 @@ def command(session: Session, /, file: str, other: str | None, everything: bool)
     compare monday.dcf friday.dcf
     compare press.dcf --format junit   a test case for each setting that differs, for CI
     """
-    from dvtcli.operations.whole_device.compare_device import compare_device
+    from dvtcli.operations.devices.compare_device import compare_device
 
     return compare_device(session, file, other, shows_all=everything)

@@ -165,10 +165,10 @@ def _one(action: str, files: tuple[str, ...]) -> str:
 def _library(
     session: SessionUser, action: str, files: tuple[str, ...], identity: dict[str, int] | None
 ) -> LibraryAdded | LibraryListing:
-    from dvtcli.operations.eds_library.list_files import list_files, prefer_file, remove_files
+    from dvtcli.operations.known_devices.eds_library import list_files, prefer_file, remove_files
 
     if action == "add":
-        from dvtcli.operations.eds_library.add_files import add_files
+        from dvtcli.operations.known_devices.eds_library import add_files
 
         return add_files(session, files, identity)
     if action == "remove":
@@ -181,7 +181,7 @@ def _library(
 
 
 def _convert(session: Conversation, files: tuple[str, ...], conversion: Conversion) -> Facts:
-    from dvtcli.operations.conversions.convert_file import convert_file
+    from dvtcli.operations.exchange.convert_file import convert_file
 
     if len(files) != 2:
         raise UsageError("eds convert takes two files", hint="eds convert drive.eds drive.xdd")
@@ -195,7 +195,7 @@ def _show(session: SessionUser, file: str) -> Facts:
     if not file.lower().endswith(SUFFIX):
         return show_eds(file, session.options.chosen_modules)
     from dvtcli.operations.network.concise_network import show_concise
-    from dvtcli.operations.opening.device_files import offline_dictionaries
+    from dvtcli.operations.session.device_files import offline_dictionaries
 
     known = offline_dictionaries(session.options)
     return show_concise(file, known[0][0] if known else None)

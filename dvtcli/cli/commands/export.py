@@ -43,6 +43,6 @@ def command(session: Session, /, file: str, twice: bool, wishes: DbcOptions) -> 
     export press.dbc --with emcy,heartbeat
     export press.dbc --split-bits    a signal for each bit of the statusword
     """
-    from dvtcli.operations.exports.export_file import export_file
+    from dvtcli.operations.exchange.export_file import export_file
 
     return export_file(session, file, twice=twice, wishes=wishes)

@@ -51,7 +51,7 @@ def command(
     """
     from dvtcli.domain.gateway.gateway_answers import Dialect
     from dvtcli.operations.gateway.serve_gateway import DEFAULT_PORT, listen_address, serve_gateway
-    from dvtcli.operations.opening.serve import LOOPBACK
+    from dvtcli.operations.session.serve import LOOPBACK
 
     output = session.output
 

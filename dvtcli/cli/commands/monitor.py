@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from dvtcli.cli.conversation import Conversation
-    from dvtcli.operations.opening.first_bus import Tell
     from dvtcli.operations.results import FrameSeen
     from dvtcli.operations.results.bus_events import BusEvent
+    from dvtcli.operations.session.bus_of_options import Tell
 
 
 @click.command("monitor", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)

@@ -22,8 +22,7 @@ class ProfileName(TextType):
 
     def shell_complete(self, ctx: click.Context, _param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         """Offer the profiles, or the devices."""
-        from dvtcli.operations.known_devices.device_habits import known_habits
-        from dvtcli.operations.known_devices.show_profiles import known_profiles
+        from dvtcli.operations.known_devices.show_profiles import known_habits, known_profiles
 
         names = (*known_habits(), "all") if ctx.params.get("action") == "forget" else known_profiles()
         return [CompletionItem(name) for name in names if name.startswith(incomplete)]
@@ -45,8 +44,14 @@ def command(action: str | None, name: str | None) -> ProfileListing | ProfileSho
     profiles show gen4
     profiles habits
     """
-    from dvtcli.operations.known_devices.device_habits import forget_habits, known_habits, list_habits
-    from dvtcli.operations.known_devices.show_profiles import known_profiles, list_profiles, show_profile
+    from dvtcli.operations.known_devices.show_profiles import (
+        forget_habits,
+        known_habits,
+        known_profiles,
+        list_habits,
+        list_profiles,
+        show_profile,
+    )
 
     if name is None and action in ("show", "forget"):
         known = known_profiles() if action == "show" else (*known_habits(), "all")

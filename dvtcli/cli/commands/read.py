@@ -81,7 +81,7 @@ def _once(
         from dvtcli.operations.objects.watch_objects import read_objects
 
         return read_objects(session, objects_meant(session, objects), data_type)
-    from dvtcli.operations.objects.read_object import read_object
+    from dvtcli.operations.objects.read_record import read_object
 
     return read_object(session, objects[0].text, data_type, objects[0].node_id)
 

@@ -33,6 +33,6 @@ def command(
     recover --accept           where the device does not take the old state back
     recover can0-5.json        a journal that was kept elsewhere
     """
-    from dvtcli.operations.recover.recover_change import recover
+    from dvtcli.operations.changes.recover_change import recover
 
     return recover(session, file, accept=accept, discard=discard, finish=finish)

@@ -49,7 +49,6 @@ def command(
     report now.html                the nodes on the bus
     report now.html press.yaml     and where they differ from FILE
     """
-    from dvtcli.operations.picture.draw_network import draw_network
-    from dvtcli.operations.picture.gather import PictureOptions
+    from dvtcli.operations.network.draw_network import PictureOptions, draw_network
 
     return draw_network(session, out, file, PictureOptions(title, bit_rate, for_s))

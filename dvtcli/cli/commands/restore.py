@@ -9,7 +9,7 @@ import click
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.commands._store_group import StoreGroup
 from dvtcli.cli.effect import Effect
-from dvtcli.operations.stores.store_restore import look_before_restores, restore_defaults
+from dvtcli.operations.changes.store_restore import look_before_restores, restore_defaults
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -26,7 +26,7 @@ def _look_ahead(session: SessionNodes, node_ids: Sequence[int], params: Mapping[
 
 
 def _who_restored(node_ids: Sequence[int], outcomes: Mapping[int, Any]) -> LeftChanged | None:
-    from dvtcli.operations.stores.unfinished_stores import only_some_restored
+    from dvtcli.operations.changes.unfinished_stores import only_some_restored
 
     return only_some_restored(node_ids, outcomes)
 

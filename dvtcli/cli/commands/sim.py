@@ -54,7 +54,7 @@ def command(
     sim gen4 -i socketcan -c vcan0
     """
     from dvtcli.operations.nodes.serve_nodes import serve
-    from dvtcli.operations.opening.serve import DEFAULT_PORT, LOOPBACK, ServeRequest, address, latency_of
+    from dvtcli.operations.session.serve import DEFAULT_PORT, LOOPBACK, ServeRequest, address, latency_of
 
     session: Conversation = ctx.obj
     if _typed(ctx, "sim"):

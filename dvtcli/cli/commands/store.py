@@ -11,7 +11,7 @@ from dvtcli.cli.commands._store_group import ProofWay, StoreGroup, way_and_group
 from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import NumberType
 from dvtcli.errors import UsageError
-from dvtcli.operations.stores.store_restore import POWER_CYCLE_S, look_before_stores, store_settings
+from dvtcli.operations.changes.store_restore import POWER_CYCLE_S, look_before_stores, store_settings
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -29,7 +29,7 @@ def _look_ahead(session: SessionNodes, node_ids: Sequence[int], params: Mapping[
 
 
 def _who_stored(node_ids: Sequence[int], outcomes: Mapping[int, Any]) -> LeftChanged | None:
-    from dvtcli.operations.stores.unfinished_stores import only_some_stored
+    from dvtcli.operations.changes.unfinished_stores import only_some_stored
 
     return only_some_stored(node_ids, outcomes)
 

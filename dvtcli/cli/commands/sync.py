@@ -33,9 +33,9 @@ def command(session: Session, /, period: int | None, count: int | None, check: b
     if check:
         if period is not None or count is not None:
             raise click.UsageError("--check sends no SYNC: leave --period and --count out")
-        from dvtcli.operations.sync.unknown_sync import check_sync
+        from dvtcli.operations.pdos.sync import check_sync
 
         return check_sync(session)
-    from dvtcli.operations.sync.produce_sync import produce_sync
+    from dvtcli.operations.pdos.produce_sync import produce_sync
 
     return produce_sync(session, count or 1, (20 if period is None else period) / 1000)

@@ -47,12 +47,12 @@ def command(ctx: click.Context, /, word: str | None, everything: bool, backup: s
     """
     everything = everything or word is not None
     if backup is None:
-        from dvtcli.operations.changes.undo_changes import undo
+        from dvtcli.operations.changes.undo import undo
 
         return undo(ctx.obj, everything=everything)
     if everything:
         raise UsageError("--all and --backup exclude each other: a backup is everything")
-    from dvtcli.operations.changes.undo_to_backup import undo_to_backup
+    from dvtcli.operations.changes.undo import undo_to_backup
 
     rehearse = partial(ways(ctx).rehearsed, ctx.obj)
     return undo_to_backup(ctx.obj, rehearse, None if backup == _NEWEST else backup)

@@ -43,7 +43,7 @@ def log_in_at(session: Conversation, node_id: int | None, asked: int | None) -> 
 
 def store(session: SessionNodes, node_id: int | None) -> WordResult:
     """0x1010 "save", as the command `store`."""
-    from dvtcli.operations.stores.store_restore import store_settings
+    from dvtcli.operations.changes.store_restore import store_settings
 
     store_settings(session, session.node(node_id), None)
     return WordResult()

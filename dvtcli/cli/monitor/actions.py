@@ -20,8 +20,8 @@ from dvtcli.operations.frames.put_on_bus import put_on_bus
 from dvtcli.operations.frames.send_frames import agree_to_send
 from dvtcli.operations.frames.transmit_rows import TransmitRow, frame_of, is_sdo_request, keep_rows, kept_rows
 from dvtcli.operations.nodes.command_nmt import command_nmt
+from dvtcli.operations.pdos.sync import DEFAULT, sync_frame
 from dvtcli.operations.session.save_script import ask_before_overwriting
-from dvtcli.operations.sync.sync_frame import DEFAULT, sync_frame
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation

@@ -102,7 +102,7 @@ def _take_back(session: SessionUser, changes: ScriptChanges, failed: BaseExcepti
 
 def _of_twins(left: LeftChanged) -> DvtcliError:
     """Convert *left* for twins: no node is changed, and the cause is the lost bus or node."""
-    from dvtcli.operations.opening.opened import read_in_vain
+    from dvtcli.operations.session.opened import read_in_vain
 
     left.state, left.state_text = "unchanged", None
     return read_in_vain(left)

@@ -164,7 +164,7 @@ def convert(
     *yes*. Raises UsageError for another suffix, if a file cannot be read or written, or if a recording has no mapping;
     InputFileError if *file* is invalid.
     """
-    from dvtcli.operations.conversions.convert_file import convert_file
+    from dvtcli.operations.exchange.convert_file import convert_file
     from dvtcli.operations.session.session import Session
 
     source, chosen = str(path("file", file)), str(path("target", target))
@@ -178,7 +178,7 @@ def convert(
 def dbc_wishes(services: Sequence[str], *, split_bits: bool, everything: bool) -> DbcOptions:
     """How a program wants a DBC file, checked; UsageError for a wrong argument."""
     from dvtcli.operations.exchange.dbc_options import DbcOptions
-    from dvtcli.operations.exchange.service_messages import services_of
+    from dvtcli.operations.exchange.export_dbc import services_of
 
     flags(split_bits=split_bits, everything=everything)
     return DbcOptions(services_of(",".join(words("services", services))), split_bits, everything)

@@ -41,7 +41,7 @@ _U32 = 0xFFFF_FFFF
 
 def eds_library() -> LibraryListing:
     """List the library of device files, as kept by `dvtcli eds add`; a list of rows."""
-    from dvtcli.operations.eds_library.list_files import list_files
+    from dvtcli.operations.known_devices.eds_library import list_files
     from dvtcli.operations.session.session import Session
 
     with errors_in_calls(), Session() as session:
@@ -61,7 +61,7 @@ def add_eds(
     the identity of a single file. *dry_run* writes nothing. Raises InputFileError if a single file cannot be added;
     UsageError for an unknown name, or if the library cannot be written.
     """
-    from dvtcli.operations.eds_library.add_files import add_files
+    from dvtcli.operations.known_devices.eds_library import add_files
     from dvtcli.operations.session.session import Session
 
     flags(dry_run=dry_run)

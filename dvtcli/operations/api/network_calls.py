@@ -152,7 +152,7 @@ class NetworkCalls:
         for another suffix, or if a file cannot be written.
         """
         from dvtcli.operations.api.checks import dbc_wishes
-        from dvtcli.operations.exports.export_file import export_all
+        from dvtcli.operations.exchange.export_file import export_all
 
         chosen = str(path("file", file))
         flags(twice=twice)
@@ -200,7 +200,7 @@ class NetworkCalls:
         if *target* cannot be written.
         """
         from dvtcli.operations.api.reported import picture_wishes
-        from dvtcli.operations.picture.draw_network import draw_network
+        from dvtcli.operations.network.draw_network import draw_network
 
         chosen, other = str(path("target", target)), None if file is None else str(path("file", file))
         wishes = picture_wishes(title, bit_rate, for_s)

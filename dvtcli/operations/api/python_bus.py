@@ -16,8 +16,8 @@ from dvtcli.operations.api.canopen_access import TakingTurns
 from dvtcli.operations.api.checks import flags, module_numbers, number, path, seconds, whole, word, words, wrong
 from dvtcli.operations.api.network_calls import NetworkCalls
 from dvtcli.operations.api.python_node import Node
-from dvtcli.operations.opening.simulated_nodes import read_dictionary
 from dvtcli.operations.session.session import Session
+from dvtcli.operations.session.simulated_nodes import read_dictionary
 
 if TYPE_CHECKING:
     from canopen import RemoteNode
@@ -214,7 +214,7 @@ class Bus(FrameCalls):
         answer. Frames are listed by CAN-ID: the last frame, their number, and the TPDO if its node was read. Raises
         BusUnavailable if the bus fails.
         """
-        from dvtcli.operations.sync.produce_sync import produce_sync
+        from dvtcli.operations.pdos.produce_sync import produce_sync
 
         whole("count", count, "a count", 100_000, low=1)
         number("period_ms", period_ms, "a number of milliseconds, 0.1…1000", low=0.1, high=1000)
@@ -228,7 +228,7 @@ class Bus(FrameCalls):
         Reads 0x1005 and 0x1006 of *node_ids*, nodes used so far, and simulated nodes. Records the bus for two periods,
         at least 0.1 s; sends none.
         """
-        from dvtcli.operations.sync.unknown_sync import check_sync
+        from dvtcli.operations.pdos.sync import check_sync
 
         for node_id in node_ids:
             whole("node_ids", node_id, "a node-ID", 127, low=1)
@@ -240,7 +240,7 @@ class Bus(FrameCalls):
         Needs *yes*, or asks. Empty if no change was interrupted; a result is false if its node does not take its old
         values. Raises LeftChanged if a roll-back failed.
         """
-        from dvtcli.operations.recover.recover_change import recover
+        from dvtcli.operations.changes.recover_change import recover
         from dvtcli.operations.results import Changed, ChangedNodes
 
         def work() -> tuple[Changed, ...]:
@@ -257,7 +257,7 @@ class Bus(FrameCalls):
         differs. Empty if no change was interrupted; raises UsageError if not all nodes had been verified, LeftChanged
         if a node did not store.
         """
-        from dvtcli.operations.recover.recover_change import recover
+        from dvtcli.operations.changes.recover_change import recover
         from dvtcli.operations.results import Facts
 
         def work() -> tuple[int, ...]:

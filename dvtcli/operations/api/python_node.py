@@ -2,32 +2,386 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Literal, TypeVar, Unpack
 
+from dvtcli.domain.request import Cleared, Switched
 from dvtcli.errors import UsageError
 from dvtcli.operations.api.arguments import (
+    Entry,
     Group,
+    Object,
+    PdoOptions,
+    bytes_of,
+    entry_of,
     group_of,
     nmt_command_of,
+    object_of,
+    pdo_of,
     proof_of,
+    request,
 )
-from dvtcli.operations.api.checks import flags, number, path, whole, word
-from dvtcli.operations.api.configured_node import ConfiguredNode
+from dvtcli.operations.api.arguments import type_of as type_named
+from dvtcli.operations.api.checks import flags, number, path, whole, word, words
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from canopen import RemoteNode
+
     from dvtcli.device.node import Node as DeviceNode
+    from dvtcli.domain.datatypes import Value
+    from dvtcli.domain.pdo import Pdo
+    from dvtcli.domain.request import PdoWant
+    from dvtcli.operations.api.calls import Calls
     from dvtcli.operations.results import (
         Changed,
         Commanded,
+        Compared,
         Faults,
         LearnForecast,
         LearntDevice,
         LoggedIn,
+        NetworkApplied,
+        NodeRow,
+        ObjectListing,
+        PdoListing,
+        PdoRow,
         ProgramLoaded,
+        RecordRead,
         Stored,
+        ValueRead,
+        VpdoListing,
+        WholeCompared,
     )
+
+
+class ReadNode:
+    """A node to read; `Node` adds changes."""
+
+    def __init__(self, calls: Calls, node_id: int, canopen: Callable[[int], RemoteNode]) -> None:
+        self._calls = calls
+        self._canopen = canopen
+        self._node_id = node_id
+
+    @property
+    def node_id(self) -> int:
+        """The node-ID, 1…127."""
+        return self._node_id
+
+    def __repr__(self) -> str:
+        return f"<dvtcli node {self._node_id}>"
+
+    def identity(self) -> NodeRow:
+        """Identify the node: device type, identity (0x1018), name, NMT state."""
+        from dvtcli.operations.nodes.find_nodes import identify
+
+        return self._read(lambda node: identify(self._calls.session, node.node_id)).rows[0]
+
+    def pdos(self) -> PdoListing:
+        """Read every PDO: a list of rows, also by name as in `["tpdo1"]`."""
+        from dvtcli.operations.pdos.list_pdos import list_pdos
+
+        return self._read(lambda node: list_pdos(self._calls.session, node.node_id, show_all=True))
+
+    def pdo(self, pdo: str | Pdo) -> PdoRow:
+        """Read a PDO; raises UsageError if the node has none of this name (`tpdo1`)."""
+        from dvtcli.operations.pdos.list_pdos import show_pdo
+
+        wanted = pdo_of(pdo)
+        return self._read(lambda node: show_pdo(self._calls.session, wanted, node.node_id)).rows[0]
+
+    def read(self, object_: Object, as_type: str | None = None) -> ValueRead:
+        """Read an object by SDO upload, decoded as *as_type* (`u16`, `i32`, `r32`, `vs`, …) or the type in the EDS."""
+        from dvtcli.operations.meanings.object_values import value_result
+
+        def read(node: DeviceNode) -> ValueRead:
+            index, sub_index = object_of(node, object_)
+            return value_result(node, index, sub_index, node.upload(index, sub_index), type_named(as_type))
+
+        return self._read(read)
+
+    def record(self, object_: Object, as_type: str | None = None) -> RecordRead:
+        """Read a record or an array (`1018`) with all sub-indices, as *as_type* or the types in the EDS.
+
+        A refused entry is included, with its abort code. Raises UsageError for a single value.
+        """
+        from dvtcli.operations.objects.read_record import record_at
+
+        return self._read(lambda node: record_at(node, object_of(node, object_)[0], type_named(as_type)))
+
+    def faults(self) -> Faults:
+        """Read the node's errors in words: error register, history, received EMCY messages; a list of rows.
+
+        The positions of a family's own list are selected by writes, and the old selection is restored.
+        """
+        from dvtcli.operations.nodes.show_faults import show_faults
+
+        return self._read(lambda node: show_faults(self._calls.session, node.node_id))
+
+    def objects(self, text: str | None = None, *, mappable: Literal["tpdo", "rpdo"] | None = None) -> ObjectListing:
+        """List objects of the node's EDS with *text* in number or name, None for all; a list of rows.
+
+        *mappable* keeps objects for such a PDO. Raises UsageError if the node has no EDS.
+        """
+        from dvtcli.operations.objects.search_objects import search_objects
+
+        if text is not None:
+            word("text", text, "a part of a number or a name, such as 'velocity' or '6C01'")
+        if mappable not in (None, "tpdo", "rpdo"):
+            raise UsageError(f"mappable={mappable!r}: 'tpdo' or 'rpdo'")
+        return self._read(lambda node: search_objects(self._calls.session, text, mappable, node.node_id))
+
+    def vpdo(self, group: str | None = None) -> VpdoListing:
+        """List the objects tied to pins of *group* inside the node (`digital-in`, `motor`, …), None for all groups.
+
+        Raises UsageError for an unknown group, DvtcliError if the node has no virtual PDOs.
+        """
+        from dvtcli.operations.pdos.virtual_pdo_ties import list_ties
+
+        if group is not None:
+            word("group", group, "the name of a group, such as 'digital-in'")
+        return self._read(lambda node: list_ties(self._calls.session, group, node.node_id))
+
+    def require(
+        self,
+        *,
+        vendor_id: int | None = None,
+        product_code: int | None = None,
+        revision: int | None = None,
+        serial: int | None = None,
+    ) -> None:
+        """Raises SafetyRefusal unless the node's identity (0x1018) equals the given numbers; each 32 bits."""
+        from dvtcli.operations.nodes.required_identity import require_identity
+
+        given = {"vendor": vendor_id, "product": product_code, "revision": revision, "serial": serial}
+        called = {"vendor": "vendor_id", "product": "product_code"}
+        wanted = [
+            (name, whole(called.get(name, name), value, name, 0xFFFF_FFFF))
+            for name, value in given.items()
+            if value is not None
+        ]
+        if not wanted:
+            raise UsageError("which identity? vendor_id=…, product_code=…, revision=…, serial=…")
+        session = self._calls.session
+        self._read(lambda node: require_identity(session, wanted, node.node_id, "this program"))
+
+    def script(self) -> str:
+        """Return all PDOs of the node as a script for `dvtcli run`: a backup.
+
+        `Bus.script` has this program's changes.
+        """
+        from dvtcli.operations.session.save_script import script_of
+
+        return self._read(lambda node: script_of(self._calls.session, node.node_id))
+
+    def verify(
+        self, *pdos: str | Pdo, file: str | Path | None = None, frame: bool = False, yes: bool = False
+    ) -> Compared:
+        """Read PDOs and compare them with this program's changes, or with *file* (DCF or EDS); true if equal.
+
+        *frame* starts the node for a moment (needs *yes*) and checks a frame of each enabled TPDO. Raises UsageError if
+        there is nothing to compare.
+        """
+        from dvtcli.operations.devices.compare_device import compare_node
+
+        flags(frame=frame)
+        wanted, against = [pdo_of(pdo) for pdo in pdos], None if file is None else str(path("file", file))
+        return self._read(lambda node: compare_node(self._calls.session, node, wanted, against, frame=frame), yes=yes)
+
+    def backup(self, file: str | Path, *, twice: bool = False, yes: bool = False) -> tuple[str, ...]:
+        """Save every object of the node to *file*, a `.dcf` or, even without an EDS, a `.jsonl`.
+
+        Returns unreadable objects. *twice* as for `export`. Overwriting needs *yes*. Raises UsageError for another
+        suffix.
+        """
+        from dvtcli.operations.devices.backup_device import backup_device
+
+        flags(twice=twice)
+        chosen = str(path("file", file))
+        done = self._read(lambda node: backup_device(self._calls.session, chosen, node.node_id, twice=twice), yes=yes)
+        return tuple(entry["object"] for entry in dict(done.rows)["left_out"])
+
+    def compare(self, file: str | Path) -> WholeCompared:
+        """Compare the node's settings with a DCF, EDS, XDD, XDC or a backup; true if all are equal."""
+        from dvtcli.operations.devices.compare_device import compare_device
+
+        name = str(path("file", file))
+        return self._read(lambda node: compare_device(self._calls.session, name, node_id=node.node_id))
+
+    def canopen(self) -> RemoteNode:
+        """Return canopen's RemoteNode of this node, on the same bus and with the same EDS; always the same object.
+
+        Its SDO and calls of this API wait for each other. Its writes are neither checked nor rolled back, so check them
+        with `pdos` or `verify`. It receives frames until the bus is closed.
+        """
+        return self._canopen(self._node_id)
+
+    def export(self, file: str | Path, *, twice: bool = False, yes: bool = False) -> tuple[str, ...]:
+        """Export the node to *file*: its PDOs (.yaml), or its EDS with all configuration (.dcf).
+
+        Returns what the file lacks, unreadable or an incomplete PDO. *twice* reads each object of a DCF twice and
+        leaves out changed values. Overwriting needs *yes*. Raises UsageError for another suffix, or if the file cannot
+        be written.
+        """
+        from dvtcli.operations.exchange.export_file import export_file, is_of_all_nodes
+
+        flags(twice=twice)
+        chosen = str(path("file", file))
+        if is_of_all_nodes(chosen):
+            raise UsageError(f"{chosen} is of all nodes", hint="bus.export() writes it")
+        done = self._read(lambda node: export_file(self._calls.session, chosen, node.node_id, twice=twice), yes=yes)
+        left_out = dict(done.rows)["left_out"]
+        return tuple(entry["object"] if isinstance(entry, dict) else entry for entry in left_out)
+
+    def _read(self, work: Callable[[DeviceNode], T], *, yes: bool = False) -> T:
+        return self._calls.run(lambda: work(self._calls.session.node(self._node_id)), yes=yes)
+
+
+class ConfiguredNode(ReadNode):
+    """A node whose PDOs and objects can be changed; `Node` adds store, restore, NMT and more."""
+
+    def write(
+        self, object_: Object, value: Value, as_type: str | None = None, *, yes: bool = False, force: bool = False
+    ) -> Changed:
+        """Write an object by SDO download and verify it; if the read-back differs, the old value is restored.
+
+        Bytes are written as they are, other values as *as_type* or the type in the EDS, a text such as `48V` in its
+        unit. Raises UsageError for 0x1010 and 0x1011: use `store` and `restore`.
+        """
+        from dvtcli.operations.meanings.physical_meanings import meaning_of
+        from dvtcli.operations.objects.write_object import object_type, refuse_signature, write_bytes
+
+        def write(node: DeviceNode) -> Changed:
+            index, sub_index = object_of(node, object_)
+            refuse_signature(node, index)
+            kind = type_named(as_type) or object_type(node, index, sub_index)
+            meaning = meaning_of(node, index, sub_index)
+            data = bytes_of(kind, meaning, value, f"{index:04X}:{sub_index:02X}")
+            return write_bytes(self._calls.session, node, index, sub_index, data)
+
+        return self._change(write, yes=yes, force=force)
+
+    def map(
+        self,
+        pdo: str | Pdo,
+        *objects: Entry,
+        yes: bool = False,
+        force: bool = False,
+        **options: Unpack[PdoOptions],
+    ) -> Changed:
+        """Map *objects* into a PDO, in frame order, and enable it: as the command `map`."""
+        from dvtcli.operations.changes.change import configure
+
+        asked, wanted = request(options, enabled=True), pdo_of(pdo)
+
+        def work(node: DeviceNode) -> Changed:
+            mapped = tuple(entry_of(node, wanted_object) for wanted_object in objects)
+            return configure(self._calls.session, node, {wanted: replace(asked, objects=mapped)})
+
+        if not objects:
+            raise UsageError("which objects? 'statusword', '6C01:1', …")
+        return self._change(work, yes=yes, force=force)
+
+    def set(self, pdo: str | Pdo, *, yes: bool = False, force: bool = False, **options: Unpack[PdoOptions]) -> Changed:
+        """Set communication parameters of a PDO without its mapping, like the command `set`."""
+        from dvtcli.operations.changes.change import configure
+
+        if not options:
+            raise UsageError("nothing to set: give transmission_type, timer_ms, cob_id, …")
+        asked, wanted = request(options, enabled=None), pdo_of(pdo)
+        return self._change(lambda node: configure(self._calls.session, node, {wanted: asked}), yes=yes, force=force)
+
+    def enable(self, *pdos: str | Pdo, yes: bool = False, force: bool = False) -> Changed:
+        """Enable PDOs with the mapping they have, all or none."""
+        return self._switch(pdos, Switched(enabled=True), yes=yes, force=force)
+
+    def disable(self, *pdos: str | Pdo, yes: bool = False, force: bool = False) -> Changed:
+        """Disable PDOs, all or none; their mapping stays."""
+        return self._switch(pdos, Switched(enabled=False), yes=yes, force=force)
+
+    def clear(self, *pdos: str | Pdo | Literal["all"], yes: bool = False, force: bool = False) -> Changed:
+        """Disable PDOs and clear their mappings, all or none; `"all"` are PDOs with a changeable mapping."""
+        from dvtcli.operations.pdos.switch import clear_all
+
+        if pdos == ("all",):
+            return self._change(lambda node: clear_all(self._calls.session, node.node_id), yes=yes, force=force)
+        return self._switch(pdos, Cleared(), yes=yes, force=force)
+
+    def _switch(self, pdos: tuple[str | Pdo, ...], want: PdoWant, *, yes: bool, force: bool) -> Changed:
+        from dvtcli.operations.pdos.switch import switch
+
+        if not pdos:
+            raise UsageError("which PDO? 'tpdo1', …")
+        wanted = [pdo_of(pdo) for pdo in pdos]
+        return self._change(lambda node: switch(self._calls.session, node.node_id, wanted, want), yes=yes, force=force)
+
+    def undo(self, *, everything: bool = False, yes: bool = False, force: bool = False) -> Changed:
+        """Undo the last change of the node, or with *everything* all of them.
+
+        Changes are this program's; if there are none, or all are undone, those of earlier programs and commands on a
+        real bus. False, with `not_put_back`, if the node does not take its old values. Raises SafetyRefusal if the node
+        holds another value than the change left, UsageError if there is no change.
+        """
+        from dvtcli.operations.changes.undo import undo_on
+
+        flags(everything=everything)
+        return self._change(
+            lambda node: undo_on(self._calls.session, node.node_id, everything=everything), yes=yes, force=force
+        )
+
+    def tie(
+        self, group: str, pin: int | None, object_: str | int | None, *, yes: bool = False, force: bool = False
+    ) -> Changed | VpdoListing:
+        """Tie *pin* (1 and up) of a group of virtual PDOs to an object, by name or index; None unties it.
+
+        *pin* None, without an object, unties every pin of the group. If nothing changes, nothing is written, and the
+        result is that of `vpdo`. Raises UsageError for an unknown object or group, DvtcliError for an unknown pin.
+        """
+        from dvtcli.operations.pdos.virtual_pdo_ties import tie_pin
+
+        word("group", group, "the name of a group, such as 'digital-in'")
+        number_of = 0 if pin is None else whole("pin", pin, "a pin", 254, low=1)
+        if pin is None and object_ is not None:
+            raise UsageError("every pin of a group can be untied, not tied: give None as the object")
+        if isinstance(object_, int):
+            object_ = f"{whole('object_', object_, 'an index', 0xFFFF):04X}"
+        text = None if object_ is None else word("object_", object_, "an object's name or index: 'throttle', 0x2220")
+        session, node_id = self._calls.session, self._node_id
+        return self._change(lambda _: tie_pin(session, group, number_of, text, node_id), yes=yes, force=force)
+
+    def apply(
+        self, file: str | Path, *, include: Sequence[str] = (), yes: bool = False, force: bool = False
+    ) -> NetworkApplied:
+        """Write the differing configuration of *file*, a DCF, an XDC or a backup (.jsonl): all or nothing.
+
+        *include* are manufacturer-specific objects to write as well: `2001`, `2001:1` or `2000-2FFF`. Asks, unless
+        *yes*. Raises SafetyRefusal if the node is another product, or its power stage is enabled.
+        """
+        return self._apply_file(file, include, is_clone=False, yes=yes, force=force)
+
+    def clone(
+        self, file: str | Path, *, include: Sequence[str] = (), yes: bool = False, force: bool = False
+    ) -> NetworkApplied:
+        """Copy the configuration of another device of the same product from *file*, with the maker's objects.
+
+        Leaves out objects that a PDO can map, node-IDs, commands, outputs and passcodes. The result is false if a
+        differing setting was not written: the clone is incomplete.
+        """
+        return self._apply_file(file, include, is_clone=True, yes=yes, force=force)
+
+    def _apply_file(
+        self, file: str | Path, include: Sequence[str], *, is_clone: bool, yes: bool, force: bool
+    ) -> NetworkApplied:
+        from dvtcli.operations.devices.plan_device import DeviceOptions, apply_device
+
+        options, chosen = DeviceOptions(words("include", include), is_clone, (self.node_id,)), str(path("file", file))
+        return self._change(lambda _node: apply_device(self._calls.session, chosen, options), yes=yes, force=force)
+
+    def _change(self, work: Callable[[DeviceNode], T], *, yes: bool, force: bool) -> T:
+        calls = self._calls
+        return calls.run(lambda: work(calls.session.node(self._node_id)), changes=True, yes=yes, force=force)
 
 
 class Node(ConfiguredNode):
@@ -58,7 +412,7 @@ class Node(ConfiguredNode):
         *within_s* seconds until it was switched off and on. *if_changed* spares the EEPROM: sends nothing if the node
         still holds what it booted with.
         """
-        from dvtcli.operations.stores.store_restore import store_settings
+        from dvtcli.operations.changes.store_restore import store_settings
 
         flags(if_changed=if_changed)
         number("within_s", within_s, "a number of seconds, 0 or more")
@@ -76,7 +430,7 @@ class Node(ConfiguredNode):
 
     def restore(self, group: Group = "all", *, prove: bool = False, yes: bool = False, force: bool = False) -> Stored:
         """Restore the node's defaults (0x1011) with its next reset, which *prove* does at once; needs *yes*."""
-        from dvtcli.operations.stores.store_restore import restore_defaults
+        from dvtcli.operations.changes.store_restore import restore_defaults
 
         flags(prove=prove)
         chosen = group_of(group)
@@ -154,7 +508,7 @@ class Node(ConfiguredNode):
         Other nodes of the same atomic script are rolled back, too. None if no change was interrupted; false, with
         `not_put_back`, if the node does not take its old values.
         """
-        from dvtcli.operations.recover.recover_change import recover
+        from dvtcli.operations.changes.recover_change import recover
         from dvtcli.operations.results import Changed, ChangedNodes
 
         def finish(node: DeviceNode) -> Changed | None:
@@ -197,3 +551,6 @@ class Node(ConfiguredNode):
             yes=yes,
             force=force,
         )
+
+
+T = TypeVar("T")

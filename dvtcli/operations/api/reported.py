@@ -10,7 +10,7 @@ from dvtcli.operations.api.checks import number, path, whole, word
 from dvtcli.operations.user.options import BIT_RATES, Options
 
 if TYPE_CHECKING:
-    from dvtcli.operations.picture.gather import PictureOptions
+    from dvtcli.operations.network.draw_network import PictureOptions
 
 
 def report(
@@ -22,7 +22,7 @@ def report(
     *yes*. Raises InputFileError with all errors of *file*; UsageError for another suffix, or if *target* cannot be
     written.
     """
-    from dvtcli.operations.picture.draw_network import draw_network
+    from dvtcli.operations.network.draw_network import draw_network
     from dvtcli.operations.session.session import Session
 
     chosen, source, wishes = str(path("target", target)), str(path("file", file)), picture_wishes(title, bit_rate, None)
@@ -33,7 +33,7 @@ def report(
 
 def picture_wishes(title: str | None, bit_rate: int | None, for_s: float | None) -> PictureOptions:
     """How a program wants a picture, checked; UsageError for a wrong argument."""
-    from dvtcli.operations.picture.gather import PictureOptions
+    from dvtcli.operations.network.draw_network import PictureOptions
 
     if title is not None:
         word("title", title, "what stands at the top of the page")

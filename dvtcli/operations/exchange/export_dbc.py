@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import groupby
 from pathlib import Path
@@ -11,18 +12,18 @@ from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.frame import Field, byte_length, layout
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.meanings import NOTHING
-from dvtcli.domain.network.network_state import Identifier, NetworkState, NodeState, identifier_of
+from dvtcli.domain.network.network_state import SYNC_OVERFLOW, Identifier, NetworkState, NodeState, identifier_of
+from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.text import plural
-from dvtcli.errors import NoAnswer
+from dvtcli.errors import NoAnswer, UsageError
 from dvtcli.files.dbc_text import LONGEST_NAME, NOBODY, DbcMessage, DbcSignal, Names, dbc_bytes
 from dvtcli.operations.exchange.dbc_options import DbcOptions
-from dvtcli.operations.exchange.service_messages import service_messages
 from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
     from fractions import Fraction
 
     from dvtcli.domain.datatypes import DataType
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
     from dvtcli.domain.scaling import Scaling
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
-
 
 _WHOLE = (Kind.BOOLEAN, Kind.INTEGER, Kind.UNSIGNED)
 _NUMBERS = (Kind.BOOLEAN, Kind.INTEGER, Kind.UNSIGNED, Kind.REAL)
@@ -129,7 +129,6 @@ _MOST_BITS = 64
 _NODE_NAME = LONGEST_NAME - len("_TPDO512")
 #: transmission types sent at SYNC, and those sent by an event timer (CiA 301, table 72)
 _CYCLIC, _BY_EVENT = range(1, 241), (254, 255)
-
 #: an enabled PDO with its node
 _Held = tuple[NodeState, "Pdo", "PdoConfig"]
 
@@ -340,7 +339,7 @@ def convert_to_dbc(session: SessionUser, source: str, file: str, wishes: DbcOpti
     """
     from dvtcli.files.network.physical_keys import rules_by_node
     from dvtcli.operations.network.described_network import described_network
-    from dvtcli.operations.wanted.network_wish import read_wish
+    from dvtcli.operations.plans.network_wish import read_wish
 
     place_of(file, "NAME.dbc")
     wish = read_wish(source)
@@ -402,3 +401,86 @@ def messages_of(state: NetworkState, said: Mapping[int, Rules], wishes: DbcOptio
         node.node_id: meanings_of(node.profile, node.dictionary, [said.get(node.node_id, {})]) for node in state.nodes
     }
     return network_messages(state, meanings, wishes)
+
+
+_STATES = {state.value: "boot-up" if state is NmtState.INITIALISING else state.label.lower() for state in NmtState}
+#: position of an expedited SDO's bytes; others have only the first byte in common
+_SDO = (
+    DbcSignal("Command", 0, 8), DbcSignal("Object_index", 8, 16), DbcSignal("Sub_index", 24, 8),
+    DbcSignal("Data", 32, 32),
+)  # fmt: skip
+_EMCY = (
+    DbcSignal("Error_code", 0, 16), DbcSignal("Error_register", 16, 8), DbcSignal("Manufacturer_data", 24, 40),
+)  # fmt: skip
+
+
+def service_messages(state: NetworkState, names: Mapping[int, str], services: Collection[str]) -> list[DbcMessage]:
+    """Make the messages of *services*, from `SERVICES`; *names* by node-ID."""
+    return [message for service in SERVICES if service in services for message in _BY_SERVICE[service](state, names)]
+
+
+def _nmt(_state: NetworkState, names: Mapping[int, str]) -> Iterator[DbcMessage]:
+    every = tuple(names.values())
+    commands = {command.value: command.word for command in NmtCommand}
+    yield DbcMessage(0, False, "NMT", 2, NOBODY, (
+        DbcSignal("Command", 0, 8, values=commands, receivers=every),
+        DbcSignal("Node_ID", 8, 8, values={0: "all nodes"}, receivers=every),
+    ))  # fmt: skip
+
+
+def _sync(state: NetworkState, names: Mapping[int, str]) -> Iterator[DbcMessage]:
+    senders = [node for node in state.nodes if node.produces_sync]
+    periods_us = state.sync_periods_us
+    identifiers = dict.fromkeys(sender.sync for sender in senders or state.nodes)
+    counted = any((node.number(SYNC_OVERFLOW) or 0) > 1 for node in state.nodes)
+    signals = (DbcSignal("Counter", 0, 8, receivers=tuple(names.values())),) if counted else ()
+    for number, identifier in enumerate(identifiers):
+        yield DbcMessage(
+            *identifier, "SYNC" if not number else f"SYNC_{number + 1}", len(signals),
+            names[senders[0].node_id] if len(senders) == 1 else NOBODY, signals,
+            cycle_ms=round(periods_us[0] / 1000) if len(periods_us) == 1 else 0,
+        )  # fmt: skip
+
+
+def _emcy(state: NetworkState, names: Mapping[int, str]) -> Iterator[DbcMessage]:
+    for node in state.nodes:
+        if node.emcy is not None:
+            name = names[node.node_id]
+            yield DbcMessage(*node.emcy, f"{name}_EMCY", 8, name, _EMCY, f"emergency of node {node.node_id}")
+
+
+def _heartbeat(state: NetworkState, names: Mapping[int, str]) -> Iterator[DbcMessage]:
+    for node in state.nodes:
+        watching = tuple(names[other.node_id] for other in state.nodes if node.node_id in other.watched)
+        signals = (DbcSignal("State", 0, 7, values=_STATES, receivers=watching), DbcSignal("Toggle", 7, 1))
+        yield DbcMessage(
+            0x700 + node.node_id, False, f"{names[node.node_id]}_Heartbeat", 1, names[node.node_id], signals,
+            f"heartbeat of node {node.node_id}; the toggle bit is of guarding", node.heartbeat_ms,
+        )  # fmt: skip
+
+
+def _sdo(state: NetworkState, names: Mapping[int, str]) -> Iterator[DbcMessage]:
+    for node in state.nodes:
+        name, node_id = names[node.node_id], node.node_id
+        asked = tuple(DbcSignal(each.name, each.start, each.bits, receivers=(name,)) for each in _SDO)
+        yield DbcMessage(0x600 + node_id, False, f"{name}_SDO_Req", 8, NOBODY, asked, f"SDO to node {node_id}")
+        yield DbcMessage(0x580 + node_id, False, f"{name}_SDO_Ans", 8, name, _SDO, f"SDO from node {node_id}")
+
+
+_BY_SERVICE: dict[str, Callable[[NetworkState, Mapping[int, str]], Iterator[DbcMessage]]] = {
+    "nmt": _nmt, "sync": _sync, "emcy": _emcy, "heartbeat": _heartbeat, "sdo": _sdo,
+}  # fmt: skip
+#: the services by their words
+SERVICES = tuple(_BY_SERVICE)
+
+
+def services_of(text: str | None) -> tuple[str, ...]:
+    """The services in *text*, with commas between them; UsageError for a word that is none."""
+    words = tuple(word.strip().lower() for word in (text or "").split(",") if word.strip())
+    if odd := [word for word in words if word not in SERVICES]:
+        raise UsageError(
+            "no such service",
+            given={"services": odd[0]},
+            hint=Hint(Action.GIVE, {"services": ",".join(SERVICES)}, "{}, or some of these"),
+        )
+    return words

@@ -3,27 +3,48 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
-from dataclasses import replace
+import re
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
+from dvtcli.device.heartbeat_slots import heartbeat_slots
+from dvtcli.device.read_pdos import read_optional
 from dvtcli.domain.hint import Action, Hint, verbatim
-from dvtcli.domain.network.wanted_state import FileWord, NetworkWish
-from dvtcli.domain.text import plural
-from dvtcli.errors import UsageError
+from dvtcli.domain.mapping import MAX_PDO_BITS
+from dvtcli.domain.network.wanted_state import (
+    FileWord,
+    HeartbeatWatch,
+    NetworkWish,
+    NodeWish,
+    ObjectWish,
+    PdoWish,
+    PinWish,
+    ValueWish,
+    WantedIdentity,
+)
+from dvtcli.domain.object_dictionary import normalised
+from dvtcli.domain.object_syntax import MappedObject, resolve_entry
+from dvtcli.domain.profile import BitPolicy
+from dvtcli.domain.text import join_some, plural
+from dvtcli.errors import SdoAborted, UsageError
 from dvtcli.files.device_library.stored_files import stored_path
+from dvtcli.files.network.network_keys import OF, Where
 from dvtcli.files.network.write_network import write_network
-from dvtcli.operations.exchange.exported_objects import all_of
-from dvtcli.operations.exchange.exported_pdos import Exported, exported
-from dvtcli.operations.opening.simulated_nodes import file_or_family
+from dvtcli.operations.plans.resolve_names import following
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
+from dvtcli.operations.session.simulated_nodes import file_or_family
 from dvtcli.simulator.network.family_file import family_of
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
+    from dvtcli.domain.mapping import PdoMappingEntry
+    from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.pdo import Pdo, PdoConfig
+    from dvtcli.domain.ports import SdoReader
+    from dvtcli.domain.profile import DeviceProfile, VpdoGroup
     from dvtcli.operations.session.session_nodes import SessionNodes
 
 
@@ -111,3 +132,263 @@ def network_place(file: str, example: str) -> Path:
         )
         raise UsageError(f"{file}: a network file ends in .yaml", hint=hint)
     return place_of(file, example)
+
+
+def exported_pins(values: SdoReader, groups: Mapping[str, VpdoGroup]) -> Iterator[PinWish]:
+    """Yield the pins of each of *groups* by name, up to the last connected pin."""
+    for name, group in sorted(groups.items()):
+        try:
+            held = list(_held_words(values, group))
+        except SdoAborted:
+            continue  # what cannot be read is not compared either
+        while held and held[-1] == group.none:
+            held.pop()
+        for pin, value in enumerate(held, 1):
+            yield PinWish(name, pin, None if value == group.none else FileWord(f"{value:04X}"))
+
+
+def _held_words(values: SdoReader, group: VpdoGroup) -> Iterator[int]:
+    for pin in range(1, (read_optional(values, group.index, 0, 1) or 0) + 1):
+        value = read_optional(values, group.index, pin, 2)
+        if value is None:
+            return
+        yield value
+
+
+class NamedNode(Protocol):
+    """A node with object names."""
+
+    @property
+    def node_id(self) -> int:
+        """The node-ID."""
+        ...
+
+    @property
+    def title(self) -> str:
+        """The device's name."""
+        ...
+
+    @property
+    def dictionary(self) -> ObjectDictionary | None:
+        """The object dictionary."""
+        ...
+
+    @property
+    def profile(self) -> DeviceProfile:
+        """The family's profile."""
+        ...
+
+
+class PdoHolder(NamedNode, Protocol):
+    """A holder of PDOs: a node, or a file with its values."""
+
+    def identity(self) -> dict[str, int | None]:
+        """The identity (0x1018)."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Exported:
+    """A node for a network file: its PDOs, remarks on words, and PDOs left out."""
+
+    wish: NodeWish
+    remarks: dict[tuple[int, str], str]
+    left_out: tuple[str, ...]
+
+    @property
+    def left_out_note(self) -> str:
+        """Report what was left out; empty if nothing."""
+        if not self.left_out:
+            return ""
+        verb = "is no whole PDO" if len(self.left_out) == 1 else "are no whole PDOs"
+        return f"left out: {join_some(self.left_out)} {verb}, or multiplexed; the PDOs of the node show what is held"
+
+
+def exported(holder: PdoHolder, held: Mapping[Pdo, PdoConfig], values: SdoReader, said: Said) -> Exported:
+    """Convert the PDOs *held* of *holder*, and the objects in *values*, for a network file.
+
+    Usual values are included if *said*.
+    """
+    remarks: dict[str, str] = {}
+    wishes = tuple(_pdo(holder, pdo, config, remarks) for pdo, config in held.items() if is_whole(config))
+    found = exported_objects(values, holder.dictionary, said)
+    objects = sorted(found, key=lambda entry: (entry.index, entry.sub_index))
+    watches = tuple(exported_watches(values))
+    others = dict(exported_values(values, holder.dictionary, watches, holder.node_id, said))
+    remarks |= {other_pin.object.text: sense for other_pin, sense in others.items()}
+    wish = NodeWish(
+        title_word(holder), holder.node_id, _identity(holder), pdos=wishes, objects=tuple(objects),
+        values=tuple(others), watches=watches, pins=tuple(exported_pins(values, holder.profile.vpdo)),
+    )  # fmt: skip
+    left_out = tuple(pdo.label for pdo, config in held.items() if not is_whole(config))
+    return Exported(wish, {(holder.node_id, word): text for word, text in remarks.items()}, left_out)
+
+
+def is_whole(config: PdoConfig) -> bool:
+    """Tell whether a network file can have it: no MPDO, nothing unknown, each entry has a length."""
+    has_bits = all(1 <= entry.bits <= MAX_PDO_BITS for entry in config.mapping)
+    return config.mpdo is None and not config.inconsistency and has_bits
+
+
+def title_word(holder: NamedNode) -> str:
+    """Name the node in the file: device name and node-ID, to be unique."""
+    word = re.sub(r"[^a-z0-9_]", "", normalised(holder.title).replace(".", "_"))
+    return f"{word}_{holder.node_id}" if word and word[0].isalpha() else f"node_{holder.node_id}"
+
+
+def _identity(holder: PdoHolder) -> WantedIdentity:
+    """Return the kind of device, as the file may serve another of the same kind."""
+    found = holder.identity()
+    return WantedIdentity(found["vendor"] or None, found["product"] or None)
+
+
+def _pdo(holder: PdoHolder, pdo: Pdo, config: PdoConfig, remarks: dict[str, str]) -> PdoWish:
+    held = config.communication
+    cob_id = held.cob_id
+    named = bool(cob_id.can_id)  # a COB-ID of 0 that is off is no CAN-ID
+    unlike_others = cob_id.rtr_allowed and holder.profile.rtr_bit[pdo.direction] is BitPolicy.SET
+    return PdoWish(
+        pdo,
+        enabled=cob_id.valid,
+        cob_id=cob_id.can_id if named else None,
+        extended=cob_id.extended and named,
+        rtr_allowed=cob_id.rtr_allowed if not cob_id.rtr_allowed or unlike_others else None,
+        transmission_type=held.transmission_type,
+        inhibit_time=held.inhibit_time if pdo.is_tpdo else None,
+        event_timer=held.event_timer,
+        sync_start_value=held.sync_start_value if pdo.is_tpdo else None,
+        mapping=tuple(mapped_word(holder, entry, remarks) for entry in config.mapping),
+    )
+
+
+def mapped_word(holder: NamedNode, entry: PdoMappingEntry, remarks: dict[str, str]) -> FileWord:
+    """Name the entry by object name if unique, else by number; the other is the remark."""
+    name = "" if holder.dictionary is None else holder.dictionary.display_name(entry.index, entry.sub_index)
+    word = "" if entry.is_dummy else _named(holder, name, entry)
+    remarks[word or str(entry)] = f"skips {entry.bits} bits" if entry.is_dummy else str(entry) if word else name
+    return FileWord(word or str(entry))
+
+
+def _named(holder: NamedNode, name: str, entry: PdoMappingEntry) -> str:
+    """Return the name as one word, if the EDS resolves it to the object with the mapped length."""
+    word = normalised(name)
+    if not re.fullmatch(r"[a-z_][a-z0-9_]*", word) or holder.dictionary is None:
+        return ""
+    try:
+        found = resolve_entry(word, holder.dictionary, holder.profile.aliases)
+    except ValueError:
+        return ""  # the name of several objects
+    alone = found == MappedObject(entry.index, entry.sub_index)
+    described = holder.dictionary.entry(entry.index, entry.sub_index)
+    return word if alone and described is not None and described.bits == entry.bits else ""
+
+
+#: whether a file has an object, by index and sub-index, even with its usual value
+Said = Callable[[int, int], bool]
+_CONSUMER, _EMCY, _BEHAVIOUR = 0x1016, 0x1014, 0x1029
+#: bits 0 to 29 of a COB-ID: the CAN-ID and its 29-bit flag; EMCY of node-ID 0 (CiA 301, 7.3.5)
+_IDENTIFIER, _EMCY_BASE = 0x3FFF_FFFF, 0x80
+#: objects without a key: index, size in bytes, meaning
+_WITHOUT_KEY = {
+    (_EMCY, 4): "COB-ID of EMCY",
+    (0x1015, 2): "inhibit time of EMCY, 100 µs",
+    (0x1019, 1): "overflow of SYNC's counter",
+}
+#: default values (CiA 301, 7.5.2.5 to 7.5.2.15), which a file need not have
+_USUAL = {0x1005: (0x80, 0x8000_0080), 0x1006: (0,), 0x100C: (0,), 0x100D: (0,), 0x1012: (0x100, 0x8000_0100)}
+
+
+def all_of(dictionary: ObjectDictionary | None) -> Said:
+    """Export everything that a node has by its EDS: the file records its state."""
+    return lambda index, sub_index: dictionary is None or dictionary.entry(index, sub_index) is not None
+
+
+def values_of(dictionary: ObjectDictionary) -> Said:
+    """Export values in a DCF or XDC; nothing of an EDS."""
+
+    def said(index: int, sub_index: int) -> bool:
+        entry = dictionary.entry(index, sub_index)
+        return entry is not None and entry.value is not None
+
+    return said
+
+
+def exported_objects(values: SdoReader, dictionary: ObjectDictionary | None, said: Said) -> Iterator[ObjectWish]:
+    """Yield 0x1017 if present, and of the others those *said* or not at their usual value."""
+    for key in OF[Where.NODE].values():
+        if key.object is None:
+            continue
+        index, sub_index, size = key.object
+        held = _held(values, index, sub_index, size)
+        if held is None or _is_fixed(dictionary, index, sub_index):
+            continue
+        if held not in _USUAL.get(index, ()) or said(index, sub_index):
+            yield ObjectWish(key.name, index, sub_index, held.to_bytes(size, "little"))
+
+
+def exported_behaviours(values: SdoReader, dictionary: ObjectDictionary, said: Said) -> Iterator[ObjectWish]:
+    """Yield the error behaviours (0x1029) that are *said*."""
+    for entry in dictionary.entries():
+        place = entry.index, entry.sub_index
+        if place[0] == _BEHAVIOUR and place[1] and entry.access.writable and said(*place):
+            held = _held(values, *place, 1)
+            if held is not None:
+                yield ObjectWish("error_behavior", *place, bytes([held]))
+
+
+def exported_values(
+    values: SdoReader,
+    dictionary: ObjectDictionary | None,
+    watches: Collection[HeartbeatWatch],
+    node_id: int,
+    said: Said,
+) -> Iterator[tuple[ValueWish, str]]:
+    """Yield EMCY, SYNC counter and entries of 0x1016 except *watches*, if *said*, with their meaning.
+
+    They have no keys of their own. A default EMCY COB-ID of *node_id* follows the node-ID. Objects missing in the EDS
+    are left out: they could not be checked without the node.
+    """
+    for (index, size), sense in _WITHOUT_KEY.items():
+        held = _held(values, index, 0, size)
+        if held is not None and said(index, 0) and not _is_fixed(dictionary, index, 0):
+            is_own = index == _EMCY and held & _IDENTIFIER == _EMCY_BASE + node_id
+            text = following(held - node_id) if is_own else f"0x{held:X}" if size == 4 else str(held)
+            yield ValueWish(FileWord(f"{index:04X}:00"), FileWord(text)), sense
+    left = {(watch.producer, watch.time_ms) for watch in watches}
+    for sub_index, value in _slots(values).items():
+        producer, time_ms = value >> 16 & 0xFF, value & 0xFFFF
+        if (producer, time_ms) in left:
+            left.remove((producer, time_ms))
+        elif said(_CONSUMER, sub_index) and not _is_fixed(dictionary, _CONSUMER, sub_index):
+            sense = "watches nobody" if not value else "as it was held"
+            yield ValueWish(FileWord(f"{_CONSUMER:04X}:{sub_index:02X}"), FileWord(f"0x{value:X}")), sense
+
+
+def _held(values: SdoReader, index: int, sub_index: int, size: int) -> int | None:
+    """Return the value; None if absent or unreadable: not compared."""
+    try:
+        return read_optional(values, index, sub_index, size)
+    except SdoAborted:
+        return None
+
+
+def _slots(values: SdoReader) -> dict[int, int]:
+    try:
+        return heartbeat_slots(values)
+    except SdoAborted:
+        return {}
+
+
+def _is_fixed(dictionary: ObjectDictionary | None, index: int, sub_index: int) -> bool:
+    described = dictionary.entry(index, sub_index) if dictionary else None
+    return described is not None and not described.access.writable
+
+
+def exported_watches(values: SdoReader) -> Iterator[HeartbeatWatch]:
+    """Yield the used entries of 0x1016, one per producer, by node-ID."""
+    found: dict[int, int] = {}
+    for value in _slots(values).values():
+        producer, time_ms = value >> 16 & 0xFF, value & 0xFFFF
+        if time_ms and 1 <= producer <= 127:
+            found.setdefault(producer, time_ms)
+    yield from (HeartbeatWatch(producer, time_ms) for producer, time_ms in sorted(found.items()))

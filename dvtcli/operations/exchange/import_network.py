@@ -24,14 +24,20 @@ from dvtcli.files.input_file import read_input
 from dvtcli.files.nodelist import MOST_BYTES, SUFFIX, ListedNode, read_nodelist
 from dvtcli.files.profile.library import profile_of
 from dvtcli.files.unread_values import must_tell_values
-from dvtcli.operations.exchange.export_network import beside, exported_node, network_place
-from dvtcli.operations.exchange.exported_objects import all_of, exported_behaviours, values_of
-from dvtcli.operations.exchange.exported_pdos import exported
+from dvtcli.operations.exchange.export_network import (
+    all_of,
+    beside,
+    exported,
+    exported_behaviours,
+    exported_node,
+    network_place,
+    values_of,
+)
 from dvtcli.operations.exchange.written_network import FoundNode, write_found
 from dvtcli.operations.nodes.find_nodes import find_nodes
-from dvtcli.operations.opening.simulated_nodes import read_dictionary
+from dvtcli.operations.plans.chosen_nodes import tell_unknown_bit_rate
 from dvtcli.operations.session.save_script import ask_before_overwriting
-from dvtcli.operations.wanted.unknown_bit_rate import tell_unknown_bit_rate
+from dvtcli.operations.session.simulated_nodes import read_dictionary
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node

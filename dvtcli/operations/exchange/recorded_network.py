@@ -206,8 +206,8 @@ def _node_state(session: SessionUser, values: HeardValues, pdos: dict[Pdo, PdoCo
 def _dictionary(session: SessionUser, values: HeardValues) -> ObjectDictionary | None:
     """Return --eds if it may describe the node, else the file of its recorded identity (0x1018)."""
     from dvtcli.device.file_fits import unlike_file
-    from dvtcli.operations.opening.device_files import found_file, with_modules_of
-    from dvtcli.operations.opening.simulated_nodes import file_or_family
+    from dvtcli.operations.session.device_files import found_file, with_modules_of
+    from dvtcli.operations.session.simulated_nodes import file_or_family
     from dvtcli.operations.user.options import modules_of_node
 
     modules = modules_of_node(session.base.modules, values.node_id)

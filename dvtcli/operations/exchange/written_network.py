@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.ports import SdoReader
-    from dvtcli.operations.exchange.exported_pdos import Exported
+    from dvtcli.operations.exchange.export_network import Exported
     from dvtcli.operations.user.session_user import SessionUser
 
 

@@ -15,7 +15,7 @@ from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, SdoProtocolError
 from dvtcli.operations.frames.layouts import HEARD_S, mapping_of
 from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.operations.network.described_nodes import NETWORK_SUFFIXES
-from dvtcli.operations.sync.sync_frame import sync_frame
+from dvtcli.operations.pdos.sync import sync_frame
 from dvtcli.watch.decoder import Decoder, Layout, no_values, pdo_layouts
 from dvtcli.watch.frame_effect import Parties
 from dvtcli.watch.sdo_servers import SDO_SERVERS, server_name

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.ports import CanopenBus
     from dvtcli.operations.session.session_nodes import SessionNodes
-    from dvtcli.operations.user.reporter import Reporter
+    from dvtcli.operations.user.session_user import Reporter
     from dvtcli.watch.decoder import Address, Layout
 
 
@@ -97,7 +97,7 @@ def file_names(file: str) -> dict[int, str]:
     """Return the names of nodes by node-ID in *file*; none unless it is a network file."""
     if Path(file).suffix.lower() not in NETWORK_SUFFIXES:
         return {}
-    from dvtcli.operations.wanted.network_wish import read_wish
+    from dvtcli.operations.plans.network_wish import read_wish
 
     return {node.node_id: node.name for node in read_wish(file).nodes}
 

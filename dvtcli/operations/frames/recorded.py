@@ -36,7 +36,7 @@ def decoder_for(
     recording at *path* count, and other frames stay bytes.
     """
     from dvtcli.operations.frames.layouts import live_decoder
-    from dvtcli.operations.opening.simulated_nodes import file_or_family
+    from dvtcli.operations.session.simulated_nodes import file_or_family
     from dvtcli.watch.decoder import Decoder
 
     base = session.base
@@ -91,7 +91,7 @@ def _file_decoder(path: Path, nodes: tuple[int, ...], family: str | None, module
     from dvtcli.domain.network.network_state import IDENTITY_NAMES
     from dvtcli.files.profile.library import load_profile, profile_of
     from dvtcli.operations.meanings.physical_meanings import meanings_of
-    from dvtcli.operations.opening.simulated_nodes import read_dictionary
+    from dvtcli.operations.session.simulated_nodes import read_dictionary
     from dvtcli.operations.user.options import modules_of_node
     from dvtcli.watch.decoder import Decoder, pdo_layouts
     from dvtcli.watch.sdo_servers import described_servers

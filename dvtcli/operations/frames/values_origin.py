@@ -95,7 +95,7 @@ def _of_files(session: SessionUser, dbc: str | None) -> dict[str, str]:
     from hashlib import sha256
 
     from dvtcli.files.input_file import read_input
-    from dvtcli.operations.opening.simulated_nodes import file_or_family
+    from dvtcli.operations.session.simulated_nodes import file_or_family
 
     key, file = ("network_file", Path(dbc)) if dbc is not None else ("eds", None)
     if file is None and session.base.eds is not None:
@@ -109,7 +109,7 @@ def _of_file(dbc: str | None) -> dict[int, Mapping[str, int | None]]:
     """Return the identities of nodes in the network file *dbc*."""
     if dbc is None or Path(dbc).suffix.lower() not in (".yaml", ".yml"):
         return {}
-    from dvtcli.operations.wanted.network_wish import read_wish
+    from dvtcli.operations.plans.network_wish import read_wish
 
     return {node.node_id: asdict(node.identity) for node in read_wish(dbc).nodes}
 

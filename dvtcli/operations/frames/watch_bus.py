@@ -20,8 +20,8 @@ from dvtcli.watch.seen import FrameStore
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
-    from dvtcli.operations.opening.first_bus import Tell
     from dvtcli.operations.results import FrameSeen
+    from dvtcli.operations.session.bus_of_options import Tell
     from dvtcli.operations.session.session import Session
 
 

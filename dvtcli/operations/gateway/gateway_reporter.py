@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.gateway.line_client import LineClient
     from dvtcli.operations.results import BusEvent
     from dvtcli.operations.results.bus_events import GatewayHappening
-    from dvtcli.operations.user.reporter import Reporter
+    from dvtcli.operations.user.session_user import Reporter
 
 
 #: the only net

@@ -33,8 +33,8 @@ from dvtcli.errors import BusUnavailable, SafetyRefusal, UsageError
 from dvtcli.operations.gateway.gateway_reporter import NET, GatewayReporter
 from dvtcli.operations.gateway.gateway_work import GatewayWork
 from dvtcli.operations.gateway.line_client import MOST_LINES, LineClient
-from dvtcli.operations.opening.serve import address, is_loopback
 from dvtcli.operations.results import Facts
+from dvtcli.operations.session.serve import address, is_loopback
 from dvtcli.simulator.network.hub import Address, Hub
 
 if TYPE_CHECKING:

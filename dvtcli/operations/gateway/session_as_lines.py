@@ -14,10 +14,10 @@ from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.plan import PdoChange, Plan, ValueChange, alters, plan_pdo
 from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import UsageError
-from dvtcli.operations.consent.power_stage import refuse_powered
+from dvtcli.operations.changes.possible_stores import store_group
 from dvtcli.operations.results import Facts
+from dvtcli.operations.session.consent import refuse_powered
 from dvtcli.operations.session.save_script import ask_before_overwriting, ended_lines, make_file, place_of
-from dvtcli.operations.stores.possible_stores import store_group
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -32,7 +32,7 @@ def _read(file: str, modules: tuple[int, ...] | None = None) -> DeviceFile:
             hint="eds takes the path of an EDS, DCF, XDD or XDC, or a simulated family",
         ) from failed  # fmt: skip
     if modules is not None:
-        from dvtcli.operations.opening.simulated_nodes import must_have_modules
+        from dvtcli.operations.session.simulated_nodes import must_have_modules
 
         must_have_modules(read.dictionary, modules)
     return read
@@ -79,7 +79,7 @@ def _place(word: str) -> str:
 
     if exists(word):  # noqa: PTH110 - Path.exists raises OSError for a name that is too long
         return word
-    from dvtcli.operations.opening.simulated_nodes import file_or_family
+    from dvtcli.operations.session.simulated_nodes import file_or_family
 
     return str(file_or_family(word))
 

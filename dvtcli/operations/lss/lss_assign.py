@@ -12,12 +12,11 @@ from dvtcli.domain.lss_services import PARTS, LssAddress
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.text import join_some
 from dvtcli.errors import DvtcliError, NoAnswer, SafetyRefusal, UsageError
-from dvtcli.operations.lss.lss_find import lss_bus, scanned, selected, two_alike
-from dvtcli.operations.lss.lss_identity import Identity, in_words, who_is_there
+from dvtcli.operations.lss.lss_find import Identity, in_words, lss_bus, scanned, selected, two_alike, who_is_there
 from dvtcli.operations.lss.lss_node_id import consent_to_give, give, heard_ids, told_id
-from dvtcli.operations.lss.lss_store_all import all_back, prove_all, store_all
+from dvtcli.operations.lss.lss_store import all_back, prove_all, store_all
+from dvtcli.operations.plans.network_wish import read_wish
 from dvtcli.operations.results.lss_nodes import LssChanged, LssGiven, LssNode
-from dvtcli.operations.wanted.network_wish import read_wish
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.wanted_state import NodeWish, WantedIdentity

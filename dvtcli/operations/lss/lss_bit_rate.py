@@ -13,12 +13,11 @@ from dvtcli.domain.lss_services import ANSWER_ID, BIT_TIMINGS, PARTS, LssAddress
 from dvtcli.domain.nmt import UNCONFIGURED, NmtState
 from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SafetyRefusal, UsageError
-from dvtcli.operations.consent.reset_consent import refuse_reset
-from dvtcli.operations.lss.lss_find import lss_bus, scanned, selected, two_alike
-from dvtcli.operations.lss.lss_identity import Identity, require_on, who_is_there
+from dvtcli.operations.lss.lss_find import Identity, lss_bus, require_on, scanned, selected, two_alike, who_is_there
 from dvtcli.operations.lss.lss_node_id import BOOT_UP_S, forget, heard_ids, told_id
-from dvtcli.operations.lss.lss_store_all import store_again
+from dvtcli.operations.lss.lss_store import store_again
 from dvtcli.operations.results.lss_nodes import LssBitRate, LssGiven
+from dvtcli.operations.session.consent import refuse_reset
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import CanopenBus, Frame
@@ -297,7 +296,7 @@ def all_on_bus(session: SessionNodes, master: LssMaster, file: str | None = None
 
 
 def _refuse_others(file: str, there: Collection[int]) -> None:
-    from dvtcli.operations.wanted.network_wish import read_wish
+    from dvtcli.operations.plans.network_wish import read_wish
 
     wanted = {wish.node_id: wish.name for wish in read_wish(file).nodes}
     if others := [f"node {node_id}" for node_id in there if node_id not in wanted]:
@@ -507,7 +506,7 @@ def _way_back(bus: CanopenBus, bit_rate: int) -> int:
 def _require_readable(file: str | None) -> None:
     """Raises InputFileError if the network *file* is invalid."""
     if file is not None:
-        from dvtcli.operations.wanted.network_wish import read_wish
+        from dvtcli.operations.plans.network_wish import read_wish
 
         read_wish(file)
 

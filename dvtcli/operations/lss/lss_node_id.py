@@ -9,11 +9,9 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.lss_services import LssAddress
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.errors import DvtcliError, LeftChanged, NoAnswer, SafetyRefusal, UsageError
-from dvtcli.operations.consent.other_master import refuse_other_master
-from dvtcli.operations.consent.reset_consent import consent_to_reset
-from dvtcli.operations.lss.lss_find import lss_bus, selected
-from dvtcli.operations.lss.lss_identity import answers, is_on, require_on
+from dvtcli.operations.lss.lss_find import answers, is_on, lss_bus, require_on, selected
 from dvtcli.operations.results.lss_nodes import LssChanged, LssGiven
+from dvtcli.operations.session.consent import consent_to_reset, refuse_other_master
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.lss_master import LssMaster
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, as_hint
+from dvtcli.domain.nmt import UNCONFIGURED
+from dvtcli.domain.text import join_some
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SafetyRefusal
-from dvtcli.operations.consent.other_master import refuse_other_master
-from dvtcli.operations.consent.reset_consent import consent_to_reset
-from dvtcli.operations.lss.lss_find import lss_bus, selected
-from dvtcli.operations.lss.lss_identity import address_of, require_on
-from dvtcli.operations.lss.lss_node_id import BOOT_UP_S, forget, told_id
+from dvtcli.operations.lss.lss_find import address_of, lss_bus, require_on, selected
+from dvtcli.operations.lss.lss_node_id import BOOT_UP_S, answering_now, forget, take_back, told_id
 from dvtcli.operations.results.lss_nodes import LssChanged, LssGiven
+from dvtcli.operations.session.consent import consent_to_reset, refuse_other_master
 
 if TYPE_CHECKING:
+    from dvtcli.domain.ports import CanopenBus
     from dvtcli.operations.session.session_nodes import SessionNodes
 
 
@@ -96,3 +98,157 @@ def _not_kept(master: LssMaster, given: LssGiven, failed: DvtcliError) -> LeftCh
         node=given.node_id, why=f"{failed.text}; {now}", state="left_changed",
         hint="lss scan and scan show who is there",
     )  # fmt: skip
+
+
+def store_all(
+    bus: CanopenBus, master: LssMaster, kept: Sequence[LssGiven], given: Sequence[LssGiven], steps: Sequence[LssGiven]
+) -> list[LssGiven]:
+    """Store the node-ID of each of *given*; raises after all have, and have stored, their state before *steps*.
+
+    The unchanged nodes *kept* come first: their earlier stored node-ID is unknown, and cannot be restored. LeftChanged
+    says who has stored, and which node-ID each node has.
+    """
+    stored: list[LssGiven] = []
+    for slave in (everybody := [*kept, *given]):
+        try:
+            stored.append(store(master, slave))
+        except DvtcliError as failed:
+            failed.node = slave.node_id
+            refused = isinstance(failed, DeviceRefused)
+            failed.details.append(("refused" if refused else "silent", _who(slave)))
+            if stored:
+                failed.details.append(("stored", join_some([_who(other) for other in stored])))
+            if slave in kept:
+                raise _partly_stored(bus, master, stored, everybody, steps, failed) from failed
+            doubtful = [] if refused else [slave]
+            raise _unstored(bus, master, kept, [*stored[len(kept) :], *doubtful], steps, failed) from failed
+    return stored
+
+
+def prove_all(session: SessionNodes, master: LssMaster, stored: Sequence[LssGiven]) -> list[LssGiven]:
+    """Reset each of *stored*, and verify its node-ID; an error names the nodes not checked."""
+    proved: list[LssGiven] = []
+    for number, slave in enumerate(stored, 1):
+        try:
+            proved.append(prove_by_reset(session, master, slave))
+        except DvtcliError as failed:
+            if proved:
+                failed.details.append(("proved", join_some([_who(other) for other in proved])))
+            if stored[number:]:
+                failed.details.append(
+                    ("stored", f"{join_some([_who(other) for other in stored[number:]])}, not proved")
+                )
+            raise
+    return proved
+
+
+def all_back(
+    bus: CanopenBus, master: LssMaster, done: Sequence[LssGiven], failed: DvtcliError, *, at: LssGiven | None = None
+) -> DvtcliError:
+    """Return *failed* after those *done* have their old state; LeftChanged with each node's state if not.
+
+    *at* is the node that failed, None: after all.
+    """
+    stuck: list[str] = []
+    for slave in reversed(done):
+        try:
+            take_back(bus, master, slave)
+        except DvtcliError as silent:
+            stuck.append(f"{slave.name}: {silent.text}")
+    if not stuck and not isinstance(failed, LeftChanged):
+        if done and failed.state == "rolled_back":
+            failed.state_text = "all have the node-IDs they had before, nothing is stored"
+        return failed
+    why = "; ".join([*([failed.why] if failed.why else []), *stuck])
+    error = LeftChanged(failed.text, node=failed.node, why=why, state="left_changed")
+    error.details += [*failed.details, *_who_has_what(bus, master, [*done, *([at] if at else [])])]
+    error.hint = Hint(Action.LSS_SCAN, why="nothing is stored: switch those with a new node-ID off and on, then {}")
+    return error
+
+
+def _who_has_what(bus: CanopenBus, master: LssMaster, done: Sequence[LssGiven]) -> list[tuple[str, str]]:
+    """List each node's current node-ID by LSS and SDO, as lines of an error."""
+    lines: list[tuple[str, str]] = []
+    for address, before in {slave.address: slave.before for slave in reversed(done)}.items():
+        name, last = next((slave.name, slave) for slave in reversed(done) if slave.address == address)
+        try:
+            now = f"has node-ID {told_id(selected(master, address))}"
+        except DvtcliError as silent:
+            now = f"has a node-ID that is not known ({silent.text})"
+        master.let_wait()
+        seen = answering_now(bus, replace(last, before=before))
+        lines.append(("now", f"{name} {now}, before {told_id(before)}; {seen}"))
+    return lines
+
+
+def _partly_stored(
+    bus: CanopenBus, master: LssMaster, stored: Sequence[LssGiven], kept: Sequence[LssGiven], steps: Sequence[LssGiven],
+    failed: DvtcliError,
+) -> DvtcliError:  # fmt: skip
+    """Return *failed* if an unchanged node did not store, after the others were rolled back."""
+    error = all_back(bus, master, steps, failed)
+    if error is failed and not stored and isinstance(failed, DeviceRefused):
+        failed.state = "unchanged"
+        failed.state_text = "all have the node-IDs they had before, nothing new is stored"
+        return failed
+    done = {slave.address for slave in stored}
+    others = [slave for slave in kept if slave.address not in done and slave.before == slave.node_id]
+    if error is failed:
+        error = LeftChanged(failed.text, node=failed.node, why=failed.why, state="left_changed")
+        error.details += failed.details
+        error.hint = store_again([other.node_id for other in others], "before the power goes: the same words again, or")
+    error.details.append(
+        ("unknown", f"{join_some(other.name for other in others)} may have another node-ID after the next power-on")
+    )
+    return error
+
+
+def _unstored(
+    bus: CanopenBus, master: LssMaster, kept: Sequence[LssGiven], stored: Sequence[LssGiven], steps: Sequence[LssGiven],
+    failed: DvtcliError,
+) -> DvtcliError:  # fmt: skip
+    """Return *failed* after all have their state before *steps*, stored if they may have *stored* another."""
+    error = all_back(bus, master, steps, failed)
+    left: list[str] = []
+    for slave in stored:
+        try:
+            store(master, replace(slave, node_id=slave.before))
+        except DvtcliError as stuck:
+            left.append(f"{_who(slave)} may have node-ID {slave.node_id} stored: {stuck.text}")
+    if error is failed and not left:
+        failed.state = "rolled_back"
+        again = f"; {join_some([stored_slave.name for stored_slave in stored])} stored that again" if stored else ""
+        again += f"; {join_some([kept_slave.name for kept_slave in kept])} stored what it had" if kept else ""
+        failed.state_text = f"all have the node-IDs they had before{again}; nobody keeps a new one"
+        failed.hint = Hint(
+            Action.GIVE, {"store": True}, "the same words without {} give the new node-IDs, until the power goes"
+        )
+        return failed
+    why = "; ".join([*([error.why] if error is not failed and error.why else []), *left])
+    changed = LeftChanged(failed.text, node=failed.node, why=why, state="left_changed")
+    changed.details += error.details
+    who = Hint(Action.LSS_SCAN, why="before the power goes: {}")
+    who += Hint(Action.FIND_NODES, why=" and {} show who has which node-ID, then")
+    changed.hint = store_again([stored_slave.before for stored_slave in stored], who)
+    return changed
+
+
+def store_again(node_ids: Sequence[int], first: Hint | str) -> Hint:
+    """Suggest *first*, then or else a store on *node_ids*, as a single command if many."""
+    known = [node_id for node_id in node_ids if node_id != UNCONFIGURED]
+    one_by_one: list[int | None] = [*known] if len(known) <= _SINGLY else [None]
+    hint = as_hint(first)
+    if node_ids and not known:
+        return hint + " let these have a node-ID anew, and store it"
+    for number, node_id in enumerate(one_by_one):
+        arguments = {} if node_id is None else {"of": node_id}
+        hint += Hint(Action.LSS_STORE, arguments, ", {}" if number else " {}")
+    return hint
+
+
+#: up to this number of nodes, a hint has a store command for each
+_SINGLY = 3
+
+
+def _who(one: LssGiven) -> str:
+    return f"{one.name} (node-ID {told_id(one.node_id)}, before {told_id(one.before)})"

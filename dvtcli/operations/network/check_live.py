@@ -6,20 +6,15 @@ The rules are in `domain/network/check`.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.check.checked_network import CheckedNetwork
-from dvtcli.domain.network.network_state import (
-    BOOT_TIME,
-    IDENTITY,
-    NMT_STARTUP,
-    NetworkState,
-    NodeState,
-)
+from dvtcli.domain.network.network_state import BOOT_TIME, IDENTITY, NMT_STARTUP, NetworkState, NodeState
 from dvtcli.domain.text import plural
-from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, UsageError
+from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.network.check_networks import (
     CheckOptions,
     asked_rules,
@@ -27,11 +22,13 @@ from dvtcli.operations.network.check_networks import (
     chosen_rules,
     findings_of,
 )
+from dvtcli.operations.network.described_network import DeviceWord, simulated_word
 from dvtcli.operations.network.described_nodes import described_nodes
-from dvtcli.operations.network.eds_by_identity import words_on_bus
 from dvtcli.operations.network.live_network import heard_traffic, live_state, refuse_without_bus
+from dvtcli.operations.plans.identify_nodes import identify_nodes, is_wanted
+from dvtcli.operations.plans.network_wish import read_wish
 from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkReport, NetworksChecked
-from dvtcli.operations.wanted.network_wish import read_wish
+from dvtcli.simulator.network.family_file import family_of
 from dvtcli.watch.decoder import Decoder
 from dvtcli.watch.recording.frame_problems import LENGTH
 from dvtcli.watch.recording.recording_rules import RecordingCheck
@@ -41,9 +38,8 @@ from dvtcli.watch.recording.stream_problems import LOAD
 if TYPE_CHECKING:
     from dvtcli.domain.lint.lint_rule import LintRule
     from dvtcli.domain.network.heard_traffic import HeardTraffic
-    from dvtcli.domain.network.wanted_state import NetworkWish
+    from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish
     from dvtcli.domain.ports import Frame
-    from dvtcli.operations.network.described_network import DeviceWord
     from dvtcli.operations.session.session_nodes import SessionNodes
 
 #: How long a bus is listened to: most heartbeats come once a second or faster, SYNC much faster.
@@ -273,3 +269,39 @@ def _one_with_live(node: NodeState, live: NodeState | None) -> NodeState:
         return replace(node, numbers=kept)
     said = {place: value for place, value in live.numbers.items() if place[0] in _OF_ITSELF}
     return replace(node, numbers={**kept, **said}, downloads=live.downloads)
+
+
+def words_on_bus(session: SessionNodes, file: str, wish: NetworkWish) -> dict[int, DeviceWord]:
+    """Return what describes each node of *wish* whose EDS only its identity tells.
+
+    Silent nodes and other devices than in the file are left out.
+    """
+    found: dict[int, DeviceWord] = {}
+    for node in _untold(file, wish):
+        with suppress(NoAnswer, SdoAborted, SdoProtocolError):
+            if is_wanted(session.network.node(node.node_id), node.identity):
+                found |= _word(session, node.node_id)
+    return found
+
+
+def words_of_present(session: SessionNodes, file: str, wish: NetworkWish) -> dict[int, DeviceWord]:
+    """Return what describes the nodes as `words_on_bus`, but raise for a silent node or another device, as a plan does.
+
+    A node without a word has no EDS, rather than no power.
+    """
+    with session.network.as_it_was_if_refused():
+        met = identify_nodes(session, file, replace(wish, nodes=tuple(_untold(file, wish)), links=()))
+        met.end()
+    return {node_id: word for node in met.nodes for node_id, word in _word(session, node).items()}
+
+
+def _untold(file: str, wish: NetworkWish) -> list[NodeWish]:
+    return [node for node in wish.nodes if simulated_word(file, node) is None]
+
+
+def _word(session: SessionNodes, node_id: int) -> dict[int, DeviceWord]:
+    files = session.network.files
+    path = files.eds_path(node_id)
+    return (
+        {} if path is None else {node_id: DeviceWord(family_of(path) or str(path), files.modules(node_id, path) or ())}
+    )

@@ -13,9 +13,9 @@ from dvtcli.domain.lint.lint_rule import ERROR, LintRule
 from dvtcli.domain.network.wanted_state import FileNote
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 from dvtcli.operations.network.described_network import unknown_names
+from dvtcli.operations.plans.network_wish import read_wish
 from dvtcli.operations.results.checked_files import FileRule, rules_among
 from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkReport, NetworksChecked
-from dvtcli.operations.wanted.network_wish import read_wish
 
 if TYPE_CHECKING:
     from dvtcli.domain.file_complaint import FileComplaint
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.rules.finding import Finding
     from dvtcli.files.network.file_log import FileLog
     from dvtcli.operations.network.described_network import DeviceWord
-    from dvtcli.operations.user.reporter import Reporter
+    from dvtcli.operations.user.session_user import Reporter
 
 
 #: Rules about files instead of states.
@@ -111,9 +111,8 @@ def change_rules() -> tuple[LintRule, ...]:
         raw_write,
         whole_pdo,
     )
-    from dvtcli.operations.plans import plan_network
-    from dvtcli.operations.stores import possible_stores
-    from dvtcli.operations.wanted import linked_wishes, missing_objects, stamping
+    from dvtcli.operations.changes import possible_stores
+    from dvtcli.operations.plans import linked_wishes, missing_objects, plan_network, stamping
 
     files = (
         can_id, communication, described_step, entry_length, mappable, mapped_object, no_way_back, producer, raw_write,
@@ -162,7 +161,7 @@ def _described(file: str, wish: NetworkWish) -> Iterator[FileNote]:
 def _undescribed(state: NetworkState) -> Iterator[FileNote]:
     """Note the nodes of *state* without a description, if any."""
     from dvtcli.domain.network.wanted_state import NOWHERE, FileNote
-    from dvtcli.operations.wanted.network_wish import skipped_rules
+    from dvtcli.operations.plans.network_wish import skipped_rules
 
     if state.untold:
         marks = [node.mark for node in state.nodes if node.node_id in state.untold]

@@ -34,19 +34,18 @@ from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.read_network import network_text
 from dvtcli.files.unread_values import must_tell_values
 from dvtcli.operations.network.described_network import DeviceWord, simulated_word, simulation_of, words_of
+from dvtcli.operations.plans.network_wish import read_wish
 from dvtcli.operations.plans.plan_network import plan_wish
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
 from dvtcli.operations.session.session import Session
-from dvtcli.operations.wanted.network_wish import read_wish
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.network_plan import NodePlan
     from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.rules import Finding
-    from dvtcli.operations.user.reporter import Reporter
-    from dvtcli.operations.user.session_user import SessionUser
+    from dvtcli.operations.user.session_user import Reporter, SessionUser
 
 #: Maximum length read (bytes): 0x1F22 is a DOMAIN of some kB.
 _MOST_BYTES = 1 << 20

@@ -35,17 +35,17 @@ from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.read_network import network_text
 from dvtcli.operations.meanings.named_objects import is_name
 from dvtcli.operations.plans.network_states import network_after, network_state, with_link_marks, with_wish
+from dvtcli.operations.plans.network_wish import eds_of, read_wish
+from dvtcli.operations.plans.resolve_names import pdo_request
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
-from dvtcli.operations.wanted.network_wish import eds_of, read_wish
-from dvtcli.operations.wanted.resolve_names import pdo_request
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.network.network_plan import NetworkPlan
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.files.device_library.match import Match
-    from dvtcli.operations.user.reporter import Reporter
+    from dvtcli.operations.user.session_user import Reporter
 
 
 def guessed_mappings(node: NodeState, wish: NodeWish, word: str) -> Mapping[Pdo, str]:

@@ -21,7 +21,7 @@ def network_wish(file: str | None) -> NetworkWish | None:
     """Read the network file *file*, known by its suffix; None for a DBC file, and for none. Raises as its reading."""
     if file is None or Path(file).suffix.lower() not in NETWORK_SUFFIXES:
         return None
-    from dvtcli.operations.wanted.network_wish import read_wish
+    from dvtcli.operations.plans.network_wish import read_wish
 
     return read_wish(file)
 
@@ -38,7 +38,7 @@ def described_nodes(
     known = {} if file is None or wish is None else _network_nodes(file, wish)
     offline: list[KnownNode] = []
     if session.base.eds is not None:
-        from dvtcli.operations.opening.device_files import offline_dictionaries
+        from dvtcli.operations.session.device_files import offline_dictionaries
 
         offline = [
             KnownNode(dictionary, meanings_of(profile, dictionary))
@@ -60,7 +60,7 @@ def _network_nodes(file: str, wish: NetworkWish) -> dict[int, KnownNode]:
     """Return the nodes of the network *file*, read as *wish*, of which nothing is planned."""
     from dvtcli.files.network.physical_keys import rules_by_node
     from dvtcli.operations.network.described_network import simulation_of, words_of
-    from dvtcli.operations.opening.device_files import offline_dictionaries
+    from dvtcli.operations.session.device_files import offline_dictionaries
 
     own, words = rules_by_node(wish.nodes), words_of(file, wish)
     devices = offline_dictionaries(simulation_of(words))

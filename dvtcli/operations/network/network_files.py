@@ -15,15 +15,15 @@ from dvtcli.domain.network.network_plan import NetworkPlan
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.plan_file import is_network_plan, read_network_plan
 from dvtcli.operations.changes.change import names, understood
+from dvtcli.operations.changes.possible_stores import refuse_impossible_stores
+from dvtcli.operations.devices.held_device import is_about_device
 from dvtcli.operations.network.network_load import load_after
+from dvtcli.operations.plans.chosen_nodes import tell_unknown_bit_rate
 from dvtcli.operations.plans.judge_network import checked
+from dvtcli.operations.plans.network_wish import read_wish
 from dvtcli.operations.plans.plan_network import checked_network, plan_network
 from dvtcli.operations.results.networks import NetworkPlanned
 from dvtcli.operations.session.save_script import make_file
-from dvtcli.operations.stores.possible_stores import refuse_impossible_stores
-from dvtcli.operations.wanted.network_wish import read_wish
-from dvtcli.operations.wanted.unknown_bit_rate import tell_unknown_bit_rate
-from dvtcli.operations.whole_device.device_suffix import is_about_device
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -148,7 +148,7 @@ def _new_plan(
         return plan_network(session, file, trust_stamp=trust_stamp, as_far=as_far)
     if trust_stamp:
         raise UsageError("only nodes of a network file have its stamp", given={"trust_stamp": True})
-    from dvtcli.operations.whole_device.plan_device import DeviceOptions, plan_device
+    from dvtcli.operations.devices.plan_device import DeviceOptions, plan_device
 
     return plan_device(session, file, DeviceOptions(include))
 

@@ -90,8 +90,8 @@ def _state(session: Session, file: str | None, measured: Measured | None) -> Net
         return described_network(file, session.tell)
     from dvtcli.files.network.file_log import FileLog
     from dvtcli.files.network.read_network import network_text
+    from dvtcli.operations.plans.network_wish import read_wish
     from dvtcli.operations.plans.plan_network import plan_wish
-    from dvtcli.operations.wanted.network_wish import read_wish
 
     wish = read_wish(file)
     plan = plan_wish(session, wish, FileLog(file, network_text(file)))

@@ -20,12 +20,12 @@ from dvtcli.domain.stamp import DATE, TIME
 from dvtcli.domain.text import plural
 from dvtcli.errors import SdoAborted, UsageError
 from dvtcli.operations.changes.change import names
+from dvtcli.operations.network.check_live import words_of_present
 from dvtcli.operations.network.concise_network import concise_dcfs
-from dvtcli.operations.network.eds_by_identity import words_of_present
+from dvtcli.operations.plans.chosen_nodes import named_nodes
 from dvtcli.operations.plans.judge_network import checked
+from dvtcli.operations.plans.network_wish import read_wish
 from dvtcli.operations.plans.plan_network import value_change
-from dvtcli.operations.wanted.chosen_nodes import named_nodes
-from dvtcli.operations.wanted.network_wish import read_wish
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import NodeDescription, ReadableNode

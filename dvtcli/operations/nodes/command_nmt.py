@@ -14,8 +14,8 @@ from dvtcli.domain.hint import Hint
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.profile import GENERIC
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
-from dvtcli.operations.consent.reset_consent import consent_to_reset, consent_to_reset_unheard
 from dvtcli.operations.results import Commanded
+from dvtcli.operations.session.consent import consent_to_reset, consent_to_reset_unheard
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node

@@ -77,7 +77,7 @@ def _listening(session: SessionNodes, *, listen_only: bool) -> Iterator[tuple[Ca
         with _lent(session, listen_only=listen_only) as bus:
             yield bus, ORDER
         return
-    from dvtcli.operations.opening.bus_of_options import listening_bus
+    from dvtcli.operations.session.bus_of_options import listening_bus
 
     session.require_settings()
     bus = listening_bus(session.base, ORDER[0], listen_only=listen_only)

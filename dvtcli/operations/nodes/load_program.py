@@ -17,10 +17,10 @@ from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.program import CRC32, PROGRAM_CONTROL, SOFTWARE_IDENTIFICATION, Stage
 from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, SdoAborted, UsageError, stopped_node
 from dvtcli.files.program_file import read_program
-from dvtcli.operations.consent.reset_consent import consent_to_reset
 from dvtcli.operations.objects.object_files import transfer_progress
 from dvtcli.operations.results.files import Facts
 from dvtcli.operations.results.nodes import ProgramLoaded
+from dvtcli.operations.session.consent import consent_to_reset
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node

@@ -42,7 +42,7 @@ def require_identity(
 
 def require_power_off(session: SessionNodes, node_id: int | None = None) -> Facts:
     """Raises SafetyRefusal if a statusword of a node (None: the selected node) shows an enabled power stage."""
-    from dvtcli.operations.consent.power_stage import refuse_powered
+    from dvtcli.operations.session.consent import refuse_powered
 
     node = session.node(node_id)
     refuse_powered(session, [node.node_id])

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.errors import UsageError
-from dvtcli.operations.opening.serve import LOOPBACK
 from dvtcli.operations.results import Facts
+from dvtcli.operations.session.serve import LOOPBACK
 
 if TYPE_CHECKING:
-    from dvtcli.operations.opening.serve import ServeRequest, Serving
+    from dvtcli.operations.session.serve import ServeRequest, Serving
     from dvtcli.operations.session.session import Session
 
 #: up to this number, nodes are named

@@ -12,7 +12,7 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.standard_objects import is_pdo_mapping, standard_name
 from dvtcli.domain.text import join_some
 from dvtcli.errors import SdoAborted, SdoProtocolError, UsageError
-from dvtcli.operations.meanings.named_objects import object_at
+from dvtcli.operations.meanings.named_objects import means_whole, object_at
 from dvtcli.operations.meanings.object_values import value_result
 from dvtcli.operations.results.values import EntryUnread, RecordRead
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.domain.datatypes import DataType
     from dvtcli.operations.results import ValueRead
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 _DOMAIN = BY_SHORT_NAME["domain"]
 #: maximum sub-index of a record (CiA 301, 7.4.1), and maximum entries of a PDO's mapping
@@ -103,3 +104,18 @@ def _is_domain(node: NodeDescription, index: int, sub_index: int) -> bool:
 def _name(node: NodeDescription, index: int, sub_index: int) -> str:
     known = node.dictionary.display_name(index, sub_index) if node.dictionary is not None else ""
     return known or standard_name(index, sub_index)
+
+
+def read_object(
+    session: SessionNodes, object_: str, data_type: DataType | None = None, node_id: int | None = None
+) -> ValueRead | RecordRead:
+    """Read *object_* (`6C01:1`, `statusword`…) of node *node_id* or the selected node.
+
+    *data_type* replaces the file's type. `1018` is the whole record, with *data_type* for each entry, `1018:0` its
+    highest sub-index. Raises UsageError for an unknown name, SdoAborted if the device refuses, NoAnswer if silent.
+    """
+    node = session.node(node_id)
+    if means_whole(node, object_):
+        return read_whole(node, object_, data_type)
+    index, sub_index = object_at(node, object_)
+    return value_result(node, index, sub_index, node.upload(index, sub_index), data_type)

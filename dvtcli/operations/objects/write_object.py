@@ -15,9 +15,9 @@ from dvtcli.domain.rules.finding import ERROR, Rule, error
 from dvtcli.domain.rules.raw_write import parameter_size
 from dvtcli.errors import DeviceRefused, DvtcliError, RuleError, UsageError
 from dvtcli.operations.changes.change import changed
+from dvtcli.operations.changes.store_restore import restore_defaults, store_settings
 from dvtcli.operations.meanings.object_values import type_of, value_words
 from dvtcli.operations.meanings.physical_meanings import how_to_write, meaning_of, typed_bytes
-from dvtcli.operations.stores.store_restore import restore_defaults, store_settings
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -48,7 +48,7 @@ def write_text(
 def write_bytes(session: SessionNodes, node: Node, index: int, sub_index: int, data: bytes) -> Changed:
     """Write and verify *data*; rolled back if the read-back differs. Asks first for 0x1F22."""
     if index == CONCISE_DCF and sub_index:
-        from dvtcli.operations.consent.concise_consent import consent_to_concise
+        from dvtcli.operations.session.consent import consent_to_concise
 
         consent_to_concise(session, node, sub_index, data)
     started = time.monotonic()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import Interrupted
-from dvtcli.operations.sync.sync_frame import sync_frame
+from dvtcli.operations.pdos.sync import sync_frame
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode

@@ -18,14 +18,13 @@ from dvtcli.domain.text import plural
 from dvtcli.operations.changes.change import keep_words
 from dvtcli.operations.changes.change_together import apply_together, complete
 from dvtcli.operations.changes.final_verify import AlsoClaimed, ClaimsAtStore
-from dvtcli.operations.consent.other_master import refuse_other_master
-from dvtcli.operations.consent.power_stage import refuse_powered
+from dvtcli.operations.changes.possible_stores import refuse_unprovable_stores
+from dvtcli.operations.changes.store_network import store_network
+from dvtcli.operations.pdos.sync import short_frames
 from dvtcli.operations.plans.claims import Claims, refuse_stale, steady
 from dvtcli.operations.plans.plan_network import with_unknown_syncs
 from dvtcli.operations.results.networks import NetworkApplied
-from dvtcli.operations.stores.possible_stores import refuse_unprovable_stores
-from dvtcli.operations.stores.store_network import store_network
-from dvtcli.operations.sync.unknown_sync import short_frames
+from dvtcli.operations.session.consent import refuse_other_master, refuse_powered
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

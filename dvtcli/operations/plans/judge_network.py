@@ -23,8 +23,8 @@ from dvtcli.domain.profile import Severity
 from dvtcli.domain.rules import check_pdo, errors_in
 from dvtcli.domain.rules.finding import Finding, finding_of
 from dvtcli.errors import RuleError
+from dvtcli.operations.plans.chosen_nodes import named_nodes
 from dvtcli.operations.results.failures import together
-from dvtcli.operations.wanted.chosen_nodes import named_nodes
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -188,7 +188,7 @@ def _doubted(node: NodeDescription, planned: NodePlan, *, force: bool) -> NodePl
     concise = {step.sub_index: step.after for step in steps if step.index == CONCISE_DCF and step.sub_index}
     if not concise:
         return planned
-    from dvtcli.operations.consent.concise_consent import concise_doubts
+    from dvtcli.operations.session.consent import concise_doubts
 
     doubt = concise_doubts(node, concise, force=force)
     return replace(planned, doubt="; ".join(filter(None, (planned.doubt, doubt))))

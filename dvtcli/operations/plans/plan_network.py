@@ -27,18 +27,17 @@ from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SdoP
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.read_network import network_text
 from dvtcli.operations.changes.change import names, understood
+from dvtcli.operations.changes.possible_stores import refuse_stores_of
+from dvtcli.operations.pdos.sync import short_frames, sync_note, unknown_syncs
+from dvtcli.operations.plans.chosen_nodes import named_nodes, of_nodes, tell_unknown_bit_rate
+from dvtcli.operations.plans.identify_nodes import IdentifiedNodes, identify_nodes
 from dvtcli.operations.plans.judge_network import in_objects, judged, judged_network, placed_in, refusals
+from dvtcli.operations.plans.linked_wishes import with_links
+from dvtcli.operations.plans.missing_objects import LackedOfWish, refuse_lacking, without_lacked
+from dvtcli.operations.plans.network_wish import read_wish, skipped_rules
+from dvtcli.operations.plans.resolve_names import NodeWants, node_wants
+from dvtcli.operations.plans.stamping import stamping, stamps_of, trusted
 from dvtcli.operations.results.failures import lacking_error, together
-from dvtcli.operations.stores.possible_stores import refuse_stores_of
-from dvtcli.operations.sync.unknown_sync import short_frames, sync_note, unknown_syncs
-from dvtcli.operations.wanted.chosen_nodes import named_nodes, of_nodes
-from dvtcli.operations.wanted.identify_nodes import IdentifiedNodes, identify_nodes
-from dvtcli.operations.wanted.linked_wishes import with_links
-from dvtcli.operations.wanted.missing_objects import LackedOfWish, refuse_lacking, without_lacked
-from dvtcli.operations.wanted.network_wish import read_wish, skipped_rules
-from dvtcli.operations.wanted.resolve_names import NodeWants, node_wants
-from dvtcli.operations.wanted.stamping import stamping, stamps_of, trusted
-from dvtcli.operations.wanted.unknown_bit_rate import tell_unknown_bit_rate
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -48,10 +47,10 @@ if TYPE_CHECKING:
     from dvtcli.domain.profile import ObjectAddress
     from dvtcli.domain.rules import Finding
     from dvtcli.domain.stamp import Stamp
+    from dvtcli.operations.pdos.sync import ShortFrames
     from dvtcli.operations.plans.judge_network import Placed
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.session.session_nodes import SessionNodes
-    from dvtcli.operations.sync.unknown_sync import ShortFrames
 
 RULES = (
     Rule("mapped-but-off", WARNING, "a network file gives a PDO a mapping or a timer, and it is off and stays off",

@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from dvtcli.errors import DvtcliError, UsageError
-from dvtcli.operations.opening.opened import Opened
+from dvtcli.operations.session.opened import Opened
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from dvtcli.device.nmt_gate import Gate
     from dvtcli.device.node import Node
     from dvtcli.device.wish import Wish
-    from dvtcli.operations.opening.bus_of_options import OpenBus
+    from dvtcli.operations.session.bus_of_options import OpenBus
     from dvtcli.operations.user.options import Options
-    from dvtcli.operations.user.reporter import Reporter
+    from dvtcli.operations.user.session_user import Reporter
 
 
 class Rehearse(Protocol):

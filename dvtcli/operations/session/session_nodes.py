@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from dvtcli.device.node import Node
     from dvtcli.domain.ports import CanopenBus
-    from dvtcli.operations.opening.open_network import Network
+    from dvtcli.operations.session.open_network import Network
     from dvtcli.operations.session.session import Record
 
 T = TypeVar("T")

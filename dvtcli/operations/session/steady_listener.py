@@ -5,18 +5,19 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from time import monotonic
 from typing import TYPE_CHECKING
 
 from dvtcli.errors import BusUnavailable
-from dvtcli.operations.opening.first_bus import Tell
-from dvtcli.operations.session.come_back import come_back, goes_on
+from dvtcli.operations.results.bus_events import BusEvent
+from dvtcli.operations.session.bus_of_options import Tell, gone
 from dvtcli.watch.listener import Listener
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import CanopenBus, Frame
     from dvtcli.operations.session.session import Session
-
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
 #: maximum difference of two clocks read one after the other (s)
 _APART_S = 1.0
@@ -139,3 +140,47 @@ class SteadyListener:
 def left_alone(name: str, slept_s: float) -> BusUnavailable:
     """Make the error for the bus *name* after the computer slept *slept_s* seconds without recording."""
     return BusUnavailable(f"{name} was left alone", why=f"this computer slept for {slept_s:.0f} s")
+
+
+def goes_on(session: SessionNodes, *, unasked: bool) -> bool:
+    """Tell whether a lost bus is waited for: with --reconnect, or *unasked*; never with --no-reconnect.
+
+    Simulated nodes of this process end with their bus.
+    """
+    options = session.options
+    return (unasked or options.reconnect) and not options.no_reconnect and not session.wire.simulated
+
+
+def come_back(
+    session: Session,
+    bus: CanopenBus,
+    failed: BusUnavailable,
+    stopping: Callable[[], bool],
+    tell: Tell | None = None,
+    between: Callable[[], AbstractContextManager[object]] = nullcontext,
+) -> bool:
+    """Wait until *bus*, which *failed*, can be reopened for the session; False as soon as *stopping*().
+
+    *tell* gets loss and return. The session changes inside *between*() only, while nobody uses its nodes. Returns at
+    once if somebody else reopened it.
+    """
+    tell = tell or session.tell.bus
+    began_s = monotonic()
+    event = gone(bus.name, failed)
+    tell(event)
+    with between():
+        if session.wire is not bus:
+            return True
+        session.leave_bus(event.text)
+    from dvtcli.bus.waiting import wait_for_bus
+
+    opened = wait_for_bus(session.bus_again, stopping)
+    if opened is None:
+        return False
+    with between():
+        if stopping() or session.wire is not bus:  # by now nobody needs it
+            opened.close()
+            return not stopping()
+        session.take_bus(opened)
+    tell(BusEvent(opened.name, time.time(), after_s=monotonic() - began_s))
+    return True

@@ -11,7 +11,7 @@ import pytest
 from dvtcli.domain.ports import Frame
 from dvtcli.operations.network.check_live import check_live
 from dvtcli.operations.network.check_networks import CheckOptions
-from dvtcli.operations.opening.simulated_nodes import simulated_device, simulated_nodes
+from dvtcli.operations.session.simulated_nodes import simulated_device, simulated_nodes
 from dvtcli.watch.recording.recording_rules import RECORDING_RULES
 from tests.commands.bench import Bench
 from tests.network_check.planted import concise

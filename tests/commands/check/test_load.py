@@ -12,8 +12,8 @@ import pytest
 from dvtcli.cli.view.answers.load_lines import load_lines
 from dvtcli.cli.view.lines import Line
 from dvtcli.operations.network.network_load import LoadOptions, load_after, network_load
-from dvtcli.operations.opening.simulated_nodes import simulated_device, simulated_nodes
 from dvtcli.operations.plans.plan_network import plan_network
+from dvtcli.operations.session.simulated_nodes import simulated_device, simulated_nodes
 from tests.commands.bench import Bench, Ran
 from tests.process import ROOT
 from tests.sample import heavy

@@ -14,8 +14,8 @@ from dvtcli.domain.ports import Frame
 from dvtcli.errors import DvtcliError
 from dvtcli.operations.frames.layouts import file_layouts
 from dvtcli.operations.network.described_network import described_network, described_pdos
-from dvtcli.operations.user.reporter import NullReporter
-from dvtcli.operations.wanted.network_wish import read_wish
+from dvtcli.operations.plans.network_wish import read_wish
+from dvtcli.operations.user.session_user import NullReporter
 from dvtcli.simulator.network.family_file import family_eds, family_names
 from dvtcli.watch.decoder import Decoder
 from dvtcli.watch.seen import FrameStore

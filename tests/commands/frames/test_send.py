@@ -14,7 +14,7 @@ from dvtcli.errors import BusUnavailable
 from dvtcli.operations.frames.send_frames import send_frames
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
-from dvtcli.operations.user.reporter import NullReporter
+from dvtcli.operations.user.session_user import NullReporter
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.watch.frame_effect import Parties, effects
 from dvtcli.watch.statistics import Lateness

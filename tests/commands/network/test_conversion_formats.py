@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.operations.conversions.conversion_format import ConversionFormat
-from dvtcli.operations.conversions.convert_file import conversion_formats
+from dvtcli.operations.exchange.convert_file import ConversionFormat, conversion_formats
 from tests.commands.bench import Bench
 from tests.house.source import PACKAGE
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.operations.exports.export_file import ExportFormat, export_formats
+from dvtcli.operations.exchange.export_file import ExportFormat, export_formats
 from tests.commands.bench import Bench
 from tests.process import documents, dvtcli
 

@@ -6,7 +6,7 @@ import pytest
 
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import UsageError
-from dvtcli.operations.opening.simulated_nodes import simulated_device, simulated_nodes
+from dvtcli.operations.session.simulated_nodes import simulated_device, simulated_nodes
 from dvtcli.operations.user.options import checked
 from dvtcli.simulator.device.refusal import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice

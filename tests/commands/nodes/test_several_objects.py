@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.operations.opening.simulated_nodes import simulated_device, simulated_nodes
+from dvtcli.operations.session.simulated_nodes import simulated_device, simulated_nodes
 from tests.bus.devices import device
 from tests.commands.bench import Bench
 from tests.virtual_time import VirtualTimeBus

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.domain.nmt import NmtCommand
-from dvtcli.operations.opening.simulated_nodes import simulated_device, simulated_nodes
+from dvtcli.operations.session.simulated_nodes import simulated_device, simulated_nodes
 from tests.commands.bench import Bench, beside
 from tests.sample import heavy
 from tests.small_eds import U16, U32, communication, plain, var

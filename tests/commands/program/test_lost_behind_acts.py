@@ -8,7 +8,7 @@ import pytest
 
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable
-from dvtcli.operations.opening.simulated_nodes import simulated_device, simulated_nodes
+from dvtcli.operations.session.simulated_nodes import simulated_device, simulated_nodes
 from tests.commands.bench import Bench, Ran
 from tests.virtual_time import VirtualTimeBus
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from dvtcli.operations.opening.simulated_nodes import simulated_device, simulated_nodes
+from dvtcli.operations.session.simulated_nodes import simulated_device, simulated_nodes
 from tests.commands.bench import Bench, Ran
 from tests.commands.program.test_lost_behind_acts import CutBus
 from tests.sample import part

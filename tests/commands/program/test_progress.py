@@ -19,7 +19,7 @@ from dvtcli.operations.known_devices.learn_device import learn
 from dvtcli.operations.results import LearntDevice
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
-from dvtcli.operations.user.reporter import NullReporter
+from dvtcli.operations.user.session_user import NullReporter
 from tests.posix import NO_TERMINAL
 from tests.sample import heavy
 

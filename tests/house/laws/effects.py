@@ -22,7 +22,7 @@ MAY_READ_AND_SEND: dict[str, dict[str, str]] = {
         "operations/frames/transmit_rows.py": "reads the mapping of a PDO by its name",
     },
     "pdo": {"operations/changes/change.py": "`pdo edit` shows its plan, and `undo` reverts it"},
-    "sync": {"operations/sync/produce_sync.py": "SYNC changes nothing that a node holds"},
+    "sync": {"operations/pdos/produce_sync.py": "SYNC changes nothing that a node holds"},
     "verify": {"operations/pdos/look_at_frames.py": "the same, and the NMT state goes back to what it was"},
 }
 #: what carries plans out by a method of the node, which imports do not show

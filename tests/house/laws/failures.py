@@ -20,7 +20,7 @@ MAY_EXIT = (
 MAY_INTERRUPT = (
     "cli/dvt/tcl_run.py", "cli/scripts/script.py", "cli/prompt/terminal.py",
     "cli/conversation.py", "cli/each_node.py", "cli/live_lines.py",
-    "operations/stores/store_restore.py", "operations/gateway/serve_gateway.py",
+    "operations/changes/store_restore.py", "operations/gateway/serve_gateway.py",
     "operations/api/calls.py",
 )  # fmt: skip
 #: where whatever happens must be turned into something else, with what for
@@ -52,7 +52,7 @@ MAY_LEAVE_UNSAID = {
     "operations/changes/change.py": "nobody knows: the store itself will say",
     "operations/exchange/import_network.py": "read ahead: it is said where it is needed",
     "operations/plans/plan_network.py": "the same",
-    "operations/wanted/missing_objects.py": "the same",
+    "operations/plans/missing_objects.py": "the same",
     "operations/lss/lss_bit_rate.py": "what failed first is said; it names who does not take the old bit rate",
     "operations/network/check_live.py": "without its links the file makes nothing to compare; its faults are said",
 }

@@ -49,7 +49,7 @@ MAY_SEND = {
     "device/quirks/reversed_entries.py": "a plan's writes in the order of old firmware",
     "device/quirks/fixed_count.py": "a plan's writes with a count that stays",
     "device/error_history.py": "emptying the error history, and the position in a family's own list",
-    "operations/sync/produce_sync.py": "SYNC",
+    "operations/pdos/produce_sync.py": "SYNC",
     "operations/frames/put_on_bus.py": "what send and replay were told to send, under consent",
     "operations/pdos/look_at_frames.py": "SYNC, and the way back to STOPPED",
     "operations/nodes/command_nmt.py": "NMT commands",

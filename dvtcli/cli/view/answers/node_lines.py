@@ -166,7 +166,7 @@ def _node_detail(row: NodeRow) -> Iterator[Line]:
 
 def _found_by(row: NodeRow) -> str:
     """Return the reason for the choice of the file, if not obvious."""
-    from dvtcli.operations.opening.simulated_nodes import SIMULATED
+    from dvtcli.operations.session.simulated_nodes import SIMULATED
 
     return "" if row.eds_why == SIMULATED else row.eds_why
 

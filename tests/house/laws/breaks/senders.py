@@ -34,9 +34,9 @@ BREAKS = [
     ),
     Break("senders", "operations/nodes/helper.py", "from dvtcli.device.store import store_parameters"),
     Break(
-        "senders", "operations/nodes/helper.py", "from dvtcli.operations.stores.store_restore import write_signature"
+        "senders", "operations/nodes/helper.py", "from dvtcli.operations.changes.store_restore import write_signature"
     ),
-    Break("senders", "operations/nodes/helper.py", "from dvtcli.operations.stores.store_restore import *"),
+    Break("senders", "operations/nodes/helper.py", "from dvtcli.operations.changes.store_restore import *"),
     Break("senders", "operations/nodes/helper.py", "from dvtcli.operations.nodes.command_nmt import *"),
     Break(
         "senders",
@@ -69,7 +69,7 @@ BREAKS = [
     Break(
         "effects",
         "cli/commands/read.py",
-        in_a_function("from dvtcli.operations.stores import store_restore as it", "it.store_settings(session)"),
+        in_a_function("from dvtcli.operations.changes import store_restore as it", "it.store_settings(session)"),
     ),
     Break(
         "effects",

@@ -1,0 +1,262 @@
+"""Complete the interrupted stores of a network: verified nodes are stored.
+
+Rolls nothing back (`recover_change`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from dvtcli.device.change.accepted_state import refuse_other_device
+from dvtcli.device.stamped import held_stamp, is_stamp, stamp_changes
+from dvtcli.device.store.canary import holds_test, roll_back_test
+from dvtcli.domain.hint import Action, Hint, verbatim
+from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.plan import PdoChange, Plan, ValueChange
+from dvtcli.domain.stamp import DATE, TIME, Stamp
+from dvtcli.domain.text import join_some
+from dvtcli.errors import DeviceRefused, SafetyRefusal, UsageError
+from dvtcli.operations.changes.final_verify import ClaimsAtStore
+from dvtcli.operations.changes.store_network import store_each
+from dvtcli.operations.changes.unfinished_stores import Stores, back_and_again
+from dvtcli.operations.changes.waiting_journals import furthest, waiting
+from dvtcli.operations.results import Facts
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from dvtcli.device.change.change_group import GroupMember, Storing
+    from dvtcli.device.change.journal import Journal
+    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import ReadableNode
+    from dvtcli.domain.plan import Change
+    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.user.session_user import SessionUser
+
+
+def may_finish(journals: Sequence[Journal]) -> bool:
+    """Tell whether *journals* are of the same change, with all nodes verified before the stores."""
+    wholes = {journal.part.whole for journal in journals}
+    return len(wholes) == 1 and bool(furthest(journals).stores)  # one that only tests a proof says of no stores
+
+
+def finish(session: Session, journals: Sequence[Journal]) -> Facts:
+    """Verify all nodes of *journals* again, store the missing nodes, remove the journals.
+
+    Raises UsageError if not all nodes were verified before; SafetyRefusal, without a store, if a value differs by now;
+    LeftChanged if a node did not store: the journals stay.
+    """
+    one = next((begun_journal for begun_journal in journals if may_finish([begun_journal])), None)
+    if one is not None and not may_finish(journals):
+        raise UsageError(
+            "several changes were interrupted, and the stores of one network at a time are finished",
+            given={"finish": True},
+            hint=Hint(Action.FINISH_STORES, {"node": one.plan.node_id}, f"goes on with {verbatim(one.part.name)}"),
+        )
+    if not may_finish(journals):
+        raise UsageError(
+            "not all nodes had been verified: there is nothing to finish",
+            hint=Hint(Action.RECOVER_ALL, why="rolls them back"),
+        )
+    part = furthest(journals)
+    nodes = {storing.node_id: session.node(storing.node_id) for storing in _verified(part)}
+    nodes |= {journal.plan.node_id: session.node(journal.plan.node_id) for journal in journals}
+    _refuse_untold(journals, part)
+    for journal in journals:
+        refuse_other_device(nodes[journal.plan.node_id], journal)
+    claims = _claims(session, journals, part, nodes)
+    tests = {
+        begun_journal.plan.node_id: begun_journal.part.tests
+        for begun_journal in journals
+        if holds_test(nodes[begun_journal.plan.node_id], begun_journal.part.tests)
+    }
+    with_tests = {
+        begun_journal.plan.node_id: _tested(claims.changes[begun_journal.plan.node_id], begun_journal)
+        for begun_journal in journals
+        if begun_journal.plan.node_id in tests
+    }
+    stamps = _ended_stamps(claims, part)
+    expected = {**claims.changes, **with_tests}
+    expected |= {node_id: [change for change in expected[node_id] if not is_stamp(change)] for node_id in stamps}
+    for node_id in nodes:
+        _refuse_unlike(replace(claims, changes=expected), node_id, part.name)
+    ids = ", ".join(map(str, waiting(part)))
+    what = f"{_not_looked_at(part)}; " + (f"store on node {ids}?" if ids else "is it to stay so?")
+    had_stored = "" if ids else _had_stored(part)
+    who = f"node {join_some(map(str, sorted(nodes)))}" if _accepted_ids(part) else "every node"
+    but = f" but the stamp of node {join_some(map(str, stamps))}, which is written first" if stamps else ""
+    session.consent(f"{part.name}: {who} holds what was planned{but}{had_stored}{what}")
+    _store(session, journals, part, claims, tests, stamps)
+    rows = (
+        ("node", None),
+        ("recovered", False),
+        ("finished", not session.dry_run),
+        ("stored", waiting(part)),
+        ("looked_at", sorted(nodes)),
+        ("not_looked_at", _accepted_ids(part)),
+    )
+    changed_nothing = session.dry_run or not (ids or tests)
+    return Facts("recover", rows, (_said(session, part, who, ids),), changed_nothing=changed_nothing)
+
+
+def _verified(part: GroupMember) -> tuple[Storing, ...]:
+    """Return the nodes of *part* that must still hold verified values, except accepted nodes."""
+    return tuple(storing for storing in (*part.stores, *part.equal) if not storing.is_accepted)
+
+
+def _refuse_untold(journals: Sequence[Journal], part: GroupMember) -> None:
+    """Raises SafetyRefusal if no journal has a node's wanted values: its own was closed, or is unusable."""
+    own = {journal.plan.node_id for journal in journals}
+    untold = [
+        store.node_id for store in part.stores if store.node_id not in own and not (store.holds or store.is_accepted)
+    ]
+    if untold:
+        ids = join_some(map(str, untold))
+        raise SafetyRefusal(
+            f"what node {ids} is to hold is not known: nothing is stored",
+            node=untold[0],
+            why=f"no journal of node {ids} can be used",
+            hint=back_and_again(part.name, "the other nodes"),
+        )
+
+
+def _said(session: SessionUser, part: GroupMember, who: str, ids: str) -> str:
+    """Report: *who* was verified only; the nodes *ids* stored, if not empty."""
+    if session.dry_run:
+        said = f"node {ids} would store" if ids else f"{who} holds it{_had_stored(part)}; the journals stay"
+        return f"dry run: {said}{_not_looked_at(part)}"
+    done = f"node {ids} stored" if ids else f"{who} holds it{_had_stored(part)}"
+    is_whole = "ended" if _accepted_ids(part) else "complete"
+    return f"{part.name} is {is_whole}: {done}{_not_looked_at(part)}"
+
+
+def _had_stored(part: GroupMember) -> str:
+    """Name the nodes stored before; empty if none is still part of it."""
+    ids = [store.node_id for store in part.stores if store.is_done and not store.is_accepted]
+    return f", and node {join_some(map(str, ids))} had stored it" if ids else ""
+
+
+def _accepted_ids(part: GroupMember) -> list[int]:
+    """List nodes whose journals were accepted: not verified any more."""
+    return [store.node_id for store in part.stores if store.is_accepted]
+
+
+def _not_looked_at(part: GroupMember) -> str:
+    ids = _accepted_ids(part)
+    return f"; node {join_some(map(str, ids))}, accepted as it was, was not looked at" if ids else ""
+
+
+def _claims(
+    session: Session, journals: Sequence[Journal], part: GroupMember, nodes: Mapping[int, Node]
+) -> ClaimsAtStore:
+    """Collect the verified values of every node from the journals.
+
+    Nodes that only store or test a proof have no values in their own journal.
+    """
+    changes = {storing.node_id: storing.holds for storing in _verified(part)}
+    changes |= {
+        journal.plan.node_id: (*changes.get(journal.plan.node_id, ()), *_wanted(journal)) for journal in journals
+    }
+    identities = {storing.node_id: storing.identity for storing in _verified(part) if storing.identity is not None}
+    identities |= {journal.plan.node_id: journal.identity for journal in journals}
+    silent = {node for node in nodes if node not in {store.node_id for store in part.stores}}
+    boot_ups = {silent_id: nodes[silent_id].bus.boot_ups(silent_id) for silent_id in silent}
+    return ClaimsAtStore(session, nodes, changes, identities, boot_ups)
+
+
+def _wanted(journal: Journal) -> tuple[Change, ...]:
+    """Return the wanted values of *journal*'s node, without test values of a store."""
+    tested = {test.label: test for test in journal.part.tests}
+    return tuple(
+        _without(change, tested[change.label]) if change.label in tested else change for change in journal.plan.changes
+    )
+
+
+def _without(change: Change, test: Change) -> Change:
+    """Remove *test* from the end of *change*."""
+    if isinstance(change, PdoChange):
+        return replace(change, after=test.before) if isinstance(test, PdoChange) else change
+    before = change.step.before if isinstance(test, PdoChange) else test.step.before
+    return ValueChange(replace(change.step, after=before or b""))
+
+
+def _tested(holds: Sequence[Change], journal: Journal) -> tuple[Change, ...]:
+    """Return the test values of a store that a node still *holds*."""
+    tested = {test.label for test in journal.part.tests}
+    others = (hold for hold in holds if hold.label not in tested)
+    return (*others, *(change for change in journal.plan.changes if change.label in tested))
+
+
+def _store(
+    session: Session,
+    journals: Sequence[Journal],
+    part: GroupMember,
+    claims: ClaimsAtStore,
+    tests: Mapping[int, Sequence[Change]],
+    stamps: Mapping[int, Sequence[Change]],
+) -> None:
+    """Roll back *tests* on nodes that hold them, write ended *stamps* again, and store as in *part*.
+
+    Removes the journals.
+    """
+    nodes, course = claims.nodes, Stores({store.node_id: store for store in part.stores}, part.equal)
+    keepers = [] if session.dry_run else [node.keeper for node in nodes.values() if node.keeper is not None]
+    waited = {journal.plan.node_id: journal for journal in journals}
+    with session.cancellation.guard(), session.agreed():
+        session.whole.id, session.whole.name = part.whole, part.name
+        for node_id, changes in claims.changes.items():
+            for change in changes:  # the store itself looks at that, too, and at nothing else that was not changed
+                nodes[node_id].expected.changed(change)
+        try:
+            for keeper in keepers:
+                if keeper.node_id in waited:
+                    keeper.own_journal.adopt(waited[keeper.node_id])
+            _roll_back_tests(nodes, tests)
+            for node_id, changes in stamps.items():
+                nodes[node_id].apply(Plan(node_id, tuple(changes)), kept=False)
+            store_each(session, part.name, course, claims, [keeper.own_journal for keeper in keepers])
+            for keeper in keepers:
+                keeper.own_journal.complete_whole()
+        finally:
+            session.whole.end()
+            for keeper in keepers:
+                keeper.own_journal.detach()
+        for journal in journals:
+            _start(nodes[journal.plan.node_id], journal)
+
+
+def _ended_stamps(claims: ClaimsAtStore, part: GroupMember) -> dict[int, tuple[Change, ...]]:
+    """Map nodes to stamps to write again before their stores: a refused store ended them."""
+    found: dict[int, tuple[Change, ...]] = {}
+    for node_id in waiting(part):
+        wanted = {change.step.sub_index: change.step.after for change in claims.changes[node_id] if is_stamp(change)}
+        stamp = Stamp(*(int.from_bytes(wanted.get(stamp_place, b""), "little") for stamp_place in (DATE, TIME)))
+        held = held_stamp(claims.nodes[node_id]) if stamp.is_own else None
+        if held is not None and held != stamp and 0 in (held.days, held.ms):
+            found[node_id] = stamp_changes(held, stamp, f"stamp: {stamp}")
+    return found
+
+
+def _roll_back_tests(nodes: Mapping[int, Node], tests: Mapping[int, Sequence[Change]]) -> None:
+    for node_id, changes in tests.items():
+        nodes[node_id].gate.enter()
+        roll_back_test(nodes[node_id], changes, join_some(change.label for change in changes))
+
+
+def _refuse_unlike(claims: ClaimsAtStore, node_id: int, name: str) -> None:
+    try:
+        claims.verify_before_store(node_id)
+    except DeviceRefused as other:
+        raise SafetyRefusal(
+            f"node {node_id} no longer holds what was verified: nothing is stored",
+            node=node_id,
+            why=other.why,
+            hint=back_and_again(name),
+        ) from other
+
+
+def _start(node: ReadableNode, journal: Journal) -> None:
+    """Start a node that was OPERATIONAL before the change."""
+    if journal.nmt_state == NmtState.OPERATIONAL and node.access.state() is NmtState.PRE_OPERATIONAL:
+        node.access.insist(NmtState.OPERATIONAL)

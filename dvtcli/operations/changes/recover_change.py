@@ -1,0 +1,255 @@
+"""Recover interrupted changes: rolled back or completed; `close_journal` closes them."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.hint import Action, Hint, verbatim
+from dvtcli.domain.plan import alters
+from dvtcli.domain.text import join_some
+from dvtcli.errors import DvtcliError, InputFileError, Restarted, SafetyRefusal, UsageError, worst_of
+from dvtcli.operations.changes.change import changed
+from dvtcli.operations.changes.close_journal import accepted, discarded, nothing_to_recover, refuse_other_bus
+from dvtcli.operations.changes.waiting_journals import (
+    furthest,
+    stored_before,
+    stores_of,
+    waiting,
+    waiting_paths,
+    with_others,
+)
+from dvtcli.operations.results import Changed, ChangedNodes, Facts
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from dvtcli.device.change.finish_interrupted import Recovery
+    from dvtcli.device.change.journal import Journal
+    from dvtcli.device.node import Node
+    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
+
+
+def recover(
+    session: Session,
+    file: str | None = None,
+    *,
+    accept: bool = False,
+    discard: bool = False,
+    finish: bool = False,
+) -> Changed | ChangedNodes | Facts:
+    """Roll back interrupted changes on all their nodes, and remove the journals.
+
+    *file* is a journal; None: that of the selected node, or all of the bus if none is selected. *accept* keeps the
+    devices' present values and writes nothing; *discard* sets an unusable journal aside; *finish* completes the stores
+    of a network whose nodes had all been verified. Raises SafetyRefusal for a journal of another bus or device,
+    LeftChanged if a device refuses; an error names what was rolled back before it.
+    """
+    ways = {"accept": accept, "discard": discard, "finish": finish}
+    if sum(ways.values()) > 1:
+        raise UsageError("one excludes the other", given={name: True for name, wanted in ways.items() if wanted})
+    if accept:
+        return accepted(session, file)
+    return discarded(session, file) if discard else _recovered(session, file, finish=finish)
+
+
+def _recovered(session: Session, file: str | None, *, finish: bool) -> Changed | ChangedNodes | Facts:
+    refused: list[DvtcliError] = []  # of one node; the others are put back all the same
+    journals = _usable(session, file, refused)
+    if refused and not journals:
+        raise _worst_with_others(refused)
+    if not journals:
+        return nothing_to_recover(session)
+    for journal in journals:
+        refuse_other_bus(session, journal)
+    if finish or _rather_finishes(session, journals):
+        from dvtcli.operations.changes.finish_stores import finish as go_on
+
+        if refused:
+            refused[0].details.append(("stores", "nothing is stored while a journal cannot be used"))
+            raise _worst_with_others(refused)
+        return go_on(session, journals)
+    session.consent(lambda: _question(session, journals), _only(journals))
+    for said in dict.fromkeys(_whole_text(journal, journals) for journal in journals if journal.part.whole is not None):
+        session.tell.note(said)
+    done, failures = _put_back(session, journals, refused)
+    if failures:
+        lost = [recovered.node for recovered in done if _restarted_since(session.node(recovered.node))]
+        failed = _worst_with_others(failures)
+        failed.beside([recovered.node for recovered in done if recovered.node not in lost], failures, "rolled back")
+        failed.nodes |= dict.fromkeys(lost, "unknown")
+        raise failed
+    return done[0] if len(done) == 1 else ChangedNodes(tuple(done))
+
+
+def _usable(session: SessionNodes, file: str | None, refused: list[DvtcliError]) -> list[Journal]:
+    """The journals that are meant and can be used; *refused* has why others cannot."""
+    found: dict[Path, Journal] = {}
+    for path in waiting_paths(session, file, refused):
+        try:
+            found |= {other.path: other for other in with_others(session, path)}
+        except (InputFileError, SafetyRefusal) as unusable:
+            refused.append(unusable)
+    return list(found.values())
+
+
+def _rather_finishes(session: SessionUser, journals: list[Journal]) -> bool:
+    """Decide whether begun stores are to be completed; raises SafetyRefusal if nobody can answer.
+
+    Does not ask beside other interrupted changes, but reports that each may be completed alone.
+    """
+    from dvtcli.operations.changes.finish_stores import may_finish
+
+    wholes = {
+        journal.part.whole: [other for other in journals if other.part.whole == journal.part.whole]
+        for journal in journals
+    }
+    finishing = [ours for ours in wholes.values() if may_finish(ours)]
+    alone = len(wholes) == 1
+    for ours in finishing:
+        if session.options.yes or session.dry_run or not alone:
+            node = {} if alone else {"node": ours[0].plan.node_id}
+            back = Hint(Action.RECOVER_ALL, why=f"{verbatim(_begun_stores(ours))}: {{}} goes back")
+            session.tell.note(back + Hint(Action.FINISH_STORES, node, ", {} would go on"))
+        else:
+            what = "store on the others?" if waiting(furthest(ours)) else "is it to stay so?"
+            return _asked_to_finish(session, _begun_stores(ours), what)
+    return False
+
+
+def _begun_stores(journals: list[Journal]) -> str:
+    part = furthest(journals)
+    told = "; ".join(f"{label}: node {', '.join(map(str, ids))}" for label, ids in stores_of(part).items() if ids)
+    when = "while" if waiting(part) else "once"
+    return f"every node held what {part.name} wanted, and it ended {when} they stored ({told})"
+
+
+def _asked_to_finish(session: SessionUser, text: str, what: str) -> bool:
+    answer = session.tell.ask(f"{text}; {what} No goes on to the way back")
+    if answer is None:
+        raise SafetyRefusal(
+            f"nobody can answer: {text}",
+            hint=Hint(Action.FINISH_STORES, {"yes": True}, "goes on")
+            + Hint(Action.RECOVER, {"yes": True}, ", {} goes back"),
+        )
+    return answer
+
+
+def _only(journals: list[Journal]) -> int | None:
+    """Return the node of *journals*; None if there are several."""
+    ids = {journal.plan.node_id for journal in journals}
+    return ids.pop() if len(ids) == 1 else None
+
+
+def _question(session: SessionNodes, journals: Sequence[Journal]) -> str:
+    """Ask before a recovery: writes with the nodes' present values, and what is not written."""
+    from dvtcli.device.change.finish_interrupted import Recovery
+
+    back, same, unread = list[str](), list[str](), list[str]()
+    for journal in journals:
+        node_id = journal.plan.node_id
+        try:
+            plan = Recovery.begin(session.node(node_id), journal).plan
+        except DvtcliError as failed:
+            unread.append(f"{join_some(journal.labels)} of node {node_id} cannot be read now ({failed.text})")
+            continue
+        written = list(dict.fromkeys(change.label for change in plan.changes if alters(change)))
+        changed = [change.label for change in journal.plan.changes if alters(change)]
+        others = [label for label in dict.fromkeys(journal.part.asked or changed) if label not in written]
+        back += [f"{join_some(written)} of node {node_id}"] if written else []
+        same += [f"{join_some(others)} of node {node_id}"] if others else []
+    what = (
+        "the interrupted learning"
+        if all(other_journal.part.asked for other_journal in journals)
+        else "the interrupted change"
+    )
+    said = [f"{join_some(back)} will be rolled back as before {what}"] if back else []
+    said += [f"as before {what}, and only compared: {join_some(same)}"] if same else []
+    return f"{'; '.join([*said, *unread])}; recover?"
+
+
+def _whole_text(journal: Journal, journals: list[Journal]) -> str:
+    ids = [other_journal.plan.node_id for other_journal in journals if other_journal.part.whole == journal.part.whole]
+    return f"{journal.part.name} was interrupted: every line of it is rolled back, on node {', '.join(map(str, ids))}"
+
+
+def _worst_with_others(failures: Sequence[DvtcliError]) -> DvtcliError:
+    """Return the worst of *failures*, with the others."""
+    worst = worst_of(failures)
+    worst.details += [("also", other.text) for other in failures if other is not worst]
+    return worst
+
+
+def _put_back(
+    session: SessionNodes, journals: list[Journal], refused: Sequence[DvtcliError]
+) -> tuple[list[Changed], list[DvtcliError]]:
+    """Roll back, and return the results and the errors; an error does not stop other roll-backs.
+
+    *refused* are unusable journals.
+    """
+    from dvtcli.device.change.finish_interrupted import Recovery, recover_together
+
+    started = time.monotonic()
+    begun: list[Recovery] = []
+    done: list[Changed] = []
+    failures: list[DvtcliError] = []
+    for journal in journals:
+        try:
+            begun.append(Recovery.begin(session.node(journal.plan.node_id), journal))
+        except DvtcliError as error:
+            failures.append(error)
+    failed = recover_together(begun)
+    failures += failed.values()
+    for recovery in begun:
+        try:
+            if recovery.node.node_id not in failed:
+                ended = _ended(session, recovery, stored_before(recovery.journal, journals), time.monotonic() - started)
+                left = recovery.left_unknown()
+                if left is None:
+                    done.append(ended)
+                else:
+                    failures.append(left)
+        except DvtcliError as error:
+            failures.append(error)
+    failures += refused
+    restarted = None if failures else _restarted(session, done)
+    return done, failures if restarted is None else [restarted]
+
+
+def _restarted(session: SessionNodes, done: list[Changed]) -> Restarted | None:
+    """Make the error if a node restarted after its recovery, while another was recovered."""
+    nodes = [session.node(recovered.node) for recovered in done]
+    again = [node.node_id for node in nodes if _restarted_since(node)]
+    if not again:
+        return None
+    return Restarted(
+        f"node {', '.join(map(str, again))} restarted after it was rolled back: what it had not stored is lost",
+        hint=Hint(Action.SHOW_PDOS, why="check its supply, then what it holds with {}")
+        + Hint(Action.UNDO, {"backup": True}, "puts an automatic backup back"),
+        state="unknown",
+    )
+
+
+def _restarted_since(node: Node) -> bool:
+    """Tell whether *node* sent a boot-up message since its recovery."""
+    return node.bus.boot_ups(node.node_id) != node.pending.boot_ups
+
+
+def _ended(session: SessionNodes, recovery: Recovery, stored: bool | None, seconds: float) -> Changed:
+    """Remove the journal after a recovery, and return the result; *stored* as of `stored_before`."""
+    from dvtcli.device.change.applied import Applied
+    from dvtcli.device.change.undo_plan import unknown_before, unrestored_objects
+
+    node, journal = session.node(recovery.node.node_id), recovery.journal
+    plan, not_put_back = recovery.end(stored=stored is not False)
+    if stored is not False:
+        said = "stored" if stored else "may have stored"
+        begun = f"{verbatim(journal.part.final)} had begun: node {node.node_id} {said} what was rolled back"
+        session.tell.warning(Hint(Action.STORE, {"node": node.node_id}, f"{begun}; {{}} keeps what it holds now"))
+    unknown = unknown_before([journal.plan])
+    findings = (*recovery.restart_findings(), *unknown)
+    applied = Applied(plan, findings, not_put_back, unrestored=unrestored_objects(unknown))
+    return changed(session, node, applied, seconds, undone=True)

@@ -1,0 +1,285 @@
+"""Shared by `store`, `restore` and a `write` to 0x1010 or 0x1011."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+from dvtcli.device.resets import await_power_cycle, reset_and_wait, return_to
+from dvtcli.device.stamped import NO_STAMP, held_stamp, stamp_changes
+from dvtcli.device.store.pending import COMMUNICATION, EVERYTHING, GROUPS
+from dvtcli.device.store.proven import (
+    Restart,
+    prepare_proof,
+    prove_restore,
+    prove_store,
+    refuse_deaf_to_reset,
+    refuse_unprovable,
+    restart_and_read,
+)
+from dvtcli.device.store.snapshot import Snapshot
+from dvtcli.device.store.store_parameters import RESTORE, STORE, chosen, write_signature
+from dvtcli.device.store.unstored import mark_stored, prepare_store, require_storable
+from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.nmt import NmtCommand
+from dvtcli.domain.plan import Plan
+from dvtcli.domain.proof import POWER, RESET_COMM, RESET_NODE
+from dvtcli.errors import DeviceRefused, SdoAborted
+from dvtcli.operations.results import Stored
+from dvtcli.operations.session.consent import consent_to_reset
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
+    from dvtcli.device.store.store_parameters import Signed
+    from dvtcli.device.wish import Says
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
+
+#: How long a power cycle is waited for, in seconds.
+POWER_CYCLE_S = 60.0
+_UNPROVED = Hint(Action.RESTORE, why="without a proof, then switch the node off and on")
+
+
+def store_settings(
+    session: SessionNodes,
+    node: Node,
+    sub_index: int | None,
+    *,
+    prove: str | None = None,
+    if_changed: bool = False,
+    wait_s: float = POWER_CYCLE_S,
+    is_part: bool = False,
+) -> Stored:
+    """Store the node's parameters, and verify this session's changes: a restart may go unnoticed.
+
+    *is_part*: stores of other nodes follow, after which all are verified. *prove* restarts the node (`reset`, or
+    `power`, waiting *wait_s* seconds) and compares its PDOs. *if_changed* skips the store if the PDOs equal those of a
+    received boot-up.
+    """
+    because = why_to_store(node, sub_index) if if_changed else ""
+    if if_changed and not because:
+        return _skipped(session, node, sub_index)
+    restart = _restart(session, node, prove, wait_s) if prove else None
+    boot_ups = node.bus.boot_ups(node.node_id)
+    prepare_store(node, force=session.options.force)
+    before = place = None
+    if restart is not None:
+        before = Snapshot.now(node)
+        place = prepare_proof(node, before, sub_index, restart)
+    stored_at = node.pending.stored_at
+    done = write_signature(
+        node.access,
+        node.profile.store,
+        STORE,
+        sub_index,
+        node.cancellation,
+        node.dictionary,
+        node.require_not_restarted,
+    )
+    node.gate.done.append(f"0x{done.place} acknowledged the store")
+    refuse_after_restart(node, boot_ups, done)
+    if restart is None and not (is_part or session.options.force):
+        _refuse_lost(node, done)
+    changed = node.pending.was_stored(done.sub_index, len(node.history))
+    proof = None if restart is None or before is None else prove_store(node, before, done, restart, place, _says(node))
+    if proof is not None and proof.differences and set(changed) <= set(proof.differing):
+        node.pending.was_not_kept(stored_at)
+    mark_stored(node, set(changed) - set(() if proof is None else proof.differing))
+    if not session.dry_run:
+        session.record.add(node.node_id, ["store" if sub_index is None else f"store {sub_index}"])
+    return Stored(
+        node.node_id, done.place, "store", done.seconds, node.profile.store.timeout_s, changed, session.dry_run, proof,
+        because=because, prove_asked=prove is not None, all_known=node.keeper is None and done.sub_index in GROUPS,
+    )  # fmt: skip
+
+
+def look_before_stores(
+    session: SessionNodes, node_ids: Sequence[int], sub_index: int | None, *, prove: str | None = None
+) -> None:
+    """Check all nodes before the first store: raises if a node must not store, cannot, or could not prove it.
+
+    Reads the PDOs of all nodes, since a store cannot be rolled back if a later node refuses.
+    """
+    for node_id in node_ids:
+        node = session.node(node_id)
+        require_storable(node, force=session.options.force)
+        if prove and not session.dry_run:
+            refuse_unprovable(node, sub_index, certain=prove == POWER)
+        else:
+            chosen(node.access, node.profile.store, STORE, sub_index, node.dictionary)
+
+
+def look_before_restores(
+    session: SessionNodes, node_ids: Sequence[int], sub_index: int | None, *, prove: bool = False
+) -> None:
+    """Check all nodes before the first restore: raises if a node must not restore, cannot, or could not prove it."""
+    for node_id in node_ids:
+        node = session.node(node_id)
+        if prove and not session.dry_run:
+            refuse_deaf_to_reset(node, _UNPROVED)
+        require_storable(node, force=session.options.force, confirm=False)
+        chosen(node.access, node.profile.store, RESTORE, sub_index, node.dictionary)
+
+
+def refuse_after_restart(node: ReadableNode, boot_ups: int, signed: Signed) -> None:
+    """Raises DeviceRefused if *node* restarted between its last read and the store that it *signed*."""
+    if node.bus.boot_ups(node.node_id) != boot_ups:
+        raise DeviceRefused(
+            f"node {node.node_id} restarted just before or while it stored: what it stored was not looked at",
+            node=node.node_id,
+            why=f"0x{signed.place} acknowledged the store",
+            hint=Hint(Action.VERIFY, why="{}, set again what differs, then store again"),
+            state="unknown",
+        )
+
+
+def _refuse_lost(node: Node, signed: Signed) -> None:
+    """Raises DeviceRefused if changed values of *node* differ after the store that it *signed*."""
+    lost = node.expected.lost(node, node.pending.covered(signed.sub_index))
+    if lost:
+        raise DeviceRefused(
+            f"node {node.node_id} does not hold what was to be stored: {lost[0]}",
+            node=node.node_id,
+            why="; ".join(
+                [f"0x{signed.place} acknowledged the store, and it restarted, unheard, or alters it", *lost[1:]]
+            ),
+            hint=Hint(Action.VERIFY, why="{}, set again what differs, then store again"),
+            state="unknown",
+        )
+
+
+def why_to_store(node: Node, sub_index: int | None) -> str:
+    """Say why the node's values may differ from its stored ones; empty if unwritten since boot-up."""
+    if sub_index not in (None, EVERYTHING, COMMUNICATION):
+        return f"nothing is known of what group {sub_index} covers"
+    node.begin_change()  # from here on no other dvtcli writes to it
+    if node.bus.downloads_of_others(node.node_id):
+        return "another SDO client wrote to it since its last boot-up"
+    known = replace(node.boot_snapshot, pdos=dict(node.boot_snapshot.pdos))  # reading again would count as what came up
+    boot_ups, now = node.bus.boot_ups(node.node_id), node.pdos()
+    return known.why_not(node.bus.boot_ups(node.node_id), now) or (
+        "it restarted meanwhile" if node.bus.boot_ups(node.node_id) != boot_ups else ""
+    )
+
+
+def _skipped(session: SessionUser, node: NodeDescription, sub_index: int | None) -> Stored:
+    place = f"{STORE:04X}:{sub_index or 1:02X}"
+    skipped = "nothing was written since the node's boot-up, and its PDOs read back as it came up with them"
+    return Stored(node.node_id, place, "store", 0.0, node.profile.store.timeout_s, (), session.dry_run, skipped=skipped)
+
+
+def _restart(session: SessionNodes, node: ReadableNode, way: str, wait_s: float) -> Restart | None:
+    """Ask for consent and choose the restart; None on a twin, where a restart proves nothing."""
+    if session.dry_run:
+        return None
+    if way == "power":
+        session.consent(
+            f"node {node.node_id} must be switched off and on once it has stored; will you do that?", node.node_id
+        )
+        return Restart(POWER, lambda: _power_cycle(session, node, wait_s))
+    consent_to_reset(session, [node.node_id])
+    return Restart(RESET_NODE, lambda: _reset(node, NmtCommand.RESET_NODE))
+
+
+def _power_cycle(session: SessionUser, node: ReadableNode, wait_s: float) -> None:
+    text = f"switch node {node.node_id} off and on now: its return is waited for, {wait_s:g} s at most"
+
+    def stop() -> None:
+        if node.cancellation.requested:
+            raise KeyboardInterrupt
+
+    with node.cancellation.guard():  # a Ctrl-C is looked for between two moments of waiting, and torn apart is nothing
+        await_power_cycle(node.access, wait_s, lambda: session.tell.instruct(text), stop)
+
+
+def _reset(node: ReadableNode, command: NmtCommand) -> None:
+    reset_and_wait(node.access, command)
+
+
+def restore_defaults(session: SessionNodes, node: Node, sub_index: int | None, *, prove: bool) -> Stored:
+    """Restore the node's defaults (0x1011), active after its next reset; *prove* resets and reads it."""
+    session.consent(
+        f"node {node.node_id} will lose what is set and stored, and take its defaults; restore?", node.node_id
+    )
+    asked, prove = prove, prove and not session.dry_run  # a twin has no defaults but those of its file
+    if prove:
+        refuse_deaf_to_reset(node, _UNPROVED)
+        consent_to_reset(session, [node.node_id])
+    prepare_store(node, force=session.options.force, confirm=False)
+    communication = sub_index == COMMUNICATION
+    command = NmtCommand.RESET_COMMUNICATION if communication else NmtCommand.RESET_NODE
+    restart = Restart(
+        RESET_COMM if communication else RESET_NODE, lambda: _reset(node, command), communication=communication
+    )
+    state = node.access.state() if prove else None
+    before, lost = _before_restore(node, restart) if prove else (None, ())
+    node.require_not_restarted()
+    _end_stamp_before(session, node, sub_index)
+    done = write_signature(
+        node.access,
+        node.profile.store,
+        RESTORE,
+        sub_index,
+        node.cancellation,
+        node.dictionary,
+        node.require_not_restarted,
+    )
+    node.gate.done.append(f"0x{done.place} acknowledged the restore")
+    proof = prove_restore(node, done, restart, before, lost, _says(node)) if prove else None
+    return_to(node.access, state)
+    node.wanted.clear()
+    if proof is None or not proof.differences:  # what is not restored is looked at again the next time
+        node.wanted_values.clear()
+        node.unreadable_values.clear()
+    node.expected.clear()
+    node.pending.forget(done.sub_index)
+    if proof is not None:
+        node.pending.was_restored(len(node.history))
+    else:
+        node.await_restart()
+    if not session.dry_run:
+        session.record.add(node.node_id, ["restore" if sub_index is None else f"restore {sub_index}"])
+    return Stored(
+        node.node_id, done.place, "restore", done.seconds, node.profile.store.timeout_s, (), session.dry_run, proof,
+        prove_asked=asked,
+    )  # fmt: skip
+
+
+def _end_stamp_before(session: SessionUser, node: Node, sub_index: int | None) -> None:
+    """End our stamp on *node* before its defaults are restored: its values are no longer stored."""
+    held = held_stamp(node)
+    if held is not None and held.is_own:  # a device that has no defaults keeps its stamp
+        chosen(node.access, node.profile.store, RESTORE, sub_index, node.dictionary)
+        end_stamp(session, node, "what is no longer stored loses its stamp")
+
+
+def end_stamp(session: SessionUser, node: Node, why: str) -> bool:
+    """Write 0 to 0x1020 of *node* if it holds our stamp, and report *why*; returns whether it did."""
+    held = held_stamp(node)
+    if held is not None and held.is_own:
+        session.tell.note(f"0x1020 of node {node.node_id} <- 0: {why}")
+        ending = stamp_changes(held, NO_STAMP, why)
+        node.apply(Plan(node.node_id, ending), force=session.options.force, kept=False)
+        return True
+    return False
+
+
+def _before_restore(node: Node, restart: Restart) -> tuple[Snapshot | None, tuple[str, ...]]:
+    """Read *node* before a restore; also lists read losses: boot-up values are unknown without its EDS."""
+    if node.dictionary is None or node.unlike_file:
+        return restart_and_read(node, restart)
+    try:
+        return Snapshot.now(node), ()
+    except SdoAborted:  # a node that refuses to be read is not kept from its defaults
+        return None, ()
+
+
+def _says(node: NodeDescription) -> Says:
+    """Return the printing of values of *node*, as used on all screens."""
+    from dvtcli.operations.meanings.planned_words import planned_words
+
+    return partial(planned_words, node)

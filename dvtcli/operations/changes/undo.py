@@ -1,0 +1,432 @@
+"""Undo: the changes of this session, those of earlier processes, or everything since a backup."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+from dvtcli.device.change.backups import backups, of_this_device, remarks, way_to
+from dvtcli.device.change.private_file import unreadable
+from dvtcli.device.wish import Wish
+from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.plan import Plan
+from dvtcli.domain.rules.finding import WARNING, Finding, Rule, warning
+from dvtcli.domain.script_line import backup_of, change_lines
+from dvtcli.errors import DvtcliError, NoAnswer, Restarted, SafetyRefusal, SdoAborted, SdoProtocolError, UsageError
+from dvtcli.operations.changes.change import changed
+from dvtcli.operations.results import Changed, ChangedNodes
+
+if TYPE_CHECKING:
+    from dvtcli.device.change.applied import Applied
+    from dvtcli.device.change.change_guard import ChangeGuard
+    from dvtcli.device.change.change_history import ChangeHistory, ChangeHistoryEntry
+    from dvtcli.device.change.plan_document import Identity
+    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import ReadableNode
+    from dvtcli.operations.changes.undo_together import Undoing
+    from dvtcli.operations.session.session import Rehearse, Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.keeping import Keeping
+    from dvtcli.operations.user.session_user import SessionUser
+
+T = TypeVar("T")
+
+
+def undo(session: Session, *, everything: bool = False) -> Changed | ChangedNodes:
+    """Undo the last change of this session, or with *everything* all of them, on every node.
+
+    If there is none, or all are undone, changes of earlier processes are undone: of the selected node with the changes
+    made together with it, or of every node on the bus if none is selected. Several nodes are undone together, phase by
+    phase, all or none, unless a node is expected to refuse its old value. Raises SafetyRefusal if a device holds
+    another value than the change left; an error names the nodes undone before it.
+    """
+    from dvtcli.operations.changes.undo_together import may_go_together, undo_together
+
+    order = session.network.order
+    if not order:
+        chains = remembered(session, everything=everything)
+        together = [undoing(session, chain) for chain in chains]
+        if everything and may_go_together(together):
+            return ChangedNodes(undo_together(session, together))
+        return _one_by_one(
+            session, chains, lambda chain: undo_remembered_changes(session, chain, everything=everything)
+        )
+    if not everything:
+        return _own_undone(session, order[-1], everything=False)
+    node_ids = list(dict.fromkeys(reversed(order)))
+    together = [_undoing(session, session.node(node_id)) for node_id in node_ids]
+    if may_go_together(together):
+        return ChangedNodes(undo_together(session, together))
+    return _one_by_one(session, node_ids, lambda node_id: _own_undone(session, node_id, everything=True))
+
+
+def undo_on(session: SessionNodes, node_id: int, *, everything: bool = False) -> Changed:
+    """Undo the last change of a single node, or with *everything* all; of this session, else as `undo`."""
+    if session.node(node_id).history:
+        return _own_undone(session, node_id, everything=everything)
+
+    return undo_remembered_changes(
+        session, remembered_of(session, node_id, everything=everything), everything=everything
+    )
+
+
+def _one_by_one(session: SessionNodes, things: Iterable[T], put_back: Callable[[T], Changed]) -> Changed | ChangedNodes:
+    """Undo *things* one after another; an error names the nodes undone before it.
+
+    Raises Restarted if a node restarted while another was undone.
+    """
+    done: list[Changed] = []
+    again: list[int] = []
+    boot_ups: dict[int, int] = {}
+    try:
+        for thing in things:
+            done.append(one := put_back(thing))
+            boot_ups[one.node] = session.bus.boot_ups(one.node)
+        again += [node_id for node_id, seen in boot_ups.items() if session.bus.boot_ups(node_id) != seen]
+        if again:
+            raise Restarted(
+                f"node {', '.join(map(str, again))} restarted after it was rolled back: what it had not stored is lost",
+                hint=Hint(Action.SHOW_PDOS, why="check its supply, then what it holds with {}"),
+                state="unknown",
+            )
+    except DvtcliError as error:
+        error.beside([undone.node for undone in done if undone.node not in again], [error], "rolled back before this")
+        error.nodes |= dict.fromkeys(again, "unknown")
+        raise
+    return done[0] if len(done) == 1 else ChangedNodes(tuple(done))
+
+
+def _undoing(session: SessionNodes, node: Node) -> Undoing:
+    """Collect all changes of this session on *node* for an undo."""
+    from dvtcli.operations.changes.undo_together import Undoing
+
+    def forget(applied: Applied, count: int) -> list[str] | None:
+        before = node.history[:]
+        node.was_undone(applied, count)
+        as_before = not applied.findings
+        forgotten = not session.dry_run and as_before and _forgotten(session, node.node_id, before[-count:])
+        return [] if forgotten else None
+
+    return Undoing(node, tuple(node.history), True, forget)
+
+
+def _own_undone(session: SessionNodes, node_id: int, *, everything: bool) -> Changed:
+    started, node = time.monotonic(), session.node(node_id)
+    before = node.history[:]
+    applied = node.undo(everything=everything, force=session.options.force)
+    undone = before[len(node.history) :]
+    as_before = not (applied.findings or applied.not_put_back)
+    forgotten = not session.dry_run and as_before and _forgotten(session, node.node_id, undone)
+    seconds = time.monotonic() - started
+    return changed(session, node, applied, seconds, undone=True, lines=[] if forgotten else None)
+
+
+def _forgotten(session: SessionNodes, node_id: int, undone: list[Plan]) -> bool:
+    """Drop *undone* from what `save` writes if nothing came after it; returns whether it did.
+
+    After a store or an NMT command the undo is saved as a change of its own.
+    """
+    kept = list(session.record.lines)
+    for plan in reversed(undone):
+        if not session.record.take_back(node_id, change_lines(plan)):
+            session.record.lines[:] = kept
+            return False
+    return True
+
+
+RULES = (Rule("newer-change", WARNING, "`undo` of one node: another one of the bus was changed later", "ours"),)
+
+
+@dataclass(frozen=True, slots=True)
+class RememberedDevice:
+    """The remembered changes of a device that is present, oldest first; its node is locked."""
+
+    node: Node
+    keeper: ChangeGuard
+    entries: list[ChangeHistoryEntry]
+    #: findings to report along
+    findings: tuple[Finding, ...] = ()
+
+
+def remembered(session: SessionNodes, *, everything: bool) -> list[RememberedDevice]:
+    """Find remembered changes of earlier processes to undo, latest device first.
+
+    Covers the selected node and the changes made from it, or all nodes on the bus if none is selected; *everything*
+    takes all these devices. Raises UsageError if nothing is remembered, or if a command of this session changed
+    nothing.
+    """
+    selected, keeping = session.selected_id(), session.open_network().keeping
+    if keeping is None:
+        raise _nothing_kept(session.node_id())
+    if not everything:
+        _refuse_in_vain(session.network.nodes.values())
+    chains = _chains(session, keeping, selected, only_newest=not everything)
+    if not chains:
+        raise nothing_remembered(keeping, selected)
+    newer = () if selected is None else _newer_elsewhere(chains[0].keeper.past, chains)
+    return [replace(chain, findings=newer) for chain in chains]
+
+
+def remembered_of(session: SessionNodes, node_id: int, *, everything: bool) -> RememberedDevice:
+    """Find remembered changes of earlier processes on a node; raises UsageError if there is none."""
+    keeping = session.open_network().keeping
+    if keeping is None:
+        raise _nothing_kept(node_id)
+    if not everything:
+        _refuse_in_vain([session.node(node_id)])
+    chain = _chain(session, node_id, node_id)
+    if chain is None:
+        raise nothing_remembered(keeping, node_id)
+    return replace(chain, findings=_newer_elsewhere(chain.keeper.past, [chain]))
+
+
+def _refuse_in_vain(nodes: Iterable[Node]) -> None:
+    """Raises UsageError once per command of this session without a change: an undo of it must not hit older changes."""
+    for node in nodes:
+        if node.in_vain:
+            node.in_vain -= 1
+            raise UsageError(
+                f"nothing to undo: a command of this session changed nothing on node {node.node_id}",
+                node=node.node_id,
+                hint=Hint(Action.UNDO, why="once more goes on to what earlier commands changed"),
+            )
+
+
+def _nothing_kept(node_id: int) -> UsageError:
+    return UsageError("nothing to undo: this session changed nothing on the node", node=node_id)
+
+
+def undo_remembered_changes(session: SessionNodes, chain: RememberedDevice, *, everything: bool) -> Changed:
+    """Undo the last change of *chain*, or *everything*; raises SafetyRefusal if the device has other values."""
+    from dvtcli.device.change.undo_plan import UndoRequest
+
+    started, node = time.monotonic(), chain.node
+    applied, count = node.undo_plans(UndoRequest(_plans(chain), everything=everything, force=session.options.force))
+    _forget(session, chain, applied, count)
+    if not everything:
+        _tell_of_others(session, chain)
+    applied = replace(applied, findings=(*applied.findings, *chain.findings))
+    return changed(session, node, applied, time.monotonic() - started, undone=True)
+
+
+def _tell_of_others(session: SessionNodes, chain: RememberedDevice) -> None:
+    """Report the chosen nodes that keep their changes: a single change is on a single node."""
+    tops = chain.keeper.past.tops(session.selected_id())
+    others = sorted({entry.plan.node_id for entry in tops} - {chain.node.node_id})
+    if others:
+        nodes = f"node {', '.join(map(str, others))}"
+        why = f"what was changed on {nodes} is not undone by this: {{}} takes all of it back"
+        session.tell.note(Hint(Action.UNDO, {"all": True}, why))
+
+
+def undoing(session: SessionUser, chain: RememberedDevice) -> Undoing:
+    """Collect all changes of *chain*, to undo together with other nodes."""
+    from dvtcli.device.change.undo_plan import unbroken
+    from dvtcli.operations.changes.undo_together import Undoing
+
+    def forget(applied: Applied, count: int) -> None:
+        _forget(session, chain, applied, count)
+        chain.node.unkept += 1
+
+    return Undoing(chain.node, tuple(unbroken(_plans(chain))), False, forget, chain.findings)
+
+
+def _plans(chain: RememberedDevice) -> list[Plan]:
+    return [replace(entry.plan, node_id=chain.node.node_id) for entry in chain.entries]
+
+
+def _forget(session: SessionUser, chain: RememberedDevice, applied: Applied, count: int) -> None:
+    """Drop the newest *count* entries of *chain*, undone by *applied*."""
+    undone = chain.entries[-count:]
+    session.tell.note(_undone_text(undone, chain.node.node_id, gone=count > 1 and not len(applied.plan)))
+    if not session.dry_run:
+        chain.keeper.past.forget(undone, applied.plan)
+
+
+def _chains(
+    session: SessionNodes, keeping: Keeping, selected: int | None, *, only_newest: bool
+) -> list[RememberedDevice]:
+    """Find the chosen changes, the latest device first."""
+    found: list[RememberedDevice] = []
+    ids = dict.fromkeys(entry.plan.node_id for entry in keeping.past().tops(selected))
+    for node_id in [*ids, *([] if selected is None or selected in ids else [selected])]:
+        chain = _chain(session, node_id, selected)
+        if chain is not None:
+            found.append(chain)
+            if only_newest:
+                break
+    return found
+
+
+def _chain(session: SessionNodes, node_id: int, selected: int | None) -> RememberedDevice | None:
+    """Find the chosen changes of the device at *node_id*; None if there is none."""
+    keeper = session.open_network().node(node_id).keeper
+    assert keeper is not None  # noqa: S101 - its changes are kept
+    node = session.node(node_id)
+    node.begin_change()
+    identity = node.identity()
+    entries = keeper.past.entries(node_id, identity, selected)
+    if not entries and node_id == selected:
+        entries = _moved(session, keeper, identity)
+        if entries:
+            was = entries[-1].plan.node_id
+            session.tell.note(
+                f"node {node_id} was node {was} when it was changed: what depends on that, as COB-IDs, may differ"
+            )
+    return RememberedDevice(node, keeper, entries) if entries else None
+
+
+def _moved(session: SessionNodes, keeper: ChangeGuard, identity: Identity) -> list[ChangeHistoryEntry]:
+    """List the device's changes under another node-ID, unless a device with this *identity* answers there."""
+    entry = keeper.past.moved(keeper.node_id, identity)
+    if entry is None:
+        return []
+    was = entry.plan.node_id
+    try:
+        there = session.open_network().node(was).identity()
+    except (NoAnswer, SdoAborted, SdoProtocolError):
+        there = {}
+    # two devices may have the same serial number
+    return [] if there == identity else keeper.past.entries(was, identity, None)
+
+
+def _newer_elsewhere(past: ChangeHistory, chains: list[RememberedDevice]) -> tuple[Finding, ...]:
+    """Warn if another node of the bus was changed later than the chosen nodes."""
+    last = past.newest_of_all()
+    if last is None or last.order <= max(chain.entries[-1].order for chain in chains):
+        return ()
+    hint = Hint(Action.UNDO, {"node": last.plan.node_id}, "undoes that")
+    text = f"node {last.plan.node_id} was changed later, at {_time(last)}"
+    return (warning("newer-change", f"node {last.plan.node_id}", text, hint),)
+
+
+def _undone_text(undone: list[ChangeHistoryEntry], node_id: int, *, gone: bool) -> str:
+    since = _time(undone[0])
+    if gone:
+        what = f"what was before the last {len(undone)} changes of node {node_id}, since {since},"
+        return f"{what} is there already, as after a reset"
+    return (
+        f"this undoes the change of {since} to node {node_id}"
+        if len(undone) == 1
+        else (f"this undoes the {len(undone)} changes since {since} to node {node_id}")
+    )
+
+
+def _time(entry: ChangeHistoryEntry) -> str:
+    return f"{entry.when[:19].replace('T', ' ')} UTC"
+
+
+def nothing_remembered(keeping: Keeping, selected: int | None) -> UsageError | SafetyRefusal:
+    """Make the error if there is nothing to undo on the *selected* node or the bus, or if that is unknown."""
+    if (unread := unreadable(keeping.past().folder)) is not None:
+        unread.why = "whether a change is remembered is not known: that is where changes are kept"
+        return unread
+    others = sorted({top.plan.node_id for top in keeping.past().tops(None)})
+    if selected is None and others:
+        return UsageError(
+            f"nothing to undo: no change of the devices that are there as node {', '.join(map(str, others))} now is "
+            "remembered",
+            why="what is remembered of these node-IDs was changed on other devices (0x1018)",
+            hint=Hint(Action.UNDO, {"node": "ID"}, "where these have other node-IDs now: {}"),
+        )
+    if selected is None:
+        return UsageError("nothing to undo: no change on this bus is remembered")
+    error = UsageError(f"nothing to undo: no change of node {selected} is remembered", node=selected)
+    last = keeping.past().newest_of_all()
+    if last is not None:
+        error.hint = Hint(
+            Action.UNDO,
+            {"node": last.plan.node_id},
+            f"the last change on this bus was one of node {last.plan.node_id}: {{}}",
+        )
+    return error
+
+
+def undo_to_backup(session: SessionNodes, rehearse: Rehearse, when: str | None = None) -> Changed:
+    """Set the node's PDOs to an automatic backup in one transaction: the newest, or the backup of *when*.
+
+    *rehearse* evaluates the backup, which is a script. Raises UsageError with the available backups if none fits.
+    """
+    keeper = _keeper(session)
+    node = session.node(keeper.node_id)
+    found = node.begin_change()
+    file = _backup_file(keeper, node, when, force=session.options.force)
+    session.tell.note(f"this puts {file} back")
+    said = remarks(Path(file))
+    for remark in said:
+        session.tell.warning(f"not undone completely: {remark}")
+    started = time.monotonic()
+    wish = rehearse(file, node.node_id).get(node.node_id, Wish())
+    if not wish.pdos:
+        raise UsageError(
+            f"the backup says nothing of a PDO of node {node.node_id}",
+            node=node.node_id,
+            place=file,
+            hint=Hint(Action.UNDO, {"backup": True, "when": "WHEN"}, "takes an earlier one"),
+        )
+    changes = way_to(node.observed(lambda: {pdo: node.pdo(pdo) for pdo in wish.pdos}), wish.pdos)
+    applied = node.apply(Plan(node.node_id, changes), force=session.options.force, found=found)
+    applied = replace(applied, not_put_back=tuple(_unlike_backup(node, said)))
+    return changed(session, node, applied, time.monotonic() - started, undone=True)
+
+
+def _keeper(session: SessionNodes) -> ChangeGuard:
+    """Return the guard of the selected node's files, or of the node last changed on this bus."""
+    network = session.open_network()
+    node_id = session.selected_id()
+    if node_id is None and network.keeping is not None:
+        entry = network.keeping.past().newest_of_all()
+        if entry is None:
+            error = nothing_remembered(network.keeping, None)
+            error.hint = Hint(Action.UNDO, {"node": "ID", "backup": True}, "{} puts the newest backup of a node back")
+            raise error
+        node_id = entry.plan.node_id
+    keeper = network.node(session.node_id() if node_id is None else node_id).keeper
+    if keeper is None:
+        raise UsageError(
+            f"no backup of node {node_id or session.node_id()}: it is simulated in this process, which makes none",
+            node=node_id or session.node_id(),
+            hint=Hint(Action.UNDO, why="puts the last change back")
+            + Hint(Action.UNDO, {"all": True}, ", {} all that this session changed")
+            if session.record.lines
+            else None,
+        )
+    return keeper
+
+
+def _unlike_backup(node: ReadableNode, said: Iterable[str]) -> Iterator[Finding]:
+    """Report differing PDOs that a backup cannot restore (*said*: remarks of the backup)."""
+    for remark in said:
+        pdo = Pdo.parse(remark.split()[0])
+        if f"# {remark}" not in backup_of(pdo, node.pdo(pdo)):
+            text = f"{pdo.label} is not undone completely: {remark}"
+            yield warning("way-back", f"0x{pdo.communication_index:04X}:01", text)
+
+
+def _backup_file(keeper: ChangeGuard, node: ReadableNode, when: str | None, *, force: bool) -> str:
+    """Find the newest backup of the device, or of those made at *when*; UsageError lists the backups.
+
+    Raises SafetyRefusal if the backups of its node-ID are of another device of its kind, unless *force* accepts them.
+    """
+    kind = backups(keeper.folder / "backups", keeper.bus, node.node_id, node.identity())
+    found = kind if force else of_this_device(kind, node.identity())
+    if kind and not found:
+        other = SafetyRefusal(
+            f"no backup of the device that is node {node.node_id} now: those of this node-ID are another device's",
+            node=node.node_id,
+            why="its serial number (0x1018:04) is another one",
+            hint=Hint(Action.FORCE, why="writes one all the same, to a spare device that takes its place"),
+        )
+        other.details += [("backup", f"{backup.stamp}  {backup.path}") for backup in kind]
+        raise other
+    fitting = found if when is None else [backup for backup in found if backup.was_made(when)]
+    if fitting:
+        return str(fitting[-1].path)
+    text = f"no backup of node {node.node_id} was made at {when}" if found else f"no backup of node {node.node_id}"
+    error = UsageError(text, node=node.node_id, hint="a backup is made before dvtcli's first change of a device")
+    error.details += [("backup", f"{backup.stamp}  {backup.path}") for backup in found]
+    raise error

@@ -1,1 +1,0 @@
-"""Consent before dangerous acts, and detection of other masters."""

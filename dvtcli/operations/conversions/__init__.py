@@ -1,1 +1,0 @@
-"""`eds convert` and its output formats."""

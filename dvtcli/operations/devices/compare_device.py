@@ -1,0 +1,600 @@
+"""Compare a device or its file with another file, by values instead of text. Writes nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+from dvtcli.device.described_node import FileValues
+from dvtcli.device.file_fits import unlike_before
+from dvtcli.device.read_pdos import present_pdos, read_pdo
+from dvtcli.device.read_whole import Unread, named_itself
+from dvtcli.device.store.pending import REBOOT, VERIFY
+from dvtcli.device.wish import Wish, session_wish, unlike
+from dvtcli.domain.configuration import Configuration, configuration_of
+from dvtcli.domain.hint import Action, Hint, as_hint
+from dvtcli.domain.lint.described import object_text
+from dvtcli.domain.meanings import NOTHING
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.standard_objects import is_pdo_mapping
+from dvtcli.domain.text import join_some
+from dvtcli.errors import UsageError
+from dvtcli.files.eds.written_values import same_value
+from dvtcli.files.input_file import read_input_head
+from dvtcli.files.whole_device_file import KeptObject
+from dvtcli.operations.devices.export_dcf import why_unread
+from dvtcli.operations.devices.held_device import (
+    HeldDevice,
+    KeptIdentity,
+    held_by,
+    holds_values,
+    node_of_file,
+    selected_nodes,
+    told_of,
+)
+from dvtcli.operations.devices.included import DifferenceKind, entry_of, kind_of
+from dvtcli.operations.devices.read_whole_device import configuration, read_entries
+from dvtcli.operations.meanings.physical_meanings import meanings_of
+from dvtcli.operations.meanings.planned_words import planned_words
+from dvtcli.operations.pdos.look_at_frames import look
+from dvtcli.operations.plans.missing_objects import refuse_lacking
+from dvtcli.operations.results import Compared, ComparedNodes
+from dvtcli.operations.results.whole_devices import ObjectDifference, WholeCompared
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.device.read_whole import ReadObject
+    from dvtcli.domain.meanings import Meanings
+    from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
+    from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
+    from dvtcli.domain.profile import DeviceProfile, ObjectAddress
+    from dvtcli.domain.scaling import Scaling
+    from dvtcli.operations.session.session import Rehearse, Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
+
+NodePdo = tuple[int | None, "Pdo"]
+#: The comparison without a file.
+SESSION = "this session's changes"
+
+
+def verify(
+    session: Session,
+    rehearse: Rehearse,
+    pdos: Sequence[NodePdo] = (),
+    file: str | None = None,
+    *,
+    frame: bool = False,
+) -> Compared | ComparedNodes:
+    """Compare the nodes with this session's changes, or with *file*.
+
+    A file is a script, a network file, a DCF or an EDS. *pdos* are the PDOs to compare, each with its node-ID (None:
+    the selected node); empty: everything. *frame* starts each node and checks a frame of each enabled TPDO. *rehearse*
+    evaluates a script. Raises UsageError if there is nothing to compare.
+    """
+    is_device = file is not None and not _is_network(file) and not _is_script(file)
+    return session.read_together(lambda: _verified(session, rehearse, pdos, file, frame=frame, is_device=is_device))
+
+
+def _verified(
+    session: Session, rehearse: Rehearse, pdos: Sequence[NodePdo], file: str | None, *, frame: bool, is_device: bool
+) -> Compared | ComparedNodes:
+    """Compare once; *is_device*: the *file* is about a device."""
+    if file is not None and is_device:
+        pdos, wanted = _device_wishes(session, pdos, file)
+        plan = None
+    else:
+        wanted, plan = _wishes(session, rehearse, file)
+    lacking = () if plan is None else plan.lacking
+    if plan is not None and lacking and pdos:
+        asked = {(session.node_id() if node_id is None else node_id, pdo) for node_id, pdo in pdos}
+        if not asked.isdisjoint((*((lacked.node_id, lacked.pdo) for lacked in lacking), *plan.torn)):
+            refuse_lacking(plan)
+        lacking = ()
+    if plan is not None and lacking and not any(wanted.values()):
+        refuse_lacking(plan)
+    wishes = _chosen(session, pdos, wanted, file or SESSION)
+    named = len(wishes) > 1 or len(session.known_ids()) > 1
+    lines = {} if plan is None else {node.node_id: _lines(node) for node in plan.nodes}
+    compared = tuple(
+        replace(
+            compare(session, session.node(node_id), wish, file, frame=frame, named=named),
+            lines=lines.get(node_id, {}),
+        )
+        for node_id, wish in wishes.items()
+    )
+    return compared[0] if len(compared) == 1 and not lacking else ComparedNodes(compared, lacking)
+
+
+def _lines(node: NodePlan) -> dict[str, int]:
+    """Map PDOs and objects of *node*, and the node itself, to lines of the network file."""
+    objects = {f"{index:04X}:{sub_index:02X}": line for (index, sub_index), line in node.object_lines.items()}
+    return {"": node.line, **{pdo.label: line for pdo, line in node.lines.items()}, **objects}
+
+
+def _wishes(session: Session, rehearse: Rehearse, file: str | None) -> tuple[dict[int, Wish], NetworkPlan | None]:
+    """Return the wishes for each node, by a network file, a script or this session; and the network file's plan."""
+    if file is not None:
+        return _network_wishes(session, file) if _is_network(file) else (rehearse(file), None)
+    return _session_wishes(session), None
+
+
+def _is_network(file: str) -> bool:
+    return file.lower().endswith((".yaml", ".yml"))
+
+
+def _session_wishes(session: SessionNodes) -> dict[int, Wish]:
+    network = session.network
+    for node_id, before in tuple(network.left.items()):
+        if before.wanted or before.wanted_values or before.unreadable_values:
+            network.node(node_id)  # it was changed before the bus was gone: who is it now?
+    return {node_id: session_wish(node) for node_id, node in sorted(network.nodes.items())}
+
+
+def _device_wishes(session: SessionNodes, pdos: Sequence[NodePdo], file: str) -> tuple[list[NodePdo], dict[int, Wish]]:
+    """Return *pdos* with their nodes, and the wishes of these nodes by a *file* about a device."""
+    named = {node_id for node_id, _ in pdos if node_id is not None}
+    if named and any(node_id is None for node_id, _ in pdos):
+        named.add(session.node_id())  # a PDO without a node is the selected one's
+    if len(named) > 1:
+        raise UsageError("a DCF is about one node: use one line for each node")
+    held = told_of(file, session.tell)
+    meant = tuple(named) or selected_nodes(session) or (node_of_file(session, held),)
+    return [(meant_id, pdo) for meant_id in meant for _, pdo in pdos], {
+        meant_id: _device_wish(session, session.node(meant_id), held) for meant_id in meant
+    }
+
+
+def _network_wishes(session: Session, file: str) -> tuple[dict[int, Wish], NetworkPlan]:
+    from dvtcli.operations.plans.plan_network import plan_network
+
+    plan = plan_network(session, file, as_far=True)
+    return {node.node_id: _node_wish(node) for node in plan.nodes}, plan
+
+
+def _node_wish(node: NodePlan) -> Wish:
+    """The wishes of a network file for a node: what is write-only is named, not compared."""
+    unreadable = tuple(change.label for change in node.plan.unreadable)
+    values = {place: data for place, data in node.values.items() if object_text(*place) not in unreadable}
+    return Wish(dict(node.wanted), values, unreadable=unreadable)
+
+
+def _is_script(file: str) -> bool:
+    if file.lower().endswith(".tcl"):
+        raise UsageError(
+            f"{file}: what a Tcl script sets is not known before it runs",
+            place=file,
+            hint=as_hint("run it at the prompt, where what it set can be compared")
+            + Hint(Action.SAVE_SCRIPT, why=", or {} there and compare with that"),
+        )
+    if file.lower().endswith(".dvt"):
+        return True
+    try:
+        return read_input_head(file, 32).lstrip(b"\xef\xbb\xbf").startswith(b"# dvtcli script")
+    except OSError as failed:
+        raise UsageError(f"{file}: {failed.strerror}", place=file) from failed
+
+
+def _chosen(session: SessionNodes, pdos: Sequence[NodePdo], wishes: dict[int, Wish], against: str) -> dict[int, Wish]:
+    """Restrict *wishes* to *pdos* (empty: everything); raises UsageError if nothing is left to compare."""
+    wished = {node_id: wish for node_id, wish in wishes.items() if wish}
+    if not wished:
+        said = "this session changed nothing" if against == SESSION else f"{against} sets nothing"
+        blind = [f"{label} of node {node_id}" for node_id, wish in wishes.items() for label in wish.unreadable]
+        if blind:
+            said = (
+                f"{against} set{'' if against == SESSION else 's'} {join_some(blind)} only, which cannot be read back"
+            )
+        raise UsageError(
+            f"nothing to compare: {said}",
+            hint=Hint(Action.VERIFY, {"file": "FILE"}, "compares with a script")
+            + Hint(
+                Action.GIVE,
+                {"frame": True},
+                ", a DCF or an EDS, with {}, too; without FILE it compares with what was mapped or set before it, at "
+                "the prompt or in one script",
+            ),
+        )
+    asked: dict[int, list[Pdo]] = {}
+    for node_id, pdo in pdos:
+        asked.setdefault(session.node_id() if node_id is None else node_id, []).append(pdo)
+    for node_id, wanted in asked.items():
+        missing = [pdo for pdo in wanted if node_id not in wished or pdo not in wished[node_id].pdos]
+        if missing:
+            what = f"{missing[0].label} of node {node_id}" if len(session.known_ids()) > 1 else missing[0].label
+            said = f"this session did not set {what}" if against == SESSION else f"{against} says nothing of {what}"
+            raise UsageError(
+                said,
+                hint=Hint(
+                    Action.VERIFY, {"file": "FILE"}, "compares with a script, a DCF or an EDS; else map or set it first"
+                ),
+            )
+    return {node_id: wished[node_id].only(wanted) for node_id, wanted in sorted(asked.items())} or wished
+
+
+def compare_node(
+    session: SessionNodes, node: Node, pdos: Collection[Pdo] = (), file: str | None = None, *, frame: bool = False
+) -> Compared:
+    """Compare *pdos* (empty: everything) of *node* with this session's changes, or the DCF or EDS *file*.
+
+    Raises UsageError if there is nothing to compare.
+    """
+    wish = session_wish(node) if file is None else _device_wish(session, node, told_of(file, session.tell))
+    missing = [pdo.label for pdo in pdos if pdo not in wish.pdos]
+    if missing or not wish:
+        what = f"set {missing[0]}" if missing else "set anything"
+        said = f"{file} does not {what}" if file else f"this session did not {what}"
+        raise UsageError(f"nothing to compare: {said}", node=node.node_id)
+    return compare(session, node, wish.only(pdos) if pdos else wish, file, frame=frame)
+
+
+def compare(
+    session: SessionNodes, node: Node, wish: Wish, file: str | None = None, *, frame: bool = False, named: bool = False
+) -> Compared:
+    """Compare a node; again after a frame, as the node was started and may have restarted."""
+    says = partial(planned_words, node)
+    found = unlike(node, wish, says)
+    frames, note = look(session, node, [pdo for pdo in wish.pdos if pdo.is_tpdo]) if frame else ((), "")
+    found = unlike(node, wish, says) if frame else found
+    if file is None:
+        _judge(node, wish, differs=bool(found))
+    return Compared(
+        node.node_id, len(wish.pdos), wish.parameters, found, file or SESSION, frames, note,
+        objects=wish.objects, frame_asked=frame, named=named, unsaid=wish.unsaid, not_comparable=wish.unreadable,
+        labels=tuple(_labels(wish)),
+    )  # fmt: skip
+
+
+def _labels(wish: Wish) -> Iterator[str]:
+    yield from (pdo.label for pdo in wish.pdos)
+    yield from (f"{index:04X}:{sub_index:02X}" for index, sub_index in wish.values)
+    yield from dict(wish.unwritten)
+    yield from wish.also_equal
+
+
+def _judge(node: Node, wish: Wish, *, differs: bool) -> None:
+    """Forbid a store after a difference; only a full comparison without differences allows it again."""
+    suspicions = node.pending.suspicions
+    if differs:
+        suspicions[VERIFY] = "verify found differences to what this session set"
+    elif set(node.wanted) <= set(wish.pdos) and set(node.wanted_values) <= set(wish.values):
+        suspicions.pop(VERIFY, None)
+        suspicions.pop(REBOOT, None)
+
+
+def _device_wish(session: SessionUser, node: Node, held: HeldDevice) -> Wish:
+    """Return the wishes of a DCF, an XDC or a backup for this node, or an EDS's default PDOs.
+
+    Raises SafetyRefusal if the file is for another product.
+    """
+    if holds_values(held.name):
+        from dvtcli.operations.devices.plan_device import wanted_alone
+
+        found = wanted_alone(node, held)
+        if found is not None or held.dictionary is None:
+            return found or Wish()
+        session.tell.note(f"{held.name} has no value of any object: its defaults are compared")
+    assert held.dictionary is not None  # noqa: S101 - only a backup describes nothing
+    values = FileValues(held.dictionary, node.node_id)
+    return Wish({pdo: read_pdo(values, pdo) for pdo in present_pdos(values, held.dictionary)})
+
+
+#: bit 31 of a COB-ID: the PDO does not exist
+_OFF = 0x8000_0000
+
+
+@dataclass(frozen=True, slots=True)
+class SecondSide:
+    """The side that a file is compared with: *name*, and the objects on *node_id*."""
+
+    name: str
+    node_id: int
+    objects: Mapping[ObjectAddress, KeptObject]
+    known: Configuration
+    dictionary: ObjectDictionary | None
+    identity: Mapping[str, int | None]
+    changing: frozenset[ObjectAddress] = frozenset()
+    assumed: frozenset[ObjectAddress] = frozenset()
+
+    def entry(self, place: ObjectAddress) -> OdEntry:
+        """How the object at *place* is described."""
+        return entry_of(self.dictionary, place)
+
+    def kind(self, entry: OdEntry) -> DifferenceKind:
+        """Classify a difference of the object *entry*; a value that changes by itself is no setting."""
+        return DifferenceKind.APART if (entry.index, entry.sub_index) in self.changing else kind_of(self.known, entry)
+
+    def why_apart(self, entry: OdEntry) -> str:
+        """Explain, after the object's name, why *entry* is no setting."""
+        if (entry.index, entry.sub_index) in self.changing:
+            return "changes by itself"
+        return str(self.known.why_not(entry) or "")
+
+
+def side_of_node(session: SessionNodes, node: Node, first: HeldDevice) -> SecondSide:
+    """Read the objects of *first* from *node*."""
+    dictionary = node.dictionary or first.dictionary
+    known = Configuration(node.profile) if dictionary is None else configuration(node, dictionary)
+    said = {place for place, kept in first.objects.items() if kept.data is not None}
+    named = said - first.assumed
+    entries = [entry_of(dictionary, place) for place in sorted({*said, *_beside(said, dictionary)})]
+    entries = [
+        named_itself(read_entry) if (read_entry.index, read_entry.sub_index) in named else read_entry
+        for read_entry in entries
+    ]
+
+    def again(one: ReadObject) -> bool:
+        wanted = first.on_node(one.place, one.entry, node.node_id)
+        return one.place in said and not same_value(one.entry.data_type, wanted, one.data)
+
+    read = read_entries(session, node, entries, known, again)
+    objects = {
+        place: KeptObject(looked_object.data, why_unread(looked_object))
+        for place, looked_object in read.items()
+        if looked_object.unread in (None, Unread.SILENT)
+        or kind_of(known, looked_object.entry) is DifferenceKind.SETTING
+    }
+    changing = frozenset(place for place, looked_entry in read.items() if looked_entry.changes)
+    name = f"node {node.node_id}"
+    return _knowing(SecondSide(name, node.node_id, objects, known, dictionary, node.identity(), changing), first)
+
+
+def side_of_file(session: SessionUser, second: HeldDevice, first: HeldDevice) -> SecondSide:
+    """Return *second* as a side, with its own description, else that of *first*."""
+    dictionary = second.dictionary or first.dictionary or _known_by_identity(session, second, first)
+    profile = _profile(second if second.identity["vendor"] else first)
+    known = Configuration(profile) if dictionary is None else configuration_of(dictionary, profile)
+    node_id = second.node_id or first.node_id or 0
+    side = SecondSide(second.name, node_id, second.objects, known, dictionary, second.identity, assumed=second.assumed)
+    return _knowing(side, first)
+
+
+def _knowing(second: SecondSide, first: HeldDevice) -> SecondSide:
+    """Mark as process data what enabled RPDOs of either side receive: no settings."""
+    taken = frozenset([*_taken({**second.objects, **first.objects}), *_taken(second.objects)])
+    return replace(second, known=replace(second.known, taken=taken))
+
+
+def _taken(objects: Mapping[ObjectAddress, KeptObject]) -> Iterator[ObjectAddress]:
+    """Yield what enabled RPDOs among *objects* receive."""
+    words = {
+        place: int.from_bytes(kept_object.data, "little")
+        for place, kept_object in objects.items()
+        if kept_object.data is not None
+    }
+    for (index, sub_index), word in words.items():
+        pdo = Pdo.at(index)
+        if pdo is None or pdo.is_tpdo or index != pdo.mapping_index:
+            continue
+        is_enabled = not words.get((pdo.communication_index, 1), _OFF) & _OFF
+        if is_enabled and 0 < sub_index <= words.get((index, 0), 0):
+            yield word >> 16, word >> 8 & 0xFF
+
+
+def _beside(said: Collection[ObjectAddress], dictionary: ObjectDictionary | None) -> Iterator[ObjectAddress]:
+    """Yield objects that decide the meaning of *said*: mapping counts, and objects that RPDOs receive."""
+    mappings = {index for index, _ in said if is_pdo_mapping(index)}
+    for entry in () if dictionary is None else dictionary.entries():
+        pdo = Pdo.at(entry.index)
+        if pdo is not None and (not pdo.is_tpdo or (entry.index in mappings and not entry.sub_index)):
+            yield entry.index, entry.sub_index
+
+
+def _known_by_identity(session: SessionUser, *held: HeldDevice) -> ObjectDictionary | None:
+    """Return the dictionary of --eds, else by the identity of *held*; None if unknown."""
+    from dvtcli.operations.session.device_files import found_file
+    from dvtcli.operations.session.simulated_nodes import file_or_family, read_dictionary
+
+    if session.options.eds is not None:
+        return read_dictionary(file_or_family(session.options.eds), session.options.chosen_modules)
+    found = next(filter(None, (found_file(KeptIdentity(device)) for device in held)), None)
+    if found is not None and found.note:
+        session.tell.note(found.note)
+    return None if found is None else read_dictionary(found.path, session.options.chosen_modules)
+
+
+def _profile(held: HeldDevice) -> DeviceProfile:
+    from dvtcli.files.profile.library import profile_for_identity
+
+    return profile_for_identity(held.identity["vendor"] or 0, held.identity["product"] or 0)
+
+
+Objects = Mapping["ObjectAddress", "KeptObject"]
+
+
+def count_beneath(place: ObjectAddress, *sides: Objects) -> int | None:
+    """Return the mapping count if *place* is a mapping entry beyond it on all *sides*, else None.
+
+    A side without a count has the others'; the highest counts.
+    """
+    index, sub_index = place
+    if not is_pdo_mapping(index) or not sub_index:
+        return None
+    counts = [data for side in sides if (data := _data(side, (index, 0))) is not None]
+    if not counts or not all(len(data) == 1 and data[0] < sub_index for data in counts):
+        return None
+    return max(data[0] for data in counts)
+
+
+def wants_more(place: ObjectAddress, side: Objects) -> bool:
+    """Tell whether *side* maps an object in *place* (0: none) but gives no count."""
+    return _data(side, (place[0], 0)) is None and any(_data(side, place) or b"")
+
+
+def _data(side: Objects, place: ObjectAddress) -> bytes | None:
+    kept = side.get(place)
+    return None if kept is None else kept.data
+
+
+def compare_device(
+    session: SessionNodes, file: str, other: str | None = None, node_id: int | None = None, *, shows_all: bool = False
+) -> WholeCompared:
+    """Compare *file* with the file *other*, or with the node *node_id*.
+
+    None is the selected node, else the file's node-ID. A file is a DCF, an EDS, an XDD, an XDC or a backup's `.jsonl`.
+    Of a node, the objects of the file are read; differing objects are read again, and reported separately if they
+    changed. Raises UsageError if a file cannot be read or has no setting to compare; InputFileError for another kind of
+    file.
+    """
+    first = told_of(file, session.tell)
+    if first.assumed and holds_values(file):
+        session.tell.note(f"{file} has no value of any object: its defaults are compared")
+    if other is None:
+        node = session.node(_meant(session, first) if node_id is None else node_id)
+        first = first if first.node_id else held_by(file, node.node_id)
+        side = session.read_together(lambda: side_of_node(session, node, first))
+        return _compared(first, side, node.node_id, shows_all=shows_all)
+    second = held_by(other, first.node_id)
+    for text in second.unread:
+        session.tell.warning(text)
+    side = side_of_file(session, second, first)
+    return _compared(held_by(file, second.node_id), side, None, shows_all=shows_all)
+
+
+def _meant(session: SessionNodes, first: HeldDevice) -> int:
+    """Choose the node if the line names none."""
+    selected = selected_nodes(session)
+    if len(selected) > 1:
+        return session.node_id()  # which says that this is about one
+    return selected[0] if selected else node_of_file(session, first)
+
+
+def _compared(first: HeldDevice, second: SecondSide, node: int | None, *, shows_all: bool) -> WholeCompared:
+    meanings = meanings_of(second.known.profile, second.dictionary)
+    comparison = _Comparison(first, second, meanings, asks_node=node is not None)
+    for place in sorted(first.objects.keys() & second.objects.keys()):
+        comparison.look_at(place)
+    if not comparison.count:
+        raise _nothing_compared(first, second)
+    found = comparison.found
+    return WholeCompared(
+        node, first.name, second.name, comparison.count,
+        tuple(found[DifferenceKind.SETTING]), tuple(found[DifferenceKind.ABOUT]),
+        tuple(found[DifferenceKind.APART]), _unsaid(first, second, node), _unlike(first, second),
+        unread=tuple(comparison.unread), shows_all=shows_all,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class _Pair:
+    """Both values of the object at *place*: *before* and *after*, None if a side has none."""
+
+    place: ObjectAddress
+    entry: OdEntry
+    kind: DifferenceKind
+    before: bytes | None
+    after: bytes | None
+    is_assumed: bool
+
+
+@dataclass(slots=True)
+class _Comparison:
+    """The comparison of *first* and *second*: objects compared, and findings."""
+
+    first: HeldDevice
+    second: SecondSide
+    meanings: Meanings
+    asks_node: bool
+    count: int = 0
+    found: dict[DifferenceKind, list[ObjectDifference]] = field(
+        default_factory=lambda: {kind: [] for kind in DifferenceKind}
+    )
+    unread: list[str] = field(default_factory=list)
+
+    def look_at(self, place: ObjectAddress) -> None:
+        """Compare the object at *place*."""
+        pair = self._pair(place)
+        if not self._is_said(pair):
+            if pair.kind is DifferenceKind.SETTING and (pair.before is not None or pair.after is not None):
+                self.unread.append(_label(place))
+        elif pair.is_assumed and pair.kind is not DifferenceKind.SETTING:
+            pass  # what a device comes up with is a setting's only
+        elif (beneath := count_beneath(place, self.first.objects, self.second.objects)) is not None:
+            self._look_beyond(pair, beneath)
+        else:
+            self._look_at_values(pair)
+
+    def _pair(self, place: ObjectAddress) -> _Pair:
+        entry = self.second.entry(place)
+        return _Pair(
+            place, entry, self.second.kind(entry),
+            self.first.on_node(place, entry, self.second.node_id), self.second.objects[place].data,
+            is_assumed=place in self.first.assumed or place in self.second.assumed,
+        )  # fmt: skip
+
+    def _is_said(self, pair: _Pair) -> bool:
+        """Tell whether both sides have a value, or a reason for its absence."""
+        if pair.before is None:
+            return False
+        return pair.after is not None or (self.asks_node and not pair.is_assumed)
+
+    def _look_beyond(self, pair: _Pair, count: int) -> None:
+        """Compare a mapping entry beyond *count*: different if a side maps an object there without a count."""
+        sides = (self.first.objects, self.second.objects)
+        if pair.is_assumed or not any(wants_more(pair.place, side) for side in sides):
+            return
+        before, after = (side[pair.place].data if wants_more(pair.place, side) else None for side in sides)
+        self.count += 1
+        self._found(pair, before, after, unread=f"not mapped: the count is {count}")
+
+    def _look_at_values(self, pair: _Pair) -> None:
+        self.count += pair.kind is DifferenceKind.SETTING
+        if same_value(pair.entry.data_type, pair.before, pair.after):
+            return
+        self._found(
+            pair, pair.before, pair.after,
+            unread=self.second.objects[pair.place].why if pair.after is None else "",
+            apart=self.second.why_apart(pair.entry) if pair.kind is DifferenceKind.APART else "",
+            meaning=self.meanings.of(*pair.place),
+        )  # fmt: skip
+
+    def _found(
+        self, pair: _Pair, before: bytes | None, after: bytes | None, *,
+        unread: str = "", apart: str = "", meaning: Scaling = NOTHING,
+    ) -> None:  # fmt: skip
+        name, data_type = _name(pair.place, self.second.dictionary, self.first.dictionary), pair.entry.data_type
+        found = ObjectDifference(_label(pair.place), name, data_type, before, after, unread, apart, meaning)
+        self.found[pair.kind].append(found)
+
+
+def _nothing_compared(first: HeldDevice, second: SecondSide) -> UsageError:
+    """Make the error of a comparison without settings: nothing compared is not equal."""
+    unlike = _unlike(first, second)
+    return UsageError(
+        f"nothing compared: {first.name} and {second.name} have no setting in common that both say something of",
+        place=first.name,
+        why=f"another device: {unlike}" if unlike else "",
+        hint=Hint(Action.BACKUP, why="is it the whole file, and of that device? {} makes one now"),
+    )
+
+
+def _name(place: ObjectAddress, *dictionaries: ObjectDictionary | None) -> str:
+    """Return the object's name in the first file that describes it."""
+    names = (dictionary.display_name(*place) for dictionary in dictionaries if dictionary is not None)
+    return next(filter(None, names), "")
+
+
+def _unsaid(first: HeldDevice, second: SecondSide, node: int | None) -> int:
+    """Count settings with a value on a single side."""
+    said, known = (
+        {place for place, kept_object in side.objects.items() if kept_object.data is not None}
+        for side in (first, second)
+    )
+    if node is not None and second.dictionary is not None:
+        known = {(entry.index, entry.sub_index) for entry in second.dictionary.entries() if entry.access.readable}
+    one_sided = known - said if node is not None else known ^ said
+    return sum(second.kind(second.entry(place)) is DifferenceKind.SETTING for place in one_sided)
+
+
+def _unlike(first: HeldDevice, second: SecondSide) -> str:
+    """Name the numbers of the identity that differ; empty if none, or unknown."""
+    before: dict[str, int | None] = {
+        name: number for name, number in first.identity.items() if number and second.identity.get(name)
+    }
+    return unlike_before(before, {name: second.identity[name] for name in before})
+
+
+def _label(place: ObjectAddress) -> str:
+    return f"{place[0]:04X}:{place[1]:02X}"

@@ -1,0 +1,207 @@
+"""A device's file (DCF, EDS, XDD, XDC, backup): its kind by its suffix, its values, and the nodes it is for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.device.described_node import ToldValues
+from dvtcli.device.read_pdos import IDENTITY
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.hint import Action, Hint
+from dvtcli.errors import SdoAborted, UsageError
+from dvtcli.files.whole_device_file import SUFFIX, KeptObject, read_whole_device
+
+if TYPE_CHECKING:
+    from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
+    from dvtcli.domain.profile import ObjectAddress
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import Reporter
+
+_COB_ID_FLAGS, _COB_ID_BYTES = 0xE000_0000, 4
+
+
+@dataclass(frozen=True, slots=True)
+class HeldDevice:
+    """The values of a device in a file *name*: *objects* by address, of node *node_id* (None: not given).
+
+    *identity* has the numbers of 0x1018, None if not given; *dictionary* describes the objects, if known.
+    """
+
+    name: str
+    node_id: int | None
+    identity: Mapping[str, int | None]
+    objects: Mapping[ObjectAddress, KeptObject]
+    dictionary: ObjectDictionary | None = None
+    #: all objects of a file without values: defaults only
+    assumed: frozenset[ObjectAddress] = frozenset()
+    #: values in the file without use, with their lines
+    unread: tuple[str, ...] = ()
+
+    def says(self, place: ObjectAddress) -> bool:
+        """Tell whether the file itself has a value at *place*, not only a default."""
+        kept = self.objects.get(place)
+        return kept is not None and kept.data is not None and place not in self.assumed
+
+    def maps(self, place: ObjectAddress) -> bool:
+        """Tell whether the file itself maps an object in the mapping entry *place*: 0 is none."""
+        return self.says(place) and any(self.objects[place].data or b"")
+
+    def on_node(self, place: ObjectAddress, entry: OdEntry | None, node_id: int) -> bytes | None:
+        """Return the object's value on *node_id*, adjusted if it follows the node-ID; None if not given."""
+        kept = self.objects.get(place)
+        data = None if kept is None else kept.data
+        own = None if self.dictionary is None else self.dictionary.entry(*place)
+        if own is not None and own.value is not None and own.value_relative:
+            return own.initial(node_id)
+        if data is None or entry is None or self.node_id in (None, node_id) or not entry.default_relative:
+            return data
+        return _moved(data, replace(entry, value=None), self.node_id or 0, node_id)
+
+
+@dataclass(frozen=True, slots=True)
+class KeptIdentity(ToldValues):
+    """The identity (0x1018) in *held*, readable like a device's."""
+
+    held: HeldDevice
+
+    def told(self, index: int, sub_index: int) -> bytes:
+        """Return a number of the identity; raises SdoAborted for missing numbers and other objects."""
+        numbers = dict(enumerate(("vendor", "product", "revision", "serial"), 1))
+        number = self.held.identity.get(numbers.get(sub_index, "")) if index == IDENTITY else None
+        if number is None:
+            raise SdoAborted(index, sub_index, Abort.NO_SUB_INDEX)
+        return number.to_bytes(4, "little")
+
+
+def _moved(data: bytes, entry: OdEntry, from_id: int, to_id: int) -> bytes:
+    """Adjust *data*, whose default follows the node-ID, to another node; bits 29 to 31 of a COB-ID stay."""
+    usual, there = entry.initial(from_id), entry.initial(to_id)
+    if usual is None or there is None or len(data) != len(usual):
+        return data
+    mask = _COB_ID_FLAGS if len(data) == _COB_ID_BYTES else 0
+    held, default = int.from_bytes(data, "little"), int.from_bytes(usual, "little")
+    if held & ~mask != default & ~mask:
+        return data
+    return (int.from_bytes(there, "little") & ~mask | held & mask).to_bytes(len(data), "little")
+
+
+def held_by(file: str, node_id: int | None = None) -> HeldDevice:
+    """Read *file*; a file without a node-ID is read for *node_id*.
+
+    A DCF or XDC without a value has no value for the object; an EDS, an XDD, and files without any value have defaults.
+    Raises UsageError if it cannot be read, InputFileError for another kind of file or an unreadable value.
+    """
+    try:
+        if file.lower().endswith(SUFFIX):
+            kept = read_whole_device(Path(file))
+            return HeldDevice(file, kept.node_id, kept.identity, kept.objects)
+        return _described(file, node_id)
+    except OSError as failed:
+        raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
+
+
+def told_of(file: str, tell: Reporter) -> HeldDevice:
+    """Read *file* like `held_by`; *tell* gets its unused values."""
+    held = held_by(file)
+    for text in held.unread:
+        tell.warning(text)
+    return held
+
+
+def _described(file: str, node_id: int | None) -> HeldDevice:
+    from dvtcli.files.device_file import must_not_be_cut, read_device_file
+    from dvtcli.files.unread_values import must_tell_values, unread_values
+
+    read = read_device_file(Path(file))
+    must_not_be_cut(read)
+    must_tell_values(read, file)
+    dictionary = read.dictionary
+    info = dictionary.info
+    own_id = info.node_id or node_id
+    objects: dict[ObjectAddress, KeptObject] = {}
+    assumed = set()
+    has_values = holds_values(file) and any(entry.value is not None for entry in dictionary.entries())
+    for entry in dictionary.entries():
+        if (entry.value is not None or not has_values) and (data := _said(entry, own_id)) is not None:
+            kind = "" if entry.data_type is None else entry.data_type.short
+            objects[entry.index, entry.sub_index] = KeptObject(data, type_name=kind)
+            if not has_values:
+                assumed.add((entry.index, entry.sub_index))
+    identity = {**info.identity, "serial": None}
+    unread = unread_values(read, file) if holds_values(file) else ()
+    return HeldDevice(file, own_id, identity, objects, dictionary, frozenset(assumed), unread)
+
+
+def _said(entry: OdEntry, node_id: int | None) -> bytes | None:
+    """Return ParameterValue, else the default of a writable object, as devices boot with it."""
+    if entry.value is None and not (entry.access.writable and entry.access.readable):
+        return None
+    relative = entry.value_relative if entry.value is not None else entry.default_relative
+    return None if relative and node_id is None else entry.initial(node_id or 0)
+
+
+_HOLDS, _DESCRIBES = (".dcf", ".xdc", ".jsonl"), (".eds", ".xdd")
+
+
+def is_about_device(file: str) -> bool:
+    """Tell whether *file* is about a device, and not about a network."""
+    return file.lower().endswith((*_HOLDS, *_DESCRIBES))
+
+
+def holds_values(file: str) -> bool:
+    """Tell whether *file* has a device's values: a DCF, an XDC or a backup's JSON lines."""
+    return file.lower().endswith(_HOLDS)
+
+
+def refuse_kind(file: str) -> None:
+    """Raises UsageError if *file* has no device's values by its suffix."""
+    if not holds_values(file):
+        raise UsageError(
+            f"{file} does not say what a device is to hold",
+            place=file,
+            hint=Hint(
+                Action.RESTORE,
+                why="a DCF, an XDC or a backup (.jsonl) does; an EDS or XDD says what there is, and {} brings its "
+                "defaults",
+            ),
+        )
+
+
+def selected_nodes(session: SessionNodes) -> tuple[int, ...]:
+    """Return the selected node or the nodes of `-n`; empty if none. Raises UsageError for `-n all`."""
+    if session.selected is None and session.base.every_node:
+        raise UsageError(
+            "a file about one device is for nodes that are named",
+            given={"node_id": "all"},
+            hint=Hint(Action.GIVE, {"node_id": "3,4,5"}, "names several"),
+        )
+    if session.selected is None and len(session.base.nodes) > 1:
+        return session.base.nodes
+    selected = session.selected_id()
+    return () if selected is None else (selected,)
+
+
+def node_of_file(session: SessionNodes, held: HeldDevice) -> int:
+    """Return the node-ID of *held*, with a message; raises UsageError if it has none."""
+    if held.node_id is None:
+        return session.node_id()
+    session.tell.note(f"node {held.node_id}, as {held.name} says")
+    return held.node_id
+
+
+def selected_alone(session: SessionNodes, held: HeldDevice) -> tuple[int, ...]:
+    """Return `selected_nodes`; raises UsageError if none, as *held* may be of another device."""
+    if found := selected_nodes(session):
+        return found
+    own = "" if held.node_id is None else f" ({held.name} was made of node {held.node_id})"
+    raise UsageError(
+        "no node is selected",
+        place=held.name,
+        hint=Hint(
+            Action.GIVE, {"node_id": f"ID{own}"}, "this writes to the device that takes the other one's place: {}"
+        )
+        + Hint(Action.SHOW_NODE, {"node": "ID"}, ", or {}"),
+    )

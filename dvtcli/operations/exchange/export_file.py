@@ -1,0 +1,226 @@
+"""Export nodes to the format of the file's suffix. Writes nothing to a node."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from typing import TYPE_CHECKING, ClassVar
+
+from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.text import join_some, plural
+from dvtcli.errors import NoAnswer, UsageError
+from dvtcli.files.dbc_text import SUFFIX as DBC_SUFFIX
+from dvtcli.files.device_file import VALUE_SUFFIXES
+from dvtcli.files.eds.writer import eds_bytes
+from dvtcli.files.nodelist import SUFFIX as NODELIST_SUFFIX
+from dvtcli.files.nodelist import ListedNode, Nodelist, nodelist_text
+from dvtcli.operations.devices.export_dcf import export_dcf
+from dvtcli.operations.exchange.dbc_options import DbcOptions
+from dvtcli.operations.nodes.find_nodes import find_nodes
+from dvtcli.operations.results import Facts
+from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
+
+
+@dataclass(frozen=True, slots=True)
+class ExportRequest:
+    """A request: the node *node_id* (None: selected, or all), read *twice*, with *dbc* options."""
+
+    node_id: int | None = None
+    twice: bool = False
+    dbc: DbcOptions = field(default_factory=DbcOptions)
+
+
+class ExportFormat:
+    """A format, chosen by its *suffixes*; `export --help` shows the first."""
+
+    suffixes: ClassVar[tuple[str, ...]]
+    #: whether a file has all nodes
+    is_of_all: ClassVar[bool] = False
+    #: whether objects can be read twice
+    reads_twice: ClassVar[bool] = False
+    #: whether it can be wanted otherwise than by default, as a DBC file can
+    has_wishes: ClassVar[bool] = False
+
+    def __init_subclass__(cls) -> None:
+        if "suffixes" not in vars(cls):
+            raise TypeError(f'{cls.__module__}: {cls.__name__} lacks a line such as suffixes = (".yaml",)')
+
+    def write(self, session: Session, file: str, wanted: ExportRequest) -> Facts:
+        """Write the *wanted* node, or all answering nodes or those of -n, to *file*.
+
+        Asks before overwriting. Omissions are in the result's row `left_out`.
+        """
+        raise NotImplementedError
+
+
+def export_nodelist(session: SessionNodes, file: str, *, twice: bool = False) -> Facts:
+    """Export the answering nodes (or `-n`) to the nodelist *file*, with a DCF each in its folder.
+
+    A node without EDS is listed without a DCF, and reported. Asks before overwriting any file. *twice* reads each
+    object twice. Raises NoAnswer if no node answers; else as `export_dcf`.
+    """
+    path = place_of(file, "nodelist.cpj")
+    ask_before_overwriting(session, path)
+    notes: list[str] = []
+    ids = session.base.nodes or tuple(row.node for row in find_nodes(session).rows if not row.note)
+    if not ids:
+        raise NoAnswer(
+            "no node answers",
+            hint=Hint(Action.CHECK_SETUP, why="check bit rate and supply: {}") + Hint(Action.FIND_NODES, why=", {}"),
+        )
+    said: list[str] = []
+    nodes = [_listed(session, path, node_id, notes, said, twice=twice) for node_id in sorted(ids)]
+    untold = [str(node.node_id) for node in nodes if not node.dcf]
+    if len(untold) == len(nodes):
+        raise UsageError(
+            f"no node that answers has an EDS here ({join_some(untold)}): "
+            "a nodelist without a DCF says nothing of them",
+            hint=Hint(Action.ADD_EDS, why="keeps one for every node of its kind, then export again"),
+        )
+    if untold:
+        why = f"node {', '.join(untold)}: no EDS is known, so no DCF; add one to the library, then export again"
+        notes.insert(0, why)
+        said.insert(0, why)
+    make_file(session, path, eds_bytes(nodelist_text(Nodelist(path.parent.resolve().name, tuple(nodes)))))
+    rows = (
+        ("file", file),
+        ("nodes", [{"node": node.node_id, "name": node.name, "dcf": node.dcf or None} for node in nodes]),
+        ("notes", notes),
+    )  # fmt: skip
+    dcfs = sum(bool(node.dcf) for node in nodes)
+    first = f"{file}: {plural(len(nodes), 'node')}, {plural(dcfs, 'DCF')} beside it"
+    return Facts("nodelist", rows, (first, *(f"note: {note}" for note in said)))
+
+
+def _listed(
+    session: SessionNodes, path: Path, node_id: int, notes: list[str], said: list[str], *, twice: bool
+) -> ListedNode:
+    """List the node and write its DCF; omissions are in *notes*, the first also in *said*."""
+    node = session.node(node_id)
+    if node.dictionary is None:
+        return ListedNode(node_id, node.title)
+    name = f"node{node_id}.dcf"
+    done = dict(export_dcf(session, str(path.with_name(name)), node_id, twice=twice).rows)
+    left_out = [f"{entry['object']} left out: {entry['why']}" for entry in done["left_out"]]
+    notes += (f"node {node_id}: {line}" for line in left_out)
+    if left_out:
+        said.append(f"node {node_id}: {join_some(left_out)}")
+    return ListedNode(node_id, node.title, name)
+
+
+class NodelistExport(ExportFormat):
+    """All nodes as a nodelist, with a DCF each beside it."""
+
+    suffixes = (NODELIST_SUFFIX,)
+    is_of_all = True
+    reads_twice = True
+
+    def write(self, session: Session, file: str, wanted: ExportRequest) -> Facts:
+        """Write it by `export_nodelist`."""
+        return export_nodelist(session, file, twice=wanted.twice)
+
+
+class DcfExport(ExportFormat):
+    """A node's configuration as a DCF or XDC."""
+
+    suffixes = VALUE_SUFFIXES
+    reads_twice = True
+
+    def write(self, session: Session, file: str, wanted: ExportRequest) -> Facts:
+        """Write it by `export_dcf`."""
+
+        return export_dcf(session, file, wanted.node_id, twice=wanted.twice)
+
+
+class DbcExport(ExportFormat):
+    """The enabled PDOs of all nodes as a DBC file."""
+
+    suffixes = (DBC_SUFFIX,)
+    is_of_all = True
+    has_wishes = True
+
+    def write(self, session: Session, file: str, wanted: ExportRequest) -> Facts:
+        """Write it by `export_dbc`."""
+        from dvtcli.operations.exchange.export_dbc import export_dbc
+
+        return export_dbc(session, file, wanted.dbc)
+
+
+class NetworkFileExport(ExportFormat):
+    """A node's PDOs, as a network file."""
+
+    suffixes = (".yaml", ".yml")
+
+    def write(self, session: Session, file: str, wanted: ExportRequest) -> Facts:
+        """Write it by `export_node`; raises UsageError for another suffix."""
+        from dvtcli.operations.exchange.export_network import export_node
+
+        return export_node(session, file, wanted.node_id)
+
+
+@cache
+def export_formats() -> Mapping[str, ExportFormat]:
+    """Map suffixes to formats."""
+    formats: tuple[ExportFormat, ...] = (DbcExport(), DcfExport(), NetworkFileExport(), NodelistExport())
+    return {suffix: format_ for format_ in formats for suffix in format_.suffixes}
+
+
+def is_of_all_nodes(file: str) -> bool:
+    """Tell whether the format of *file* has all nodes in one file."""
+    return _format_of(file).is_of_all
+
+
+def export_file(
+    session: Session, file: str, node_id: int | None = None, *, twice: bool = False, wishes: DbcOptions | None = None
+) -> Facts:
+    """Export the node with *node_id* (None: the selected node) to *file*: a network file, a DCF or an XDC.
+
+    A nodelist or a DBC file has all nodes, as in `export_all`. *twice* reads each object of a DCF twice. Raises as
+    `export_node` and `export_dcf`; UsageError for *twice* with another format, or *wishes* without a DBC file.
+    """
+    kind = _format_of(file)
+    if wishes and not kind.has_wishes:
+        raise UsageError(
+            f"{file} is no DBC file, which alone can have that",
+            given=dict.fromkeys(wishes.named),
+            hint=Hint(Action.EXPORT, {"file": "NAME.dbc", "services": "emcy,heartbeat"}),
+        )
+    if twice and not kind.reads_twice:
+        raise UsageError(
+            f"{file} is no DCF or XDC, which alone is read twice",
+            given={"twice": True},
+            hint=Hint(Action.EXPORT, {"file": "NAME.dcf", "twice": True}),
+        )
+    return kind.write(session, file, ExportRequest(node_id, twice, wishes or DbcOptions()))
+
+
+def export_all(session: Session, file: str, *, twice: bool = False, wishes: DbcOptions | None = None) -> Facts:
+    """Export all answering nodes, or `-n`, to *file*: a nodelist with DCFs, or a DBC file.
+
+    *twice* and *wishes*, and their errors, as in `export_file`. Raises NoAnswer if no node answers.
+    """
+    if not is_of_all_nodes(file):
+        others = " or ".join(
+            sorted(suffix for suffix, export_format in export_formats().items() if export_format.is_of_all)
+        )
+        raise UsageError(f"{file}: what format is that?", hint=f"a name that ends in {others}")
+    return export_file(session, file, twice=twice, wishes=wishes)
+
+
+def _format_of(file: str) -> ExportFormat:
+    """Return the format of *file*; for an unknown suffix raises UsageError with all formats."""
+    known, name = export_formats(), file.lower()
+    found = next((export_format for suffix, export_format in known.items() if name.endswith(suffix)), None)
+    if found is None:
+        hint = Hint(
+            Action.SAVE_SCRIPT, {"all": True}, f"a name that ends in {', '.join(sorted(known))}; {{}} writes a script"
+        )
+        raise UsageError(f"{file}: what format is that?", hint=hint)
+    return found

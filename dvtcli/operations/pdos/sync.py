@@ -1,0 +1,123 @@
+"""The SYNC message of a node, and SYNC by unknown producers while nodes are read. Sends nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from dvtcli.device.read_pdos import read_optional
+from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.ports import Frame
+from dvtcli.domain.rules.finding import WARNING, Rule, warning
+from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
+from dvtcli.operations.results import SyncCheck, SyncSource
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import ReadableNode
+    from dvtcli.domain.ports import CanopenBus, SdoTransport
+    from dvtcli.operations.session.session_nodes import SessionNodes
+
+#: the default SYNC (CiA 301, 7.5.2.5)
+DEFAULT = Frame(0x080, b"")
+_EXTENDED = 1 << 29
+
+
+def sync_frame(sdo: SdoTransport) -> Frame:
+    """Return a SYNC with the CAN-ID of the node's 0x1005; 0x080 if absent or unanswered."""
+    try:
+        raw = int.from_bytes(sdo.upload(0x1005, 0, retries=0)[:4], "little")
+    except (NoAnswer, SdoAborted):
+        return DEFAULT
+    if raw & _EXTENDED:
+        return Frame(raw & 0x1FFF_FFFF, b"", extended=True)
+    return Frame(raw & 0x7FF, b"") if raw & 0x7FF else DEFAULT
+
+
+RULES = (Rule("sync-producer", WARNING, "`sync --check`: nobody produces SYNC", "CiA 301, 7.5.2.5 and 7.5.2.6"),)
+#: The bus is recorded for two periods of the slowest node, within these limits, in seconds.
+_SHORTEST_S, _LONGEST_S = 0.1, 2.5
+
+
+def check_sync(session: SessionNodes, node_ids: Iterable[int] = ()) -> SyncCheck:
+    """Read nodes, record the bus, and warn if nobody produces SYNC; sends no SYNC.
+
+    The nodes are those read so far, simulated, selected, and *node_ids*.
+    """
+    sources = tuple(_source(node) for node in _nodes(session, node_ids))
+    periods = [source.period_us for source in sources if source.period_us]
+    listen_s = min(_LONGEST_S, max(_SHORTEST_S, 2e-6 * max(periods, default=0)))
+    can_ids = {0x080} | {source.can_id for source in sources}
+    heard = sum(frame.can_id in can_ids for frame in session.wire.receive(listen_s))
+    checked = SyncCheck(sources, heard, round(listen_s * 1000))
+    finding = warning(
+        "sync-producer",
+        "0x1005:00",
+        "nobody produces SYNC: synchronous PDOs stay silent",
+        Hint(Action.WRITE, {"object": "1005", "value": "0x40000080"}, "makes a node the producer")
+        + Hint(Action.SEND_SYNC, {"period": 20, "count": 100}, ", or {} sends SYNC from here"),
+    )
+    return checked if checked.produced else replace(checked, findings=(finding,))
+
+
+def _nodes(session: SessionNodes, besides: Iterable[int]) -> list[Node]:
+    network = session.network
+    selected = session.selected_id()
+    node_ids = {*network.nodes, *network.simulated_ids, *besides} | (set() if selected is None else {selected})
+    return [session.node(node_id) for node_id in sorted(node_ids)]
+
+
+def _source(node: ReadableNode) -> SyncSource:
+    return SyncSource(node.node_id, read_optional(node.sdo, 0x1005, 0, 4), read_optional(node.sdo, 0x1006, 0, 4))
+
+
+_SYNC_ID, _USUAL, _PRODUCES, _CAN_ID = 0x1005, 0x080, 1 << 30, 0x7FF
+_HEARTBEATS = range(0x701, 0x780)
+
+
+@dataclass(slots=True)
+class ShortFrames:
+    """CAN-IDs and lengths of frames that may be SYNC: *heard* from others, and *sent* by us."""
+
+    heard: set[int] = field(default_factory=set)
+    sent: set[int] = field(default_factory=set)
+
+    def note(self, frame: Frame, sent: bool) -> None:
+        """Note *frame*; SYNC has no data, or a counter of one byte (CiA 301, 7.2.5)."""
+        if len(frame.data) <= 1 and not frame.extended and not frame.remote and frame.can_id not in _HEARTBEATS:
+            (self.sent if sent else self.heard).add(frame.can_id)
+
+
+@contextmanager
+def short_frames(bus: CanopenBus) -> Iterator[ShortFrames]:
+    """Collect short frames on *bus* during a block."""
+    found = ShortFrames()
+    end = bus.tap(found.note)
+    try:
+        yield found
+    finally:
+        end()
+
+
+def unknown_syncs(frames: ShortFrames, nodes: Iterable[ReadableNode]) -> tuple[int, ...]:
+    """Return CAN-IDs of received SYNC that neither *nodes* (0x1005, bit 30) nor we produce.
+
+    Covers 0x080 and the CAN-IDs that *nodes* consume. Reads nothing without such frames.
+    """
+    strange = frames.heard - frames.sent
+    if not strange:
+        return ()
+    held: list[int] = []
+    for node in nodes:
+        with suppress(NoAnswer, SdoAborted, SdoProtocolError):  # who is silent explains nothing
+            held.append(read_optional(node.memory, _SYNC_ID, 0, 4) or 0)
+    explained = {value & _CAN_ID for value in held if value & _PRODUCES}
+    meant = {_USUAL, *(value & _CAN_ID for value in held)}
+    return tuple(sorted(strange & meant - explained))
+
+
+def sync_note(can_id: int) -> str:
+    """Describe the SYNC of an unknown producer."""
+    return f"SYNC 0x{can_id:03X} is heard, and no node here sends it (0x1005): somebody who is not known does"

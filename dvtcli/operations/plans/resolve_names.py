@@ -1,0 +1,341 @@
+"""Resolve the names of a network file on a node: dictionary entries, types, heartbeat consumer entries.
+
+Reports all unknown names at once. Reads values, writes nothing.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import groupby
+from typing import TYPE_CHECKING, NamedTuple
+
+from dvtcli.device.proposal import proposal
+from dvtcli.device.raw_write_check import readable_value
+from dvtcli.device.read_pdos import read_optional
+from dvtcli.device.store.store_parameters import SIGNATURES
+from dvtcli.device.virtual_pdos import read_pins
+from dvtcli.domain.datatypes import parse_number
+from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.object_syntax import Skipped, UnknownName
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.request import PdoRequest, Switched
+from dvtcli.domain.rules import errors_in
+from dvtcli.domain.rules.entry_length import length_findings
+from dvtcli.domain.rules.mapped_object import object_findings
+from dvtcli.domain.text import join_some
+from dvtcli.errors import DvtcliError, SdoAborted, UsageError
+from dvtcli.operations.meanings.named_objects import entry_at, object_at
+from dvtcli.operations.meanings.physical_meanings import meaning_of, typed_bytes
+from dvtcli.operations.objects.write_object import object_type
+from dvtcli.operations.pdos.virtual_pdo_ties import object_index, tied_name
+
+if TYPE_CHECKING:
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
+    from dvtcli.domain.network.wanted_state import FileWord, Mark, NodeWish, PdoWish, PinWish
+    from dvtcli.domain.object_syntax import MappedObject
+    from dvtcli.domain.request import PdoWant
+    from dvtcli.domain.vpdo import Pins
+    from dvtcli.files.network.file_log import FileLog
+
+_FOLLOWS = re.compile(r"\$NODEID\s*(?:\+\s*(?P<more>\S+))?|(?P<first>\S+)\s*\+\s*\$NODEID", re.IGNORECASE)
+
+
+def following(number: int) -> str:
+    """Write node-ID plus *number* as `$NODEID+…`."""
+    return f"$NODEID+0x{number:X}"
+
+
+def of_node(text: str, node_id: int) -> str:
+    """Evaluate the value *text* on the node with *node_id*; returns *text* if it has no `$NODEID`.
+
+    Raises ValueError if anything but a number is added to `$NODEID`.
+    """
+    found = _FOLLOWS.fullmatch(text.strip())
+    return str(parse_number(found["more"] or found["first"] or "0") + node_id) if found else text
+
+
+class WantedValue(NamedTuple):
+    """The bytes wanted at *place*, the reason in words, and the place in the file."""
+
+    place: tuple[int, int]
+    data: bytes
+    reason: str
+    mark: Mark
+
+
+def wanted_pins(node: ReadableNode, wishes: Iterable[PinWish], log: FileLog) -> Iterator[WantedValue]:
+    """Resolve *wishes* into objects of virtual PDOs, pins before the number of active pins."""
+    for name, group in groupby(wishes, key=lambda wish: wish.group):
+        pins = list(group)
+        if name in node.profile.vpdo:
+            yield from _group(node, read_pins(node, name), pins, log)
+        else:
+            have = join_some(node.profile.vpdo) or "no virtual PDOs"
+            log.complain(pins[0].mark, f"node {node.node_id} ({node.profile.title}) has no {name!r}, but {have}")
+
+
+def _group(node: NodeDescription, held: Pins, wishes: list[PinWish], log: FileLog) -> Iterator[WantedValue]:
+    ties: dict[int, int] = {}
+    for wish in wishes:
+        index = held.group.none if wish.object is None else _index(node, wish, log)
+        if wish.pin > len(held.values):
+            have = f"it has 1…{len(held.values)}" if held.values else "it has none"
+            log.complain(wish.mark, f"node {node.node_id} has no {held.name} pin {wish.pin}: {have}")
+        elif index is not None:
+            ties[wish.pin] = index
+    marks = {wish.pin: wish.mark for wish in wishes}
+    for sub_index, value in held.with_ties(ties).items() if ties else ():
+        data = value.to_bytes(2 if sub_index else 1, "little")
+        reason = held.said(sub_index, value, tied_name(node, value))
+        yield WantedValue((held.group.index, sub_index), data, reason, marks.get(sub_index, wishes[0].mark))
+
+
+def _index(node: NodeDescription, wish: PinWish, log: FileLog) -> int | None:
+    word = wish.object
+    try:
+        return None if word is None else object_index(node, word.text)
+    except UsageError as wrong:
+        log.complain(
+            wish.mark if word is None else word.mark,
+            f"{wrong.text}; {wrong.hint}" if isinstance(wrong.hint, str) else wrong.text,
+        )
+        return None
+
+
+Place = tuple[int, int]
+_CONSUMER_HEARTBEAT = 0x1016
+#: What to do about a name on a node without description.
+_NO_EDS = (
+    "`dcf: drive.eds` beside its `node_id` gives one (`dcf: generic`: that of a simulated family), or "
+    "a file of the library for all files; numbers need none"
+)
+
+
+@dataclass(slots=True)
+class NodeWants:
+    """The wanted PDOs and objects of a node in order, with reasons; *pruned*: PDOs not in any file."""
+
+    pdos: dict[Pdo, PdoWant] = field(default_factory=dict)
+    values: dict[Place, bytes] = field(default_factory=dict)
+    reasons: dict[Place, str] = field(default_factory=dict)
+    #: its lines in the file
+    lines: dict[Place, int] = field(default_factory=dict)
+    pruned: frozenset[Pdo] = frozenset()
+
+
+def node_wants(node: ReadableNode, wish: NodeWish, log: FileLog) -> NodeWants:
+    """Resolve *wish* on *node*; *log* gets what has no meaning there."""
+    wants = NodeWants()
+    for pdo in wish.pdos:
+        complaints = log.count
+        request = pdo_request(node, pdo, log)
+        if log.count == complaints:
+            wants.pdos[pdo.pdo] = request
+        else:
+            _judge_entries(node, pdo, log)
+    if wish.prune:
+        others = {pdo: cob_id for pdo, cob_id in node.known_cob_ids().items() if pdo not in wants.pdos}
+        wants.pruned = frozenset(pdo for pdo, cob_id in others.items() if cob_id.valid)
+        wants.pdos.update({pdo: Switched(enabled=False) for pdo in sorted(wants.pruned)})
+    for want in _wanted(node, wish, log):
+        wants.values[want.place], wants.reasons[want.place] = want.data, want.reason
+        if want.mark.line:
+            wants.lines.setdefault(want.place, want.mark.line)
+    return wants
+
+
+def _wanted(node: ReadableNode, wish: NodeWish, log: FileLog) -> Iterator[WantedValue]:
+    """Resolve the object values of *wish* on *node*; reports lines that contradict each other."""
+    said = (*_objects(wish), *_values(node, wish, log))
+    watches = _watches(node, wish, said, log)
+    taken = {watch.place for watch in watches}
+    pins = wanted_pins(node, wish.pins, log)
+    found: dict[Place, WantedValue] = {}
+    for want in (
+        *(said_value for said_value in said if not (_is_free_entry(said_value) and said_value.place in taken)),
+        *watches,
+        *pins,
+    ):
+        before = found.setdefault(want.place, want)
+        if wrong := _why_not(node, want.place):
+            log.complain(want.mark, wrong)
+        elif before.data != want.data:
+            later, other = (want, before) if want.mark.line else (before, want)
+            log.complain(later.mark, f"{_shown(want.place)} has another value already ({_whence(other)})")
+        else:
+            yield want
+
+
+def _whence(want: WantedValue) -> str:
+    """Name the file line of *want*, or its purpose if there is no line."""
+    return f"line {want.mark.line}: {want.reason}" if want.mark.line else want.reason
+
+
+def _shown(place: Place) -> str:
+    return f"0x{place[0]:04X}:{place[1]:02X}"
+
+
+def pdo_request(node: NodeDescription, wish: PdoWish, log: FileLog) -> PdoRequest:
+    """Resolve a PDO of *wish* on *node*; unknown entries are reported to *log* and left out."""
+    objects = None if wish.mapping is None else tuple(_entries(node, wish.mapping, log))
+    return PdoRequest(
+        cob_id=wish.cob_id, transmission_type=wish.transmission_type, inhibit_time=wish.inhibit_time,
+        event_timer=wish.event_timer, sync_start_value=wish.sync_start_value, rtr_allowed=wish.rtr_allowed,
+        extended=wish.extended, enabled=wish.enabled, objects=objects,
+    )  # fmt: skip
+
+
+def _entries(node: NodeDescription, words: tuple[FileWord, ...], log: FileLog) -> Iterator[MappedObject | Skipped]:
+    for word in words:
+        try:
+            yield entry_at(node, word.text)
+        except UsageError as wrong:
+            log.complain(word.mark, _unknown(node, wrong))
+
+
+def _judge_entries(node: ReadableNode, wish: PdoWish, log: FileLog) -> None:
+    """Report known entries of *wish* that the rules refuse; unknown entries prevent judging the PDO."""
+    if wish.pdo not in node.present():
+        return
+    now = node.known_pdo(wish.pdo)
+    held = proposal(node, wish.pdo, now, now)
+    for word in wish.mapping or ():
+        try:
+            known = entry_at(node, word.text)
+        except UsageError:  # it was told
+            continue
+        if isinstance(known, Skipped):
+            continue
+        bits = known.bits if known.bits is not None else node.length_of(known.index, known.sub_index)
+        entry = PdoMappingEntry(known.index, known.sub_index, bits or 8)  # of an object that is not there nobody knows
+        lengths = () if bits is None else length_findings(held, "", entry)
+        for finding in errors_in((*object_findings(held, "", entry), *lengths)):
+            log.complain(word.mark, finding.text)
+
+
+def _unknown(node: NodeDescription, wrong: UsageError) -> str:
+    """Explain why a name is unknown on *node*, with help for a file."""
+    if node.dictionary is None and isinstance(wrong.__cause__, UnknownName):
+        return f"{wrong.text}: {_NO_EDS}"
+    return _text(wrong)
+
+
+def _text(wrong: DvtcliError) -> str:
+    return f"{wrong.text}; {wrong.hint}" if isinstance(wrong.hint, str) else wrong.text
+
+
+def _objects(wish: NodeWish) -> Iterator[WantedValue]:
+    yield from (
+        WantedValue((object_wish.index, object_wish.sub_index), object_wish.data, object_wish.key, object_wish.mark)
+        for object_wish in wish.objects
+    )
+
+
+def _values(node: ReadableNode, wish: NodeWish, log: FileLog) -> Iterator[WantedValue]:
+    for value in wish.values:
+        try:
+            place = object_at(node, value.object.text)
+        except UsageError as wrong:
+            log.complain(value.object.mark, _unknown(node, wrong))
+            continue
+        if refusal := _why_not(node, place):
+            log.complain(value.object.mark, refusal)
+            continue
+        try:
+            kind = object_type(node, *place)
+            text = value.value.text if kind.limits is None else of_node(value.value.text, node.node_id)
+            data = typed_bytes(kind, meaning_of(node, *place), text)
+            yield WantedValue(place, data, _name(node, place), value.value.mark)
+        except ValueError as unfit:
+            log.complain(value.value.mark, f"{value.value.text!r} for {_shown(place)}: {unfit}")
+        except SdoAborted as aborted:
+            log.complain(value.object.mark, aborted.text)
+
+
+def _name(node: NodeDescription, place: Place) -> str:
+    return "write" if node.dictionary is None else node.dictionary.display_name(*place) or "write"
+
+
+def set_elsewhere(node: NodeDescription, place: Place) -> str:
+    """Explain why `sdo` of a file must not set the object at *place*, and what does; empty if it may."""
+    index, text = place[0], _shown(place)
+    if index in SIGNATURES:
+        return f"{text} is a command: `store: true` stores once all nodes are verified"
+    pdo = Pdo.at(index)
+    if pdo is not None:
+        return f"{text} is part of {pdo.label}: `{pdo.direction}:` with `{pdo.number}:` sets it"
+    login = node.profile.login
+    if login is not None and place == login.passcode:
+        return f"{text} takes a passcode, and a file is no place for one: logging in asks for it"
+    return ""
+
+
+def _why_not(node: ReadableNode, place: Place) -> str:
+    """Explain why a file must not set the object at *place*; empty if it may."""
+    if elsewhere := set_elsewhere(node, place):
+        return elsewhere
+    try:
+        readable_value(node, *place)
+    except SdoAborted as aborted:
+        return f"{aborted.text}: what cannot be read is not compared, and not set"
+    return ""
+
+
+def _watches(
+    node: ReadableNode, wish: NodeWish, said: Collection[WantedValue], log: FileLog
+) -> Collection[WantedValue]:
+    """Choose entries of 0x1016 for *wish*: the producer's own entry, else a free entry.
+
+    Skips entries *said* to hold another value; an entry said to hold 0 is free, and taken last.
+    Source: CiA 301, 7.5.2.17: node-ID in bits 16..23, time in ms below; an entry with 0 in either is unused.
+    """
+    if not wish.watches:
+        return ()
+    wanted: dict[int, WantedValue] = {}
+    count = read_optional(node.memory, _CONSUMER_HEARTBEAT, 0, 1) or 0
+    held = {sub: read_optional(node.memory, _CONSUMER_HEARTBEAT, sub, 4) for sub in range(1, count + 1)}
+    mine = {
+        said_value.place[1]: int.from_bytes(said_value.data, "little")
+        for said_value in said
+        if said_value.place[0] == _CONSUMER_HEARTBEAT
+    }
+    slots = {sub: value for sub, value in held.items() if value is not None and sub not in mine}
+    slots |= {sub: value for sub, value in mine.items() if sub and not value and held.get(sub) is not None}
+    filled = len(mine.keys() - slots.keys())
+    for watch in wish.watches:
+        own = _entry_of(watch.producer, {**slots, **{sub: value for sub, value in mine.items() if value}})
+        sub = (
+            own if own is not None else next((free_sub for free_sub, value in slots.items() if not _used(value)), None)
+        )
+        if own is None and not watch.time_ms:
+            continue  # it watches nothing of that node already
+        if sub is None:
+            besides = f", {filled} of them as sdo has it" if filled else ""
+            log.complain(watch.mark, f"0x1016 of node {node.node_id} has no free entry ({count} in all{besides})")
+            continue
+        slots[sub] = watch.producer << 16 | watch.time_ms if watch.time_ms else 0
+        late = f"late after {watch.time_ms} ms" if watch.time_ms else "watched no more"
+        reason = f"node {watch.producer} is {late}"
+        data = slots[sub].to_bytes(4, "little")
+        wanted[sub] = WantedValue((_CONSUMER_HEARTBEAT, sub), data, reason, watch.mark)
+    return wanted.values()
+
+
+def _entry_of(producer: int, entries: Mapping[int, int]) -> int | None:
+    """Return the sub-index that consumes the heartbeat of node *producer*, if any."""
+    return next((sub for sub, value in entries.items() if _used(value) and _producer(value) == producer), None)
+
+
+def _is_free_entry(want: WantedValue) -> bool:
+    """Tell whether an entry of 0x1016 is to be unused."""
+    return want.place[0] == _CONSUMER_HEARTBEAT and want.place[1] > 0 and not any(want.data)
+
+
+def _used(value: int) -> bool:
+    return bool(value & 0xFFFF and _producer(value))
+
+
+def _producer(value: int) -> int:
+    return value >> 16 & 0xFF

@@ -1,1 +1,0 @@
-"""Interrupted changes and stores: list, complete, recover, close."""

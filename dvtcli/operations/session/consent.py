@@ -1,0 +1,188 @@
+"""What needs a yes before it is done: resets, power stages, other NMT masters, concise DCFs."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator
+from typing import TYPE_CHECKING
+
+from dvtcli.device.seen_state import STATUSWORDS
+from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.network.concise_dcf import concise_entries
+from dvtcli.domain.process_data import drive_state
+from dvtcli.domain.rules.finding import WARNING, Rule, warning
+from dvtcli.domain.text import join_some, plural
+from dvtcli.errors import InputFileError, SafetyRefusal, SdoAborted
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from dvtcli.device.node_parts import NodeDescription
+    from dvtcli.domain.ports import Frame
+    from dvtcli.domain.rules.finding import Finding
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
+
+
+def consent_to_concise(session: SessionUser, node: NodeDescription, sub_index: int, data: bytes) -> None:
+    """Ask before *data* becomes the manager *node*'s download to the node *sub_index*.
+
+    Raises InputFileError as `concise_doubt`.
+    """
+    doubt = concise_doubt(node, sub_index, data, force=session.options.force)
+    session.consent(f"{doubt}; write it?", node.node_id)
+
+
+def concise_doubt(node: NodeDescription, sub_index: int, data: bytes, *, force: bool) -> str:
+    """Warn about *data* as the manager *node*'s download to the node *sub_index*.
+
+    Raises InputFileError if *data* is no valid concise DCF, unless forced: the node would get a part of it.
+    """
+    try:
+        count = plural(len(concise_entries(data)), "value")
+    except ValueError as wrong:
+        if not force:
+            place = f"1F22:{sub_index:02X}"
+            raise InputFileError(
+                f"node {node.node_id} 0x{place}: that is no concise DCF",
+                node=node.node_id,
+                place=place,
+                why=str(wrong),
+                hint=Hint(Action.CONVERT, {"file": "net.yaml", "target": "node5.cdcf"}, "makes one")
+                + Hint(Action.FORCE, why="writes it anyway"),
+            ) from wrong
+        count = f"{len(data)} bytes that are no concise DCF"
+    return f"node {node.node_id} ({node.title}) is to download {count} to node {sub_index} whenever that boots"
+
+
+def concise_doubts(node: NodeDescription, downloads: Mapping[int, bytes], *, force: bool) -> str:
+    """Warn about *downloads*, by node-ID, in a single question; empty if there is no doubt."""
+    doubts = [concise_doubt(node, node_id, data, force=force) for node_id, data in downloads.items()]
+    if len(doubts) < 2:
+        return "".join(doubts)
+    ids = join_some(map(str, downloads))
+    return f"node {node.node_id} ({node.title}) is to download other values to nodes {ids} whenever they boot"
+
+
+#: How long the bus is listened to before several nodes are written to, in seconds.
+LISTEN_S = 2.0
+_NMT, _LSS_MASTER = 0x000, 0x7E5
+_SDO_REQUESTS = range(0x601, 0x680)
+
+
+def refuse_other_master(session: SessionNodes) -> None:
+    """Record the bus for `LISTEN_S`; raises SafetyRefusal for a foreign request, unless forced.
+
+    Skipped if nobody else can be there: nodes of this process, twins, an interface without frames.
+    """
+    bus = session.bus
+    if session.dry_run or session.options.force or bus.simulated or not bus.carries_frames:
+        return
+    session.tell.progress(f"listening for another master, {LISTEN_S:g} s", 0, 0)
+    for frame in bus.receive(LISTEN_S):
+        said = _request(frame)
+        if said:
+            raise SafetyRefusal(
+                f"another master is active: {said} was received",
+                why=f"0x{frame.can_id:03X} [{len(frame.data)}] {frame.data.hex(' ').upper()}",
+                hint=Hint(Action.FORCE, why="stop it while the network is changed; {} goes on beside it"),
+            )
+
+
+def _request(frame: Frame) -> str:
+    """Describe *frame* as a master's request; empty if it is none."""
+    if frame.extended or frame.remote:
+        return ""
+    if frame.can_id == _NMT:
+        return "an NMT command"
+    if frame.can_id == _LSS_MASTER:
+        return "an LSS command"
+    return f"an SDO request to node {frame.can_id - 0x600}" if frame.can_id in _SDO_REQUESTS else ""
+
+
+#: states of CiA 402-2, 8.4.2 with a supplied power stage
+_ON = frozenset({"switched on", "operation enabled", "quick stop active", "fault reaction active"})
+RULES = (
+    Rule("power-stage-on", WARNING, "a file is to be written to a drive whose power stage is on: `apply` refuses",
+         "the statusword of each axis; CiA 402-2, 8.4.2"),
+)  # fmt: skip
+#: a controlword is right before its statusword (CiA 402-2), for further axes as well
+_CONTROLWORD = -1
+
+
+def refuse_powered(session: SessionNodes, node_ids: Iterable[int]) -> None:
+    """Raises SafetyRefusal if a statusword (0x6041, 0x6841, …) of *node_ids* shows an enabled power stage."""
+    for node_id in node_ids:
+        for index, _, state in _powered(session, node_id):
+            off = Hint(
+                Action.WRITE, {"object": f"{index + _CONTROLWORD:04X}", "value": 0},
+                "bring the machine to a stand, then {}; a file is written to a drive that cannot move",
+            )  # fmt: skip
+            raise SafetyRefusal(f"the power stage of node {node_id} is {state}", node=node_id, hint=off)
+
+
+def powered_findings(session: SessionNodes, node_id: int) -> tuple[Finding, ...]:
+    """Report, when planning, each axis whose power stage would make `refuse_powered` refuse."""
+    return tuple(
+        warning("power-stage-on", place, f"the power stage is {state}: apply refuses to write until it is off")
+        for _, place, state in _powered(session, node_id)
+    )
+
+
+def _powered(session: SessionNodes, node_id: int) -> Iterator[tuple[int, str, str]]:
+    """Yield statuswords with an enabled power stage: index, place, meaning."""
+    for index, sub_index in STATUSWORDS:
+        try:
+            data = session.bus.sdo(node_id).upload(index, sub_index)
+        except SdoAborted:
+            continue  # no axis, or one that does not tell
+        statusword = int.from_bytes(data, "little")
+        state = drive_state(statusword)
+        if state in _ON:
+            yield index, f"0x{index:04X}:{sub_index:02X}", f"on: {state} (0x{index:04X} is 0x{statusword:04X})"
+
+
+def consent_to_reset(session: SessionNodes, node_ids: Collection[int]) -> None:
+    """Ask before a reset of *node_ids* if a node may be an enabled drive; raises SafetyRefusal on no.
+
+    A simulated drive boots as in its EDS, perhaps enabled: it counts only after a command of this session.
+    """
+    if session.options.yes or session.dry_run:
+        return
+    for node_id, why in _may_move(session, node_ids).items():
+        session.consent(f"node {node_id} {why}: its reset lets a motor go; reset?", node_id)
+
+
+def refuse_reset(session: SessionNodes, node_ids: Collection[int]) -> None:
+    """Raises SafetyRefusal if one of *node_ids* may be an enabled drive, even under --yes."""
+    for node_id, why in _may_move(session, node_ids).items():
+        raise SafetyRefusal(
+            f"node {node_id} {why}: its reset lets a motor go",
+            node=node_id,
+            hint=Hint(
+                Action.GIVE, {"prove": True}, "bring the machine to a stand, then 6040 = 6; without {} no node is reset"
+            ),
+        )
+
+
+def _may_move(session: SessionNodes, node_ids: Collection[int]) -> dict[int, str]:
+    """Map those of *node_ids* that may be enabled drives to the reason."""
+    from dvtcli.device.seen_state import why_it_may_move
+
+    if session.bus.simulated:
+        node_ids = [node_id for node_id in node_ids if commanded(session, node_id)]
+    said = {node_id: why_it_may_move(session.bus, node_id) for node_id in sorted(node_ids)}
+    return {node_id: why for node_id, why in said.items() if why}
+
+
+def consent_to_reset_unheard(session: SessionNodes) -> None:
+    """Ask before a reset of all nodes if none is known: whether a drive moves is unknown."""
+    if not session.bus.simulated:
+        session.consent("no node is seen, a drive whose operation is enabled may be there all the same; reset all?")
+
+
+def commanded(session: SessionNodes, node_id: int) -> bool:
+    """Tell whether this session wrote a controlword of the node."""
+    from dvtcli.device.seen_state import CONTROLWORDS
+
+    node = session.network.nodes.get(node_id)
+    return node is not None and not CONTROLWORDS.isdisjoint(node.wanted_values)

@@ -1,1 +1,0 @@
-"""`store` and `restore` of a node and of all nodes of a network."""

@@ -1,1 +1,0 @@
-"""SYNC: producers, consumers, and sending."""

@@ -1,1 +1,0 @@
-"""Read the wanted state from a network file and resolve it for the nodes present. Writes nothing."""

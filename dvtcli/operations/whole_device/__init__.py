@@ -1,1 +1,0 @@
-"""Read, save and compare a whole device: all objects of its dictionary."""
