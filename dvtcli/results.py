@@ -13,7 +13,7 @@ from dvtcli.operations.api.told import Message
 from dvtcli.operations.results.changes import Changed
 from dvtcli.operations.results.checked_files import FileFinding, FileReport, FileReports, FileRule
 from dvtcli.operations.results.checked_networks import NetworksChecked
-from dvtcli.operations.results.comparisons import Compared
+from dvtcli.operations.results.comparisons import Compared, ObjectDifference, WholeCompared
 from dvtcli.operations.results.learnt import Difference, LearnForecast, LearntDevice
 from dvtcli.operations.results.library_files import (
     AddedFile,
@@ -27,9 +27,10 @@ from dvtcli.operations.results.library_files import (
 from dvtcli.operations.results.loads import NetworkLoad
 from dvtcli.operations.results.lss_nodes import LssBitRate, LssChanged, LssFound, LssGiven, LssNode
 from dvtcli.operations.results.networks import NetworkApplied, NetworkPlanned
-from dvtcli.operations.results.node_errors import FaultRow, Faults
 from dvtcli.operations.results.nodes import (
     Commanded,
+    FaultRow,
+    Faults,
     LoggedIn,
     NodeListing,
     NodeRow,
@@ -42,7 +43,6 @@ from dvtcli.operations.results.pdos import ListedRow, MappedName, PdoListing, Pd
 from dvtcli.operations.results.sent import FramesSent, Replayed
 from dvtcli.operations.results.stores import Stored
 from dvtcli.operations.results.values import EntryUnread, ObjectListing, ObjectRow, RecordRead, ValueRead
-from dvtcli.operations.results.whole_devices import ObjectDifference, WholeCompared
 
 __all__ = [
     "AddedFile",

@@ -25,8 +25,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable
 from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
-from dvtcli.simulator.network.roster import Roster
-from dvtcli.simulator.network.station import SimulatedNode, stations
+from dvtcli.simulator.network.station import Roster, SimulatedNode, stations
 
 if TYPE_CHECKING:
     from dvtcli.simulator.network.signals import SimulatedSignal

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.cli.catalogue import command_names
 from dvtcli.cli.registry import REGISTRY
+from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from dvtcli.cli.conversation import Conversation
     from dvtcli.cli.typed_tcl import TypedTcl
     from dvtcli.device.wish import Wish
@@ -20,7 +22,6 @@ class WaysIn:
 
     def without_command(self, session: Conversation) -> int:
         """Run the prompt if stdin is a terminal, else stdin as a script; returns the exit code."""
-        from dvtcli.cli.without_command import without_command
 
         return without_command(session)
 
@@ -67,3 +68,28 @@ class WaysIn:
 def install() -> None:
     """Hand the runners to the registry for its commands."""
     REGISTRY.ways = WaysIn()
+
+
+def without_command(session: Conversation) -> int:
+    """Run the prompt if stdin is a terminal, else stdin as a script, a program's line by line; returns its code.
+
+    Raises UsageError if stdin is empty, or `--sim` has a command's name as its family.
+    """
+    for word in session.options.sim:
+        if word in command_names() and not Path(word).exists():
+            raise UsageError(f"--sim {word}: {word} is a command, no family", hint=f"`dvtcli --sim gen4 {word}`")
+    if sys.stdin.isatty():
+        from dvtcli.cli.prompt.loop import run_prompt
+
+        return run_prompt(session)
+    from dvtcli.cli.live_lines import answer_lines, is_a_program
+
+    if is_a_program(session):
+        return answer_lines(session)
+    from dvtcli.cli.scripts.script import run_script
+    from dvtcli.cli.scripts.script_parse import MOST_BYTES
+
+    text = sys.stdin.buffer.read(MOST_BYTES + 1)
+    if not text.strip():
+        raise UsageError("there is no command: standard input is empty", hint="`dvtcli --help`")
+    return run_script(session, text, "<stdin>", keep_going=False)

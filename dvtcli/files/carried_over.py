@@ -14,7 +14,7 @@ from dvtcli.files.eds.layout import OBJECT_LISTS, object_place
 from dvtcli.files.eds.reader import EdsFile
 from dvtcli.files.eds.writer import KeptText
 from dvtcli.files.xdd import xdd_rules
-from dvtcli.files.xdd.xdd_device import OWN_CHARACTERISTICS, characteristic
+from dvtcli.files.xdd.xdd_reader import OWN_CHARACTERISTICS, characteristic
 
 if TYPE_CHECKING:
     from dvtcli.files.xdd.xdd_reader import XddFile

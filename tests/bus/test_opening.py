@@ -186,7 +186,7 @@ def test_a_server_that_goes_away_while_nothing_is_sent(socketcand: tuple[int, li
     bus.close()
 
 
-@pytest.mark.parametrize("module", ["dvtcli.operations.session.open_network", "dvtcli.simulator.network.twin"])
+@pytest.mark.parametrize("module", ["dvtcli.operations.session.open_network", "dvtcli.simulator.network.twin_bus"])
 def test_nothing_heavy_is_imported_before_a_bus_is_opened(module: str) -> None:
     code = f"import sys, {module}; print(*sorted({{'can', 'canopen', 'asyncio'}} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

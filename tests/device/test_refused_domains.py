@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.errors import DeviceRefused
-from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.memory import Refusal
 from tests.network.bench import Chain
 from tests.surroundings import HOMES
 

@@ -29,7 +29,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.errors import DvtcliError
 from dvtcli.operations.session.device_files import DeviceFiles
 from dvtcli.operations.session.open_network import Network
-from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.memory import Refusal
 from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.faults.recovering import recover

@@ -19,8 +19,8 @@ from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.scaling import Scaling, parse_scale
 from dvtcli.errors import InputFileError, UsageError
-from dvtcli.files.values.csv_values import csv_text
 from dvtcli.files.values.parquet_values import MOST_COLUMNS, _kind, _schema, cells_array, long_cells
+from dvtcli.files.values.text_values import csv_text
 from dvtcli.files.values.value_file import FORMS, WholeFile, read_values, write_file
 from dvtcli.files.values.value_rows import Origin, ParquetForm
 from dvtcli.operations.frames.frame_answer import frame_seen

@@ -19,7 +19,7 @@ from dvtcli.device.change.journal import SCHEMA
 from dvtcli.domain.ports import Frame
 from dvtcli.files.recorder import Recorder
 from dvtcli.files.recording_formats import formats
-from dvtcli.simulator.device.fault_kinds import FaultKind
+from dvtcli.simulator.device.simulated_faults import FaultKind
 from tests.files.captures import CAN, pcap
 from tests.files.test_eds_any import KEYS, SAMPLE, SECTIONS
 from tests.small_xdd import COMMISSIONING

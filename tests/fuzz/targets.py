@@ -76,7 +76,7 @@ from dvtcli.operations.user.options import node_id
 from dvtcli.operations.user.settings import File
 from dvtcli.operations.user.settings_search import SettingsFile
 from dvtcli.simulator.device.family import Family
-from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.memory import Refusal
 from dvtcli.simulator.device.sdo_server import SdoServer
 from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice

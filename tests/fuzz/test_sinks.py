@@ -28,9 +28,8 @@ from dvtcli.cli.shell_completion import safe_items
 from dvtcli.cli.view.lines import Cell
 from dvtcli.cli.view.output import Output
 from dvtcli.cli.view.paint import painted
-from dvtcli.cli.view.reports.github_case_lines import github_error_lines
-from dvtcli.cli.view.reports.github_lines import github_lines
-from dvtcli.cli.view.reports.junit_case_lines import junit_error_lines
+from dvtcli.cli.view.reports.github_lines import github_error_lines, github_lines
+from dvtcli.cli.view.reports.junit_lines import junit_error_lines
 from dvtcli.cli.view.reports.sarif_lines import sarif_lines
 from dvtcli.device.change.change_history import ChangeHistory
 from dvtcli.device.change.journal import Journals
@@ -52,10 +51,10 @@ from dvtcli.files.device_library.stored_files import folder as library_folder
 from dvtcli.files.device_library.stored_files import stored_place
 from dvtcli.files.eds.writer import eds_text
 from dvtcli.files.nodelist import ListedNode, Nodelist, nodelist_text
-from dvtcli.files.picture import svg
+from dvtcli.files.picture import wiring
 from dvtcli.files.picture.graphviz import graphviz
 from dvtcli.files.picture.page import page
-from dvtcli.files.values.csv_values import csv_text
+from dvtcli.files.values.text_values import csv_text
 from dvtcli.operations.known_devices.learn_device import refuse_name
 from dvtcli.operations.results import Facts, FileFinding, FileReport, FileRule
 
@@ -115,9 +114,9 @@ def csv_cells(text: str) -> None:
 
 
 def pages(text: str) -> None:
-    root = svg.drawing(100, 100, text, text)
-    svg.add(root, "text", text, id=text)
-    read = ET.fromstring(svg.markup(root))  # noqa: S314 - our own
+    root = wiring.drawing(100, 100, text, text)
+    wiring.add(root, "text", text, id=text)
+    read = ET.fromstring(wiring.markup(root))  # noqa: S314 - our own
     assert not [one for one in read.iter() if one.tag.endswith("script")]
     assert all(not name.startswith("on") for one in read.iter() for name in one.attrib)
     assert steers("".join(read.itertext()).replace("\n", "")) == ""

@@ -46,10 +46,9 @@ def test_nothing_is_evaluated_or_given_to_a_shell() -> None:
 MAY_OPEN = {
     "files/settings_file.py": "the user's own settings, to change them",
     "files/family_folder.py": "the package's own data",
-    "files/device_library/file_notes.py": "dvtcli's own notes",
-    "files/device_library/match.py": "dvtcli's own library, whose files were read when they were added",
+    "files/device_library/match.py": "dvtcli's own notes, and its own library of files that were read before",
     "files/picture/page.py": "the package's own templates",
-    "files/picture/svg.py": "the package's own templates",
+    "files/picture/wiring.py": "the package's own templates",
     "files/profile/library.py": "the package's own data",
     "files/profile/toml.py": "the package's own data",
     "files/read_back.py": "what was just written, by its own reader",

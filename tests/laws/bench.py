@@ -17,7 +17,7 @@ from dvtcli.errors import NoAnswer, SdoAborted
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.files.profile.library import load_profile, profile_names
 from dvtcli.simulator.device.family import Family
-from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.memory import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
 

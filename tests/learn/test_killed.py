@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.domain.stamp import Stamp
-from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.memory import Refusal
 from tests.learn.cells import some
 from tests.learn.test_learnt_families import OF_THE_DEVICE
 from tests.process import PATIENCE_S

@@ -13,7 +13,7 @@ from dvtcli.domain.object_dictionary import Access
 from dvtcli.domain.pdo import Direction
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.family import Family
-from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.memory import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
 from tests.commands.bench import Bench, Ran

@@ -21,7 +21,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.domain.scaling import Scaling
 from dvtcli.files.dbc import read_dbc
 from dvtcli.files.dbc_text import dbc_bytes
-from dvtcli.files.values.csv_values import csv_text
+from dvtcli.files.values.text_values import csv_text
 from dvtcli.operations.exchange.export_dbc import network_messages
 from dvtcli.operations.frames.frame_answer import frame_seen
 from dvtcli.watch.decoder import Decoder, pdo_layouts

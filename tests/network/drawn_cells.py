@@ -25,7 +25,7 @@ from typing import Any
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import Frame
-from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.memory import Refusal
 from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family

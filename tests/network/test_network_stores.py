@@ -25,7 +25,7 @@ from dvtcli.operations.changes.waiting_journals import furthest, stores_of
 from dvtcli.operations.network.network_files import applied
 from dvtcli.operations.results import Changed, Facts
 from dvtcli.operations.user.session_user import NullReporter
-from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.memory import Refusal
 from tests.commands.bench import Bench
 from tests.journals import journal_document
 from tests.network.bench import Chain

@@ -19,7 +19,7 @@ from dvtcli.operations.changes.recover_change import recover
 from dvtcli.operations.network.network_files import applied
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.session import Session
-from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.memory import Refusal
 from tests.network.bench import Chain
 from tests.network.killed import Watched, afterwards
 from tests.network.test_network_stores import TYPE, Said, types

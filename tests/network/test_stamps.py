@@ -25,7 +25,7 @@ from dvtcli.operations.changes.undo import undo
 from dvtcli.operations.network.network_files import applied, planned
 from dvtcli.operations.plans.link_pdos import link_pdos
 from dvtcli.operations.session.session import Session
-from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.memory import Refusal
 from tests.network.bench import Chain
 from tests.network.killed import Watched, afterwards
 from tests.sample import part

@@ -35,8 +35,7 @@ from dvtcli.domain.scaling import Scaling
 from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.files.picture.graphviz import graphviz
 from dvtcli.files.picture.page import frame_cards, page
-from dvtcli.files.picture.svg import alone, clipped_name
-from dvtcli.files.picture.wiring import wiring
+from dvtcli.files.picture.wiring import alone, clipped_name, wiring
 from tests.commands.bench import Bench
 from tests.process import ROOT
 from tests.sample import heavy

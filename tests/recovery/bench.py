@@ -29,7 +29,7 @@ class Direct:
         self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
     ) -> bytes:
         from dvtcli.errors import SdoAborted
-        from dvtcli.simulator.device.refusal import Refusal
+        from dvtcli.simulator.device.memory import Refusal
 
         try:
             return self.device.upload(index, sub_index)

@@ -16,7 +16,7 @@ from dvtcli.errors import DvtcliError, LeftChanged
 from dvtcli.operations.changes.recover_change import recover
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.session import Session
-from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.memory import Refusal
 from tests.network.bench import Chain
 from tests.surroundings import HOMES
 

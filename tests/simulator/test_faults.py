@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
-from dvtcli.simulator.device.fault_kinds import FaultKind
-from dvtcli.simulator.device.simulated_faults import Fault, own_of, read_faults
+from dvtcli.simulator.device.simulated_faults import Fault, FaultKind, own_of, read_faults
 from dvtcli.simulator.network.station import SimulatedNode
 from tests.simulator.bench import booted
 

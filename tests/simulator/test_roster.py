@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.strict_device import StrictDevice
-from dvtcli.simulator.network.roster import Roster
-from dvtcli.simulator.network.station import SimulatedNode, stations
+from dvtcli.simulator.network.station import Roster, SimulatedNode, stations
 from tests.commands.bus import device
 
 IDS = (1, 2, 3)

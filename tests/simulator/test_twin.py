@@ -7,7 +7,7 @@ import pytest
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.simulator.device.family import GENERIC
-from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.memory import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
 from tests.simulator.bench import Aborted, Client, booted

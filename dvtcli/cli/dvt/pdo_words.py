@@ -5,9 +5,8 @@ from __future__ import annotations
 from itertools import zip_longest
 from typing import TYPE_CHECKING
 
-from dvtcli.cli.dvt.done import WordResult
 from dvtcli.cli.dvt.notation import can_id
-from dvtcli.cli.dvt.word import MAYBE_NODE, NODE, OBJECT, Argument, DvtWord
+from dvtcli.cli.dvt.word import MAYBE_NODE, NODE, OBJECT, Argument, DvtWord, WordResult
 from dvtcli.cli.effect import Effect
 
 if TYPE_CHECKING:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from dvtcli.cli.dvt.done import WordResult
 from dvtcli.cli.dvt.notation import decimal
-from dvtcli.cli.dvt.word import OBJECT, VALUE, DvtWord
+from dvtcli.cli.dvt.word import OBJECT, VALUE, DvtWord, WordResult
 from dvtcli.cli.effect import Effect, Final, final_write
 
 if TYPE_CHECKING:

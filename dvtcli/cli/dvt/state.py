@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from dvtcli.cli.dvt.done import WordResult
 from dvtcli.cli.dvt.notation import level
-from dvtcli.cli.dvt.word import MAYBE_NODE, Argument, DvtWord
+from dvtcli.cli.dvt.word import MAYBE_NODE, Argument, DvtWord, WordResult
 from dvtcli.cli.effect import Effect, Final
 from dvtcli.domain.nmt import NmtState
 

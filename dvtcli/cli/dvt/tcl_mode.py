@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.cli.dvt.tcl_calls import Ended, TclCalls
-from dvtcli.cli.dvt.tcl_process import TclProcess
-from dvtcli.cli.dvt.tcl_run import LIMITS, TclRun
+from dvtcli.cli.dvt.tcl_run import LIMITS, TclProcess, TclRun
 from dvtcli.cli.dvt.tcl_safe import Exit
 from dvtcli.cli.dvt.tcl_wire import Call, CallResult, Frame, Limits, TclLine
 from dvtcli.errors import DvtcliError, UsageError

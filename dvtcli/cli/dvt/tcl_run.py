@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.cli.dvt.tcl_calls import TclCalls, modern
-from dvtcli.cli.dvt.tcl_process import Late, TclProcess
-from dvtcli.cli.dvt.tcl_wire import Call, CallResult, End, Frame, Gone, Limits, Ready, Setup, WireError
+from dvtcli.cli.dvt.tcl_wire import Call, CallResult, End, Frame, Gone, Limits, Ready, Setup, WireError, receive, send
 from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
+from dvtcli.files.bounded_process import BoundedProcess, child_command
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
@@ -151,3 +152,26 @@ class TclRun:
         """Return `FILE:LINE` for display from the process's path and line."""
         del file, line
         return self._source
+
+
+class Late(Exception):
+    """The process did not answer in time, and was killed."""
+
+
+class TclProcess(BoundedProcess):
+    """The process as long as the block runs; *command* starts it (a substitute in tests)."""
+
+    def __init__(self, command: Sequence[str] | None = None) -> None:
+        super().__init__(child_command("dvtcli.cli.dvt.tcl_child") if command is None else command, "Tcl")
+
+    def asked(self, frame: Frame, seconds: float, *kinds: type[Any]) -> Any:
+        """Send *frame* and wait up to *seconds* for an answer of *kinds*.
+
+        Raises Late on timeout, Gone if the process ended, WireError for any other answer.
+        """
+        try:
+            with self.within(seconds):
+                send(self.stdin, frame)
+                return receive(self.stdout, *kinds)
+        except Gone as gone:
+            raise (Late if self.is_late else Gone) from gone

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.dvt.tcl_calls import Ended, TclCalls
-from dvtcli.cli.dvt.tcl_process import TclProcess
-from dvtcli.cli.dvt.tcl_run import LIMITS, START_S, TclRun
+from dvtcli.cli.dvt.tcl_run import LIMITS, START_S, TclProcess, TclRun
 from dvtcli.cli.dvt.tcl_safe import Exit
 from dvtcli.cli.dvt.tcl_wire import Call, End, Frame, Go, Limits
 from dvtcli.cli.scripts.script import enclosed, refuse_own_run

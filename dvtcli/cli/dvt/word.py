@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from dvtcli.cli.dvt import notation as numbers
 
 if TYPE_CHECKING:
-    from dvtcli.cli.dvt.done import WordResult
     from dvtcli.cli.effect import Effect, Final
+    from dvtcli.domain.rules.finding import Finding
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,3 +71,13 @@ NODE = Argument("NODE", numbers.node_id)
 MAYBE_NODE = Argument("NODE", numbers.node_id, required=False)
 OBJECT = (NODE, Argument("INDEX", numbers.index), Argument("SUB", numbers.sub_index))
 VALUE = (*OBJECT, Argument("VALUE", str), Argument("BYTES", numbers.width, required=False))
+
+
+@dataclass(frozen=True, slots=True)
+class WordResult:
+    """The result of a word: its text, and findings of rules."""
+
+    text: str = "OK"
+    findings: tuple[Finding, ...] = ()
+    #: the lines of a text with several
+    rows: tuple[str, ...] = ()

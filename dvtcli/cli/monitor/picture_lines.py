@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dvtcli.cli.monitor.monitor_state import Moment, View
 from dvtcli.cli.monitor.signal_lines import FRESH_S, Lines, age, signal_line, title_of
-from dvtcli.cli.view.answers.frame_picture import cell_width, picture
+from dvtcli.cli.view.answers.pdo_lines import cell_width, picture
 from dvtcli.cli.view.lines import Cell
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig

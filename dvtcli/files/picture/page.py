@@ -27,8 +27,7 @@ from dvtcli.files.picture.picture_words import (
     percent,
     timing,
 )
-from dvtcli.files.picture.svg import Element, add, drawing, markup, style
-from dvtcli.files.picture.wiring import wiring
+from dvtcli.files.picture.wiring import Element, add, drawing, markup, style, wiring
 
 _COLOURS = 6
 

@@ -22,8 +22,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.domain.scaling import Scaling
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.extras import extra
-from dvtcli.files.values.column_heads import column_of
-from dvtcli.files.values.csv_values import FRAME, TIME
+from dvtcli.files.values.text_values import FRAME, TIME, column_of
 from dvtcli.files.values.value_rows import Origin, ValueRows
 from dvtcli.watch.decoder import Signal
 from dvtcli.watch.service import Service

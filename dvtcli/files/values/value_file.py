@@ -112,10 +112,10 @@ def _text_writer(
     form: str, file: IO[str], rows: SignalRows, document: Callable[[Frame], dict[str, Any]]
 ) -> ValueWriter:
     if form == ".jsonl":
-        from dvtcli.files.values.jsonl_values import JsonlWriter
+        from dvtcli.files.values.text_values import JsonlWriter
 
         return JsonlWriter(file, rows, document)
-    from dvtcli.files.values.csv_values import CsvWriter
+    from dvtcli.files.values.text_values import CsvWriter
 
     return CsvWriter(file, rows)
 
@@ -128,9 +128,9 @@ def read_values(path: Path) -> ValueRows:
 
         return read_parquet(path)
     if form == ".jsonl":
-        from dvtcli.files.values.jsonl_values import read_jsonl
+        from dvtcli.files.values.text_values import read_jsonl
 
         return read_jsonl(path)
-    from dvtcli.files.values.csv_values import read_csv
+    from dvtcli.files.values.text_values import read_csv
 
     return read_csv(path)

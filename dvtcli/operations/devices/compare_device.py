@@ -41,7 +41,7 @@ from dvtcli.operations.meanings.planned_words import planned_words
 from dvtcli.operations.pdos.look_at_frames import look
 from dvtcli.operations.plans.missing_objects import refuse_lacking
 from dvtcli.operations.results import Compared, ComparedNodes
-from dvtcli.operations.results.whole_devices import ObjectDifference, WholeCompared
+from dvtcli.operations.results.comparisons import ObjectDifference, WholeCompared
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node

@@ -27,7 +27,7 @@ from dvtcli.files.device_file import (
 from dvtcli.files.file_info import NO_DATE, file_info
 from dvtcli.operations.exchange.dbc_options import DbcOptions
 from dvtcli.operations.exchange.export_network import SUFFIXES as NETWORK_SUFFIXES
-from dvtcli.operations.results.files import Facts
+from dvtcli.operations.results.facts import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
 from dvtcli.operations.session.simulated_nodes import must_have_modules
 

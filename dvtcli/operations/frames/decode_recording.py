@@ -95,7 +95,7 @@ def write_values(
     if isinstance(target, Path):
         _write_file(session, rows, frames, target, text, form)
     else:
-        from dvtcli.files.values.csv_values import CsvWriter
+        from dvtcli.files.values.text_values import CsvWriter
 
         writer = CsvWriter(target, rows)
         for frame, _ in frames:

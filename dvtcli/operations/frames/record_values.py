@@ -25,7 +25,7 @@ from dvtcli.watch.table import SignalRows
 if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.results.documents import Document
-    from dvtcli.operations.results.files import Facts
+    from dvtcli.operations.results.facts import Facts
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.user.session_user import SessionUser
     from dvtcli.watch.decoder import Decoder

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from dvtcli.errors import BusUnavailable, DvtcliError, ended_with
 from dvtcli.operations.frames.layouts import open_wire
 from dvtcli.operations.frames.watch_bus import ListeningTime
-from dvtcli.operations.results.files import Facts
+from dvtcli.operations.results.facts import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting
 from dvtcli.operations.session.steady_listener import SteadyListener
 

@@ -11,7 +11,7 @@ from dvtcli.errors import BusUnavailable, DvtcliError
 from dvtcli.operations.frames.layouts import open_wire
 from dvtcli.operations.frames.watch_bus import ListeningTime
 from dvtcli.operations.nodes.show_faults import ErrorWords
-from dvtcli.operations.results.node_errors import FaultSeen
+from dvtcli.operations.results.nodes import FaultSeen
 from dvtcli.operations.session.steady_listener import SteadyListener
 
 if TYPE_CHECKING:

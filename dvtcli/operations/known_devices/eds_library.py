@@ -14,8 +14,15 @@ from dvtcli.domain.object_dictionary import ERASED, DeviceInfo
 from dvtcli.domain.text import plural
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 from dvtcli.files.device_file import DEVICE_SUFFIXES, must_be_whole, parse_device_file
-from dvtcli.files.device_library.file_notes import FileDescription, KnownFile, about_place, note_about, remembered
-from dvtcli.files.device_library.match import first_of, taken_of
+from dvtcli.files.device_library.match import (
+    FileDescription,
+    KnownFile,
+    about_place,
+    first_of,
+    note_about,
+    remembered,
+    taken_of,
+)
 from dvtcli.files.device_library.stored_files import (
     StoredFile,
     folder,

@@ -18,7 +18,7 @@ from dvtcli.files.profile.library import (
     reasons,
 )
 from dvtcli.operations.results import HabitListing, ProfileListing, ProfileShown
-from dvtcli.operations.results.habit_listing import HabitRow, Wanted, WantedState
+from dvtcli.operations.results.learnt import HabitRow, Wanted, WantedState
 from dvtcli.operations.results.library_files import ProfileRow
 from dvtcli.operations.user.keeping import state_folder
 

@@ -83,8 +83,7 @@ def drawn(picture: NetworkPicture, path: PurePath) -> bytes:
     """Format *picture* by the suffix of *path*."""
     suffix = path.suffix.lower()
     if suffix == ".svg":
-        from dvtcli.files.picture.svg import alone
-        from dvtcli.files.picture.wiring import wiring
+        from dvtcli.files.picture.wiring import alone, wiring
 
         return alone(wiring(picture))
     if suffix in (".dot", ".gv"):

@@ -18,7 +18,7 @@ from dvtcli.domain.program import CRC32, PROGRAM_CONTROL, SOFTWARE_IDENTIFICATIO
 from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, SdoAborted, UsageError, stopped_node
 from dvtcli.files.program_file import read_program
 from dvtcli.operations.objects.object_files import transfer_progress
-from dvtcli.operations.results.files import Facts
+from dvtcli.operations.results.facts import Facts
 from dvtcli.operations.results.nodes import ProgramLoaded
 from dvtcli.operations.session.consent import consent_to_reset
 

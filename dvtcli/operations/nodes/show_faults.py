@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.error_history import clear_history, read_fault_list, read_history, read_register
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.domain.emergency_codes import emergency_remedy, emergency_text
-from dvtcli.operations.results.node_errors import FaultRow, Faults
+from dvtcli.operations.results.nodes import FaultRow, Faults
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -18,23 +18,19 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.comparisons import *  # noqa: F403
     from dvtcli.operations.results.diagnosis import *  # noqa: F403
     from dvtcli.operations.results.documents import *  # noqa: F403
+    from dvtcli.operations.results.facts import *  # noqa: F403
     from dvtcli.operations.results.failures import *  # noqa: F403
-    from dvtcli.operations.results.files import *  # noqa: F403
     from dvtcli.operations.results.frames import *  # noqa: F403
-    from dvtcli.operations.results.habit_listing import *  # noqa: F403
     from dvtcli.operations.results.learnt import *  # noqa: F403
     from dvtcli.operations.results.library_files import *  # noqa: F403
     from dvtcli.operations.results.loads import *  # noqa: F403
     from dvtcli.operations.results.lss_nodes import *  # noqa: F403
     from dvtcli.operations.results.networks import *  # noqa: F403
-    from dvtcli.operations.results.node_errors import *  # noqa: F403
     from dvtcli.operations.results.nodes import *  # noqa: F403
     from dvtcli.operations.results.pdos import *  # noqa: F403
     from dvtcli.operations.results.sent import *  # noqa: F403
     from dvtcli.operations.results.stores import *  # noqa: F403
     from dvtcli.operations.results.values import *  # noqa: F403
-    from dvtcli.operations.results.watched_values import *  # noqa: F403
-    from dvtcli.operations.results.whole_devices import *  # noqa: F403
 
 #: Every public name of this room, by module.
 NAMES: dict[str, tuple[str, ...]] = {
@@ -52,7 +48,7 @@ NAMES: dict[str, tuple[str, ...]] = {
     ),
     "checked_recordings": ("RecordingFinding", "RecordingReport", "RecordingsChecked"),
     "checked_networks": ("NetworkFinding", "NetworkReport", "NetworksChecked"),
-    "comparisons": ("Compared", "ComparedNodes"),
+    "comparisons": ("Compared", "ComparedNodes", "ObjectDifference", "WholeCompared"),
     "diagnosis": ("Verdict", "Check", "Diagnosis"),
     "documents": (
         "Document",
@@ -78,21 +74,8 @@ NAMES: dict[str, tuple[str, ...]] = {
         "not_obeyed",
         "together",
     ),
-    "files": (
-        "Facts",
-        "DvtAnswer",
-    ),
-    "frames": (
-        "FrameSeen",
-        "PlottedSignal",
-        "Plotted",
-        "part_document",
-        "FrameExplained",
-        "TracedFrame",
-        "Traced",
-    ),
-    "habit_listing": ("Wanted", "WantedState", "HabitRow", "HabitListing"),
-    "learnt": ("Difference", "LearntDevice", "LearnForecast"),
+    "frames": ("FrameSeen", "PlottedSignal", "Plotted", "part_document", "FrameExplained", "TracedFrame", "Traced"),
+    "learnt": ("Difference", "LearntDevice", "LearnForecast", "Wanted", "WantedState", "HabitRow", "HabitListing"),
     "library_files": (
         "AddedFile",
         "LibraryAdded",
@@ -103,17 +86,8 @@ NAMES: dict[str, tuple[str, ...]] = {
         "ProfileShown",
     ),
     "loads": ("Measured", "FrameLoad", "NetworkLoad", "need_document"),
-    "lss_nodes": (
-        "LssNode",
-        "LssFound",
-        "LssGiven",
-        "LssChanged",
-        "LssBitRate",
-        "HeardAt",
-        "BitRateFound",
-    ),
+    "lss_nodes": ("LssNode", "LssFound", "LssGiven", "LssChanged", "LssBitRate", "HeardAt", "BitRateFound"),
     "networks": ("NetworkPlanned", "network_findings", "action", "differing", "NetworkApplied"),
-    "node_errors": ("FaultRow", "Faults", "FaultSeen"),
     "nodes": (
         "NodeRow",
         "NodeListing",
@@ -123,17 +97,11 @@ NAMES: dict[str, tuple[str, ...]] = {
         "ProgramLoaded",
         "SyncSource",
         "SyncCheck",
+        "FaultRow",
+        "Faults",
+        "FaultSeen",
     ),
-    "pdos": (
-        "MappedName",
-        "LastFrame",
-        "ListedRow",
-        "PdoRow",
-        "PdoListing",
-        "PinRow",
-        "VpdoRow",
-        "VpdoListing",
-    ),
+    "pdos": ("MappedName", "LastFrame", "ListedRow", "PdoRow", "PdoListing", "PinRow", "VpdoRow", "VpdoListing"),
     "sent": ("NO_END", "Outcome", "OfFrames", "FrameToSend", "FramesSent", "FramesToReplay", "Replayed"),
     "stores": ("Stored",),
     "values": (
@@ -142,9 +110,12 @@ NAMES: dict[str, tuple[str, ...]] = {
         "ObjectListing",
         "EntryUnread",
         "RecordRead",
+        "MOST_POINTS",
+        "ValuesRead",
+        "ObjectCourse",
+        "ValuesWatched",
     ),
-    "watched_values": ("MOST_POINTS", "ValuesRead", "ObjectCourse", "ValuesWatched"),
-    "whole_devices": ("ObjectDifference", "WholeCompared"),
+    "facts": ("Facts", "DvtAnswer"),
 }
 _MODULES = {name: module for module, names in NAMES.items() for name in names}
 

@@ -86,7 +86,7 @@ class RecordingReport(Short, Judged):
 class RecordingsChecked(Answer):
     """The result of `check` for recordings: a report for each."""
 
-    renderer: ClassVar = "recording_check_lines:check_lines"
+    renderer: ClassVar = "check_lines:recording_lines"
     formats: ClassVar = FileReport.formats
     at_leisure: ClassVar = True
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 Document = dict[str, Any]
 #: formats of results that compare PDOs and objects one by one
-CASES = {"github": "github_case_lines:github_case_lines", "junit": "junit_case_lines:junit_case_lines"}
+CASES = {"github": "github_lines:github_case_lines", "junit": "junit_lines:junit_case_lines"}
 
 
 class Short:
@@ -44,7 +44,7 @@ class Answer(Short):
 
     __slots__ = ()
     #: a module of `cli.view` and its function of (answer, width in columns): `pdo_lines:listing_lines`
-    renderer: ClassVar[str] = "file_lines:text_lines"
+    renderer: ClassVar[str] = "fact_lines:text_lines"
     #: format of some results only (`sarif`) -> function that makes its lines, as for `renderer`
     formats: ClassVar[Mapping[str, str]] = {}
     #: whether it is a list for a pager if longer than a screen

@@ -33,7 +33,7 @@ class BitRateFound(Answer):
     was found. *listen_only*: nothing was sent.
     """
 
-    renderer: ClassVar = "bit_rate_lines:bit_rate_lines"
+    renderer: ClassVar = "lss_lines:heard_rate_lines"
 
     bus: str
     bit_rate: int | None

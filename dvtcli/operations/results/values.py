@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import deque
+from dataclasses import dataclass, field
+from math import isfinite
 from typing import ClassVar
 
 from dvtcli.domain.abort import Abort, abort_text
@@ -18,7 +20,7 @@ from dvtcli.operations.results.documents import Answer, Document, Rows, Short, h
 class ValueRead(Answer):
     """An object's value, raw and decoded, and its physical *meaning*; *written*: set by a write."""
 
-    renderer: ClassVar = "watched_lines:value_lines"
+    renderer: ClassVar = "value_lines:value_lines"
 
     node: int
     object: str
@@ -76,7 +78,7 @@ class ObjectRow(Short):
 class ObjectListing(Answer, Rows[ObjectRow]):
     """Entries of the object dictionary, a list of rows; *total* is their number in the file."""
 
-    renderer: ClassVar = "watched_lines:object_lines"
+    renderer: ClassVar = "value_lines:object_lines"
     at_leisure: ClassVar = True
 
     node: int | None
@@ -124,7 +126,7 @@ class EntryUnread(Short):
 class RecordRead(Answer):
     """A record or an array: sub-index 0 as *head*, and the entries; a list of entries."""
 
-    renderer: ClassVar = "watched_lines:record_lines"
+    renderer: ClassVar = "value_lines:record_lines"
 
     head: ValueRead
     entries: tuple[ValueRead | EntryUnread, ...]
@@ -155,3 +157,73 @@ class RecordRead(Answer):
         """`dvtcli.value/1` of sub-index 0, with the *entries*."""
         entries = [{key: said for key, said in entry.document().items() if key != "schema"} for entry in self.entries]
         return {**self.head.document(), "schema": "dvtcli.value/1", "entries": entries}
+
+
+#: number of values kept for an object's picture
+MOST_POINTS = 40
+
+
+@dataclass(frozen=True, slots=True)
+class ValuesRead(Answer):
+    """The values of several objects in order; *at_s*: since the first read, None for a single read."""
+
+    renderer: ClassVar = "value_lines:values_lines"
+
+    values: tuple[ValueRead | RecordRead, ...]
+    at_s: float | None = None
+    exit_code: int = 0
+
+    def document(self) -> Document:
+        """`dvtcli.values/1`."""
+        values = [{key: said for key, said in value.document().items() if key != "schema"} for value in self.values]
+        time = {} if self.at_s is None else {"time_s": round(self.at_s, 3)}
+        return {"schema": "dvtcli.values/1", **time, "values": values}
+
+
+@dataclass(slots=True)
+class ObjectCourse(Short):
+    """An object's trend: number of reads, minimum and maximum, last values."""
+
+    samples: int = 0
+    last: ValueRead | None = None
+    least: float | None = None
+    most: float | None = None
+    points: deque[float] = field(default_factory=lambda: deque(maxlen=MOST_POINTS))
+
+    def add(self, value: ValueRead) -> None:
+        """Add a value."""
+        self.samples += 1
+        self.last = value
+        number = value.value
+        if isinstance(number, int | float) and isfinite(number):
+            self.least = number if self.least is None else min(self.least, number)
+            self.most = number if self.most is None else max(self.most, number)
+            self.points.append(number)
+
+
+@dataclass(frozen=True, slots=True)
+class ValuesWatched(Answer):
+    """The trends of several objects, each read at least once; *file* is the CSV file."""
+
+    renderer: ClassVar = "value_lines:watched_lines"
+
+    courses: tuple[ObjectCourse, ...]
+    file: str | None = None
+    exit_code: int = 0
+
+    def document(self) -> Document:
+        """`dvtcli.watched-values/1`."""
+        objects = [
+            {
+                "node": course.last.node,
+                "object": course.last.object,
+                "samples": course.samples,
+                "least": course.least,
+                "most": course.most,
+                "last": json_value(course.last.value),
+                "physical": physical_document(course.last.value, course.last.meaning),
+            }
+            for course in self.courses
+            if course.last is not None
+        ]
+        return {"schema": "dvtcli.watched-values/1", "objects": objects, "file": self.file}

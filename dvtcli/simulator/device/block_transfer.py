@@ -10,7 +10,7 @@ from binascii import crc_hqx
 from typing import Protocol
 
 from dvtcli.domain.abort import Abort
-from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.memory import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice
 
 _BLOCK_UPLOAD = 5

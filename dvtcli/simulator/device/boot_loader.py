@@ -9,7 +9,7 @@ from binascii import crc32
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtState
-from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.memory import Refusal
 
 _DATA, _CONTROL, _IDENTIFICATION, _STATUS = 0x1F50, 0x1F51, 0x1F56, 0x1F57
 _STOPPED, _STARTED, _CLEARED = 0, 1, 3

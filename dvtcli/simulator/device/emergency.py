@@ -11,8 +11,7 @@ from collections.abc import Hashable
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.family import ErrorList
-from dvtcli.simulator.device.memory import Memory
-from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.memory import Memory, Refusal
 
 ERROR_REGISTER, ERROR_HISTORY, EMCY_COB_ID, EMCY_INHIBIT = 0x1001, 0x1003, 0x1014, 0x1015
 NO_ERROR = 0x0000

@@ -9,9 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from dvtcli.domain.pdo import Pdo
-from dvtcli.simulator.device.fault_kinds import FaultKind
-from dvtcli.simulator.device.memory import STORE
-from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.memory import STORE, Refusal
 from dvtcli.simulator.device.sdo_server import (
     BLOCK_DOWNLOAD,
     BLOCK_UPLOAD,
@@ -20,7 +18,7 @@ from dvtcli.simulator.device.sdo_server import (
     UPLOAD_SEGMENT,
     SdoServer,
 )
-from dvtcli.simulator.device.simulated_faults import Fault
+from dvtcli.simulator.device.simulated_faults import Fault, FaultKind
 from dvtcli.simulator.device.strict_device import StrictDevice
 
 

@@ -14,9 +14,8 @@ from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.emergency import ERROR_HISTORY, Emergencies
 from dvtcli.simulator.device.family import Family, MotorCopy, Object, PinCopy
 from dvtcli.simulator.device.heartbeat import CONSUMER_TIMES, GuardingResponse, Heartbeat, HeartbeatConsumer
-from dvtcli.simulator.device.memory import Memory
+from dvtcli.simulator.device.memory import Memory, Refusal
 from dvtcli.simulator.device.pdos_at_work import PdoExchange
-from dvtcli.simulator.device.refusal import Refusal
 
 SYNC_COB_ID, SYNC_PERIOD, SYNC_OVERFLOW = 0x1005, 0x1006, 0x1019
 _PRODUCES, _EXTENDED = 1 << 30, 1 << 29

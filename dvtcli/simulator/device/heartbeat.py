@@ -9,8 +9,7 @@ from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.emergency import Emergencies
-from dvtcli.simulator.device.memory import Memory
-from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.memory import Memory, Refusal
 
 CONSUMER_TIMES, HEARTBEAT_TIME = 0x1016, 0x1017
 GUARD_TIME, LIFE_TIME_FACTOR = 0x100C, 0x100D

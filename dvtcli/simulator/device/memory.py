@@ -10,11 +10,9 @@ from dvtcli.domain.datatypes import U8, U16, U32, DataType
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
 from dvtcli.domain.pdo import Pdo
 from dvtcli.simulator.device.family import Family, Range
-from dvtcli.simulator.device.refusal import Refusal
 
 Backing = Callable[[int, int], bytes]
 Key = tuple[int, int]
-
 STORE, RESTORE = 0x1010, 0x1011
 _MISSING = (Abort.NO_OBJECT, Abort.NO_SUB_INDEX)
 #: What a PDO wakes with whose file tells no COB-ID, or 0x000, which is NMT: it does not exist (bit 31).
@@ -293,3 +291,12 @@ class ParameterAreas:
         whole = COMMUNICATION if communication_only else ALL
         for area in due if powered and self.keeps_ram else (whole,):
             self._memory.reload(*area)
+
+
+class Refusal(Exception):
+    """The device aborts an SDO request with *code*; *reason* is the value of its extended error object."""
+
+    def __init__(self, code: int, reason: int | None = None) -> None:
+        super().__init__(f"0x{code:08X}")
+        self.code = int(code)
+        self.reason = reason

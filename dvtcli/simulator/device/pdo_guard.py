@@ -14,8 +14,7 @@ from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import Pdo, is_mpdo
 from dvtcli.domain.profile import BitPolicy
 from dvtcli.simulator.device.family import Family, Login, within
-from dvtcli.simulator.device.memory import Memory
-from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.memory import Memory, Refusal
 
 LEVEL, PASSCODE, USER_ID = 1, 2, 3
 NOT_PRE_OPERATIONAL, LEVEL_TOO_LOW, LOGIN_FAILED, VALUE_INVALID = 4, 8, 9, 12

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtState
-from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.memory import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice
 
 if TYPE_CHECKING:

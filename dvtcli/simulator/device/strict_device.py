@@ -17,9 +17,8 @@ from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.frame_services import FrameServices
 from dvtcli.simulator.device.heartbeat import HEARTBEAT
-from dvtcli.simulator.device.memory import Backing, Memory, ParameterAreas
+from dvtcli.simulator.device.memory import Backing, Memory, ParameterAreas, Refusal
 from dvtcli.simulator.device.pdo_guard import Gates, PdoGuard, limit_check, refuse
-from dvtcli.simulator.device.refusal import Refusal
 
 if TYPE_CHECKING:
     from dvtcli.simulator.device.boot_loader import BootLoader

@@ -20,11 +20,10 @@ from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
 from dvtcli.bus.turns import one_by_one
 from dvtcli.domain.ports import Frame, SdoTransport
 from dvtcli.errors import BusUnavailable, SdoAborted
-from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.memory import Refusal
 from dvtcli.simulator.device.sdo_server import SILENT
 from dvtcli.simulator.device.strict_device import StrictDevice
-from dvtcli.simulator.network.roster import Roster
-from dvtcli.simulator.network.station import SimulatedNode, stations
+from dvtcli.simulator.network.station import Roster, SimulatedNode, stations
 
 if TYPE_CHECKING:
     from dvtcli.simulator.device.simulated_faults import Fault

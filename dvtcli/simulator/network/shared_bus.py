@@ -14,9 +14,8 @@ from dvtcli.errors import BusUnavailable
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.hub import Hub
 from dvtcli.simulator.network.hub_client import Client
-from dvtcli.simulator.network.roster import Roster
 from dvtcli.simulator.network.socketcand import told_frame
-from dvtcli.simulator.network.station import SDO_RESPONSE, SimulatedNode
+from dvtcli.simulator.network.station import SDO_RESPONSE, Roster, SimulatedNode
 from dvtcli.simulator.network.wire import Wire
 
 #: Waits for the bus that failed until it is back, or (None) until the function that it is given says to stop.

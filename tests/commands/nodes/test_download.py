@@ -14,7 +14,7 @@ import dvtcli
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import SafetyRefusal
 from dvtcli.simulator.device.boot_loader import FACTORY_PROGRAM
-from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.memory import Refusal
 from dvtcli.simulator.device.simulated_faults import read_faults
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family

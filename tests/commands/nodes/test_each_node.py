@@ -8,7 +8,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.errors import UsageError
 from dvtcli.operations.session.simulated_nodes import simulated_device, simulated_nodes
 from dvtcli.operations.user.options import checked
-from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.memory import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.commands.bench import Bench
 from tests.virtual_time import VirtualTimeBus

@@ -10,7 +10,7 @@ from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.errors import NoAnswer
 from dvtcli.files.eds.reader import parse_eds, read_eds
-from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.memory import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.commands.bench import Bench

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.files.eds.reader import read_eds
-from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.memory import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.commands.bench import Bench

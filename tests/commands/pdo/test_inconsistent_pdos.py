@@ -10,7 +10,7 @@ import pytest
 
 from dvtcli.domain.abort import Abort
 from dvtcli.files.eds.reader import read_eds
-from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.memory import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
 from tests.commands.bench import Bench, Ran

@@ -37,7 +37,7 @@ def test_text_for_what_is_taken_for_a_number() -> None:
 
 
 def test_a_long_value_is_cut_and_says_how_to_have_it_all() -> None:
-    from dvtcli.cli.view.answers.watched_lines import value_lines
+    from dvtcli.cli.view.answers.value_lines import value_lines
     from dvtcli.cli.view.typed_hints import typed
     from dvtcli.domain.hint import Hint
     from dvtcli.domain.shown_value import cut_bytes

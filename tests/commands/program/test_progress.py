@@ -10,8 +10,7 @@ from typing import TextIO
 
 import pytest
 
-from dvtcli.cli.view.output import Output
-from dvtcli.cli.view.progress_line import ProgressLine
+from dvtcli.cli.view.output import Output, ProgressLine
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.request import PdoRequest
 from dvtcli.operations.changes.change import configure

@@ -8,7 +8,7 @@ import pytest
 
 from dvtcli.domain.pdo import Pdo
 from dvtcli.files.user_folders import user_folder
-from dvtcli.simulator.device.refusal import Refusal
+from dvtcli.simulator.device.memory import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.bus.devices import unknown_dictionary

@@ -58,11 +58,11 @@ MAY_LEAVE_UNSAID = {
 }
 #: exceptions that end within their room and reach no user
 INNER = {
-    "files/network/plain_yaml.py:OtherYamlError",
+    "files/network/read_yaml.py:OtherYamlError",
     "files/recorded_lines.py:LostLineError", "files/recorded_lines.py:NoFrameError",
     "domain/gateway/gateway_answers.py:GatewayRequestError",  # a client's line, which gets an answer
     "simulator/network/socketcand.py:RubbishError", "simulator/network/signals.py:RowsError",
-    "simulator/device/refusal.py:Refusal", "cli/dvt/tcl_safe.py:Exit", "cli/dvt/tcl_process.py:Late",
+    "simulator/device/memory.py:Refusal", "cli/dvt/tcl_safe.py:Exit", "cli/dvt/tcl_run.py:Late",
     "cli/dvt/tcl_calls.py:Ended", "cli/dvt/tcl_wire.py:WireError", "cli/dvt/tcl_wire.py:Gone",
     "cli/prompt/key_bindings.py:ThrownAway", "cli/prompt/full_line.py:Refused", "cli/view/streams.py:ReaderLeft",
     "domain/object_syntax.py:UnknownName",

@@ -14,7 +14,7 @@ from dvtcli.files.profile.library import load_profile, reasons
 from dvtcli.files.profile.toml import builtin_names, builtin_path
 from dvtcli.operations.user.options import START_ONLY
 from dvtcli.operations.user.settings import ALIASES, PASSCODE, USERS_OWN
-from dvtcli.simulator.device.fault_kinds import FORMS as FAULT_FORMS
+from dvtcli.simulator.device.simulated_faults import FORMS as FAULT_FORMS
 from dvtcli.simulator.network.family_file import family_eds, family_names
 from dvtcli.simulator.network.signals import _FORMS as SIGNAL_FORMS
 from tests.house.source import PACKAGE

@@ -1,13 +1,17 @@
-"""The text of `eds check`: findings by line, then a count per rule."""
+"""The text of `eds check`, and of `check` for recordings: findings by line or frame, then the sum."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.text import join_some, plural
 from dvtcli.operations.results.checked_files import SEVERITIES, FileFinding, FileReport, FileReports
+
+if TYPE_CHECKING:
+    from dvtcli.operations.results.checked_recordings import RecordingFinding, RecordingReport, RecordingsChecked
 
 STYLES = {"error": "red", "warning": "yellow", "note": "cyan"}
 #: Maximum number of causes per rule; `--rule` shows every finding, and other formats always have all.
@@ -71,3 +75,35 @@ def _summary(result: FileReport, times: Counter[str], shown: Counter[str], width
                 more = f"{shown[rule.name]} shown, --rule {rule.name} shows all: " if is_cut else ""
                 table.add(str(times[rule.name]), Cell(severity, STYLES[severity]), rule.name, f"{more}{rule.sense}")
     yield from table.lines(width)
+
+
+def recording_lines(result: RecordingsChecked, _width: int) -> Iterator[Line]:
+    """Show each recording's problems, the worst first, with times from its beginning, and its sum."""
+    for report in result.reports:
+        for finding in report.findings:
+            yield from _finding(report, finding)
+        if report.unread:
+            continue
+        counted = report.count()
+        found = ", ".join(plural(counted[severity], severity) for severity in SEVERITIES if counted[severity])
+        seconds = report.last_s - report.first_s
+        yield f"{report.path}: {plural(report.frames, 'frame')} in {seconds:.1f} s; {found or 'no problem'}"
+
+
+def _finding(report: RecordingReport, found: RecordingFinding) -> Iterator[Line]:
+    line = f":{found.line}" if found.line > 1 or found.frames else ""
+    yield [
+        Cell(f"{report.path}{line}: "),
+        Cell(f"{found.severity}: ", STYLES[found.severity]),
+        Cell(f"{found.text} "),
+        Cell(f"[{found.rule}]", "dim"),
+    ]
+    if not found.frames:
+        return
+    when = f"at {found.first_s - report.first_s:.3f} s"
+    if found.times > 1:
+        when = f"{found.times} times, {when} to {found.last_s - report.first_s:.3f} s"
+    frames = ", ".join(map(str, found.frames)) + (", …" if found.times > len(found.frames) else "")
+    bus = f" on {found.bus}" if found.bus else ""
+    yield f"  {found.parties}{bus}, {when}; {'frame' if len(found.frames) == 1 else 'frames'} {frames}"
+    yield f"  look first: {found.look}"

@@ -10,8 +10,7 @@ from dvtcli.domain.abort import abort_text
 from dvtcli.domain.learning.operational import IN_OPERATIONAL
 from dvtcli.domain.learning.probe import Value
 from dvtcli.domain.text import join_some
-from dvtcli.operations.results.habit_listing import HabitListing, Wanted
-from dvtcli.operations.results.learnt import LearnForecast, LearntDevice
+from dvtcli.operations.results.learnt import HabitListing, LearnForecast, LearntDevice, Wanted
 
 
 def habit_lines(result: HabitListing, width: int) -> Iterator[Line]:

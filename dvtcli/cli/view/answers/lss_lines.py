@@ -10,7 +10,7 @@ from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.text import plural
 
 if TYPE_CHECKING:
-    from dvtcli.operations.results.lss_nodes import LssBitRate, LssChanged, LssFound, LssGiven
+    from dvtcli.operations.results.lss_nodes import BitRateFound, LssBitRate, LssChanged, LssFound, LssGiven
 
 _DRY_RUN = Cell("dry run: ", "cyan")
 _WOULD = {
@@ -109,3 +109,37 @@ def bit_rate_lines(result: LssBitRate, _width: int) -> Iterator[Line]:
     yield f"{plural(len(result.nodes), 'node')} at {result.bit_rate} bit/s (before: {result.before})"
     if not all(node.stored for node in result.nodes):
         yield [Cell("  lost with the power until it is stored: lss store NODE, for each", "dim")]
+
+
+def heard_rate_lines(result: BitRateFound, width: int) -> Iterator[Line]:
+    """Show the detected bit rate, and the frames received at each bit rate."""
+    table = Table(("BIT/S", "FRAMES", "ERROR FRAMES"))
+    for trial in result.heard:
+        table.add(str(trial.bit_rate), str(trial.frames), str(trial.error_frames))
+    yield from table.lines(width)
+    if result.bit_rate is not None:
+        yield [Cell(f"{result.bus} runs at {result.bit_rate} bit/s", "green"), Cell(f": -b {result.bit_rate}")]
+        return
+    yield [Cell(_nothing(result), "red")]
+    yield [Cell(f"  {hint}", "dim") for hint in _hints(result)]
+
+
+def _nothing(result: BitRateFound) -> str:
+    at = "at none of the standard's bit rates" if result.complete else f"at {result.heard[0].bit_rate} bit/s"
+    if result.silent:
+        return f"{result.bus} is silent: no frame and no error frame {at}, {result.seconds:g} s each"
+    if not any(trial.frames for trial in result.heard):
+        return f"{result.bus}: something is sent, and {at} it can be read"
+    return f"{result.bus}: frames come, and {at} without error frames"
+
+
+def _hints(result: BitRateFound) -> Iterator[str]:
+    if result.silent:
+        yield (
+            "a silent bus tells no bit rate: switch a node on while it is listened to, for it says boot-up; "
+            "--for 5s; is the cable right?"
+        )
+    elif not any(trial.frames for trial in result.heard):
+        yield "one node alone is never acknowledged, and cannot be read while we are silent: connect a second one"
+    else:
+        yield "nodes of two bit rates on one bus, or a bad line: take them off one by one"

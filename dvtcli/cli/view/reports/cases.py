@@ -6,20 +6,19 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from dvtcli.cli.view.answers.whole_device_lines import value_text
+from dvtcli.cli.view.answers.compare_lines import value_text
 from dvtcli.domain.pdo import parameter_text
 from dvtcli.domain.plan import PdoChange
 from dvtcli.domain.shown_value import step_text
 from dvtcli.domain.text import join_some, plural
-from dvtcli.operations.results.comparisons import Compared
+from dvtcli.operations.results.comparisons import Compared, WholeCompared
 from dvtcli.operations.results.networks import NetworkPlanned, differing
-from dvtcli.operations.results.whole_devices import WholeCompared
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.network_plan import Lacked, NodePlan
     from dvtcli.domain.plan import Change
     from dvtcli.operations.results import ComparedNodes
-    from dvtcli.operations.results.whole_devices import ObjectDifference
+    from dvtcli.operations.results.comparisons import ObjectDifference
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
 from dvtcli.cli.view.lines import Line
-from dvtcli.cli.view.reports.github_case_lines import workflow_command
-from dvtcli.cli.view.reports.github_lines import as_data
+from dvtcli.cli.view.reports.github_lines import as_data, workflow_command
 from dvtcli.cli.view.reports.junit_lines import suites_text
 from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.domain.text import plural, safe

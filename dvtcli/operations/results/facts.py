@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from dvtcli.domain.hint import Hint
-from dvtcli.domain.rules import Finding
+from dvtcli.domain.rules.finding import Finding
 from dvtcli.errors import DvtcliError
 from dvtcli.operations.results.documents import Answer, Document, finding_document
 
@@ -18,7 +18,7 @@ class DvtAnswer(Answer):
     *dry_run*: the node's twin answered; *rows* are the lines of a longer answer.
     """
 
-    renderer: ClassVar = "file_lines:answer_lines"
+    renderer: ClassVar = "fact_lines:answer_lines"
     remarked: ClassVar = True
 
     word: str

@@ -15,7 +15,7 @@ from dvtcli.domain.text import join_some, plural
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Compared, ComparedNodes
-    from dvtcli.operations.results.whole_devices import ObjectDifference, WholeCompared
+    from dvtcli.operations.results.comparisons import ObjectDifference, WholeCompared
 
 
 def compared_nodes_lines(result: ComparedNodes, width: int) -> Iterator[Line]:

@@ -7,7 +7,7 @@ from typing import Protocol
 
 from dvtcli.cli.view.lines import Line
 from dvtcli.domain.hint import Hint
-from dvtcli.operations.results.files import DvtAnswer
+from dvtcli.operations.results.facts import DvtAnswer
 
 
 class HasLines(Protocol):

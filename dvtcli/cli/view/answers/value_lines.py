@@ -12,7 +12,7 @@ from dvtcli.operations.results.values import EntryUnread, ObjectListing, RecordR
 from dvtcli.watch.statistics import spark
 
 if TYPE_CHECKING:
-    from dvtcli.operations.results.watched_values import ValuesRead, ValuesWatched
+    from dvtcli.operations.results.values import ValuesRead, ValuesWatched
 
 
 def value_lines(result: ValueRead, _width: int) -> Iterator[Line]:
