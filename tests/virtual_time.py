@@ -15,10 +15,9 @@ from typing import TYPE_CHECKING
 
 from dvtcli.bus.frame_bus import SdoChannels
 from dvtcli.bus.node_watch import EMERGENCY, HEARTBEAT
-from dvtcli.bus.receiver import Wake, bus_closed
+from dvtcli.bus.receiver import Tap, Traffic, Wake, bus_closed
 from dvtcli.bus.sdo.client import SdoChannel
 from dvtcli.bus.sdo.sdo_link import ANSWER_ID, DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, REQUEST_ID, DroppedAnswers, Inbox
-from dvtcli.bus.traffic import Tap, Traffic
 from dvtcli.bus.watched_bus import WatchedBus, act_of
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame

@@ -11,7 +11,7 @@ from typing import Generic, TypeVar
 from weakref import WeakSet
 
 from dvtcli.bus.node_watch import EMERGENCY, HEARTBEAT
-from dvtcli.bus.receiver import Receiver, Wake
+from dvtcli.bus.receiver import Receiver, Tap, Traffic, Wake
 from dvtcli.bus.sdo.client import SdoChannel, StrictSdoClient
 from dvtcli.bus.sdo.sdo_link import (
     ANSWER_ID,
@@ -24,7 +24,6 @@ from dvtcli.bus.sdo.sdo_link import (
     SdoLink,
     SdoSettings,
 )
-from dvtcli.bus.traffic import Tap, Traffic
 from dvtcli.bus.watched_bus import NMT_CAN_ID, WatchedBus, act_of
 from dvtcli.domain.cob_id import fits
 from dvtcli.domain.nmt import NmtState

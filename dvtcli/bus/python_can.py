@@ -16,10 +16,9 @@ from dvtcli.bus.can_message import frame_of
 from dvtcli.bus.carrier import Carrier
 from dvtcli.bus.error_frames import ErrorFrames
 from dvtcli.bus.frame_bus import FrameBus
-from dvtcli.bus.receiver import bus_closed
+from dvtcli.bus.receiver import Tap, bus_closed
 from dvtcli.bus.sdo.client import SdoChannel
 from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, REQUEST_ID
-from dvtcli.bus.traffic import Tap
 from dvtcli.bus.watched_bus import NMT_CAN_ID
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.ports import Frame

@@ -13,8 +13,8 @@ from threading import Lock
 from typing import TYPE_CHECKING
 
 from dvtcli.bus.node_watch import NodeWatch, Oddities
+from dvtcli.bus.receiver import Tap
 from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, DroppedAnswers, Inbox, SdoSettings
-from dvtcli.bus.traffic import Tap
 from dvtcli.bus.turns import Turns, one_by_one
 from dvtcli.domain.lss_services import (
     ACTIVATE_BIT_TIMING,

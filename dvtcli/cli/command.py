@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from enum import Enum
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from dvtcli.cli.effect import Effect, Final
 from dvtcli.cli.global_options import NEGATIVE_MARK, global_options, one_pair_each, taken
 
 if TYPE_CHECKING:
@@ -18,6 +18,18 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Result
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.session.session_nodes import SessionNodes
+
+
+class Effect(Enum):
+    """The effect of a command, or of a DVT word, on nodes; declared in its own file."""
+
+    READS = "looks, listens, or works on files: no node is another one afterwards"
+    SELECTS = "says which node, or which device, the lines after it are about"
+    CHANGES = "changes what a node holds; `undo` reverts it"
+    KEEPS = "keeps what a node holds: no `undo` reverts it"
+    BRINGS_BACK = "brings back what a node kept: no `undo` reverts it"
+    COMMANDS = "does to a node what its history does not hold, such as NMT commands"
+    RUNS = "runs other lines"
 
 
 #: effects without a change of nodes; lines run by others count by themselves
@@ -170,3 +182,17 @@ def _deliver(session: Conversation, result: Any) -> Any:
 
 def _code(result: Result) -> int:
     return result.exit_code
+
+
+class Final(NamedTuple):
+    """The part of a line that no `undo` reverts, in words; *brings_back*: the line loads stored values."""
+
+    words: str
+    brings_back: bool = False
+
+
+def final_write(name: str, index: int | None) -> Final | None:
+    """Return the part of *name* that no `undo` reverts if it writes *index*: a store or restore."""
+    from dvtcli.device.store.store_parameters import RESTORE, SIGNATURES
+
+    return Final(f"{name} to 0x{index:04X}", index == RESTORE) if index in SIGNATURES else None

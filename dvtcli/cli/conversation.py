@@ -6,7 +6,7 @@ import io
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import click
 
@@ -17,7 +17,6 @@ from dvtcli.operations.user.options import START_ONLY, Options
 if TYPE_CHECKING:
     from dvtcli.cli.scripts.script_changes import ScriptChanges
     from dvtcli.cli.scripts.script_report import ScriptReport
-    from dvtcli.cli.typed_tcl import TypedTcl
     from dvtcli.cli.view.output import Output
     from dvtcli.cli.view.typed_hints import TypedCall
     from dvtcli.domain.hint import Hint
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
     from dvtcli.domain.profile import DeviceProfile
     from dvtcli.operations.results.bus_events import BusEvent
     from dvtcli.operations.session.bus_of_options import OpenBus
-
 
 #: The options that a follow-up command needs for the same nodes, with their letters.
 _REPEATED = {
@@ -310,3 +308,28 @@ class Conversation(Session):
             return self.script_changes.differing()
         except DvtcliError:  # what failed is told; of this nothing is claimed
             return None
+
+
+class TypedTcl(Protocol):
+    """Lines of Tcl, and the mode for Tcl lines only."""
+
+    on: bool
+
+    @property
+    def continues(self) -> bool:
+        """Whether the next line continues the last."""
+
+    def run(self, text: str) -> int:
+        """Run a whole line; returns its exit code."""
+
+    def typed(self, text: str) -> int:
+        """Run a line typed in the mode, or keep it until complete; returns its exit code."""
+
+    def leave(self) -> None:
+        """Leave the mode."""
+
+    def forget(self) -> None:
+        """Discard the lines of an incomplete command."""
+
+    def close(self) -> None:
+        """End Tcl, and discard its variables."""

@@ -1,14 +1,14 @@
-"""Complete object names in a shell and at the prompt, without opening a bus."""
+"""Complete object names in a shell and at the prompt; names from files are made safe for the shell."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
-from click.shell_completion import CompletionItem
+from click.shell_completion import CompletionItem, ShellComplete, add_completion_class, get_completion_class
 
 from dvtcli.cli.global_options import taken
 from dvtcli.domain.mapping import DUMMY_BITS, MAX_PDO_BITS
@@ -17,6 +17,7 @@ from dvtcli.domain.object_syntax import parse_object
 from dvtcli.domain.profile import DeviceProfile, ObjectAddress
 from dvtcli.domain.rules.mappable import known_dummies
 from dvtcli.domain.rules.mapped_object import is_taken
+from dvtcli.domain.text import safe
 from dvtcli.errors import DvtcliError
 from dvtcli.operations.user.options import Options
 from dvtcli.operations.user.settings import Settings
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
 MOST = 60
 #: Letters in order but apart (`vav` for `velocity_actual_value`) are looked for from this length on.
 SCATTERED = 3
-
 #: An entry's number and name in the form for comparison with the typed text.
 Row = tuple[str, str, OdEntry]
 
@@ -218,3 +218,34 @@ def _rows(dictionary: ObjectDictionary) -> list[Row]:
     ]
     _indexed[:] = [*_indexed[-7:], (dictionary, rows)]
     return rows
+
+
+_SHELLS = ("bash", "zsh", "fish", "powershell")
+
+
+def safe_items(items: Iterable[CompletionItem]) -> list[CompletionItem]:
+    """Return *items* with safe help texts, without items that would type control characters."""
+    return [
+        CompletionItem(item.value, item.type, None if item.help is None else safe(item.help))
+        for item in items
+        if safe(item.value) == item.value
+    ]
+
+
+class _SafeComplete(ShellComplete):
+    def get_completions(self, args: list[str], incomplete: str) -> list[CompletionItem]:
+        """Return click's completions, made safe."""
+        return safe_items(super().get_completions(args, incomplete))
+
+
+def make_shells_safe() -> None:
+    """Let click give safe completions to every shell."""
+    for name in _SHELLS:
+        usual = get_completion_class(name)
+        if usual is None:  # PowerShell came with click 8.5
+            continue
+
+        class Safe(_SafeComplete, usual):  # type: ignore[misc, valid-type]
+            pass
+
+        add_completion_class(Safe, name)

@@ -24,7 +24,7 @@ from dvtcli.domain.object_syntax import (
     resolve_object,
 )
 from dvtcli.errors import UsageError
-from dvtcli.operations.meanings.named_objects import entry_at, name_hint, object_at, one_name
+from dvtcli.operations.values.named_objects import entry_at, name_hint, object_at, one_name
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation

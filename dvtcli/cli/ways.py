@@ -13,8 +13,7 @@ import click
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from dvtcli.cli.conversation import Conversation
-    from dvtcli.cli.typed_tcl import TypedTcl
+    from dvtcli.cli.conversation import Conversation, TypedTcl
     from dvtcli.device.wish import Wish
 
 

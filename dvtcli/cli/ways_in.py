@@ -12,8 +12,7 @@ from dvtcli.cli.registry import REGISTRY
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
-    from dvtcli.cli.conversation import Conversation
-    from dvtcli.cli.typed_tcl import TypedTcl
+    from dvtcli.cli.conversation import Conversation, TypedTcl
     from dvtcli.device.wish import Wish
 
 

@@ -52,8 +52,7 @@ class Node(Changeable):
         from dvtcli.device.change.applied import refuse
         from dvtcli.device.file_fits import refuse_unlike_file
         from dvtcli.device.other_producers import heard_ids, heard_producer_findings
-        from dvtcli.device.proposal import proposal
-        from dvtcli.device.resolve import resolve, untyped_lengths
+        from dvtcli.device.proposal import proposal, resolve, untyped_lengths
         from dvtcli.domain.plan import Plan, plan_pdo
         from dvtcli.domain.request import instead_findings, said_by
         from dvtcli.domain.rules import check_pdo

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.text import join_some, plural
-from dvtcli.files.eds import read_rules
+from dvtcli.files.eds import findings
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import IniSection, section_values
 from dvtcli.files.eds.layout import OBJECT_LISTS, object_place
@@ -37,9 +37,9 @@ _ANEW = {"fileinfo", "dummyusage", *OBJECT_LISTS}
 _LEFT_OUT = {
     rule.name
     for rule in (
-        read_rules.BAD_NUMBER, read_rules.BAD_LINE, read_rules.BAD_VALUE, read_rules.UNTYPED_VALUE,
-        read_rules.LIMIT_TYPE, read_rules.LIMITS_CROSSED, read_rules.LIMITS_WRAPPED, read_rules.LIMIT_WITHOUT_SENSE,
-        read_rules.NO_SUB_INDEX, xdd_rules.MAPPING_WORD, xdd_rules.MAPPING_DIRECTION, xdd_rules.OBJECT_TWICE,
+        findings.BAD_NUMBER, findings.BAD_LINE, findings.BAD_VALUE, findings.UNTYPED_VALUE,
+        findings.LIMIT_TYPE, findings.LIMITS_CROSSED, findings.LIMITS_WRAPPED, findings.LIMIT_WITHOUT_SENSE,
+        findings.NO_SUB_INDEX, xdd_rules.MAPPING_WORD, xdd_rules.MAPPING_DIRECTION, xdd_rules.OBJECT_TWICE,
         xdd_rules.NO_INDEX, xdd_rules.OBJECT_LISTS,
     )
 }  # fmt: skip

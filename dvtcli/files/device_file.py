@@ -5,19 +5,22 @@ The first bytes decide, after a suffix .xdd or .xdc.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import InputFileError
+from dvtcli.files.carried_over import kept
+from dvtcli.files.eds.reader import EdsFile
+from dvtcli.files.file_info import file_info
 from dvtcli.files.input_file import read_input_head
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
     from datetime import datetime
 
     from dvtcli.domain.object_dictionary import ObjectDictionary
-    from dvtcli.files.eds.reader import EdsFile
     from dvtcli.files.eds.writer import KeptText
     from dvtcli.files.xdd.xdd_reader import XddFile
 
@@ -75,7 +78,6 @@ def must_be_whole(read: EdsFile | XddFile) -> None:
 
 def must_not_be_cut(read: EdsFile | XddFile) -> None:
     """Raise InputFileError if *read* ends before the last object in its lists: the file is cut short."""
-    from dvtcli.files.eds.reader import EdsFile
 
     if isinstance(read, EdsFile) and (lacks := read.lacks_to_its_end):
         source = read.dictionary.source
@@ -117,3 +119,10 @@ def _is_xml(path: Path) -> bool:
 def _looks_like_xml(first: bytes, name: str) -> bool:
     """Whether a file called *name* that begins with *first* is XML, in whatever encoding."""
     return first.lstrip(_MARKS)[:1] == b"<" or name.lower().endswith(XDD_SUFFIXES)
+
+
+def connected_file(path: Path, modules: Sequence[int]) -> bytes:
+    """Return the EDS or DCF at *path* with *modules* connected, and the sections of their objects."""
+    read = read_device_file(path, modules)
+    keeps = kept(read, of_a_node=True) if isinstance(read, EdsFile) else None
+    return device_file_bytes(read.dictionary, path.name, f"made from {path.name}", None, file_info(read), keeps)

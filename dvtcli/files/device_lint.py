@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Collection
-from typing import TYPE_CHECKING
 
-from dvtcli.files.eds.findings import EdsFinding
+from dvtcli.domain.lint.described import DescribedDevice, Spot, object_text
+from dvtcli.domain.profile import GENERIC, DeviceProfile
+from dvtcli.files.eds.findings import DUPLICATE_KEY, EdsFinding
 from dvtcli.files.eds.ini import IniText
 from dvtcli.files.eds.lint import lint_keys
-from dvtcli.files.eds.lint.linter import RULES
-from dvtcli.files.eds.read_rules import DUPLICATE_KEY
+from dvtcli.files.eds.lint.linted_text import named
+from dvtcli.files.eds.lint.linter import DEVICE_CHECKS, RULES
 from dvtcli.files.eds.reader import EdsFile
+from dvtcli.files.xdd.xdd_reader import XddFile
 from dvtcli.files.xdd.xdd_rules import XDD_RULES
-
-if TYPE_CHECKING:
-    from dvtcli.domain.profile import DeviceProfile
-    from dvtcli.files.xdd.xdd_reader import XddFile
-
 
 _OF_KEYS = {
     rule.name
@@ -73,6 +70,51 @@ def lint_device_file(
 
         columns = Columns(file.text)
         return [(finding, columns.of(finding)) for finding in lint(file, name, wanted, profile)]
-    from dvtcli.files.xdd.lint_xdd import lint_xdd
 
     return [(finding, (0, 0)) for finding in lint_xdd(file, name, wanted, profile)]
+
+
+def lint_xdd(
+    file: XddFile, name: str, wanted: Collection[str], profile: DeviceProfile = GENERIC
+) -> tuple[EdsFinding, ...]:
+    """Return findings of the rules *wanted* in *file*, named *name*, by line.
+
+    PDOs are checked as on a device of *profile*.
+    """
+    objects = _objects_by_line(file)
+    found = [finding for finding in file.findings if finding.rule in wanted]
+    any_node = file.node_id is None
+    configured = name.lower().endswith(".xdc") or not any_node
+    device = DescribedDevice(file.dictionary, file.node_id or 1, configured, any_node, profile)
+    for check in DEVICE_CHECKS:
+        if check.rule.name in wanted:
+            found += (
+                EdsFinding(_line(file, spot), check.rule.severity, check.rule.name, said, spot.object)
+                for spot, said in check.look(device)
+            )
+    told = dict.fromkeys(
+        named(finding, finding.object or objects.get(finding.line, ""), file.dictionary) for finding in found
+    )
+    return tuple(sorted(told, key=lambda finding: finding.line))
+
+
+def _objects_by_line(file: XddFile) -> dict[int, str]:
+    """Return the object of each line; the first, if a line has several."""
+    found: dict[int, str] = {}
+    for index in file.dictionary:
+        held = file.dictionary[index]
+        if held.line is not None:
+            found.setdefault(held.line, object_text(index, None))
+        for entry in held.entries.values():
+            if entry.line is not None:
+                found.setdefault(entry.line, object_text(index, entry.sub_index))
+    return found
+
+
+def _line(file: XddFile, spot: Spot) -> int:
+    """Return the line of *spot*: of its sub-index, else its object, else 1."""
+    held = None if spot.index is None else file.dictionary.get(spot.index)
+    if held is None:
+        return 1
+    entry = None if spot.sub_index is None else held.entries.get(spot.sub_index)
+    return (None if entry is None else entry.line) or held.line or 1

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from dvtcli.errors import InputFileError
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import IniSection, IniValue, Values, section_values, split_sections
-from dvtcli.files.eds.keys import number_key
+from dvtcli.files.eds.numbers import number_key
 
 SUFFIX = ".cpj"
 #: A list of 127 nodes is some 10 kB.

@@ -77,9 +77,9 @@ def unread_values(read: EdsFile | XddFile, file: str) -> tuple[str, ...]:
 
 def _passed_by(read: EdsFile, file: str) -> Iterator[tuple[int, str]]:
     """Iterate over unknown keys and sections that look like values, and misplaced values."""
-    from dvtcli.files.eds.keys import quoted
     from dvtcli.files.eds.lint.lint_keys import unknown_keys
     from dvtcli.files.eds.lint.linted_text import LintedText, given, is_head
+    from dvtcli.files.eds.numbers import quoted
 
     text = LintedText(read, file)
     for value, near in unknown_keys(text):

@@ -9,10 +9,9 @@ import click
 import pytest
 
 from dvtcli.cli.catalogue import command_names
-from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.commands import read, verify
 from dvtcli.cli.dvt.tcl_safe import ON_NODES
-from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FileType
 from dvtcli.cli.registry import REGISTRY
 from tests.commands.bench import Bench

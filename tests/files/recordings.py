@@ -7,7 +7,7 @@ from dataclasses import replace
 from hypothesis import strategies as st
 
 from dvtcli.domain.ports import Frame
-from dvtcli.files.recording_formats import written
+from dvtcli.files.recordings.formats import written
 
 #: suffixes of all formats that are written, and of those that can do more
 FORMATS = tuple(written())

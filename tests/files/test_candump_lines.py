@@ -10,7 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from dvtcli.bus.can_message import frame_of
-from dvtcli.files.recording import read_recorded
+from dvtcli.files.recordings.read_recording import read_recorded
 
 times = st.floats(0, 9e9).map("{:.6f}".format)
 channels = st.sampled_from(["can0", "vcan1", "0", "007", "slcan_2"])

@@ -13,7 +13,7 @@ import pytest
 
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import InputFileError, UsageError
-from dvtcli.files.recording import read_recorded, read_recording
+from dvtcli.files.recordings.read_recording import read_recorded, read_recording
 from tests.commands.bench import Bench
 from tests.process import dvtcli
 

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.text import plural
 from dvtcli.errors import InputFileError
-from dvtcli.files.recorder import Recorder
-from dvtcli.files.recording import read_recorded, read_recording
+from dvtcli.files.recordings.read_recording import read_recorded, read_recording
+from dvtcli.files.recordings.recorder import Recorder
 from tests.files.captures import CAN, COOKED, COOKED_2, ETHERNET, Style, block, packet, pcap, pcapng, section, socketcan
 from tests.files.recordings import BEGIN_S, frames
 

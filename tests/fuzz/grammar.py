@@ -17,8 +17,8 @@ from typing import Any
 
 from dvtcli.device.change.journal import SCHEMA
 from dvtcli.domain.ports import Frame
-from dvtcli.files.recorder import Recorder
-from dvtcli.files.recording_formats import formats
+from dvtcli.files.recordings.formats import formats
+from dvtcli.files.recordings.recorder import Recorder
 from dvtcli.simulator.device.simulated_faults import FaultKind
 from tests.files.captures import CAN, pcap
 from tests.files.test_eds_any import KEYS, SAMPLE, SECTIONS

@@ -23,8 +23,8 @@ from prompt_toolkit.completion import CompleteEvent
 from prompt_toolkit.document import Document
 
 from dvtcli.cli.conversation import Conversation
+from dvtcli.cli.name_completion import safe_items
 from dvtcli.cli.prompt.completer import LineCompleter
-from dvtcli.cli.shell_completion import safe_items
 from dvtcli.cli.view.lines import Cell
 from dvtcli.cli.view.output import Output
 from dvtcli.cli.view.paint import painted

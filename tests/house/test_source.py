@@ -53,7 +53,7 @@ MAY_OPEN = {
     "files/profile/toml.py": "the package's own data",
     "files/read_back.py": "what was just written, by its own reader",
     "files/sim_state.py": "writes the state of a simulated node",
-    "files/recordings/captures.py": "writes a recording",
+    "files/recordings/wireshark.py": "writes a recording",
     "files/values/value_file.py": "writes values",
     "operations/known_devices/eds_library.py": "compares with dvtcli's own library",
     "operations/frames/last_exchange.py": "dvtcli's own last exchange",

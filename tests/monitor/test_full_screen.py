@@ -14,7 +14,7 @@ from prompt_toolkit.key_binding import KeyBindings
 from prompt_toolkit.output.vt100 import Vt100_Output
 
 from dvtcli.cli.conversation import Conversation
-from dvtcli.cli.monitor.full_screen import bind_leaving, show
+from dvtcli.cli.screen.full_screen import bind_leaving, show
 from dvtcli.cli.view.lines import Cell
 from dvtcli.cli.view.output import Output
 from tests.posix import STOPPING

@@ -14,8 +14,8 @@ from prompt_toolkit.key_binding import KeyBindings
 from prompt_toolkit.output.vt100 import Vt100_Output
 
 from dvtcli.cli.conversation import Conversation
-from dvtcli.cli.monitor.full_screen import MappingReader, show
-from dvtcli.cli.monitor.watch_keys import ObjectReader
+from dvtcli.cli.monitor.watch import ObjectReader
+from dvtcli.cli.screen.full_screen import MappingReader, show
 from dvtcli.cli.view.lines import Cell
 from dvtcli.cli.view.output import Output
 from dvtcli.errors import BusUnavailable, NoAnswer

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dvtcli.domain.ports import Frame
-from dvtcli.operations.meanings.physical_meanings import meanings_of
+from dvtcli.operations.values.object_values import meanings_of
 from dvtcli.watch.decoder import Decoder
 from dvtcli.watch.explain.known_node import KnownNode
 from dvtcli.watch.frame_reader import FrameReader

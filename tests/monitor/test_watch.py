@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.cli.monitor.monitor_state import GRAPH, Moment, View
-from dvtcli.cli.monitor.watch_screen import Board, shown_values, watch_picture
+from dvtcli.cli.monitor.watch import Board, shown_values, watch_picture
 from dvtcli.domain.ports import Frame
 from dvtcli.watch.decoder import Signal
 from dvtcli.watch.seen import FrameStore

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.files.profile.library import load_profile
-from dvtcli.operations.meanings.physical_meanings import meanings_of
+from dvtcli.operations.values.object_values import meanings_of
 from dvtcli.simulator.network.family_file import family_eds
 
 

@@ -14,7 +14,7 @@ import pytest
 import dvtcli
 from dvtcli.domain.ports import Frame
 from dvtcli.operations.results.loads import Measured
-from dvtcli.watch.frame_count import FrameCount
+from dvtcli.watch.statistics import FrameCount
 from tests.process import PATIENCE_S
 from tests.sample import heavy
 from tests.serve.served import ANSWER_S, Served, served

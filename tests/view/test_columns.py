@@ -7,8 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from wcwidth import wcswidth
 
-from dvtcli.cli.view.columns import clipped, columns, squeezed
-from dvtcli.cli.view.lines import Table
+from dvtcli.cli.view.lines import Table, clipped, columns, squeezed
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,9 @@
-"""The common options of `map` and `set`, as one request."""
+"""PDOs as arguments of commands: the options of `map` and `set`, PDOs of one node, and the ends of a link."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, TypeVar
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -11,8 +11,13 @@ from dvtcli.cli.params import MillisecondsType, NumberType
 from dvtcli.cli.pdo_params import COB_ID, TransmissionType
 from dvtcli.domain.request import PdoRequest
 
-F = TypeVar("F", bound=Callable[..., Any])
+if TYPE_CHECKING:
+    from dvtcli.cli.pdo_params import NodePdo
+    from dvtcli.domain.network.wanted_state import Endpoint
+    from dvtcli.domain.pdo import Pdo
+    from dvtcli.operations.session.session_nodes import SessionNodes
 
+F = TypeVar("F", bound=Callable[..., Any])
 _OPTIONS = [
     click.option("--cob-id", type=COB_ID, metavar="ID", help="CAN-ID with 0x, `auto` or `keep`."),
     click.option("--type", "type_", type=TransmissionType(), metavar="N",
@@ -51,3 +56,22 @@ def request(options: dict[str, Any], *, enabled: bool | None) -> PdoRequest:
         extended=options["extended"],
         enabled=False if options["off"] else enabled,
     )
+
+
+def one_node(pdos: Iterable[NodePdo]) -> tuple[int | None, list[Pdo]]:
+    """Return the common node-ID of *pdos* (None if unnamed), and the PDOs.
+
+    Raises UsageError if they name several nodes.
+    """
+    chosen = list(pdos)
+    node_ids = {pdo.node_id for pdo in chosen}
+    if len(node_ids) > 1:
+        raise click.UsageError("PDOs of several nodes: use one line for each node")
+    return node_ids.pop(), [pdo.pdo for pdo in chosen]
+
+
+def endpoints(session: SessionNodes, words: Iterable[NodePdo]) -> list[Endpoint]:
+    """Return the PDOs of *words*, each with its node."""
+    from dvtcli.domain.network.wanted_state import Endpoint
+
+    return [Endpoint(session.node_id() if word.node_id is None else word.node_id, word.pdo) for word in words]

@@ -7,12 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.commands._include import include as include_option
-from dvtcli.cli.commands._include import to_manager
-from dvtcli.cli.commands._include import trust_stamp as trust_stamp_option
-from dvtcli.cli.commands._shown_plan import show_plan
-from dvtcli.cli.effect import Effect, Final
+from dvtcli.cli.command import DvtCommand, Effect, Final
+from dvtcli.cli.commands._file_plans import include as include_option
+from dvtcli.cli.commands._file_plans import show_plan, to_manager
+from dvtcli.cli.commands._file_plans import trust_stamp as trust_stamp_option
 from dvtcli.cli.params import FILE
 
 if TYPE_CHECKING:

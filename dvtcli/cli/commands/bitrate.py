@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.commands._live_params import DurationType
-from dvtcli.cli.effect import Effect
 
 if TYPE_CHECKING:
     from dvtcli.operations.results.lss_nodes import BitRateFound

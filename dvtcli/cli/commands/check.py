@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.commands._live_params import DurationType
 from dvtcli.cli.commands._load_params import BitRateType
-from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE
 from dvtcli.errors import UsageError
 from dvtcli.operations.user.options import SPECIAL_FORMATS
@@ -75,7 +74,7 @@ def command(
     check run.log -d press.yaml
     """
     if not all(file.lower().endswith((".yaml", ".yml")) for file in files):  # else no recording is to be read
-        from dvtcli.operations.frames.check_recording import RecordingOptions, are_recordings, check_recordings
+        from dvtcli.operations.recordings.check_recording import RecordingOptions, are_recordings, check_recordings
 
         if are_recordings(files):
             if live or for_s is not None:

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.commands._one_node import one_node
-from dvtcli.cli.effect import Effect
+from dvtcli.cli.command import DvtCommand, Effect
+from dvtcli.cli.commands._pdo_options import one_node
 from dvtcli.cli.params import CanopenType
 from dvtcli.cli.pdo_params import PDO, NodePdo
 from dvtcli.domain.request import Cleared

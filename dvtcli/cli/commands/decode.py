@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.commands._decoding_options import decoding_options, only_option, parquet_options
-from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE, TEXT
 from dvtcli.errors import UsageError
 
@@ -54,9 +53,9 @@ def command(
     decode run.log --filter velocity -o speed.csv
     decode run.log --only emcy,sdo-abort,nmt
     """
-    from dvtcli.operations.frames.decode_recording import decode_recording, values_into_file, write_values
     from dvtcli.operations.frames.recorded import standard_input
-    from dvtcli.operations.frames.values_origin import ValuesOptions
+    from dvtcli.operations.recordings.decode_recording import decode_recording, values_into_file, write_values
+    from dvtcli.operations.recordings.values_origin import ValuesOptions
 
     if output is None and any(parquet.values()):
         raise UsageError("--layout and --source are of a .parquet file", hint="give one with -o")

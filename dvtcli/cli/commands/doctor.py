@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.effect import Effect
+from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.operations.results.diagnosis import Check
 
 if TYPE_CHECKING:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import click
 
 from dvtcli.cli.boundary import LEAVE
-from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.effect import Effect
+from dvtcli.cli.command import DvtCommand, Effect
 
 
 @click.command("exit", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False)

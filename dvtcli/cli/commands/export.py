@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.commands._dbc_options import dbc_options
-from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE
 
 if TYPE_CHECKING:

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.command import DvtCommand, Effect, Final
 from dvtcli.cli.commands._live_params import DurationType
-from dvtcli.cli.effect import Effect, Final
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation

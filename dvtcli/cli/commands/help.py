@@ -8,8 +8,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from dvtcli.cli.catalogue import command_names, summary, unknown_command
-from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.effect import Effect
+from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.params import TextType
 from dvtcli.cli.ways import root
 

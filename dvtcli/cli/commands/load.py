@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.commands._live_params import DurationType
 from dvtcli.cli.commands._load_params import BitRateType, InhibitType, PeriodType
-from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE
 
 if TYPE_CHECKING:

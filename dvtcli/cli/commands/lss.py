@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.effect import Effect, Final
+from dvtcli.cli.command import DvtCommand, Effect, Final
 from dvtcli.cli.params import NODE_ID, TEXT, NumberType
 from dvtcli.domain.datatypes import parse_number
 from dvtcli.domain.lss_services import LssAddress, LssRanges

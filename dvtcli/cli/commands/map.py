@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.commands._pdo_options import pdo_options, request
-from dvtcli.cli.effect import Effect
 from dvtcli.cli.object_params import ENTRY, EntryWord
 from dvtcli.cli.pdo_params import PDO, NodePdo
 from dvtcli.operations.changes.change import configure

@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.commands._decoding_options import only_option
 from dvtcli.cli.commands._live_params import DurationType, NodesType
-from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE, TEXT
 
 if TYPE_CHECKING:
@@ -54,7 +53,7 @@ def command(
     monitor --decode drive.dbc --changes
     monitor --duration 10 --json
     """
-    from dvtcli.cli.monitor.full_screen import has_full_screen
+    from dvtcli.cli.screen.full_screen import has_full_screen
     from dvtcli.operations.frames.watch_bus import stream, watching
 
     full_screen = has_full_screen(session)

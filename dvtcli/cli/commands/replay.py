@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.commands._decoding_options import decoding_options
 from dvtcli.cli.commands._live_params import FrameFilterType, RateType, SinceType
-from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import FILE, TEXT, NumberType
 
 if TYPE_CHECKING:
@@ -70,7 +69,7 @@ def command(
     replay run.asc --filter 281 --rate 10 --yes
     replay run.blf --from 1 --to 2 --without sdo --loop 2 --rate 0 --yes
     """
-    from dvtcli.operations.frames.replay_recording import Choice, replay_recording
+    from dvtcli.operations.recordings.replay_recording import Choice, replay_recording
 
     within_s = float("-inf") if from_s is None else from_s, float("inf") if to_s is None else to_s
     choice = Choice(rate, *within_s, **part)

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import click
 from click.shell_completion import CompletionItem
 
-from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.effect import Effect
+from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.params import TEXT, CanopenType
 from dvtcli.domain.datatypes import parse_number
 

@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.commands._decoding_options import decoding_options
 from dvtcli.cli.commands._live_params import DurationType
-from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import TEXT, NumberType
 
 if TYPE_CHECKING:

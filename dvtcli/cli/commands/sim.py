@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
-from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.effect import Effect
+from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.global_options import PREFIX
 from dvtcli.cli.params import FILE, TEXT
 from dvtcli.errors import UsageError

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.commands._store_group import ProofWay, StoreGroup, way_and_group
-from dvtcli.cli.effect import Effect
 from dvtcli.cli.params import NumberType
 from dvtcli.errors import UsageError
 from dvtcli.operations.changes.store_restore import POWER_CYCLE_S, look_before_stores, store_settings

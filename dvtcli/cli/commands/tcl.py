@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.effect import Effect
+from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.params import TEXT
 from dvtcli.cli.ways import ways
 from dvtcli.errors import UsageError

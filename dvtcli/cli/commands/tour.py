@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import click
 
 from dvtcli.cli.boundary import LEAVE, guarded
-from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.effect import Effect
+from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.lexer import split
 from dvtcli.cli.ways import Ways, ways
 

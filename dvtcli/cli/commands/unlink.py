@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.commands._shown_plan import show_plan
-from dvtcli.cli.commands._typed_ends import endpoints
-from dvtcli.cli.effect import Effect
+from dvtcli.cli.command import DvtCommand, Effect
+from dvtcli.cli.commands._file_plans import show_plan
+from dvtcli.cli.commands._pdo_options import endpoints
 from dvtcli.cli.pdo_params import PDO, NodePdo
 
 if TYPE_CHECKING:

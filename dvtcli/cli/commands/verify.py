@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.effect import Effect
+from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.params import TEXT
 from dvtcli.cli.pdo_params import PDO, NodePdo
 from dvtcli.cli.ways import ways

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.cli.command import DvtCommand
+from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.commands._live_params import DurationType
-from dvtcli.cli.effect import Effect
 from dvtcli.cli.object_params import OBJECT, Objects, ObjectWord
 from dvtcli.cli.params import CanopenType
 from dvtcli.cli.pdo_params import NodePdo, PdoType
@@ -63,7 +62,7 @@ def command(
     watch 606C 3:6041 tpdo1 3:tpdo2 --every 100ms
     """
     from dvtcli.cli.each_node import objects_meant
-    from dvtcli.cli.monitor.full_screen import has_full_screen
+    from dvtcli.cli.screen.full_screen import has_full_screen
 
     objects = [word for word in words if isinstance(word, ObjectWord)]
     pdos = [word for word in words if isinstance(word, NodePdo)]
@@ -88,7 +87,7 @@ def _on_screen(
     for_s: float | None,
 ) -> None:
     from dvtcli.cli.each_node import objects_meant
-    from dvtcli.cli.monitor.watch_keys import watch_screen
+    from dvtcli.cli.monitor.watch import watch_screen
     from dvtcli.operations.frames.watch_bus import watching
     from dvtcli.operations.objects.watch_objects import ObjectRound
 

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.effect import Effect, Final, final_write
+from dvtcli.cli.command import DvtCommand, Effect, Final, final_write
 from dvtcli.cli.object_params import OBJECT, DataTypeParam, ObjectWord
 from dvtcli.cli.params import TEXT
 from dvtcli.domain.object_syntax import parse_object

@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.catalogue import command_names
-from dvtcli.cli.dvt.answered_words import answer
 from dvtcli.cli.dvt.notation import decimal, listed
 from dvtcli.cli.dvt.tcl_safe import Commands, refuse_beyond_nodes
 from dvtcli.cli.dvt.word import DvtWord
-from dvtcli.cli.dvt.words import WORDS
+from dvtcli.cli.dvt.words import WORDS, answer
 from dvtcli.cli.run_line import run_words
 from dvtcli.errors import DvtcliError, UsageError
 

@@ -12,8 +12,7 @@ from dvtcli.cli.dvt.tcl_wire import Call, CallResult, Frame, Limits, TclLine
 from dvtcli.errors import DvtcliError, UsageError
 
 if TYPE_CHECKING:
-    from dvtcli.cli.conversation import Conversation
-    from dvtcli.cli.typed_tcl import TypedTcl
+    from dvtcli.cli.conversation import Conversation, TypedTcl
 
 
 _OVER = CallResult(True, "the line ended at the command before this one")

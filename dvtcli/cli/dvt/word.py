@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from dvtcli.cli.dvt import notation as numbers
 
 if TYPE_CHECKING:
-    from dvtcli.cli.effect import Effect, Final
+    from dvtcli.cli.command import Effect, Final
     from dvtcli.domain.rules.finding import Finding
 
 

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.dvt.answered_words import answer
 from dvtcli.cli.dvt.word import DvtWord
-from dvtcli.cli.dvt.words import WORDS
+from dvtcli.cli.dvt.words import WORDS, answer
 from dvtcli.cli.params import FILE, TEXT, CanopenType, TextType
 from dvtcli.cli.ways import ways
 

@@ -7,11 +7,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.editor.model import PARAMETERS, EditedPdos
-from dvtcli.cli.monitor.room import cut, filled
-from dvtcli.cli.screen.choices import Cursor
-from dvtcli.cli.screen.field import Field
-from dvtcli.cli.view.columns import columns
-from dvtcli.cli.view.lines import Cell
+from dvtcli.cli.screen.room import cut, filled
+from dvtcli.cli.screen.widgets import Cursor, Field
+from dvtcli.cli.view.lines import Cell, columns
 from dvtcli.domain.frame import layout
 from dvtcli.domain.mapping import MAX_PDO_BITS
 from dvtcli.domain.profile import Severity

@@ -6,7 +6,7 @@ from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.editor.editor import APPLY, Editor
-from dvtcli.cli.monitor.full_screen import has_full_screen
+from dvtcli.cli.screen.full_screen import has_full_screen
 from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.text import plural

@@ -12,14 +12,11 @@ from prompt_toolkit.key_binding import KeyBindings
 from dvtcli.cli.editor.draw import FRAME, OBJECTS, PDOS, EditorView, Named, frame_rows, pane_at, picture
 from dvtcli.cli.editor.model import COB_ID, PARAMETERS, EditedPdos
 from dvtcli.cli.editor.object_list import ObjectList
-from dvtcli.cli.monitor.full_screen import bind_all, show
-from dvtcli.cli.monitor.room import cut
 from dvtcli.cli.screen.beside import BesideScreen
-from dvtcli.cli.screen.field import Dialog, FieldDialog
-from dvtcli.cli.screen.question import Question
-from dvtcli.cli.screen.text_dialog import TextDialog
-from dvtcli.cli.view.columns import broken, columns
-from dvtcli.cli.view.lines import Cell, Line
+from dvtcli.cli.screen.full_screen import bind_all, show
+from dvtcli.cli.screen.room import cut
+from dvtcli.cli.screen.widgets import Dialog, FieldDialog, Question, TextDialog
+from dvtcli.cli.view.lines import Cell, Line, broken, columns
 from dvtcli.cli.view.paint import with_hints
 from dvtcli.cli.view.renderers import remarks, text
 from dvtcli.cli.view.typed_hints import error_text
@@ -29,10 +26,10 @@ from dvtcli.domain.rules.mappable import known_dummies
 from dvtcli.domain.shown_value import value_text
 from dvtcli.domain.text import join_some
 from dvtcli.errors import BusUnavailable, DvtcliError, UsageError
-from dvtcli.operations.meanings.named_objects import entry_at
-from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.operations.pdos.edit_pdos import judge_edited, plan_edited, save_edited
 from dvtcli.operations.pdos.list_pdos import last_frame
+from dvtcli.operations.values.named_objects import entry_at
+from dvtcli.operations.values.object_values import meanings_of
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation

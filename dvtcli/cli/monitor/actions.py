@@ -7,11 +7,9 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.cli.monitor.sending import Sending
-from dvtcli.cli.monitor.transmit_list import TransmitEntry, TransmitList
+from dvtcli.cli.monitor.transmit_list import Sending, TransmitEntry, TransmitList
 from dvtcli.cli.screen.beside import BesideScreen
-from dvtcli.cli.screen.choices import Choices
-from dvtcli.cli.screen.field import Dialog, FieldDialog
+from dvtcli.cli.screen.widgets import Choices, Dialog, FieldDialog
 from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.text import join_some
@@ -26,7 +24,7 @@ from dvtcli.operations.session.save_script import ask_before_overwriting
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.domain.ports import Frame
-    from dvtcli.files.recorder import Recorder
+    from dvtcli.files.recordings.recorder import Recorder
     from dvtcli.operations.frames.watch_bus import Watched
     from dvtcli.watch.decoder import Address
 
@@ -219,8 +217,8 @@ class Actions:
         self.dialogs.append(FieldDialog("record to", name, self._start_recording, ".asc .blf .log .trc .mf4 .pcapng"))
 
     def _start_recording(self, text: str) -> str:
-        from dvtcli.files.recorder import Recorder
-        from dvtcli.files.recording_formats import format_of
+        from dvtcli.files.recordings.formats import format_of
+        from dvtcli.files.recordings.recorder import Recorder
 
         path = Path(text)
         try:

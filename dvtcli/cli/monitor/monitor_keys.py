@@ -12,11 +12,11 @@ from prompt_toolkit.filters import Condition
 from prompt_toolkit.key_binding import KeyBindings
 
 from dvtcli.cli.monitor.actions import Actions
-from dvtcli.cli.monitor.full_screen import GoneBus, MappingReader, bind, bind_all, bind_leaving, show
 from dvtcli.cli.monitor.monitor_state import GRAPH, PICTURE, RAW, TABLE, Moment, View
-from dvtcli.cli.monitor.room import cut
 from dvtcli.cli.monitor.screen import chosen_row, chosen_signals, picture
 from dvtcli.cli.monitor.signal_lines import Lines
+from dvtcli.cli.screen.full_screen import GoneBus, MappingReader, bind, bind_all, bind_leaving, show
+from dvtcli.cli.screen.room import cut
 from dvtcli.errors import BusUnavailable
 from dvtcli.operations.frames.transmit_rows import KEYS
 from dvtcli.operations.network.described_nodes import described_nodes

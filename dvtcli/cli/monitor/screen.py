@@ -6,11 +6,9 @@ from collections.abc import Iterable, Mapping
 
 from dvtcli.cli.monitor.graph import graph
 from dvtcli.cli.monitor.monitor_state import GRAPH, PICTURE, RAW, TABLE, Moment, View
-from dvtcli.cli.monitor.picture_lines import frame_lines
-from dvtcli.cli.monitor.room import cut, wide
-from dvtcli.cli.monitor.signal_lines import Lines, row_line, signal_line, title_of, value_of, with_more
-from dvtcli.cli.view.columns import clipped, columns
-from dvtcli.cli.view.lines import Cell
+from dvtcli.cli.monitor.signal_lines import Lines, frame_lines, row_line, signal_line, title_of, value_of, with_more
+from dvtcli.cli.screen.room import cut, wide
+from dvtcli.cli.view.lines import Cell, clipped, columns
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.text import plural
 from dvtcli.domain.times import local_clock

@@ -1,15 +1,18 @@
-"""The monitor's lines of a frame and its signals. Pure."""
+"""The monitor's lines of a frame: its signals, its bytes and the objects in them with their live values. Pure."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
 from dvtcli.cli.monitor.monitor_state import Moment, View
-from dvtcli.cli.monitor.room import filled, least_and_most
-from dvtcli.cli.view.columns import clipped, columns
-from dvtcli.cli.view.lines import Cell
+from dvtcli.cli.screen.room import filled, least_and_most
+from dvtcli.cli.view.answers.pdo_lines import cell_width, picture
+from dvtcli.cli.view.lines import Cell, clipped, columns
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.shown_value import value_text
 from dvtcli.domain.text import safe
+from dvtcli.operations.results.pdos import MappedName, PdoRow
 from dvtcli.watch.decoder import Signal
 from dvtcli.watch.seen import FrameStore, SeenFrame
 from dvtcli.watch.statistics import ValueHistory, spark
@@ -23,7 +26,6 @@ NAME = 12
 _LEVELS, _PLAIN_LEVELS = "▁▂▃▄▅▆▇█", "_.-=+*#@"
 #: points of a sparkline in up to 100 columns and in many more
 SPARK, LONG_SPARK = 8, 60
-
 Lines = list[list[Cell]]
 
 
@@ -123,3 +125,51 @@ def _words(signal: Signal, course: ValueHistory) -> str:
     """Return the state in a statusword or similar; empty for a number."""
     meaning, last = signal.meaning, course.last
     return meaning.words(last) if isinstance(last, int) and not meaning.has_number else ""
+
+
+def frame_lines(
+    row: SeenFrame, chosen: Signal | None, store: FrameStore, view: View, moment: Moment, width: int
+) -> Lines:
+    """Return the lines of *row*: period, count and age, its bytes in their places, and each signal's values."""
+    lines: Lines = [[Cell(title_of(row, store.decoder.called), "bold")], _times(row, moment)]
+    if row.layout.mapping:
+        lines += [[Cell(text)] for text in picture(_pdo_row(row), max(79, width))]
+    lines.append(_picture_bytes(row, moment, max(79, width)))
+    for signal, course in zip(row.layout.signals, row.courses, strict=True):
+        lines.append(signal_line(signal, course, view, moment, width, chosen=signal is chosen))
+    return lines
+
+
+def _times(row: SeenFrame, moment: Moment) -> list[Cell]:
+    """Return count, age, and the period with its minimum and maximum of the last frames."""
+    gaps = row.rhythm.gaps()
+    cells = [Cell(f"  {row.count} frames, the last {age(moment.now_s - row.last_s)} ago")]
+    if gaps:
+        period = 1000 * sum(gaps) / len(gaps)
+        cells.append(Cell(f", every {period:.1f} ms", "yellow"))
+        cells.append(Cell(f" ({1000 * min(gaps):.1f} .. {1000 * max(gaps):.1f} of the last {len(gaps)})", "dim"))
+    return cells
+
+
+def _pdo_row(row: SeenFrame) -> PdoRow:
+    """Return the PDO of *row*, as its picture needs it."""
+    parameter = PdoCommunicationParameter(CobId(row.can_id, extended=row.extended))
+    signals = {signal.object: signal for signal in row.layout.signals}
+    names = tuple(
+        MappedName(signal.name, signal.data_type.short if signal.data_type else "", signal.meaning)
+        if (signal := signals.get(entry.object)) is not None
+        else MappedName()
+        for entry in row.layout.mapping
+    )
+    return PdoRow(Pdo.parse(row.layout.pdo or "tpdo1"), PdoConfig(parameter, row.layout.mapping), names)
+
+
+def _picture_bytes(row: SeenFrame, moment: Moment, width: int) -> list[Cell]:
+    """Return the bytes, each below its place in the picture; changed bytes are bright."""
+    cells = [Cell("data   ", "dim")]
+    if row.remote:
+        return [*cells, Cell("remote request", "dim")]
+    for byte, changed_s in zip(row.data, row.changed_s, strict=True):
+        fresh = moment.now_s - changed_s < FRESH_S
+        cells.append(Cell(f"{f'{byte:02X}':^{cell_width(width) - 1}} ", "yellow" if fresh else ""))
+    return cells

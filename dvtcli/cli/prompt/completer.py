@@ -13,9 +13,9 @@ from prompt_toolkit.document import Document
 from dvtcli.cli.catalogue import command_names, summary, with_a_swap
 from dvtcli.cli.dvt.words import WORDS
 from dvtcli.cli.global_options import PREFIX, global_options
+from dvtcli.cli.name_completion import safe_items
 from dvtcli.cli.prompt.line import TypedLine, cut, last_line, quoted, typed
 from dvtcli.cli.registry import REGISTRY
-from dvtcli.cli.shell_completion import safe_items
 from dvtcli.errors import DvtcliError
 from dvtcli.operations.user.options import START_ONLY
 

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from dvtcli.cli.screen.question import Question
+from dvtcli.cli.screen.widgets import Question
 from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.errors import DvtcliError
 

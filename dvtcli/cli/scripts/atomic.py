@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from dvtcli.cli.command import of_line
-from dvtcli.cli.effect import Effect, Final
+from dvtcli.cli.command import Effect, Final, of_line
 from dvtcli.cli.global_options import PREFIX
 from dvtcli.errors import UsageError
 

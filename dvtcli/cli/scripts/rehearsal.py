@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.boundary import usage_error
-from dvtcli.cli.command import of_line
-from dvtcli.cli.effect import Effect
+from dvtcli.cli.command import Effect, of_line
 from dvtcli.cli.global_options import PREFIX
 from dvtcli.cli.run_line import parse
 from dvtcli.cli.scripts.atomic import final

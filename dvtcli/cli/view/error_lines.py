@@ -5,8 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Sequence
 
-from dvtcli.cli.view.columns import columns
-from dvtcli.cli.view.lines import Cell, Line, part
+from dvtcli.cli.view.lines import Cell, Line, columns, part
 from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.domain.abort import abort_text
 from dvtcli.domain.file_complaint import FileComplaint

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, TextIO
 
 import click
 
-from dvtcli.cli.view.columns import columns
-from dvtcli.cli.view.lines import Cell, Line
+from dvtcli.cli.view.lines import Cell, Line, columns
 from dvtcli.domain.hint import Hint
 from dvtcli.domain.text import ascii_only, in_encoding, safe
 

@@ -12,9 +12,8 @@ from typing import Protocol
 
 from dvtcli.errors import InputFileError
 from dvtcli.files.dcf.edited_text import EditedText
-from dvtcli.files.eds.bounds import MOST_BYTES
 from dvtcli.files.eds.findings import Findings
-from dvtcli.files.eds.ini import section_values, split_sections
+from dvtcli.files.eds.ini import MOST_BYTES, section_values, split_sections
 from dvtcli.files.eds.reader import EdsFile
 from dvtcli.files.input_file import read_input
 

@@ -9,12 +9,7 @@ import re
 from collections.abc import Iterable, Mapping
 
 from dvtcli.domain.object_dictionary import Commissioning, DeviceInfo, OdObject
-from dvtcli.files.eds.findings import Findings
-from dvtcli.files.eds.ini import IniSection, IniValue, Values, section_values
-from dvtcli.files.eds.keys import number_key, quoted, text_key
-from dvtcli.files.eds.layout import OBJECT_LISTS, EdsLayout
-from dvtcli.files.eds.numbers import read_number, without_comment
-from dvtcli.files.eds.read_rules import (
+from dvtcli.files.eds.findings import (
     BAD_LINE,
     BAD_NUMBER,
     DEVICE_IDENTITY,
@@ -24,7 +19,11 @@ from dvtcli.files.eds.read_rules import (
     NO_SECTION,
     NODE_ID,
     NOT_LISTED,
+    Findings,
 )
+from dvtcli.files.eds.ini import IniSection, IniValue, Values, section_values
+from dvtcli.files.eds.layout import OBJECT_LISTS, EdsLayout
+from dvtcli.files.eds.numbers import number_key, quoted, read_number, text_key, without_comment
 
 _DUMMY = re.compile(r"dummy([0-9a-f]{4})")
 _U32 = 0xFFFF_FFFF

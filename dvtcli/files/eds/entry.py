@@ -10,21 +10,7 @@ from dataclasses import dataclass
 from dvtcli.domain.datatypes import DATA_TYPES, U8, DataType, Kind
 from dvtcli.domain.object_dictionary import Access, OdEntry
 from dvtcli.domain.standard_objects import standard_entry
-from dvtcli.files.eds.findings import Findings
-from dvtcli.files.eds.ini import IniValue, Values
-from dvtcli.files.eds.keys import number_key, quoted, text_key
-from dvtcli.files.eds.numbers import (
-    EncodedValue,
-    above_type,
-    encode_value,
-    is_hexadecimal,
-    leading_zero_in,
-    octal_in,
-    read_limit,
-    read_number,
-    without_comment,
-)
-from dvtcli.files.eds.read_rules import (
+from dvtcli.files.eds.findings import (
     ACCESS_TYPE,
     BAD_VALUE,
     EMPTY_VALUE,
@@ -40,6 +26,22 @@ from dvtcli.files.eds.read_rules import (
     UNKNOWN_DATA_TYPE,
     UNTYPED_VALUE,
     VALUE_TWICE,
+    Findings,
+)
+from dvtcli.files.eds.ini import IniValue, Values
+from dvtcli.files.eds.numbers import (
+    EncodedValue,
+    above_type,
+    encode_value,
+    is_hexadecimal,
+    leading_zero_in,
+    number_key,
+    octal_in,
+    quoted,
+    read_limit,
+    read_number,
+    text_key,
+    without_comment,
 )
 
 _ACCESS = {access.value: access for access in Access}

@@ -9,9 +9,8 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
-from dvtcli.files.eds.findings import Findings
+from dvtcli.files.eds.findings import DUPLICATE_SECTION, NOT_UNDERSTOOD, Findings
 from dvtcli.files.eds.ini import IniSection, IniText
-from dvtcli.files.eds.read_rules import DUPLICATE_SECTION, NOT_UNDERSTOOD
 
 #: The lists of objects, in the standard's order.
 OBJECT_LISTS = ("mandatoryobjects", "optionalobjects", "manufacturerobjects")

@@ -15,16 +15,9 @@ from dvtcli.domain.datatypes import U8
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.domain.standard_objects import PDO_COMMUNICATION, PDO_MAPPING, is_pdo_mapping, standard_entry
 from dvtcli.errors import InputFileError
-from dvtcli.files.eds.bounds import MOST_BYTES, too_much
 from dvtcli.files.eds.device_sections import check_lists, read_device_info
 from dvtcli.files.eds.entry import EntryPlace, read_entry, read_value
-from dvtcli.files.eds.findings import EdsFinding, Findings
-from dvtcli.files.eds.ini import IniText, IniValue, Values, section_values, split_sections
-from dvtcli.files.eds.keys import number_key, quoted, text_key
-from dvtcli.files.eds.layout import EdsLayout, ObjectSections, Parts, lay_out, report_repeated, report_stray
-from dvtcli.files.eds.modules import connected_modules, module_objects, modules_of, with_modules
-from dvtcli.files.eds.numbers import read_number
-from dvtcli.files.eds.read_rules import (
+from dvtcli.files.eds.findings import (
     BAD_LINE,
     COMPACT_COUNT,
     COMPACT_PDO,
@@ -38,7 +31,13 @@ from dvtcli.files.eds.read_rules import (
     SUB_INDICES_OF_VAR,
     SUB_NUMBER,
     TABLE_COUNT,
+    EdsFinding,
+    Findings,
 )
+from dvtcli.files.eds.ini import MOST_BYTES, IniText, IniValue, Values, section_values, split_sections, too_much
+from dvtcli.files.eds.layout import EdsLayout, ObjectSections, Parts, lay_out, report_repeated, report_stray
+from dvtcli.files.eds.modules import connected_modules, module_objects, modules_of, with_modules
+from dvtcli.files.eds.numbers import number_key, quoted, read_number, text_key
 from dvtcli.files.input_file import read_input_head
 
 _PARAMETER_NAMES = (

@@ -18,8 +18,7 @@ from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.known_keys import belongs_to, is_slip, read_keys, unknown_key
 from dvtcli.files.network.network_keys import INSTEAD, OF, Where
 from dvtcli.files.network.node_keys import Surroundings, read_node
-from dvtcli.files.network.read_yaml import read_tree
-from dvtcli.files.network.yaml_tree import Branch, Leaf, Tree, YamlList, overlaid
+from dvtcli.files.network.yaml_tree import Branch, Leaf, Tree, YamlList, overlaid, read_tree
 
 
 def read_links(row: YamlList, node_ids: Mapping[str, int], log: FileLog) -> Iterator[LinkWish]:

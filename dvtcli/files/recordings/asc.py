@@ -9,7 +9,7 @@ from typing import Any, BinaryIO
 
 import can
 
-from dvtcli.files.recorded_lines import LeftLines
+from dvtcli.files.recordings.recorded_lines import LeftLines
 from dvtcli.files.recordings.recording_format import RecordingFormat
 
 #: lines without a time: comments, header, triggers

@@ -12,7 +12,7 @@ from typing import Any, BinaryIO
 import can
 from can.io.blf import BLFParseError
 
-from dvtcli.files.recorded_lines import NoFrameError
+from dvtcli.files.recordings.recorded_lines import NoFrameError
 from dvtcli.files.recordings.recording_format import RecordingFormat
 
 #: an object's header: signature, the header's size and version, the object's size and type

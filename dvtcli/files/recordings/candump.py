@@ -11,7 +11,7 @@ from typing import Any, BinaryIO
 import can
 
 from dvtcli.domain.ports import Frame
-from dvtcli.files.recorded_lines import CountedLines, LostLineError
+from dvtcli.files.recordings.recorded_lines import CountedLines, LostLineError
 from dvtcli.files.recordings.recording_format import RecordedFrame, RecordingFormat
 
 #: a data frame of candump: time, channel, CAN-ID, data; every match is a valid frame

@@ -15,11 +15,7 @@ from pathlib import Path
 from dvtcli.domain.object_dictionary import Commissioning, DeviceInfo, ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.errors import InputFileError
 from dvtcli.files.eds.entry import EntryPlace, read_entry
-from dvtcli.files.eds.findings import EdsFinding, Findings
-from dvtcli.files.eds.ini import IniValue, Values
-from dvtcli.files.eds.keys import number_key
-from dvtcli.files.eds.numbers import read_number
-from dvtcli.files.eds.read_rules import (
+from dvtcli.files.eds.findings import (
     BAD_LINE,
     BAD_NUMBER,
     DEVICE_IDENTITY,
@@ -29,7 +25,11 @@ from dvtcli.files.eds.read_rules import (
     OBJECT_TYPE,
     SUB_INDICES_OF_VAR,
     SUB_NUMBER,
+    EdsFinding,
+    Findings,
 )
+from dvtcli.files.eds.ini import IniValue, Values
+from dvtcli.files.eds.numbers import number_key, read_number
 from dvtcli.files.input_file import read_input_head
 from dvtcli.files.xdd.xdd_parameters import Parameter, read_parameters
 from dvtcli.files.xdd.xdd_rules import (

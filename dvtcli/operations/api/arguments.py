@@ -13,7 +13,7 @@ from dvtcli.domain.request import PdoRequest
 from dvtcli.domain.times import counts
 from dvtcli.errors import UsageError
 from dvtcli.operations.api.checks import flag, number, whole, word, wrong
-from dvtcli.operations.meanings.named_objects import entry_at, object_at
+from dvtcli.operations.values.named_objects import entry_at, object_at
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -107,7 +107,7 @@ def type_of(name: str | None) -> DataType | None:
 
 def bytes_of(kind: DataType, meaning: Scaling, value: Value, object_: str) -> bytes:
     """Encode *value* as *kind*, a text such as `48V` by *meaning*; bytes stay. Raises UsageError if it does not fit."""
-    from dvtcli.operations.meanings.physical_meanings import how_to_write, typed_bytes
+    from dvtcli.operations.values.object_values import how_to_write, typed_bytes
 
     if isinstance(value, bytes):
         return value

@@ -94,7 +94,7 @@ class ReadNode:
 
     def read(self, object_: Object, as_type: str | None = None) -> ValueRead:
         """Read an object by SDO upload, decoded as *as_type* (`u16`, `i32`, `r32`, `vs`, …) or the type in the EDS."""
-        from dvtcli.operations.meanings.object_values import value_result
+        from dvtcli.operations.values.object_values import value_result
 
         def read(node: DeviceNode) -> ValueRead:
             index, sub_index = object_of(node, object_)
@@ -250,8 +250,8 @@ class ConfiguredNode(ReadNode):
         Bytes are written as they are, other values as *as_type* or the type in the EDS, a text such as `48V` in its
         unit. Raises UsageError for 0x1010 and 0x1011: use `store` and `restore`.
         """
-        from dvtcli.operations.meanings.physical_meanings import meaning_of
         from dvtcli.operations.objects.write_object import object_type, refuse_signature, write_bytes
+        from dvtcli.operations.values.object_values import meaning_of
 
         def write(node: DeviceNode) -> Changed:
             index, sub_index = object_of(node, object_)

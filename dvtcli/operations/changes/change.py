@@ -137,7 +137,7 @@ def understood(node: NodeDescription, changes: Iterable[Change]) -> dict[str, Sc
     steps = [change.step for change in changes if isinstance(change, ValueChange)]
     if not steps:
         return {}
-    from dvtcli.operations.meanings.object_values import understood
+    from dvtcli.operations.values.object_values import understood
 
     return understood(node, {step.object: len(step.after) for step in steps})
 

@@ -280,6 +280,6 @@ def _before_restore(node: Node, restart: Restart) -> tuple[Snapshot | None, tupl
 
 def _says(node: NodeDescription) -> Says:
     """Return the printing of values of *node*, as used on all screens."""
-    from dvtcli.operations.meanings.planned_words import planned_words
+    from dvtcli.operations.values.object_values import planned_words
 
     return partial(planned_words, node)

@@ -36,12 +36,11 @@ from dvtcli.operations.devices.held_device import (
 )
 from dvtcli.operations.devices.included import DifferenceKind, entry_of, kind_of
 from dvtcli.operations.devices.read_whole_device import configuration, read_entries
-from dvtcli.operations.meanings.physical_meanings import meanings_of
-from dvtcli.operations.meanings.planned_words import planned_words
 from dvtcli.operations.pdos.look_at_frames import look
 from dvtcli.operations.plans.missing_objects import refuse_lacking
 from dvtcli.operations.results import Compared, ComparedNodes
 from dvtcli.operations.results.comparisons import ObjectDifference, WholeCompared
+from dvtcli.operations.values.object_values import meanings_of, planned_words
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node

@@ -14,10 +14,16 @@ from dvtcli.domain.configuration import Configuration
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import UsageError
-from dvtcli.files.connected_file import connected_file
 from dvtcli.files.dcf.write_dcf import Commissioned, DcfText, refuse_unlike_values, write_dcf
-from dvtcli.files.device_file import VALUE_SUFFIXES, XDD_SUFFIXES, device_file_bytes, is_xml, parse_device_file
-from dvtcli.files.eds.bounds import MOST_BYTES
+from dvtcli.files.device_file import (
+    VALUE_SUFFIXES,
+    XDD_SUFFIXES,
+    connected_file,
+    device_file_bytes,
+    is_xml,
+    parse_device_file,
+)
+from dvtcli.files.eds.ini import MOST_BYTES
 from dvtcli.files.eds.written_values import same_value
 from dvtcli.files.input_file import read_input
 from dvtcli.operations.devices.read_whole_device import WholeDevice, described, read_every_object

@@ -16,7 +16,7 @@ from dvtcli.domain.object_dictionary import Access, OdEntry
 from dvtcli.domain.pdo import BY_SUB_INDEX, Pdo
 from dvtcli.domain.standard_objects import standard_entry
 from dvtcli.errors import UsageError
-from dvtcli.operations.meanings.named_objects import is_name, object_at
+from dvtcli.operations.values.named_objects import is_name, object_at
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import NodeDescription

@@ -35,8 +35,6 @@ from dvtcli.operations.devices.held_device import (
 )
 from dvtcli.operations.devices.included import Included, entry_of, idle, included_of, is_setting
 from dvtcli.operations.devices.read_whole_device import configuration, described
-from dvtcli.operations.meanings.object_values import understood
-from dvtcli.operations.meanings.planned_words import planned_words
 from dvtcli.operations.pdos.sync import short_frames
 from dvtcli.operations.plans.apply_network import apply_network
 from dvtcli.operations.plans.identify_nodes import identify_nodes, unlike_wanted
@@ -45,6 +43,7 @@ from dvtcli.operations.plans.plan_network import checked_network, plans_of, with
 from dvtcli.operations.plans.resolve_names import NodeWants
 from dvtcli.operations.results.failures import together
 from dvtcli.operations.session.consent import powered_findings
+from dvtcli.operations.values.object_values import planned_words, understood
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node

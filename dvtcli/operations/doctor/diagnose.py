@@ -348,7 +348,7 @@ def _interfaces(session: SessionUser) -> Iterator[Check]:
 
 def _transports() -> Iterator[Check]:
     """Report bus interfaces from other packages, for `-i`."""
-    from dvtcli.bus.transports import brought
+    from dvtcli.bus.opening import brought
 
     for transport in brought():
         yield Check(

@@ -81,7 +81,7 @@ def _is_recording(file: str) -> bool:
     suffix = Path(file).suffix.lower()
     if suffix in NETWORK_SUFFIXES:
         return False
-    from dvtcli.files.recording_formats import formats
+    from dvtcli.files.recordings.formats import formats
 
     return suffix in formats()
 

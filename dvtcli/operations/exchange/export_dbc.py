@@ -18,9 +18,9 @@ from dvtcli.domain.text import plural
 from dvtcli.errors import NoAnswer, UsageError
 from dvtcli.files.dbc_text import LONGEST_NAME, NOBODY, DbcMessage, DbcSignal, Names, dbc_bytes
 from dvtcli.operations.exchange.dbc_options import DbcOptions
-from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
+from dvtcli.operations.values.object_values import meanings_of
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence

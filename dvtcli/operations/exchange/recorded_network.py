@@ -145,7 +145,7 @@ class _Followed:
 
 
 def _follow(path: Path, followed: _Followed) -> None:
-    from dvtcli.files.recording import read_recorded
+    from dvtcli.files.recordings.read_recording import read_recorded
 
     channels: set[str] = set()
     for frame in read_recorded(path):

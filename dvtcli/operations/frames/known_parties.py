@@ -13,9 +13,9 @@ from dvtcli.device.read_pdos import read_number
 from dvtcli.domain.cob_id import CobId
 from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, SdoProtocolError
 from dvtcli.operations.frames.layouts import HEARD_S, mapping_of
-from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.operations.network.described_nodes import NETWORK_SUFFIXES
 from dvtcli.operations.pdos.sync import sync_frame
+from dvtcli.operations.values.object_values import meanings_of
 from dvtcli.watch.decoder import Decoder, Layout, no_values, pdo_layouts
 from dvtcli.watch.frame_effect import Parties
 from dvtcli.watch.sdo_servers import SDO_SERVERS, server_name

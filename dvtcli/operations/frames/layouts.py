@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_syntax import parse_object
 from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, SdoProtocolError, UsageError
-from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.operations.network.described_nodes import NETWORK_SUFFIXES, network_wish
+from dvtcli.operations.values.object_values import meanings_of
 from dvtcli.watch.decoder import Decoder, pdo_layouts
 from dvtcli.watch.sdo_servers import described_servers
 
@@ -80,7 +80,7 @@ def _numbers(values: Iterable[ValueWish]) -> dict[tuple[int, int], int]:
 
 
 def _layouts(node: NodeState, pdos: Mapping[Pdo, PdoConfig], rules: Rules, source: str) -> Mapping[Address, Layout]:
-    from dvtcli.operations.meanings.physical_meanings import meanings_of
+    from dvtcli.operations.values.object_values import meanings_of
     from dvtcli.watch.decoder import pdo_layouts
 
     return pdo_layouts(node.node_id, pdos, node.dictionary, meanings_of(node.profile, node.dictionary, [rules]), source)

@@ -60,7 +60,7 @@ def _own_decoder(session: SessionUser, path: Path) -> Decoder:
     from dvtcli.domain.network.network_state import IDENTITY, IDENTITY_NAMES
     from dvtcli.domain.text import join_some
     from dvtcli.operations.exchange.recorded_network import recorded_network
-    from dvtcli.operations.meanings.physical_meanings import meanings_of
+    from dvtcli.operations.values.object_values import meanings_of
     from dvtcli.watch.decoder import Decoder, pdo_layouts
 
     decoder = Decoder()
@@ -90,9 +90,9 @@ def _file_decoder(path: Path, nodes: tuple[int, ...], family: str | None, module
     from dvtcli.device.read_pdos import present_pdos, read_pdo
     from dvtcli.domain.network.network_state import IDENTITY_NAMES
     from dvtcli.files.profile.library import load_profile, profile_of
-    from dvtcli.operations.meanings.physical_meanings import meanings_of
     from dvtcli.operations.session.simulated_nodes import read_dictionary
     from dvtcli.operations.user.options import modules_of_node
+    from dvtcli.operations.values.object_values import meanings_of
     from dvtcli.watch.decoder import Decoder, pdo_layouts
     from dvtcli.watch.sdo_servers import described_servers
 

@@ -18,8 +18,8 @@ from dvtcli.errors import UsageError
 from dvtcli.files.settings_file import save_table
 from dvtcli.files.user_folders import user_folder
 from dvtcli.operations.frames.send_frames import frame_to_send
-from dvtcli.operations.meanings.physical_meanings import how_to_write, meanings_of, typed_bytes
 from dvtcli.operations.user.settings import TRANSMIT
+from dvtcli.operations.values.object_values import how_to_write, meanings_of, typed_bytes
 from dvtcli.watch.decoder import Layout, Signal, pdo_layouts
 
 if TYPE_CHECKING:

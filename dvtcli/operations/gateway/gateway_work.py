@@ -20,9 +20,9 @@ from dvtcli.domain.nmt import UNCONFIGURED, NmtCommand
 from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged, NoAnswer, UsageError
 from dvtcli.operations.gateway.gateway_pdos import GatewayPdos
 from dvtcli.operations.gateway.gateway_reporter import NET, ordered
-from dvtcli.operations.meanings.object_values import type_of
 from dvtcli.operations.nodes.command_nmt import begin_reset, command_nmt, end_reset
 from dvtcli.operations.objects.write_object import signature, write_bytes
+from dvtcli.operations.values.object_values import type_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable

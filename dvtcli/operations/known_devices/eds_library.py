@@ -31,7 +31,7 @@ from dvtcli.files.device_library.stored_files import (
     stored_files,
     stored_place,
 )
-from dvtcli.files.eds.bounds import MOST_BYTES
+from dvtcli.files.eds.ini import MOST_BYTES
 from dvtcli.files.input_file import read_input_head
 from dvtcli.operations.results.library_files import (
     ADDED,

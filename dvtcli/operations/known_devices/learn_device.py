@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.access_level import level_finding
 from dvtcli.device.change.applied import refuse
-from dvtcli.device.learn.read_device import absences
 from dvtcli.device.learn.safely import Terms, ask_safely
 from dvtcli.device.learn.saving import read_storage
-from dvtcli.device.learn.subjects import mapped_subjects, subjects
+from dvtcli.device.learn.subjects import absences, mapped_subjects, subjects
 from dvtcli.device.read_whole import values_of
 from dvtcli.device.store.unstored import mark_stored, require_storable
 from dvtcli.domain.datatypes import DOMAIN
@@ -424,7 +423,7 @@ def save_learnt(
 
 def _of_modules(path: Path, modules: tuple[int, ...]) -> str:
     """Return the text of the EDS at *path* with its connected *modules*."""
-    from dvtcli.files.connected_file import connected_file
+    from dvtcli.files.device_file import connected_file
     from dvtcli.files.eds.ini import decode
 
     return decode(connected_file(path, modules))[0].replace("\r\n", "\n")
@@ -455,7 +454,7 @@ def _described(
     node: ReadableNode, name: str, origin: Origin, pdos: Mapping[Pdo, PdoConfig], known: Sequence[KnownAnswers]
 ) -> str:
     """Make an EDS from reads of *node*, which has none."""
-    from dvtcli.device.learn.read_device import read_device
+    from dvtcli.device.learn.subjects import read_device
     from dvtcli.domain.learning.read_dictionary import described
     from dvtcli.files.eds.writer import eds_text
 

@@ -30,9 +30,8 @@ from dvtcli.operations.plans.network_wish import read_wish
 from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkReport, NetworksChecked
 from dvtcli.simulator.network.family_file import family_of
 from dvtcli.watch.decoder import Decoder
-from dvtcli.watch.recording.frame_problems import LENGTH
+from dvtcli.watch.recording.frame_problems import LENGTH, NOT_SENT
 from dvtcli.watch.recording.recording_rules import RecordingCheck
-from dvtcli.watch.recording.rpdo_problems import NOT_SENT
 from dvtcli.watch.recording.stream_problems import LOAD
 
 if TYPE_CHECKING:

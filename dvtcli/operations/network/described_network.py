@@ -11,8 +11,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from dvtcli.device.proposal import resolve, untyped_lengths
 from dvtcli.device.read_pdos import WHATEVER, read_pdo
-from dvtcli.device.resolve import resolve, untyped_lengths
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.network.heartbeats import MISSED, watch_time_ms
@@ -33,12 +33,12 @@ from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.errors import DvtcliError, RuleError, SdoAborted, UsageError
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.read_network import network_text
-from dvtcli.operations.meanings.named_objects import is_name
 from dvtcli.operations.plans.network_states import network_after, network_state, with_link_marks, with_wish
 from dvtcli.operations.plans.network_wish import eds_of, read_wish
 from dvtcli.operations.plans.resolve_names import pdo_request
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
+from dvtcli.operations.values.named_objects import is_name
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.operations.meanings.physical_meanings import meanings_of
+from dvtcli.operations.values.object_values import meanings_of
 from dvtcli.watch.explain.known_node import KnownNode
 
 if TYPE_CHECKING:

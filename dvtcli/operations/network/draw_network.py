@@ -33,7 +33,6 @@ from dvtcli.domain.plan import PdoChange
 from dvtcli.domain.text import plural
 from dvtcli.errors import NoAnswer, RuleError, SafetyRefusal, UsageError, ended_with
 from dvtcli.files.network.physical_keys import rules_by_node
-from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.operations.network.check_live import LISTEN_S, against_file
 from dvtcli.operations.network.check_networks import CheckOptions, chosen_rules, findings_of, judged_file
 from dvtcli.operations.network.live_network import has_bus, listen, live_state, refuse_without_bus
@@ -43,7 +42,8 @@ from dvtcli.operations.results import Facts
 from dvtcli.operations.results.loads import Measured, NetworkLoad
 from dvtcli.operations.results.networks import action, differing
 from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
-from dvtcli.watch.frame_count import FrameCount
+from dvtcli.operations.values.object_values import meanings_of
+from dvtcli.watch.statistics import FrameCount
 
 if TYPE_CHECKING:
     from dvtcli.domain.frame import Field

@@ -15,7 +15,7 @@ from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.network.live_network import answering, has_bus, listen, present, refuse_without_bus
 from dvtcli.operations.plans.network_states import network_after, network_state
 from dvtcli.operations.results.loads import Measured, NetworkLoad
-from dvtcli.watch.frame_count import FrameCount
+from dvtcli.watch.statistics import FrameCount
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.bus_need import BusNeed

@@ -10,11 +10,11 @@ from dvtcli.bus.sdo.client import MOST_BYTES
 from dvtcli.bus.sdo.sdo_link import ANSWER_ID, REQUEST_ID
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.input_file import read_input
-from dvtcli.operations.meanings.named_objects import object_at, refuse_whole
 from dvtcli.operations.objects.write_object import write_bytes
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, place_of
 from dvtcli.operations.session.whole_file import write_whole
+from dvtcli.operations.values.named_objects import object_at, refuse_whole
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node

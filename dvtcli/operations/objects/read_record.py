@@ -12,9 +12,9 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.standard_objects import is_pdo_mapping, standard_name
 from dvtcli.domain.text import join_some
 from dvtcli.errors import SdoAborted, SdoProtocolError, UsageError
-from dvtcli.operations.meanings.named_objects import means_whole, object_at
-from dvtcli.operations.meanings.object_values import value_result
 from dvtcli.operations.results.values import EntryUnread, RecordRead
+from dvtcli.operations.values.named_objects import means_whole, object_at
+from dvtcli.operations.values.object_values import value_result
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import NodeDescription, ReadableNode

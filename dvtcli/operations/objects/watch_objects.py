@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import UsageError
 from dvtcli.files.values.text_values import csv_text
-from dvtcli.operations.meanings.named_objects import means_whole, object_at, one_name
-from dvtcli.operations.meanings.object_values import value_result
-from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.operations.objects.read_record import read_whole
 from dvtcli.operations.results.values import ObjectCourse, ValuesRead, ValuesWatched
 from dvtcli.operations.session.save_script import ask_before_overwriting, place_of
+from dvtcli.operations.values.named_objects import means_whole, object_at, one_name
+from dvtcli.operations.values.object_values import meanings_of, value_result
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node

@@ -16,8 +16,7 @@ from dvtcli.domain.rules.raw_write import parameter_size
 from dvtcli.errors import DeviceRefused, DvtcliError, RuleError, UsageError
 from dvtcli.operations.changes.change import changed
 from dvtcli.operations.changes.store_restore import restore_defaults, store_settings
-from dvtcli.operations.meanings.object_values import type_of, value_words
-from dvtcli.operations.meanings.physical_meanings import how_to_write, meaning_of, typed_bytes
+from dvtcli.operations.values.object_values import how_to_write, meaning_of, type_of, typed_bytes, value_words
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node

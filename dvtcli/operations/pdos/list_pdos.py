@@ -10,8 +10,8 @@ from dvtcli.device.read_pdos import read_mpdo_lists, read_optional
 from dvtcli.domain.frame import byte_length, decode
 from dvtcli.domain.mapping import SAM_MPDO
 from dvtcli.domain.mpdo_lists import DISPATCHER_LISTS, SCANNER_LISTS
-from dvtcli.operations.meanings.physical_meanings import meanings_of
 from dvtcli.operations.results import LastFrame, ListedRow, MappedName, PdoListing, PdoRow
+from dvtcli.operations.values.object_values import meanings_of
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node

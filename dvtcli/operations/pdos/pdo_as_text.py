@@ -12,8 +12,8 @@ from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.files.pdo_yaml import MappingWord, read_pdo_yaml, write_pdo_yaml, wrong_at
 from dvtcli.operations.changes.change import configure
-from dvtcli.operations.meanings.named_objects import entry_at
 from dvtcli.operations.user.keeping import state_folder
+from dvtcli.operations.values.named_objects import entry_at
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import NodeDescription

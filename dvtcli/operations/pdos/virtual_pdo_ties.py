@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 from dvtcli.device.virtual_pdos import apply, group_names, read_pins
 from dvtcli.errors import DvtcliError, UsageError
 from dvtcli.operations.changes.change import changed
-from dvtcli.operations.meanings.named_objects import object_at
 from dvtcli.operations.results import VpdoListing
 from dvtcli.operations.results.pdos import PinRow, VpdoRow
+from dvtcli.operations.values.named_objects import object_at
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import NodeDescription, ReadableNode

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.heartbeat_slots import heartbeat_ms, heartbeat_slots, is_guarded
+from dvtcli.device.proposal import resolve, untyped_lengths
 from dvtcli.device.read_pdos import service_ids
-from dvtcli.device.resolve import resolve, untyped_lengths
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.heartbeats import MISSED, slot_for, watch_time_ms, watched_ms
 from dvtcli.domain.network.links import LinkSide, agrees, free_can_id, linked, may_keep, object_remarks

@@ -18,8 +18,8 @@ from dvtcli.domain.network.network_plan import Lacked
 from dvtcli.domain.network.wanted_state import ValueWish
 from dvtcli.domain.rules.finding import ERROR, Rule, error
 from dvtcli.errors import DvtcliError, SdoAborted, UsageError
-from dvtcli.operations.meanings.named_objects import object_at
 from dvtcli.operations.plans.resolve_names import set_elsewhere
+from dvtcli.operations.values.named_objects import object_at
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import NodeDescription, ReadableNode

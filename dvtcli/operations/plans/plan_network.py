@@ -9,11 +9,10 @@ from functools import cache, partial
 from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.device.other_producers import HeardIds, Senders, heard_ids, heard_producer_findings
-from dvtcli.device.proposal import proposal
+from dvtcli.device.proposal import proposal, resolve, untyped_lengths
 from dvtcli.device.raw_write_check import readable_value
 from dvtcli.device.read_cache import read_side_by_side
 from dvtcli.device.read_pdos import read_optional
-from dvtcli.device.resolve import resolve, untyped_lengths
 from dvtcli.device.store.unstored import held_unstored
 from dvtcli.device.virtual_pdos import names_objects
 from dvtcli.domain.cob_id import CobId

@@ -37,7 +37,7 @@ class Check(Short):
 class Diagnosis(Answer):
     """Every check, prerequisites first."""
 
-    renderer: ClassVar = "diagnosis_lines:diagnosis_lines"
+    renderer: ClassVar = "fact_lines:diagnosis_lines"
 
     checks: tuple[Check, ...]
 

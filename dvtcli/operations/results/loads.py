@@ -13,7 +13,7 @@ from dvtcli.watch.service import service_of
 if TYPE_CHECKING:
     from dvtcli.domain.network.bus_need import BusNeed, StreamNeed
     from dvtcli.domain.network.network_state import Identifier
-    from dvtcli.watch.frame_count import Counted, FrameCount
+    from dvtcli.watch.statistics import Counted, FrameCount
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from functools import partial
 from heapq import heappop, heappush
 from typing import TYPE_CHECKING
@@ -12,11 +12,11 @@ from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.plant import NEVER, Source
 from dvtcli.simulator.device.sdo_server import SdoServer
+from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 
 if TYPE_CHECKING:
     from dvtcli.simulator.device.faulty import FaultyReply, FaultyServer
-    from dvtcli.simulator.device.simulated_faults import Fault
     from dvtcli.simulator.network.signals import SimulatedSignal
 
 NMT_CAN_ID, SDO_REQUEST, SDO_RESPONSE = 0x000, 0x600, 0x580
@@ -38,7 +38,6 @@ class SimulatedNode:
         self._sources: list[Source] = []
         if faults:
             from dvtcli.simulator.device.faulty import FaultyServer
-            from dvtcli.simulator.device.raised_errors import RaisedErrors
             from dvtcli.simulator.device.simulated_faults import FaultKind
 
             self._faulty = FaultyServer(self.server, faults)
@@ -331,3 +330,29 @@ class Roster:
 def _concerns(node: SimulatedNode, frame: Frame) -> bool:
     """True if *frame*, no SDO, may concern *node*."""
     return (frame.can_id in _NETWORK_IDS and not frame.extended) or node.device.services.hears(frame)
+
+
+class RaisedErrors:
+    """*faults* of kind `emcy` on *device*, as a `moving.Source`, repeated after each start of the device."""
+
+    def __init__(self, device: StrictDevice, faults: Iterable[Fault]) -> None:
+        self._device = device
+        self._faults = sorted(faults, key=lambda fault: fault.seconds or 0.0)
+        self._waiting: list[tuple[float, int]] = []
+        #: the start of the device for the waiting errors
+        self._start = -1
+
+    @property
+    def due_s(self) -> float:
+        """The time of the next error (s); at once after a start, when their times begin."""
+        if self._device.services.starts != self._start:
+            return -NEVER
+        return self._waiting[0][0] if self._waiting else NEVER
+
+    def poll(self, now_s: float) -> None:
+        """Raise the errors due at *now_s* (s)."""
+        if self._device.services.starts != self._start:
+            self._start = self._device.services.starts
+            self._waiting = [(now_s + (fault.seconds or 0.0), fault.code or 0) for fault in self._faults]
+        while self._waiting and self._waiting[0][0] <= now_s:
+            self._device.outbox += self._device.services.emergency(self._waiting.pop(0)[1])

@@ -1,16 +1,19 @@
-"""PDOs of a wrong length, and CAN-IDs and node-IDs with two senders (CiA 301, 7.3.5)."""
+"""PDOs of a wrong length or without a sender, and CAN-IDs and node-IDs with two senders (CiA 301, 7.2.2 and 7.3.5)."""
 
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 
+from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.lint.lint_rule import ERROR, WARNING, LintRule
+from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.text import plural
 from dvtcli.watch.decoder import Address, Layout
 from dvtcli.watch.layout_fit import misfit
+from dvtcli.watch.recording.node_problems import NodeProblems
 from dvtcli.watch.recording.problems import Moment, Moments, Problem, TimesOf
 from dvtcli.watch.recording.sdo_problems import Channel
 from dvtcli.watch.sdo_transfers import SdoStep
@@ -25,7 +28,6 @@ TWO_NODES = LintRule(
 NO_ANSWER = LintRule("sdo-no-answer", ERROR, "a node that answers SDO requests left one without", "CiA 301, 7.2.4.3")
 UNASKED = LintRule("sdo-unasked", WARNING, "an SDO answer came that nobody asked for", "CiA 301, 7.2.4.3")
 FRAME_RULES = (LENGTH, TWO_SENDERS, TWO_NODES, NO_ANSWER, UNASKED)
-
 #: changes between two lengths from which two senders are likely: one change is a new mapping
 _ENOUGH = 4
 #: command specifiers of answers that begin a transfer, one for each request: upload, download
@@ -172,3 +174,52 @@ class AnswerProblems:
                 text = f"node {node_id}: {plural(moments.times, 'request')} without an answer"
                 look = "what the node did then: did it restart, or was it busy?"
                 yield Problem(NO_ANSWER, text, f"SDO client and node {node_id}", look, moments, node_id)
+
+
+NOT_SENT = LintRule(
+    "rpdo-not-sent", WARNING, "a node in OPERATIONAL waits for an RPDO, and nobody sends it", "CiA 301, 7.2.2"
+)
+RPDO_RULES = (NOT_SENT,)
+#: how long a node is in OPERATIONAL before an RPDO is missed (s)
+_MISSED_S = 2.0
+#: a node's PDO: node-ID and PDO
+NodePdo = tuple[int, Pdo]
+
+
+@dataclass(slots=True)
+class RpdoProblems:
+    """Knows which RPDOs are meant to be sent: the *described* ones, and those that are written in the recording."""
+
+    described: Mapping[NodePdo, Address]
+    _written: dict[NodePdo, tuple[Address, Moment] | None] = field(default_factory=dict)
+
+    def take(self, moment: Moment, node_id: int, step: SdoStep) -> None:
+        """Look at a *step* of an SDO transfer of *node_id*: it may have written a COB-ID."""
+        if step.step != "done" or not step.is_write or step.place is None or step.place[1] != 1:
+            return
+        pdo = Pdo.at(step.place[0])
+        if pdo is None or pdo.is_tpdo or step.place[0] != pdo.communication_index or len(step.data) != 4:
+            return
+        cob_id = CobId.from_raw(int.from_bytes(step.data, "little"))
+        is_on = cob_id.valid and bool(cob_id.can_id)
+        self._written[node_id, pdo] = ((cob_id.can_id, cob_id.extended), moment) if is_on else None
+
+    def problems(self, sent: Collection[Address], nodes: NodeProblems) -> Iterator[Problem]:
+        """Return RPDOs whose CAN-ID is not among those that were *sent*, of *nodes* that were in OPERATIONAL."""
+        first = Moment(1, float("-inf"))
+        known: dict[NodePdo, tuple[Address, Moment] | None] = {
+            **{key: (address, first) for key, address in self.described.items()},
+            **self._written,
+        }
+        for (node_id, pdo), found in sorted(known.items()):
+            operational = nodes.operational(node_id)
+            if found is None or operational is None or found[0] in sent:
+                continue
+            (can_id, extended), since = found
+            begin, end = max(operational[0], since, key=lambda moment: moment.time_s), operational[1]
+            if end.time_s - begin.time_s >= _MISSED_S:
+                named = f"0x{can_id:0{8 if extended else 3}X}"
+                text = f"{pdo.label} of node {node_id} is {named}, which nobody sends"
+                look = f"who is to send {named}, and whether its TPDO is enabled and the sender in OPERATIONAL"
+                yield Problem(NOT_SENT, text, f"node {node_id} and the sender of {named}", look, Moments.at(begin),
+                              node_id, f"{pdo.communication_index:04X}:01")  # fmt: skip

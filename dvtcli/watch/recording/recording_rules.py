@@ -10,11 +10,17 @@ from dvtcli.domain.ports import Frame
 from dvtcli.domain.text import plural
 from dvtcli.watch.decoder import Address, Layout
 from dvtcli.watch.heard_objects import is_boot_up
-from dvtcli.watch.recording.frame_problems import FRAME_RULES, AnswerProblems, LengthProblems
+from dvtcli.watch.recording.frame_problems import (
+    FRAME_RULES,
+    RPDO_RULES,
+    AnswerProblems,
+    LengthProblems,
+    NodePdo,
+    RpdoProblems,
+)
 from dvtcli.watch.recording.master_problems import MASTER_RULES, MasterProblems
 from dvtcli.watch.recording.node_problems import NODE_RULES, NodeProblems
 from dvtcli.watch.recording.problems import Moment, Problem, TimesOf
-from dvtcli.watch.recording.rpdo_problems import RPDO_RULES, NodePdo, RpdoProblems
 from dvtcli.watch.recording.sdo_problems import SDO_RULES, SdoProblems
 from dvtcli.watch.recording.stream_problems import STREAM_RULES, StreamProblems
 from dvtcli.watch.sdo_servers import SDO_SERVERS, server_layouts

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dvtcli.cli.effect import Final
+from dvtcli.cli.command import Final
 from dvtcli.cli.lexer import split
 from dvtcli.cli.run_line import parse
 from dvtcli.cli.scripts.atomic import does_other, final, is_changing

@@ -17,8 +17,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dvtcli.domain.ports import Frame
-from dvtcli.files.recorder import Recorder
-from dvtcli.files.recording import read_recording
+from dvtcli.files.recordings.read_recording import read_recording
+from dvtcli.files.recordings.recorder import Recorder
 from dvtcli.watch.decoder import Decoder
 from dvtcli.watch.recording.recording_rules import RECORDING_RULES, RecordingCheck
 from tests.files.recordings import BEGIN_S

@@ -19,7 +19,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.dbc import read_dbc
 from dvtcli.files.extras import extra
-from dvtcli.files.recorder import Recorder
+from dvtcli.files.recordings.recorder import Recorder
 from dvtcli.files.values.value_file import read_values
 from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench

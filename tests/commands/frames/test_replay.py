@@ -15,8 +15,8 @@ from dvtcli.domain.bus_load import frame_bits
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.typed_frame import frame_filter
 from dvtcli.errors import BusUnavailable
-from dvtcli.files.recorder import Recorder
-from dvtcli.files.recording import read_recording
+from dvtcli.files.recordings.read_recording import read_recording
+from dvtcli.files.recordings.recorder import Recorder
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.watch.service import service_of
 from tests.commands.bench import Bench

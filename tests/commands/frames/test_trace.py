@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.bus.traffic import REMEMBERED
+from dvtcli.bus.receiver import REMEMBERED
 from dvtcli.cli.run_line import boundary
 from dvtcli.files.user_folders import user_folder
 from dvtcli.operations.frames.last_exchange import keep_exchange

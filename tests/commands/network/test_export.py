@@ -9,7 +9,7 @@ import pytest
 from dvtcli.domain.network.wanted_state import NodeWish, PdoWish
 from dvtcli.domain.request import PdoRequest
 from dvtcli.files.network.read_network import read_network_file
-from dvtcli.operations.meanings.named_objects import entry_at
+from dvtcli.operations.values.named_objects import entry_at
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
 from tests.sample import heavy

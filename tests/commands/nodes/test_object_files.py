@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.cli.stop_signals import catch_signals
+from dvtcli.cli.main import catch_signals
 from dvtcli.domain.ports import Frame
 from tests.bus.devices import device
 from tests.commands.bench import Bench

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from dvtcli.errors import InputFileError
 from dvtcli.files.network.file_log import FileLog
-from dvtcli.files.network.read_yaml import OtherYamlError, PlainYaml, _general_tree, read_tree
-from dvtcli.files.network.yaml_tree import Tree
+from dvtcli.files.network.yaml_tree import OtherYamlError, PlainYaml, Tree, _general_tree, read_tree
 from examples.many_nodes import network
 from tests.surroundings import ROOT
 

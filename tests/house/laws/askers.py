@@ -16,7 +16,7 @@ ASKED_BY: dict[str, tuple[str, ...]] = {
     "device/change/roll_back.py": ("device/",),
     "device/store/store_parameters.py": ("operations/changes/store_restore.py",),
     "device/resets.py": ("device/", "operations/nodes/command_nmt.py", "operations/changes/store_restore.py"),
-    "device/access_level.py": ("device/", "operations/nodes/log_in.py", "cli/dvt/state.py"),
+    "device/access_level.py": ("device/", "operations/nodes/log_in.py", "cli/dvt/words.py"),
     "device/nmt_gate.py": ("device/",),
     "device/seen_state.py": (
         "device/",
@@ -34,9 +34,9 @@ ASKED_BY: dict[str, tuple[str, ...]] = {
     "operations/pdos/produce_sync.py": ("cli/commands/sync.py", "operations/api/python_bus.py"),
     "operations/frames/put_on_bus.py": (
         "operations/frames/send_frames.py",
-        "operations/frames/replay_recording.py",
+        "operations/recordings/replay_recording.py",
         "cli/monitor/actions.py",
-        "cli/monitor/sending.py",
+        "cli/monitor/transmit_list.py",
     ),
     "operations/pdos/look_at_frames.py": ("operations/devices/compare_device.py",),
     "operations/nodes/command_nmt.py": (

@@ -18,7 +18,7 @@ MAY_READ_AND_SEND: dict[str, dict[str, str]] = {
     "import": {"device/quirks/": "the order of old firmware, over a file"},
     "monitor": {
         "cli/monitor/actions.py": "its keys, at a terminal only, ask as `nmt` and `send` do",
-        "cli/monitor/sending.py": "what was agreed to there",
+        "cli/monitor/transmit_list.py": "what was agreed to there",
         "operations/frames/transmit_rows.py": "reads the mapping of a PDO by its name",
     },
     "pdo": {"operations/changes/change.py": "`pdo edit` shows its plan, and `undo` reverts it"},

@@ -14,7 +14,7 @@ from tests.house.laws.source_tree import SourceTree, dotted
 MAY_EXIT = (
     "__main__.py", "bus/drivers.py", "cli/boundary.py", "cli/dvt/tcl_child.py", "cli/dvt/tcl_parent.py",
     "files/bounded_child.py", "files/dbc_child.py", "files/recordings/mdf.py",
-    "cli/stop_signals.py", "cli/monitor/full_screen.py",
+    "cli/main.py", "cli/screen/full_screen.py",
 )  # fmt: skip
 #: where a Ctrl-C that had to wait, or came by another way than a signal, goes on
 MAY_INTERRUPT = (
@@ -33,11 +33,11 @@ MAY_CATCH_ALL = {
     "bus/drivers.py": "what drivers raise means that they find nothing",
     "bus/turns.py": "handed to the thread that asked for the work",
     "watch/listener.py": "handed to who takes what was heard",
-    "cli/monitor/watch_keys.py": "handed to who takes what was read",
-    "cli/monitor/sending.py": "handed to the screen, which raises it",
+    "cli/monitor/watch.py": "handed to who takes what was read",
+    "cli/monitor/transmit_list.py": "handed to the screen, which raises it",
     "cli/screen/beside.py": "the same",
     "cli/editor/editor.py": "the same",
-    "cli/monitor/full_screen.py": "the same; and past the event loop of prompt_toolkit, which would keep it",
+    "cli/screen/full_screen.py": "the same; and past the event loop of prompt_toolkit, which would keep it",
     "device/change/transaction.py": "LeftChanged follows, unless all but an object that cannot be read goes back",
     "device/change/roll_back.py": "the other changes are put back all the same, then it is raised",
 }
@@ -58,8 +58,8 @@ MAY_LEAVE_UNSAID = {
 }
 #: exceptions that end within their room and reach no user
 INNER = {
-    "files/network/read_yaml.py:OtherYamlError",
-    "files/recorded_lines.py:LostLineError", "files/recorded_lines.py:NoFrameError",
+    "files/network/yaml_tree.py:OtherYamlError",
+    "files/recordings/recorded_lines.py:LostLineError", "files/recordings/recorded_lines.py:NoFrameError",
     "domain/gateway/gateway_answers.py:GatewayRequestError",  # a client's line, which gets an answer
     "simulator/network/socketcand.py:RubbishError", "simulator/network/signals.py:RowsError",
     "simulator/device/memory.py:Refusal", "cli/dvt/tcl_safe.py:Exit", "cli/dvt/tcl_run.py:Late",

@@ -6,17 +6,17 @@ from __future__ import annotations
 ONLY_IN: dict[str, tuple[str, ...]] = {
     "can": (
         "bus/",
-        "files/recorder.py",
-        "files/recording.py",
+        "files/recordings/recorder.py",
+        "files/recordings/read_recording.py",
         "files/recordings/",
     ),
     "canopen": ("bus/",),
     "prompt_toolkit": (
         "cli/prompt/",
         "cli/editor/editor.py",
-        "cli/monitor/full_screen.py",
+        "cli/screen/full_screen.py",
         "cli/monitor/monitor_keys.py",
-        "cli/monitor/watch_keys.py",
+        "cli/monitor/watch.py",
     ),
     "click": ("cli/",),
     "pytest": ("testing.py",),
@@ -24,8 +24,8 @@ ONLY_IN: dict[str, tuple[str, ...]] = {
     "jinja2": ("files/picture/",),
     "markupsafe": ("files/picture/",),
     "platformdirs": ("files/user_folders.py",),
-    "ruamel": ("files/network/read_yaml.py", "files/pdo_yaml.py"),
-    "wcwidth": ("cli/view/columns.py",),
+    "ruamel": ("files/network/yaml_tree.py", "files/pdo_yaml.py"),
+    "wcwidth": ("cli/view/lines.py",),
     "asammdf": ("files/recordings/mdf.py",),
 }
 #: the standard library's doors out of the process, and its ways past the seams
@@ -33,20 +33,20 @@ DOORS: dict[str, tuple[str, ...]] = {
     "socket": ("bus/", "simulator/network/hub.py", "simulator/network/hub_client.py"),
     "subprocess": (
         "bus/discover.py",
-        "bus/transports.py",
+        "bus/opening.py",
         "files/bounded_process.py",
         "cli/prompt/redirect.py",
         "cli/view/typed_hints.py",  # how Windows takes words apart
     ),
     "logging": ("bus/can_message.py", "operations/api/told.py"),
-    "traceback": ("cli/crash.py",),
+    "traceback": ("cli/boundary.py",),
     "warnings": ("cli/passcode.py",),
     "signal": (
         "files/bounded_process.py",
-        "cli/monitor/full_screen.py",
+        "cli/screen/full_screen.py",
         "cli/prompt/redirect.py",
         "cli/prompt/terminal.py",
-        "cli/stop_signals.py",
+        "cli/main.py",
         "operations/api/calls.py",
     ),
     "urllib": ("cli/view/reports/sarif_lines.py",),  # its `parse`

@@ -16,19 +16,18 @@ MAY_PRINT = {
     "bus/drivers.py": "a child's answer to its parent",
     "bus/driver_parts.py": "a child's answer to its parent",
     "__main__.py": "streams that are closed are given to nobody",
-    "cli/boundary.py": "a stream that nobody reads any more is silenced",
-    "cli/crash.py": "the report of a bug, into a file",
+    "cli/boundary.py": "a stream that nobody reads any more is silenced; the report of a bug, into a file",
     "operations/api/told.py": "the log of the Python API",
     "cli/passcode.py": "asks for what must not be seen",
     "cli/prompt/first_start.py": "asks at a terminal how to go on",
     "cli/prompt/terminal.py": "the prompt, and what would be printed over it",
     "cli/prompt/redirect.py": "what the user sends on to a file or a program",
     "cli/commands/tour.py": "waits for Enter",
-    "cli/commands/_pdo_edit.py": "the user's editor",
+    "cli/commands/pdo.py": "the user's editor",
     "files/bounded_child.py": "a pipe to its parent",
     "files/dbc_child.py": "a pipe to its parent",
     "files/recordings/mdf.py": "the same",
-    "cli/stop_signals.py": "a pipe to itself",
+    "cli/main.py": "a pipe to itself",
 }
 _SAYING = frozenset(
     {

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from dvtcli.cli.view.columns import clipped, columns, squeezed
-from dvtcli.cli.view.lines import Cell, Line, Table, part
+from dvtcli.cli.view.lines import Cell, Line, Table, clipped, columns, part, squeezed
 from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.emergency_codes import register_words
 from dvtcli.domain.nmt import NmtState

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from dvtcli.cli.view.columns import clipped, columns
-from dvtcli.cli.view.lines import Cell, Line, Table
+from dvtcli.cli.view.lines import Cell, Line, Table, clipped, columns
 from dvtcli.domain.frame import layout
 from dvtcli.domain.mapping import MAX_PDO_BITS, SAM_MPDO
 from dvtcli.domain.pdo import PdoConfig, transmission_type_text

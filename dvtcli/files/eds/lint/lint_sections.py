@@ -13,9 +13,8 @@ from dvtcli.domain.mapping import DUMMY_BITS, MAX_PDO_BITS
 from dvtcli.domain.object_dictionary import ObjectType
 from dvtcli.domain.pdo import Pdo
 from dvtcli.files.eds.ini import IniValue
-from dvtcli.files.eds.keys import quoted
 from dvtcli.files.eds.lint.linted_text import Found, LintedText, all_given, given, missing_keys, no_section
-from dvtcli.files.eds.numbers import read_number, without_comment
+from dvtcli.files.eds.numbers import quoted, read_number, without_comment
 
 _SOURCE = "CiA 306, FileInfo"
 _NEEDED = ("FileName", "FileVersion", "FileRevision", "EDSVersion", "Description", "CreationTime", "CreationDate",

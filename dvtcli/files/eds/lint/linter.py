@@ -13,7 +13,7 @@ from dvtcli.domain.lint import lint_objects, lint_pdos, lint_standard
 from dvtcli.domain.lint.described import DescribedDevice, Spot, object_text
 from dvtcli.domain.lint.lint_rule import LintRule, RuleCheck, checks_of
 from dvtcli.domain.profile import GENERIC, DeviceProfile
-from dvtcli.files.eds.findings import EdsFinding
+from dvtcli.files.eds.findings import READ_RULES, EdsFinding
 from dvtcli.files.eds.ini import IniSection
 from dvtcli.files.eds.layout import Parts, object_place
 from dvtcli.files.eds.lint import (
@@ -23,7 +23,6 @@ from dvtcli.files.eds.lint import (
 )
 from dvtcli.files.eds.lint.linted_text import LintedText, named
 from dvtcli.files.eds.modules import added_by_modules, connected_modules
-from dvtcli.files.eds.read_rules import READ_RULES
 from dvtcli.files.eds.reader import EdsFile
 
 TEXT_CHECKS: list[RuleCheck[LintedText, int]] = checks_of(lint_lines, lint_keys, lint_sections)

@@ -11,7 +11,7 @@ BREAKS = [
         "operations/user/session_user.py",
         in_a_function("from dvtcli.operations.session.session import Rehearse"),
     ),
-    Break("folders", "operations/meanings/named_objects.py", for_types("from dvtcli.operations import pdos")),
+    Break("folders", "operations/values/named_objects.py", for_types("from dvtcli.operations import pdos")),
     Break("direction", "domain/plan.py", "from dvtcli.device.node import Node"),
     Break("direction", "operations/changes/change.py", in_a_function("from dvtcli.cli.pdo_params import NodePdo")),
     Break("direction", "operations/changes/change.py", for_types("from dvtcli.cli.view.output import Output")),

@@ -20,7 +20,11 @@ BREAKS = [
     Break("libraries", "cli/commands/map.py", "import rich"),
     Break("libraries", "files/pdo_yaml.py", in_a_function("import requests")),
     Break("libraries", "operations/changes/change.py", in_a_function("import cantools")),
-    Break("libraries", "files/recording.py", in_a_function("import socket", "socket.socket().sendto(b'', node)")),
+    Break(
+        "libraries",
+        "files/recordings/read_recording.py",
+        in_a_function("import socket", "socket.socket().sendto(b'', node)"),
+    ),
     Break("libraries", "operations/helper.py", "from subprocess import run"),
     Break("libraries", "device/node.py", in_a_function("import signal", "signal.signal(2, signal.SIG_IGN)")),
     Break("libraries", "operations/changes/change.py", in_a_function("import urllib.request")),

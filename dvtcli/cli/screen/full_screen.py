@@ -1,0 +1,316 @@
+"""A full screen by prompt_toolkit, redrawn until a key ends it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from time import monotonic
+from typing import TYPE_CHECKING, Protocol
+
+from dvtcli.domain.text import ascii_only
+from dvtcli.errors import BusUnavailable, DvtcliError
+
+if TYPE_CHECKING:
+    from prompt_toolkit import Application
+    from prompt_toolkit.formatted_text import StyleAndTextTuples
+    from prompt_toolkit.key_binding import KeyBindings, KeyPressEvent
+
+    from dvtcli.cli.conversation import Conversation
+    from dvtcli.cli.view.lines import Cell
+    from dvtcli.operations.frames.watch_bus import Watched
+    from dvtcli.operations.session.steady_listener import SteadyListener
+    from dvtcli.watch.decoder import Decoder
+
+#: maximum wait for a pending answer on leaving (s)
+LEAVE_S = 2.0
+
+
+class MappingReader:
+    """Reads the mappings for *watched* once, in a thread; `news` returns the progress.
+
+    *turn* is held while a node is read.
+    """
+
+    def __init__(self, watched: Watched, turn: AbstractContextManager[object] | None = None) -> None:
+        self._watched = watched
+        self._turn = turn or nullcontext()
+        #: the node being read, None if none
+        self.node: int | None = None
+        #: the error that ended the thread, None if none; the listener reports a lost bus
+        self.failure: BaseException | None = None
+        #: whether more data will follow
+        self.is_reading = True
+        self._news: Decoder | None = None
+        self._stopping = False
+        self._thread = threading.Thread(target=self._read, name="reading mappings", daemon=True)
+        self._thread.start()
+
+    def _read(self) -> None:
+        try:
+            decoders = self._watched.decoders()
+            while not self._stopping:
+                with self._turn:
+                    found = next(decoders, None)
+                if found is None:
+                    break
+                self.node, self._news = found
+        except BusUnavailable:
+            pass
+        except BaseException as failed:  # noqa: BLE001 - nobody sees what ends a thread: `news` raises it
+            self.failure = failed
+        finally:  # in this order: who sees that no node is being read may ask for the next reading at once
+            self.is_reading, self.node = False, None
+
+    def news(self) -> Decoder | None:
+        """Return the decoder so far, None if unchanged since the last call. Raises the reader's error."""
+        news, self._news = self._news, None
+        if self.failure is not None:
+            raise self.failure
+        return news
+
+    def stop(self) -> None:
+        """Read no other node."""
+        self._stopping = True
+        self._thread.join(LEAVE_S)
+
+
+#: maximum wait for an opening bus on leaving (s)
+_LEAVE_S = 0.2
+
+
+class GoneBus:
+    """Waits in a thread for the lost bus of *listener*."""
+
+    def __init__(self, listener: SteadyListener) -> None:
+        self._listener = listener
+        self._thread: threading.Thread | None = None
+        self._since_s = 0.0
+        self._failure: DvtcliError | None = None
+        self._leaving = threading.Event()
+
+    @property
+    def gone_s(self) -> float | None:
+        """Seconds since the bus was lost, None if present."""
+        return None if self._thread is None else monotonic() - self._since_s
+
+    def wait(self, failed: BusUnavailable) -> None:
+        """Wait for the bus from now on, after it *failed*."""
+
+        def wait() -> None:
+            try:
+                self._listener.come_back(failed, self._leaving.is_set)
+            except DvtcliError as ended:
+                self._failure = ended
+
+        self._since_s = monotonic()
+        self._thread = threading.Thread(target=wait, name="waiting for the bus", daemon=True)
+        self._thread.start()
+
+    def is_waiting(self) -> bool:
+        """Whether the bus is still lost."""
+        return self._thread is not None and self._thread.is_alive()
+
+    def back_after_s(self) -> float | None:
+        """Return the duration of the loss once the bus is back, else None. Raises DvtcliError if not waited for."""
+        if self._thread is None or self._thread.is_alive():
+            return None
+        gone_s, self._thread = monotonic() - self._since_s, None
+        if self._failure is not None:
+            raise self._failure
+        return gone_s
+
+    def leave(self) -> None:
+        """Stop waiting."""
+        self._leaving.set()
+        if self._thread is not None:
+            self._thread.join(_LEAVE_S)
+
+
+#: interval of redrawing (s)
+REDRAW_S = 0.1
+STYLE = {
+    "bold": "bold", "dim": "ansibrightblack", "red": "ansired bold", "yellow": "ansiyellow", "green": "ansigreen",
+    "cyan": "ansicyan", "reverse": "reverse",
+}  # fmt: skip
+_PLAIN = ("", "dumb", "unknown")
+
+
+class Screen(Protocol):
+    """The contents of a full screen."""
+
+    def gather(self) -> None:
+        """Take new data; an error ends the screen."""
+        ...
+
+    def lines(self, columns: int, rows: int) -> Iterable[list[Cell]]:
+        """Return the picture for *columns* x *rows*."""
+        ...
+
+    def leave(self) -> None:
+        """The screen has ended."""
+        ...
+
+
+def has_full_screen(session: Conversation) -> bool:
+    """Whether *session* runs at a terminal capable of a full screen."""
+    name = os.environ.get("TERM", "windows" if sys.platform == "win32" else "")  # a Windows console gives itself none
+    terminal = sys.stdin.isatty() and sys.stdout.isatty() and name.lower() not in _PLAIN
+    return terminal and not session.output.json and not session.in_script
+
+
+def show(
+    session: Conversation,
+    screen: Screen,
+    keys: KeyBindings,
+    duration_s: float | None,
+    mouse: Mouse | None = None,
+) -> None:
+    """Show *screen* until a key, Ctrl-C or *duration_s*. Raises errors of its `gather`.
+
+    *mouse* gets what the mouse does; without it the terminal keeps the mouse to itself.
+    """
+    try:
+        with _held_signals() as came, session.output.held():
+            _application(session, screen, keys, duration_s, came, mouse).run()
+    finally:
+        screen.leave()
+
+
+@contextmanager
+def _held_signals() -> Iterator[list[int]]:
+    """Keep signals away from prompt_toolkit, because an exception while drawing would leave the screen broken.
+
+    The list collects them. SIGINT only leaves the screen; other signals stop dvtcli at the end.
+    """
+    numbers = [getattr(signal, name, None) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")]
+    handled = [number for number in numbers if number is not None and callable(signal.getsignal(number))]
+    came: list[int] = []
+    before = {number: signal.signal(number, lambda at, _frame: came.append(at)) for number in handled}
+    try:
+        yield came
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for number in came:
+            if number != signal.SIGINT:
+                signal.raise_signal(number)
+
+
+#: Takes what the mouse does: `click`, `wheel-up` or `wheel-down`, with column and row, both from 0.
+Mouse = Callable[[str, int, int], None]
+
+
+def _application(
+    session: Conversation,
+    screen: Screen,
+    keys: KeyBindings,
+    duration_s: float | None,
+    came: list[int],
+    mouse: Mouse | None,
+) -> Application[None]:
+    """Build the application for *screen*, ended by a key or a signal that *came*."""
+    from prompt_toolkit import Application
+    from prompt_toolkit.layout import FormattedTextControl, Layout, Window
+    from prompt_toolkit.mouse_events import MouseEvent, MouseEventType
+    from prompt_toolkit.output import ColorDepth
+    from prompt_toolkit.styles import Style
+
+    plain = session.output.plain
+
+    def drawn() -> StyleAndTextTuples:
+        size = application.output.get_size()
+        return _fragments(screen.lines(size.columns, size.rows), plain=plain)
+
+    until_s = None if duration_s is None else monotonic() + duration_s
+    acts = {
+        MouseEventType.MOUSE_UP: "click", MouseEventType.SCROLL_UP: "wheel-up", MouseEventType.SCROLL_DOWN: "wheel-down"
+    }  # fmt: skip
+
+    class Drawn(FormattedTextControl):
+        """The screen's text, which hands on what the mouse does."""
+
+        def mouse_handler(self, mouse_event: MouseEvent) -> None:
+            """Hand it on."""
+            if mouse is not None and (act := acts.get(mouse_event.event_type)) is not None:
+                mouse(act, mouse_event.position.x, mouse_event.position.y)
+
+    control = Drawn(drawn)
+
+    def gather(application: Application[None]) -> None:
+        if application.is_done:
+            return
+        try:
+            screen.gather()
+        except BaseException as failed:  # noqa: BLE001 - raised here it would stay inside of prompt_toolkit's event loop
+            application.exit(exception=failed)
+            return
+        if came or (until_s is not None and monotonic() >= until_s):
+            application.exit()
+
+    application: Application[None] = Application(
+        layout=Layout(Window(control, always_hide_cursor=False)),
+        key_bindings=keys,
+        mouse_support=mouse is not None,
+        style=Style.from_dict(STYLE),
+        full_screen=True,
+        refresh_interval=REDRAW_S,
+        min_redraw_interval=REDRAW_S / 2,
+        before_render=gather,
+        color_depth=ColorDepth.DEPTH_1_BIT if session.output.color == "never" else None,
+    )
+    application.ttimeoutlen = 0.05
+    return application
+
+
+def _fragments(lines: Iterable[list[Cell]], *, plain: bool) -> StyleAndTextTuples:
+    drawn: StyleAndTextTuples = []
+    for number, line in enumerate(lines):
+        drawn.append(("", "\n" if number else ""))
+        for cell in line:
+            drawn.append((f"class:{cell.style}" if cell.style else "", ascii_only(cell.text) if plain else cell.text))
+    return drawn
+
+
+def bind(keys: KeyBindings, act: Callable[[], object], *names: str, unless: Callable[[], bool] | None = None) -> None:
+    """Let the keys *names* do *act*, but not while *unless*()."""
+    from prompt_toolkit.filters import Condition
+
+    for name in names:
+        keys.add(name, filter=Condition(lambda: unless is None or not unless()))(lambda _event: act())
+
+
+def bind_leaving(keys: KeyBindings, unless: Callable[[], bool] | None = None) -> None:
+    """Let Ctrl-C and q leave the screen, q not while *unless*()."""
+    from prompt_toolkit.filters import Condition
+
+    @keys.add("q", filter=Condition(lambda: unless is None or not unless()))
+    @keys.add("c-c")
+    @keys.add("<sigint>")
+    def _leave(event: KeyPressEvent) -> None:
+        """Leave the screen only."""
+        if event.app.is_running and not event.app.is_done:
+            event.app.exit()
+
+
+#: names of keys that prompt_toolkit calls by their control codes
+_KEY_NAMES = {"c-m": "enter", "c-h": "backspace", "c-i": "tab", "<bracketed-paste>": "paste"}
+
+
+def bind_all(keys: KeyBindings, press: Callable[[str, str], None], when: Callable[[], bool]) -> None:
+    """Give all keys to *press*, by name and text, while *when*(); Ctrl-C too."""
+    from prompt_toolkit.filters import Condition
+
+    @keys.add("<any>", filter=Condition(when))
+    @keys.add("<bracketed-paste>", filter=Condition(when))
+    @keys.add("c-c", filter=Condition(when))
+    @keys.add("escape", filter=Condition(when))
+    def _press(event: KeyPressEvent) -> None:
+        """Hand it on."""
+        key = event.key_sequence[0].key
+        name = str(getattr(key, "value", key))
+        is_text = len(name) == 1 or name == "<bracketed-paste>"
+        press(_KEY_NAMES.get(name, name), event.data if is_text else "")

@@ -1,0 +1,145 @@
+"""Read the frames of a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from io import BytesIO
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import can
+
+from dvtcli.bus.can_message import frame_of
+from dvtcli.domain.cob_id import fits
+from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.ports import Frame
+from dvtcli.domain.text import plural
+from dvtcli.errors import InputFileError, UsageError
+from dvtcli.files.input_file import open_input, read_input
+from dvtcli.files.recordings.formats import formats
+from dvtcli.files.recordings.recognised import recognised
+from dvtcli.files.recordings.recorded_lines import CountedLines, LeftLines, LostLineError, NoFrameError, no_frame
+from dvtcli.files.recordings.recording_format import RecordedFrame, RecordingFormat
+
+#: valid times of frames (s since 1970): years 1653 to 5138
+_FIRST_S, _LAST_S = -1e10, 1e11
+_MOST_BYTES, _MOST_FD_BYTES, _MOST_CODE = 8, 64, 15
+#: maximum size (bytes) of a file to read again without a damaged line
+_MOST_TRIED = 50_000_000
+
+
+def read_recording(path: Path) -> Iterator[Frame]:
+    """Iterate over the frames of *path* in order, without error frames; raises as `read_recorded`."""
+    return (frame.frame for frame in read_recorded(path) if not frame.error)
+
+
+def read_recorded(path: Path) -> Iterator[RecordedFrame]:
+    """Iterate over all frames of *path* in order, with error frames.
+
+    Raises UsageError if the file is missing or its format unknown; InputFileError, with the line if known, if it is
+    damaged or has no frame.
+    """
+    kind = recognised(path)
+    with _opened(path) as raw:
+        source = kind.source(raw, path)
+        count = 0
+        try:
+            for frame in _all_in(kind, source):
+                count += not frame.error
+                yield frame
+        except kind.broken as wrong:
+            raise _damaged(path, kind, source, count, wrong) from wrong
+    if not count:
+        raise InputFileError(f"{path.name} holds no frame", hint=f"is it a {kind.suffix} file?", place=str(path))
+
+
+def _all_in(kind: RecordingFormat, source: Any) -> Iterator[RecordedFrame]:
+    """Iterate over frames of *source*; raises an error known to *kind* if damaged."""
+    took = source.took if isinstance(source, LeftLines) else None
+    for message in kind.reader(source):
+        if isinstance(message, RecordedFrame):
+            yield message
+            continue
+        if took is not None:
+            took()
+        if not message.is_error_frame:
+            _require_frame(message)
+        channel = message.channel
+        fd = message.is_fd or len(message.data) > _MOST_BYTES
+        yield RecordedFrame(frame_of(message), "" if channel is None else str(channel), message.is_error_frame, fd)
+
+
+def _require_frame(message: can.Message) -> None:
+    """Raise NoFrameError for an impossible time, CAN-ID or length.
+
+    An interface would truncate an impossible CAN-ID to another CAN-ID; data is shorter if a part is missing.
+    """
+    time_s, can_id, length = message.timestamp, message.arbitration_id, len(message.data)
+    if not _FIRST_S <= time_s <= _LAST_S:
+        raise NoFrameError(f"{time_s:g} s is no time of a frame")
+    if not fits(can_id, extended=message.is_extended_id):
+        raise NoFrameError(f"CAN-ID 0x{can_id:X} has more than {29 if message.is_extended_id else 11} bits")
+    if length > _MOST_FD_BYTES:
+        raise NoFrameError(f"a frame of {length} bytes; CAN FD has {_MOST_FD_BYTES} at most")
+    if length != message.dlc and not message.is_remote_frame and length not in _lengths(message):
+        raise NoFrameError(f"a frame of {plural(message.dlc, 'byte')} has {length}")
+
+
+def _lengths(message: can.Message) -> set[int]:
+    """Return other valid lengths in bytes: some formats keep a code, and 9 to 15 means 8 or more."""
+    is_code = _MOST_BYTES < message.dlc <= _MOST_CODE
+    return {_MOST_BYTES, can.util.dlc2len(message.dlc)} if is_code else set()
+
+
+def check_readable(path: Path) -> None:
+    """Raise UsageError if *path* is missing or its format unknown, before asking for anything else."""
+    recognised(path)
+    if not path.is_fifo():  # what is in a pipe comes once
+        _opened(path).close()
+
+
+def _opened(path: Path) -> BinaryIO:
+    try:
+        return open_input(path)
+    except OSError as failed:
+        raise UsageError(
+            f"{path}: {failed.strerror or failed}", hint=Hint(Action.LOG, {"file": path}, "records one")
+        ) from failed
+
+
+def _damaged(path: Path, kind: RecordingFormat, source: Any, count: int, wrong: Exception) -> InputFileError:
+    line = _line(source, wrong)
+    place = f"{path}:{line}" if line else str(path)
+    said = f"no {path.suffix} file" if path.suffix.lower() in formats() else f"not {kind.title} throughout"
+    text = f"{place}: damaged after {plural(count, 'frame')}, or {said}"
+    return InputFileError(
+        text, why=_why(kind, source, wrong),
+        place=place, hint=_without(path, kind, line) if line else "",
+    )  # fmt: skip
+
+
+def _line(source: Any, wrong: Exception) -> int:
+    return wrong.line if isinstance(wrong, LostLineError) else getattr(source, "line", 0)
+
+
+def _without(path: Path, kind: RecordingFormat, line: int) -> str:
+    """Try to read *path* without *line*; returns the result, or another damaged line."""
+    if not path.is_file() or path.stat().st_size > _MOST_TRIED:
+        return ""
+    lines = read_input(path, _MOST_TRIED, "recording that is tried").splitlines(keepends=True)
+    source = kind.source(BytesIO(b"".join((*lines[: line - 1], *lines[line:]))), path)
+    try:
+        has_frames = sum(not frame.error for frame in _all_in(kind, source)) > 0
+    except kind.broken as wrong:
+        other = _line(source, wrong)
+        return f"line {other + (other >= line)} is damaged, too" if other else ""
+    return f"without line {line} the rest of it can be read" if has_frames else ""
+
+
+def _why(kind: RecordingFormat, source: Any, wrong: Exception) -> str:
+    """Return the cause in dvtcli's words instead of the reader's."""
+    if isinstance(wrong, NoFrameError) or kind.tells:
+        return str(wrong).partition("\n")[0] or type(wrong).__name__
+    if isinstance(source, CountedLines):
+        return no_frame(source.text)
+    return "a part of it cannot be unpacked"

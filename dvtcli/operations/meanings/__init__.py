@@ -1,1 +1,0 @@
-"""Parse objects and values as users write them, for a node. Asks no device."""

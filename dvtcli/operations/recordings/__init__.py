@@ -1,0 +1,1 @@
+"""Recordings of a bus: made, checked, decoded, replayed."""

@@ -1,0 +1,190 @@
+"""Check recordings: what went wrong on the bus, when, and between whom."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.network.network_state import identifier_of
+from dvtcli.errors import InputFileError, UsageError
+from dvtcli.files.recordings.read_recording import check_readable, read_recorded
+from dvtcli.files.recordings.recognised import NETWORK_FILE, is_recording, other_format
+from dvtcli.operations.frames.recorded import decoder_for, standard_input
+from dvtcli.operations.network.described_nodes import described_nodes, network_wish
+from dvtcli.operations.results.checked_files import FileRule, rules_among
+from dvtcli.operations.results.checked_recordings import RecordingFinding, RecordingReport, RecordingsChecked
+from dvtcli.watch.recording.problems import Problem
+from dvtcli.watch.recording.recording_rules import RECORDING_RULES, UNREADABLE, RecordingCheck
+from dvtcli.watch.recording.stream_problems import LOAD
+
+if TYPE_CHECKING:
+    from dvtcli.domain.lint.lint_rule import LintRule
+    from dvtcli.domain.network.wanted_state import NetworkWish
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.watch.decoder import Address, Decoder
+    from dvtcli.watch.explain.known_node import KnownNode
+    from dvtcli.watch.recording.frame_problems import NodePdo
+
+#: standard input
+STDIN = "-"
+
+
+def are_recordings(files: Sequence[str]) -> bool:
+    """Tell by suffixes and content whether *files* are recordings, as `-` is.
+
+    Raises UsageError if only some are, or if a file is of another known format.
+    """
+    recordings = [file for file in files if file == STDIN or is_recording(Path(file))]
+    for file in files if not recordings else ():
+        if (other := other_format(Path(file))) not in ("", NETWORK_FILE):
+            raise UsageError(
+                f"{file} is neither a recording nor a network file: it is {other}",
+                hint="a network file is YAML; recordings are what dvtcli's log, candump and other tools write",
+            )
+    if recordings and len(recordings) < len(files):
+        raise UsageError(
+            f"{recordings[0]} is a recording, and others are not",
+            hint=Hint(Action.CHECK, {"file": recordings[0]}, "{} checks it; the others by a check of their own"),
+        )
+    return bool(recordings)
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingOptions:
+    """Options of `check` for recordings: rules by name (*only*, empty: all; except *without*).
+
+    *dbc* is a DBC or network file that describes the frames; *bit_rate* (bit/s) is the bus's, None: that of the network
+    file. *as_findings* turns read errors of a single recording into findings.
+    """
+
+    dbc: str | None = None
+    only: Collection[str] = ()
+    without: Collection[str] = ()
+    bit_rate: int | None = None
+    as_findings: bool = False
+
+
+def check_recordings(session: SessionNodes, files: Sequence[str], options: RecordingOptions) -> RecordingsChecked:
+    """Check each recording in *files*; `-` is standard input.
+
+    Read errors are findings if there are several files; a single one raises UsageError if it is missing, InputFileError
+    if it is damaged. Raises UsageError for an unknown rule.
+    """
+    rules = rules_among(
+        (*RECORDING_RULES, UNREADABLE), options.only, options.without, "recordings",
+        "docs/reference/recording-rules.md",
+    )  # fmt: skip
+    known = _known(session, options)
+    names = tuple(dict.fromkeys(files))
+    report = _report if len(names) == 1 and not options.as_findings else _report_anyway
+    return RecordingsChecked(tuple(report(session, file, known, rules) for file in names))
+
+
+@dataclass(frozen=True, slots=True)
+class _Known:
+    """What is known of the nodes before a recording is read; *decoder* is None if each recording says it itself."""
+
+    decoder: Decoder | None
+    described: Callable[[int], KnownNode]
+    rpdos: Mapping[NodePdo, Address]
+    bit_rate: int | None
+
+
+def _known(session: SessionNodes, options: RecordingOptions) -> _Known:
+    is_given = options.dbc is not None or session.base.eds is not None
+    dbc, wish = options.dbc, network_wish(options.dbc)
+    rpdos, bit_rate = ({}, None) if dbc is None or wish is None else _of_network(dbc, wish)
+    return _Known(
+        decoder_for(session, None, dbc, wish=wish) if is_given else None, described_nodes(session, dbc, wish), rpdos,
+        options.bit_rate or bit_rate,
+    )  # fmt: skip
+
+
+def _report_anyway(session: SessionNodes, file: str, known: _Known, rules: tuple[LintRule, ...]) -> RecordingReport:
+    """Report on *file*, with a read error as a finding."""
+    try:
+        return _report(session, file, known, rules)
+    except (InputFileError, UsageError) as failed:
+        place = failed.place or file
+        line = place.rpartition(":")[2]
+        text = failed.text.removeprefix(f"{place}: ").removeprefix(f"{file}: ")
+        finding = RecordingFinding(
+            int(line) if line.isdecimal() else 1, "error", UNREADABLE.name, "",
+            f"{text}: {failed.why}" if failed.why else text,
+        )  # fmt: skip
+        return RecordingReport(file, _asked((UNREADABLE,), None), (finding,), unread=failed.exit_code)
+
+
+def _report(session: SessionNodes, file: str, known: _Known, rules: tuple[LintRule, ...]) -> RecordingReport:
+    """Report on *file*; raises UsageError or InputFileError if it cannot be read."""
+    with standard_input(file) as path:
+        check_readable(path)
+        return _report_of(session, file, path, known, rules)
+
+
+def _report_of(
+    session: SessionNodes, file: str, path: Path, known: _Known, rules: tuple[LintRule, ...]
+) -> RecordingReport:
+    decoder = decoder_for(session, None, None, path) if known.decoder is None else known.decoder
+
+    def name_of(node_id: int, index: int, sub_index: int) -> str:
+        return known.described(node_id).value(index, sub_index, None)[0]
+
+    checks: dict[str, RecordingCheck] = {}
+    number, first_s, last_s = 0, 0.0, 0.0
+    for number, recorded in enumerate(read_recorded(path), 1):
+        if number == 1:
+            first_s = recorded.frame.timestamp_s
+        last_s = recorded.frame.timestamp_s
+        if (check := checks.get(recorded.channel)) is None:
+            check = checks[recorded.channel] = RecordingCheck(decoder.layout, name_of, known.rpdos, known.bit_rate)
+        if recorded.error:
+            check.take_error(number, last_s)
+        else:
+            check.take(number, recorded.frame)
+    if number > 1 and first_s == last_s:
+        session.tell.note(
+            f"the frames of {path.name} have no times: what is late, uneven or missing is not judged, nor the load"
+        )
+    names = {rule.name for rule in rules}
+    found = [
+        (problem, bus if len(checks) > 1 else "")
+        for bus, check in checks.items()
+        for problem in check.problems()
+        if problem.rule.name in names
+    ]
+    found.sort(key=lambda each: each[0].order)
+    findings = tuple(_finding(problem, bus) for problem, bus in found)
+    return RecordingReport(file, _asked(rules, known.bit_rate), findings, number, first_s, last_s)
+
+
+def _asked(rules: Sequence[LintRule], bit_rate: int | None) -> tuple[FileRule, ...]:
+    """Return *rules* as a report names them; without a bit rate the load is not judged."""
+    judged = (rule for rule in rules if bit_rate is not None or rule is not LOAD)
+    return tuple(FileRule(rule.name, str(rule.severity), rule.sense, rule.source) for rule in judged)
+
+
+def _of_network(file: str, wish: NetworkWish) -> tuple[dict[NodePdo, Address], int | None]:
+    """Return the enabled RPDOs that the network *file*, read as *wish*, itself names, and its bit rate."""
+    from dvtcli.operations.network.described_network import described_pdos
+
+    named = {(node.node_id, pdo.pdo) for node in wish.nodes for pdo in node.pdos}
+    found: dict[NodePdo, Address] = {}
+    for node in described_pdos(file, wish).nodes:
+        for pdo, config in node.pdos.items():
+            is_meant = (node.node_id, pdo) in named or pdo not in node.guessed
+            if config.enabled and not pdo.is_tpdo and is_meant:
+                found[node.node_id, pdo] = identifier_of(config)
+    return found, wish.master.bit_rate if wish.master is not None else None
+
+
+def _finding(problem: Problem, bus: str) -> RecordingFinding:
+    moments = problem.moments
+    return RecordingFinding(
+        moments.first.number, str(problem.rule.severity), problem.rule.name, problem.object, problem.text,
+        parties=problem.parties, look=problem.look, first_s=moments.first.time_s, last_s=moments.last.time_s,
+        times=moments.times, frames=tuple(moments.numbers), node=problem.node, bus=bus,
+    )  # fmt: skip

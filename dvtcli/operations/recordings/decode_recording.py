@@ -1,0 +1,243 @@
+"""Decode a recording by a DBC file, the mapping in an EDS, or the nodes' mappings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, TextIO
+
+from dvtcli.domain.hint import Action, Hint
+from dvtcli.errors import DvtcliError, InputFileError, UsageError
+from dvtcli.files.recordings.read_recording import check_readable, read_recorded
+from dvtcli.files.values.value_parts import next_part
+from dvtcli.operations.frames.frame_answer import frame_seen
+from dvtcli.operations.frames.recorded import decoder_for
+from dvtcli.operations.network.described_nodes import described_nodes, network_wish
+from dvtcli.operations.recordings.values_origin import DEFAULTS, ValuesOptions, parquet_form
+from dvtcli.watch.frame_reader import FrameReader
+from dvtcli.watch.layout_fit import Misfits
+from dvtcli.watch.table import SignalRows
+
+if TYPE_CHECKING:
+    from dvtcli.domain.network.wanted_state import NetworkWish
+    from dvtcli.domain.ports import Frame
+    from dvtcli.files.values.value_rows import ParquetForm
+    from dvtcli.operations.results import Facts, FrameSeen
+    from dvtcli.operations.results.documents import Document
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
+    from dvtcli.watch.decoder import Decoder
+
+
+def decode_recording(
+    session: SessionNodes,
+    path: Path,
+    nodes: tuple[int, ...] | None = None,
+    dbc: str | None = None,
+    text: str = "",
+    only: frozenset[str] = frozenset(),
+) -> Iterator[FrameSeen]:
+    """Yield the decoded frames of the recording at *path*, with *text* (lower case) in a name; see `decoder_for`.
+
+    *only* are kinds of frames, as in `frame_filter.READ_KINDS`; none: all.
+
+    Raises UsageError if the file is missing or its format unknown, and at the end if no known signal has *text* in its
+    name; InputFileError, after the frames before it, where the file is damaged.
+    """
+    check_readable(path)
+    wish = network_wish(dbc)
+    decoder = decoder_for(session, nodes, dbc, path, wish)
+    misfits = Misfits(decoder.layout, session.tell.warning)
+    seen = _seen_frames(path, misfits, _readers(session, decoder, dbc, wish), only)
+    if only:
+        seen = _or_note(session, path, seen, only)
+    return _matching(session, path, seen, decoder, text) if text else seen
+
+
+def write_values(
+    session: SessionNodes,
+    path: Path,
+    target: TextIO | Path,
+    nodes: tuple[int, ...] | None = None,
+    dbc: str | None = None,
+    text: str = "",
+    options: ValuesOptions = DEFAULTS,
+) -> SignalRows:
+    """Write the values of the recording at *path* to *target*: CSV to a text, else by the file's suffix.
+
+    A row per frame, in the long layout of a .parquet file a row per value; a column per signal with *text* (lower
+    case) in its name. *options* has options of a .parquet file; its recorder defaults to the recording's name. If the
+    recording is damaged, what is before that gets another name. Raises UsageError if no such signal is known,
+    DvtcliError if *target* cannot be written; else as `decode_recording`.
+    """
+    check_readable(path)
+    wish = network_wish(dbc)
+    decoder = decoder_for(session, nodes, dbc, path, wish)
+    reader_of = _readers(session, decoder, dbc, wish)
+    rows = SignalRows(decoder, text, reader_of(""), options.only)
+    if not rows.columns:
+        if text and len(rows.decoder):
+            raise UsageError(f"no signal has {text!r} in its name", hint=Hint(Action.DECODE, why="shows what is in it"))
+        raise UsageError(
+            "values of signals need a mapping, and none is known",
+            hint=Hint(Action.GIVE, {"dbc": None}, "give {}")
+            + Hint(Action.GIVE, {"eds": None}, ", {}")
+            + Hint(Action.GIVE, {"node_id": None}, ", {}")
+            + Hint(Action.GIVE, {"nodes": None}, " or {}"),
+        )
+    form = None
+    if isinstance(target, Path):
+        is_live = dbc is None and session.base.eds is None and not rows.decoder.identities
+        asked = tuple(range(1, 128)) if is_live else ()
+        form = parquet_form(session, target, rows.decoder, options, path.name, asked=asked, dbc=dbc)
+    frames = _seen(session, path, rows, reader_of)
+    if isinstance(target, Path):
+        _write_file(session, rows, frames, target, text, form)
+    else:
+        from dvtcli.files.values.text_values import CsvWriter
+
+        writer = CsvWriter(target, rows)
+        for frame, _ in frames:
+            writer.write(frame)
+    if rows.other:
+        session.tell.note(f"{rows.other} frames without known signals were left out")
+    return rows
+
+
+def values_into_file(
+    session: SessionNodes,
+    path: Path,
+    target: Path,
+    nodes: tuple[int, ...] | None = None,
+    dbc: str | None = None,
+    text: str = "",
+    options: ValuesOptions = DEFAULTS,
+) -> Facts:
+    """Write the values in the recording at *path* into *target*, a .csv, .parquet or .jsonl; else as `write_values`."""
+    from dvtcli.files.values.value_file import checked_form
+    from dvtcli.operations.results import Facts
+    from dvtcli.operations.session.save_script import ask_before_overwriting
+
+    checked_form(target)
+    ask_before_overwriting(session, target)
+    rows = write_values(session, path, target, nodes, dbc, text, options)
+    session.made.append(str(target))
+    names = [column.header for column in rows.columns]
+    said = (("file", str(target)), ("frames", rows.frames), ("columns", names))
+    return Facts("decode", said, (f"{target}: {rows.frames} frames, {len(names)} signals",))
+
+
+def _readers(
+    session: SessionNodes, decoder: Decoder, dbc: str | None, wish: NetworkWish | None
+) -> Callable[[str], FrameReader]:
+    """Return what gives the reader of a channel: nodes of two buses may have one node-ID."""
+    described = described_nodes(session, dbc, wish)
+    return cache(lambda _channel: FrameReader(decoder, described))
+
+
+def _seen(
+    session: SessionUser, path: Path, rows: SignalRows, reader_of: Callable[[str], FrameReader]
+) -> Iterator[tuple[Frame, str]]:
+    """Yield the frames of the recording at *path* with channels; reports frames that do not fit their layout.
+
+    *rows* read each by the reader of its channel.
+    """
+    misfits = Misfits(rows.decoder.layout, session.tell.warning)
+    for recorded in read_recorded(path):
+        if not recorded.error:
+            misfits.look(recorded.frame)
+            rows.reader = reader_of(recorded.channel)
+            yield recorded.frame, recorded.channel
+
+
+def _write_file(
+    session: SessionUser,
+    rows: SignalRows,
+    frames: Iterable[tuple[Frame, str]],
+    target: Path,
+    text: str,
+    form: ParquetForm | None,
+) -> None:
+    """Write *rows* of *frames* to *target*; if the recording is damaged, what is before that to another file."""
+    from dvtcli.files.values.value_file import WholeFile
+
+    def document(frame: Frame) -> Document:
+        return frame_seen(frame, rows.decoder, rows.reading).chosen(text).document()
+
+    try:
+        to = WholeFile(target, rows, document, form)
+        damage: list[InputFileError] = []
+        try:
+            for frame, bus in _until_damage(frames, damage):
+                to.write(frame, bus)
+        except BaseException:
+            to.discard()
+            raise
+        if damage:
+            kept = next_part(target.with_stem(f"{target.stem}-until-damage"))
+            to.complete(kept.name)
+            session.tell.warning(f"{target} is not written; the {rows.frames} frames before the damage are in {kept}")
+            raise damage[0]
+        to.complete()
+    except OSError as failed:
+        raise DvtcliError(
+            f"{target}: {failed.strerror or failed} after {rows.frames} frames",
+            place=str(target),
+            hint="an older file of that name is as it was",
+        ) from failed
+
+
+def _until_damage(frames: Iterable[tuple[Frame, str]], damage: list[InputFileError]) -> Iterator[tuple[Frame, str]]:
+    """Yield *frames* until they raise InputFileError, which *damage* gets: not what a writer of them raises."""
+    try:
+        yield from frames
+    except InputFileError as damaged:
+        damage.append(damaged)
+
+
+def _seen_frames(
+    path: Path, misfits: Misfits, reader_of: Callable[[str], FrameReader], only: frozenset[str]
+) -> Iterator[FrameSeen]:
+    for recorded in read_recorded(path):
+        if recorded.error:
+            continue
+        misfits.look(recorded.frame)
+        reader = reader_of(recorded.channel)
+        seen = frame_seen(recorded.frame, reader.decoder, reader.read(recorded.frame))
+        if not only or seen.reading.is_one_of(only):
+            yield seen
+
+
+def _or_note(
+    session: SessionUser, path: Path, frames: Iterable[FrameSeen], only: frozenset[str]
+) -> Iterator[FrameSeen]:
+    """Yield *frames*; a note says that there are none of the kinds *only*."""
+    found = None
+    for found in frames:
+        yield found
+    if found is None:
+        session.tell.note(f"no frame in {path.name} is of the kinds {', '.join(sorted(only))}")
+
+
+def _matching(
+    session: SessionNodes, path: Path, frames: Iterable[FrameSeen], decoder: Decoder, text: str
+) -> Iterator[FrameSeen]:
+    count = 0
+    for seen in frames:
+        if seen.matches(text):
+            count += 1
+            yield seen.chosen(text)
+    if not count:
+        if not SignalRows(decoder, text).columns:
+            raise _unnamed(text, path)
+        session.tell.note(f"{path}: no frame in it carries a signal with {text!r} in its name")
+
+
+def _unnamed(text: str, path: Path) -> UsageError:
+    said = f"nothing in {path} has {text!r} in its name"
+    return UsageError(
+        said,
+        hint=Hint(Action.GIVE, {"filter": None}, "without {}")
+        + Hint(Action.DECODE, {"file": path}, ", {} shows what is in it"),
+    )
