@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from dvtcli.cli.conversation import Conversation, TypedTcl
-    from dvtcli.device.wish import Wish
+    from dvtcli.device.target_config import TargetConfig
 
 
 class Ways(Protocol):
@@ -40,7 +40,7 @@ class Ways(Protocol):
     def line(self, session: Conversation, words: Sequence[str]) -> int:
         """Run a line as at the prompt; returns the exit code."""
 
-    def rehearsed(self, session: Conversation, file: str, node_id: int | None = None) -> dict[int, Wish]:
+    def rehearsed(self, session: Conversation, file: str, node_id: int | None = None) -> dict[int, TargetConfig]:
         """Return the script's configuration of each node; *node_id* is selected at the script's beginning."""
 
     def parsed(self, session: Conversation, path: Path) -> None:

@@ -13,7 +13,7 @@ from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation, TypedTcl
-    from dvtcli.device.wish import Wish
+    from dvtcli.device.target_config import TargetConfig
 
 
 class WaysIn:
@@ -50,7 +50,7 @@ class WaysIn:
 
         return run_words(words, session)
 
-    def rehearsed(self, session: Conversation, file: str, node_id: int | None = None) -> dict[int, Wish]:
+    def rehearsed(self, session: Conversation, file: str, node_id: int | None = None) -> dict[int, TargetConfig]:
         """Return the script's configuration of each node; *node_id* is selected at the script's beginning."""
         from dvtcli.cli.scripts.rehearsal import rehearsed
 

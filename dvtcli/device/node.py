@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from dvtcli.device.change.undo_plan import UndoRequest
     from dvtcli.device.observe import InitialState
     from dvtcli.domain.plan import Change, PdoChange, Plan, ValueChange
-    from dvtcli.domain.request import PdoWant
+    from dvtcli.domain.request import AnyPdoRequest
     from dvtcli.domain.rules import Finding
 
 
@@ -42,7 +42,7 @@ class Node(Changeable):
     unkept: int = 0
 
     def configure(
-        self, wants: Mapping[Pdo, PdoWant], *, force: bool = False, found: InitialState | None = None
+        self, wants: Mapping[Pdo, AnyPdoRequest], *, force: bool = False, found: InitialState | None = None
     ) -> Applied:
         """Set each PDO to *wants*, all or none: check, write the differences, read back, roll back on failure.
 
@@ -54,7 +54,7 @@ class Node(Changeable):
         from dvtcli.device.other_producers import heard_ids, heard_producer_findings
         from dvtcli.device.proposal import proposal, resolve, untyped_lengths
         from dvtcli.domain.plan import Plan, plan_pdo
-        from dvtcli.domain.request import instead_findings, said_by
+        from dvtcli.domain.request import instead_findings, requested_parameters
         from dvtcli.domain.rules import check_pdo
         from dvtcli.domain.text import join_some
 
@@ -81,7 +81,7 @@ class Node(Changeable):
         changes = tuple(plan_pdo(pdo, now[pdo], want) for pdo, want in wanted.items())
         applied = self.apply(Plan(self.node_id, changes), tuple(findings), force=force, found=found)
         for pdo, asked in wants.items():
-            self._say(pdo, said_by(asked))
+            self._say(pdo, requested_parameters(asked))
         return applied
 
     def write(self, index: int, sub_index: int, data: bytes, *, force: bool = False) -> Applied:
@@ -93,7 +93,7 @@ class Node(Changeable):
         from dvtcli.device.raw_write_check import held_value, raw_change, raw_write_findings, taken_can_id_findings
         from dvtcli.device.store.unstored import prepare_store
         from dvtcli.domain.plan import PdoChange, Plan, Step
-        from dvtcli.domain.request import hinting_at_set, said_at
+        from dvtcli.domain.request import hinting_at_set, parameters_at
 
         refuse_passcode(self.access, index, sub_index)
         refuse_unlike_file(self.node_id, self.unlike_file, force=force)
@@ -115,7 +115,7 @@ class Node(Changeable):
                 refuse(findings, what, self.node_id, force=force)
         applied = self.apply(Plan(self.node_id, (change,)), findings, force=force, found=found)
         if isinstance(change, PdoChange):
-            self._say(change.pdo, said_at(change.pdo, index, sub_index))
+            self._say(change.pdo, parameters_at(change.pdo, index, sub_index))
         return applied
 
     def _say(self, pdo: Pdo, parameters: frozenset[str]) -> None:
@@ -131,11 +131,11 @@ class Node(Changeable):
 
     def look_after_gap(self) -> tuple[str, ...]:
         """After a gap in monitoring: labels of unstored changes that the node has lost."""
-        from dvtcli.device.wish import Wish, unlike
+        from dvtcli.device.target_config import TargetConfig, config_differences
 
         pdos = {pdo: config for pdo, config in self.wanted.items() if pdo.label in self.unstored}
         values = {at: data for at, data in self.wanted_values.items() if f"{at[0]:04X}:{at[1]:02X}" in self.unstored}
-        lost = tuple(dict.fromkeys(label for label, _ in unlike(self, Wish(pdos, values))))
+        lost = tuple(dict.fromkeys(label for label, _ in config_differences(self, TargetConfig(pdos, values))))
         if lost:
             self.pending.lost(lost)
             self.pending.lost_until = len(self.history)
@@ -430,7 +430,7 @@ class Node(Changeable):
                 self.bus.sleep(RETRY_S)
 
 
-def _fitting(findings: Iterable[Finding], pdo: Pdo, want: PdoWant) -> Iterator[Finding]:
+def _fitting(findings: Iterable[Finding], pdo: Pdo, want: AnyPdoRequest) -> Iterator[Finding]:
     """*findings* about *pdo*, with hints suited to the caller of *want*."""
     from dvtcli.domain.request import Cleared, Switched, hinting_at_set
 

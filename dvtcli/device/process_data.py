@@ -11,7 +11,7 @@ from dvtcli.domain.process_data import is_named_as_process_data, is_standard_com
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode
-    from dvtcli.device.wish import Place
+    from dvtcli.device.target_config import Place
 
 _MAKERS = range(0x2000, 0x6000)
 

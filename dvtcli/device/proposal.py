@@ -20,7 +20,7 @@ from dvtcli.errors import RuleError, UsageError
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.profile import ObjectAddress
-    from dvtcli.domain.request import PdoWant
+    from dvtcli.domain.request import AnyPdoRequest
     from dvtcli.domain.rules.finding import Producer
 
 T = TypeVar("T")
@@ -105,14 +105,19 @@ def _others(
 Lengths = Mapping["ObjectAddress", int | None]
 
 
-def untyped_lengths(node: ReadableNode, wants: Iterable[PdoWant]) -> Lengths:
+def untyped_lengths(node: ReadableNode, wants: Iterable[AnyPdoRequest]) -> Lengths:
     """Lengths in bits of the objects named without a length in *wants*, from the EDS or *node*; None if unknown."""
     places = [place for want in wants if isinstance(want, PdoRequest) for place in want.untyped_lengths]
     return {place: node.length_of(*place) for place in dict.fromkeys(places)}
 
 
 def resolve(
-    node: ReadableNode, pdo: Pdo, now: PdoConfig, want: PdoWant, lengths: Lengths, elsewhere: Elsewhere | None = None
+    node: ReadableNode,
+    pdo: Pdo,
+    now: PdoConfig,
+    want: AnyPdoRequest,
+    lengths: Lengths,
+    elsewhere: Elsewhere | None = None,
 ) -> PdoConfig:
     """The configuration requested by *want* for *pdo* of *node*, now *now*; *lengths* come from `untyped_lengths`.
 

@@ -65,10 +65,10 @@ class Cleared:
     """Request of `clear`: empty mapping, and disabled."""
 
 
-PdoWant = PdoConfig | PdoRequest | Switched | Cleared
+AnyPdoRequest = PdoConfig | PdoRequest | Switched | Cleared
 
 
-def said_by(want: PdoWant) -> frozenset[str]:
+def requested_parameters(want: AnyPdoRequest) -> frozenset[str]:
     """Those of `PARAMETERS` that *want* sets; all others stay unchanged."""
     if isinstance(want, Switched):
         return frozenset({"cob_id"})
@@ -82,7 +82,7 @@ def said_by(want: PdoWant) -> frozenset[str]:
     return frozenset(said | ({MAPPING} if (want.objects, want.mpdo) != (None, None) else set()))
 
 
-def said_at(pdo: Pdo, index: int, sub_index: int) -> frozenset[str]:
+def parameters_at(pdo: Pdo, index: int, sub_index: int) -> frozenset[str]:
     """Parameters that a single write to an object of *pdo* sets."""
     if index == pdo.mapping_index:
         return frozenset({MAPPING})
@@ -90,7 +90,7 @@ def said_at(pdo: Pdo, index: int, sub_index: int) -> frozenset[str]:
     return frozenset({names[sub_index]} if sub_index in names else ())
 
 
-def resolved(want: PdoWant, proposal: Proposal, lengths: Mapping[ObjectAddress, int | None]) -> PdoConfig:
+def resolved(want: AnyPdoRequest, proposal: Proposal, lengths: Mapping[ObjectAddress, int | None]) -> PdoConfig:
     """Configuration for *want* on the PDO in *proposal*; *lengths* are the untyped lengths, in bits.
 
     Raises ValueError if a length stays unknown, the device's dummies cannot add up to the skipped bits, `auto` finds
@@ -131,7 +131,7 @@ def _requested(request: PdoRequest, proposal: Proposal, lengths: Mapping[ObjectA
     return _with_cob_id(want, _cob_id(request, replace(proposal, want=want)))
 
 
-def instead_findings(want: PdoWant, proposal: Proposal) -> Iterator[Finding]:
+def instead_findings(want: AnyPdoRequest, proposal: Proposal) -> Iterator[Finding]:
     """A note if *want* leaves the CAN-ID open and *proposal* sets neither the present nor the default CAN-ID.
 
     A PDO without CAN-ID (0x000) gets its default silently.

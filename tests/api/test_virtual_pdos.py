@@ -59,9 +59,9 @@ def test_a_dry_run_ties_nothing() -> None:
         ((5, 1, "throttle"), "the name of a group"),
     ],
 )
-def test_a_wish_that_is_none_is_a_usage_error(wish: tuple[object, ...], said: str) -> None:
+def test_a_wish_that_is_none_is_a_usage_error(config: tuple[object, ...], said: str) -> None:
     with dvtcli.simulate("gen4") as bus, pytest.raises(UsageError, match=said):
-        bus.node().tie(*wish)  # type: ignore[arg-type]
+        bus.node().tie(*config)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from dvtcli.device.wish import differences
+from dvtcli.device.target_config import differences
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig

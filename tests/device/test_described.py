@@ -10,7 +10,7 @@ from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.described_node import Defaults, FileValues
 from dvtcli.device.known_pdos import hint_for_missing, no_pdo
 from dvtcli.device.store.proven import AgainstDefaults, differing_from_defaults, values_unlike_defaults
-from dvtcli.device.wish import Wish, unlike
+from dvtcli.device.target_config import TargetConfig, config_differences
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.datatypes import DATA_TYPES
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary, OdEntry, OdObject
@@ -161,19 +161,21 @@ def test_a_value_is_a_number_where_it_has_a_number_s_length(data: bytes, text: s
 def test_a_wish_is_compared_pdo_by_pdo_and_object_by_object() -> None:
     one, channel = node()
     first, second = one.pdo(TPDO1), one.pdo(TPDO2)
-    wish = Wish({TPDO1: altered(first, event_timer=7), TPDO2: replace(second, mapping=())}, {(0x1017, 0): b"\1\0"})
+    target = TargetConfig(
+        {TPDO1: altered(first, event_timer=7), TPDO2: replace(second, mapping=())}, {(0x1017, 0): b"\1\0"}
+    )
     held = channel.upload(0x1017, 0)
-    assert unlike(one, wish) == (
+    assert config_differences(one, target) == (
         ("TPDO1", f"event timer is {first.communication.event_timer}, expected 7"),
         ("TPDO2", f"0x1A01 is {' '.join(map(str, second.mapping))}, expected nothing"),
         ("1017:00", f"is {value_text(held)}, expected 0x0001"),
     )
-    assert unlike(one, wish.only([TPDO1])) == (
+    assert config_differences(one, target.only([TPDO1])) == (
         ("TPDO1", f"event timer is {first.communication.event_timer}, expected 7"),
     )
-    assert wish.parameters == 5 + len(first.mapping) + 5 + 1
-    assert not Wish()
-    assert Wish({}, {(0x1017, 0): b""})
+    assert target.parameters == 5 + len(first.mapping) + 5 + 1
+    assert not TargetConfig()
+    assert TargetConfig({}, {(0x1017, 0): b""})
 
 
 def test_a_pdo_that_a_node_has_not_is_named_beside_those_it_has() -> None:

@@ -10,7 +10,7 @@ import pytest
 from dvtcli.device.change.change_guard import ChangeGuard
 from dvtcli.device.change.journal import read_journal
 from dvtcli.device.node import Node
-from dvtcli.device.wish import differences
+from dvtcli.device.target_config import differences
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import SdoTransport

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import pytest
 
 from dvtcli.device.node import Node
-from dvtcli.device.wish import Wish, unlike
+from dvtcli.device.target_config import TargetConfig, config_differences
 from dvtcli.domain.pdo import Pdo
 from dvtcli.errors import NoAnswer
 from tests.laws.bench import NODE, DirectBus, DirectSdo, booted, dictionary, profile
@@ -49,20 +49,20 @@ def node() -> tuple[Node, Upset]:
 def test_a_comparison_during_which_an_answer_was_lost_starts_over() -> None:
     one, channel = node()
     held = one.pdo(TPDO1)
-    wish = Wish({TPDO1: held}, {OBJECT: one.upload(*OBJECT)})
+    target = TargetConfig({TPDO1: held}, {OBJECT: one.upload(*OBJECT)})
     channel.left = 1
     channel.reads.clear()
-    assert unlike(one, wish) == ()
+    assert config_differences(one, target) == ()
     assert channel.reads.count((TPDO1.communication_index, 1)) == 2
     assert channel.reads.count(OBJECT) == 2
 
 
 def test_a_node_that_never_keeps_still_is_said_to_have_been_read_back_in_vain() -> None:
     one, channel = node()
-    wish = Wish(values={OBJECT: one.upload(*OBJECT)})
+    target = TargetConfig(values={OBJECT: one.upload(*OBJECT)})
     channel.left = 100
     with pytest.raises(NoAnswer, match="node 1 restarted, or lost an answer, each of 5 times") as caught:
-        unlike(one, wish)
+        config_differences(one, target)
     assert caught.value.node == NODE
 
 
@@ -70,4 +70,4 @@ def test_a_difference_is_told_of_what_was_read_last() -> None:
     one, _ = node()
     held = one.pdo(TPDO1)
     wanted = replace(held, communication=replace(held.communication, event_timer=77))
-    assert [label for label, _ in unlike(one, Wish({TPDO1: wanted}))] == ["TPDO1"]
+    assert [label for label, _ in config_differences(one, TargetConfig({TPDO1: wanted}))] == ["TPDO1"]

@@ -18,7 +18,7 @@ from dvtcli.device.read_pdos import (
     read_pdo,
     service_ids,
 )
-from dvtcli.device.wish import differences
+from dvtcli.device.target_config import differences
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, OdObject
 from dvtcli.domain.pdo import Pdo

@@ -11,7 +11,7 @@ from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_syntax import MappedObject, Skipped
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import GENERIC
-from dvtcli.domain.request import Cleared, PdoRequest, PdoWant, Switched
+from dvtcli.domain.request import AnyPdoRequest, Cleared, PdoRequest, Switched
 from dvtcli.errors import RuleError, UsageError
 from tests.laws.bench import NODE, DirectBus, DirectSdo, booted, dictionary
 
@@ -42,7 +42,7 @@ def test_objects_come_as_words_without_a_length_as_entries_and_as_gaps() -> None
 
 
 @pytest.mark.parametrize("want", [Switched(enabled=False), Cleared()])
-def test_switching_and_clearing_touch_nothing_else(want: PdoWant) -> None:
+def test_switching_and_clearing_touch_nothing_else(want: AnyPdoRequest) -> None:
     one, _ = node()
     one.configure({TPDO1: Switched(enabled=True)})
     before = one.pdo(TPDO1)

@@ -15,7 +15,7 @@ from dvtcli.domain.datatypes import BY_SHORT_NAME
 from dvtcli.domain.mapping import MAX_PDO_BITS, PdoMappingEntry, total_bits
 from dvtcli.domain.network.heartbeats import slot_for, watch_time_ms, watched_ms
 from dvtcli.domain.network.links import Linked, LinkSide, agrees, free_can_id, linked, may_keep
-from dvtcli.domain.network.wanted_state import Endpoint
+from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.object_dictionary import DeviceInfo, ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.profile import GENERIC

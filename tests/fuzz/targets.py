@@ -479,11 +479,11 @@ def _fresh(family: str) -> StrictDevice:
 def network(data: bytes) -> None:
     """A network that can be written, or InputFileError."""
     try:
-        wish = read_network(data.decode("utf-8", "replace"), "fuzz.yaml")
+        config = read_network(data.decode("utf-8", "replace"), "fuzz.yaml")
     except InputFileError as wrong:
         _one_line_of_ours(wrong)
         return
-    write_network(wish)
+    write_network(config)
 
 
 def dbc(data: bytes) -> None:

@@ -12,7 +12,7 @@ from tests.commands.bench import Bench
 FAMILIES = ("gen4", "generic", "espac", "tmcm")
 
 
-def wishes() -> st.SearchStrategy[str]:
+def options() -> st.SearchStrategy[str]:
     """The keys of a network file for a node: a TPDO and an RPDO with any mapping of what a drive has."""
     mapped = st.sampled_from(["[6041:00/16]", "[606C:00/32]", "[6041:00/16, 606C:00/32]"])
     taken = st.sampled_from(["[6040:00/16]", "[60FF:00/32]", "[6040:00/16, 60FF:00/32]"])
@@ -29,10 +29,10 @@ def wishes() -> st.SearchStrategy[str]:
     )
 
 
-def network_file(folder: Path, wish: str) -> Path:
-    """The network file that wishes *wish* of node 4."""
+def network_file(folder: Path, config: str) -> Path:
+    """The network file that wishes *config* of node 4."""
     path = folder / "wished.yaml"
-    path.write_text(f"nodes:\n  one:\n    node_id: 4\n    {wish}")
+    path.write_text(f"nodes:\n  one:\n    node_id: 4\n    {config}")
     return path
 
 

@@ -22,7 +22,7 @@ from dvtcli.operations.user.options import Options
 from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench
 from tests.gateway.clients import BridgedNode, Client, Heard, served
-from tests.gateway.networks import FAMILIES, everything, network_file, wishes
+from tests.gateway.networks import FAMILIES, everything, network_file, options
 from tests.process import PATIENCE_S
 
 
@@ -321,9 +321,9 @@ def test_whatever_is_said_the_next_line_is_answered(said: list[bytes]) -> None:
 
 @pytest.mark.long
 @settings(max_examples=max(2, settings().max_examples // 4))  # of each, two devices from their start on
-@given(st.sampled_from(FAMILIES), wishes())
-def test_lines_through_the_gateway_make_the_device_that_apply_makes(family: str, wish: str) -> None:
-    path = network_file(Path(), wish)
+@given(st.sampled_from(FAMILIES), options())
+def test_lines_through_the_gateway_make_the_device_that_apply_makes(family: str, config: str) -> None:
+    path = network_file(Path(), config)
     with Bench((f"{family}@4",), {"yes": True}) as applied:
         code = applied.run(f"apply {path}").code
         assert applied.run(f"plan {path}").code == code

@@ -13,7 +13,7 @@ from dvtcli.domain.gateway.line_words import TYPES
 from dvtcli.domain.gateway.requests import Request, Write, parse_request
 from tests.commands.bench import Bench
 from tests.domain.gateway.requests import INDEXES, SUB_INDEXES, data_of_type
-from tests.gateway.networks import FAMILIES, everything, network_file, wishes
+from tests.gateway.networks import FAMILIES, everything, network_file, options
 from tests.sample import heavy
 
 NET = """\
@@ -82,9 +82,9 @@ def test_lines_of_a_device_file_keep_what_apply_refuses(tmp_path: Path) -> None:
 
 @pytest.mark.long
 @settings(max_examples=max(2, settings().max_examples // 4))  # of each, two devices from their start on
-@given(st.sampled_from(FAMILIES), wishes())
-def test_lines_that_are_run_make_the_device_that_apply_makes(family: str, wish: str) -> None:
-    path = network_file(Path(), wish)
+@given(st.sampled_from(FAMILIES), options())
+def test_lines_that_are_run_make_the_device_that_apply_makes(family: str, config: str) -> None:
+    path = network_file(Path(), config)
     with Bench((f"{family}@4",), {"yes": True}) as applied:
         code = applied.run(f"apply {path}").code
         held = everything(applied)
@@ -99,9 +99,9 @@ def test_lines_that_are_run_make_the_device_that_apply_makes(family: str, wish: 
 
 @pytest.mark.long
 @settings(max_examples=max(2, settings().max_examples // 4))  # of each, two devices from their start on
-@given(st.sampled_from(FAMILIES), wishes())
-def test_what_a_session_saves_as_lines_makes_the_device_that_it_made(family: str, wish: str) -> None:
-    path = network_file(Path(), wish)
+@given(st.sampled_from(FAMILIES), options())
+def test_what_a_session_saves_as_lines_makes_the_device_that_it_made(family: str, config: str) -> None:
+    path = network_file(Path(), config)
     with Bench((f"{family}@4",), {"yes": True}) as done:
         changed = done.run(f"apply {path}").code == 0
         done.run("write 1017 650")

@@ -66,7 +66,7 @@ class Drawn:
 
     nodes: dict[int, str]
     operational: bool
-    wishes: dict[int, dict[str, Any]]
+    options: dict[int, dict[str, Any]]
     job: str
     lot_of_faults: int
 
@@ -74,7 +74,7 @@ class Drawn:
 def wish_for(lot: random.Random, node_id: int, family: str) -> dict[str, Any]:
     """Keys of a network file for one node: of a PDO or two, some of them equal to what the node holds."""
     device = booted(node_id, family)
-    wish: dict[str, Any] = {}
+    config: dict[str, Any] = {}
     pdos = [pdo for pdo in map(Pdo.at, sorted(set(device.dictionary))) if pdo and pdo.number <= 2]
     for pdo in lot.sample(sorted(set(pdos), key=str), lot.choice((1, 1, 2))):
         keys: dict[str, Any] = {}
@@ -93,8 +93,8 @@ def wish_for(lot: random.Random, node_id: int, family: str) -> dict[str, Any]:
         if cob_id & 0x7FF and (entries or not cob_id >> 31):
             keys["enabled"] = lot.choice((not cob_id >> 31, True))
         if keys:
-            wish.setdefault("tpdo" if pdo.is_tpdo else "rpdo", {})[pdo.number] = keys
-    return wish
+            config.setdefault("tpdo" if pdo.is_tpdo else "rpdo", {})[pdo.number] = keys
+    return config
 
 
 def draw(seed: str, job: str | None = None) -> Drawn:
@@ -108,8 +108,8 @@ def draw(seed: str, job: str | None = None) -> Drawn:
     if job in ("clone", "link", "unlink", "link-store", "compare"):
         families = [lot.choice(("generic", "gen4", "tmcm"))] * count
     nodes = dict(zip(node_ids, families, strict=True))
-    wishes = {node_id: wish_for(lot, node_id, family) for node_id, family in nodes.items()}
-    return Drawn(nodes, lot.random() < 0.6, wishes, job, lot.randrange(1 << 30))
+    options = {node_id: wish_for(lot, node_id, family) for node_id, family in nodes.items()}
+    return Drawn(nodes, lot.random() < 0.6, options, job, lot.randrange(1 << 30))
 
 
 # -- the devices ------------------------------------------------------------------------------------------------------
@@ -262,16 +262,16 @@ class World:
 
     # -- files
 
-    def network_file(self, wishes: dict[int, dict[str, Any]], *, store: Sequence[int] = ()) -> Path:
-        """A network file that says *wishes*."""
+    def network_file(self, options: dict[int, dict[str, Any]], *, store: Sequence[int] = ()) -> Path:
+        """A network file that says *options*."""
         nodes = {}
-        for node_id, wish in wishes.items():
+        for node_id, config in options.items():
             family = self.drawn.nodes[node_id]
             nodes[f"n{node_id}"] = {
                 "node_id": node_id,
                 "dcf": str(family_eds(family)),
                 **({"store": True} if node_id in store else {}),
-                **wish,
+                **config,
             }
         path = self.folder / "net.yaml"
         path.write_text("nodes:\n" + "".join(f"  {name}: {_flow(said)}\n" for name, said in nodes.items()))
@@ -280,7 +280,7 @@ class World:
     def twins(self) -> list[StrictDevice]:
         """Devices as these, but with what the wishes say."""
         made = [booted(node_id, family) for node_id, family in self.drawn.nodes.items()]
-        put_on(made, wanted_of(self.drawn.wishes, made))
+        put_on(made, wanted_of(self.drawn.options, made))
         return made
 
     def backup(self, node_id: int, suffix: str) -> Path:
@@ -306,14 +306,14 @@ class NotPossible(Exception):
     """A cell whose job cannot be done without a fault either."""
 
 
-def wanted_of(wishes: dict[int, dict[str, Any]], devices: Sequence[StrictDevice]) -> Values:
-    """What objects hold when *wishes* are fulfilled, from CiA 301: independent of the product's own tables."""
+def wanted_of(options: dict[int, dict[str, Any]], devices: Sequence[StrictDevice]) -> Values:
+    """What objects hold when *options* are fulfilled, from CiA 301: independent of the product's own tables."""
     by_id = {device.node_id: device for device in devices}
     found: Values = {}
-    for node_id, wish in wishes.items():
+    for node_id, config in options.items():
         device = by_id[node_id]
         for direction, communication in (("rpdo", 0x1400), ("tpdo", 0x1800)):
-            for pdo_number, keys in wish.get(direction, {}).items():
+            for pdo_number, keys in config.get(direction, {}).items():
                 at, maps = communication + pdo_number - 1, communication + 0x200 + pdo_number - 1
                 cob_id = number(device, at, 1)
                 if "enabled" in keys:
@@ -364,14 +364,14 @@ class Job:
 
 
 def _apply(world: World) -> Job:
-    return Job([f"apply {world.network_file(world.drawn.wishes)}"], wanted_of(world.drawn.wishes, world.devices))
+    return Job([f"apply {world.network_file(world.drawn.options)}"], wanted_of(world.drawn.options, world.devices))
 
 
 def _apply_store(world: World, *, proves: bool = False) -> Job:
     stores = [node_id for node_id in world.drawn.nodes if world.drawn.nodes[node_id] != "roboteq"]
-    file = world.network_file(world.drawn.wishes, store=stores)
+    file = world.network_file(world.drawn.options, store=stores)
     line = f"apply {file}" + (" --prove" if proves else "")
-    return Job([line], wanted_of(world.drawn.wishes, world.devices), stores, proves)
+    return Job([line], wanted_of(world.drawn.options, world.devices), stores, proves)
 
 
 def _apply_prove(world: World) -> Job:
@@ -383,7 +383,7 @@ def _device_file(suffix: str) -> Callable[[World], Job]:
         node_id = next(iter(world.drawn.nodes))
         file = world.backup(node_id, suffix)
         return Job(
-            [f"node {node_id}", f"apply {file}"], wanted_of({node_id: world.drawn.wishes[node_id]}, world.devices)
+            [f"node {node_id}", f"apply {file}"], wanted_of({node_id: world.drawn.options[node_id]}, world.devices)
         )
 
     return job
@@ -397,15 +397,15 @@ def _clone(world: World) -> Job:
 def _compare(world: World) -> Job:
     first = next(iter(world.drawn.nodes))
     file = world.backup(first, ".jsonl")
-    wanted = wanted_of({first: world.drawn.wishes[first]}, world.devices)
+    wanted = wanted_of({first: world.drawn.options[first]}, world.devices)
     put_on(world.devices, wanted)
     return Job([f"node {first}", f"compare {file}"], wanted, compares=True)
 
 
 def _comparing(line: str) -> Callable[[World], Job]:
     def job(world: World) -> Job:
-        file = world.network_file(world.drawn.wishes)
-        wanted = wanted_of(world.drawn.wishes, world.devices)
+        file = world.network_file(world.drawn.options)
+        wanted = wanted_of(world.drawn.options, world.devices)
         put_on(world.devices, wanted)
         return Job([line.format(file)], wanted, compares=True)
 
@@ -439,9 +439,9 @@ def _unlink(world: World) -> Job:
 def _set_lines(world: World) -> tuple[list[str], Values]:
     lines: list[str] = []
     wanted: Values = {}
-    for node_id, wish in world.drawn.wishes.items():
+    for node_id, config in world.drawn.options.items():
         for direction in ("rpdo", "tpdo"):
-            for pdo_number, keys in wish.get(direction, {}).items():
+            for pdo_number, keys in config.get(direction, {}).items():
                 words = []
                 if "transmission" in keys:
                     words.append(f"--type {keys['transmission']}")
@@ -473,10 +473,10 @@ def _undo(world: World) -> Job:
 
 
 def _undo_network(world: World) -> Job:
-    wanted = wanted_of(world.drawn.wishes, world.devices)
+    wanted = wanted_of(world.drawn.options, world.devices)
     before = values(world.devices)
     wanted = {place: before[place] for place in wanted if place in before}
-    lines = [f"apply {world.network_file(world.drawn.wishes)}", "undo --all"]
+    lines = [f"apply {world.network_file(world.drawn.options)}", "undo --all"]
     return Job(lines, wanted, whole=False, takes_back=True)
 
 

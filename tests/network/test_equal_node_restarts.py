@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.network.network_plan import NetworkPlan
-from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.pdo import Pdo
 from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal

@@ -9,7 +9,7 @@ import pytest
 
 import dvtcli
 from dvtcli.domain.network.concise_dcf import ConciseEntry, concise_bytes
-from dvtcli.domain.network.wanted_state import FileWord, WantedIdentity
+from dvtcli.domain.network.network_config import ExpectedIdentity, FileWord
 from dvtcli.domain.pdo import Direction, Pdo
 from dvtcli.errors import UsageError
 from dvtcli.files.network.read_network import read_network_file
@@ -154,7 +154,7 @@ def test_what_a_file_cannot_say_is_named_and_what_is_not_downloaded_is_absent() 
     assert (first.transmission_type, first.inhibit_time, first.mapping) == (None, None, None)
     assert (second.enabled, second.cob_id, second.mapping) == (None, None, (FileWord("6000:01/8"),))
     assert [(one.object.text, one.value.text) for one in node.values] == [("1017:00", "0xE8"), ("2000:07", "0xFFFF")]
-    assert node.identity == WantedIdentity()
+    assert node.identity == ExpectedIdentity()
 
 
 def test_what_is_downloaded_twice_is_named_and_the_file_has_the_last() -> None:

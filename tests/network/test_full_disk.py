@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from dvtcli.cli.view.typed_hints import typed
-from dvtcli.domain.network.wanted_state import Endpoint
+from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged, SafetyRefusal

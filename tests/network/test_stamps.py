@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.domain.abort import Abort
-from dvtcli.domain.network.wanted_state import Endpoint
+from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.request import PdoRequest

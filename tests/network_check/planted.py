@@ -14,8 +14,8 @@ from dvtcli.domain.datatypes import BY_SHORT_NAME, U8, U16, U32
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.network.check.checked_network import CheckedNetwork
 from dvtcli.domain.network.heard_traffic import HeardTraffic
+from dvtcli.domain.network.network_config import MasterRole
 from dvtcli.domain.network.network_state import NetworkState, NodeState
-from dvtcli.domain.network.wanted_state import MasterRole
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.object_dictionary import Access, DeviceInfo, ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.domain.pdo import Direction, Pdo, PdoCommunicationParameter, PdoConfig

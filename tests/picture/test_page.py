@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 import dvtcli
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.network.picture import (
     NetworkPicture,
     PictureDifference,
@@ -29,7 +30,6 @@ from dvtcli.domain.network.picture import (
     PictureNode,
     PicturePdo,
 )
-from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.scaling import Scaling
 from dvtcli.errors import SafetyRefusal, UsageError
@@ -81,8 +81,8 @@ class Read(HTMLParser):
         return " ".join(" ".join(self.texts).split())
 
 
-def drawn(tmp_path: Path, file: Path, name: str = "x.html", **wishes: object) -> str:
-    dvtcli.report(tmp_path / name, file, yes=True, **wishes)  # type: ignore[arg-type]
+def drawn(tmp_path: Path, file: Path, name: str = "x.html", **options: object) -> str:
+    dvtcli.report(tmp_path / name, file, yes=True, **options)  # type: ignore[arg-type]
     return (tmp_path / name).read_text("utf-8")
 
 

@@ -12,19 +12,19 @@ from dvtcli.cli.params import TEXT
 
 
 def dbc_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add `--with`, `--split-bits` and `--all`, as one *wishes*. Raises UsageError for an unknown service."""
+    """Add `--with`, `--split-bits` and `--all`, as one *options*. Raises UsageError for an unknown service."""
 
     @wraps(command)
-    def with_wishes(*values: Any, services: str | None, split_bits: bool, everything: bool, **others: Any) -> Any:
+    def with_options(*values: Any, services: str | None, split_bits: bool, everything: bool, **others: Any) -> Any:
         from dvtcli.operations.exchange.dbc_options import DbcOptions
         from dvtcli.operations.exchange.export_dbc import services_of
 
-        return command(*values, wishes=DbcOptions(services_of(services), split_bits, everything), **others)
+        return command(*values, options=DbcOptions(services_of(services), split_bits, everything), **others)
 
     for option in (
         click.option("--all", "everything", is_flag=True, help="DBC: also PDOs that are off."),
         click.option("--split-bits", is_flag=True, help="DBC: a signal for each bit that has a name."),
         click.option("--with", "services", type=TEXT, metavar="LIST", help="DBC: also nmt,sync,emcy,heartbeat,sdo."),
     ):
-        with_wishes = option(with_wishes)
-    return with_wishes
+        with_options = option(with_options)
+    return with_options

@@ -13,7 +13,7 @@ from dvtcli.domain.request import PdoRequest
 
 if TYPE_CHECKING:
     from dvtcli.cli.pdo_params import NodePdo
-    from dvtcli.domain.network.wanted_state import Endpoint
+    from dvtcli.domain.network.network_config import Endpoint
     from dvtcli.domain.pdo import Pdo
     from dvtcli.operations.session.session_nodes import SessionNodes
 
@@ -72,6 +72,6 @@ def one_node(pdos: Iterable[NodePdo]) -> tuple[int | None, list[Pdo]]:
 
 def endpoints(session: SessionNodes, words: Iterable[NodePdo]) -> list[Endpoint]:
     """Return the PDOs of *words*, each with its node."""
-    from dvtcli.domain.network.wanted_state import Endpoint
+    from dvtcli.domain.network.network_config import Endpoint
 
     return [Endpoint(session.node_id() if word.node_id is None else word.node_id, word.pdo) for word in words]

@@ -90,9 +90,9 @@ def command(
 
     as_findings = live or session.output.format in SPECIAL_FORMATS  # so that the rest is looked at, too
     rate = bit_rate or session.options.bitrate
-    wishes = CheckOptions(bit_rate=rate, as_findings=as_findings, for_s=for_s, **chosen)
+    check_options = CheckOptions(bit_rate=rate, as_findings=as_findings, for_s=for_s, **chosen)
     if files and not live:
-        return check_networks(files, wishes)
+        return check_networks(files, check_options)
     from dvtcli.operations.network.check_live import check_all
 
-    return check_all(session, files, wishes)
+    return check_all(session, files, check_options)

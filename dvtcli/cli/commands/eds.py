@@ -28,13 +28,13 @@ class Conversion:
     """The *node* of a network file, by name or node-ID, and options for a DBC file."""
 
     node: str | None
-    wishes: DbcOptions
+    options: DbcOptions
 
     def refuse(self) -> None:
         """Raise UsageError if any option is given, for use with other actions."""
         if self.node is not None:
             raise UsageError("--for belongs to eds convert", hint="eds convert net.yaml node5.cdcf --for 5")
-        if self.wishes:
+        if self.options:
             text = "--with, --split-bits and --all belong to eds convert"
             raise UsageError(text, hint="eds convert net.yaml net.dbc --all")
 
@@ -44,8 +44,8 @@ def convert_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
     @dbc_options
     @wraps(command)
-    def with_conversion(*values: Any, node: str | None, wishes: DbcOptions, **others: Any) -> Any:
-        return command(*values, conversion=Conversion(node, wishes), **others)
+    def with_conversion(*values: Any, node: str | None, options: DbcOptions, **others: Any) -> Any:
+        return command(*values, conversion=Conversion(node, options), **others)
 
     help_ = "convert: the node of a network file, name or node-ID."
     return click.option("--for", "node", type=TEXT, metavar="NODE", help=help_)(with_conversion)
@@ -184,7 +184,7 @@ def _convert(session: Conversation, files: tuple[str, ...], conversion: Conversi
 
     if len(files) != 2:
         raise UsageError("eds convert takes two files", hint="eds convert drive.eds drive.xdd")
-    return convert_file(session, *files, conversion.node, conversion.wishes)
+    return convert_file(session, *files, conversion.node, conversion.options)
 
 
 def _show(session: SessionUser, file: str) -> Facts:

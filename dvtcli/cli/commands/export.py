@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 @click.option("--twice", is_flag=True, help="DCF, XDC: read each object twice, and leave out what changed meanwhile.")
 @click.pass_obj
 @dbc_options
-def command(session: Session, /, file: str, twice: bool, wishes: DbcOptions) -> Facts:
+def command(session: Session, /, file: str, twice: bool, options: DbcOptions) -> Facts:
     """Write the selected node, as it is now, to FILE: its PDOs (.yaml), or all of its configuration (.dcf or .xdc).
 
     In a network file objects have the names of the device's file, with their numbers as comments. A PDO that cannot be
@@ -44,4 +44,4 @@ def command(session: Session, /, file: str, twice: bool, wishes: DbcOptions) -> 
     """
     from dvtcli.operations.exchange.export_file import export_file
 
-    return export_file(session, file, twice=twice, wishes=wishes)
+    return export_file(session, file, twice=twice, options=options)

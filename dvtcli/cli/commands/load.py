@@ -59,11 +59,11 @@ def command(
     """
     from dvtcli.operations.network.network_load import MEASURED_S, LoadOptions, network_load
 
-    wishes = LoadOptions(
+    options = LoadOptions(
         MEASURED_S if for_s is None else for_s,
         bit_rate,
         sync_ms,
         emcy_ms,
         {(node_id, pdo): time for node_id, pdo, time in inhibit},
     )
-    return network_load(session, file, wishes)
+    return network_load(session, file, options)

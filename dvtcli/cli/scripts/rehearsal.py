@@ -14,7 +14,7 @@ from dvtcli.cli.run_line import parse
 from dvtcli.cli.scripts.atomic import final
 from dvtcli.cli.scripts.script_parse import MOST_BYTES, MOST_NESTED, ScriptLine, script_lines, script_of
 from dvtcli.cli.view.typed_hints import error_text
-from dvtcli.device.wish import Wish, unreadable_of
+from dvtcli.device.target_config import TargetConfig, unreadable_of
 from dvtcli.errors import DRY_RUN, DvtcliError, UsageError
 from dvtcli.files.input_file import read_input_head
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 _PLAYED = frozenset({Effect.SELECTS, Effect.CHANGES})
 
 
-def rehearsed(session: Conversation, file: str, node_id: int | None = None) -> dict[int, Wish]:
+def rehearsed(session: Conversation, file: str, node_id: int | None = None) -> dict[int, TargetConfig]:
     """Return the configuration set by the script *file* for each node; *node_id* is selected at its beginning.
 
     Starts from the nodes' present values. Raises the errors of `run`, with FILE:LINE.
@@ -36,14 +36,14 @@ def rehearsed(session: Conversation, file: str, node_id: int | None = None) -> d
     stage.scripts.append(file)
     stage.selected = stage.selected if node_id is None else node_id
     _play(stage, [file])
-    wishes = {node_id: _wish(node) for node_id, node in sorted(stage.network.nodes.items())}
-    return {node_id: wish for node_id, wish in wishes.items() if wish or wish.unreadable}
+    configs = {node_id: _config(node) for node_id, node in sorted(stage.network.nodes.items())}
+    return {node_id: target for node_id, target in configs.items() if target or target.unreadable}
 
 
-def _wish(twin: Node) -> Wish:
+def _config(twin: Node) -> TargetConfig:
     """Return the values set on *twin*, with each changed PDO as a whole at the script's end."""
     pdos = {pdo: twin.pdo(pdo) for pdo in twin.wanted}
-    return Wish(pdos, dict(twin.wanted_values), dict(twin.said), unreadable=unreadable_of(twin))
+    return TargetConfig(pdos, dict(twin.wanted_values), dict(twin.said), unreadable=unreadable_of(twin))
 
 
 def _play(stage: SessionUser, sources: Sequence[str]) -> None:

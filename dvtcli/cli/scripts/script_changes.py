@@ -64,9 +64,9 @@ class NodeRolledBack:
             return
         from dvtcli.device.change.expected import still_there
         from dvtcli.device.change.undo_plan import beginnings
-        from dvtcli.device.wish import unlike
+        from dvtcli.device.target_config import config_differences
 
-        if lost := unlike(self.node, still_there(self.node, beginnings(self.made))):
+        if lost := config_differences(self.node, still_there(self.node, beginnings(self.made))):
             raise DeviceRefused(f"it does not hold what it held before: {lost[0][0]} {lost[0][1]}")
 
 

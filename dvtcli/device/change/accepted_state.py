@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from dvtcli.device.wish import differences
+from dvtcli.device.target_config import differences
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange
 from dvtcli.domain.ports import SdoTransport

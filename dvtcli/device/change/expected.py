@@ -16,7 +16,7 @@ from dvtcli.errors import SafetyRefusal
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode
-    from dvtcli.device.wish import Difference, Wish
+    from dvtcli.device.target_config import Difference, TargetConfig
     from dvtcli.domain.plan import Change
 
 
@@ -80,17 +80,19 @@ class Expected:
 
     def lost(self, node: ReadableNode, labels: Collection[str]) -> list[str]:
         """The differences between *node*, read again now, and the changes called *labels*."""
-        from dvtcli.device.wish import Wish, unlike
+        from dvtcli.device.target_config import TargetConfig, config_differences
 
         pdos = {pdo: wanted for pdo, wanted in self.pdos.items() if pdo.label in labels}
         values = {place: data for place, data in self.values.items() if f"{place[0]:04X}:{place[1]:02X}" in labels}
         if not pdos and not values:
             return []
-        return [f"{label} {text}" for label, text in unlike(node, still_there(node, Wish(pdos, values)))]
+        return [
+            f"{label} {text}" for label, text in config_differences(node, still_there(node, TargetConfig(pdos, values)))
+        ]
 
     def _differences(self, node: ReadableNode) -> Iterator[tuple[str, str, str]]:
         """Each difference as label, object and description."""
-        from dvtcli.device.wish import differences
+        from dvtcli.device.target_config import differences
 
         held = node.pdos() if self.pdos else {}
         for pdo, wanted in self.pdos.items():
@@ -108,19 +110,21 @@ class Expected:
 
 def no_longer_held(node: ReadableNode, changes: Iterable[Change]) -> tuple[Difference, ...]:
     """The results of *changes* lost by *node*, read again."""
-    from dvtcli.device.wish import Wish, unlike
+    from dvtcli.device.target_config import TargetConfig, config_differences
 
     expected = Expected()
     for change in changes:
         expected.changed(change)
-    return unlike(node, still_there(node, Wish(expected.pdos, expected.values)))
+    return config_differences(node, still_there(node, TargetConfig(expected.pdos, expected.values)))
 
 
-def still_there(node: ReadableNode, wish: Wish) -> Wish:
-    """*wish* without commands and target values of the machine, which change all the time."""
-    from dvtcli.device.wish import Wish
+def still_there(node: ReadableNode, target: TargetConfig) -> TargetConfig:
+    """*target* without commands and target values of the machine, which change all the time."""
+    from dvtcli.device.target_config import TargetConfig
 
-    return Wish(wish.pdos, {place: value for place, value in wish.values.items() if not moves(node, *place)})
+    return TargetConfig(
+        target.pdos, {place: value for place, value in target.values.items() if not moves(node, *place)}
+    )
 
 
 def moves(node: ReadableNode, index: int, sub_index: int) -> bool:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.change_guard import who_else
 from dvtcli.device.stamped import is_stamp, stamp_back
-from dvtcli.device.wish import Wish, differences, unlike
+from dvtcli.device.target_config import TargetConfig, config_differences, differences
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import STAMP, Change, PdoChange, Plan, Step, ValueChange, alters, plan_pdo
@@ -199,12 +199,12 @@ def refuse_unless_left(node: Changeable, plans: Sequence[Plan], count: int) -> i
     node has other values.
     """
     refuse_gap(node, plans[-count:])
-    found = unlike(node, _ends(plans[-count:]))
+    found = config_differences(node, _ends(plans[-count:]))
     if not found:
         return count
     for gone in range(1, len(plans) + 1):
         left = plans[len(plans) - count : len(plans) - gone]
-        if not unlike(node, beginnings(plans[-gone:])) and not unlike(node, _ends(left)):
+        if not config_differences(node, beginnings(plans[-gone:])) and not config_differences(node, _ends(left)):
             return max(gone, count)
     raise SafetyRefusal(
         f"node {node.node_id} does not hold what that change left: {found[0][0]} {found[0][1]}",
@@ -216,35 +216,35 @@ def refuse_unless_left(node: Changeable, plans: Sequence[Plan], count: int) -> i
     )
 
 
-def _ends(plans: Sequence[Plan]) -> Wish:
+def _ends(plans: Sequence[Plan]) -> TargetConfig:
     """The final values of *plans*."""
     return _wish((change for plan in plans for change in plan.changes), before=False)
 
 
-def beginnings(plans: Sequence[Plan]) -> Wish:
+def beginnings(plans: Sequence[Plan]) -> TargetConfig:
     """The values before the first of *plans*."""
     return _wish((change for plan in reversed(plans) for change in reversed(plan.changes)), before=True)
 
 
-def _wish(changes: Iterable[Change], *, before: bool) -> Wish:
+def _wish(changes: Iterable[Change], *, before: bool) -> TargetConfig:
     """The last result per object in *changes*, or the first value if *before*.
 
     Without unreadable objects, without entries behind a mapping's count (meaningless), and without our stamps, which
     devices clear by themselves and which do not come back.
     """
-    wish, own = Wish(), False
+    target, own = TargetConfig(), False
     for change in changes:
         if isinstance(change, PdoChange):
-            wish.pdos[change.pdo] = change.before if before else change.after
+            target.pdos[change.pdo] = change.before if before else change.after
             continue
         step = change.step
         if step.before is not None and Pdo.at(step.index) is None:
-            wish.values[step.index, step.sub_index] = step.before if before else step.after
+            target.values[step.index, step.sub_index] = step.before if before else step.after
         own = own or ((step.index, step.sub_index) == (STAMP, DATE) and _is_own_date(step))
     if own:
         for sub_index in (DATE, TIME):
-            wish.values.pop((STAMP, sub_index), None)
-    return wish
+            target.values.pop((STAMP, sub_index), None)
+    return target
 
 
 def _is_own_date(step: Step) -> bool:

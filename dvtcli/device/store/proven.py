@@ -14,8 +14,8 @@ from dvtcli.device.store.canary import AnyPlace, Canary, choose_canary
 from dvtcli.device.store.pending import COMMUNICATION, EVERYTHING
 from dvtcli.device.store.snapshot import Snapshot
 from dvtcli.device.store.store_parameters import STORE, Signed, chosen, word_of
-from dvtcli.device.wish import Says, unlike_values, value_in_hex
-from dvtcli.device.wish import differences as pdo_differences
+from dvtcli.device.target_config import Says, value_differences, value_in_hex
+from dvtcli.device.target_config import differences as pdo_differences
 from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
@@ -164,7 +164,7 @@ def _refuse_altered(node: Node, before: Snapshot, place: AnyPlace) -> None:
 
 def _unlike(node: ReadableNode, before: Snapshot, pdos: Pdos) -> list[str]:
     """The differences between *node*, whose *pdos* were just read, and *before*, in words."""
-    values = (f"{place}: {text}" for place, text in unlike_values(node, before.values))
+    values = (f"{place}: {text}" for place, text in value_differences(node, before.values))
     return [*_differences(before.pdos, pdos), *values]
 
 
@@ -224,7 +224,7 @@ def prove_store(
         found = node.access.state()
         canary, blind = _canary(node, place, signed)
         after, lost, survived = _restarted(node, restart, canary)
-        unlike = [f"{place}: {text}" for place, text in unlike_values(node, values, says)]
+        unlike = [f"{place}: {text}" for place, text in value_differences(node, values, says)]
         return_to(node.access, found)
     hint = _POWER
     if survived is not None:

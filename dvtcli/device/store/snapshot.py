@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.process_data import is_no_setting
 from dvtcli.device.read_pdos import UNREADABLE
 from dvtcli.device.store.pending import GROUPS
-from dvtcli.device.wish import Place
+from dvtcli.device.target_config import Place
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Plan, ValueChange
 from dvtcli.domain.rules.raw_write import why_unreadable

@@ -10,7 +10,7 @@ from dvtcli.device.access_level import level_finding
 from dvtcli.device.change.applied import refuse
 from dvtcli.device.change.change_guard import who_else
 from dvtcli.device.store.pending import CHANGE
-from dvtcli.device.wish import differences, unlike_values
+from dvtcli.device.target_config import differences, value_differences
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.plan import PdoChange, alters
 from dvtcli.errors import InputFileError, SafetyRefusal, SdoAborted, UsageError
@@ -61,7 +61,7 @@ def _is_held(node: ReadableNode, change: Change) -> bool:
         if isinstance(change, PdoChange):
             return not list(differences(change.pdo, change.after, node.pdo(change.pdo)))
         place = change.step.index, change.step.sub_index
-        return change.step.before is not None and not list(unlike_values(node, {place: change.step.after}))
+        return change.step.before is not None and not list(value_differences(node, {place: change.step.after}))
     return False
 
 

@@ -14,6 +14,7 @@ from math import lcm
 
 from dvtcli.domain.bus_load import arbitration, most_frame_bits
 from dvtcli.domain.frame import byte_length
+from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.network.network_state import (
     EMCY_INHIBIT,
     GUARD_TIME,
@@ -26,7 +27,6 @@ from dvtcli.domain.network.network_state import (
     NodeState,
     identifier_of,
 )
-from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.services import PRODUCES
 from dvtcli.domain.text import join_some, plural

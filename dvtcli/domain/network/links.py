@@ -12,7 +12,7 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import DataType
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.mapping import DUMMY_BITS, MAX_PDO_BITS, PdoMappingEntry, split_dummy, total_bits
-from dvtcli.domain.network.wanted_state import Endpoint, LinkWish
+from dvtcli.domain.network.network_config import Endpoint, LinkConfig
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.process_data import commanded_by_other, is_controlword
@@ -53,7 +53,7 @@ Configs = Mapping[int, Mapping[Pdo, PdoConfig]]
 class FoundLinks:
     """The *links* found, and RPDOs whose layout is *unlike* the TPDO's: consumer and producer."""
 
-    links: tuple[LinkWish, ...]
+    links: tuple[LinkConfig, ...]
     unlike: tuple[tuple[Endpoint, Endpoint], ...] = ()
 
 
@@ -77,7 +77,7 @@ def found_links(held: Configs, watches: Callable[[int, int], bool]) -> FoundLink
     links = []
     for producer, ends in sorted(consumers.items(), key=lambda item: (item[0].node_id, item[0].pdo)):
         all_watch = all(watches(end.node_id, producer.node_id) for end in ends)
-        links.append(LinkWish(producer, tuple(ends), None if all_watch else False))
+        links.append(LinkConfig(producer, tuple(ends), None if all_watch else False))
     return FoundLinks(tuple(links), tuple(unlike))
 
 

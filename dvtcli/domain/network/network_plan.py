@@ -29,7 +29,7 @@ class LeftOut:
 
 
 @dataclass(frozen=True, slots=True)
-class Lacked:
+class MissingObject:
     """A PDO (*pdo*) or an *object* (`2999:01`) in a file that device *node_id* lacks: *finding*.
 
     *complaint* is its place in the file, None without a file; *abort* the device's SDO abort code.
@@ -154,7 +154,7 @@ class NetworkPlan:
     #: node-IDs in the file without download by the manager, as they have no known EDS
     untold: tuple[int, ...] = ()
     #: parts of the file that devices lack: the plan then has only the other differences, and cannot be applied
-    lacking: tuple[Lacked, ...] = ()
+    lacking: tuple[MissingObject, ...] = ()
     #: PDOs that the file only links with missing PDOs: their intended configuration is unknown
     torn: tuple[tuple[int, Pdo], ...] = ()
 

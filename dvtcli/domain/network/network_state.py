@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from dvtcli.domain.network.wanted_state import NOWHERE, Endpoint, LinkWish, Mark, MasterRole
+from dvtcli.domain.network.network_config import NOWHERE, Endpoint, LinkConfig, Mark, MasterRole
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.profile import GENERIC, DeviceProfile
@@ -155,7 +155,7 @@ class NetworkState:
 
     nodes: tuple[NodeState, ...] = ()
     master: MasterRole | None = None
-    links: tuple[LinkWish, ...] = ()
+    links: tuple[LinkConfig, ...] = ()
     file: str = ""
     untold: tuple[int, ...] = ()
 

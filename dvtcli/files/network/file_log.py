@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from dvtcli.domain.file_complaint import FileComplaint
-from dvtcli.domain.network.wanted_state import FileNote, Mark
+from dvtcli.domain.network.network_config import FileNote, Mark
 from dvtcli.domain.text import plural
 from dvtcli.errors import InputFileError
 

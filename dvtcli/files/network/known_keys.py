@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from dvtcli.domain.network.wanted_state import Mark
+from dvtcli.domain.network.network_config import Mark
 from dvtcli.files.network import leaves
 from dvtcli.files.network.file_log import FileLog, spelled
 from dvtcli.files.network.network_keys import OF, Kind, NetworkKey, Where

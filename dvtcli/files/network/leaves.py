@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from typing import Literal
 
-from dvtcli.domain.network.wanted_state import FileWord
+from dvtcli.domain.network.network_config import FileWord
 from dvtcli.domain.object_syntax import parse_object
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.network_keys import STORE_WORDS, NetworkKey

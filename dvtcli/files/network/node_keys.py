@@ -7,18 +7,18 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from dvtcli.domain.cob_id import HIGHEST_BASE_CAN_ID, CobId
-from dvtcli.domain.network.wanted_state import (
+from dvtcli.domain.network.network_config import (
     NOWHERE,
+    ExpectedIdentity,
     FileWord,
     HeartbeatWatch,
     Mark,
     MasterRole,
-    NodeWish,
-    ObjectWish,
-    PdoWish,
-    PinWish,
-    ValueWish,
-    WantedIdentity,
+    NodeConfig,
+    ObjectConfig,
+    PartialPdoConfig,
+    PinConfig,
+    ValueConfig,
 )
 from dvtcli.domain.object_syntax import parse_object
 from dvtcli.domain.pdo import MAX_PDO_NUMBER, Direction, Pdo
@@ -37,7 +37,7 @@ _SUB_INDICES = {
 }  # fmt: skip
 
 
-def read_pdos(branch: Branch, direction: Direction, title: str, log: FileLog) -> Iterator[PdoWish]:
+def read_pdos(branch: Branch, direction: Direction, title: str, log: FileLog) -> Iterator[PartialPdoConfig]:
     """Read the PDOs of *branch*, which has PDO numbers as keys."""
     lines: dict[int, int] = {}
     for leaf, value in branch.items.values():
@@ -57,14 +57,14 @@ def read_pdos(branch: Branch, direction: Direction, title: str, log: FileLog) ->
         if isinstance(value, Branch):
             yield replace(_pdo(pdo, value, f"{pdo.label} of {title}", log), mark=leaf.mark)
         elif isinstance(value, Leaf) and value.is_null:
-            yield PdoWish(pdo, mark=leaf.mark)
+            yield PartialPdoConfig(pdo, mark=leaf.mark)
         else:
             log.complain(value.mark, f"keys and values of {pdo.label} belong here, not {leaves.shown(value)}")
 
 
-def _pdo(pdo: Pdo, branch: Branch, title: str, log: FileLog) -> PdoWish:
+def _pdo(pdo: Pdo, branch: Branch, title: str, log: FileLog) -> PartialPdoConfig:
     found = read_keys(branch, Where.TPDO if pdo.is_tpdo else Where.RPDO, title, log)
-    wish = PdoWish(
+    config = PartialPdoConfig(
         pdo,
         enabled=found.get("enabled"),
         rtr_allowed=found.get("rtr_allowed"),
@@ -75,7 +75,7 @@ def _pdo(pdo: Pdo, branch: Branch, title: str, log: FileLog) -> PdoWish:
         mapping=_mapping(found["mapping"], title, log) if "mapping" in found else None,
         keys={sub_index: key_mark(branch, name) for name, sub_index in _SUB_INDICES.items() if name in branch.items},
     )
-    return _with_cob_id(wish, found["cob_id"], branch, log) if "cob_id" in found else wish
+    return _with_cob_id(config, found["cob_id"], branch, log) if "cob_id" in found else config
 
 
 def _inhibit(branch: Branch, found: dict[str, Any], log: FileLog) -> int | None:
@@ -89,24 +89,24 @@ def _inhibit(branch: Branch, found: dict[str, Any], log: FileLog) -> int | None:
     return found.get("inhibit_time")
 
 
-def _with_cob_id(wish: PdoWish, said: int | str, branch: Branch, log: FileLog) -> PdoWish:
-    """Return *wish* with a COB-ID as in dcfgen: bits 31, 30 and 29 are part of the number."""
+def _with_cob_id(config: PartialPdoConfig, said: int | str, branch: Branch, log: FileLog) -> PartialPdoConfig:
+    """Return *config* with a COB-ID as in dcfgen: bits 31, 30 and 29 are part of the number."""
     if said == "auto":
-        return replace(wish, cob_id="auto")
+        return replace(config, cob_id="auto")
     cob_id, mark = CobId.from_raw(int(said)), branch.items["cob_id"][1].mark
     if cob_id.can_id > HIGHEST_BASE_CAN_ID and not cob_id.extended:
         log.complain(mark, f"CAN-ID 0x{cob_id.can_id:X} has more than 11 bits; bit 29 (0x20000000) makes a 29-bit one")
     if not cob_id.rtr_allowed:
-        if wish.rtr_allowed:
+        if config.rtr_allowed:
             log.complain(mark, "bit 30 of cob_id forbids RTR, and rtr_allowed allows it")
-        wish = replace(wish, rtr_allowed=False)
+        config = replace(config, rtr_allowed=False)
     if not cob_id.valid:
-        if wish.enabled:
+        if config.enabled:
             log.note(mark, "bit 31 of cob_id disables the PDO, whatever enabled says; so does dcfgen")
-        wish = replace(wish, enabled=False)
+        config = replace(config, enabled=False)
         if not cob_id.can_id:
-            return wish  # 0x80000000 says off, and no CAN-ID
-    return replace(wish, cob_id=cob_id.can_id, extended=cob_id.extended)
+            return config  # 0x80000000 says off, and no CAN-ID
+    return replace(config, cob_id=cob_id.can_id, extended=cob_id.extended)
 
 
 def _mapping(row: YamlList, title: str, log: FileLog) -> tuple[FileWord, ...]:
@@ -141,15 +141,15 @@ class Surroundings:
     multiplier: float
 
 
-def read_node(name: str, branch: Branch, around: Surroundings, log: FileLog) -> NodeWish | None:
+def read_node(name: str, branch: Branch, around: Surroundings, log: FileLog) -> NodeConfig | None:
     """Read the node *name*; None after a complaint about its node-ID."""
     found = read_keys(branch, Where.NODE, f"node {name}", log)
-    objects = tuple(sorted(_objects(branch, found, log), key=lambda wish: (wish.index, wish.sub_index)))
+    objects = tuple(sorted(_objects(branch, found, log), key=lambda config: (config.index, config.sub_index)))
     values = tuple(_values(found.get("sdo"), f"sdo of {name}", {(o.index, o.sub_index): o for o in objects}, log))
     watches = tuple(sorted(_watches(branch, found, around, log), key=lambda watch: watch.producer))
     pins = tuple(_pins(found.get("vpdo"), log))
     identity, identity_marks = _identity(branch, found, name, log)
-    pdos = sorted(_pdos(found, name, log), key=lambda wish: (not wish.pdo.is_tpdo, wish.pdo.number))
+    pdos = sorted(_pdos(found, name, log), key=lambda config: (not config.pdo.is_tpdo, config.pdo.number))
     if found.get("stamp") and found.get("store") not in ("all", "1"):
         log.complain(key_mark(branch, "stamp"), "a stamp that is not stored with all the rest vouches for nothing: "
                      "it needs store: true")  # fmt: skip
@@ -158,7 +158,7 @@ def read_node(name: str, branch: Branch, around: Surroundings, log: FileLog) -> 
     profile: FileWord | None = found.get("profile")
     if "dcf" in found and "eds" in found:
         log.note(key_mark(branch, "eds"), "eds is left alone: dcf is what describes the node")
-    return NodeWish(
+    return NodeConfig(
         name, found["node_id"], identity, None if profile is None else profile.text,
         found.get("dcf", found.get("eds")),
         tuple(pdos), objects, values, watches, pins,
@@ -170,13 +170,15 @@ def read_node(name: str, branch: Branch, around: Surroundings, log: FileLog) -> 
     )  # fmt: skip
 
 
-def _pdos(found: dict[str, Any], name: str, log: FileLog) -> Iterator[PdoWish]:
+def _pdos(found: dict[str, Any], name: str, log: FileLog) -> Iterator[PartialPdoConfig]:
     for direction in (Direction.TPDO, Direction.RPDO):
         if str(direction) in found:
             yield from read_pdos(found[str(direction)], direction, f"node {name}", log)
 
 
-def _identity(branch: Branch, found: dict[str, Any], name: str, log: FileLog) -> tuple[WantedIdentity, dict[int, Mark]]:
+def _identity(
+    branch: Branch, found: dict[str, Any], name: str, log: FileLog
+) -> tuple[ExpectedIdentity, dict[int, Mark]]:
     """Read `identity` and dcfgen's keys (0: not asked for), with their places by sub-index."""
     said: dict[str, int] = {}
     marks: dict[str, Mark] = {}
@@ -189,28 +191,28 @@ def _identity(branch: Branch, found: dict[str, Any], name: str, log: FileLog) ->
             log.complain(key_mark(branch, theirs), f"{theirs} is not what identity says of {own}")
         elif value:
             marks.setdefault(own, key_mark(branch, theirs))
-    return WantedIdentity(**said), {sub: marks[own] for sub, own in enumerate(_IDENTITY, 1) if own in marks}
+    return ExpectedIdentity(**said), {sub: marks[own] for sub, own in enumerate(_IDENTITY, 1) if own in marks}
 
 
-def _objects(branch: Branch, found: dict[str, Any], log: FileLog) -> Iterator[ObjectWish]:
+def _objects(branch: Branch, found: dict[str, Any], log: FileLog) -> Iterator[ObjectConfig]:
     for key in OF[Where.NODE].values():
         if key.object is not None and key.name in found:
             index, sub_index, size = key.object
             data = int(found[key.name]).to_bytes(size, "little")
-            yield ObjectWish(key.name, index, sub_index, data, key_mark(branch, key.name))
+            yield ObjectConfig(key.name, index, sub_index, data, key_mark(branch, key.name))
     behaviour: Branch | None = found.get("error_behavior")
     for leaf, value in behaviour.items.values() if behaviour else ():
         behaves = number_key(leaf, 1, 254, "sub-index of 0x1029", log)
         number = leaves.integer(value, OF[Where.NODE]["error_behavior"], log)
         if behaves is not None and number is not None:
-            yield ObjectWish("error_behavior", _ERROR_BEHAVIOUR, behaves, bytes([number]), leaf.mark)
+            yield ObjectConfig("error_behavior", _ERROR_BEHAVIOUR, behaves, bytes([number]), leaf.mark)
 
 
 def _values(
-    row: YamlList | None, title: str, said: Mapping[tuple[int, int], ObjectWish], log: FileLog
-) -> Iterator[ValueWish]:
+    row: YamlList | None, title: str, said: Mapping[tuple[int, int], ObjectConfig], log: FileLog
+) -> Iterator[ValueConfig]:
     """Read the entries of `sdo`; *said* are the objects already set by the node's keys."""
-    wishes: dict[str, ValueWish] = {}
+    configs: dict[str, ValueConfig] = {}
     for tree in row.items if row else ():
         if not isinstance(tree, Branch):
             log.complain(tree.mark, f"index, sub_index and value belong here, not {leaves.shown(tree)}")
@@ -219,18 +221,18 @@ def _values(
         word = _object(tree, found, title, log)
         if word is None or ("value" in tree.items and "value" not in found):
             continue
-        wish = ValueWish(word, found.get("value", FileWord("0")))
-        earlier = wishes.setdefault(word.text, wish)
+        config = ValueConfig(word, found.get("value", FileWord("0")))
+        earlier = configs.setdefault(word.text, config)
         own = said.get(parse_object(word.text) or (-1, -1))
         if own is not None:
             text = f"{word.text} is what {own.key} of this node sets already"
-            if _number_in(wish.value.text) == int.from_bytes(own.data, "little"):
+            if _number_in(config.value.text) == int.from_bytes(own.data, "little"):
                 log.note(word.mark, f"{text}, to the same value")
             else:
                 log.complain(word.mark, text)
-        elif earlier is wish:
-            yield wish
-        elif _same_text(wish.value.text, earlier.value.text):
+        elif earlier is config:
+            yield config
+        elif _same_text(config.value.text, earlier.value.text):
             log.note(word.mark, f"{word.text} has this value already (line {earlier.object.mark.line})")
         else:
             text = f"{word.text} has a value already (line {earlier.object.mark.line}), and can have one only"
@@ -303,16 +305,16 @@ def _of_the_master(
     yield HeartbeatWatch(master.node_id or 0, time_ms, watch.mark)
 
 
-def _pins(groups: Branch | None, log: FileLog) -> Iterator[PinWish]:
+def _pins(groups: Branch | None, log: FileLog) -> Iterator[PinConfig]:
     key = OF[Where.NODE]["vpdo"]
     for group, (leaf, value) in sorted(groups.items.items()) if groups else ():
         pins = leaves.table(value, key, log)
-        seen: dict[int, PinWish] = {}
+        seen: dict[int, PinConfig] = {}
         for pin_leaf, tied in pins.items.values() if pins else ():
             pin = number_key(pin_leaf, 1, 254, "pin", log)
             word = leaves.object_word(tied, log)
             if pin in seen:
                 log.complain(pin_leaf.mark, f"pin {pin} of {leaf.text} is given twice")
             elif pin is not None and word is not None:
-                seen[pin] = PinWish(group, pin, None if word.text == NONE else word, pin_leaf.mark)
+                seen[pin] = PinConfig(group, pin, None if word.text == NONE else word, pin_leaf.mark)
         yield from (seen[pin] for pin in sorted(seen))

@@ -13,7 +13,7 @@ from dvtcli.files.network.yaml_tree import Branch, Leaf, Tree, YamlList
 
 if TYPE_CHECKING:
     from dvtcli.domain.meanings import Rules
-    from dvtcli.domain.network.wanted_state import NodeWish
+    from dvtcli.domain.network.network_config import NodeConfig
 
 
 def read_physical(branch: Branch, log: FileLog) -> Iterator[tuple[str, str]]:
@@ -33,7 +33,7 @@ def rules_of(physical: Iterable[tuple[str, str]]) -> Rules:
     return _rules({name: json.loads(text) for name, text in physical}, "")
 
 
-def rules_by_node(nodes: Iterable[NodeWish]) -> dict[int, Rules]:
+def rules_by_node(nodes: Iterable[NodeConfig]) -> dict[int, Rules]:
     """Return `rules_of` for each of *nodes*, by node-ID."""
     return {node.node_id: rules_of(node.physical) for node in nodes}
 

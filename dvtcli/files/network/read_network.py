@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from dvtcli.domain.network.wanted_state import Endpoint, LinkWish, Mark, MasterRole, NetworkWish, NodeWish
+from dvtcli.domain.network.network_config import Endpoint, LinkConfig, Mark, MasterRole, NetworkConfig, NodeConfig
 from dvtcli.domain.pdo import Direction, Pdo
 from dvtcli.errors import InputFileError
 from dvtcli.files.input_file import read_input
@@ -21,7 +21,7 @@ from dvtcli.files.network.node_keys import Surroundings, read_node
 from dvtcli.files.network.yaml_tree import Branch, Leaf, Tree, YamlList, overlaid, read_tree
 
 
-def read_links(row: YamlList, node_ids: Mapping[str, int], log: FileLog) -> Iterator[LinkWish]:
+def read_links(row: YamlList, node_ids: Mapping[str, int], log: FileLog) -> Iterator[LinkConfig]:
     """Read the links of *row*; *node_ids* are the file's nodes by name."""
     heard: dict[Endpoint, int] = {}
     for tree in row.items:
@@ -45,7 +45,7 @@ def read_links(row: YamlList, node_ids: Mapping[str, int], log: FileLog) -> Iter
                 heard[consumer] = endpoint.mark.line
                 consumers.append(consumer)
         if producer is not None and consumers:
-            yield LinkWish(producer, tuple(consumers), found.get("heartbeat"), tree.mark)
+            yield LinkConfig(producer, tuple(consumers), found.get("heartbeat"), tree.mark)
 
 
 def _endpoint(tree: Tree, direction: Direction, node_ids: Mapping[str, int], log: FileLog) -> Endpoint | None:
@@ -83,13 +83,13 @@ _NODE_ID = OF[Where.NODE]["node_id"]
 #: returns why a key's word names nothing, empty if valid
 WhyNot = Callable[[str], str]
 #: returns why a node cannot have its modules, empty if it can, or nobody knows
-WhyNoModules = Callable[[NodeWish], str]
+WhyNoModules = Callable[[NodeConfig], str]
 Named = dict[str, tuple[Leaf, Branch]]
 
 
 def read_network_file(
     path: Path, why_not: Mapping[str, WhyNot] | None = None, why_no_modules: WhyNoModules | None = None
-) -> NetworkWish:
+) -> NetworkConfig:
     """Read the configuration in the file *path*.
 
     *why_not* has, for `dcf` and `profile`, a function from a word to the reason why it names nothing (empty if valid);
@@ -115,34 +115,34 @@ def read_network(
     file: str,
     why_not: Mapping[str, WhyNot] | None = None,
     why_no_modules: WhyNoModules | None = None,
-) -> NetworkWish:
+) -> NetworkConfig:
     """Read the configuration in *text*; *file* is its name for messages, the others are as in `read_network_file`.
 
     Raises InputFileError with all errors.
     """
     log = FileLog(file, text)
     tree = read_tree(text, log)
-    wish = _network(tree, log) if isinstance(tree, Branch) else NetworkWish()
-    for key, mark, word in sorted({named for node in wish.nodes for named in _named(node)}):
+    config = _network(tree, log) if isinstance(tree, Branch) else NetworkConfig()
+    for key, mark, word in sorted({named for node in config.nodes for named in _named(node)}):
         if why_not is not None and key in why_not and (reason := why_not[key](word)):
             log.complain(mark, reason)
-    _complain_of_modules(wish, why_no_modules, log)
+    _complain_of_modules(config, why_no_modules, log)
     if not isinstance(tree, Branch) and log.is_silent:
         log.complain(tree.mark if tree else Mark(1, 1), "a network is written as keys and values")
     log.end()
-    return wish
+    return config
 
 
-def _complain_of_modules(wish: NetworkWish, why_no_modules: WhyNoModules | None, log: FileLog) -> None:
+def _complain_of_modules(config: NetworkConfig, why_no_modules: WhyNoModules | None, log: FileLog) -> None:
     """Complain about modules that the file of a node does not have, once that file is right."""
     if why_no_modules is None or not log.is_silent:
         return
-    for node in wish.nodes:
+    for node in config.nodes:
         if node.modules is not None and (reason := why_no_modules(node)):
             log.complain(node.modules_mark, reason)
 
 
-def _named(node: NodeWish) -> Iterator[tuple[str, Mark, str]]:
+def _named(node: NodeConfig) -> Iterator[tuple[str, Mark, str]]:
     """Iterate over words of *node* that name a file or a family, each with its key and place."""
     if node.dcf is not None:
         yield "dcf", node.dcf.mark, node.dcf.text
@@ -150,7 +150,7 @@ def _named(node: NodeWish) -> Iterator[tuple[str, Mark, str]]:
         yield "profile", node.profile_mark, node.profile
 
 
-def _network(root: Branch, log: FileLog) -> NetworkWish:
+def _network(root: Branch, log: FileLog) -> NetworkConfig:
     known = {name: pair for name, pair in root.items.items() if name in OF[Where.FILE]}
     found = read_keys(Branch(root.mark, known), Where.FILE, "this file", log)
     defaults = found.get("defaults") or Branch(root.mark, {})
@@ -170,10 +170,10 @@ def _network(root: Branch, log: FileLog) -> NetworkWish:
     if not named and log.is_silent:
         log.complain(root.mark, "no node is in this file")
     links = tuple(read_links(found["links"], node_ids, log)) if "links" in found else ()
-    return NetworkWish(tuple(sorted(nodes, key=lambda node: node.node_id)), links, master, said, log.notes())
+    return NetworkConfig(tuple(sorted(nodes, key=lambda node: node.node_id)), links, master, said, log.notes())
 
 
-def _read_all(named: Named, around: Surroundings, log: FileLog) -> Iterator[NodeWish]:
+def _read_all(named: Named, around: Surroundings, log: FileLog) -> Iterator[NodeConfig]:
     for name, (leaf, branch) in named.items():
         node = read_node(name, branch, around, log)
         if node is not None:

@@ -6,7 +6,15 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.network.wanted_state import Endpoint, LinkWish, MasterRole, NetworkWish, NodeWish, PdoWish, PinWish
+from dvtcli.domain.network.network_config import (
+    Endpoint,
+    LinkConfig,
+    MasterRole,
+    NetworkConfig,
+    NodeConfig,
+    PartialPdoConfig,
+    PinConfig,
+)
 from dvtcli.domain.pdo import Direction
 from dvtcli.files.network.network_keys import OF, STORE_WORDS, Where
 
@@ -21,18 +29,18 @@ Remarks = Mapping[str, str]
 NodeRemarks = Mapping[tuple[int, str], str]
 
 
-def write_network(wish: NetworkWish, title: str = "", remarks: NodeRemarks | None = None) -> str:
-    """Return the text of *wish*; *title* is the first line, *remarks* are comments behind words, e.g. names."""
-    names = {node.node_id: node.name for node in wish.nodes}
+def write_network(config: NetworkConfig, title: str = "", remarks: NodeRemarks | None = None) -> str:
+    """Return the text of *config*; *title* is the first line, *remarks* are comments behind words, e.g. names."""
+    names = {node.node_id: node.name for node in config.nodes}
     lines = [f"# {_one_line(title)}"] if title else []
-    if wish.multiplier is not None:
-        lines += ["options:", f"  heartbeat_multiplier: {wish.multiplier:.12g}"]
-    lines += [*_master(wish.master), "nodes:"]
-    for node in wish.nodes:
+    if config.multiplier is not None:
+        lines += ["options:", f"  heartbeat_multiplier: {config.multiplier:.12g}"]
+    lines += [*_master(config.master), "nodes:"]
+    for node in config.nodes:
         here = {word: text for (node_id, word), text in (remarks or {}).items() if node_id == node.node_id}
         lines += [f"  {_word(node.name)}:", *(f"    {line}" for line in _node(node, names, here))]
-    if wish.links:
-        lines += ["links:", *(line for link in wish.links for line in _link(link, names))]
+    if config.links:
+        lines += ["links:", *(line for link in config.links for line in _link(link, names))]
     return "\n".join([*lines, ""])
 
 
@@ -71,7 +79,7 @@ def _master(master: MasterRole | None) -> Iterator[str]:
     yield from (f"  {key}: {value}" for key, value in said.items() if value is not None)
 
 
-def _node(node: NodeWish, names: Mapping[int, str], remarks: Remarks) -> Iterator[str]:
+def _node(node: NodeConfig, names: Mapping[int, str], remarks: Remarks) -> Iterator[str]:
     yield f"node_id: {node.node_id}"
     yield from _device(node)
     yield from _objects(node)
@@ -81,10 +89,10 @@ def _node(node: NodeWish, names: Mapping[int, str], remarks: Remarks) -> Iterato
             name = names.get(watch.producer)
             yield f"  {watch.producer if name is None else _word(name)}: {watch.time_ms}"
     for direction in (Direction.TPDO, Direction.RPDO):
-        wishes = [wish for wish in node.pdos if wish.pdo.direction is direction]
-        if wishes:
+        configs = [config for config in node.pdos if config.pdo.direction is direction]
+        if configs:
             yield f"{direction}:"
-            yield from (f"  {line}" for wish in wishes for line in _pdo(wish, remarks))
+            yield from (f"  {line}" for config in configs for line in _pdo(config, remarks))
     if node.values:
         yield "sdo:"
         for value in node.values:
@@ -97,7 +105,7 @@ def _node(node: NodeWish, names: Mapping[int, str], remarks: Remarks) -> Iterato
     yield from _ways(node)
 
 
-def _device(node: NodeWish) -> Iterator[str]:
+def _device(node: NodeConfig) -> Iterator[str]:
     """Write the keys that say which device the node is."""
     if node.dcf is not None:
         yield f"dcf: {_quoted(node.dcf.text)}"
@@ -108,50 +116,50 @@ def _device(node: NodeWish) -> Iterator[str]:
     yield from _identity(node)
 
 
-def _identity(node: NodeWish) -> Iterator[str]:
+def _identity(node: NodeConfig) -> Iterator[str]:
     said = {name: getattr(node.identity, name) for name in OF[Where.IDENTITY]}
     numbers = [f"{name}: 0x{value:08X}" for name, value in said.items() if value is not None]
     if numbers:
         yield f"identity: {{{', '.join(numbers)}}}"
 
 
-def _objects(node: NodeWish) -> Iterator[str]:
+def _objects(node: NodeConfig) -> Iterator[str]:
     """Write a node's keys for objects; those of 0x1029 share a key."""
-    behaviour = [f"{wish.sub_index}: {wish.data[0]}" for wish in node.objects if wish.key == "error_behavior"]
-    for wish in node.objects:
-        if wish.key != "error_behavior":
-            number = int.from_bytes(wish.data, "little")
-            hexadecimal = len(wish.data) == 4 and not OF[Where.NODE][wish.key].unit
-            yield f"{wish.key}: {f'0x{number:X}' if hexadecimal else number}"
+    behaviour = [f"{config.sub_index}: {config.data[0]}" for config in node.objects if config.key == "error_behavior"]
+    for config in node.objects:
+        if config.key != "error_behavior":
+            number = int.from_bytes(config.data, "little")
+            hexadecimal = len(config.data) == 4 and not OF[Where.NODE][config.key].unit
+            yield f"{config.key}: {f'0x{number:X}' if hexadecimal else number}"
     if behaviour:
         yield f"error_behavior: {{{', '.join(behaviour)}}}"
 
 
-def _pdo(wish: PdoWish, remarks: Remarks) -> Iterator[str]:
-    tpdo, inhibit = wish.pdo.is_tpdo, wish.inhibit_time
+def _pdo(config: PartialPdoConfig, remarks: Remarks) -> Iterator[str]:
+    tpdo, inhibit = config.pdo.is_tpdo, config.inhibit_time
     said = {
-        "enabled": wish.enabled,
-        "cob_id": _cob_id(wish),
-        "rtr_allowed": None if isinstance(wish.cob_id, int) and wish.rtr_allowed is False else wish.rtr_allowed,
-        "transmission": wish.transmission_type,
+        "enabled": config.enabled,
+        "cob_id": _cob_id(config),
+        "rtr_allowed": None if isinstance(config.cob_id, int) and config.rtr_allowed is False else config.rtr_allowed,
+        "transmission": config.transmission_type,
         "inhibit_ms": None if inhibit is None else f"{inhibit / 10:.1f}",
-        "event_timer" if tpdo else "event_deadline": wish.event_timer,
-        "sync_start": wish.sync_start_value,
+        "event_timer" if tpdo else "event_deadline": config.event_timer,
+        "sync_start": config.sync_start_value,
     }
     lines = [f"  {key}: {_plain(value)}" for key, value in said.items() if value is not None]
-    yield f"{wish.pdo.number}:{'' if lines or wish.mapping is not None else ' {}'}"
+    yield f"{config.pdo.number}:{'' if lines or config.mapping is not None else ' {}'}"
     yield from lines
-    if wish.mapping is not None:
-        yield "  mapping:" if wish.mapping else "  mapping: []"
-    for word in wish.mapping or ():
+    if config.mapping is not None:
+        yield "  mapping:" if config.mapping else "  mapping: []"
+    for word in config.mapping or ():
         yield _remarked(f"    - {_word(word.text)}", remarks.get(word.text, ""))
 
 
-def _cob_id(wish: PdoWish) -> str | None:
+def _cob_id(config: PartialPdoConfig) -> str | None:
     """The COB-ID with bits 29 and 30; bit 31 is `enabled`."""
-    if not isinstance(wish.cob_id, int):
-        return wish.cob_id
-    raw = CobId(wish.cob_id, rtr_allowed=wish.rtr_allowed is not False, extended=wish.extended).raw
+    if not isinstance(config.cob_id, int):
+        return config.cob_id
+    raw = CobId(config.cob_id, rtr_allowed=config.rtr_allowed is not False, extended=config.extended).raw
     return f"0x{raw:03X}"
 
 
@@ -163,8 +171,8 @@ def _value(text: str) -> str:
     return text if _NUMBER.fullmatch(text) else _quoted(text)
 
 
-def _pins(pins: Iterable[PinWish]) -> Iterator[str]:
-    groups: dict[str, list[PinWish]] = {}
+def _pins(pins: Iterable[PinConfig]) -> Iterator[str]:
+    groups: dict[str, list[PinConfig]] = {}
     for pin in pins:
         groups.setdefault(pin.group, []).append(pin)
     if groups:
@@ -174,7 +182,7 @@ def _pins(pins: Iterable[PinWish]) -> Iterator[str]:
         yield f"  {_word(group)}: {{{', '.join(words)}}}"
 
 
-def _ways(node: NodeWish) -> Iterator[str]:
+def _ways(node: NodeConfig) -> Iterator[str]:
     if node.store is not None:
         yield f"store: {node.store if node.store in STORE_WORDS else _plain(node.store)}"
     for name in ("prune", "stamp"):
@@ -183,7 +191,7 @@ def _ways(node: NodeWish) -> Iterator[str]:
             yield f"{name}: {_plain(value)}"
 
 
-def _link(link: LinkWish, names: Mapping[int, str]) -> Iterator[str]:
+def _link(link: LinkConfig, names: Mapping[int, str]) -> Iterator[str]:
     yield f"  - from: {_endpoint(link.producer, names)}"
     yield f"    to: [{', '.join(_endpoint(consumer, names) for consumer in link.consumers)}]"
     if link.heartbeat is not None:

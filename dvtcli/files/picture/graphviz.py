@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.network.picture import NetworkPicture, PictureNode, PicturePdo
-from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.text import safe
 from dvtcli.files.picture.picture_words import byte_count, cob_id, title_of
 

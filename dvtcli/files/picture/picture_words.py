@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from fractions import Fraction
 
+from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.network.network_state import Identifier
 from dvtcli.domain.network.picture import NetworkPicture, PictureField, PictureNode, PicturePdo
-from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.pdo import transmission_type_text
 from dvtcli.domain.scaling import Scaling
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from importlib.resources import files
 from xml.etree import ElementTree
 
+from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.network.picture import NetworkPicture, PictureLink, PictureNode, PicturePdo
-from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.text import plural, safe
 from dvtcli.files.picture.picture_words import byte_count, cob_id, end_text, title_of
 

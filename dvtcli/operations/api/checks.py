@@ -130,7 +130,7 @@ def check_eds(
     return found if isinstance(found, FileReports) else FileReports((found,))
 
 
-def check_wishes(
+def check_options(
     rules: Sequence[str], without: Sequence[str], bit_rate: int | None, for_s: float | None, *, strict: bool
 ) -> CheckOptions:
     """Convert the arguments of `Bus.check`; raises UsageError if invalid."""
@@ -169,13 +169,13 @@ def convert(
 
     source, chosen = str(path("file", file)), str(path("target", target))
     described = None if eds is None else str(path("eds", eds))
-    wishes = dbc_wishes(services, split_bits=split_bits, everything=everything)
+    options = dbc_options(services, split_bits=split_bits, everything=everything)
     with errors_in_calls(), Session(Options(yes=yes, eds=described)) as session:
-        done = dict(convert_file(session, source, chosen, node, wishes).rows)
+        done = dict(convert_file(session, source, chosen, node, options).rows)
     return tuple(done.get("left_out") or done.get("losses") or ())
 
 
-def dbc_wishes(services: Sequence[str], *, split_bits: bool, everything: bool) -> DbcOptions:
+def dbc_options(services: Sequence[str], *, split_bits: bool, everything: bool) -> DbcOptions:
     """How a program wants a DBC file, checked; UsageError for a wrong argument."""
     from dvtcli.operations.exchange.dbc_options import DbcOptions
     from dvtcli.operations.exchange.export_dbc import services_of

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from dvtcli.domain.network.wanted_state import Endpoint
+from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.times import counts
 from dvtcli.errors import UsageError
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _END = "a TPDO of a node, such as '5:tpdo3' or 'drive:tpdo3', and its inhibit time in ms"
 
 
-def load_wishes(
+def load_options(
     for_s: float, bit_rate: int | None, sync_ms: float | None, inhibit_ms: Mapping[str, float] | None
 ) -> LoadOptions:
     """Convert the arguments of `Bus.load`; raises UsageError if invalid."""
@@ -151,13 +151,13 @@ class NetworkCalls:
         in a node's `export`. Returns omissions. Overwriting needs *yes*. Raises NoAnswer if no node answers; UsageError
         for another suffix, or if a file cannot be written.
         """
-        from dvtcli.operations.api.checks import dbc_wishes
+        from dvtcli.operations.api.checks import dbc_options
         from dvtcli.operations.exchange.export_file import export_all
 
         chosen = str(path("file", file))
         flags(twice=twice)
-        wishes = dbc_wishes(services, split_bits=split_bits, everything=everything)
-        done = self._calls.run(lambda: export_all(self._session, chosen, twice=twice, wishes=wishes), yes=yes)
+        options = dbc_options(services, split_bits=split_bits, everything=everything)
+        done = self._calls.run(lambda: export_all(self._session, chosen, twice=twice, options=options), yes=yes)
         said = dict(done.rows)
         return tuple(said.get("left_out", said.get("notes", ())))
 
@@ -179,8 +179,8 @@ class NetworkCalls:
         from dvtcli.operations.network.network_load import network_load
 
         chosen = None if file is None else str(path("file", file))
-        wishes = load_wishes(for_s, bit_rate, sync_ms, inhibit_ms)
-        return self._calls.run(lambda: network_load(self._session, chosen, wishes))
+        options = load_options(for_s, bit_rate, sync_ms, inhibit_ms)
+        return self._calls.run(lambda: network_load(self._session, chosen, options))
 
     def report(
         self,
@@ -199,12 +199,12 @@ class NetworkCalls:
         Returns remarks. Overwriting needs *yes*. Raises NoAnswer if no node answers; UsageError for another suffix, or
         if *target* cannot be written.
         """
-        from dvtcli.operations.api.reported import picture_wishes
+        from dvtcli.operations.api.reported import picture_options
         from dvtcli.operations.network.draw_network import draw_network
 
         chosen, other = str(path("target", target)), None if file is None else str(path("file", file))
-        wishes = picture_wishes(title, bit_rate, for_s)
-        done = self._calls.run(lambda: draw_network(self._session, chosen, other, wishes), yes=yes)
+        options = picture_options(title, bit_rate, for_s)
+        done = self._calls.run(lambda: draw_network(self._session, chosen, other, options), yes=yes)
         return tuple(dict(done.rows)["notes"])
 
     def check(
@@ -222,12 +222,12 @@ class NetworkCalls:
         the bus's own. The bus is recorded for *for_s* seconds (0…3600; None: 2, or not at all if nobody else can be on
         it). Read errors of a file are findings. Writes nothing. Raises UsageError for an unknown rule.
         """
-        from dvtcli.operations.api.checks import check_wishes
+        from dvtcli.operations.api.checks import check_options
         from dvtcli.operations.network.check_live import check_all
 
         chosen = [str(path("files", file)) for file in files]
-        wishes = check_wishes(rules, without, bit_rate, for_s, strict=strict)
-        return self._calls.run(lambda: check_all(self._session, chosen, wishes))
+        options = check_options(rules, without, bit_rate, for_s, strict=strict)
+        return self._calls.run(lambda: check_all(self._session, chosen, options))
 
     def apply(
         self,

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node as DeviceNode
     from dvtcli.domain.datatypes import Value
     from dvtcli.domain.pdo import Pdo
-    from dvtcli.domain.request import PdoWant
+    from dvtcli.domain.request import AnyPdoRequest
     from dvtcli.operations.api.calls import Calls
     from dvtcli.operations.results import (
         Changed,
@@ -309,7 +309,7 @@ class ConfiguredNode(ReadNode):
             return self._change(lambda node: clear_all(self._calls.session, node.node_id), yes=yes, force=force)
         return self._switch(pdos, Cleared(), yes=yes, force=force)
 
-    def _switch(self, pdos: tuple[str | Pdo, ...], want: PdoWant, *, yes: bool, force: bool) -> Changed:
+    def _switch(self, pdos: tuple[str | Pdo, ...], want: AnyPdoRequest, *, yes: bool, force: bool) -> Changed:
         from dvtcli.operations.pdos.switch import switch
 
         if not pdos:

@@ -25,13 +25,17 @@ def report(
     from dvtcli.operations.network.draw_network import draw_network
     from dvtcli.operations.session.session import Session
 
-    chosen, source, wishes = str(path("target", target)), str(path("file", file)), picture_wishes(title, bit_rate, None)
+    chosen, source, options = (
+        str(path("target", target)),
+        str(path("file", file)),
+        picture_options(title, bit_rate, None),
+    )
     with errors_in_calls(), Session(Options(yes=yes)) as session:
-        done = draw_network(session, chosen, source, wishes)
+        done = draw_network(session, chosen, source, options)
     return tuple(dict(done.rows)["notes"])
 
 
-def picture_wishes(title: str | None, bit_rate: int | None, for_s: float | None) -> PictureOptions:
+def picture_options(title: str | None, bit_rate: int | None, for_s: float | None) -> PictureOptions:
     """How a program wants a picture, checked; UsageError for a wrong argument."""
     from dvtcli.operations.network.draw_network import PictureOptions
 

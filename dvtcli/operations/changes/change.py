@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import OdEntry
     from dvtcli.domain.pdo import Pdo
     from dvtcli.domain.plan import Change, Plan, Step
-    from dvtcli.domain.request import PdoWant
+    from dvtcli.domain.request import AnyPdoRequest
     from dvtcli.domain.rules.finding import Finding
     from dvtcli.operations.session.session_nodes import SessionNodes
 
@@ -34,7 +34,7 @@ _STORE = 0x1010
 
 
 def configure(
-    session: SessionNodes, node: Node, wants: Mapping[Pdo, PdoWant], found: InitialState | None = None
+    session: SessionNodes, node: Node, wants: Mapping[Pdo, AnyPdoRequest], found: InitialState | None = None
 ) -> Changed:
     """Carry out *wants* on *node*, all or none, and report the changes.
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
-    from dvtcli.domain.network.wanted_state import NetworkWish
+    from dvtcli.domain.network.network_config import NetworkConfig
     from dvtcli.files.network.file_log import FileLog
 
 RULES = (
@@ -41,10 +41,10 @@ def refuse_impossible_stores(nodes: Mapping[int, ReadableNode], stores: Mapping[
         raise RuleError(text, findings, node=only, can_force=False)
 
 
-def refuse_stores_of(nodes: Mapping[int, ReadableNode], wish: NetworkWish, log: FileLog) -> None:
-    """Apply `refuse_impossible_stores` to the nodes of *wish*, with places in the file of *log*."""
+def refuse_stores_of(nodes: Mapping[int, ReadableNode], config: NetworkConfig, log: FileLog) -> None:
+    """Apply `refuse_impossible_stores` to the nodes of *config*, with places in the file of *log*."""
     refused: list[RuleError] = []
-    for node in wish.nodes:
+    for node in config.nodes:
         try:
             refuse_impossible_stores(nodes, {node.node_id: str(node.store or "")})
         except RuleError as one:

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.device.store.store_parameters import Signed
-    from dvtcli.device.wish import Says
+    from dvtcli.device.target_config import Says
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
 

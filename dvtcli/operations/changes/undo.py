@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from dvtcli.device.change.backups import backups, of_this_device, remarks, way_to
 from dvtcli.device.change.private_file import unreadable
-from dvtcli.device.wish import Wish
+from dvtcli.device.target_config import TargetConfig
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Plan
@@ -360,15 +360,15 @@ def undo_to_backup(session: SessionNodes, rehearse: Rehearse, when: str | None =
     for remark in said:
         session.tell.warning(f"not undone completely: {remark}")
     started = time.monotonic()
-    wish = rehearse(file, node.node_id).get(node.node_id, Wish())
-    if not wish.pdos:
+    config = rehearse(file, node.node_id).get(node.node_id, TargetConfig())
+    if not config.pdos:
         raise UsageError(
             f"the backup says nothing of a PDO of node {node.node_id}",
             node=node.node_id,
             place=file,
             hint=Hint(Action.UNDO, {"backup": True, "when": "WHEN"}, "takes an earlier one"),
         )
-    changes = way_to(node.observed(lambda: {pdo: node.pdo(pdo) for pdo in wish.pdos}), wish.pdos)
+    changes = way_to(node.observed(lambda: {pdo: node.pdo(pdo) for pdo in config.pdos}), config.pdos)
     applied = node.apply(Plan(node.node_id, changes), force=session.options.force, found=found)
     applied = replace(applied, not_put_back=tuple(_unlike_backup(node, said)))
     return changed(session, node, applied, time.monotonic() - started, undone=True)

@@ -12,7 +12,7 @@ from dvtcli.device.file_fits import unlike_before
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.device.read_whole import Unread, named_itself
 from dvtcli.device.store.pending import REBOOT, VERIFY
-from dvtcli.device.wish import Wish, session_wish, unlike
+from dvtcli.device.target_config import TargetConfig, config_differences, session_target
 from dvtcli.domain.configuration import Configuration, configuration_of
 from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.domain.lint.described import object_text
@@ -94,15 +94,15 @@ def _verified(
         lacking = ()
     if plan is not None and lacking and not any(wanted.values()):
         refuse_lacking(plan)
-    wishes = _chosen(session, pdos, wanted, file or SESSION)
-    named = len(wishes) > 1 or len(session.known_ids()) > 1
+    options = _chosen(session, pdos, wanted, file or SESSION)
+    named = len(options) > 1 or len(session.known_ids()) > 1
     lines = {} if plan is None else {node.node_id: _lines(node) for node in plan.nodes}
     compared = tuple(
         replace(
-            compare(session, session.node(node_id), wish, file, frame=frame, named=named),
+            compare(session, session.node(node_id), target, file, frame=frame, named=named),
             lines=lines.get(node_id, {}),
         )
-        for node_id, wish in wishes.items()
+        for node_id, target in options.items()
     )
     return compared[0] if len(compared) == 1 and not lacking else ComparedNodes(compared, lacking)
 
@@ -113,26 +113,30 @@ def _lines(node: NodePlan) -> dict[str, int]:
     return {"": node.line, **{pdo.label: line for pdo, line in node.lines.items()}, **objects}
 
 
-def _wishes(session: Session, rehearse: Rehearse, file: str | None) -> tuple[dict[int, Wish], NetworkPlan | None]:
+def _wishes(
+    session: Session, rehearse: Rehearse, file: str | None
+) -> tuple[dict[int, TargetConfig], NetworkPlan | None]:
     """Return the wishes for each node, by a network file, a script or this session; and the network file's plan."""
     if file is not None:
         return _network_wishes(session, file) if _is_network(file) else (rehearse(file), None)
-    return _session_wishes(session), None
+    return _session_targets(session), None
 
 
 def _is_network(file: str) -> bool:
     return file.lower().endswith((".yaml", ".yml"))
 
 
-def _session_wishes(session: SessionNodes) -> dict[int, Wish]:
+def _session_targets(session: SessionNodes) -> dict[int, TargetConfig]:
     network = session.network
     for node_id, before in tuple(network.left.items()):
         if before.wanted or before.wanted_values or before.unreadable_values:
             network.node(node_id)  # it was changed before the bus was gone: who is it now?
-    return {node_id: session_wish(node) for node_id, node in sorted(network.nodes.items())}
+    return {node_id: session_target(node) for node_id, node in sorted(network.nodes.items())}
 
 
-def _device_wishes(session: SessionNodes, pdos: Sequence[NodePdo], file: str) -> tuple[list[NodePdo], dict[int, Wish]]:
+def _device_wishes(
+    session: SessionNodes, pdos: Sequence[NodePdo], file: str
+) -> tuple[list[NodePdo], dict[int, TargetConfig]]:
     """Return *pdos* with their nodes, and the wishes of these nodes by a *file* about a device."""
     named = {node_id for node_id, _ in pdos if node_id is not None}
     if named and any(node_id is None for node_id, _ in pdos):
@@ -142,22 +146,22 @@ def _device_wishes(session: SessionNodes, pdos: Sequence[NodePdo], file: str) ->
     held = told_of(file, session.tell)
     meant = tuple(named) or selected_nodes(session) or (node_of_file(session, held),)
     return [(meant_id, pdo) for meant_id in meant for _, pdo in pdos], {
-        meant_id: _device_wish(session, session.node(meant_id), held) for meant_id in meant
+        meant_id: _device_config(session, session.node(meant_id), held) for meant_id in meant
     }
 
 
-def _network_wishes(session: Session, file: str) -> tuple[dict[int, Wish], NetworkPlan]:
+def _network_wishes(session: Session, file: str) -> tuple[dict[int, TargetConfig], NetworkPlan]:
     from dvtcli.operations.plans.plan_network import plan_network
 
     plan = plan_network(session, file, as_far=True)
     return {node.node_id: _node_wish(node) for node in plan.nodes}, plan
 
 
-def _node_wish(node: NodePlan) -> Wish:
+def _node_wish(node: NodePlan) -> TargetConfig:
     """The wishes of a network file for a node: what is write-only is named, not compared."""
     unreadable = tuple(change.label for change in node.plan.unreadable)
     values = {place: data for place, data in node.values.items() if object_text(*place) not in unreadable}
-    return Wish(dict(node.wanted), values, unreadable=unreadable)
+    return TargetConfig(dict(node.wanted), values, unreadable=unreadable)
 
 
 def _is_script(file: str) -> bool:
@@ -176,12 +180,14 @@ def _is_script(file: str) -> bool:
         raise UsageError(f"{file}: {failed.strerror}", place=file) from failed
 
 
-def _chosen(session: SessionNodes, pdos: Sequence[NodePdo], wishes: dict[int, Wish], against: str) -> dict[int, Wish]:
-    """Restrict *wishes* to *pdos* (empty: everything); raises UsageError if nothing is left to compare."""
-    wished = {node_id: wish for node_id, wish in wishes.items() if wish}
-    if not wished:
+def _chosen(
+    session: SessionNodes, pdos: Sequence[NodePdo], options: dict[int, TargetConfig], against: str
+) -> dict[int, TargetConfig]:
+    """Restrict *options* to *pdos* (empty: everything); raises UsageError if nothing is left to compare."""
+    configured = {node_id: target for node_id, target in options.items() if target}
+    if not configured:
         said = "this session changed nothing" if against == SESSION else f"{against} sets nothing"
-        blind = [f"{label} of node {node_id}" for node_id, wish in wishes.items() for label in wish.unreadable]
+        blind = [f"{label} of node {node_id}" for node_id, target in options.items() for label in target.unreadable]
         if blind:
             said = (
                 f"{against} set{'' if against == SESSION else 's'} {join_some(blind)} only, which cannot be read back"
@@ -200,7 +206,7 @@ def _chosen(session: SessionNodes, pdos: Sequence[NodePdo], wishes: dict[int, Wi
     for node_id, pdo in pdos:
         asked.setdefault(session.node_id() if node_id is None else node_id, []).append(pdo)
     for node_id, wanted in asked.items():
-        missing = [pdo for pdo in wanted if node_id not in wished or pdo not in wished[node_id].pdos]
+        missing = [pdo for pdo in wanted if node_id not in configured or pdo not in configured[node_id].pdos]
         if missing:
             what = f"{missing[0].label} of node {node_id}" if len(session.known_ids()) > 1 else missing[0].label
             said = f"this session did not set {what}" if against == SESSION else f"{against} says nothing of {what}"
@@ -210,7 +216,7 @@ def _chosen(session: SessionNodes, pdos: Sequence[NodePdo], wishes: dict[int, Wi
                     Action.VERIFY, {"file": "FILE"}, "compares with a script, a DCF or an EDS; else map or set it first"
                 ),
             )
-    return {node_id: wished[node_id].only(wanted) for node_id, wanted in sorted(asked.items())} or wished
+    return {node_id: configured[node_id].only(wanted) for node_id, wanted in sorted(asked.items())} or configured
 
 
 def compare_node(
@@ -220,50 +226,56 @@ def compare_node(
 
     Raises UsageError if there is nothing to compare.
     """
-    wish = session_wish(node) if file is None else _device_wish(session, node, told_of(file, session.tell))
-    missing = [pdo.label for pdo in pdos if pdo not in wish.pdos]
-    if missing or not wish:
+    target = session_target(node) if file is None else _device_config(session, node, told_of(file, session.tell))
+    missing = [pdo.label for pdo in pdos if pdo not in target.pdos]
+    if missing or not target:
         what = f"set {missing[0]}" if missing else "set anything"
         said = f"{file} does not {what}" if file else f"this session did not {what}"
         raise UsageError(f"nothing to compare: {said}", node=node.node_id)
-    return compare(session, node, wish.only(pdos) if pdos else wish, file, frame=frame)
+    return compare(session, node, target.only(pdos) if pdos else target, file, frame=frame)
 
 
 def compare(
-    session: SessionNodes, node: Node, wish: Wish, file: str | None = None, *, frame: bool = False, named: bool = False
+    session: SessionNodes,
+    node: Node,
+    target: TargetConfig,
+    file: str | None = None,
+    *,
+    frame: bool = False,
+    named: bool = False,
 ) -> Compared:
     """Compare a node; again after a frame, as the node was started and may have restarted."""
     says = partial(planned_words, node)
-    found = unlike(node, wish, says)
-    frames, note = look(session, node, [pdo for pdo in wish.pdos if pdo.is_tpdo]) if frame else ((), "")
-    found = unlike(node, wish, says) if frame else found
+    found = config_differences(node, target, says)
+    frames, note = look(session, node, [pdo for pdo in target.pdos if pdo.is_tpdo]) if frame else ((), "")
+    found = config_differences(node, target, says) if frame else found
     if file is None:
-        _judge(node, wish, differs=bool(found))
+        _judge(node, target, differs=bool(found))
     return Compared(
-        node.node_id, len(wish.pdos), wish.parameters, found, file or SESSION, frames, note,
-        objects=wish.objects, frame_asked=frame, named=named, unsaid=wish.unsaid, not_comparable=wish.unreadable,
-        labels=tuple(_labels(wish)),
+        node.node_id, len(target.pdos), target.parameters, found, file or SESSION, frames, note,
+        objects=target.objects, frame_asked=frame, named=named, unsaid=target.unsaid, not_comparable=target.unreadable,
+        labels=tuple(_labels(target)),
     )  # fmt: skip
 
 
-def _labels(wish: Wish) -> Iterator[str]:
-    yield from (pdo.label for pdo in wish.pdos)
-    yield from (f"{index:04X}:{sub_index:02X}" for index, sub_index in wish.values)
-    yield from dict(wish.unwritten)
-    yield from wish.also_equal
+def _labels(target: TargetConfig) -> Iterator[str]:
+    yield from (pdo.label for pdo in target.pdos)
+    yield from (f"{index:04X}:{sub_index:02X}" for index, sub_index in target.values)
+    yield from dict(target.unwritten)
+    yield from target.also_equal
 
 
-def _judge(node: Node, wish: Wish, *, differs: bool) -> None:
+def _judge(node: Node, target: TargetConfig, *, differs: bool) -> None:
     """Forbid a store after a difference; only a full comparison without differences allows it again."""
     suspicions = node.pending.suspicions
     if differs:
         suspicions[VERIFY] = "verify found differences to what this session set"
-    elif set(node.wanted) <= set(wish.pdos) and set(node.wanted_values) <= set(wish.values):
+    elif set(node.wanted) <= set(target.pdos) and set(node.wanted_values) <= set(target.values):
         suspicions.pop(VERIFY, None)
         suspicions.pop(REBOOT, None)
 
 
-def _device_wish(session: SessionUser, node: Node, held: HeldDevice) -> Wish:
+def _device_config(session: SessionUser, node: Node, held: HeldDevice) -> TargetConfig:
     """Return the wishes of a DCF, an XDC or a backup for this node, or an EDS's default PDOs.
 
     Raises SafetyRefusal if the file is for another product.
@@ -273,11 +285,11 @@ def _device_wish(session: SessionUser, node: Node, held: HeldDevice) -> Wish:
 
         found = wanted_alone(node, held)
         if found is not None or held.dictionary is None:
-            return found or Wish()
+            return found or TargetConfig()
         session.tell.note(f"{held.name} has no value of any object: its defaults are compared")
     assert held.dictionary is not None  # noqa: S101 - only a backup describes nothing
     values = FileValues(held.dictionary, node.node_id)
-    return Wish({pdo: read_pdo(values, pdo) for pdo in present_pdos(values, held.dictionary)})
+    return TargetConfig({pdo: read_pdo(values, pdo) for pdo in present_pdos(values, held.dictionary)})
 
 
 #: bit 31 of a COB-ID: the PDO does not exist
@@ -560,11 +572,11 @@ class _Comparison:
 
 def _nothing_compared(first: HeldDevice, second: SecondSide) -> UsageError:
     """Make the error of a comparison without settings: nothing compared is not equal."""
-    unlike = _unlike(first, second)
+    config_differences = _unlike(first, second)
     return UsageError(
         f"nothing compared: {first.name} and {second.name} have no setting in common that both say something of",
         place=first.name,
-        why=f"another device: {unlike}" if unlike else "",
+        why=f"another device: {config_differences}" if config_differences else "",
         hint=Hint(Action.BACKUP, why="is it the whole file, and of that device? {} makes one now"),
     )
 

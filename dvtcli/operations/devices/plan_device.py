@@ -13,14 +13,14 @@ from dvtcli.device.other_producers import heard_ids
 from dvtcli.device.raw_write_check import readable_value
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.device.read_whole import PAUSE_S
-from dvtcli.device.wish import Wish
+from dvtcli.device.target_config import TargetConfig
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.configuration import Configuration, NotWritten
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.lint.described import object_text
 from dvtcli.domain.mapping import MAX_ENTRIES
+from dvtcli.domain.network.network_config import ExpectedIdentity, NetworkConfig, NodeConfig
 from dvtcli.domain.network.network_plan import LeftOut, NetworkPlan
-from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish, WantedIdentity
 from dvtcli.domain.pdo import BY_SUB_INDEX, MAPPING, Direction, Pdo, PdoConfig
 from dvtcli.domain.rules.mappable import enables_nothing
 from dvtcli.errors import SdoAborted, UsageError
@@ -37,10 +37,10 @@ from dvtcli.operations.devices.included import Included, entry_of, idle, include
 from dvtcli.operations.devices.read_whole_device import configuration, described
 from dvtcli.operations.pdos.sync import short_frames
 from dvtcli.operations.plans.apply_network import apply_network
-from dvtcli.operations.plans.identify_nodes import identify_nodes, unlike_wanted
+from dvtcli.operations.plans.identify_nodes import identify_nodes, identity_errors
 from dvtcli.operations.plans.judge_network import checked
 from dvtcli.operations.plans.plan_network import checked_network, plans_of, with_unknown_syncs
-from dvtcli.operations.plans.resolve_names import NodeWants
+from dvtcli.operations.plans.resolve_names import ResolvedConfig
 from dvtcli.operations.results.failures import together
 from dvtcli.operations.session.consent import powered_findings
 from dvtcli.operations.values.object_values import planned_words, understood
@@ -106,21 +106,21 @@ def plan_device(session: Session, file: str, options: DeviceOptions | None = Non
     held = told_of(file, session.tell)
     _refuse_nothing(held)
     ids = _node_ids(session, held, options)
-    wish = NetworkWish(tuple(_wish(held, node_id) for node_id in ids))
+    config = NetworkConfig(tuple(_network_config(held, node_id) for node_id in ids))
     if options.is_clone and not held.identity["product"]:
         _confirm_unknown(session, held, ids)
     with short_frames(session.bus) as frames, heard_ids(session.bus) as heard:
-        met = identify_nodes(session, file, wish)
+        met = identify_nodes(session, file, config)
         met.end()
         planned = [
             replace(node_plan, boot_ups=met.boot_ups[node_plan.node_id])
-            for node_plan in _planned(session, met.nodes, held, wish, options)
+            for node_plan in _planned(session, met.nodes, held, config, options)
         ]
         plan = checked_network(session, NetworkPlan(file, tuple(planned)), heard, of_device=True)
     return with_unknown_syncs(session, plan, frames)
 
 
-def wanted_alone(node: Node, held: HeldDevice) -> Wish | None:
+def wanted_alone(node: Node, held: HeldDevice) -> TargetConfig | None:
     """Return the unjudged wishes of *held* for *node*, read again; None if it has no value.
 
     Raises SafetyRefusal if the file is for another product.
@@ -129,19 +129,19 @@ def wanted_alone(node: Node, held: HeldDevice) -> Wish | None:
     if not _says_anything(held):
         return None
     node.read_anew()
-    for unlike in unlike_wanted(node, _wish(held, node.node_id).identity, force=False):
+    for unlike in identity_errors(node, _network_config(held, node.node_id).identity, force=False):
         raise unlike
-    found = wanted_of_file(node, held)
+    found = config_of_file(node, held)
     unwritten = tuple(
         (left_out.object, _unwritten(node, left_out)) for left_out in found.left_out.values() if left_out.remains
     )
-    pdos = {pdo: want for pdo, want in found.wants.pdos.items() if isinstance(want, PdoConfig)}
+    pdos = {pdo: want for pdo, want in found.resolved.pdos.items() if isinstance(want, PdoConfig)}
     said = {pdo: _said_of(held, pdo, config) for pdo, config in pdos.items()}
     unreadable = [left_out.object for left_out in found.left_out.values() if _reads_another_value(node, left_out)]
-    blind = {place for place in found.wants.values if readable_value(node, *place) is None}
-    return Wish(
+    blind = {place for place in found.resolved.values if readable_value(node, *place) is None}
+    return TargetConfig(
         pdos,
-        {place: data for place, data in found.wants.values.items() if place not in blind},
+        {place: data for place, data in found.resolved.values.items() if place not in blind},
         said,
         unwritten=unwritten,
         also_equal=tuple(object_text(*place) for place in found.also_equal),
@@ -189,9 +189,9 @@ def _node_ids(session: SessionNodes, held: HeldDevice, options: DeviceOptions) -
     return ids
 
 
-def _wish(held: HeldDevice, node_id: int) -> NodeWish:
-    identity = WantedIdentity(held.identity["vendor"] or None, held.identity["product"] or None)
-    return NodeWish(Path(held.name).name, node_id, identity)
+def _network_config(held: HeldDevice, node_id: int) -> NodeConfig:
+    identity = ExpectedIdentity(held.identity["vendor"] or None, held.identity["product"] or None)
+    return NodeConfig(Path(held.name).name, node_id, identity)
 
 
 def _says_anything(held: HeldDevice) -> bool:
@@ -243,18 +243,20 @@ def _confirm_unknown(session: SessionUser, held: HeldDevice, ids: Sequence[int])
 
 
 def _planned(
-    session: SessionNodes, nodes: dict[int, Node], held: HeldDevice, wish: NetworkWish, options: DeviceOptions
+    session: SessionNodes, nodes: dict[int, Node], held: HeldDevice, config: NetworkConfig, options: DeviceOptions
 ) -> Iterator[NodePlan]:
-    found: dict[int, WantedOfFile] = {}
+    found: dict[int, DeviceFileConfig] = {}
     for node_id, node in nodes.items():
         own = held if held.node_id else held_by(held.name, node_id)
         included = included_of(node, own, options.include)
-        found[node_id] = wanted_of_file(node, own, included, names_makers=options.is_clone)
+        found[node_id] = config_of_file(node, own, included, names_makers=options.is_clone)
         for text in found[node_id].idle:
             session.tell.warning(text)
     if not any(found.values()):
         raise _nothing_compared(held)
-    planned, refused = plans_of(nodes, wish, {node_id: found_node.wants for node_id, found_node in found.items()}, {})
+    planned, refused = plans_of(
+        nodes, config, {node_id: found_node.resolved for node_id, found_node in found.items()}, {}
+    )
     if refused:
         raise together(refused)
     said = [_said(plan, nodes[plan.node_id], held, found[plan.node_id]) for plan in planned]
@@ -267,7 +269,7 @@ def _powered(session: SessionNodes, planned: NodePlan) -> NodePlan:
     return replace(planned, findings=(*planned.findings, *powered_findings(session, planned.node_id)))
 
 
-def _said(planned: NodePlan, node: ReadableNode, held: HeldDevice, found: WantedOfFile) -> NodePlan:
+def _said(planned: NodePlan, node: ReadableNode, held: HeldDevice, found: DeviceFileConfig) -> NodePlan:
     left_out = tuple(omission for _, omission in sorted(found.left_out.items()))
     sizes = {left_object.object: len(left_object.held) for left_object in left_out if left_object.held is not None}
     known = planned.understood | understood(node, sizes)
@@ -403,13 +405,13 @@ _NOT_READ = frozenset(
 
 
 @dataclass(slots=True)
-class WantedOfFile:
-    """The wishes of a file for a node (*wants*), and values not written (*left_out*, by object, with reasons).
+class DeviceFileConfig:
+    """The wishes of a file for a node (*resolved*), and values not written (*left_out*, by object, with reasons).
 
     Left out are differing values and unreadable ones.
     """
 
-    wants: NodeWants = field(default_factory=NodeWants)
+    resolved: ResolvedConfig = field(default_factory=ResolvedConfig)
     left_out: dict[str, LeftOut] = field(default_factory=dict)
     #: settings of the file that the node holds already, and that need no write
     also_equal: dict[ObjectAddress, bytes] = field(default_factory=dict)
@@ -419,12 +421,12 @@ class WantedOfFile:
     def __bool__(self) -> bool:
         """Tell whether any value of the file was compared."""
         is_other = any(left_out.remains for left_out in self.left_out.values())
-        return bool(self.wants.pdos or self.wants.values or self.also_equal or is_other)
+        return bool(self.resolved.pdos or self.resolved.values or self.also_equal or is_other)
 
 
-def wanted_of_file(
+def config_of_file(
     node: Node, held: HeldDevice, included: Collection[Included] = (), *, names_makers: bool = False
-) -> WantedOfFile:
+) -> DeviceFileConfig:
     """Compute the wishes of *held* for *node*: the file's own values, not defaults.
 
     *included* is configuration by the user's choice. *names_makers*: the file itself includes the maker's objects that
@@ -438,7 +440,7 @@ def wanted_of_file(
         included_objects=frozenset(inclusion.object for inclusion in included if inclusion.object is not None),
     )
     named = frozenset(_of_maker(dictionary, held)) if names_makers else frozenset()
-    found = WantedOfFile()
+    found = DeviceFileConfig()
     pdos = _pdos(node, held, known, found)
     known = replace(known, named=named, taken=_taken(node, pdos))
     for place, kept in sorted(held.objects.items()):
@@ -457,7 +459,7 @@ def _of_maker(dictionary: ObjectDictionary, held: HeldDevice) -> Iterator[Object
             yield place
 
 
-def _pdos(node: Node, held: HeldDevice, known: Configuration, found: WantedOfFile) -> dict[Pdo, PdoConfig]:
+def _pdos(node: Node, held: HeldDevice, known: Configuration, found: DeviceFileConfig) -> dict[Pdo, PdoConfig]:
     """Compute the wanted PDOs of the file."""
     said = {pdo for place in held.objects.keys() - held.assumed if (pdo := Pdo.at(place[0])) is not None}
     wanted: dict[Pdo, PdoConfig] = {}
@@ -470,7 +472,7 @@ def _pdos(node: Node, held: HeldDevice, known: Configuration, found: WantedOfFil
         config = pdo_of_file(node, held, known, pdo, now, found.left_out)
         if config is not None:
             wanted[pdo] = config
-    found.wants.pdos.update(wanted)
+    found.resolved.pdos.update(wanted)
     return wanted
 
 
@@ -488,7 +490,7 @@ def _taken(node: ReadableNode, wanted: dict[Pdo, PdoConfig]) -> frozenset[Object
     )
 
 
-def _value(node: ReadableNode, held: HeldDevice, known: Configuration, entry: OdEntry, found: WantedOfFile) -> None:
+def _value(node: ReadableNode, held: HeldDevice, known: Configuration, entry: OdEntry, found: DeviceFileConfig) -> None:
     """Add the file's value of an object, or the reason for leaving it out."""
     place = entry.index, entry.sub_index
     why = known.why_not(entry)
@@ -500,8 +502,8 @@ def _value(node: ReadableNode, held: HeldDevice, known: Configuration, entry: Od
     if data is None:
         return
     if is_write_only:
-        found.wants.values[place] = data
-        found.wants.reasons[place] = _name(node, place)
+        found.resolved.values[place] = data
+        found.resolved.reasons[place] = _name(node, place)
         return
     try:
         now = node.observed(partial(node.known_value, *place))
@@ -511,15 +513,15 @@ def _value(node: ReadableNode, held: HeldDevice, known: Configuration, entry: Od
         return
     is_same = same_value(entry.data_type, data, now)
     if why is None:
-        found.wants.values[place] = now if is_same else data
-        found.wants.reasons[place] = _name(node, place)
+        found.resolved.values[place] = now if is_same else data
+        found.resolved.reasons[place] = _name(node, place)
     elif is_same and is_setting(why):
         found.also_equal[place] = now
     elif not is_same:
         found.left_out[entry.object] = LeftOut(entry.object, str(why), is_setting(why), now, data)
 
 
-def _look_again(node: ReadableNode, found: WantedOfFile) -> None:
+def _look_again(node: ReadableNode, found: DeviceFileConfig) -> None:
     """Read differing unwritten objects again: they may change by themselves."""
     suspects = [left_out for left_out in found.left_out.values() if left_out.remains and left_out.held is not None]
     if suspects:

@@ -47,7 +47,7 @@ class ConversionFormat:
     #: the alternative to choosing a node of a network file; None if it is made of a node
     instead_of_a_node: ClassVar[Hint | str | None] = Hint(Action.CONVERT, {"target": "NAME.cdcf", "of": "NODE"})
     #: whether it can be wanted otherwise than by default, as a DBC file can
-    has_wishes: ClassVar[bool] = False
+    has_options: ClassVar[bool] = False
 
     def __init_subclass__(cls) -> None:
         if "suffixes" not in vars(cls):
@@ -66,7 +66,7 @@ class DbcFormat(ConversionFormat):
 
     suffixes = (SUFFIX,)
     instead_of_a_node = "a DBC file has all nodes of a network file"
-    has_wishes = True
+    has_options = True
 
     def write(self, session: Session, wanted: Converted) -> Facts:
         """Write it by `convert_to_dbc` or `recording_to_dbc`."""
@@ -223,26 +223,26 @@ def conversion_formats() -> Mapping[str, ConversionFormat]:
 
 
 def convert_file(
-    session: Session, file: str, target: str, node: str | int | None = None, wishes: DbcOptions | None = None
+    session: Session, file: str, target: str, node: str | int | None = None, options: DbcOptions | None = None
 ) -> Facts:
     """Convert *file* to the format of *target*'s suffix, and list what is lost.
 
     An EDS or XDD has no values of a node. A .cdcf is of *node* of a network file, a .dbc of all nodes of a network file
-    or recording, by *wishes*. Asks before overwriting. Raises UsageError if *target* has another suffix, or a file
+    or recording, by *options*. Asks before overwriting. Raises UsageError if *target* has another suffix, or a file
     cannot be read or written; InputFileError if *file* is invalid.
     """
     kind = _format_of(target)
-    if wishes and not kind.has_wishes:
+    if options and not kind.has_options:
         raise UsageError(
             f"{target} is no DBC file, which alone can have that",
-            given=dict.fromkeys(wishes.named),
+            given=dict.fromkeys(options.named),
             hint=Hint(Action.CONVERT, {"file": "net.yaml", "target": "net.dbc", "services": "emcy"}),
         )
     if node is not None and kind.instead_of_a_node:
         raise UsageError(
             "a node of a network file is chosen for a concise DCF", given={"node": node}, hint=kind.instead_of_a_node
         )
-    return kind.write(session, Converted(file, target, node, wishes or DbcOptions()))
+    return kind.write(session, Converted(file, target, node, options or DbcOptions()))
 
 
 def _format_of(target: str) -> ConversionFormat:

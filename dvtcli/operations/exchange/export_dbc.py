@@ -154,11 +154,11 @@ class NetworkMessages:
 
 
 def network_messages(
-    state: NetworkState, meanings: Mapping[int, Meanings], wishes: DbcOptions = PLAIN
+    state: NetworkState, meanings: Mapping[int, Meanings], options: DbcOptions = PLAIN
 ) -> NetworkMessages:
     """Make a message per CAN-ID of the enabled PDOs of *state*; *meanings* has scalings by node-ID.
 
-    A TPDO defines the message; each RPDO with its CAN-ID makes its node a receiver of the mapped signals. *wishes* adds
+    A TPDO defines the message; each RPDO with its CAN-ID makes its node a receiver of the mapped signals. *options* add
     messages of services for other CAN-IDs.
     """
     names = _node_names(state)
@@ -166,16 +166,16 @@ def network_messages(
     found = NetworkMessages(names, nodes)
     held = [
         held_pdo
-        for held_pdo in _held(state, everything=wishes.everything)
+        for held_pdo in _held(state, everything=options.everything)
         if held_pdo[2].enabled or _could_be_on(held_pdo, found)
     ]
     for identifier, group in groupby(sorted(held, key=_place), _identifier):
         whole = [held_pdo for held_pdo in group if _fits(held_pdo, found)]
         if whole:
-            drawn = _Drawn(state, meanings, found.names, wishes.split_bits)
+            drawn = _Drawn(state, meanings, found.names, options.split_bits)
             found.messages.append(_message(identifier, whole, drawn, found))
     taken = {dbc_message.number for dbc_message in found.messages}
-    for message in service_messages(state, names, wishes.services):
+    for message in service_messages(state, names, options.services):
         if message.number not in taken:
             found.messages.append(message)
         else:
@@ -313,7 +313,7 @@ def _cycle_ms(held: _Held, state: NetworkState) -> int:
     return 0
 
 
-def export_dbc(session: SessionNodes, file: str, wishes: DbcOptions = PLAIN) -> Facts:
+def export_dbc(session: SessionNodes, file: str, options: DbcOptions = PLAIN) -> Facts:
     """Export the enabled PDOs of answering nodes (or `-n`) to the DBC *file*.
 
     Asks before overwriting. Raises NoAnswer if no node answers; UsageError if the file cannot be written.
@@ -329,24 +329,24 @@ def export_dbc(session: SessionNodes, file: str, wishes: DbcOptions = PLAIN) -> 
             hint=Hint(Action.CHECK_SETUP, why="check bit rate and supply: {}") + Hint(Action.FIND_NODES, why=", {}"),
         )
     state = network_state([session.node(node_id) for node_id in ids])
-    return _write(session, file, None, state, {}, wishes)
+    return _write(session, file, None, state, {}, options)
 
 
-def convert_to_dbc(session: SessionUser, source: str, file: str, wishes: DbcOptions = PLAIN) -> Facts:
+def convert_to_dbc(session: SessionUser, source: str, file: str, options: DbcOptions = PLAIN) -> Facts:
     """Convert the PDOs of the network file *source*, as applied, to the DBC *file*.
 
     Asks before overwriting. Raises as reading a network file; UsageError if the DBC file cannot be written.
     """
     from dvtcli.files.network.physical_keys import rules_by_node
     from dvtcli.operations.network.described_network import described_network
-    from dvtcli.operations.plans.network_wish import read_wish
+    from dvtcli.operations.plans.read_network_config import read_network_config
 
     place_of(file, "NAME.dbc")
-    wish = read_wish(source)
-    state = described_network(source, session.tell, wish=wish)
+    config = read_network_config(source)
+    state = described_network(source, session.tell, config=config)
     for node in state.nodes:
-        _tell_guessed(session, source, node, everything=wishes.everything)
-    return _write(session, file, source, state, rules_by_node(wish.nodes), wishes)
+        _tell_guessed(session, source, node, everything=options.everything)
+    return _write(session, file, source, state, rules_by_node(config.nodes), options)
 
 
 def _tell_guessed(session: SessionUser, source: str, node: NodeState, *, everything: bool) -> None:
@@ -358,7 +358,7 @@ def _tell_guessed(session: SessionUser, source: str, node: NodeState, *, everyth
         session.tell.warning(f"{source} does not say what {names}: by {whose}, which the node need not hold")
 
 
-def recording_to_dbc(session: SessionUser, source: str, file: str, wishes: DbcOptions = PLAIN) -> Facts:
+def recording_to_dbc(session: SessionUser, source: str, file: str, options: DbcOptions = PLAIN) -> Facts:
     """Convert the PDOs known from SDO transfers in the recording *source* to the DBC *file*.
 
     Asks before overwriting. Raises as `recorded_network`; UsageError if the DBC file cannot be written.
@@ -367,7 +367,7 @@ def recording_to_dbc(session: SessionUser, source: str, file: str, wishes: DbcOp
 
     place_of(file, "NAME.dbc")
     state, missing = recorded_network(session, Path(source))
-    return _write(session, file, source, state, {}, wishes, missing)
+    return _write(session, file, source, state, {}, options, missing)
 
 
 def _write(
@@ -376,10 +376,10 @@ def _write(
     source: str | None,
     state: NetworkState,
     said: Mapping[int, Rules],
-    wishes: DbcOptions,
+    options: DbcOptions,
     missing: Sequence[str] = (),
 ) -> Facts:
-    found = messages_of(state, said, wishes)
+    found = messages_of(state, said, options)
     left_out = [*missing, *found.left_out]
     path = place_of(file)
     ask_before_overwriting(session, path)
@@ -395,12 +395,12 @@ def _write(
     return Facts("dbc", rows, (f"{file}: {counts}", *(f"note: left out: {omitted}" for omitted in left_out)))
 
 
-def messages_of(state: NetworkState, said: Mapping[int, Rules], wishes: DbcOptions = PLAIN) -> NetworkMessages:
+def messages_of(state: NetworkState, said: Mapping[int, Rules], options: DbcOptions = PLAIN) -> NetworkMessages:
     """Make the messages of *state*; *said* has rules by node-ID that override profiles and files."""
     meanings = {
         node.node_id: meanings_of(node.profile, node.dictionary, [said.get(node.node_id, {})]) for node in state.nodes
     }
-    return network_messages(state, meanings, wishes)
+    return network_messages(state, meanings, options)
 
 
 _STATES = {state.value: "boot-up" if state is NmtState.INITIALISING else state.label.lower() for state in NmtState}

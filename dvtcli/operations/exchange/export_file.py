@@ -46,7 +46,7 @@ class ExportFormat:
     #: whether objects can be read twice
     reads_twice: ClassVar[bool] = False
     #: whether it can be wanted otherwise than by default, as a DBC file can
-    has_wishes: ClassVar[bool] = False
+    has_options: ClassVar[bool] = False
 
     def __init_subclass__(cls) -> None:
         if "suffixes" not in vars(cls):
@@ -144,7 +144,7 @@ class DbcExport(ExportFormat):
 
     suffixes = (DBC_SUFFIX,)
     is_of_all = True
-    has_wishes = True
+    has_options = True
 
     def write(self, session: Session, file: str, wanted: ExportRequest) -> Facts:
         """Write it by `export_dbc`."""
@@ -178,18 +178,18 @@ def is_of_all_nodes(file: str) -> bool:
 
 
 def export_file(
-    session: Session, file: str, node_id: int | None = None, *, twice: bool = False, wishes: DbcOptions | None = None
+    session: Session, file: str, node_id: int | None = None, *, twice: bool = False, options: DbcOptions | None = None
 ) -> Facts:
     """Export the node with *node_id* (None: the selected node) to *file*: a network file, a DCF or an XDC.
 
     A nodelist or a DBC file has all nodes, as in `export_all`. *twice* reads each object of a DCF twice. Raises as
-    `export_node` and `export_dcf`; UsageError for *twice* with another format, or *wishes* without a DBC file.
+    `export_node` and `export_dcf`; UsageError for *twice* with another format, or *options* without a DBC file.
     """
     kind = _format_of(file)
-    if wishes and not kind.has_wishes:
+    if options and not kind.has_options:
         raise UsageError(
             f"{file} is no DBC file, which alone can have that",
-            given=dict.fromkeys(wishes.named),
+            given=dict.fromkeys(options.named),
             hint=Hint(Action.EXPORT, {"file": "NAME.dbc", "services": "emcy,heartbeat"}),
         )
     if twice and not kind.reads_twice:
@@ -198,20 +198,20 @@ def export_file(
             given={"twice": True},
             hint=Hint(Action.EXPORT, {"file": "NAME.dcf", "twice": True}),
         )
-    return kind.write(session, file, ExportRequest(node_id, twice, wishes or DbcOptions()))
+    return kind.write(session, file, ExportRequest(node_id, twice, options or DbcOptions()))
 
 
-def export_all(session: Session, file: str, *, twice: bool = False, wishes: DbcOptions | None = None) -> Facts:
+def export_all(session: Session, file: str, *, twice: bool = False, options: DbcOptions | None = None) -> Facts:
     """Export all answering nodes, or `-n`, to *file*: a nodelist with DCFs, or a DBC file.
 
-    *twice* and *wishes*, and their errors, as in `export_file`. Raises NoAnswer if no node answers.
+    *twice* and *options*, and their errors, as in `export_file`. Raises NoAnswer if no node answers.
     """
     if not is_of_all_nodes(file):
         others = " or ".join(
             sorted(suffix for suffix, export_format in export_formats().items() if export_format.is_of_all)
         )
         raise UsageError(f"{file}: what format is that?", hint=f"a name that ends in {others}")
-    return export_file(session, file, twice=twice, wishes=wishes)
+    return export_file(session, file, twice=twice, options=options)
 
 
 def _format_of(file: str) -> ExportFormat:

@@ -13,16 +13,16 @@ from dvtcli.device.heartbeat_slots import heartbeat_slots
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.mapping import MAX_PDO_BITS
-from dvtcli.domain.network.wanted_state import (
+from dvtcli.domain.network.network_config import (
+    ExpectedIdentity,
     FileWord,
     HeartbeatWatch,
-    NetworkWish,
-    NodeWish,
-    ObjectWish,
-    PdoWish,
-    PinWish,
-    ValueWish,
-    WantedIdentity,
+    NetworkConfig,
+    NodeConfig,
+    ObjectConfig,
+    PartialPdoConfig,
+    PinConfig,
+    ValueConfig,
 )
 from dvtcli.domain.object_dictionary import normalised
 from dvtcli.domain.object_syntax import MappedObject, resolve_entry
@@ -55,7 +55,7 @@ def exported_node(session: SessionNodes, node: ReadableNode, held: Mapping[Pdo, 
     """
     found = exported(node, held, node.memory, all_of(node.dictionary))
     dcf, modules = _dcf(session, node, path), _modules(session, node)
-    return replace(found, wish=replace(found.wish, dcf=dcf, modules=modules, profile=session.options.profile))
+    return replace(found, config=replace(found.config, dcf=dcf, modules=modules, profile=session.options.profile))
 
 
 def _modules(session: SessionNodes, node: NodeDescription) -> tuple[int, ...] | None:
@@ -109,8 +109,10 @@ def export_node(session: SessionNodes, file: str, node_id: int | None = None) ->
     node = session.node(node_id)
     found = exported_node(session, node, node.pdos(), path)
     ask_before_overwriting(session, path)
-    make_file(session, path, write_network(NetworkWish((found.wish,)), f"What node {node.node_id} held", found.remarks))
-    count = len(found.wish.pdos)
+    make_file(
+        session, path, write_network(NetworkConfig((found.config,)), f"What node {node.node_id} held", found.remarks)
+    )
+    count = len(found.config.pdos)
     counted = f"{verbatim(file)}: node {node.node_id}, {plural(count, 'PDO')}"
     said: list[Hint | str] = [Hint(Action.CHECK, {"file": file}, f"{counted}. Check it: {{}}")]
     if note := found.left_out_note:
@@ -134,7 +136,7 @@ def network_place(file: str, example: str) -> Path:
     return place_of(file, example)
 
 
-def exported_pins(values: SdoReader, groups: Mapping[str, VpdoGroup]) -> Iterator[PinWish]:
+def exported_pins(values: SdoReader, groups: Mapping[str, VpdoGroup]) -> Iterator[PinConfig]:
     """Yield the pins of each of *groups* by name, up to the last connected pin."""
     for name, group in sorted(groups.items()):
         try:
@@ -144,7 +146,7 @@ def exported_pins(values: SdoReader, groups: Mapping[str, VpdoGroup]) -> Iterato
         while held and held[-1] == group.none:
             held.pop()
         for pin, value in enumerate(held, 1):
-            yield PinWish(name, pin, None if value == group.none else FileWord(f"{value:04X}"))
+            yield PinConfig(name, pin, None if value == group.none else FileWord(f"{value:04X}"))
 
 
 def _held_words(values: SdoReader, group: VpdoGroup) -> Iterator[int]:
@@ -191,7 +193,7 @@ class PdoHolder(NamedNode, Protocol):
 class Exported:
     """A node for a network file: its PDOs, remarks on words, and PDOs left out."""
 
-    wish: NodeWish
+    config: NodeConfig
     remarks: dict[tuple[int, str], str]
     left_out: tuple[str, ...]
 
@@ -210,18 +212,18 @@ def exported(holder: PdoHolder, held: Mapping[Pdo, PdoConfig], values: SdoReader
     Usual values are included if *said*.
     """
     remarks: dict[str, str] = {}
-    wishes = tuple(_pdo(holder, pdo, config, remarks) for pdo, config in held.items() if is_whole(config))
+    pdo_configs = tuple(_pdo(holder, pdo, config, remarks) for pdo, config in held.items() if is_whole(config))
     found = exported_objects(values, holder.dictionary, said)
     objects = sorted(found, key=lambda entry: (entry.index, entry.sub_index))
     watches = tuple(exported_watches(values))
     others = dict(exported_values(values, holder.dictionary, watches, holder.node_id, said))
     remarks |= {other_pin.object.text: sense for other_pin, sense in others.items()}
-    wish = NodeWish(
-        title_word(holder), holder.node_id, _identity(holder), pdos=wishes, objects=tuple(objects),
+    node_config = NodeConfig(
+        title_word(holder), holder.node_id, _identity(holder), pdos=pdo_configs, objects=tuple(objects),
         values=tuple(others), watches=watches, pins=tuple(exported_pins(values, holder.profile.vpdo)),
     )  # fmt: skip
     left_out = tuple(pdo.label for pdo, config in held.items() if not is_whole(config))
-    return Exported(wish, {(holder.node_id, word): text for word, text in remarks.items()}, left_out)
+    return Exported(node_config, {(holder.node_id, word): text for word, text in remarks.items()}, left_out)
 
 
 def is_whole(config: PdoConfig) -> bool:
@@ -236,18 +238,18 @@ def title_word(holder: NamedNode) -> str:
     return f"{word}_{holder.node_id}" if word and word[0].isalpha() else f"node_{holder.node_id}"
 
 
-def _identity(holder: PdoHolder) -> WantedIdentity:
+def _identity(holder: PdoHolder) -> ExpectedIdentity:
     """Return the kind of device, as the file may serve another of the same kind."""
     found = holder.identity()
-    return WantedIdentity(found["vendor"] or None, found["product"] or None)
+    return ExpectedIdentity(found["vendor"] or None, found["product"] or None)
 
 
-def _pdo(holder: PdoHolder, pdo: Pdo, config: PdoConfig, remarks: dict[str, str]) -> PdoWish:
+def _pdo(holder: PdoHolder, pdo: Pdo, config: PdoConfig, remarks: dict[str, str]) -> PartialPdoConfig:
     held = config.communication
     cob_id = held.cob_id
     named = bool(cob_id.can_id)  # a COB-ID of 0 that is off is no CAN-ID
     unlike_others = cob_id.rtr_allowed and holder.profile.rtr_bit[pdo.direction] is BitPolicy.SET
-    return PdoWish(
+    return PartialPdoConfig(
         pdo,
         enabled=cob_id.valid,
         cob_id=cob_id.can_id if named else None,
@@ -313,7 +315,7 @@ def values_of(dictionary: ObjectDictionary) -> Said:
     return said
 
 
-def exported_objects(values: SdoReader, dictionary: ObjectDictionary | None, said: Said) -> Iterator[ObjectWish]:
+def exported_objects(values: SdoReader, dictionary: ObjectDictionary | None, said: Said) -> Iterator[ObjectConfig]:
     """Yield 0x1017 if present, and of the others those *said* or not at their usual value."""
     for key in OF[Where.NODE].values():
         if key.object is None:
@@ -323,17 +325,17 @@ def exported_objects(values: SdoReader, dictionary: ObjectDictionary | None, sai
         if held is None or _is_fixed(dictionary, index, sub_index):
             continue
         if held not in _USUAL.get(index, ()) or said(index, sub_index):
-            yield ObjectWish(key.name, index, sub_index, held.to_bytes(size, "little"))
+            yield ObjectConfig(key.name, index, sub_index, held.to_bytes(size, "little"))
 
 
-def exported_behaviours(values: SdoReader, dictionary: ObjectDictionary, said: Said) -> Iterator[ObjectWish]:
+def exported_behaviours(values: SdoReader, dictionary: ObjectDictionary, said: Said) -> Iterator[ObjectConfig]:
     """Yield the error behaviours (0x1029) that are *said*."""
     for entry in dictionary.entries():
         place = entry.index, entry.sub_index
         if place[0] == _BEHAVIOUR and place[1] and entry.access.writable and said(*place):
             held = _held(values, *place, 1)
             if held is not None:
-                yield ObjectWish("error_behavior", *place, bytes([held]))
+                yield ObjectConfig("error_behavior", *place, bytes([held]))
 
 
 def exported_values(
@@ -342,7 +344,7 @@ def exported_values(
     watches: Collection[HeartbeatWatch],
     node_id: int,
     said: Said,
-) -> Iterator[tuple[ValueWish, str]]:
+) -> Iterator[tuple[ValueConfig, str]]:
     """Yield EMCY, SYNC counter and entries of 0x1016 except *watches*, if *said*, with their meaning.
 
     They have no keys of their own. A default EMCY COB-ID of *node_id* follows the node-ID. Objects missing in the EDS
@@ -353,7 +355,7 @@ def exported_values(
         if held is not None and said(index, 0) and not _is_fixed(dictionary, index, 0):
             is_own = index == _EMCY and held & _IDENTIFIER == _EMCY_BASE + node_id
             text = following(held - node_id) if is_own else f"0x{held:X}" if size == 4 else str(held)
-            yield ValueWish(FileWord(f"{index:04X}:00"), FileWord(text)), sense
+            yield ValueConfig(FileWord(f"{index:04X}:00"), FileWord(text)), sense
     left = {(watch.producer, watch.time_ms) for watch in watches}
     for sub_index, value in _slots(values).items():
         producer, time_ms = value >> 16 & 0xFF, value & 0xFFFF
@@ -361,7 +363,7 @@ def exported_values(
             left.remove((producer, time_ms))
         elif said(_CONSUMER, sub_index) and not _is_fixed(dictionary, _CONSUMER, sub_index):
             sense = "watches nobody" if not value else "as it was held"
-            yield ValueWish(FileWord(f"{_CONSUMER:04X}:{sub_index:02X}"), FileWord(f"0x{value:X}")), sense
+            yield ValueConfig(FileWord(f"{_CONSUMER:04X}:{sub_index:02X}"), FileWord(f"0x{value:X}")), sense
 
 
 def _held(values: SdoReader, index: int, sub_index: int, size: int) -> int | None:

@@ -17,16 +17,16 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import CanopenTime, DataType, Kind
 from dvtcli.domain.mapping import MAX_ENTRIES, MAX_PDO_BITS, PdoMappingEntry
 from dvtcli.domain.network.concise_dcf import BEFORE_PDOS, ConciseEntry, concise_entries
-from dvtcli.domain.network.network_state import CONCISE_DCF
-from dvtcli.domain.network.wanted_state import (
+from dvtcli.domain.network.network_config import (
+    ExpectedIdentity,
     FileWord,
     HeartbeatWatch,
-    NodeWish,
-    ObjectWish,
-    PdoWish,
-    ValueWish,
-    WantedIdentity,
+    NodeConfig,
+    ObjectConfig,
+    PartialPdoConfig,
+    ValueConfig,
 )
+from dvtcli.domain.network.network_state import CONCISE_DCF
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import STAMP
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
@@ -120,11 +120,11 @@ def node_from_frames(device: NamedNode, downloads: Sequence[ConciseEntry]) -> tu
     remarks: dict[str, str] = {}
     stamped = {left.data.pop((STAMP, sub_index), None) for sub_index in (1, 2)} != {None}
     pdos = sorted({pdo for index, _ in left.data if (pdo := Pdo.at(index)) is not None}, key=_order)
-    wishes = tuple(_pdo(device, pdo, left, remarks) for pdo in pdos)
+    options = tuple(_pdo(device, pdo, left, remarks) for pdo in pdos)
     watches = _watches(left)
-    wish = NodeWish(
+    config = NodeConfig(
         title_word(device), device.node_id,
-        pdos=tuple(pdo_wish for pdo_wish in wishes if pdo_wish != PdoWish(pdo_wish.pdo)),
+        pdos=tuple(pdo_config for pdo_config in options if pdo_config != PartialPdoConfig(pdo_config.pdo)),
         objects=tuple(_objects(left)), values=tuple(_values(device, left, remarks)), watches=watches,
         store=True if stamped else None, stamp=True if stamped else None,
     )  # fmt: skip
@@ -132,7 +132,7 @@ def node_from_frames(device: NamedNode, downloads: Sequence[ConciseEntry]) -> tu
     left.unsaid = _repeated(downloads) | left.unsaid
     unsaid = tuple(f"{index:04X}:{sub_index:02X} ({why})" for (index, sub_index), why in sorted(left.unsaid.items()))
     own = {(device.node_id, word): text for word, text in remarks.items()}
-    return Exported(wish, own, tuple(text.partition(" ")[0] for text in unsaid)), unsaid
+    return Exported(config, own, tuple(text.partition(" ")[0] for text in unsaid)), unsaid
 
 
 def _repeated(downloads: Sequence[ConciseEntry]) -> dict[Place, str]:
@@ -152,7 +152,7 @@ def _order(pdo: Pdo) -> tuple[bool, int]:
     return (not pdo.is_tpdo, pdo.number)
 
 
-def _pdo(device: NamedNode, pdo: Pdo, left: _Left, remarks: dict[str, str]) -> PdoWish:
+def _pdo(device: NamedNode, pdo: Pdo, left: _Left, remarks: dict[str, str]) -> PartialPdoConfig:
     at = pdo.communication_index
     raw = left.number(at, 1, 4)
     cob_id = None if raw is None else CobId.from_raw(raw)
@@ -160,7 +160,7 @@ def _pdo(device: NamedNode, pdo: Pdo, left: _Left, remarks: dict[str, str]) -> P
         left.unsaid[at, 1] = f"0x{raw:08X}: a PDO that is on has no CAN-ID 0"
         cob_id = None
     named = cob_id is not None and bool(cob_id.can_id)  # a COB-ID of 0 that is off is no CAN-ID
-    return PdoWish(
+    return PartialPdoConfig(
         pdo,
         enabled=None if cob_id is None else cob_id.valid,
         cob_id=cob_id.can_id if cob_id is not None and named else None,
@@ -208,24 +208,24 @@ def _watches(left: _Left) -> tuple[HeartbeatWatch, ...]:
     return tuple(HeartbeatWatch(number >> 16, number & 0xFFFF) for number in numbers)
 
 
-def _objects(left: _Left) -> list[ObjectWish]:
+def _objects(left: _Left) -> list[ObjectConfig]:
     """Convert objects with keys: the first behind the PDOs, as far as ordered like a file."""
     keys = {key.object[:2]: (key.name, key.object[2]) for key in OF[Where.NODE].values() if key.object is not None}
-    found: list[ObjectWish] = []
+    found: list[ObjectConfig] = []
     for place in [place for place in left.data if Pdo.at(place[0]) is None]:
         name, size = ("error_behavior", 1) if place[0] == _BEHAVIOUR and place[1] else keys.get(place, ("", 0))
         is_next = place[0] in BEFORE_PDOS or all(
-            wish.index < place[0] for wish in found if wish.index not in BEFORE_PDOS
+            config.index < place[0] for config in found if config.index not in BEFORE_PDOS
         )
         if len(left.data[place]) != size or not is_next:
             break
-        found.append(ObjectWish(name, *place, left.data.pop(place)))
+        found.append(ObjectConfig(name, *place, left.data.pop(place)))
     return sorted(found, key=lambda entry: (entry.index, entry.sub_index))
 
 
-def _values(device: NamedNode, left: _Left, remarks: dict[str, str]) -> list[ValueWish]:
+def _values(device: NamedNode, left: _Left, remarks: dict[str, str]) -> list[ValueConfig]:
     """Convert the rest, besides PDOs, to `sdo:`."""
-    found: list[ValueWish] = []
+    found: list[ValueConfig] = []
     for place in [place for place in left.data if Pdo.at(place[0]) is None]:
         data, word = left.data.pop(place), f"{place[0]:04X}:{place[1]:02X}"
         if place[0] in SIGNATURES:
@@ -237,7 +237,7 @@ def _values(device: NamedNode, left: _Left, remarks: dict[str, str]) -> list[Val
             continue
         if device.dictionary is not None:
             remarks[word] = device.dictionary.display_name(*place)
-        found.append(ValueWish(FileWord(word), FileWord(text)))
+        found.append(ValueConfig(FileWord(word), FileWord(text)))
     return found
 
 
@@ -250,7 +250,7 @@ class _Booted:
     """A node that a manager boots, as far as known."""
 
     node_id: int
-    identity: WantedIdentity
+    identity: ExpectedIdentity
     eds: Path | None
 
     @property
@@ -288,10 +288,10 @@ def import_manager(session: SessionNodes, file: str, manager: int) -> Facts:
         device = _device(session, node, node_id, path, notes)
         exported, unsaid = node_from_frames(device, downloads)
         dcf = None if device.eds is None else eds_word(device.eds, path)
-        wish = replace(exported.wish, identity=device.identity, dcf=dcf)
-        notes += _notes(wish, unsaid)
+        config = replace(exported.config, identity=device.identity, dcf=dcf)
+        notes += _notes(config, unsaid)
         unnamed += [str(node_id)] if device.eds is None else []
-        found.append(FoundNode(replace(exported, wish=wish), {}, node.memory))
+        found.append(FoundNode(replace(exported, config=config), {}, node.memory))
     if not found:
         why = f": {'; '.join(notes)}" if notes else ""
         raise UsageError(f"node {manager} ({node.title}) downloads nothing to any node{why}", node=manager)
@@ -300,11 +300,11 @@ def import_manager(session: SessionNodes, file: str, manager: int) -> Facts:
     return write_found(session, path, file, f"What node {manager} downloads to the nodes that it boots", found, notes)
 
 
-def _notes(wish: NodeWish, unsaid: tuple[str, ...]) -> Iterator[str]:
+def _notes(config: NodeConfig, unsaid: tuple[str, ...]) -> Iterator[str]:
     if unsaid:
-        yield f"node {wish.node_id}: left out: {', '.join(unsaid)}"
-    if wish.stamp:
-        yield f"node {wish.node_id}: `stamp: true` is for its 0x1020, and gives it another date and time"
+        yield f"node {config.node_id}: left out: {', '.join(unsaid)}"
+    if config.stamp:
+        yield f"node {config.node_id}: `stamp: true` is for its 0x1020, and gives it another date and time"
 
 
 def _downloads(
@@ -335,22 +335,22 @@ def _device(session: SessionNodes, manager: ReadableNode, node_id: int, path: Pa
     expected = _identity(manager, node_id)
     try:
         files = session.network.files
-        held = WantedIdentity(*(read_identity(files.memory(node_id), sub_index) or None for sub_index in (1, 2)))
+        held = ExpectedIdentity(*(read_identity(files.memory(node_id), sub_index) or None for sub_index in (1, 2)))
         if all(wanted in (None, told) for wanted, told in zip(_parts(expected), _parts(held), strict=True)):
             return _Booted(node_id, held, files.eds_path(node_id))
         notes.append(f"node {node_id} is another device than node {manager.node_id} expects (0x1F85, 0x1F86)")
     except (NoAnswer, SdoAborted, SdoProtocolError):
         pass
-    word = simulated_word(str(path), NodeWish("", node_id, expected))
+    word = simulated_word(str(path), NodeConfig("", node_id, expected))
     return _Booted(node_id, expected, None if word is None else file_or_family(word))
 
 
-def _parts(identity: WantedIdentity) -> tuple[int | None, ...]:
+def _parts(identity: ExpectedIdentity) -> tuple[int | None, ...]:
     """Return vendor and product: a manager checks only set values (CiA 302-2, 0x1F85, 0x1F86: 0 is any)."""
     return identity.vendor, identity.product
 
 
-def _identity(manager: ReadableNode, node_id: int) -> WantedIdentity:
+def _identity(manager: ReadableNode, node_id: int) -> ExpectedIdentity:
     numbers: list[int | None] = []
     for index in _EXPECTED:
         try:
@@ -358,4 +358,4 @@ def _identity(manager: ReadableNode, node_id: int) -> WantedIdentity:
         except SdoAborted:
             data = b""
         numbers.append(int.from_bytes(data, "little") or None)
-    return WantedIdentity(*numbers)
+    return ExpectedIdentity(*numbers)

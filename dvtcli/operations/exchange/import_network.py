@@ -42,7 +42,7 @@ from dvtcli.operations.session.simulated_nodes import read_dictionary
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.device.node_parts import ReadableNode
-    from dvtcli.domain.network.wanted_state import NodeWish
+    from dvtcli.domain.network.network_config import NodeConfig
     from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
     from dvtcli.domain.pdo import PdoConfig
     from dvtcli.domain.ports import SdoReader
@@ -165,15 +165,15 @@ def _of_file(one: _FileNode, path: Path, notes: list[str]) -> FoundNode:
     said = values_of(one.dictionary)
     found = exported(one, held, one.values, said)
     behaviours = exported_behaviours(one.values, one.dictionary, said)
-    wish = replace(found.wish, dcf=beside(one.path, path), objects=(*found.wish.objects, *behaviours))
-    notes += _not_taken(one, wish)
-    return FoundNode(replace(found, wish=wish), held, one.values)
+    config = replace(found.config, dcf=beside(one.path, path), objects=(*found.config.objects, *behaviours))
+    notes += _not_taken(one, config)
+    return FoundNode(replace(found, config=config), held, one.values)
 
 
-def _not_taken(one: _FileNode, wish: NodeWish) -> Iterator[str]:
-    """Count writable values of *one* missing in *wish*: a network file is not a full backup."""
-    taken = {f"{value.index:04X}:{value.sub_index:02X}" for value in wish.objects}
-    taken |= {value.object.text for value in wish.values}
+def _not_taken(one: _FileNode, config: NodeConfig) -> Iterator[str]:
+    """Count writable values of *one* missing in *config*: a network file is not a full backup."""
+    taken = {f"{value.index:04X}:{value.sub_index:02X}" for value in config.objects}
+    taken |= {value.object.text for value in config.values}
     pins = {group.index for group in one.profile.vpdo.values()}
     left = [
         entry
@@ -286,7 +286,7 @@ def import_network(session: SessionNodes, file: str, folder: str | None = None, 
     else:
         title = f"What the files of {folder} say"
         found = list(nodes_of_files(Path(folder), path, notes))
-    notes += (f"node {node.exported.wish.node_id}: {note}" for node in found if (note := node.exported.left_out_note))
+    notes += (f"node {node.exported.config.node_id}: {note}" for node in found if (note := node.exported.left_out_note))
     return write_found(session, path, file, title, found, notes)
 
 

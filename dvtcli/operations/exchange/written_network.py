@@ -10,7 +10,7 @@ from dvtcli.device.heartbeat_slots import heartbeat_ms, heartbeat_slots
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.network.heartbeats import watched_ms
 from dvtcli.domain.network.links import found_links
-from dvtcli.domain.network.wanted_state import NetworkWish
+from dvtcli.domain.network.network_config import NetworkConfig
 from dvtcli.domain.text import plural
 from dvtcli.errors import SdoAborted
 from dvtcli.files.network.write_network import write_network
@@ -42,7 +42,7 @@ def write_found(
 
     The result has *notes* and the number of errors by `check`.
     """
-    nodes = {node.exported.wish.node_id: node for node in found}
+    nodes = {node.exported.config.node_id: node for node in found}
     links = found_links(
         {node_id: exported_node.held for node_id, exported_node in nodes.items()},
         lambda consumer, producer: _watches(nodes[consumer].values, nodes[producer].values, producer),
@@ -50,11 +50,11 @@ def write_found(
     for consumer, producer in links.unlike:
         heard, sent = (f"{end.node_id}:{end.pdo}" for end in (consumer, producer))
         notes.append(f"{heard} receives {sent}, and their layouts differ: no link")
-    wishes = tuple(exported_node.exported.wish for _, exported_node in sorted(nodes.items()))
+    options = tuple(exported_node.exported.config for _, exported_node in sorted(nodes.items()))
     remarks = {word: text for node in found for word, text in node.exported.remarks.items()}
-    make_file(session, path, write_network(NetworkWish(wishes, links.links), title, remarks))
-    pdos = sum(len(wish.pdos) for wish in wishes)
-    counts = f"{plural(len(wishes), 'node')}, {plural(pdos, 'PDO')}, {plural(len(links.links), 'link')}"
+    make_file(session, path, write_network(NetworkConfig(options, links.links), title, remarks))
+    pdos = sum(len(config.pdos) for config in options)
+    counts = f"{plural(len(options), 'node')}, {plural(pdos, 'PDO')}, {plural(len(links.links), 'link')}"
     errors = _errors(file)
     judged = f"{plural(errors, 'error')}, to be mended first" if errors else "Check it"
     checked = Hint(Action.CHECK, {"file": file}, f"{verbatim(file)}: {counts}. {judged}: {{}}")
@@ -78,9 +78,9 @@ def _errors(file: str) -> int:
 
 
 def _row(one: FoundNode) -> dict[str, object]:
-    wish = one.exported.wish
+    config = one.exported.config
     left_out = list(one.exported.left_out)
-    return {"node": wish.node_id, "name": wish.name, "pdos": len(wish.pdos), "left_out": left_out}
+    return {"node": config.node_id, "name": config.name, "pdos": len(config.pdos), "left_out": left_out}
 
 
 def _watches(consumer: SdoReader, producer: SdoReader, producer_id: int) -> bool:

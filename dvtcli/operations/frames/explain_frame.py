@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.typed_frame import typed_frame
 from dvtcli.errors import UsageError
 from dvtcli.operations.frames.recorded import decoder_for
-from dvtcli.operations.network.described_nodes import described_nodes, network_wish
+from dvtcli.operations.network.described_nodes import described_nodes, network_config_of
 from dvtcli.operations.results.frames import FrameExplained
 from dvtcli.watch.explain.frame_parts import frame_parts
 from dvtcli.watch.frame_reader import FrameReader
@@ -37,11 +37,11 @@ def explain_frame(
     is no frame.
     """
     frame = parsed_frame(text)
-    wish = network_wish(file)
-    decoder = decoder_for(session, nodes, file, wish=wish)
+    config = network_config_of(file)
+    decoder = decoder_for(session, nodes, file, config=config)
     for doubt in doubts(frame, decoder.layout(frame)):
         session.tell.warning(doubt)
-    return explained(frame, FrameReader(decoder, described_nodes(session, file, wish)))
+    return explained(frame, FrameReader(decoder, described_nodes(session, file, config)))
 
 
 def explained(frame: Frame, reader: FrameReader) -> FrameExplained:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_syntax import parse_object
 from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, SdoProtocolError, UsageError
-from dvtcli.operations.network.described_nodes import NETWORK_SUFFIXES, network_wish
+from dvtcli.operations.network.described_nodes import NETWORK_SUFFIXES, network_config_of
 from dvtcli.operations.values.object_values import meanings_of
 from dvtcli.watch.decoder import Decoder, pdo_layouts
 from dvtcli.watch.sdo_servers import described_servers
@@ -19,8 +19,8 @@ from dvtcli.watch.sdo_servers import described_servers
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.meanings import Rules
+    from dvtcli.domain.network.network_config import NetworkConfig, ValueConfig
     from dvtcli.domain.network.network_state import NodeState
-    from dvtcli.domain.network.wanted_state import NetworkWish, ValueWish
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.ports import CanopenBus
     from dvtcli.operations.session.session_nodes import SessionNodes
@@ -28,21 +28,21 @@ if TYPE_CHECKING:
     from dvtcli.watch.decoder import Address, Layout
 
 
-def file_layouts(file: str, tell: Reporter, wish: NetworkWish | None = None) -> Mapping[Address, Layout]:
+def file_layouts(file: str, tell: Reporter, config: NetworkConfig | None = None) -> Mapping[Address, Layout]:
     """Return the layouts of *file*, a network file by its suffix, else a DBC file; raises as their reading.
 
-    *wish* is the network file as read, if read already. *tell* gets the object names in it without description: their
+    *config* is the network file as read, if read already. *tell* gets the object names in it without description: their
     frames stay bytes.
     """
-    wish = wish or network_wish(file)
-    if wish is None:
+    config = config or network_config_of(file)
+    if config is None:
         from dvtcli.files.dbc import read_dbc
 
         return read_dbc(file)
-    return _network_layouts(file, wish, tell)
+    return _network_layouts(file, config, tell)
 
 
-def _network_layouts(file: str, wish: NetworkWish, tell: Reporter) -> Mapping[Address, Layout]:
+def _network_layouts(file: str, network_config: NetworkConfig, tell: Reporter) -> Mapping[Address, Layout]:
     """Return the layouts of PDOs in the network *file*, as applied, with its scalings.
 
     The file's own values go before defaults of a node's EDS.
@@ -51,12 +51,12 @@ def _network_layouts(file: str, wish: NetworkWish, tell: Reporter) -> Mapping[Ad
     from dvtcli.operations.network.described_network import described_pdos, unknown_names
     from dvtcli.watch.decoder import Decoder
 
-    state = described_pdos(file, wish)
-    for note in unknown_names(file, wish):
+    state = described_pdos(file, network_config)
+    for note in unknown_names(file, network_config):
         place = f"{file}:{note.mark.line}:{note.mark.column}"
         tell.note(f"{place}: {note.text}; frames with such a name stay bytes")
-    rules, decoder = rules_by_node(wish.nodes), Decoder()
-    written = {node.node_id: _numbers(node.values) for node in wish.nodes}
+    rules, decoder = rules_by_node(network_config.nodes), Decoder()
+    written = {node.node_id: _numbers(node.values) for node in network_config.nodes}
     for node in state.nodes:
         said = {pdo: config for pdo, config in node.pdos.items() if pdo not in node.guessed}
         decoder.add(_layouts(node, said, rules.get(node.node_id, {}), f"the mapping in {Path(file).name}"))
@@ -68,14 +68,14 @@ def _network_layouts(file: str, wish: NetworkWish, tell: Reporter) -> Mapping[Ad
     return decoder.layouts
 
 
-def _numbers(values: Iterable[ValueWish]) -> dict[tuple[int, int], int]:
+def _numbers(values: Iterable[ValueConfig]) -> dict[tuple[int, int], int]:
     """Return those of *values* that are numbers of objects named by number."""
     found: dict[tuple[int, int], int] = {}
-    for wish in values:
+    for config in values:
         with suppress(ValueError):  # a name, or another kind of value
-            place = parse_object(wish.object.text)
+            place = parse_object(config.object.text)
             if place is not None:
-                found[place] = int(wish.value.text, 0)
+                found[place] = int(config.value.text, 0)
     return found
 
 
@@ -97,9 +97,9 @@ def file_names(file: str) -> dict[int, str]:
     """Return the names of nodes by node-ID in *file*; none unless it is a network file."""
     if Path(file).suffix.lower() not in NETWORK_SUFFIXES:
         return {}
-    from dvtcli.operations.plans.network_wish import read_wish
+    from dvtcli.operations.plans.read_network_config import read_network_config
 
-    return {node.node_id: node.name for node in read_wish(file).nodes}
+    return {node.node_id: node.name for node in read_network_config(file).nodes}
 
 
 #: how long is waited for a first heartbeat where no node is named (s): most are sent once a second or faster

@@ -15,7 +15,7 @@ from dvtcli.errors import DvtcliError, UsageError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from dvtcli.domain.network.wanted_state import NetworkWish
+    from dvtcli.domain.network.network_config import NetworkConfig
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
     from dvtcli.watch.decoder import Decoder
@@ -26,11 +26,11 @@ def decoder_for(
     nodes: tuple[int, ...] | None,
     dbc: str | None,
     path: Path | None = None,
-    wish: NetworkWish | None = None,
+    config: NetworkConfig | None = None,
 ) -> Decoder:
     """Return the decoder of a recording: --dbc, else the mapping in --eds, else of the nodes.
 
-    *wish* is the network file *dbc* as read, if read already.
+    *config* is the network file *dbc* as read, if read already.
 
     Nodes are read only if named (-n, --nodes, --sim) or a bus is open; else the mappings in SDO transfers of the
     recording at *path* count, and other frames stay bytes.
@@ -47,7 +47,7 @@ def decoder_for(
             session.tell.note(
                 Hint(Action.GIVE, {"eds": base.eds}, f"is not used: {verbatim(dbc)} says what the frames carry")
             )
-        return Decoder(file_layouts(dbc, session.tell, wish))
+        return Decoder(file_layouts(dbc, session.tell, config))
     if base.eds is not None:
         return _file_decoder(file_or_family(base.eds), nodes or base.nodes, base.profile, base.modules)
     if base.sim or base.nodes or nodes or session.is_open:

@@ -15,17 +15,17 @@ from dvtcli.errors import DvtcliError, NoAnswer, SafetyRefusal, UsageError
 from dvtcli.operations.lss.lss_find import Identity, in_words, lss_bus, scanned, selected, two_alike, who_is_there
 from dvtcli.operations.lss.lss_node_id import consent_to_give, give, heard_ids, told_id
 from dvtcli.operations.lss.lss_store import all_back, prove_all, store_all
-from dvtcli.operations.plans.network_wish import read_wish
+from dvtcli.operations.plans.read_network_config import read_network_config
 from dvtcli.operations.results.lss_nodes import LssChanged, LssGiven, LssNode
 
 if TYPE_CHECKING:
-    from dvtcli.domain.network.wanted_state import NodeWish, WantedIdentity
+    from dvtcli.domain.network.network_config import ExpectedIdentity, NodeConfig
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
 
 
 def to_store(
-    session: SessionUser, master: LssMaster, settled: Sequence[NodeWish], there: Mapping[int, Identity | None]
+    session: SessionUser, master: LssMaster, settled: Sequence[NodeConfig], there: Mapping[int, Identity | None]
 ) -> list[LssGiven]:
     """Return the *settled* nodes that LSS can store; warns of the others.
 
@@ -34,13 +34,17 @@ def to_store(
     """
     kept: list[LssGiven] = []
     out_of_reach: list[str] = []
-    for wish in settled:
-        told = [part for part in there.get(wish.node_id) or () if part is not None]
-        one = LssGiven(LssAddress(*told), wish.node_id, wish.node_id, name=wish.name) if len(told) == PARTS else None
+    for config in settled:
+        told = [part for part in there.get(config.node_id) or () if part is not None]
+        one = (
+            LssGiven(LssAddress(*told), config.node_id, config.node_id, name=config.name)
+            if len(told) == PARTS
+            else None
+        )
         if one is not None and _takes_part(master, one):
             kept.append(one)
         else:
-            out_of_reach.append(f"{wish.name} ({wish.node_id})")
+            out_of_reach.append(f"{config.name} ({config.node_id})")
     master.let_wait()
     if out_of_reach:
         session.tell.warning(
@@ -118,23 +122,25 @@ def lss_assign(session: SessionNodes, file: str, *, stores: bool = False, prove:
     node. Raises SafetyRefusal if a node-ID is another device's, an identity fits several nodes, or another master is
     active.
     """
-    nodes = read_wish(file).nodes
-    wishes = _with_identity(session, file, nodes)
+    nodes = read_network_config(file).nodes
+    options = _with_identity(session, file, nodes)
     if session.dry_run:
         return LssChanged("assign", dry_run=True)
     bus = lss_bus(session)
     there = who_is_there(bus, heard_ids(session))
-    waiting = [wish for wish in wishes if not _is_there(wish, there)]
+    waiting = [config for config in options if not _is_there(config, there)]
     if not (waiting or stores):
         return LssChanged("assign")
-    settled = {wish.node_id for wish in nodes if wish not in waiting}
+    settled = {config.node_id for config in nodes if config not in waiting}
     with LssMaster(bus) as master:
-        kept = to_store(session, master, [wish for wish in wishes if wish not in waiting], there) if stores else []
+        kept = (
+            to_store(session, master, [config for config in options if config not in waiting], there) if stores else []
+        )
         found = [*scanned(session, master), *_movable(there, settled)] if waiting else []
         given, missing = _matched(waiting, found)
         _refuse_used(waiting, given, there)
         _confirm(master, given)
-        steps = in_order(given, there, {wish.node_id for wish in nodes})
+        steps = in_order(given, there, {config.node_id for config in nodes})
         if steps or kept:
             _agree(session, steps, kept, stores=stores, prove=prove)
             with session.cancellation.guard():
@@ -144,25 +150,25 @@ def lss_assign(session: SessionNodes, file: str, *, stores: bool = False, prove:
     return LssChanged("assign", tuple(sorted(given, key=lambda slave: slave.node_id)), missing=missing)
 
 
-def _with_identity(session: SessionUser, file: str, nodes: Sequence[NodeWish]) -> list[NodeWish]:
+def _with_identity(session: SessionUser, file: str, nodes: Sequence[NodeConfig]) -> list[NodeConfig]:
     """Return the *nodes* that LSS can find and report the others; raises UsageError if there are none."""
-    wishes = [wish for wish in nodes if any(part is not None for part in astuple(wish.identity))]
-    if not wishes:
+    options = [config for config in nodes if any(part is not None for part in astuple(config.identity))]
+    if not options:
         hint = "identity: {vendor: 0x1E, serial: 0x12345} under a node says who it is"
         raise UsageError(f"{file}: no node has an identity, by which LSS could find it", hint=hint)
-    others = [f"{wish.name} ({wish.node_id})" for wish in nodes if wish not in wishes]
+    others = [f"{config.name} ({config.node_id})" for config in nodes if config not in options]
     if others:
         session.tell.note(f"no identity in {file}, left alone: {join_some(others)}")
-    return wishes
+    return options
 
 
-def _is_there(wish: NodeWish, there: Mapping[int, Identity | None]) -> bool:
+def _is_there(config: NodeConfig, there: Mapping[int, Identity | None]) -> bool:
     """Tell whether the node already has its node-ID."""
-    identity = there.get(wish.node_id)
-    return identity is not None and _fits(identity, wish.identity)
+    identity = there.get(config.node_id)
+    return identity is not None and _fits(identity, config.identity)
 
 
-def _fits(identity: Sequence[int | None], wanted: WantedIdentity) -> bool:
+def _fits(identity: Sequence[int | None], wanted: ExpectedIdentity) -> bool:
     return all(want in (None, part) for part, want in zip(identity, astuple(wanted), strict=True))
 
 
@@ -176,28 +182,28 @@ def _movable(there: Mapping[int, Identity | None], settled: Collection[int]) -> 
     return found
 
 
-def _matched(wishes: Sequence[NodeWish], found: Sequence[LssNode]) -> tuple[list[LssGiven], tuple[str, ...]]:
+def _matched(options: Sequence[NodeConfig], found: Sequence[LssNode]) -> tuple[list[LssGiven], tuple[str, ...]]:
     """Match *found* nodes to node-IDs, and name missing nodes; raises SafetyRefusal if ambiguous."""
     given: list[LssGiven] = []
     missing: list[str] = []
-    for wish in wishes:
-        fitting = [node for node in found if _fits(node.address.parts, wish.identity)]
+    for config in options:
+        fitting = [node for node in found if _fits(node.address.parts, config.identity)]
         if len(fitting) > 1:
             raise SafetyRefusal(
-                f"{len(fitting)} nodes fit the identity of {wish.name}", node=wish.node_id,
+                f"{len(fitting)} nodes fit the identity of {config.name}", node=config.node_id,
                 why="; ".join(f"node-ID {told_id(_id(node))}: {node.address}" for node in fitting),
                 hint="serial: in its identity tells them apart",
             )  # fmt: skip
         if not fitting:
-            missing.append(wish.name)
+            missing.append(config.name)
             continue
         (node,) = fitting
         if not node.confirmed:
             raise two_alike(node.address)
         twice = next((slave.name for slave in given if slave.address == node.address), None)
         if twice is not None:
-            raise SafetyRefusal(f"{twice} and {wish.name} are one node by their identity", hint=str(node.address))
-        given.append(LssGiven(node.address, _id(node), wish.node_id, name=wish.name))
+            raise SafetyRefusal(f"{twice} and {config.name} are one node by their identity", hint=str(node.address))
+        given.append(LssGiven(node.address, _id(node), config.node_id, name=config.name))
     return given, tuple(missing)
 
 
@@ -205,18 +211,20 @@ def _id(node: LssNode) -> int:
     return UNCONFIGURED if node.node_id is None else node.node_id
 
 
-def _refuse_used(wishes: Sequence[NodeWish], given: Sequence[LssGiven], there: Mapping[int, Identity | None]) -> None:
-    """Raises SafetyRefusal if a node-ID of *wishes* is in use by a node that keeps it."""
+def _refuse_used(
+    options: Sequence[NodeConfig], given: Sequence[LssGiven], there: Mapping[int, Identity | None]
+) -> None:
+    """Raises SafetyRefusal if a node-ID of *options* is in use by a node that keeps it."""
     moving = {slave.before for slave in given}
-    for wish in wishes:
-        if wish.node_id in there and wish.node_id not in moving:
-            identity = there[wish.node_id]
+    for config in options:
+        if config.node_id in there and config.node_id not in moving:
+            identity = there[config.node_id]
             raise SafetyRefusal(
-                f"node-ID {wish.node_id} is in use, and not by {wish.name}",
-                node=wish.node_id,
+                f"node-ID {config.node_id} is in use, and not by {config.name}",
+                node=config.node_id,
                 why=f"0x1018 says {in_words(identity)}" if identity else "it is heard, and does not say who it is",
-                hint=Hint(Action.SHOW_NODE, {"node": wish.node_id}, "shows who has it")
-                + _another(identity, {*there, *(wish.node_id for wish in wishes)}),
+                hint=Hint(Action.SHOW_NODE, {"node": config.node_id}, "shows who has it")
+                + _another(identity, {*there, *(config.node_id for config in options)}),
             )
 
 

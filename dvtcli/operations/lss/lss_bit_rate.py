@@ -296,9 +296,9 @@ def all_on_bus(session: SessionNodes, master: LssMaster, file: str | None = None
 
 
 def _refuse_others(file: str, there: Collection[int]) -> None:
-    from dvtcli.operations.plans.network_wish import read_wish
+    from dvtcli.operations.plans.read_network_config import read_network_config
 
-    wanted = {wish.node_id: wish.name for wish in read_wish(file).nodes}
+    wanted = {config.node_id: config.name for config in read_network_config(file).nodes}
     if others := [f"node {node_id}" for node_id in there if node_id not in wanted]:
         raise SafetyRefusal(f"{join_some(others)} on the bus, and not in {file}", hint="take it off, or into the file")
     if missing := [f"{name} ({node_id})" for node_id, name in wanted.items() if node_id not in there]:
@@ -506,9 +506,9 @@ def _way_back(bus: CanopenBus, bit_rate: int) -> int:
 def _require_readable(file: str | None) -> None:
     """Raises InputFileError if the network *file* is invalid."""
     if file is not None:
-        from dvtcli.operations.plans.network_wish import read_wish
+        from dvtcli.operations.plans.read_network_config import read_network_config
 
-        read_wish(file)
+        read_network_config(file)
 
 
 def _agree(

@@ -26,7 +26,7 @@ from dvtcli.operations.network.described_network import DeviceWord, simulated_wo
 from dvtcli.operations.network.described_nodes import described_nodes
 from dvtcli.operations.network.live_network import heard_traffic, live_state, refuse_without_bus
 from dvtcli.operations.plans.identify_nodes import identify_nodes, is_wanted
-from dvtcli.operations.plans.network_wish import read_wish
+from dvtcli.operations.plans.read_network_config import read_network_config
 from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkReport, NetworksChecked
 from dvtcli.simulator.network.family_file import family_of
 from dvtcli.watch.decoder import Decoder
@@ -37,7 +37,7 @@ from dvtcli.watch.recording.stream_problems import LOAD
 if TYPE_CHECKING:
     from dvtcli.domain.lint.lint_rule import LintRule
     from dvtcli.domain.network.heard_traffic import HeardTraffic
-    from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish
+    from dvtcli.domain.network.network_config import NetworkConfig, NodeConfig
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.session.session_nodes import SessionNodes
 
@@ -52,31 +52,31 @@ _NEED_A_FILE = {
 _OF_ITSELF = {IDENTITY, 0x1000, *range(NMT_STARTUP, BOOT_TIME + 1)}
 
 
-def check_all(session: SessionNodes, files: Sequence[str], wishes: CheckOptions) -> NetworksChecked:
+def check_all(session: SessionNodes, files: Sequence[str], options: CheckOptions) -> NetworksChecked:
     """Check each of *files* and the nodes on the bus, and compare both.
 
     The bus's bit rate counts for the files, too, and nodes without an EDS in a file are described by the bus. A finding
     of a file is not repeated for the bus.
     """
     if not files:
-        return check_live(session, wishes)
+        return check_live(session, options)
     refuse_without_bus(session)
-    wishes = replace(wishes, bit_rate=_bit_rate(session, wishes))
-    on_bus = {file: words_on_bus(session, file, wish) for file in files if (wish := _read(file)) is not None}
-    of_files = check_networks(files, wishes, on_bus).reports
-    of_bus, *against = check_live(session, wishes, files, on_bus).reports
+    options = replace(options, bit_rate=_bit_rate(session, options))
+    on_bus = {file: words_on_bus(session, file, config) for file in files if (config := _read(file)) is not None}
+    of_files = check_networks(files, options, on_bus).reports
+    of_bus, *against = check_live(session, options, files, on_bus).reports
     return NetworksChecked((*of_files, _not_said(of_bus, of_files), *against))
 
 
-def _read(file: str) -> NetworkWish | None:
+def _read(file: str) -> NetworkConfig | None:
     try:
-        return read_wish(file)
+        return read_network_config(file)
     except (InputFileError, UsageError):
         return None  # its own report says so
 
 
-def _bit_rate(session: SessionNodes, wishes: CheckOptions) -> int | None:
-    return wishes.bit_rate or session.wire.bitrate or session.options.bitrate
+def _bit_rate(session: SessionNodes, options: CheckOptions) -> int | None:
+    return options.bit_rate or session.wire.bitrate or session.options.bitrate
 
 
 def _not_said(of_bus: NetworkReport, of_files: Sequence[NetworkReport]) -> NetworkReport:
@@ -88,7 +88,7 @@ def _not_said(of_bus: NetworkReport, of_files: Sequence[NetworkReport]) -> Netwo
 
 def check_live(
     session: SessionNodes,
-    wishes: CheckOptions | None = None,
+    options: CheckOptions | None = None,
     files: Sequence[str] = (),
     on_bus: Mapping[str, Mapping[int, DeviceWord]] | None = None,
 ) -> NetworksChecked:
@@ -98,17 +98,17 @@ def check_live(
     the bus expects or downloads something else. An unreadable file is left out; *on_bus* has descriptions of nodes by
     file. Raises UsageError without a bus or for an unknown rule; NoAnswer if no node could be read.
     """
-    wishes = wishes or CheckOptions()
-    rules = chosen_rules(wishes)
+    options = options or CheckOptions()
+    rules = chosen_rules(options)
     refuse_without_bus(session)
-    bit_rate = _bit_rate(session, wishes)
-    rules = _judged(rules, wishes, bit_rate)
+    bit_rate = _bit_rate(session, options)
+    rules = _judged(rules, options, bit_rate)
     told = on_bus or {}
     networks = {
         file: state for file in dict.fromkeys(files) if (state := _described(file, told.get(file, {}))) is not None
     }
-    recorded = _Recorded(session, wishes) if wishes.for_s else None
-    traffic = heard_traffic(session, _seconds(session, wishes), None if recorded is None else recorded.take)
+    recorded = _Recorded(session, options) if options.for_s else None
+    traffic = heard_traffic(session, _seconds(session, options), None if recorded is None else recorded.take)
     ids = {node.node_id for network in networks.values() for node in network.nodes}
     live, bus = live_state(session, traffic, ids), session.wire
     if not live.nodes:
@@ -119,24 +119,24 @@ def check_live(
         _with_problems(findings_of(CheckedNetwork(live, bit_rate, traffic), rules), recorded, rules),
         tuple((node.title, node.node_id, len(node.pdos)) for node in live.nodes),
         is_live=True,
-        strict=wishes.strict,
+        strict=options.strict,
         heard=_heard(traffic),
     )
-    against = [_against(file, state, live, wishes, bit_rate) for file, state in networks.items()]
+    against = [_against(file, state, live, options, bit_rate) for file, state in networks.items()]
     return NetworksChecked((of_bus, *(replace(report, bus=bus.name) for report in against)))
 
 
-def _judged(rules: Sequence[LintRule], wishes: CheckOptions, bit_rate: int | None) -> tuple[LintRule, ...]:
+def _judged(rules: Sequence[LintRule], options: CheckOptions, bit_rate: int | None) -> tuple[LintRule, ...]:
     """Return *rules* without those about recordings that the frames alone do not decide.
 
-    Raises UsageError if *wishes* name one of these, or if no rule is left.
+    Raises UsageError if *options* name one of these, or if no rule is left.
     """
     unjudged = dict(_NEED_A_FILE)
     if bit_rate is None:
         unjudged[LOAD.name] = "nothing says the bit rate"
     judged = tuple(rule for rule in rules if rule.name not in unjudged)
     for rule in rules:
-        if rule.name in unjudged and (rule.name in wishes.only or not judged):
+        if rule.name in unjudged and (rule.name in options.only or not judged):
             raise UsageError(
                 f"rule {rule.name} is not judged on a running bus: {unjudged[rule.name]}",
                 hint="what no rule looks at is not checked",
@@ -147,13 +147,13 @@ def _judged(rules: Sequence[LintRule], wishes: CheckOptions, bit_rate: int | Non
 class _Recorded:
     """The frames that are heard, judged as those of a recording."""
 
-    def __init__(self, session: SessionNodes, wishes: CheckOptions) -> None:
+    def __init__(self, session: SessionNodes, options: CheckOptions) -> None:
         described = described_nodes(session)
 
         def name_of(node_id: int, index: int, sub_index: int) -> str:
             return described(node_id).value(index, sub_index, None).name
 
-        self._check = RecordingCheck(Decoder().layout, name_of, bit_rate=_bit_rate(session, wishes))
+        self._check = RecordingCheck(Decoder().layout, name_of, bit_rate=_bit_rate(session, options))
         self._count, self._begin_s = 0, 0.0
 
     def take(self, frame: Frame) -> None:
@@ -206,9 +206,9 @@ def _nobody(name: str, traffic: HeardTraffic | None) -> NoAnswer:
     )
 
 
-def _seconds(session: SessionNodes, wishes: CheckOptions) -> float:
-    if wishes.for_s is not None:
-        return wishes.for_s
+def _seconds(session: SessionNodes, options: CheckOptions) -> float:
+    if options.for_s is not None:
+        return options.for_s
     return 0.0 if session.wire.simulated else LISTEN_S
 
 
@@ -232,26 +232,28 @@ def _described(file: str, on_bus: Mapping[int, DeviceWord]) -> NetworkState | No
         return None
 
 
-def against_file(session: SessionNodes, file: str, wish: NetworkWish, live: NetworkState) -> tuple[NetworkFinding, ...]:
-    """Report nodes of *wish* (from *file*) that are missing or different in *live*, the state of the bus."""
-    wishes = CheckOptions()
-    state = _described(file, words_on_bus(session, file, wish))
-    return () if state is None else _against(file, state, live, wishes, _bit_rate(session, wishes)).findings
+def against_file(
+    session: SessionNodes, file: str, config: NetworkConfig, live: NetworkState
+) -> tuple[NetworkFinding, ...]:
+    """Report nodes of *config* (from *file*) that are missing or different in *live*, the state of the bus."""
+    options = CheckOptions()
+    state = _described(file, words_on_bus(session, file, config))
+    return () if state is None else _against(file, state, live, options, _bit_rate(session, options)).findings
 
 
 def _against(
-    file: str, state: NetworkState, live: NetworkState, wishes: CheckOptions, bit_rate: int | None
+    file: str, state: NetworkState, live: NetworkState, options: CheckOptions, bit_rate: int | None
 ) -> NetworkReport:
     """Report contradictions between *state* of *file* and the nodes on the bus."""
     from dvtcli.domain.network.check.network_rules import AGAINST_FILE
 
-    names = {rule.name for rule in chosen_rules(wishes)}
+    names = {rule.name for rule in chosen_rules(options)}
     rules = [rule for rule in AGAINST_FILE if rule.name in names]
     there = frozenset(node.node_id for node in live.nodes)
     network = CheckedNetwork(_with_live(state, live), bit_rate or state.bit_rate, present=there)
     findings = tuple(findings_of(network, rules))
     nodes = tuple((node.name, node.node_id, len(node.marks)) for node in state.nodes)
-    return NetworkReport(file, asked_rules(rules), findings, nodes, is_live=True, strict=wishes.strict)
+    return NetworkReport(file, asked_rules(rules), findings, nodes, is_live=True, strict=options.strict)
 
 
 def _with_live(state: NetworkState, live: NetworkState) -> NetworkState:
@@ -270,32 +272,32 @@ def _one_with_live(node: NodeState, live: NodeState | None) -> NodeState:
     return replace(node, numbers={**kept, **said}, downloads=live.downloads)
 
 
-def words_on_bus(session: SessionNodes, file: str, wish: NetworkWish) -> dict[int, DeviceWord]:
-    """Return what describes each node of *wish* whose EDS only its identity tells.
+def words_on_bus(session: SessionNodes, file: str, config: NetworkConfig) -> dict[int, DeviceWord]:
+    """Return what describes each node of *config* whose EDS only its identity tells.
 
     Silent nodes and other devices than in the file are left out.
     """
     found: dict[int, DeviceWord] = {}
-    for node in _untold(file, wish):
+    for node in _untold(file, config):
         with suppress(NoAnswer, SdoAborted, SdoProtocolError):
             if is_wanted(session.network.node(node.node_id), node.identity):
                 found |= _word(session, node.node_id)
     return found
 
 
-def words_of_present(session: SessionNodes, file: str, wish: NetworkWish) -> dict[int, DeviceWord]:
+def words_of_present(session: SessionNodes, file: str, config: NetworkConfig) -> dict[int, DeviceWord]:
     """Return what describes the nodes as `words_on_bus`, but raise for a silent node or another device, as a plan does.
 
     A node without a word has no EDS, rather than no power.
     """
     with session.network.as_it_was_if_refused():
-        met = identify_nodes(session, file, replace(wish, nodes=tuple(_untold(file, wish)), links=()))
+        met = identify_nodes(session, file, replace(config, nodes=tuple(_untold(file, config)), links=()))
         met.end()
     return {node_id: word for node in met.nodes for node_id, word in _word(session, node).items()}
 
 
-def _untold(file: str, wish: NetworkWish) -> list[NodeWish]:
-    return [node for node in wish.nodes if simulated_word(file, node) is None]
+def _untold(file: str, config: NetworkConfig) -> list[NodeConfig]:
+    return [node for node in config.nodes if simulated_word(file, node) is None]
 
 
 def _word(session: SessionNodes, node_id: int) -> dict[int, DeviceWord]:

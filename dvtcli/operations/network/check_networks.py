@@ -10,18 +10,18 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.lint.lint_rule import ERROR, LintRule
-from dvtcli.domain.network.wanted_state import FileNote
+from dvtcli.domain.network.network_config import FileNote
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 from dvtcli.operations.network.described_network import unknown_names
-from dvtcli.operations.plans.network_wish import read_wish
+from dvtcli.operations.plans.read_network_config import read_network_config
 from dvtcli.operations.results.checked_files import FileRule, rules_among
 from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkReport, NetworksChecked
 
 if TYPE_CHECKING:
     from dvtcli.domain.file_complaint import FileComplaint
     from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetSpot
+    from dvtcli.domain.network.network_config import Mark, NetworkConfig
     from dvtcli.domain.network.network_state import NetworkState
-    from dvtcli.domain.network.wanted_state import Mark, NetworkWish
     from dvtcli.domain.rules.finding import Finding
     from dvtcli.files.network.file_log import FileLog
     from dvtcli.operations.network.described_network import DeviceWord
@@ -58,7 +58,7 @@ class CheckOptions:
 
 def check_networks(
     files: Sequence[str],
-    wishes: CheckOptions | None = None,
+    options: CheckOptions | None = None,
     on_bus: Mapping[str, Mapping[int, DeviceWord]] | None = None,
 ) -> NetworksChecked:
     """Check each of *files*; *on_bus* has descriptions of other nodes by file and node-ID.
@@ -66,26 +66,26 @@ def check_networks(
     Read errors are findings if there are several files; for a single file they raise InputFileError with all its
     errors, or UsageError if it does not exist. Raises UsageError for an unknown rule.
     """
-    wishes = wishes or CheckOptions()
-    of_bus = {rule.name for rule in traffic_rules()} if wishes.for_s else set()
-    rules = tuple(rule for rule in chosen_rules(wishes) if rule.name not in of_bus)
+    options = options or CheckOptions()
+    of_bus = {rule.name for rule in traffic_rules()} if options.for_s else set()
+    rules = tuple(rule for rule in chosen_rules(options) if rule.name not in of_bus)
     names = tuple(dict.fromkeys(files))
-    report = _report if len(names) == 1 and not wishes.as_findings else _report_anyway
+    report = _report if len(names) == 1 and not options.as_findings else _report_anyway
     told = on_bus or {}
-    return NetworksChecked(tuple(report(file, wishes, rules, told.get(file, {})) for file in names))
+    return NetworksChecked(tuple(report(file, options, rules, told.get(file, {})) for file in names))
 
 
-def chosen_rules(wishes: CheckOptions) -> tuple[LintRule, ...]:
-    """Return the rules that *wishes* name; raises UsageError for an unknown rule, or if none is left.
+def chosen_rules(options: CheckOptions) -> tuple[LintRule, ...]:
+    """Return the rules that *options* name; raises UsageError for an unknown rule, or if none is left.
 
     With a time to listen, those about recordings are among them.
     """
     from dvtcli.domain.network.check.network_rules import NETWORK_RULES
 
     rules = [*change_rules(), *FILE_RULES, *NETWORK_RULES]
-    if wishes.for_s:
+    if options.for_s:
         rules += traffic_rules()
-    return rules_among(rules, wishes.only, wishes.without, "networks", "docs/reference/network-rules.md")
+    return rules_among(rules, options.only, options.without, "networks", "docs/reference/network-rules.md")
 
 
 def traffic_rules() -> tuple[LintRule, ...]:
@@ -112,11 +112,11 @@ def change_rules() -> tuple[LintRule, ...]:
         whole_pdo,
     )
     from dvtcli.operations.changes import possible_stores
-    from dvtcli.operations.plans import linked_wishes, missing_objects, plan_network, stamping
+    from dvtcli.operations.plans import missing_objects, plan_network, resolve_links, stamping
 
     files = (
         can_id, communication, described_step, entry_length, mappable, mapped_object, no_way_back, producer, raw_write,
-        whole_pdo, vpdo, consumers, heartbeats, links, possible_stores, missing_objects, linked_wishes, stamping,
+        whole_pdo, vpdo, consumers, heartbeats, links, possible_stores, missing_objects, resolve_links, stamping,
         plan_network,
     )  # fmt: skip
     return tuple(
@@ -130,29 +130,34 @@ def asked_rules(rules: Sequence[LintRule]) -> tuple[FileRule, ...]:
 
 
 def _report(
-    file: str, wishes: CheckOptions, rules: tuple[LintRule, ...], on_bus: Mapping[int, DeviceWord]
+    file: str, options: CheckOptions, rules: tuple[LintRule, ...], on_bus: Mapping[int, DeviceWord]
 ) -> NetworkReport:
     """Report on *file*; raises InputFileError or UsageError if it cannot be read."""
-    wish = read_wish(file)
-    state, findings = judged_file(file, wish, wishes, on_bus)
-    nodes = tuple((node.name, node.node_id, len(node.pdos)) for node in wish.nodes)
-    shown = tuple(finding for finding in findings if wishes.shows_all or not finding.is_aside)
+    config = read_network_config(file)
+    state, findings = judged_file(file, config, options, on_bus)
+    nodes = tuple((node.name, node.node_id, len(node.pdos)) for node in config.nodes)
+    shown = tuple(finding for finding in findings if options.shows_all or not finding.is_aside)
     notes = tuple(
         (note.mark.line, note.mark.column, note.times, note.text)
-        for note in (*wish.notes, *unknown_names(file, wish, on_bus), *_described(file, wish), *_undescribed(state))
+        for note in (
+            *config.notes,
+            *unknown_names(file, config, on_bus),
+            *_described(file, config),
+            *_undescribed(state),
+        )
     )
     return NetworkReport(
-        file, asked_rules(rules), shown, nodes, len(wish.links), notes, strict=wishes.strict,
+        file, asked_rules(rules), shown, nodes, len(config.links), notes, strict=options.strict,
         folded=len(findings) - len(shown),
     )  # fmt: skip
 
 
-def _described(file: str, wish: NetworkWish) -> Iterator[FileNote]:
+def _described(file: str, config: NetworkConfig) -> Iterator[FileNote]:
     """Note each node described by a library file that may not match exactly."""
-    from dvtcli.domain.network.wanted_state import FileNote
+    from dvtcli.domain.network.network_config import FileNote
     from dvtcli.operations.network.described_network import library_match
 
-    for node in wish.nodes:
+    for node in config.nodes:
         found = library_match(file, node)
         if found is not None and (remark := found.remark("in `identity:`")):
             yield FileNote(f"node {node.node_id}: {remark}", node.mark)
@@ -160,8 +165,8 @@ def _described(file: str, wish: NetworkWish) -> Iterator[FileNote]:
 
 def _undescribed(state: NetworkState) -> Iterator[FileNote]:
     """Note the nodes of *state* without a description, if any."""
-    from dvtcli.domain.network.wanted_state import NOWHERE, FileNote
-    from dvtcli.operations.plans.network_wish import skipped_rules
+    from dvtcli.domain.network.network_config import NOWHERE, FileNote
+    from dvtcli.operations.plans.read_network_config import skipped_rules
 
     if state.untold:
         marks = [node.mark for node in state.nodes if node.node_id in state.untold]
@@ -169,15 +174,15 @@ def _undescribed(state: NetworkState) -> Iterator[FileNote]:
 
 
 def _report_anyway(
-    file: str, wishes: CheckOptions, rules: tuple[LintRule, ...], on_bus: Mapping[int, DeviceWord]
+    file: str, options: CheckOptions, rules: tuple[LintRule, ...], on_bus: Mapping[int, DeviceWord]
 ) -> NetworkReport:
     """Report on *file*, with read errors as findings."""
     try:
-        return _report(file, wishes, rules, on_bus)
+        return _report(file, options, rules, on_bus)
     except (InputFileError, UsageError) as failed:
         found = tuple(_unreadable(failed, file))
         asked = tuple(dict.fromkeys((FILE_RULES[0], *rules)))
-        return NetworkReport(file, asked_rules(asked), found, strict=wishes.strict, unread=failed.exit_code)
+        return NetworkReport(file, asked_rules(asked), found, strict=options.strict, unread=failed.exit_code)
 
 
 def _unreadable(failed: DvtcliError, file: str) -> Iterator[NetworkFinding]:
@@ -195,12 +200,12 @@ def _at(one: FileComplaint, rule: str) -> NetworkFinding:
 
 def judged_file(
     file: str,
-    wish: NetworkWish,
-    wishes: CheckOptions,
+    config: NetworkConfig,
+    options: CheckOptions,
     on_bus: Mapping[int, DeviceWord] | None = None,
     tell: Reporter | None = None,
 ) -> tuple[NetworkState, tuple[NetworkFinding, ...]]:
-    """Simulate the network of *wish* (from *file*) and apply the rules of changes and of networks.
+    """Simulate the network of *config* (from *file*) and apply the rules of changes and of networks.
 
     Parts that cannot be made become findings; the state has the rest.
     """
@@ -209,20 +214,20 @@ def judged_file(
     from dvtcli.files.network.read_network import network_text
     from dvtcli.operations.network.described_network import described_network
 
-    rules, failures, log = chosen_rules(wishes), list[DvtcliError](), FileLog(file, network_text(file))
-    state = described_network(file, tell, for_rules=True, on_bus=on_bus, wish=wish, failures=failures)
+    rules, failures, log = chosen_rules(options), list[DvtcliError](), FileLog(file, network_text(file))
+    state = described_network(file, tell, for_rules=True, on_bus=on_bus, config=config, failures=failures)
     state = replace(state, links=()) if failures else state
     names = {rule.name for rule in rules}
-    found = [finding for failed in failures for finding in _refused(wish, failed, names)]
+    found = [finding for failed in failures for finding in _refused(config, failed, names)]
     found += (_of_change(state, node.node_id, said) for node in state.nodes for said in node.said if said.rule in names)
-    found += _nothing_asked(wish, state, names)
-    network = CheckedNetwork(state, wishes.bit_rate or state.bit_rate)
+    found += _nothing_asked(config, state, names)
+    network = CheckedNetwork(state, options.bit_rate or state.bit_rate)
     return state, tuple(_shown(repeat, log) for repeat in without_repeats(found, findings_of(network, rules)))
 
 
 def _shown(found: NetworkFinding, log: FileLog) -> NetworkFinding:
     """Add to *found* its line in the file, if it has a place there."""
-    from dvtcli.domain.network.wanted_state import Mark
+    from dvtcli.domain.network.network_config import Mark
 
     if found.complaint is not None or not found.column:
         return found
@@ -230,17 +235,17 @@ def _shown(found: NetworkFinding, log: FileLog) -> NetworkFinding:
     return replace(found, complaint=log.shown(mark, found.text))
 
 
-def _nothing_asked(wish: NetworkWish, state: NetworkState, names: Collection[str]) -> Iterator[NetworkFinding]:
+def _nothing_asked(config: NetworkConfig, state: NetworkState, names: Collection[str]) -> Iterator[NetworkFinding]:
     """Warn about each node without wishes and description: no plan covers it."""
     from dvtcli.domain.rules.finding import warning
     from dvtcli.operations.plans.plan_network import ASKS_NOTHING
 
-    for node_id in wish.asked_nothing if "asked-nothing" in names else ():
+    for node_id in config.asked_nothing if "asked-nothing" in names else ():
         if node_id in state.untold:
             yield _of_change(state, node_id, warning("asked-nothing", "", ASKS_NOTHING))
 
 
-def _refused(wish: NetworkWish, refused: DvtcliError, names: Collection[str]) -> Iterator[NetworkFinding]:
+def _refused(config: NetworkConfig, refused: DvtcliError, names: Collection[str]) -> Iterator[NetworkFinding]:
     """Yield each refusal at its place in the file, else at its node.
 
     The rule is that of the refusal; a refusal without a rule of changes gets the rule for parts that cannot be made.
@@ -252,16 +257,16 @@ def _refused(wish: NetworkWish, refused: DvtcliError, names: Collection[str]) ->
         return
     for said in getattr(refused, "findings", ()) or ():
         rule = said.rule if said.rule in names else FILE_RULES[1].name
-        mark = wish.mark_of(refused.node, said.place) if said.complaint is None else _mark_of(said.complaint)
+        mark = config.mark_of(refused.node, said.place) if said.complaint is None else _mark_of(said.complaint)
         if rule in names:
             yield _finding(rule, str(said.severity), refused.node, None, "", said.text, mark)
     if not getattr(refused, "findings", ()) and FILE_RULES[1].name in names:
-        mark = wish.mark_of(refused.node, "")
+        mark = config.mark_of(refused.node, "")
         yield _finding(FILE_RULES[1].name, "error", refused.node, None, "", refused.text, mark)
 
 
 def _mark_of(complaint: FileComplaint) -> Mark:
-    from dvtcli.domain.network.wanted_state import Mark
+    from dvtcli.domain.network.network_config import Mark
 
     return Mark(complaint.line, complaint.column, complaint.width)
 

@@ -22,7 +22,7 @@ from dvtcli.domain.network.concise_dcf import (
     concise_of,
     concise_of_device,
 )
-from dvtcli.domain.network.wanted_state import WantedIdentity
+from dvtcli.domain.network.network_config import ExpectedIdentity
 from dvtcli.domain.object_syntax import parse_object
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import disables, mapping_differs
@@ -34,15 +34,15 @@ from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.read_network import network_text
 from dvtcli.files.unread_values import must_tell_values
 from dvtcli.operations.network.described_network import DeviceWord, simulated_word, simulation_of, words_of
-from dvtcli.operations.plans.network_wish import read_wish
-from dvtcli.operations.plans.plan_network import plan_wish
+from dvtcli.operations.plans.plan_network import plan_network_config
+from dvtcli.operations.plans.read_network_config import read_network_config
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
 from dvtcli.operations.session.session import Session
 
 if TYPE_CHECKING:
+    from dvtcli.domain.network.network_config import NetworkConfig, NodeConfig
     from dvtcli.domain.network.network_plan import NodePlan
-    from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.rules import Finding
     from dvtcli.operations.user.session_user import Reporter, SessionUser
@@ -72,7 +72,7 @@ class ConciseNetwork:
     """The concise DCFs of a network file in its order, and the names of undescribed nodes."""
 
     nodes: tuple[ConciseDcf, ...]
-    untold: tuple[NodeWish, ...]
+    untold: tuple[NodeConfig, ...]
 
 
 def concise_dcf(file: str, node: str | int | None = None, tell: Reporter | None = None) -> ConciseDcf:
@@ -81,7 +81,7 @@ def concise_dcf(file: str, node: str | int | None = None, tell: Reporter | None 
     Undescribed nodes and their links are left out. Raises UsageError if *node* is unknown or undescribed, or the file
     cannot be read; InputFileError with all its errors, RuleError if its wishes cannot be made.
     """
-    read = read_wish(file)
+    read = read_network_config(file)
     chosen = _chosen(file, read, node)
     if simulated_word(file, chosen) is None:
         raise UsageError(
@@ -98,43 +98,45 @@ def concise_dcfs(
 
     Raises as `concise_dcf`.
     """
-    return _concise(file, read_wish(file), tell, on_bus)
+    return _concise(file, read_network_config(file), tell, on_bus)
 
 
 def _concise(
-    file: str, read: NetworkWish, tell: Reporter | None, on_bus: Mapping[int, DeviceWord] | None = None
+    file: str, read: NetworkConfig, tell: Reporter | None, on_bus: Mapping[int, DeviceWord] | None = None
 ) -> ConciseNetwork:
     words = words_of(file, read, on_bus)
-    wish = read.of(words.keys())
-    anyone = replace(wish, nodes=tuple(replace(node, identity=WantedIdentity()) for node in wish.nodes))
+    config = read.of(words.keys())
+    anyone = replace(config, nodes=tuple(replace(node, identity=ExpectedIdentity()) for node in config.nodes))
     made: list[ConciseDcf] = []
     if words:
         with Session(simulation_of(words), tell) as session:
-            plan = plan_wish(session, anyone, FileLog(file, network_text(file)))
+            plan = plan_network_config(session, anyone, FileLog(file, network_text(file)))
             dictionaries = {node_id: session.node(node_id).dictionary for node_id in words}
         planned = {node.node_id: node for node in plan.nodes}
-        made = [_made(node, planned[node.node_id], dictionaries[node.node_id]) for node in wish.nodes]
+        made = [_made(node, planned[node.node_id], dictionaries[node.node_id]) for node in config.nodes]
     return ConciseNetwork(tuple(made), tuple(node for node in read.nodes if node.node_id not in words))
 
 
-def _made(wish: NodeWish, plan: NodePlan, dictionary: ObjectDictionary | None) -> ConciseDcf:
-    mapped = {pdo.pdo for pdo in wish.pdos if pdo.mapping is not None}
+def _made(config: NodeConfig, plan: NodePlan, dictionary: ObjectDictionary | None) -> ConciseDcf:
+    mapped = {pdo.pdo for pdo in config.pdos if pdo.mapping is not None}
     fixed: set[Pdo] = set()
     if dictionary is not None:
         fixed = _fixed(dictionary, plan.wanted)
         mapped = {pdo for pdo, after in plan.wanted.items() if pdo in mapped and _is_mapped(dictionary, pdo, after)}
-    own = {place for value in wish.values if (place := parse_object(value.object.text)) is not None}
-    return ConciseDcf(wish.node_id, wish.name, concise_of(plan, mapped, fixed, own), plan.findings)
+    own = {place for value in config.values if (place := parse_object(value.object.text)) is not None}
+    return ConciseDcf(config.node_id, config.name, concise_of(plan, mapped, fixed, own), plan.findings)
 
 
-def _chosen(file: str, wish: NetworkWish, node: str | int | None) -> NodeWish:
-    """Find *node* in *wish*; raises UsageError if unknown or ambiguous."""
+def _chosen(file: str, config: NetworkConfig, node: str | int | None) -> NodeConfig:
+    """Find *node* in *config*; raises UsageError if unknown or ambiguous."""
     found = [
-        node_wish for node_wish in wish.nodes if node is None or str(node) in (node_wish.name, str(node_wish.node_id))
+        node_config
+        for node_config in config.nodes
+        if node is None or str(node) in (node_config.name, str(node_config.node_id))
     ]
     if len(found) == 1:
         return found[0]
-    names = join_some(f"{node_wish.name} ({node_wish.node_id})" for node_wish in wish.nodes) or "none"
+    names = join_some(f"{node_config.name} ({node_config.node_id})" for node_config in config.nodes) or "none"
     text = "a concise DCF is for one node" if node is None else f"no node is {node!r}"
     raise UsageError(
         f"{file}: {text}; it has {names}",

@@ -16,25 +16,25 @@ from dvtcli.device.read_pdos import WHATEVER, read_pdo
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.network.heartbeats import MISSED, watch_time_ms
-from dvtcli.domain.network.network_state import NetworkState, NodeState
-from dvtcli.domain.network.wanted_state import (
+from dvtcli.domain.network.network_config import (
     Endpoint,
+    ExpectedIdentity,
     FileNote,
     FileWord,
     HeartbeatWatch,
-    LinkWish,
-    NetworkWish,
-    NodeWish,
-    PdoWish,
-    WantedIdentity,
+    LinkConfig,
+    NetworkConfig,
+    NodeConfig,
+    PartialPdoConfig,
 )
+from dvtcli.domain.network.network_state import NetworkState, NodeState
 from dvtcli.domain.object_syntax import MappedObject, Skipped, UnknownName, resolve_entry
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.errors import DvtcliError, RuleError, SdoAborted, UsageError
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.read_network import network_text
-from dvtcli.operations.plans.network_states import network_after, network_state, with_link_marks, with_wish
-from dvtcli.operations.plans.network_wish import eds_of, read_wish
+from dvtcli.operations.plans.network_states import network_after, network_state, with_config, with_link_marks
+from dvtcli.operations.plans.read_network_config import eds_of, read_network_config
 from dvtcli.operations.plans.resolve_names import pdo_request
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
@@ -48,12 +48,12 @@ if TYPE_CHECKING:
     from dvtcli.operations.user.session_user import Reporter
 
 
-def guessed_mappings(node: NodeState, wish: NodeWish, word: str) -> Mapping[Pdo, str]:
-    """Name the source of the default mapping of each PDO that *wish* does not map.
+def guessed_mappings(node: NodeState, node_config: NodeConfig, word: str) -> Mapping[Pdo, str]:
+    """Name the source of the default mapping of each PDO that *node_config* does not map.
 
     *word* is the file or simulated family that describes it. Values of a DCF or XDC are not defaults.
     """
-    said = {pdo.pdo for pdo in wish.pdos if pdo.mapping is not None}
+    said = {pdo.pdo for pdo in node_config.pdos if pdo.mapping is not None}
     unsaid = (pdo for pdo, config in node.pdos.items() if config.mapping and pdo not in said)
     return dict.fromkeys(
         (pdo for pdo in unsaid if not _has_value(node.dictionary, pdo)), f"the default mapping of {_source(word)}"
@@ -79,55 +79,55 @@ def described_network(
     for_rules: bool = False,
     with_links: bool = True,
     on_bus: Mapping[int, DeviceWord] | None = None,
-    wish: NetworkWish | None = None,
+    config: NetworkConfig | None = None,
     failures: list[DvtcliError] | None = None,
 ) -> NetworkState:
     """Compute what the nodes of the network *file* hold once it is applied to devices with default values.
 
-    *wish* is the file as read, if read already. If *failures* is given, errors are appended to it, and the state has
+    *config* is the file as read, if read already. If *failures* is given, errors are appended to it, and the state has
     what could be made.
 
     A node is described by its `dcf`, else its `profile`'s family, else the family or library file of its identity (`eds
     add`), else *on_bus* by its node-ID; an undescribed node has only the file's values. Raises InputFileError with all
     errors of the file, RuleError if its wishes cannot be made. *with_links* False leaves out the links.
     """
-    read = wish or read_wish(file)
+    read = config or read_network_config(file)
     read = read if with_links else replace(read, links=())
     words = words_of(file, read, on_bus)
-    wish = _with_untold_links(read, words.keys())
-    known = tuple(replace(node, identity=WantedIdentity()) for node in wish.nodes if node.node_id in words)
-    links = tuple(link for link in wish.links if _is_told(link, words.keys()))
-    state = NetworkState(file=file, master=wish.master, links=links)
+    config = _with_untold_links(read, words.keys())
+    known = tuple(replace(node, identity=ExpectedIdentity()) for node in config.nodes if node.node_id in words)
+    links = tuple(link for link in config.links if _is_told(link, words.keys()))
+    state = NetworkState(file=file, master=config.master, links=links)
     if known:
-        state = _simulated(file, replace(wish, nodes=known, links=links), words, tell, failures, for_rules=for_rules)
-    named = {node.node_id: node for node in wish.nodes}
+        state = _simulated(file, replace(config, nodes=known, links=links), words, tell, failures, for_rules=for_rules)
+    named = {node.node_id: node for node in config.nodes}
     met = [_met(node, named[node.node_id], words[node.node_id]) for node in state.nodes]
-    untold = [node for node in wish.nodes if node.node_id not in words]
+    untold = [node for node in config.nodes if node.node_id not in words]
     nodes = sorted([*met, *map(told_state, untold)], key=lambda node_state: node_state.node_id)
     ids = tuple(node.node_id for node in untold)
     return with_link_marks(replace(state, nodes=tuple(nodes), untold=ids), read.links)
 
 
-def described_pdos(file: str, wish: NetworkWish) -> NetworkState:
-    """Return the PDOs of `described_network` alone, without a plan if *wish* itself says their COB-IDs and mappings.
+def described_pdos(file: str, config: NetworkConfig) -> NetworkState:
+    """Return the PDOs of `described_network` alone, without a plan if *config* itself says their COB-IDs and mappings.
 
     Raises as `described_network` for a PDO that cannot be made; of what else *file* says nothing is judged.
     """
-    is_said = not wish.links and not any(
-        node.prune or any(pdo.cob_id == "auto" for pdo in node.pdos) for node in wish.nodes
+    is_said = not config.links and not any(
+        node.prune or any(pdo.cob_id == "auto" for pdo in node.pdos) for node in config.nodes
     )
-    state = _as_said(file, wish) if is_said else None
-    return described_network(file, wish=wish) if state is None else state
+    state = _as_said(file, config) if is_said else None
+    return described_network(file, config=config) if state is None else state
 
 
-def _as_said(file: str, wish: NetworkWish) -> NetworkState | None:
-    """Return the PDOs of *wish* on its simulated nodes; None if one of them cannot be made as it stands."""
-    words, log, nodes = words_of(file, wish), FileLog(file, network_text(file)), list[NodeState]()
+def _as_said(file: str, config: NetworkConfig) -> NetworkState | None:
+    """Return the PDOs of *config* on its simulated nodes; None if one of them cannot be made as it stands."""
+    words, log, nodes = words_of(file, config), FileLog(file, network_text(file)), list[NodeState]()
     options = simulation_of(words, force=True)
     with Session(options) as session:
         if words:
             session.bus.read_at_once()
-        for told in wish.nodes:
+        for told in config.nodes:
             word = words.get(told.node_id)
             if word is None:
                 nodes.append(told_state(told))
@@ -141,13 +141,13 @@ def _as_said(file: str, wish: NetworkWish) -> NetworkState | None:
     return NetworkState(tuple(sorted(nodes, key=lambda node_state: node_state.node_id)), file=file)
 
 
-def _said_pdos(node: Node, wish: NodeWish, log: FileLog) -> dict[Pdo, PdoConfig] | None:
-    """Return the PDOs of *node*, which holds default values, with those of *wish*; None as `_as_said`."""
+def _said_pdos(node: Node, config: NodeConfig, log: FileLog) -> dict[Pdo, PdoConfig] | None:
+    """Return the PDOs of *node*, which holds default values, with those of *config*; None as `_as_said`."""
     held, wanted = dict[Pdo, PdoConfig](), dict[Pdo, PdoConfig]()
     for present in node.present():
         with suppress(SdoAborted):  # neither COB-ID nor mapping: no such PDO
             held[present] = read_pdo(node.sdo, present, WHATEVER)
-    for pdo in wish.pdos:
+    for pdo in config.pdos:
         request = pdo_request(node, pdo, log)
         if log.count or pdo.pdo not in held or held[pdo.pdo].unread:
             return None
@@ -159,14 +159,14 @@ def _said_pdos(node: Node, wish: NodeWish, log: FileLog) -> dict[Pdo, PdoConfig]
     return {**wanted, **held, **wanted}
 
 
-def _met(node: NodeState, wish: NodeWish, word: DeviceWord) -> NodeState:
-    return replace(with_wish(node, wish), guessed=guessed_mappings(node, wish, word.text))
+def _met(node: NodeState, config: NodeConfig, word: DeviceWord) -> NodeState:
+    return replace(with_config(node, config), guessed=guessed_mappings(node, config, word.text))
 
 
-def words_of(file: str, wish: NetworkWish, on_bus: Mapping[int, DeviceWord] | None = None) -> dict[int, DeviceWord]:
-    """Return the words for described nodes of *wish*; *file* goes before *on_bus*."""
+def words_of(file: str, config: NetworkConfig, on_bus: Mapping[int, DeviceWord] | None = None) -> dict[int, DeviceWord]:
+    """Return the words for described nodes of *config*; *file* goes before *on_bus*."""
     found: dict[int, DeviceWord] = {}
-    for node in wish.nodes:
+    for node in config.nodes:
         text = simulated_word(file, node)
         if text is not None:
             found[node.node_id] = DeviceWord(text, node.modules or ())
@@ -192,58 +192,62 @@ def simulation_of(words: Mapping[int, DeviceWord], *, force: bool = False) -> Op
     )
 
 
-def _is_told(link: LinkWish, told: Collection[int]) -> bool:
+def _is_told(link: LinkConfig, told: Collection[int]) -> bool:
     """Tell whether all ends of *link* are on *told* nodes, described by an EDS or a family."""
     return all(end.node_id in told for end in link.ends)
 
 
-def _with_untold_links(wish: NetworkWish, told: Collection[int]) -> NetworkWish:
+def _with_untold_links(config: NetworkConfig, told: Collection[int]) -> NetworkConfig:
     """Give both ends of each link with an undescribed node the same CAN-ID, and enable them.
 
     The CAN-ID is the file's for the TPDO, else the pre-defined CAN-ID. Layouts need a dictionary.
     """
     ends: dict[Endpoint, int] = {}
-    for link in wish.links:
-        can_id = _said_can_id(wish, link.producer)
+    for link in config.links:
+        can_id = _said_can_id(config, link.producer)
         if not _is_told(link, told) and can_id is not None:
             ends |= dict.fromkeys(link.ends, can_id)
-    consumers = {end for link in wish.links for end in link.consumers}
-    untold = [link for link in wish.links if not _is_told(link, told)]
-    nodes = (_linked_node(_watching(wish, node, untold), ends, consumers, told) for node in wish.nodes)
-    return replace(wish, nodes=tuple(nodes))
+    consumers = {end for link in config.links for end in link.consumers}
+    untold = [link for link in config.links if not _is_told(link, told)]
+    nodes = (_linked_node(_watching(config, node, untold), ends, consumers, told) for node in config.nodes)
+    return replace(config, nodes=tuple(nodes))
 
 
-def _watching(wish: NetworkWish, node: NodeWish, links: Collection[LinkWish]) -> NodeWish:
+def _watching(config: NetworkConfig, node: NodeConfig, links: Collection[LinkConfig]) -> NodeConfig:
     """Let *node* consume the heartbeats of its producers in *links*, with times of the file."""
     watched = {watch.producer for watch in node.watches}
     found: dict[int, HeartbeatWatch] = {}
     for link in links:
         producer, hears = link.producer.node_id, any(end.node_id == node.node_id for end in link.consumers)
-        time_ms = link.heartbeat or _said_heartbeat_ms(wish, producer)
-        late_ms = watch_time_ms(time_ms, MISSED if wish.multiplier is None else wish.multiplier) if time_ms else None
+        time_ms = link.heartbeat or _said_heartbeat_ms(config, producer)
+        late_ms = (
+            watch_time_ms(time_ms, MISSED if config.multiplier is None else config.multiplier) if time_ms else None
+        )
         if hears and link.heartbeat is not False and late_ms and producer not in watched:
             found[producer] = HeartbeatWatch(producer, late_ms)
     return replace(node, watches=(*node.watches, *found.values()))
 
 
-def _said_heartbeat_ms(wish: NetworkWish, node_id: int) -> int:
-    said = (object_wish for node in wish.nodes if node.node_id == node_id for object_wish in node.objects)
-    return next((int.from_bytes(object_wish.data, "little") for object_wish in said if object_wish.index == 0x1017), 0)
+def _said_heartbeat_ms(config: NetworkConfig, node_id: int) -> int:
+    said = (object_config for node in config.nodes if node.node_id == node_id for object_config in node.objects)
+    return next(
+        (int.from_bytes(object_config.data, "little") for object_config in said if object_config.index == 0x1017), 0
+    )
 
 
-def _said_can_id(wish: NetworkWish, end: Endpoint) -> int | None:
-    node = next((node for node in wish.nodes if node.node_id == end.node_id), None)
+def _said_can_id(config: NetworkConfig, end: Endpoint) -> int | None:
+    node = next((node for node in config.nodes if node.node_id == end.node_id), None)
     said = next((pdo.cob_id for pdo in node.pdos if pdo.pdo == end.pdo), None) if node is not None else None
     return said if isinstance(said, int) else end.pdo.default_can_id(end.node_id)
 
 
 def _linked_node(
-    node: NodeWish, ends: Mapping[Endpoint, int], consumers: Collection[Endpoint], told: Collection[int]
-) -> NodeWish:
+    node: NodeConfig, ends: Mapping[Endpoint, int], consumers: Collection[Endpoint], told: Collection[int]
+) -> NodeConfig:
     pdos = {pdo.pdo: pdo for pdo in node.pdos}
     for end, can_id in ends.items():
         if end.node_id == node.node_id:
-            said = pdos.get(end.pdo, PdoWish(end.pdo))
+            said = pdos.get(end.pdo, PartialPdoConfig(end.pdo))
             hears = end in consumers and node.node_id not in told  # what it maps is laid out as the TPDO sends it
             pdos[end.pdo] = replace(
                 said, cob_id=can_id, enabled=said.enabled is not False, mapping=None if hears else said.mapping
@@ -253,7 +257,7 @@ def _linked_node(
 
 def _simulated(
     file: str,
-    wish: NetworkWish,
+    config: NetworkConfig,
     words: Mapping[int, DeviceWord],
     tell: Reporter | None,
     failures: list[DvtcliError] | None,
@@ -263,11 +267,11 @@ def _simulated(
     options = simulation_of(words, force=True)
     with Session(options, tell) as session:
         session.bus.read_at_once()
-        plan = _planned(session, wish, FileLog(file, network_text(file)), failures, by_rules=for_rules)
-        nodes = [session.node(node.node_id) for node in wish.nodes]
+        plan = _planned(session, config, FileLog(file, network_text(file)), failures, by_rules=for_rules)
+        nodes = [session.node(node.node_id) for node in config.nodes]
         state = network_state(nodes, for_rules=for_rules)
         state = replace(state, nodes=tuple(map(_without_unknown_types, state.nodes)))
-        return network_after(state, plan, wish)
+        return network_after(state, plan, config)
 
 
 def _without_unknown_types(node: NodeState) -> NodeState:
@@ -283,14 +287,14 @@ def _without_unknown_type(node: NodeState, pdo: Pdo, config: PdoConfig) -> PdoCo
 
 
 def _planned(
-    session: Session, wish: NetworkWish, log: FileLog, failures: list[DvtcliError] | None, *, by_rules: bool
+    session: Session, config: NetworkConfig, log: FileLog, failures: list[DvtcliError] | None, *, by_rules: bool
 ) -> NetworkPlan:
-    """Plan *wish*; if *failures* is given, it also gets a UsageError, and the plan is empty."""
+    """Plan *config*; if *failures* is given, it also gets a UsageError, and the plan is empty."""
     from dvtcli.domain.network.network_plan import NetworkPlan
-    from dvtcli.operations.plans.plan_network import plan_wish
+    from dvtcli.operations.plans.plan_network import plan_network_config
 
     try:
-        return plan_wish(session, wish, log, failures=failures, by_rules=by_rules)
+        return plan_network_config(session, config, log, failures=failures, by_rules=by_rules)
     except UsageError as failed:
         if failures is None:
             raise
@@ -298,7 +302,7 @@ def _planned(
         return NetworkPlan(log.file, ())
 
 
-def simulated_word(file: str, node: NodeWish) -> str | None:
+def simulated_word(file: str, node: NodeConfig) -> str | None:
     """Return the `--sim` word for *node* of *file*, without a node-ID; None if undescribed."""
     from dvtcli.files.profile.library import profile_for_identity
     from dvtcli.simulator.network.family_file import family_names
@@ -315,7 +319,7 @@ def simulated_word(file: str, node: NodeWish) -> str | None:
     return profile.name if profile.matches(vendor, product) and profile.name in family_names() else None
 
 
-def _chosen_word(file: str, node: NodeWish) -> str | None:
+def _chosen_word(file: str, node: NodeConfig) -> str | None:
     """Return the `--sim` word of the node's own `dcf` or `profile`."""
     from dvtcli.simulator.network.family_file import family_names
 
@@ -324,12 +328,12 @@ def _chosen_word(file: str, node: NodeWish) -> str | None:
     return node.profile if node.profile in family_names() else None
 
 
-def unknown_names(file: str, wish: NetworkWish, known: Collection[int] = ()) -> Iterator[FileNote]:
-    """Note each node of *wish* (from *file*) that uses object names but has no description.
+def unknown_names(file: str, config: NetworkConfig, known: Collection[int] = ()) -> Iterator[FileNote]:
+    """Note each node of *config* (from *file*) that uses object names but has no description.
 
     Nodes in *known* have a dictionary from elsewhere.
     """
-    for node in wish.nodes:
+    for node in config.nodes:
         words = [word for pdo in node.pdos for word in pdo.mapping or ()]
         words += [value.object for value in node.values]
         names = [word for word in words if is_name(word.text)]
@@ -341,7 +345,7 @@ def unknown_names(file: str, wish: NetworkWish, known: Collection[int] = ()) -> 
             yield FileNote(text, names[0].mark, len(names))
 
 
-def library_match(file: str, node: NodeWish) -> Match | None:
+def library_match(file: str, node: NodeConfig) -> Match | None:
     """Find the library file for *node* by its identity; None if *file* names another, or there is none."""
     from dvtcli.files.device_library.match import match
     from dvtcli.files.device_library.stored_files import stored_files
@@ -352,30 +356,34 @@ def library_match(file: str, node: NodeWish) -> Match | None:
     return match(stored_files(), vendor, product, node.identity.revision)
 
 
-def told_state(wish: NodeWish) -> NodeState:
-    """Build the state of a node from *wish* alone: PDOs named there are enabled unless disabled."""
+def told_state(node_config: NodeConfig) -> NodeState:
+    """Build the state of a node from *node_config* alone: PDOs named there are enabled unless disabled."""
     numbers = {
-        (object_wish.index, object_wish.sub_index): int.from_bytes(object_wish.data, "little")
-        for object_wish in wish.objects
+        (object_config.index, object_config.sub_index): int.from_bytes(object_config.data, "little")
+        for object_config in node_config.objects
     }
-    for sub_index, watch in enumerate(wish.watches, 1):
+    for sub_index, watch in enumerate(node_config.watches, 1):
         numbers[0x1016, sub_index] = watch.producer << 16 | watch.time_ms
-    pdos = {pdo.pdo: config for pdo in wish.pdos if (config := _told_pdo(wish.node_id, pdo)) is not None}
-    return with_wish(NodeState(wish.node_id, wish.name, pdos, numbers), wish)
+    pdos = {pdo.pdo: config for pdo in node_config.pdos if (config := _told_pdo(node_config.node_id, pdo)) is not None}
+    return with_config(NodeState(node_config.node_id, node_config.name, pdos, numbers), node_config)
 
 
-def _told_pdo(node_id: int, wish: PdoWish) -> PdoConfig | None:
-    default = wish.pdo.default_can_id(node_id)
-    can_id = wish.cob_id if isinstance(wish.cob_id, int) else default
+def _told_pdo(node_id: int, node_config: PartialPdoConfig) -> PdoConfig | None:
+    default = node_config.pdo.default_can_id(node_id)
+    can_id = node_config.cob_id if isinstance(node_config.cob_id, int) else default
     if can_id is None:
         return None
-    cob_id = CobId(can_id, wish.enabled is not False, wish.rtr_allowed is not False, wish.extended)
+    cob_id = CobId(can_id, node_config.enabled is not False, node_config.rtr_allowed is not False, node_config.extended)
     communication = PdoCommunicationParameter(
-        cob_id, wish.transmission_type, wish.inhibit_time, wish.event_timer, wish.sync_start_value
+        cob_id,
+        node_config.transmission_type,
+        node_config.inhibit_time,
+        node_config.event_timer,
+        node_config.sync_start_value,
     )
-    entries = None if wish.mapping is None else [_told_entry(word) for word in wish.mapping]
+    entries = None if node_config.mapping is None else [_told_entry(word) for word in node_config.mapping]
     if entries is None or None in entries:
-        return PdoConfig(communication, (), unread=((wish.pdo.mapping_index, 0),))
+        return PdoConfig(communication, (), unread=((node_config.pdo.mapping_index, 0),))
     return PdoConfig(
         communication, tuple(entry for told_entries in entries if told_entries is not None for entry in told_entries)
     )

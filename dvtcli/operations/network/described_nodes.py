@@ -10,32 +10,32 @@ from dvtcli.operations.values.object_values import meanings_of
 from dvtcli.watch.explain.known_node import KnownNode
 
 if TYPE_CHECKING:
-    from dvtcli.domain.network.wanted_state import NetworkWish
+    from dvtcli.domain.network.network_config import NetworkConfig
     from dvtcli.operations.session.session_nodes import SessionNodes
 
 #: suffixes of network files
 NETWORK_SUFFIXES = (".yaml", ".yml")
 
 
-def network_wish(file: str | None) -> NetworkWish | None:
+def network_config_of(file: str | None) -> NetworkConfig | None:
     """Read the network file *file*, known by its suffix; None for a DBC file, and for none. Raises as its reading."""
     if file is None or Path(file).suffix.lower() not in NETWORK_SUFFIXES:
         return None
-    from dvtcli.operations.plans.network_wish import read_wish
+    from dvtcli.operations.plans.read_network_config import read_network_config
 
-    return read_wish(file)
+    return read_network_config(file)
 
 
 def described_nodes(
-    session: SessionNodes, file: str | None = None, wish: NetworkWish | None = None
+    session: SessionNodes, file: str | None = None, config: NetworkConfig | None = None
 ) -> Callable[[int], KnownNode]:
     """Return what describes a node-ID: the network file, else the node if met, else --eds, of the nodes of -n if given.
 
-    *wish* is the network file as read, if read already. Asks no node. Raises as the reading of the files: no frame does
-    so later.
+    *config* is the network file as read, if read already. Asks no node. Raises the errors of
+    reading the files now, and none later.
     """
-    wish = wish or network_wish(file)
-    known = {} if file is None or wish is None else _network_nodes(file, wish)
+    config = config or network_config_of(file)
+    known = {} if file is None or config is None else _network_nodes(file, config)
     offline: list[KnownNode] = []
     if session.base.eds is not None:
         from dvtcli.operations.session.device_files import offline_dictionaries
@@ -56,17 +56,17 @@ def described_nodes(
     return described
 
 
-def _network_nodes(file: str, wish: NetworkWish) -> dict[int, KnownNode]:
-    """Return the nodes of the network *file*, read as *wish*, of which nothing is planned."""
+def _network_nodes(file: str, config: NetworkConfig) -> dict[int, KnownNode]:
+    """Return the nodes of the network *file*, read as *config*, of which nothing is planned."""
     from dvtcli.files.network.physical_keys import rules_by_node
     from dvtcli.operations.network.described_network import simulation_of, words_of
     from dvtcli.operations.session.device_files import offline_dictionaries
 
-    own, words = rules_by_node(wish.nodes), words_of(file, wish)
+    own, words = rules_by_node(config.nodes), words_of(file, config)
     devices = offline_dictionaries(simulation_of(words))
     told = dict(zip(words, devices, strict=True))
     return {
         node.node_id: KnownNode(dictionary, meanings_of(profile, dictionary, [own.get(node.node_id, {})]))
-        for node in wish.nodes
+        for node in config.nodes
         for dictionary, profile in (told.get(node.node_id, (None, None)),)
     }

@@ -15,6 +15,7 @@ from dvtcli.domain.network.check.checked_network import CheckedNetwork
 from dvtcli.domain.network.frame_streams import streams_of
 from dvtcli.domain.network.heard_traffic import HeardTraffic
 from dvtcli.domain.network.links import agrees
+from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.network.network_state import EMCY_COB_ID, SYNC_PERIOD, identifier_of
 from dvtcli.domain.network.picture import (
     NetworkPicture,
@@ -27,7 +28,6 @@ from dvtcli.domain.network.picture import (
     PictureNode,
     PicturePdo,
 )
-from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.pdo import parameter_text
 from dvtcli.domain.plan import PdoChange
 from dvtcli.domain.text import plural
@@ -37,7 +37,7 @@ from dvtcli.operations.network.check_live import LISTEN_S, against_file
 from dvtcli.operations.network.check_networks import CheckOptions, chosen_rules, findings_of, judged_file
 from dvtcli.operations.network.live_network import has_bus, listen, live_state, refuse_without_bus
 from dvtcli.operations.network.network_load import USUAL_BIT_RATE
-from dvtcli.operations.plans.network_wish import read_wish
+from dvtcli.operations.plans.read_network_config import read_network_config
 from dvtcli.operations.results import Facts
 from dvtcli.operations.results.loads import Measured, NetworkLoad
 from dvtcli.operations.results.networks import action, differing
@@ -49,9 +49,9 @@ if TYPE_CHECKING:
     from dvtcli.domain.frame import Field
     from dvtcli.domain.meanings import Meanings, Rules
     from dvtcli.domain.network.bus_need import StreamNeed
+    from dvtcli.domain.network.network_config import NetworkConfig
     from dvtcli.domain.network.network_plan import NodePlan
     from dvtcli.domain.network.network_state import Identifier, NetworkState, NodeState
-    from dvtcli.domain.network.wanted_state import NetworkWish
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.plan import ValueChange
     from dvtcli.domain.ports import Frame
@@ -64,7 +64,9 @@ if TYPE_CHECKING:
 SUFFIXES = (".html", ".htm", ".svg", ".dot", ".gv")
 
 
-def draw_network(session: Session, target: str, file: str | None = None, wishes: PictureOptions | None = None) -> Facts:
+def draw_network(
+    session: Session, target: str, file: str | None = None, options: PictureOptions | None = None
+) -> Facts:
     """Draw the network of *file*, or of the bus, to *target*; asks before overwriting. Raises as `network_picture`.
 
     Raises UsageError for another suffix, or if *target* cannot be written.
@@ -72,7 +74,7 @@ def draw_network(session: Session, target: str, file: str | None = None, wishes:
     path = place_of(target, "NAME.html")
     if path.suffix.lower() not in SUFFIXES:
         raise UsageError(f"{target}: what format is that?", hint=Hint(Action.DRAW, why="{}, NAME.svg or NAME.dot"))
-    picture = network_picture(session, file, wishes)
+    picture = network_picture(session, file, options)
     data = drawn(picture, path)
     ask_before_overwriting(session, path)
     make_file(session, path, data)
@@ -298,38 +300,38 @@ class PictureOptions:
     for_s: float | None = None
 
 
-def network_picture(session: Session, file: str | None = None, wishes: PictureOptions | None = None) -> NetworkPicture:
+def network_picture(session: Session, file: str | None = None, options: PictureOptions | None = None) -> NetworkPicture:
     """Collect the network of *file* without a bus; else of the nodes on the bus, compared with *file* if given.
 
     Raises as `described_network`; UsageError without file and bus, NoAnswer if no node can be read.
     """
-    wishes = wishes or PictureOptions()
+    options = options or PictureOptions()
     if file is not None and not has_bus(session):
-        return _of_file(session, file, wishes)
+        return _of_file(session, file, options)
     refuse_without_bus(session)
-    return _of_bus(session, file, wishes)
+    return _of_bus(session, file, options)
 
 
-def _of_file(session: SessionUser, file: str, wishes: PictureOptions) -> NetworkPicture:
-    told, wish = wishes.bit_rate or session.options.bitrate, read_wish(file)
-    state, found = judged_file(file, wish, CheckOptions(bit_rate=told), tell=session.tell)
+def _of_file(session: SessionUser, file: str, options: PictureOptions) -> NetworkPicture:
+    told, config = options.bit_rate or session.options.bitrate, read_network_config(file)
+    state, found = judged_file(file, config, CheckOptions(bit_rate=told), tell=session.tell)
     return _picture(
-        state, wishes.title or Path(file).stem, Path(file).name, told, found, said=rules_by_node(wish.nodes)
+        state, options.title or Path(file).stem, Path(file).name, told, found, said=rules_by_node(config.nodes)
     )
 
 
-def _of_bus(session: Session, file: str | None, wishes: PictureOptions) -> NetworkPicture:
-    wish = None if file is None else read_wish(file)
-    heard = _heard(session, wishes)
-    return session.read_together(lambda: _of_nodes(session, file, wish, wishes, heard))
+def _of_bus(session: Session, file: str | None, options: PictureOptions) -> NetworkPicture:
+    config = None if file is None else read_network_config(file)
+    heard = _heard(session, options)
+    return session.read_together(lambda: _of_nodes(session, file, config, options, heard))
 
 
 def _of_nodes(
-    session: Session, file: str | None, wish: NetworkWish | None, wishes: PictureOptions, heard: _Heard
+    session: Session, file: str | None, config: NetworkConfig | None, options: PictureOptions, heard: _Heard
 ) -> NetworkPicture:
-    """Collect the nodes on the bus with received frames *heard*, compared with *wish* of *file*."""
-    wished = () if wish is None else wish.nodes
-    names = {node.node_id: node.name for node in wished}
+    """Collect the nodes on the bus with received frames *heard*, compared with *config* of *file*."""
+    configured = () if config is None else config.nodes
+    names = {node.node_id: node.name for node in configured}
     measured, traffic = heard
     state = live_state(session, traffic, names)
     if not state.nodes:
@@ -338,18 +340,18 @@ def _of_nodes(
             hint=Hint(Action.FIND_NODES, why="is it the right bus, and are its nodes on? {} asks every node-ID"),
         )
     state = replace(state, nodes=tuple(replace(node, name=names.get(node.node_id, "")) for node in state.nodes))
-    told = wishes.bit_rate or session.wire.bitrate or session.options.bitrate
+    told = options.bit_rate or session.wire.bitrate or session.options.bitrate
     network = CheckedNetwork(state, told, traffic)
     found = list(findings_of(network, chosen_rules(CheckOptions())))
-    title = wishes.title or (session.wire.name if file is None else Path(file).stem)
-    picture = _picture(state, title, session.wire.name, told, found, measured, said=rules_by_node(wished))
-    return picture if file is None or wish is None else _compared(session, picture, state, file, wish)
+    title = options.title or (session.wire.name if file is None else Path(file).stem)
+    picture = _picture(state, title, session.wire.name, told, found, measured, said=rules_by_node(configured))
+    return picture if file is None or config is None else _compared(session, picture, state, file, config)
 
 
-def _heard(session: SessionNodes, wishes: PictureOptions) -> _Heard:
+def _heard(session: SessionNodes, options: PictureOptions) -> _Heard:
     """Record the traffic on the bus: counted for the load, and kept for the rules."""
     simulated = session.wire.simulated
-    for_s = wishes.for_s if wishes.for_s is not None else 0.0 if simulated else LISTEN_S
+    for_s = options.for_s if options.for_s is not None else 0.0 if simulated else LISTEN_S
     count, traffic = FrameCount(), HeardTraffic()
 
     def take(frame: Frame, sent: bool) -> None:
@@ -365,7 +367,7 @@ def _heard(session: SessionNodes, wishes: PictureOptions) -> _Heard:
 
 
 def _compared(
-    session: Session, picture: NetworkPicture, live: NetworkState, file: str, wish: NetworkWish
+    session: Session, picture: NetworkPicture, live: NetworkState, file: str, config: NetworkConfig
 ) -> NetworkPicture:
     """Add the differences by `diff`, or its error and exit code, to *picture* of the nodes *live*."""
     name = Path(file).name
@@ -373,7 +375,7 @@ def _compared(
         return replace(picture, compared=name, differences=tuple(differences(session, file)))
     except (RuleError, NoAnswer, SafetyRefusal) as refused:
         also = [text for label, text in refused.details if label == "also"]
-        against = [_finding(finding) for finding in against_file(session, file, wish, live)]
+        against = [_finding(finding) for finding in against_file(session, file, config, live)]
         if not any(finding.severity == "error" for finding in against):
             against.append(PictureFinding("error", "cannot-be-made", refused.text, refused.node, None))
         return replace(

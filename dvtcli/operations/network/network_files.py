@@ -20,8 +20,8 @@ from dvtcli.operations.devices.held_device import is_about_device
 from dvtcli.operations.network.network_load import load_after
 from dvtcli.operations.plans.chosen_nodes import tell_unknown_bit_rate
 from dvtcli.operations.plans.judge_network import checked
-from dvtcli.operations.plans.network_wish import read_wish
 from dvtcli.operations.plans.plan_network import checked_network, plan_network
+from dvtcli.operations.plans.read_network_config import read_network_config
 from dvtcli.operations.results.networks import NetworkPlanned
 from dvtcli.operations.session.save_script import make_file
 
@@ -119,7 +119,7 @@ def may_store(file: str) -> bool:
     try:
         if is_network_plan(Path(file)):
             return any(node.stores for node in read_network_plan(Path(file)).nodes)
-        return any(node.store for node in read_wish(file).nodes)
+        return any(node.store for node in read_network_config(file).nodes)
     except OSError:
         return True
     except InputFileError:

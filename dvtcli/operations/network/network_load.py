@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.network.bus_need import bus_need, fitting_bit_rates
 from dvtcli.domain.network.frame_streams import WhatIf, streams_of
+from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.network.network_state import NetworkState
-from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.pdo import Pdo
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.network.live_network import answering, has_bus, listen, present, refuse_without_bus
@@ -45,21 +45,21 @@ class LoadOptions:
     inhibit: Mapping[tuple[int | str | None, Pdo], int] = field(default_factory=dict)
 
 
-def network_load(session: Session, file: str | None = None, wishes: LoadOptions | None = None) -> NetworkLoad:
+def network_load(session: Session, file: str | None = None, options: LoadOptions | None = None) -> NetworkLoad:
     """Compute the worst-case load by the network *file* or the nodes on the bus, and measure the bus.
 
     Without a bus only the file counts, its nodes as in `described_network`; raises UsageError without either,
     InputFileError with all errors of the file.
     """
-    wishes = wishes or LoadOptions()
+    options = options or LoadOptions()
     if file is None:
         refuse_without_bus(session)
-    measured = _measured(session, wishes.for_s) if has_bus(session) else None
+    measured = _measured(session, options.for_s) if has_bus(session) else None
     state = session.read_together(lambda: _state(session, file, measured))
-    told = wishes.bit_rate or (session.wire.bitrate if session.is_open else None) or session.options.bitrate
+    told = options.bit_rate or (session.wire.bitrate if session.is_open else None) or session.options.bitrate
     told = told or state.bit_rate
     bit_rate = told or USUAL_BIT_RATE
-    found = streams_of(state, _what_if(session, state, wishes))
+    found = streams_of(state, _what_if(session, state, options))
     bus = session.wire.name if measured is not None else ""
     return NetworkLoad(
         bus_need(found, bit_rate), fitting_bit_rates(found), file or "", bus, is_assumed=told is None, measured=measured
@@ -90,12 +90,12 @@ def _state(session: Session, file: str | None, measured: Measured | None) -> Net
         return described_network(file, session.tell)
     from dvtcli.files.network.file_log import FileLog
     from dvtcli.files.network.read_network import network_text
-    from dvtcli.operations.plans.network_wish import read_wish
-    from dvtcli.operations.plans.plan_network import plan_wish
+    from dvtcli.operations.plans.plan_network import plan_network_config
+    from dvtcli.operations.plans.read_network_config import read_network_config
 
-    wish = read_wish(file)
-    plan = plan_wish(session, wish, FileLog(file, network_text(file)))
-    return network_after(network_state(session.node(node.node_id) for node in plan.nodes), plan, wish)
+    config = read_network_config(file)
+    plan = plan_network_config(session, config, FileLog(file, network_text(file)))
+    return network_after(network_state(session.node(node.node_id) for node in plan.nodes), plan, config)
 
 
 def _measured(session: SessionNodes, for_s: float) -> Measured:
@@ -105,9 +105,9 @@ def _measured(session: SessionNodes, for_s: float) -> Measured:
     return Measured(count, heard.seconds, heard.error_frames, heard.lost_frames)
 
 
-def _what_if(session: SessionNodes, state: NetworkState, wishes: LoadOptions) -> WhatIf:
+def _what_if(session: SessionNodes, state: NetworkState, options: LoadOptions) -> WhatIf:
     inhibit: dict[Endpoint, int] = {}
-    for (node, pdo), time in wishes.inhibit.items():
+    for (node, pdo), time in options.inhibit.items():
         having = [node_state for node_state in state.nodes if pdo in node_state.pdos]
         chosen = session.selected_id() if node is None and len(having) > 1 else node
         having = [node_state for node_state in having if chosen in {None, node_state.node_id, node_state.name}]
@@ -121,7 +121,7 @@ def _what_if(session: SessionNodes, state: NetworkState, wishes: LoadOptions) ->
                 hint=_HOW,
             )
         inhibit[ends[0]] = time
-    return WhatIf(_us(wishes.sync_ms), _us(wishes.emcy_ms), inhibit)
+    return WhatIf(_us(options.sync_ms), _us(options.emcy_ms), inhibit)
 
 
 def _us(time_ms: float | None) -> int | None:

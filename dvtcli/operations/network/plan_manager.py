@@ -24,8 +24,8 @@ from dvtcli.operations.network.check_live import words_of_present
 from dvtcli.operations.network.concise_network import concise_dcfs
 from dvtcli.operations.plans.chosen_nodes import named_nodes
 from dvtcli.operations.plans.judge_network import checked
-from dvtcli.operations.plans.network_wish import read_wish
 from dvtcli.operations.plans.plan_network import value_change
+from dvtcli.operations.plans.read_network_config import read_network_config
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
@@ -60,12 +60,14 @@ def plan_manager(session: Session, file: str, manager: int) -> NetworkPlan:
                 "without {} it is all of them; a node whose download is right already is not written",
             ),
         )
-    wish = read_wish(file)
-    found = concise_dcfs(file, session.tell, words_of_present(session, file, wish))
+    config = read_network_config(file)
+    found = concise_dcfs(file, session.tell, words_of_present(session, file, config))
     mine = [dcf for dcf in found.nodes if dcf.node_id != manager]
-    left_out = {(node_wish.node_id, node_wish.name): _NOBODY for node_wish in found.untold}
+    left_out = {(node_config.node_id, node_config.name): _NOBODY for node_config in found.untold}
     left_out |= {
-        (node_wish.node_id, node_wish.name): _ITSELF for node_wish in wish.nodes if node_wish.node_id == manager
+        (node_config.node_id, node_config.name): _ITSELF
+        for node_config in config.nodes
+        if node_config.node_id == manager
     }
     for (node_id, name), why in sorted(left_out.items()):
         session.tell.note(f"{file}: node {node_id} {name} is left out: {why}")
@@ -76,7 +78,7 @@ def plan_manager(session: Session, file: str, manager: int) -> NetworkPlan:
     node.read_anew()
     planned = replace(_node_plan(session, node, mine), boot_ups=boot_ups)
     nodes = tuple(checked({manager: node}, [planned], force=session.options.force))
-    untold = tuple(node_wish.node_id for node_wish in found.untold if node_wish.node_id != manager)
+    untold = tuple(node_config.node_id for node_config in found.untold if node_config.node_id != manager)
     return NetworkPlan(file, nodes, manager=manager, untold=untold)
 
 

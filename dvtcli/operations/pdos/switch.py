@@ -16,13 +16,13 @@ from dvtcli.operations.changes.change import configure
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.pdo import Pdo, PdoConfig
-    from dvtcli.domain.request import PdoWant
+    from dvtcli.domain.request import AnyPdoRequest
     from dvtcli.domain.rules import Finding
     from dvtcli.operations.results import Changed
     from dvtcli.operations.session.session_nodes import SessionNodes
 
 
-def switch(session: SessionNodes, node_id: int | None, pdos: Iterable[Pdo], want: PdoWant) -> Changed:
+def switch(session: SessionNodes, node_id: int | None, pdos: Iterable[Pdo], want: AnyPdoRequest) -> Changed:
     """Configure all *pdos* of the node with *node_id* (None: the selected node) by *want*, all or none."""
     return configure(session, session.node(node_id), dict.fromkeys(pdos, want))
 

@@ -6,13 +6,13 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint, verbatim
-from dvtcli.domain.network.wanted_state import Endpoint
+from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.text import plural
 from dvtcli.errors import UsageError
 from dvtcli.operations.plans.stamping import linked_with
 
 if TYPE_CHECKING:
-    from dvtcli.domain.network.wanted_state import NetworkWish
+    from dvtcli.domain.network.network_config import NetworkConfig
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
@@ -29,14 +29,14 @@ def named_nodes(session: Session) -> tuple[int, ...]:
     return ids if len(ids) > 1 or typed else ()
 
 
-def of_nodes(session: SessionUser, file: str, wish: NetworkWish, ids: tuple[int, ...]) -> NetworkWish:
-    """Restrict *wish* to the nodes *ids*, if any (`-n 1,3`); raises UsageError for a node not in the file."""
+def of_nodes(session: SessionUser, file: str, config: NetworkConfig, ids: tuple[int, ...]) -> NetworkConfig:
+    """Restrict *config* to the nodes *ids*, if any (`-n 1,3`); raises UsageError for a node not in the file."""
     if not ids:
-        return wish
-    if unknown := [chosen_id for chosen_id in ids if chosen_id not in {node.node_id for node in wish.nodes}]:
+        return config
+    if unknown := [chosen_id for chosen_id in ids if chosen_id not in {node.node_id for node in config.nodes}]:
         raise UsageError(f"{file} has no node {', '.join(map(str, unknown))}", place=file)
-    chosen, alone = _without_torn_links(wish, _without_stamps(wish, wish.of(ids)))
-    if left_out := len(wish.links) - len(chosen.links):
+    chosen, alone = _without_torn_links(config, _without_stamps(config, config.of(ids)))
+    if left_out := len(config.links) - len(chosen.links):
         stay = ", ".join(f"{end.node_id}:{end.pdo}" for end in alone)
         kept = f"; left as they are: {stay}" if stay else ""
         session.tell.note(
@@ -45,19 +45,19 @@ def of_nodes(session: SessionUser, file: str, wish: NetworkWish, ids: tuple[int,
     return chosen
 
 
-def _without_stamps(wish: NetworkWish, chosen: NetworkWish) -> NetworkWish:
+def _without_stamps(config: NetworkConfig, chosen: NetworkConfig) -> NetworkConfig:
     """Drop from *chosen* the stamps that also cover links with nodes outside it."""
     ids = {node.node_id for node in chosen.nodes}
-    nodes = (node if linked_with(wish, node.node_id) <= ids else replace(node, stamp=None) for node in chosen.nodes)
+    nodes = (node if linked_with(config, node.node_id) <= ids else replace(node, stamp=None) for node in chosen.nodes)
     return replace(chosen, nodes=tuple(nodes))
 
 
-def _without_torn_links(wish: NetworkWish, chosen: NetworkWish) -> tuple[NetworkWish, list[Endpoint]]:
+def _without_torn_links(config: NetworkConfig, chosen: NetworkConfig) -> tuple[NetworkConfig, list[Endpoint]]:
     """Drop links of *chosen* that lack an end, and their PDOs; returns those PDOs, too.
 
     One end of such a link must not change while the other stays: the RPDO would receive another layout.
     """
-    links, torn = chosen.links, {end for link in wish.links if link not in chosen.links for end in link.ends}
+    links, torn = chosen.links, {end for link in config.links if link not in chosen.links for end in link.ends}
     while shared := [link for link in links if not torn.isdisjoint(link.ends)]:
         links = tuple(link for link in links if link not in shared)
         torn |= {end for link in shared for end in link.ends}

@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING
 from dvtcli.device.file_fits import refuse_unlike_file
 from dvtcli.device.read_pdos import read_identity
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SafetyRefusal, SdoProtocolError
-from dvtcli.operations.plans.network_wish import eds_of
+from dvtcli.operations.plans.read_network_config import eds_of
 from dvtcli.operations.results.failures import together
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.file_complaint import FileComplaint
-    from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish, WantedIdentity
+    from dvtcli.domain.network.network_config import ExpectedIdentity, NetworkConfig, NodeConfig
     from dvtcli.operations.session.session_nodes import SessionNodes
 
 #: Vendor, product, revision and serial number, by their sub-indices of 0x1018.
@@ -56,20 +56,20 @@ class IdentifiedNodes:
         raise first
 
 
-def identify_nodes(session: SessionNodes, file: str, wish: NetworkWish) -> IdentifiedNodes:
-    """Identify the nodes of *wish*, each with its EDS or profile."""
+def identify_nodes(session: SessionNodes, file: str, config: NetworkConfig) -> IdentifiedNodes:
+    """Identify the nodes of *config*, each with its EDS or profile."""
     met = IdentifiedNodes()
-    for node in wish.nodes:
+    for node in config.nodes:
         _choose_files(session, file, node)
         met.boot_ups[node.node_id] = session.bus.boot_ups(node.node_id)
-    silent = _ask_all(session, [node.node_id for node in wish.nodes])
-    for node in wish.nodes:
+    silent = _ask_all(session, [node.node_id for node in config.nodes])
+    for node in config.nodes:
         try:
             if node.node_id in silent:
                 raise silent[node.node_id]
             found = session.network.node(node.node_id)
             session.network.describe(node.node_id)
-            failures = list(unlike_wanted(found, node.identity, force=session.options.force))
+            failures = list(identity_errors(found, node.identity, force=session.options.force))
         except (NoAnswer, SdoProtocolError) as failed:
             failures = [failed]
         met.failures += failures
@@ -111,7 +111,7 @@ def _joined(failures: list[DvtcliError]) -> None:
             failures.remove(answer)
 
 
-def _choose_files(session: SessionNodes, file: str, node: NodeWish) -> None:
+def _choose_files(session: SessionNodes, file: str, node: NodeConfig) -> None:
     files, met = session.network.files, session.network.nodes
     if node.profile is not None and session.options.profile is None and node.node_id not in met:
         files.own_profile[node.node_id] = node.profile
@@ -122,14 +122,14 @@ def _choose_files(session: SessionNodes, file: str, node: NodeWish) -> None:
         files.own_modules[node.node_id] = node.modules
 
 
-def is_wanted(node: ReadableNode, wanted: WantedIdentity) -> bool:
+def is_wanted(node: ReadableNode, wanted: ExpectedIdentity) -> bool:
     """Tell whether *node* matches the identity *wanted*."""
     held = node.identity()
     parts = ((getattr(wanted, name), held[name]) for name in ("vendor", "product", "revision", "serial"))
     return all(number is None or number == told for number, told in parts)
 
 
-def unlike_wanted(node: Node, wanted: WantedIdentity, *, force: bool) -> Iterator[DvtcliError]:
+def identity_errors(node: Node, wanted: ExpectedIdentity, *, force: bool) -> Iterator[DvtcliError]:
     """Yield why *node* is not the device *wanted*, or not the device of its EDS."""
     held = node.identity()
     for name in ("vendor", "product", "revision", "serial"):

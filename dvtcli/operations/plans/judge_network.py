@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.domain.network.check.checked_network import NetSpot
+    from dvtcli.domain.network.network_config import NetworkConfig
     from dvtcli.domain.network.network_plan import NetworkPlan
-    from dvtcli.domain.network.wanted_state import NetworkWish
     from dvtcli.domain.pdo import PdoConfig
     from dvtcli.files.network.file_log import FileLog
     from dvtcli.operations.session.session import Session
@@ -87,11 +87,11 @@ def refusals(planned: Iterable[NodePlan]) -> list[RuleError]:
     ]
 
 
-def placed_in(wish: NetworkWish, log: FileLog) -> Placed:
-    """Give findings about nodes of *wish* their places in its file."""
+def placed_in(config: NetworkConfig, log: FileLog) -> Placed:
+    """Give findings about nodes of *config* their places in its file."""
 
     def placed(node_id: int | None, finding: Finding) -> Finding:
-        mark = wish.mark_of(node_id, finding.place)
+        mark = config.mark_of(node_id, finding.place)
         if finding.complaint is not None or not mark.line:
             return finding
         return replace(finding, complaint=log.shown(mark, finding.text), hint=_in_keys(finding.hint))
@@ -224,9 +224,9 @@ def _findings(node: ReadableNode, planned: NodePlan, senders: Senders) -> Iterat
 
 
 def judged_network(
-    session: Session, plan: NetworkPlan, wish: NetworkWish, log: FileLog, *, of_device: bool = False
+    session: Session, plan: NetworkPlan, config: NetworkConfig, log: FileLog, *, of_device: bool = False
 ) -> NetworkPlan:
-    """Judge the state after *plan* by the rules of networks: errors, and warnings about what *wish* names.
+    """Judge the state after *plan* by the rules of networks: errors, and warnings about what *config* names.
 
     Reads its nodes, except those that must not be read. If they are only a part of the file's nodes, only errors count:
     a warning may miss another node. An error by a rule about one device becomes a warning if the device already holds
@@ -247,10 +247,10 @@ def judged_network(
     read = [planned.node_id for planned in plan.nodes if planned.is_read]
     if not read or plan.lacking:
         return plan
-    is_whole = all(node.mark.line for node in wish.nodes) and not plan.unread and not named_nodes(session)
+    is_whole = all(node.mark.line for node in config.nodes) and not plan.unread and not named_nodes(session)
     bit_rate = session.wire.bitrate or session.options.bitrate
-    state = network_after(states_of(session, [session.node(read_id) for read_id in read]), plan, wish)
-    state = with_link_marks(state, wish.links)
+    state = network_after(states_of(session, [session.node(read_id) for read_id in read]), plan, config)
+    state = with_link_marks(state, config.links)
     found: dict[int, dict[Finding, None]] = {}
     said = {(planned.node_id, finding.pdo, finding.rule) for planned in plan.nodes for finding in planned.findings}
     texts = {(planned.node_id, finding.text) for planned in plan.nodes for finding in planned.findings}

@@ -8,10 +8,17 @@ from typing import TYPE_CHECKING, Literal
 from dvtcli.device.heartbeat_slots import heartbeat_slots
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.heartbeats import watched_ms
-from dvtcli.domain.network.wanted_state import Endpoint, HeartbeatWatch, LinkWish, NetworkWish, NodeWish, PdoWish
+from dvtcli.domain.network.network_config import (
+    Endpoint,
+    HeartbeatWatch,
+    LinkConfig,
+    NetworkConfig,
+    NodeConfig,
+    PartialPdoConfig,
+)
 from dvtcli.errors import UsageError
 from dvtcli.files.network.file_log import FileLog
-from dvtcli.operations.plans.plan_network import plan_wish
+from dvtcli.operations.plans.plan_network import plan_network_config
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode
@@ -40,10 +47,10 @@ def link_pdos(
     """
     _refuse_ends(producer, consumers)
     ids = sorted({producer.node_id, *(end.node_id for end in consumers)})
-    wish = NetworkWish(
-        tuple(NodeWish("", node_id) for node_id in ids), (LinkWish(producer, tuple(consumers), heartbeat),)
+    config = NetworkConfig(
+        tuple(NodeConfig("", node_id) for node_id in ids), (LinkConfig(producer, tuple(consumers), heartbeat),)
     )
-    return _carried_out(session, _spelled("link", producer, consumers), wish, on_plan)
+    return _carried_out(session, _spelled("link", producer, consumers), config, on_plan)
 
 
 def unlink_pdos(
@@ -67,9 +74,9 @@ def unlink_pdos(
         for end in mine:
             _refuse_unlinked(node, end, producer, sent)
         watches = _no_watches(session, node, mine, producer.node_id) if heartbeat else ()
-        pdos = tuple(PdoWish(end.pdo, enabled=False) for end in mine)
-        nodes.append(NodeWish("", node_id, pdos=pdos, watches=watches))
-    return _carried_out(session, _spelled("unlink", producer, consumers), NetworkWish(tuple(nodes)), on_plan)
+        pdos = tuple(PartialPdoConfig(end.pdo, enabled=False) for end in mine)
+        nodes.append(NodeConfig("", node_id, pdos=pdos, watches=watches))
+    return _carried_out(session, _spelled("unlink", producer, consumers), NetworkConfig(tuple(nodes)), on_plan)
 
 
 def _spelled(word: str, producer: Endpoint, consumers: Sequence[Endpoint]) -> str:
@@ -117,9 +124,9 @@ def _no_watches(
     return (HeartbeatWatch(producer, 0),)
 
 
-def _carried_out(session: Session, name: str, wish: NetworkWish, on_plan: OnPlan) -> NetworkApplied:
+def _carried_out(session: Session, name: str, config: NetworkConfig, on_plan: OnPlan) -> NetworkApplied:
     from dvtcli.operations.plans.apply_network import apply_network
 
-    plan = plan_wish(session, wish, FileLog(name, ""), of_network=True)
+    plan = plan_network_config(session, config, FileLog(name, ""), of_network=True)
     on_plan(plan)
     return apply_network(session, plan, name=name, asks=False)

@@ -42,8 +42,8 @@ from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode
+    from dvtcli.domain.network.network_config import LinkConfig, NetworkConfig, NodeConfig
     from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
-    from dvtcli.domain.network.wanted_state import LinkWish, NetworkWish, NodeWish
     from dvtcli.domain.ports import SdoReader
     from dvtcli.operations.session.session_nodes import SessionNodes
 
@@ -151,16 +151,18 @@ def network_state(nodes: Iterable[ReadableNode], *, for_rules: bool = False) -> 
     return NetworkState(tuple(sorted(states, key=lambda state: state.node_id)))
 
 
-def network_after(state: NetworkState, plan: NetworkPlan, wish: NetworkWish | None = None) -> NetworkState:
-    """Compute *state* after *plan*; *wish* is the plan's origin, if known."""
+def network_after(state: NetworkState, plan: NetworkPlan, config: NetworkConfig | None = None) -> NetworkState:
+    """Compute *state* after *plan*; *config* is the plan's origin, if known."""
     planned = {node.node_id: node for node in plan.nodes}
-    wished = {node.node_id: node for node in wish.nodes} if wish else {}
-    nodes = (_node_after(node, planned.get(node.node_id), wished.get(node.node_id)) for node in state.nodes)
-    links = () if wish is None else wish.links
-    return replace(state, nodes=tuple(nodes), master=None if wish is None else wish.master, links=links, file=plan.file)
+    configured = {node.node_id: node for node in config.nodes} if config else {}
+    nodes = (_node_after(node, planned.get(node.node_id), configured.get(node.node_id)) for node in state.nodes)
+    links = () if config is None else config.links
+    return replace(
+        state, nodes=tuple(nodes), master=None if config is None else config.master, links=links, file=plan.file
+    )
 
 
-def _node_after(state: NodeState, plan: NodePlan | None, wish: NodeWish | None) -> NodeState:
+def _node_after(state: NodeState, plan: NodePlan | None, config: NodeConfig | None) -> NodeState:
     if plan is None:
         return state
     changes = plan.plan.changes
@@ -171,10 +173,10 @@ def _node_after(state: NodeState, plan: NodePlan | None, wish: NodeWish | None) 
         state, name=plan.name, pdos={**plan.wanted, **state.pdos, **pdos}, numbers={**state.numbers, **written},
         said=plan.findings,
     )  # fmt: skip
-    return after if wish is None else with_wish(after, wish)
+    return after if config is None else with_config(after, config)
 
 
-def with_link_marks(state: NetworkState, links: Sequence[LinkWish]) -> NetworkState:
+def with_link_marks(state: NetworkState, links: Sequence[LinkConfig]) -> NetworkState:
     """Add to *state* the file places of PDOs that are named only in *links*."""
     nodes = []
     for node in state.nodes:
@@ -183,8 +185,8 @@ def with_link_marks(state: NetworkState, links: Sequence[LinkWish]) -> NetworkSt
     return replace(state, nodes=tuple(nodes))
 
 
-def with_wish(state: NodeState, wish: NodeWish) -> NodeState:
-    """Add to *state* the file places of *wish* and its identity."""
-    asked = {name: getattr(wish.identity, name) for name in ("vendor", "product", "revision", "serial")}
-    marks = {pdo.pdo: pdo.mark for pdo in wish.pdos}
-    return replace(state, name=wish.name, mark=wish.mark, marks=marks, places=wish.marks, asked=asked)
+def with_config(state: NodeState, config: NodeConfig) -> NodeState:
+    """Add to *state* the file places of *config* and its identity."""
+    asked = {name: getattr(config.identity, name) for name in ("vendor", "product", "revision", "serial")}
+    marks = {pdo.pdo: pdo.mark for pdo in config.pdos}
+    return replace(state, name=config.name, mark=config.mark, marks=marks, places=config.marks, asked=asked)

@@ -16,8 +16,8 @@ from dvtcli.device.read_pdos import read_optional
 from dvtcli.device.store.unstored import held_unstored
 from dvtcli.device.virtual_pdos import names_objects
 from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.network.network_config import NetworkConfig, NodeConfig
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
-from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.request import instead_findings
 from dvtcli.domain.rules.finding import WARNING, Rule, warning
@@ -31,17 +31,17 @@ from dvtcli.operations.pdos.sync import short_frames, sync_note, unknown_syncs
 from dvtcli.operations.plans.chosen_nodes import named_nodes, of_nodes, tell_unknown_bit_rate
 from dvtcli.operations.plans.identify_nodes import IdentifiedNodes, identify_nodes
 from dvtcli.operations.plans.judge_network import in_objects, judged, judged_network, placed_in, refusals
-from dvtcli.operations.plans.linked_wishes import with_links
-from dvtcli.operations.plans.missing_objects import LackedOfWish, refuse_lacking, without_lacked
-from dvtcli.operations.plans.network_wish import read_wish, skipped_rules
-from dvtcli.operations.plans.resolve_names import NodeWants, node_wants
+from dvtcli.operations.plans.missing_objects import MissingObjects, refuse_lacking, without_missing
+from dvtcli.operations.plans.read_network_config import read_network_config, skipped_rules
+from dvtcli.operations.plans.resolve_links import with_links
+from dvtcli.operations.plans.resolve_names import ResolvedConfig, resolve_node_config
 from dvtcli.operations.plans.stamping import stamping, stamps_of, trusted
-from dvtcli.operations.results.failures import lacking_error, together
+from dvtcli.operations.results.failures import missing_error, together
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
-    from dvtcli.domain.network.wanted_state import PdoWish
+    from dvtcli.domain.network.network_config import PartialPdoConfig
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.profile import ObjectAddress
     from dvtcli.domain.rules import Finding
@@ -68,22 +68,22 @@ def plan_network(session: Session, file: str, *, trust_stamp: bool = False, as_f
     shows, RuleError with all refusals of the rules, NoAnswer for silent nodes: the first of these that applies, with
     all other errors in its details.
     """
-    wish = read_wish(file)
-    for note in wish.notes:
+    config = read_network_config(file)
+    for note in config.notes:
         session.tell.note(f"{file}:{note.mark.line}:{note.mark.column}: {note.text}")
-    wish = of_nodes(session, file, wish, named_nodes(session))
-    tell_unknown_bit_rate(session, len(wish.nodes))
+    config = of_nodes(session, file, config, named_nodes(session))
+    tell_unknown_bit_rate(session, len(config.nodes))
     log = FileLog(file, network_text(file))
-    plan = plan_wish(session, wish, log, trust_stamp=trust_stamp, as_far=as_far, of_network=True)
+    plan = plan_network_config(session, config, log, trust_stamp=trust_stamp, as_far=as_far, of_network=True)
     undescribed = [node.node_id for node in plan.nodes if session.node(node.node_id).dictionary is None]
     if undescribed:
         session.tell.note(f"{file}: {skipped_rules(undescribed)}")
     return plan
 
 
-def plan_wish(
+def plan_network_config(
     session: Session,
-    wish: NetworkWish,
+    config: NetworkConfig,
     log: FileLog,
     *,
     trust_stamp: bool = False,
@@ -92,7 +92,7 @@ def plan_wish(
     failures: list[DvtcliError] | None = None,
     by_rules: bool = True,
 ) -> NetworkPlan:
-    """Plan the writes that bring the nodes of *wish* to its values; *log* gets words without meaning.
+    """Plan the writes that bring the nodes of *config* to its values; *log* gets words without meaning.
 
     *of_network* adds the rules of networks for the state after the plan. *trust_stamp*, *as_far* and errors are as in
     `plan_network`; if *failures* is given, errors are appended to it, and the plan has the rest.
@@ -103,9 +103,9 @@ def plan_wish(
         heard_ids(session.bus) as heard,
         session.network.as_it_was_if_refused(),
     ):
-        plan = _planned_wish(
+        plan = _plan_network_config(
             session,
-            wish,
+            config,
             log,
             trust_stamp=trust_stamp,
             of_network=of_network,
@@ -114,8 +114,8 @@ def plan_wish(
         )
         if not as_far and failures is None:
             refuse_lacking(plan)
-        refuse_heard(session, plan, heard, placed_in(wish, log))
-    return with_unknown_syncs(session, replace(plan, has_sync_master=_master_syncs(wish)), frames)
+        refuse_heard(session, plan, heard, placed_in(config, log))
+    return with_unknown_syncs(session, replace(plan, has_sync_master=_master_syncs(config)), frames)
 
 
 def refuse_heard(session: SessionNodes, plan: NetworkPlan, heard: HeardIds, placed: Placed) -> None:
@@ -140,16 +140,16 @@ def checked_network(session: Session, plan: NetworkPlan, heard: HeardIds, *, of_
 
     Raises RuleError for their errors, or if a TPDO gets a CAN-ID *heard* from an unknown sender, unless forced.
     """
-    wish = NetworkWish(tuple(NodeWish(node.name, node.node_id) for node in plan.nodes))
-    plan = judged_network(session, plan, wish, FileLog(plan.file, ""), of_device=of_device)
+    config = NetworkConfig(tuple(NodeConfig(node.name, node.node_id) for node in plan.nodes))
+    plan = judged_network(session, plan, config, FileLog(plan.file, ""), of_device=of_device)
     if (refused := refusals(plan.nodes)) and not session.options.force:
         raise together(refused)
     refuse_heard(session, plan, heard, in_objects(plan.nodes))
     return plan
 
 
-def _master_syncs(wish: NetworkWish) -> bool:
-    return wish.master is not None and bool(wish.master.sync_period_us)
+def _master_syncs(config: NetworkConfig) -> bool:
+    return config.master is not None and bool(config.master.sync_period_us)
 
 
 def with_unknown_syncs(session: SessionNodes, plan: NetworkPlan, frames: ShortFrames) -> NetworkPlan:
@@ -163,9 +163,9 @@ def with_unknown_syncs(session: SessionNodes, plan: NetworkPlan, frames: ShortFr
     return replace(plan, unknown_syncs=tuple(sorted({*plan.unknown_syncs, *found})))
 
 
-def _planned_wish(
+def _plan_network_config(
     session: Session,
-    wish: NetworkWish,
+    config: NetworkConfig,
     log: FileLog,
     *,
     trust_stamp: bool,
@@ -173,31 +173,33 @@ def _planned_wish(
     failures: list[DvtcliError] | None,
     by_rules: bool,
 ) -> NetworkPlan:
-    met = identify_nodes(session, log.file, wish)
-    unread = trusted(met.nodes, wish) if trust_stamp else frozenset()
+    met = identify_nodes(session, log.file, config)
+    unread = trusted(met.nodes, config) if trust_stamp else frozenset()
     planned: list[NodePlan] = []
-    lacked = LackedOfWish(log)
+    missing = MissingObjects(log)
     try:
-        read, lacked = without_lacked(met.nodes, wish.of(met.nodes.keys() - unread), log)
+        read, missing = without_missing(met.nodes, config.of(met.nodes.keys() - unread), log)
         planned = _judged(session, met, read, log, by_rules=by_rules)
     except (InputFileError, RuleError, NoAnswer, SdoProtocolError) as failed:
         met.failures.append(failed)
-    planned += (_unread(met.nodes[node.node_id], node) for node in wish.nodes if node.node_id in unread)
+    planned += (_unread(met.nodes[node.node_id], node) for node in config.nodes if node.node_id in unread)
     nodes = (
         _with_nothing_asked(
-            replace(node_plan, lacks=lacked.of(node_plan.node_id), boot_ups=met.boot_ups[node_plan.node_id]), wish, log
+            replace(node_plan, lacks=missing.of(node_plan.node_id), boot_ups=met.boot_ups[node_plan.node_id]),
+            config,
+            log,
         )
         for node_plan in sorted(planned, key=lambda planned_node: planned_node.node_id)
     )
-    plan = NetworkPlan(log.file, tuple(nodes), lacking=tuple(lacked.found), torn=lacked.torn)
+    plan = NetworkPlan(log.file, tuple(nodes), lacking=tuple(missing.found), torn=missing.torn)
     if of_network and all(isinstance(failure, RuleError | InputFileError) for failure in met.failures):
-        plan = judged_network(session, plan, wish, log)
+        plan = judged_network(session, plan, config, log)
     if not session.options.force:
         met.failures += refusals(plan.nodes)
-    if (met.failures or failures is not None) and lacked.found:
-        lacking = lacking_error(lacked.found)
+    if (met.failures or failures is not None) and missing.found:
+        lacking = missing_error(missing.found)
         lacking.findings = tuple(
-            replace(missing_object.finding, complaint=missing_object.complaint) for missing_object in lacked.found
+            replace(missing_object.finding, complaint=missing_object.complaint) for missing_object in missing.found
         )
         met.failures.append(lacking)
     if failures is None:
@@ -207,22 +209,22 @@ def _planned_wish(
     return plan
 
 
-def _with_nothing_asked(planned: NodePlan, wish: NetworkWish, log: FileLog) -> NodePlan:
-    """Warn if the file of *wish* names no value for the node."""
-    if not planned.is_asked_nothing or planned.node_id not in wish.asked_nothing:
+def _with_nothing_asked(planned: NodePlan, config: NetworkConfig, log: FileLog) -> NodePlan:
+    """Warn if the file of *config* names no value for the node."""
+    if not planned.is_asked_nothing or planned.node_id not in config.asked_nothing:
         return planned
     found = warning("asked-nothing", "", ASKS_NOTHING)
-    return replace(planned, findings=(*planned.findings, placed_in(wish, log)(planned.node_id, found)))
+    return replace(planned, findings=(*planned.findings, placed_in(config, log)(planned.node_id, found)))
 
 
-def _unread(node: ReadableNode, wish: NodeWish) -> NodePlan:
+def _unread(node: ReadableNode, config: NodeConfig) -> NodePlan:
     """Make the plan of *node* if it was not read: no changes."""
     plan = Plan(node.node_id, ())
-    return NodePlan(wish.name, plan, node.identity(), node.title, wish.mark.line, is_read=False)
+    return NodePlan(config.name, plan, node.identity(), node.title, config.mark.line, is_read=False)
 
 
 def _judged(
-    session: SessionNodes, met: IdentifiedNodes, wish: NetworkWish, log: FileLog, *, by_rules: bool
+    session: SessionNodes, met: IdentifiedNodes, config: NetworkConfig, log: FileLog, *, by_rules: bool
 ) -> list[NodePlan]:
     """Plan each identified node and judge it *by_rules*; errors are added to its failures.
 
@@ -230,18 +232,18 @@ def _judged(
     """
     nodes = met.nodes
     said: Mapping[int, tuple[Finding, ...]] = {}
-    stamps, placed = stamps_of(nodes, wish), placed_in(wish, log)
+    stamps, placed = stamps_of(nodes, config), placed_in(config, log)
     try:
-        if wish.links:
-            found = with_links(nodes, _known(session, nodes), wish)
-            wish, said = found.wish, found.findings
+        if config.links:
+            found = with_links(nodes, _known(session, nodes), config)
+            config, said = found.config, found.findings
     except RuleError as refused:
         refused.findings = tuple(placed(refused.node, finding) for finding in refused.findings)
         met.failures.append(refused)
-    wants = {}
-    for node in wish.nodes:
-        wants[node.node_id] = node_wants(nodes[node.node_id], node, log)
-    planned, refusals = plans_of(nodes, wish, wants, stamps)
+    resolved = {}
+    for node in config.nodes:
+        resolved[node.node_id] = resolve_node_config(nodes[node.node_id], node, log)
+    planned, refusals = plans_of(nodes, config, resolved, stamps)
     for error in refusals:
         error.findings = tuple(placed(error.node, finding) for finding in error.findings)
         met.failures.append(error)
@@ -249,7 +251,7 @@ def _judged(
     if by_rules:
         planned = judged(nodes, planned, force=session.options.force, placed=placed)
     try:
-        refuse_stores_of(nodes, wish, log)
+        refuse_stores_of(nodes, config, log)
     except RuleError as refused:
         met.failures.append(refused)
     try:
@@ -269,31 +271,36 @@ def _known(session: SessionNodes, nodes: Mapping[int, NodeDescription]) -> Itera
 
 
 def plans_of(
-    nodes: Mapping[int, Node], wish: NetworkWish, wants: Mapping[int, NodeWants], stamps: Mapping[int, Stamp]
+    nodes: Mapping[int, Node],
+    config: NetworkConfig,
+    resolved: Mapping[int, ResolvedConfig],
+    stamps: Mapping[int, Stamp],
 ) -> tuple[list[NodePlan], list[RuleError]]:
-    """Plan, without judging, what brings each of *nodes* to its *wants*; adds why PDOs are left out."""
+    """Plan, without judging, what brings each of *nodes* to its *resolved*; adds why PDOs are left out."""
     senders = Senders(
-        nodes, {wanted_node.node_id: {pdo.pdo: _said(pdo) for pdo in wanted_node.pdos} for wanted_node in wish.nodes}
+        nodes, {wanted_node.node_id: {pdo.pdo: _said(pdo) for pdo in wanted_node.pdos} for wanted_node in config.nodes}
     )
     refused: list[RuleError] = []
-    read_side_by_side(nodes.values(), [partial(_look_ahead, nodes[node_id], want) for node_id, want in wants.items()])
-    found = [_differences(nodes[node.node_id], wants[node.node_id], senders, refused) for node in wish.nodes]
+    read_side_by_side(
+        nodes.values(), [partial(_look_ahead, nodes[node_id], want) for node_id, want in resolved.items()]
+    )
+    found = [_differences(nodes[node.node_id], resolved[node.node_id], senders, refused) for node in config.nodes]
     read_side_by_side(
         nodes.values(),
         [partial(_look_at_stamp, nodes[one.node_id], stamps.get(one.node_id), one.changes) for one in found],
     )
     planned = [
-        _node_plan(nodes[node.node_id], node, wants[node.node_id], differences, stamps.get(node.node_id))
-        for node, differences in zip(wish.nodes, found, strict=True)
+        _node_plan(nodes[node.node_id], node, resolved[node.node_id], differences, stamps.get(node.node_id))
+        for node, differences in zip(config.nodes, found, strict=True)
     ]
     return planned, refused
 
 
-def _look_ahead(node: ReadableNode, wants: NodeWants) -> None:
+def _look_ahead(node: ReadableNode, resolved: ResolvedConfig) -> None:
     """Read ahead for the plan of *node*; read errors are raised later, at their use."""
     with suppress(DvtcliError):
-        node.observed(lambda: [node.known_pdo(pdo) for pdo in wants.pdos])
-        node.observed(lambda: [readable_value(node, *place) for place in wants.values])
+        node.observed(lambda: [node.known_pdo(pdo) for pdo in resolved.pdos])
+        node.observed(lambda: [readable_value(node, *place) for place in resolved.values])
 
 
 def _look_at_stamp(node: Node, stamp: Stamp | None, changes: Sequence[Change]) -> None:
@@ -302,11 +309,11 @@ def _look_at_stamp(node: Node, stamp: Stamp | None, changes: Sequence[Change]) -
         stamping(node, stamp, changes)
 
 
-def _said(wish: PdoWish) -> CobId | None:
+def _said(config: PartialPdoConfig) -> CobId | None:
     """Return the COB-ID in the file itself, before those of other PDOs are known."""
-    if not isinstance(wish.cob_id, int) or wish.enabled is False:
+    if not isinstance(config.cob_id, int) or config.enabled is False:
         return None
-    return CobId(wish.cob_id, extended=wish.extended)
+    return CobId(config.cob_id, extended=config.extended)
 
 
 class _Differences(NamedTuple):
@@ -318,23 +325,25 @@ class _Differences(NamedTuple):
     instead: tuple[Finding, ...]
 
 
-def _differences(node: ReadableNode, wants: NodeWants, senders: Senders, refused: list[RuleError]) -> _Differences:
-    """Compare *node* with *wants*; *refused* gets the reasons for PDOs that cannot be made."""
+def _differences(
+    node: ReadableNode, resolved: ResolvedConfig, senders: Senders, refused: list[RuleError]
+) -> _Differences:
+    """Compare *node* with *resolved*; *refused* gets the reasons for PDOs that cannot be made."""
     elsewhere = cache(partial(senders.besides, node.node_id))
-    lengths = untyped_lengths(node, wants.pdos.values())
-    now = node.observed(lambda: {pdo: node.known_pdo(pdo) for pdo in wants.pdos})
+    lengths = untyped_lengths(node, resolved.pdos.values())
+    now = node.observed(lambda: {pdo: node.known_pdo(pdo) for pdo in resolved.pdos})
     wanted: dict[Pdo, PdoConfig] = {}
-    for pdo, want in wants.pdos.items():
+    for pdo, want in resolved.pdos.items():
         try:
             wanted[pdo] = resolve(node, pdo, now[pdo], want, lengths, elsewhere)
         except RuleError as error:
             refused.append(error)
     senders.after[node.node_id] = {pdo: config.communication.cob_id for pdo, config in wanted.items()}
-    held = node.observed(lambda: {place: readable_value(node, *place) for place in wants.values})
-    values = _values(node, wants, held)
+    held = node.observed(lambda: {place: readable_value(node, *place) for place in resolved.values})
+    values = _values(node, resolved, held)
     pdos = [plan_pdo(pdo, now[pdo], want) for pdo, want in wanted.items()]
     proposed = (
-        (wants.pdos[pdo], proposal(node, pdo, now[pdo], want, wanted, elsewhere, senders.channels))
+        (resolved.pdos[pdo], proposal(node, pdo, now[pdo], want, wanted, elsewhere, senders.channels))
         for pdo, want in wanted.items()
     )
     instead = (finding for want, pdo_proposal in proposed for finding in instead_findings(want, pdo_proposal))
@@ -343,25 +352,25 @@ def _differences(node: ReadableNode, wants: NodeWants, senders: Senders, refused
 
 
 def _node_plan(
-    node: Node, wish: NodeWish, wants: NodeWants, differences: _Differences, stamp: Stamp | None
+    node: Node, config: NodeConfig, resolved: ResolvedConfig, differences: _Differences, stamp: Stamp | None
 ) -> NodePlan:
     """Make the plan of *node*, which ends its stamp or writes *stamp*."""
     wanted, changes = differences.wanted, differences.changes
     stamped = stamping(node, stamp, changes)
     plan = Plan(node.node_id, (*stamped.changes, *changes))
     return NodePlan(
-        wish.name, plan, node.identity(), node.title, wish.mark.line, str(wish.store or ""), wanted,
-        {**wants.values, **stamped.values}, wants.pruned,
-        lines={pdo.pdo: pdo.mark.line for pdo in wish.pdos}, object_lines=dict(wants.lines),
+        config.name, plan, node.identity(), node.title, config.mark.line, str(config.store or ""), wanted,
+        {**resolved.values, **stamped.values}, resolved.pruned,
+        lines={pdo.pdo: pdo.mark.line for pdo in config.pdos}, object_lines=dict(resolved.lines),
         names=names(node, plan.changes), understood=understood(node, plan.changes),
-        unstored=_unstored(node, plan) if wish.store else (),
-        findings=(*stamped.findings, *differences.instead, *_left_off(wish, wanted)),
+        unstored=_unstored(node, plan) if config.store else (),
+        findings=(*stamped.findings, *differences.instead, *_left_off(config, wanted)),
     )  # fmt: skip
 
 
-def _left_off(wish: NodeWish, wanted: Mapping[Pdo, PdoConfig]) -> Iterator[Finding]:
+def _left_off(config: NodeConfig, wanted: Mapping[Pdo, PdoConfig]) -> Iterator[Finding]:
     """Warn about each PDO that gets a mapping or a timer but stays disabled, unless the file disables it."""
-    for pdo in wish.pdos:
+    for pdo in config.pdos:
         sets = [name for name, value in (("a mapping", pdo.mapping), ("an event timer", pdo.event_timer)) if value]
         if sets and pdo.enabled is None and pdo.pdo in wanted and not wanted[pdo.pdo].enabled:
             given = " and ".join(sets)
@@ -370,22 +379,24 @@ def _left_off(wish: NodeWish, wanted: Mapping[Pdo, PdoConfig]) -> Iterator[Findi
             yield warning("mapped-but-off", f"0x{pdo.pdo.communication_index:04X}:01", text, hint)
 
 
-def _values(node: ReadableNode, wants: NodeWants, held: Mapping[ObjectAddress, bytes | None]) -> list[ValueChange]:
+def _values(
+    node: ReadableNode, resolved: ResolvedConfig, held: Mapping[ObjectAddress, bytes | None]
+) -> list[ValueChange]:
     """List differing values, and a SYNC period that must be 0 while the counter overflow (0x1019) changes."""
-    wanted = {**_period_kept(node, wants, held), **wants.values}
+    wanted = {**_period_kept(node, resolved, held), **resolved.values}
     changes = {
-        place: value_change(node, place, held.get(place, data), data, wants.reasons.get(place, "write"))
+        place: value_change(node, place, held.get(place, data), data, resolved.reasons.get(place, "write"))
         for place, data in wanted.items()
     }
     return [changes[step.index, step.sub_index] for step in altering(change.step for change in changes.values())]
 
 
 def _period_kept(
-    node: ReadableNode, wants: NodeWants, held: Mapping[ObjectAddress, bytes | None]
+    node: ReadableNode, resolved: ResolvedConfig, held: Mapping[ObjectAddress, bytes | None]
 ) -> Mapping[ObjectAddress, bytes]:
     """Return the SYNC period to keep, if it blocks a wanted change and no other period is wanted."""
     overflow, period = (SYNC_OVERFLOW, 0), (SYNC_PERIOD, 0)
-    if period in wants.values or held.get(overflow) == wants.values.get(overflow):
+    if period in resolved.values or held.get(overflow) == resolved.values.get(overflow):
         return {}
     number = node.observed(lambda: read_optional(node.memory, *period, 4))
     return {period: number.to_bytes(4, "little")} if number else {}

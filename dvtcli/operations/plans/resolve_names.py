@@ -33,9 +33,9 @@ from dvtcli.operations.values.object_values import meaning_of, typed_bytes
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
-    from dvtcli.domain.network.wanted_state import FileWord, Mark, NodeWish, PdoWish, PinWish
+    from dvtcli.domain.network.network_config import FileWord, Mark, NodeConfig, PartialPdoConfig, PinConfig
     from dvtcli.domain.object_syntax import MappedObject
-    from dvtcli.domain.request import PdoWant
+    from dvtcli.domain.request import AnyPdoRequest
     from dvtcli.domain.vpdo import Pins
     from dvtcli.files.network.file_log import FileLog
 
@@ -56,7 +56,7 @@ def of_node(text: str, node_id: int) -> str:
     return str(parse_number(found["more"] or found["first"] or "0") + node_id) if found else text
 
 
-class WantedValue(NamedTuple):
+class ResolvedValue(NamedTuple):
     """The bytes wanted at *place*, the reason in words, and the place in the file."""
 
     place: tuple[int, int]
@@ -65,9 +65,9 @@ class WantedValue(NamedTuple):
     mark: Mark
 
 
-def wanted_pins(node: ReadableNode, wishes: Iterable[PinWish], log: FileLog) -> Iterator[WantedValue]:
-    """Resolve *wishes* into objects of virtual PDOs, pins before the number of active pins."""
-    for name, group in groupby(wishes, key=lambda wish: wish.group):
+def wanted_pins(node: ReadableNode, configs: Iterable[PinConfig], log: FileLog) -> Iterator[ResolvedValue]:
+    """Resolve *configs* into objects of virtual PDOs, pins before the number of active pins."""
+    for name, group in groupby(configs, key=lambda config: config.group):
         pins = list(group)
         if name in node.profile.vpdo:
             yield from _group(node, read_pins(node, name), pins, log)
@@ -76,29 +76,29 @@ def wanted_pins(node: ReadableNode, wishes: Iterable[PinWish], log: FileLog) -> 
             log.complain(pins[0].mark, f"node {node.node_id} ({node.profile.title}) has no {name!r}, but {have}")
 
 
-def _group(node: NodeDescription, held: Pins, wishes: list[PinWish], log: FileLog) -> Iterator[WantedValue]:
+def _group(node: NodeDescription, held: Pins, configs: list[PinConfig], log: FileLog) -> Iterator[ResolvedValue]:
     ties: dict[int, int] = {}
-    for wish in wishes:
-        index = held.group.none if wish.object is None else _index(node, wish, log)
-        if wish.pin > len(held.values):
+    for config in configs:
+        index = held.group.none if config.object is None else _index(node, config, log)
+        if config.pin > len(held.values):
             have = f"it has 1…{len(held.values)}" if held.values else "it has none"
-            log.complain(wish.mark, f"node {node.node_id} has no {held.name} pin {wish.pin}: {have}")
+            log.complain(config.mark, f"node {node.node_id} has no {held.name} pin {config.pin}: {have}")
         elif index is not None:
-            ties[wish.pin] = index
-    marks = {wish.pin: wish.mark for wish in wishes}
+            ties[config.pin] = index
+    marks = {config.pin: config.mark for config in configs}
     for sub_index, value in held.with_ties(ties).items() if ties else ():
         data = value.to_bytes(2 if sub_index else 1, "little")
         reason = held.said(sub_index, value, tied_name(node, value))
-        yield WantedValue((held.group.index, sub_index), data, reason, marks.get(sub_index, wishes[0].mark))
+        yield ResolvedValue((held.group.index, sub_index), data, reason, marks.get(sub_index, configs[0].mark))
 
 
-def _index(node: NodeDescription, wish: PinWish, log: FileLog) -> int | None:
-    word = wish.object
+def _index(node: NodeDescription, config: PinConfig, log: FileLog) -> int | None:
+    word = config.object
     try:
         return None if word is None else object_index(node, word.text)
     except UsageError as wrong:
         log.complain(
-            wish.mark if word is None else word.mark,
+            config.mark if word is None else word.mark,
             f"{wrong.text}; {wrong.hint}" if isinstance(wrong.hint, str) else wrong.text,
         )
         return None
@@ -114,10 +114,10 @@ _NO_EDS = (
 
 
 @dataclass(slots=True)
-class NodeWants:
+class ResolvedConfig:
     """The wanted PDOs and objects of a node in order, with reasons; *pruned*: PDOs not in any file."""
 
-    pdos: dict[Pdo, PdoWant] = field(default_factory=dict)
+    pdos: dict[Pdo, AnyPdoRequest] = field(default_factory=dict)
     values: dict[Place, bytes] = field(default_factory=dict)
     reasons: dict[Place, str] = field(default_factory=dict)
     #: its lines in the file
@@ -125,34 +125,34 @@ class NodeWants:
     pruned: frozenset[Pdo] = frozenset()
 
 
-def node_wants(node: ReadableNode, wish: NodeWish, log: FileLog) -> NodeWants:
-    """Resolve *wish* on *node*; *log* gets what has no meaning there."""
-    wants = NodeWants()
-    for pdo in wish.pdos:
+def resolve_node_config(node: ReadableNode, config: NodeConfig, log: FileLog) -> ResolvedConfig:
+    """Resolve *config* on *node*; *log* gets what has no meaning there."""
+    resolved = ResolvedConfig()
+    for pdo in config.pdos:
         complaints = log.count
         request = pdo_request(node, pdo, log)
         if log.count == complaints:
-            wants.pdos[pdo.pdo] = request
+            resolved.pdos[pdo.pdo] = request
         else:
             _judge_entries(node, pdo, log)
-    if wish.prune:
-        others = {pdo: cob_id for pdo, cob_id in node.known_cob_ids().items() if pdo not in wants.pdos}
-        wants.pruned = frozenset(pdo for pdo, cob_id in others.items() if cob_id.valid)
-        wants.pdos.update({pdo: Switched(enabled=False) for pdo in sorted(wants.pruned)})
-    for want in _wanted(node, wish, log):
-        wants.values[want.place], wants.reasons[want.place] = want.data, want.reason
+    if config.prune:
+        others = {pdo: cob_id for pdo, cob_id in node.known_cob_ids().items() if pdo not in resolved.pdos}
+        resolved.pruned = frozenset(pdo for pdo, cob_id in others.items() if cob_id.valid)
+        resolved.pdos.update({pdo: Switched(enabled=False) for pdo in sorted(resolved.pruned)})
+    for want in _wanted(node, config, log):
+        resolved.values[want.place], resolved.reasons[want.place] = want.data, want.reason
         if want.mark.line:
-            wants.lines.setdefault(want.place, want.mark.line)
-    return wants
+            resolved.lines.setdefault(want.place, want.mark.line)
+    return resolved
 
 
-def _wanted(node: ReadableNode, wish: NodeWish, log: FileLog) -> Iterator[WantedValue]:
-    """Resolve the object values of *wish* on *node*; reports lines that contradict each other."""
-    said = (*_objects(wish), *_values(node, wish, log))
-    watches = _watches(node, wish, said, log)
+def _wanted(node: ReadableNode, config: NodeConfig, log: FileLog) -> Iterator[ResolvedValue]:
+    """Resolve the object values of *config* on *node*; reports lines that contradict each other."""
+    said = (*_objects(config), *_values(node, config, log))
+    watches = _watches(node, config, said, log)
     taken = {watch.place for watch in watches}
-    pins = wanted_pins(node, wish.pins, log)
-    found: dict[Place, WantedValue] = {}
+    pins = wanted_pins(node, config.pins, log)
+    found: dict[Place, ResolvedValue] = {}
     for want in (
         *(said_value for said_value in said if not (_is_free_entry(said_value) and said_value.place in taken)),
         *watches,
@@ -168,7 +168,7 @@ def _wanted(node: ReadableNode, wish: NodeWish, log: FileLog) -> Iterator[Wanted
             yield want
 
 
-def _whence(want: WantedValue) -> str:
+def _whence(want: ResolvedValue) -> str:
     """Name the file line of *want*, or its purpose if there is no line."""
     return f"line {want.mark.line}: {want.reason}" if want.mark.line else want.reason
 
@@ -177,13 +177,13 @@ def _shown(place: Place) -> str:
     return f"0x{place[0]:04X}:{place[1]:02X}"
 
 
-def pdo_request(node: NodeDescription, wish: PdoWish, log: FileLog) -> PdoRequest:
-    """Resolve a PDO of *wish* on *node*; unknown entries are reported to *log* and left out."""
-    objects = None if wish.mapping is None else tuple(_entries(node, wish.mapping, log))
+def pdo_request(node: NodeDescription, config: PartialPdoConfig, log: FileLog) -> PdoRequest:
+    """Resolve a PDO of *config* on *node*; unknown entries are reported to *log* and left out."""
+    objects = None if config.mapping is None else tuple(_entries(node, config.mapping, log))
     return PdoRequest(
-        cob_id=wish.cob_id, transmission_type=wish.transmission_type, inhibit_time=wish.inhibit_time,
-        event_timer=wish.event_timer, sync_start_value=wish.sync_start_value, rtr_allowed=wish.rtr_allowed,
-        extended=wish.extended, enabled=wish.enabled, objects=objects,
+        cob_id=config.cob_id, transmission_type=config.transmission_type, inhibit_time=config.inhibit_time,
+        event_timer=config.event_timer, sync_start_value=config.sync_start_value, rtr_allowed=config.rtr_allowed,
+        extended=config.extended, enabled=config.enabled, objects=objects,
     )  # fmt: skip
 
 
@@ -195,13 +195,13 @@ def _entries(node: NodeDescription, words: tuple[FileWord, ...], log: FileLog) -
             log.complain(word.mark, _unknown(node, wrong))
 
 
-def _judge_entries(node: ReadableNode, wish: PdoWish, log: FileLog) -> None:
-    """Report known entries of *wish* that the rules refuse; unknown entries prevent judging the PDO."""
-    if wish.pdo not in node.present():
+def _judge_entries(node: ReadableNode, config: PartialPdoConfig, log: FileLog) -> None:
+    """Report known entries of *config* that the rules refuse; unknown entries prevent judging the PDO."""
+    if config.pdo not in node.present():
         return
-    now = node.known_pdo(wish.pdo)
-    held = proposal(node, wish.pdo, now, now)
-    for word in wish.mapping or ():
+    now = node.known_pdo(config.pdo)
+    held = proposal(node, config.pdo, now, now)
+    for word in config.mapping or ():
         try:
             known = entry_at(node, word.text)
         except UsageError:  # it was told
@@ -226,15 +226,17 @@ def _text(wrong: DvtcliError) -> str:
     return f"{wrong.text}; {wrong.hint}" if isinstance(wrong.hint, str) else wrong.text
 
 
-def _objects(wish: NodeWish) -> Iterator[WantedValue]:
+def _objects(config: NodeConfig) -> Iterator[ResolvedValue]:
     yield from (
-        WantedValue((object_wish.index, object_wish.sub_index), object_wish.data, object_wish.key, object_wish.mark)
-        for object_wish in wish.objects
+        ResolvedValue(
+            (object_config.index, object_config.sub_index), object_config.data, object_config.key, object_config.mark
+        )
+        for object_config in config.objects
     )
 
 
-def _values(node: ReadableNode, wish: NodeWish, log: FileLog) -> Iterator[WantedValue]:
-    for value in wish.values:
+def _values(node: ReadableNode, config: NodeConfig, log: FileLog) -> Iterator[ResolvedValue]:
+    for value in config.values:
         try:
             place = object_at(node, value.object.text)
         except UsageError as wrong:
@@ -247,7 +249,7 @@ def _values(node: ReadableNode, wish: NodeWish, log: FileLog) -> Iterator[Wanted
             kind = object_type(node, *place)
             text = value.value.text if kind.limits is None else of_node(value.value.text, node.node_id)
             data = typed_bytes(kind, meaning_of(node, *place), text)
-            yield WantedValue(place, data, _name(node, place), value.value.mark)
+            yield ResolvedValue(place, data, _name(node, place), value.value.mark)
         except ValueError as unfit:
             log.complain(value.value.mark, f"{value.value.text!r} for {_shown(place)}: {unfit}")
         except SdoAborted as aborted:
@@ -284,16 +286,16 @@ def _why_not(node: ReadableNode, place: Place) -> str:
 
 
 def _watches(
-    node: ReadableNode, wish: NodeWish, said: Collection[WantedValue], log: FileLog
-) -> Collection[WantedValue]:
-    """Choose entries of 0x1016 for *wish*: the producer's own entry, else a free entry.
+    node: ReadableNode, config: NodeConfig, said: Collection[ResolvedValue], log: FileLog
+) -> Collection[ResolvedValue]:
+    """Choose entries of 0x1016 for *config*: the producer's own entry, else a free entry.
 
     Skips entries *said* to hold another value; an entry said to hold 0 is free, and taken last.
     Source: CiA 301, 7.5.2.17: node-ID in bits 16..23, time in ms below; an entry with 0 in either is unused.
     """
-    if not wish.watches:
+    if not config.watches:
         return ()
-    wanted: dict[int, WantedValue] = {}
+    wanted: dict[int, ResolvedValue] = {}
     count = read_optional(node.memory, _CONSUMER_HEARTBEAT, 0, 1) or 0
     held = {sub: read_optional(node.memory, _CONSUMER_HEARTBEAT, sub, 4) for sub in range(1, count + 1)}
     mine = {
@@ -304,7 +306,7 @@ def _watches(
     slots = {sub: value for sub, value in held.items() if value is not None and sub not in mine}
     slots |= {sub: value for sub, value in mine.items() if sub and not value and held.get(sub) is not None}
     filled = len(mine.keys() - slots.keys())
-    for watch in wish.watches:
+    for watch in config.watches:
         own = _entry_of(watch.producer, {**slots, **{sub: value for sub, value in mine.items() if value}})
         sub = (
             own if own is not None else next((free_sub for free_sub, value in slots.items() if not _used(value)), None)
@@ -319,7 +321,7 @@ def _watches(
         late = f"late after {watch.time_ms} ms" if watch.time_ms else "watched no more"
         reason = f"node {watch.producer} is {late}"
         data = slots[sub].to_bytes(4, "little")
-        wanted[sub] = WantedValue((_CONSUMER_HEARTBEAT, sub), data, reason, watch.mark)
+        wanted[sub] = ResolvedValue((_CONSUMER_HEARTBEAT, sub), data, reason, watch.mark)
     return wanted.values()
 
 
@@ -328,7 +330,7 @@ def _entry_of(producer: int, entries: Mapping[int, int]) -> int | None:
     return next((sub for sub, value in entries.items() if _used(value) and _producer(value) == producer), None)
 
 
-def _is_free_entry(want: WantedValue) -> bool:
+def _is_free_entry(want: ResolvedValue) -> bool:
     """Tell whether an entry of 0x1016 is to be unused."""
     return want.place[0] == _CONSUMER_HEARTBEAT and want.place[1] > 0 and not any(want.data)
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from dvtcli.device.node import Node
     from dvtcli.device.node_parts import NodeDescription
-    from dvtcli.domain.network.wanted_state import FileWord, LinkWish, NetworkWish, NodeWish, PdoWish
+    from dvtcli.domain.network.network_config import FileWord, LinkConfig, NetworkConfig, NodeConfig, PartialPdoConfig
     from dvtcli.domain.plan import Change
     from dvtcli.domain.rules.finding import Finding
 
@@ -32,44 +32,46 @@ if TYPE_CHECKING:
 _VERSION = "dvtcli stamp 1"
 
 
-def wanted_stamp(nodes: Mapping[int, Node], wish: NetworkWish, node_id: int) -> Stamp:
-    """Compute a node's stamp from its part of *wish*, the nodes linked with it, and its identity (0x1018)."""
-    joined = linked_with(wish, node_id)
+def wanted_stamp(nodes: Mapping[int, Node], config: NetworkConfig, node_id: int) -> Stamp:
+    """Compute a node's stamp from its part of *config*, the nodes linked with it, and its identity (0x1018)."""
+    joined = linked_with(config, node_id)
     links = [
         [[[end.node_id, str(end.pdo)] for end in link.ends], link.heartbeat]
-        for link in wish.links
+        for link in config.links
         if link.producer.node_id in joined
     ]
-    said = [_words(nodes[node.node_id], node) for node in wish.nodes if node.node_id in joined]
-    document = [_VERSION, node_id, sorted(nodes[node_id].identity().items()), links, wish.multiplier, said]
+    said = [_words(nodes[node.node_id], node) for node in config.nodes if node.node_id in joined]
+    document = [_VERSION, node_id, sorted(nodes[node_id].identity().items()), links, config.multiplier, said]
     return Stamp.of(json.dumps(document))
 
 
-def linked_with(wish: NetworkWish, node_id: int) -> frozenset[int]:
-    """List the nodes that links of *wish* join with *node_id*, directly or not, including itself."""
+def linked_with(config: NetworkConfig, node_id: int) -> frozenset[int]:
+    """List the nodes that links of *config* join with *node_id*, directly or not, including itself."""
     found = {node_id}
-    while more := {end.node_id for link in wish.links for end in link.ends if _touches(link, found)} - found:
+    while more := {end.node_id for link in config.links for end in link.ends if _touches(link, found)} - found:
         found |= more
     return frozenset(found)
 
 
-def _touches(link: LinkWish, found: set[int]) -> bool:
+def _touches(link: LinkConfig, found: set[int]) -> bool:
     return any(end.node_id in found for end in link.ends)
 
 
-def _words(node: Node, wish: NodeWish) -> list[Any]:
+def _words(node: Node, config: NodeConfig) -> list[Any]:
     return [
-        wish.node_id,
-        bool(wish.prune),
-        sorted((_pdo_words(node, pdo) for pdo in wish.pdos), key=lambda row: str(row[0])),
-        sorted([object_wish.index, object_wish.sub_index, object_wish.data.hex()] for object_wish in wish.objects),
-        sorted([_at(object_at, node, value.object), value.value.text] for value in wish.values),
-        sorted([watch.producer, watch.time_ms] for watch in wish.watches),
-        sorted([pin.group, pin.pin, pin.object and _at(object_index, node, pin.object)] for pin in wish.pins),
+        config.node_id,
+        bool(config.prune),
+        sorted((_pdo_words(node, pdo) for pdo in config.pdos), key=lambda row: str(row[0])),
+        sorted(
+            [object_config.index, object_config.sub_index, object_config.data.hex()] for object_config in config.objects
+        ),
+        sorted([_at(object_at, node, value.object), value.value.text] for value in config.values),
+        sorted([watch.producer, watch.time_ms] for watch in config.watches),
+        sorted([pin.group, pin.pin, pin.object and _at(object_index, node, pin.object)] for pin in config.pins),
     ]
 
 
-def _pdo_words(node: Node, pdo: PdoWish) -> list[Any]:
+def _pdo_words(node: Node, pdo: PartialPdoConfig) -> list[Any]:
     mapping = None if pdo.mapping is None else [_at(entry_at, node, word) for word in pdo.mapping]
     return [
         str(pdo.pdo), pdo.enabled, pdo.cob_id, pdo.extended, pdo.rtr_allowed, pdo.transmission_type, pdo.inhibit_time,
@@ -105,12 +107,12 @@ class Stamping:
     findings: tuple[Finding, ...] = ()
 
 
-def stamps_of(nodes: Mapping[int, Node], wish: NetworkWish) -> dict[int, Stamp]:
-    """Map node-IDs of *wish* to their wanted stamps."""
+def stamps_of(nodes: Mapping[int, Node], config: NetworkConfig) -> dict[int, Stamp]:
+    """Map node-IDs of *config* to their wanted stamps."""
     return {
-        node.node_id: wanted_stamp(nodes, wish, node.node_id)
-        for node in wish.nodes
-        if node.stamp and linked_with(wish, node.node_id) <= nodes.keys()
+        node.node_id: wanted_stamp(nodes, config, node.node_id)
+        for node in config.nodes
+        if node.stamp and linked_with(config, node.node_id) <= nodes.keys()
     }
 
 
@@ -133,38 +135,38 @@ def stamping(node: Node, wanted: Stamp | None, changes: Sequence[Change]) -> Sta
     return Stamping(values, stamp_changes(held, wanted, f"stamp: {wanted}") if due else ())
 
 
-def trusted(nodes: Mapping[int, Node], wish: NetworkWish) -> frozenset[int]:
-    """List nodes whose stamp proves that they hold and have stored their part of *wish*.
+def trusted(nodes: Mapping[int, Node], config: NetworkConfig) -> frozenset[int]:
+    """List nodes whose stamp proves that they hold and have stored their part of *config*.
 
     Excluded are nodes with a change to recover or a remembered change not stored. Linked nodes are trusted together or
     not at all. Also excluded are nodes for which the file names objects that are not stored along with 0x1020: objects
     kept without a store, and all outside 0x1000..0x1FFF, which an RPDO may write and which have their own group in
     0x1010 and 0x1011: a restart could restore an old stamp beside a new value.
     """
-    stamps = stamps_of(nodes, wish)
-    own = {node.node_id for node in wish.nodes if _is_stamped(nodes, node, stamps.get(node.node_id))}
-    return frozenset(node_id for node_id in own if linked_with(wish, node_id) <= own)
+    stamps = stamps_of(nodes, config)
+    own = {node.node_id for node in config.nodes if _is_stamped(nodes, node, stamps.get(node.node_id))}
+    return frozenset(node_id for node_id in own if linked_with(config, node_id) <= own)
 
 
-def _is_stamped(nodes: Mapping[int, Node], wish: NodeWish, wanted: Stamp | None) -> bool:
+def _is_stamped(nodes: Mapping[int, Node], config: NodeConfig, wanted: Stamp | None) -> bool:
     if wanted is None:
         return False
-    node = nodes[wish.node_id]
+    node = nodes[config.node_id]
     keeper = node.keeper
     if node.unstored or (keeper is not None and (keeper.open_journal() or is_remembered(node, keeper.past))):
         return False
-    stored = all(index in _COMMUNICATION and node.profile.store.needed_for(index) for index in _indices(node, wish))
+    stored = all(index in _COMMUNICATION and node.profile.store.needed_for(index) for index in _indices(node, config))
     return stored and held_stamp(node) == wanted
 
 
-def _indices(node: NodeDescription, wish: NodeWish) -> Iterator[int]:
-    """Yield the indices of objects that *wish* names, a PDO's by its communication record; 0 for unknown names."""
-    yield from (pdo.pdo.communication_index for pdo in wish.pdos)
-    yield from (object_wish.index for object_wish in wish.objects)
-    for word in (value.object for value in wish.values):
+def _indices(node: NodeDescription, config: NodeConfig) -> Iterator[int]:
+    """Yield the indices of objects that *config* names, a PDO's by its communication record; 0 for unknown names."""
+    yield from (pdo.pdo.communication_index for pdo in config.pdos)
+    yield from (object_config.index for object_config in config.objects)
+    for word in (value.object for value in config.values):
         try:
             yield object_at(node, word.text)[0]
         except UsageError:
             yield 0
-    if wish.pins:
+    if config.pins:
         yield from (group.index for group in node.profile.vpdo.values())

@@ -13,7 +13,7 @@ from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.recordings.read_recording import check_readable, read_recorded
 from dvtcli.files.recordings.recognised import NETWORK_FILE, is_recording, other_format
 from dvtcli.operations.frames.recorded import decoder_for, standard_input
-from dvtcli.operations.network.described_nodes import described_nodes, network_wish
+from dvtcli.operations.network.described_nodes import described_nodes, network_config_of
 from dvtcli.operations.results.checked_files import FileRule, rules_among
 from dvtcli.operations.results.checked_recordings import RecordingFinding, RecordingReport, RecordingsChecked
 from dvtcli.watch.recording.problems import Problem
@@ -22,7 +22,7 @@ from dvtcli.watch.recording.stream_problems import LOAD
 
 if TYPE_CHECKING:
     from dvtcli.domain.lint.lint_rule import LintRule
-    from dvtcli.domain.network.wanted_state import NetworkWish
+    from dvtcli.domain.network.network_config import NetworkConfig
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.watch.decoder import Address, Decoder
     from dvtcli.watch.explain.known_node import KnownNode
@@ -95,11 +95,11 @@ class _Known:
 
 def _known(session: SessionNodes, options: RecordingOptions) -> _Known:
     is_given = options.dbc is not None or session.base.eds is not None
-    dbc, wish = options.dbc, network_wish(options.dbc)
-    rpdos, bit_rate = ({}, None) if dbc is None or wish is None else _of_network(dbc, wish)
+    dbc, config = options.dbc, network_config_of(options.dbc)
+    rpdos, bit_rate = ({}, None) if dbc is None or config is None else _of_network(dbc, config)
     return _Known(
-        decoder_for(session, None, dbc, wish=wish) if is_given else None, described_nodes(session, dbc, wish), rpdos,
-        options.bit_rate or bit_rate,
+        decoder_for(session, None, dbc, config=config) if is_given else None,
+        described_nodes(session, dbc, config), rpdos, options.bit_rate or bit_rate,
     )  # fmt: skip
 
 
@@ -167,18 +167,18 @@ def _asked(rules: Sequence[LintRule], bit_rate: int | None) -> tuple[FileRule, .
     return tuple(FileRule(rule.name, str(rule.severity), rule.sense, rule.source) for rule in judged)
 
 
-def _of_network(file: str, wish: NetworkWish) -> tuple[dict[NodePdo, Address], int | None]:
-    """Return the enabled RPDOs that the network *file*, read as *wish*, itself names, and its bit rate."""
+def _of_network(file: str, network_config: NetworkConfig) -> tuple[dict[NodePdo, Address], int | None]:
+    """Return the enabled RPDOs that the network *file*, read as *network_config*, itself names, and its bit rate."""
     from dvtcli.operations.network.described_network import described_pdos
 
-    named = {(node.node_id, pdo.pdo) for node in wish.nodes for pdo in node.pdos}
+    named = {(node.node_id, pdo.pdo) for node in network_config.nodes for pdo in node.pdos}
     found: dict[NodePdo, Address] = {}
-    for node in described_pdos(file, wish).nodes:
+    for node in described_pdos(file, network_config).nodes:
         for pdo, config in node.pdos.items():
             is_meant = (node.node_id, pdo) in named or pdo not in node.guessed
             if config.enabled and not pdo.is_tpdo and is_meant:
                 found[node.node_id, pdo] = identifier_of(config)
-    return found, wish.master.bit_rate if wish.master is not None else None
+    return found, network_config.master.bit_rate if network_config.master is not None else None
 
 
 def _finding(problem: Problem, bus: str) -> RecordingFinding:

@@ -13,14 +13,14 @@ from dvtcli.files.recordings.read_recording import check_readable, read_recorded
 from dvtcli.files.values.value_parts import next_part
 from dvtcli.operations.frames.frame_answer import frame_seen
 from dvtcli.operations.frames.recorded import decoder_for
-from dvtcli.operations.network.described_nodes import described_nodes, network_wish
+from dvtcli.operations.network.described_nodes import described_nodes, network_config_of
 from dvtcli.operations.recordings.values_origin import DEFAULTS, ValuesOptions, parquet_form
 from dvtcli.watch.frame_reader import FrameReader
 from dvtcli.watch.layout_fit import Misfits
 from dvtcli.watch.table import SignalRows
 
 if TYPE_CHECKING:
-    from dvtcli.domain.network.wanted_state import NetworkWish
+    from dvtcli.domain.network.network_config import NetworkConfig
     from dvtcli.domain.ports import Frame
     from dvtcli.files.values.value_rows import ParquetForm
     from dvtcli.operations.results import Facts, FrameSeen
@@ -46,10 +46,10 @@ def decode_recording(
     name; InputFileError, after the frames before it, where the file is damaged.
     """
     check_readable(path)
-    wish = network_wish(dbc)
-    decoder = decoder_for(session, nodes, dbc, path, wish)
+    config = network_config_of(dbc)
+    decoder = decoder_for(session, nodes, dbc, path, config)
     misfits = Misfits(decoder.layout, session.tell.warning)
-    seen = _seen_frames(path, misfits, _readers(session, decoder, dbc, wish), only)
+    seen = _seen_frames(path, misfits, _readers(session, decoder, dbc, config), only)
     if only:
         seen = _or_note(session, path, seen, only)
     return _matching(session, path, seen, decoder, text) if text else seen
@@ -72,9 +72,9 @@ def write_values(
     DvtcliError if *target* cannot be written; else as `decode_recording`.
     """
     check_readable(path)
-    wish = network_wish(dbc)
-    decoder = decoder_for(session, nodes, dbc, path, wish)
-    reader_of = _readers(session, decoder, dbc, wish)
+    config = network_config_of(dbc)
+    decoder = decoder_for(session, nodes, dbc, path, config)
+    reader_of = _readers(session, decoder, dbc, config)
     rows = SignalRows(decoder, text, reader_of(""), options.only)
     if not rows.columns:
         if text and len(rows.decoder):
@@ -129,10 +129,10 @@ def values_into_file(
 
 
 def _readers(
-    session: SessionNodes, decoder: Decoder, dbc: str | None, wish: NetworkWish | None
+    session: SessionNodes, decoder: Decoder, dbc: str | None, config: NetworkConfig | None
 ) -> Callable[[str], FrameReader]:
     """Return what gives the reader of a channel: nodes of two buses may have one node-ID."""
-    described = described_nodes(session, dbc, wish)
+    described = described_nodes(session, dbc, config)
     return cache(lambda _channel: FrameReader(decoder, described))
 
 

@@ -109,9 +109,9 @@ def _of_file(dbc: str | None) -> dict[int, Mapping[str, int | None]]:
     """Return the identities of nodes in the network file *dbc*."""
     if dbc is None or Path(dbc).suffix.lower() not in (".yaml", ".yml"):
         return {}
-    from dvtcli.operations.plans.network_wish import read_wish
+    from dvtcli.operations.plans.read_network_config import read_network_config
 
-    return {node.node_id: asdict(node.identity) for node in read_wish(dbc).nodes}
+    return {node.node_id: asdict(node.identity) for node in read_network_config(dbc).nodes}
 
 
 def _of_node(session: SessionNodes, node_id: int) -> Mapping[str, int | None]:

@@ -67,7 +67,7 @@ NAMES: dict[str, tuple[str, ...]] = {
     ),
     "failures": (
         "not_proved",
-        "lacking_error",
+        "missing_error",
         "not_as_before",
         "not_as_wanted",
         "compared_text",

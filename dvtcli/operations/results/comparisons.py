@@ -22,7 +22,7 @@ from dvtcli.operations.results.documents import (
 )
 
 if TYPE_CHECKING:
-    from dvtcli.domain.network.network_plan import Lacked
+    from dvtcli.domain.network.network_plan import MissingObject
     from dvtcli.errors import DvtcliError, RuleError
 
 
@@ -120,7 +120,7 @@ class ComparedNodes(Answer):
 
     nodes: tuple[Compared, ...]
     #: objects of a network file that devices lack
-    lacking: tuple[Lacked, ...] = ()
+    lacking: tuple[MissingObject, ...] = ()
 
     @property
     def exit_code(self) -> int:
@@ -130,9 +130,9 @@ class ComparedNodes(Answer):
     @property
     def failure(self) -> RuleError | None:
         """The error for what devices lack."""
-        from dvtcli.operations.results.failures import lacking_error
+        from dvtcli.operations.results.failures import missing_error
 
-        return lacking_error(self.lacking) if self.lacking else None
+        return missing_error(self.lacking) if self.lacking else None
 
     @property
     def failure_of_line(self) -> DvtcliError | None:

@@ -11,7 +11,7 @@ from dvtcli.domain.datatypes import CanopenTime, Value
 from dvtcli.domain.hint import next_step
 
 if TYPE_CHECKING:
-    from dvtcli.domain.network.network_plan import Lacked
+    from dvtcli.domain.network.network_plan import MissingObject
     from dvtcli.domain.rules import Finding
     from dvtcli.domain.scaling import Scaling
 
@@ -165,7 +165,7 @@ def finding_document(finding: Finding) -> Document:
     }
 
 
-def lacking_documents(lacking: Sequence[Lacked]) -> list[Document]:
+def lacking_documents(lacking: Sequence[MissingObject]) -> list[Document]:
     """List PDOs and objects that devices lack, with reasons."""
     return [
         {

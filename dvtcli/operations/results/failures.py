@@ -15,7 +15,7 @@ from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import DvtcliError, RuleError
 
 if TYPE_CHECKING:
-    from dvtcli.domain.network.network_plan import Lacked
+    from dvtcli.domain.network.network_plan import MissingObject
     from dvtcli.domain.rules import Finding
 
 
@@ -58,7 +58,7 @@ def _state(word: str, proof: Proof) -> str:
     return f"{compared_text(proof)} read back equal after the {restart}, and could be lost with the power{put_back}"
 
 
-def lacking_error(lacking: Sequence[Lacked]) -> RuleError:
+def missing_error(lacking: Sequence[MissingObject]) -> RuleError:
     """Make the error for *lacking*, at least one: what devices lack of a file."""
     complaints = tuple(lacked.complaint for lacked in lacking if lacked.complaint is not None)
     place = f"{complaints[0].place}: " if complaints else ""

@@ -55,9 +55,9 @@ class NetworkPlanned(Answer):
     @property
     def failure(self) -> RuleError | None:
         """The error for exit code 1."""
-        from dvtcli.operations.results.failures import lacking_error
+        from dvtcli.operations.results.failures import missing_error
 
-        return lacking_error(self.plan.lacking) if self.plan.lacking else None
+        return missing_error(self.plan.lacking) if self.plan.lacking else None
 
     @property
     def failure_of_line(self) -> DvtcliError | None:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from dvtcli.device.nmt_gate import Gate
     from dvtcli.device.node import Node
-    from dvtcli.device.wish import Wish
+    from dvtcli.device.target_config import TargetConfig
     from dvtcli.operations.session.bus_of_options import OpenBus
     from dvtcli.operations.user.options import Options
     from dvtcli.operations.user.session_user import Reporter
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 class Rehearse(Protocol):
     """Evaluates a script on twins, starting with *node_id* selected."""
 
-    def __call__(self, file: str, node_id: int | None = None) -> dict[int, Wish]:
+    def __call__(self, file: str, node_id: int | None = None) -> dict[int, TargetConfig]:
         """Return the wishes of the script *file* by node-ID; errors of a line have FILE:LINE."""
 
 

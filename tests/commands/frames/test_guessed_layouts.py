@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
+from dvtcli.domain.network.network_config import NetworkConfig
 from dvtcli.domain.network.network_state import NetworkState
-from dvtcli.domain.network.wanted_state import NetworkWish
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import DvtcliError
 from dvtcli.operations.frames.layouts import file_layouts
 from dvtcli.operations.network.described_network import described_network, described_pdos
-from dvtcli.operations.plans.network_wish import read_wish
+from dvtcli.operations.plans.read_network_config import read_network_config
 from dvtcli.operations.user.session_user import NullReporter
 from dvtcli.simulator.network.family_file import family_eds, family_names
 from dvtcli.watch.decoder import Decoder
@@ -129,14 +129,16 @@ def test_what_a_file_says_itself_is_laid_out_as_its_plan_would(tmp_path: Path, f
     }
     for said in tpdos.values():
         file.write_text(f"nodes: {{a: {{node_id: 3, dcf: {family}, tpdo: {{{said}}}}}, b: {{node_id: 4}}}}\n")
-        wish = read_wish(str(file))
-        assert outcome(described_pdos, str(file), wish) == outcome(described_network, str(file), wish), said
+        wanted_config = read_network_config(str(file))
+        assert outcome(described_pdos, str(file), wanted_config) == outcome(
+            described_network, str(file), wanted_config
+        ), said
 
 
-def outcome(describe: Callable[..., NetworkState], file: str, wish: NetworkWish) -> object:
+def outcome(describe: Callable[..., NetworkState], file: str, wanted_config: NetworkConfig) -> object:
     """The PDOs in their order and what is guessed of each node; else the error."""
     try:
-        state = describe(file, wish=wish)
+        state = describe(file, wanted_config=wanted_config)
     except DvtcliError as failed:
         return type(failed), failed.text
     layouts = [

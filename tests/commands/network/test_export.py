@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.domain.network.wanted_state import NodeWish, PdoWish
+from dvtcli.domain.network.network_config import NodeConfig, PartialPdoConfig
 from dvtcli.domain.request import PdoRequest
 from dvtcli.files.network.read_network import read_network_file
 from dvtcli.operations.values.named_objects import entry_at
@@ -15,30 +15,31 @@ from tests.commands.bus import Wire, device
 from tests.sample import heavy
 
 
-def exported(bench: Bench, file: Path) -> NodeWish:
+def exported(bench: Bench, file: Path) -> NodeConfig:
     ran = bench.run(f"export {file}")
     assert ran.code == 0, ran
     (node,) = read_network_file(file).nodes
     return node
 
 
-def request(bench: Bench, wish: PdoWish) -> PdoRequest:
-    """What `map` and `set` would be asked for *wish*."""
+def request(bench: Bench, config: PartialPdoConfig) -> PdoRequest:
+    """What `map` and `set` would be asked for *config*."""
     node = bench.session.node()
     return PdoRequest(
-        wish.cob_id, wish.transmission_type, wish.inhibit_time, wish.event_timer, wish.sync_start_value,
-        wish.rtr_allowed, wish.extended, wish.enabled, tuple(entry_at(node, word.text) for word in wish.mapping or ()),
+        config.cob_id, config.transmission_type, config.inhibit_time, config.event_timer, config.sync_start_value,
+        config.rtr_allowed, config.extended, config.enabled,
+        tuple(entry_at(node, word.text) for word in config.mapping or ()),
     )  # fmt: skip
 
 
 @pytest.mark.parametrize("family", ["gen4", "tmcm", "roboteq", "espac", "canopennode", "generic"])
 def test_carrying_out_what_was_exported_writes_nothing(family: str, tmp_path: Path) -> None:
     with Bench((f"{family}@5",)) as bench:
-        wish = exported(bench, tmp_path / "node.yaml")
+        config = exported(bench, tmp_path / "node.yaml")
         node = bench.session.node()
         held = node.pdos()
-        assert {one.pdo for one in wish.pdos} == held.keys()
-        applied = node.configure({one.pdo: request(bench, one) for one in wish.pdos}, force=True)
+        assert {one.pdo for one in config.pdos} == held.keys()
+        applied = node.configure({one.pdo: request(bench, one) for one in config.pdos}, force=True)
         assert [step for step in applied.plan.steps] == []  # noqa: C416
 
 
@@ -46,15 +47,15 @@ def test_what_was_changed_is_exported_and_carried_out_elsewhere(tmp_path: Path) 
     with Bench(("gen4",)) as bench:
         assert bench.run("map tpdo1 6C01:1 606C 6041 --cob-id 0x201 --sync 1").code == 0
         assert bench.run("map rpdo2 dummy/8 dummy/8 60FF").code == 0
-        wish = exported(bench, tmp_path / "node.yaml")
+        config = exported(bench, tmp_path / "node.yaml")
         held = bench.session.node().pdos()
     text = (tmp_path / "node.yaml").read_text("utf-8")
     assert "          - velocity_actual_value               # 606C:00/32\n" in text
     assert "/8                           # skips 8 bits\n" in text
     with Bench(("gen4",)) as other:
         node = other.session.node()
-        node.configure({one.pdo: request(other, one) for one in wish.pdos if not one.pdo.is_tpdo})
-        node.configure({one.pdo: request(other, one) for one in wish.pdos if one.pdo.is_tpdo})
+        node.configure({one.pdo: request(other, one) for one in config.pdos if not one.pdo.is_tpdo})
+        node.configure({one.pdo: request(other, one) for one in config.pdos if one.pdo.is_tpdo})
         assert node.pdos() == held
 
 

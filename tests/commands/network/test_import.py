@@ -25,9 +25,9 @@ def test_what_was_imported_plans_empty(pair: tuple[str, str], tmp_path: Path) ->
     with Bench((f"{pair[0]}@3", f"{pair[1]}@7")) as bench:
         ran = bench.run(f"import {file} --json")
         assert (ran.code, [one["node"] for one in ran.document["nodes"]]) == (0, [3, 7])
-        wish = read_network_file(file)
-        assert [len(node.pdos) for node in wish.nodes] == [one["pdos"] for one in ran.document["nodes"]]
-        for node in wish.nodes:
+        config = read_network_file(file)
+        assert [len(node.pdos) for node in config.nodes] == [one["pdos"] for one in ran.document["nodes"]]
+        for node in config.nodes:
             told = bench.session.node(node.node_id).identity()
             assert (node.identity.vendor or 0, node.identity.product or 0) == (told["vendor"], told["product"])
         planned = bench.run(f"plan {file} --exit-code --json")
@@ -142,8 +142,8 @@ def test_a_folder_of_files_needs_no_bus(tmp_path: Path) -> None:
         assert not bench.session.is_open
         assert bench.run(f"import {file} {tmp_path / 'none'}").code == 6  # the file is there by now
         assert bench.run(f"import {tmp_path / 'b.yaml'} {tmp_path / 'none'}").code == 2
-    wish = read_network_file(file)
-    assert [node.dcf.text if node.dcf else "" for node in wish.nodes] == ["eds/motor.dcf", "eds/gen4.eds"]
+    config = read_network_file(file)
+    assert [node.dcf.text if node.dcf else "" for node in config.nodes] == ["eds/motor.dcf", "eds/gen4.eds"]
     with Bench(("tmcm@1", "gen4@2")) as bench:
         planned = bench.run(f"plan {file} --exit-code --json")
         assert (planned.code, planned.document["writes"]) == (0, 0), planned

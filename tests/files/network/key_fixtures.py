@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from textwrap import dedent
 
-from dvtcli.domain.network.wanted_state import (
+from dvtcli.domain.network.network_config import (
     Endpoint,
+    ExpectedIdentity,
     FileWord,
     HeartbeatWatch,
-    LinkWish,
+    LinkConfig,
     MasterRole,
-    NetworkWish,
-    NodeWish,
-    ObjectWish,
-    PdoWish,
-    PinWish,
-    ValueWish,
-    WantedIdentity,
+    NetworkConfig,
+    NodeConfig,
+    ObjectConfig,
+    PartialPdoConfig,
+    PinConfig,
+    ValueConfig,
 )
 from dvtcli.domain.pdo import Pdo
 from dvtcli.files.network.network_keys import Where
@@ -25,15 +25,15 @@ from dvtcli.files.network.read_network import read_network
 
 TPDO1, RPDO1 = Pdo.parse("tpdo1"), Pdo.parse("rpdo1")
 _MASTER = "master: {node_id: 1, heartbeat_producer: 200}\n"
-Fixture = tuple[str, Callable[[NetworkWish], object], object]
+Fixture = tuple[str, Callable[[NetworkConfig], object], object]
 
 
-def read(text: str) -> NetworkWish:
+def read(text: str) -> NetworkConfig:
     """The wish of a dedented *text*."""
     return read_network(dedent(text), "net.yaml")
 
 
-def only(text: str) -> NodeWish:
+def only(text: str) -> NodeConfig:
     """The one node of a file whose node has *text* as its keys."""
     (node,) = read_network(in_node(text), "net.yaml").nodes
     return node
@@ -46,34 +46,34 @@ def in_node(text: str) -> str:
 
 
 def _node(text: str, **wanted: object) -> Fixture:
-    return in_node(text), lambda wish: wish.nodes[0], NodeWish("one", 5, **wanted)  # type: ignore[arg-type]
+    return in_node(text), lambda config: config.nodes[0], NodeConfig("one", 5, **wanted)  # type: ignore[arg-type]
 
 
 def _pdo(text: str, pdo: Pdo = TPDO1, **wanted: object) -> Fixture:
-    wish = PdoWish(pdo, **wanted)  # type: ignore[arg-type]
-    return in_node(f"{pdo.direction}: {{{pdo.number}: {{{text}}}}}"), lambda found: found.nodes[0].pdos[0], wish
+    config = PartialPdoConfig(pdo, **wanted)  # type: ignore[arg-type]
+    return in_node(f"{pdo.direction}: {{{pdo.number}: {{{text}}}}}"), lambda found: found.nodes[0].pdos[0], config
 
 
 def _object(text: str, index: int, sub_index: int, data: bytes) -> Fixture:
-    return _node(text, objects=(ObjectWish(text.partition(":")[0], index, sub_index, data),))
+    return _node(text, objects=(ObjectConfig(text.partition(":")[0], index, sub_index, data),))
 
 
 def _value(text: str, name: str, value: str) -> Fixture:
-    return _node(f"sdo: [{{{text}}}]", values=(ValueWish(FileWord(name), FileWord(value)),))
+    return _node(f"sdo: [{{{text}}}]", values=(ValueConfig(FileWord(name), FileWord(value)),))
 
 
 def _left_alone(text: str, where: str = "node") -> Fixture:
     closing = "}" * where.count("{")
     file = in_node(text) if where == "node" else f"{where}: {{{text}}}{closing}\n{in_node('prune: true')}"
     key = text.partition(":")[0]
-    return file, lambda wish: any(note.text.startswith(f"{key} is left alone") for note in wish.notes), True
+    return file, lambda config: any(note.text.startswith(f"{key} is left alone") for note in config.notes), True
 
 
 def _of_the_master(text: str) -> Fixture:
-    return f"master: {{node_id: 1, {text}}}\n{in_node('')}", lambda wish: wish.master, MasterRole(1)
+    return f"master: {{node_id: 1, {text}}}\n{in_node('')}", lambda config: config.master, MasterRole(1)
 
 
-def _file(text: str, get: Callable[[NetworkWish], object], wanted: object) -> Fixture:
+def _file(text: str, get: Callable[[NetworkConfig], object], wanted: object) -> Fixture:
     return dedent(text), get, wanted
 
 
@@ -82,20 +82,20 @@ _FROM_A = Endpoint(2, TPDO1)
 _TO_B, _TO_C = Endpoint(3, RPDO1), Endpoint(4, Pdo.parse("rpdo2"))
 
 FIXTURES: dict[tuple[Where, str], Fixture] = {
-    (Where.FILE, "nodes"): _file("nodes: {a: {node_id: 2}}", lambda wish: wish.nodes, (NodeWish("a", 2),)),
+    (Where.FILE, "nodes"): _file("nodes: {a: {node_id: 2}}", lambda config: config.nodes, (NodeConfig("a", 2),)),
     (Where.FILE, "defaults"): _file(
-        "defaults: {prune: true, store: all}\na: {node_id: 2, store: false}", lambda wish: wish.nodes,
-        (NodeWish("a", 2, prune=True, store=False),),
+        "defaults: {prune: true, store: all}\na: {node_id: 2, store: false}", lambda config: config.nodes,
+        (NodeConfig("a", 2, prune=True, store=False),),
     ),
     (Where.FILE, "links"): _file(
-        f"{_TWO}links:\n- {{from: a:tpdo1, to: [b:rpdo1, 4:rpdo2], heartbeat: false}}", lambda wish: wish.links,
-        (LinkWish(_FROM_A, (_TO_B, _TO_C), heartbeat=False),),
+        f"{_TWO}links:\n- {{from: a:tpdo1, to: [b:rpdo1, 4:rpdo2], heartbeat: false}}", lambda config: config.links,
+        (LinkConfig(_FROM_A, (_TO_B, _TO_C), heartbeat=False),),
     ),
-    (Where.FILE, "master"): _file("master: {node_id: 9}\na: {node_id: 2}", lambda wish: wish.master, MasterRole(9)),
-    (Where.FILE, "options"): _file("options: {}\na: {node_id: 2}", lambda wish: wish.nodes, (NodeWish("a", 2),)),
+    (Where.FILE, "master"): _file("master: {node_id: 9}\na: {node_id: 2}", lambda config: config.master, MasterRole(9)),
+    (Where.FILE, "options"): _file("options: {}\na: {node_id: 2}", lambda config: config.nodes, (NodeConfig("a", 2),)),
     (Where.OPTIONS, "heartbeat_multiplier"): _file(
         f"options: {{heartbeat_multiplier: 1.5}}\n{_MASTER}a: {{node_id: 2, heartbeat_consumer: true}}",
-        lambda wish: wish.nodes[0].watches, (HeartbeatWatch(1, 300),),
+        lambda config: config.nodes[0].watches, (HeartbeatWatch(1, 300),),
     ),
     (Where.OPTIONS, "dcf_path"): _left_alone('dcf_path: "@BUS_CONFIG_PATH@"', "options"),
     (Where.OPTIONS, "retry_factor"): _left_alone("retry_factor: 3", "options"),
@@ -104,15 +104,15 @@ FIXTURES: dict[tuple[Where, str], Fixture] = {
         "master: {sync_period: 10000}\na: {node_id: 2}", lambda w: w.master, MasterRole(sync_period_us=10_000)
     ),
     (Where.MASTER, "heartbeat_producer"): _file(
-        f"{_MASTER}a: {{node_id: 2}}", lambda wish: wish.master, MasterRole(1, heartbeat_producer_ms=200)
+        f"{_MASTER}a: {{node_id: 2}}", lambda config: config.master, MasterRole(1, heartbeat_producer_ms=200)
     ),
     (Where.MASTER, "baudrate"): _file(
-        "master: {baudrate: 250}\na: {node_id: 2}", lambda wish: wish.master, MasterRole(bit_rate=250_000)
+        "master: {baudrate: 250}\na: {node_id: 2}", lambda config: config.master, MasterRole(bit_rate=250_000)
     ),
     (Where.MASTER, "heartbeat_multiplier"): _file(
         "master: {node_id: 1, heartbeat_producer: 100, heartbeat_multiplier: 2}\n"
         "a: {node_id: 2, heartbeat_consumer: true}",
-        lambda wish: wish.nodes[0].watches, (HeartbeatWatch(1, 200),),
+        lambda config: config.nodes[0].watches, (HeartbeatWatch(1, 200),),
     ),
     **{
         (Where.MASTER, name): _of_the_master(f"{name}: {value}")
@@ -124,18 +124,20 @@ FIXTURES: dict[tuple[Where, str], Fixture] = {
             "boot_time": 0,
         }.items()
     },
-    (Where.NODE, "node_id"): _file("a: {node_id: 0x7F}", lambda wish: wish.nodes, (NodeWish("a", 127),)),
+    (Where.NODE, "node_id"): _file("a: {node_id: 0x7F}", lambda config: config.nodes, (NodeConfig("a", 127),)),
     (Where.NODE, "dcf"): _node('dcf: "@BUS_CONFIG_PATH@/a.eds"', dcf=FileWord("@BUS_CONFIG_PATH@/a.eds")),
     (Where.NODE, "eds"): _node('eds: "a.eds"', dcf=FileWord("a.eds")),
     (Where.NODE, "modules"): _node("modules: [1, 0x1, 2]", modules=(1, 1, 2)),
     (Where.NODE, "profile"): _node("profile: gen4", profile="gen4"),
-    (Where.NODE, "identity"): _node("identity: {vendor: 0x1E}", identity=WantedIdentity(0x1E)),
-    (Where.NODE, "vendor_id"): _node("vendor_id: 0x1E", identity=WantedIdentity(0x1E)),
-    (Where.NODE, "product_code"): _node("product_code: 2", identity=WantedIdentity(product=2)),
-    (Where.NODE, "revision_number"): _node("revision_number: 3", identity=WantedIdentity(revision=3)),
-    (Where.NODE, "serial_number"): _node("serial_number: 0", identity=WantedIdentity()),
-    (Where.NODE, "tpdo"): _node("tpdo: {512: {enabled: false}}", pdos=(PdoWish(Pdo.parse("tpdo512"), enabled=False),)),
-    (Where.NODE, "rpdo"): _node("rpdo: {0x1: }", pdos=(PdoWish(RPDO1),)),
+    (Where.NODE, "identity"): _node("identity: {vendor: 0x1E}", identity=ExpectedIdentity(0x1E)),
+    (Where.NODE, "vendor_id"): _node("vendor_id: 0x1E", identity=ExpectedIdentity(0x1E)),
+    (Where.NODE, "product_code"): _node("product_code: 2", identity=ExpectedIdentity(product=2)),
+    (Where.NODE, "revision_number"): _node("revision_number: 3", identity=ExpectedIdentity(revision=3)),
+    (Where.NODE, "serial_number"): _node("serial_number: 0", identity=ExpectedIdentity()),
+    (Where.NODE, "tpdo"): _node(
+        "tpdo: {512: {enabled: false}}", pdos=(PartialPdoConfig(Pdo.parse("tpdo512"), enabled=False),)
+    ),
+    (Where.NODE, "rpdo"): _node("rpdo: {0x1: }", pdos=(PartialPdoConfig(RPDO1),)),
     (Where.NODE, "sdo"): _node("sdo: []"),
     (Where.NODE, "heartbeat_producer"): _object("heartbeat_producer: 1000", 0x1017, 0, b"\xe8\x03"),
     (Where.NODE, "heartbeat_consumer"): _node(
@@ -147,7 +149,7 @@ FIXTURES: dict[tuple[Where, str], Fixture] = {
     (Where.NODE, "sync_period"): _object("sync_period: 20000", 0x1006, 0, b"\x20\x4e\0\0"),
     (Where.NODE, "time_cob_id"): _object("time_cob_id: 0x80000100", 0x1012, 0, b"\x00\x01\x00\x80"),
     (Where.NODE, "error_behavior"): _node(
-        "error_behavior: {1: 2}", objects=(ObjectWish("error_behavior", 0x1029, 1, b"\x02"),)
+        "error_behavior: {1: 2}", objects=(ObjectConfig("error_behavior", 0x1029, 1, b"\x02"),)
     ),
     (Where.NODE, "physical"): _node(
         'physical: {5100:01: 1/16 V, "2000-2003": {unit: degC, factor: 0.5, offset: -40}, 6C01:02: {bits: {0: door}}}',
@@ -158,7 +160,7 @@ FIXTURES: dict[tuple[Where, str], Fixture] = {
     ),
     (Where.NODE, "vpdo"): _node(
         "vpdo: {digital-in: {2: none, 1: 2120}}",
-        pins=(PinWish("digital-in", 1, FileWord("2120")), PinWish("digital-in", 2, None)),
+        pins=(PinConfig("digital-in", 1, FileWord("2120")), PinConfig("digital-in", 2, None)),
     ),
     (Where.NODE, "store"): _node("store: 4", store="4"),
     (Where.NODE, "prune"): _node("prune: true", prune=True),
@@ -171,10 +173,10 @@ FIXTURES: dict[tuple[Where, str], Fixture] = {
             "software_version": 2, "configuration_file": "a.bin",
         }.items()
     },
-    (Where.IDENTITY, "vendor"): _node("identity: {vendor: 0x1E}", identity=WantedIdentity(0x1E)),
-    (Where.IDENTITY, "product"): _node("identity: {product: 7}", identity=WantedIdentity(product=7)),
-    (Where.IDENTITY, "revision"): _node("identity: {revision: 0}", identity=WantedIdentity(revision=0)),
-    (Where.IDENTITY, "serial"): _node("identity: {serial: 9}", identity=WantedIdentity(serial=9)),
+    (Where.IDENTITY, "vendor"): _node("identity: {vendor: 0x1E}", identity=ExpectedIdentity(0x1E)),
+    (Where.IDENTITY, "product"): _node("identity: {product: 7}", identity=ExpectedIdentity(product=7)),
+    (Where.IDENTITY, "revision"): _node("identity: {revision: 0}", identity=ExpectedIdentity(revision=0)),
+    (Where.IDENTITY, "serial"): _node("identity: {serial: 9}", identity=ExpectedIdentity(serial=9)),
     (Where.TPDO, "enabled"): _pdo("enabled: false", enabled=False),
     (Where.TPDO, "cob_id"): _pdo("cob_id: auto", cob_id="auto"),
     (Where.TPDO, "rtr_allowed"): _pdo("rtr_allowed: true", rtr_allowed=True),
@@ -204,13 +206,14 @@ FIXTURES: dict[tuple[Where, str], Fixture] = {
     (Where.SDO, "object"): _value("object: profile_velocity, value: 0x3E8", "profile_velocity", "0x3E8"),
     (Where.SDO, "value"): _value("object: 6081, value: true", "6081:00", "1"),
     (Where.LINK, "from"): _file(
-        f"{_TWO}links: [{{from: 2:tpdo1, to: b:rpdo1}}]", lambda wish: wish.links, (LinkWish(_FROM_A, (_TO_B,)),)
+        f"{_TWO}links: [{{from: 2:tpdo1, to: b:rpdo1}}]", lambda config: config.links, (LinkConfig(_FROM_A, (_TO_B,)),)
     ),
     (Where.LINK, "to"): _file(
-        f"{_TWO}links: [{{from: a:tpdo1, to: [c:rpdo2]}}]", lambda wish: wish.links, (LinkWish(_FROM_A, (_TO_C,)),)
+        f"{_TWO}links: [{{from: a:tpdo1, to: [c:rpdo2]}}]", lambda config: config.links,
+        (LinkConfig(_FROM_A, (_TO_C,)),),
     ),
     (Where.LINK, "heartbeat"): _file(
-        f"{_TWO}links: [{{from: a:tpdo1, to: b:rpdo1, heartbeat: 100}}]", lambda wish: wish.links,
-        (LinkWish(_FROM_A, (_TO_B,), 100),),
+        f"{_TWO}links: [{{from: a:tpdo1, to: b:rpdo1, heartbeat: 100}}]", lambda config: config.links,
+        (LinkConfig(_FROM_A, (_TO_B,), 100),),
     ),
 }  # fmt: skip

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from ruamel.yaml import YAML
 
-from dvtcli.domain.network.wanted_state import NetworkWish
+from dvtcli.domain.network.network_config import NetworkConfig
 from dvtcli.errors import InputFileError
 from dvtcli.files.network.network_keys import KEYS, NetworkKey, Where
 from dvtcli.files.network.read_network import read_network
@@ -129,6 +129,6 @@ def test_whatever_is_read_fits_the_schema(tree: str) -> None:
 
 
 @given(networks())
-def test_what_is_written_fits_the_schema(wish: NetworkWish) -> None:
-    text = write_network(wish)
+def test_what_is_written_fits_the_schema(config: NetworkConfig) -> None:
+    text = write_network(config)
     assert validator().is_valid(loaded(text)), text

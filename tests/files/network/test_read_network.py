@@ -11,7 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dvtcli.domain.file_complaint import FileComplaint
-from dvtcli.domain.network.wanted_state import FileWord, HeartbeatWatch, Mark, NetworkWish, NodeWish, PdoWish
+from dvtcli.domain.network.network_config import (
+    FileWord,
+    HeartbeatWatch,
+    Mark,
+    NetworkConfig,
+    NodeConfig,
+    PartialPdoConfig,
+)
 from dvtcli.errors import InputFileError
 from dvtcli.files.network.network_keys import KEYS, NetworkKey, Where
 from dvtcli.files.network.read_network import read_network, read_network_file
@@ -242,12 +249,12 @@ def test_a_time_of_the_other_direction_is_left_alone_and_its_key_is_named() -> N
 
 
 def test_absent_keys_leave_everything_alone() -> None:
-    wish = PdoWish(TPDO1, inhibit_time=400, event_timer=50)
-    assert only("tpdo: {1: {inhibit_time: 400, event_timer: 50}}") == NodeWish("one", 5, pdos=(wish,))
+    config = PartialPdoConfig(TPDO1, inhibit_time=400, event_timer=50)
+    assert only("tpdo: {1: {inhibit_time: 400, event_timer: 50}}") == NodeConfig("one", 5, pdos=(config,))
 
 
 def test_defaults_are_overridden_key_by_key() -> None:
-    wish = read("""\
+    config = read("""\
         defaults:
           heartbeat_producer: 1000
           sdo: [{index: 0x6081, value: 1}]
@@ -255,7 +262,7 @@ def test_defaults_are_overridden_key_by_key() -> None:
         nodes:
           a: {node_id: 2, tpdo: {1: {transmission: 2, inhibit_ms: 1}}, sdo: [{index: 0x6082, value: 2}]}
         """)
-    (node,) = wish.nodes
+    (node,) = config.nodes
     assert [pdo.transmission_type for pdo in node.pdos] == [2, None]
     assert (node.pdos[0].inhibit_time, node.pdos[1].enabled) == (10, False)
     assert (node.objects[0].data, [one.object.text for one in node.values]) == (b"\xe8\x03", ["6082:00"])
@@ -276,8 +283,8 @@ def test_an_anchor_may_be_set_again() -> None:
 
 
 def test_anchors_and_keys_with_a_dot_are_for_sharing() -> None:
-    wish = read(".x: &x {prune: true, stamp: true, store: true}\na: {<<: *x, node_id: 2, stamp: false}\n")
-    assert wish.nodes == (NodeWish("a", 2, prune=True, stamp=False, store="all"),)
+    config = read(".x: &x {prune: true, stamp: true, store: true}\na: {<<: *x, node_id: 2, stamp: false}\n")
+    assert config.nodes == (NodeConfig("a", 2, prune=True, stamp=False, store="all"),)
 
 
 def test_an_unset_heartbeat_clears_no_entry_and_a_false_one_does() -> None:
@@ -288,8 +295,8 @@ def test_an_unset_heartbeat_clears_no_entry_and_a_false_one_does() -> None:
 
 
 def test_whom_to_watch_is_not_guessed() -> None:
-    wish = read("a: {node_id: 2, heartbeat_consumer: true}")
-    assert (wish.nodes[0].watches, wish.notes[0].text.partition(":")[0]) == ((), "heartbeat_consumer is left alone")
+    config = read("a: {node_id: 2, heartbeat_consumer: true}")
+    assert (config.nodes[0].watches, config.notes[0].text.partition(":")[0]) == ((), "heartbeat_consumer is left alone")
     assert (
         "65535 is the most"
         in wrong("master: {node_id: 1, heartbeat_producer: 60000}\na: {node_id: 2, heartbeat_consumer: true}\n")[0][2]
@@ -299,15 +306,15 @@ def test_whom_to_watch_is_not_guessed() -> None:
 @pytest.mark.parametrize(
     ("said", "wish"),
     [
-        ("cob_id: 0x80000181", PdoWish(TPDO1, enabled=False, cob_id=0x181)),
-        ("cob_id: 0x80000000", PdoWish(TPDO1, enabled=False)),
-        ("cob_id: 0xC0000181, enabled: true", PdoWish(TPDO1, enabled=False, cob_id=0x181, rtr_allowed=False)),
-        ("cob_id: 0x20012345", PdoWish(TPDO1, cob_id=0x12345, extended=True)),
-        ("cob_id: 385", PdoWish(TPDO1, cob_id=0x181)),
+        ("cob_id: 0x80000181", PartialPdoConfig(TPDO1, enabled=False, cob_id=0x181)),
+        ("cob_id: 0x80000000", PartialPdoConfig(TPDO1, enabled=False)),
+        ("cob_id: 0xC0000181, enabled: true", PartialPdoConfig(TPDO1, enabled=False, cob_id=0x181, rtr_allowed=False)),
+        ("cob_id: 0x20012345", PartialPdoConfig(TPDO1, cob_id=0x12345, extended=True)),
+        ("cob_id: 385", PartialPdoConfig(TPDO1, cob_id=0x181)),
     ],
 )
-def test_a_cob_id_is_taken_with_its_bits(said: str, wish: PdoWish) -> None:
-    assert only(f"tpdo: {{1: {{{said}}}}}").pdos == (wish,)
+def test_a_cob_id_is_taken_with_its_bits(said: str, config: PartialPdoConfig) -> None:
+    assert only(f"tpdo: {{1: {{{said}}}}}").pdos == (config,)
 
 
 def test_objects_in_a_mapping_are_hexadecimal_as_at_the_prompt() -> None:
@@ -332,7 +339,7 @@ def test_a_file_that_is_no_text_is_said(tmp_path: Path) -> None:
     with pytest.raises(InputFileError, match="not UTF-8"):
         read_network_file(tmp_path / "net.yaml")
     (tmp_path / "net.yaml").write_bytes(b"\xef\xbb\xbfa: {node_id: 2}\r\n")
-    assert read_network_file(tmp_path / "net.yaml").nodes == (NodeWish("a", 2),)
+    assert read_network_file(tmp_path / "net.yaml").nodes == (NodeConfig("a", 2),)
 
 
 KEY_WORDS = st.sampled_from([*sorted({key.name for key in KEYS}), "a", "1", "<<", ".x"])
@@ -351,13 +358,13 @@ TREES = st.recursive(
 @given(st.dictionaries(KEY_WORDS, TREES, max_size=4), st.text(alphabet="{}[]:,&*!|>'\"# \n-a1", max_size=20))
 def test_any_text_is_a_wish_or_an_input_file_error(keys: dict[str, str], noise: str) -> None:
     text = "".join(f"{key}: {value}\n" for key, value in keys.items()) + noise
-    wish: NetworkWish | None = None
+    config: NetworkConfig | None = None
     found: tuple[FileComplaint, ...] = ()
     try:
-        wish = read_network(text, "net.yaml")
+        config = read_network(text, "net.yaml")
     except InputFileError as error:
         found = error.complaints
-    assert bool(found) != bool(wish and wish.nodes)
+    assert bool(found) != bool(config and config.nodes)
     assert found == tuple(sorted(found))
     assert all(one.line >= 1 and one.column >= 1 and one.width >= 1 for one in found)
 

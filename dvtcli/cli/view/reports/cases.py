@@ -15,7 +15,7 @@ from dvtcli.operations.results.comparisons import Compared, WholeCompared
 from dvtcli.operations.results.networks import NetworkPlanned, differing
 
 if TYPE_CHECKING:
-    from dvtcli.domain.network.network_plan import Lacked, NodePlan
+    from dvtcli.domain.network.network_plan import MissingObject, NodePlan
     from dvtcli.domain.plan import Change
     from dvtcli.operations.results import ComparedNodes
     from dvtcli.operations.results.comparisons import ObjectDifference
@@ -87,7 +87,7 @@ def _planned(result: NetworkPlanned, node: NodePlan) -> Iterator[Case]:
         yield Case(node.node_id, finding.rule, (finding.text,), level, result.plan.file, line, column)
 
 
-def _lacking(lacking: Sequence[Lacked], file: str) -> Iterator[Case]:
+def _lacking(lacking: Sequence[MissingObject], file: str) -> Iterator[Case]:
     """Return PDOs and objects of *file* missing in nodes."""
     for lacked in lacking:
         line = 0 if lacked.complaint is None else lacked.complaint.line

@@ -8,8 +8,8 @@ from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, PdoConnection, at
 from dvtcli.domain.network.links import LinkSide
+from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.network.network_state import Identifier, identifier_of
-from dvtcli.domain.network.wanted_state import Endpoint
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.process_data import commanded_by_other, is_controlword
 

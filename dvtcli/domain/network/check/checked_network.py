@@ -10,6 +10,7 @@ from dvtcli.domain.lint.described import blank
 from dvtcli.domain.network.bus_need import BusNeed, bus_need
 from dvtcli.domain.network.frame_streams import SYNCHRONOUS, Streams, streams_of
 from dvtcli.domain.network.heard_traffic import HeardTraffic
+from dvtcli.domain.network.network_config import NOWHERE, Mark
 from dvtcli.domain.network.network_state import (
     EMCY_COB_ID,
     SYNC_COB_ID,
@@ -18,7 +19,6 @@ from dvtcli.domain.network.network_state import (
     NodeState,
     identifier_of,
 )
-from dvtcli.domain.network.wanted_state import NOWHERE, Mark
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.rules import Finding, Proposal, check_pdo
 from dvtcli.domain.services import taken_by_services

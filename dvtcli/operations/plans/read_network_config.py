@@ -13,13 +13,13 @@ from dvtcli.files.network.read_network import WhyNot, read_network_file
 if TYPE_CHECKING:
     from collections.abc import Collection
 
-    from dvtcli.domain.network.wanted_state import NetworkWish, NodeWish
+    from dvtcli.domain.network.network_config import NetworkConfig, NodeConfig
 
 #: dcfgen's name for the folder of the network file itself
 BESIDE = "@BUS_CONFIG_PATH@/"
 
 
-def read_wish(file: str) -> NetworkWish:
+def read_network_config(file: str) -> NetworkConfig:
     """Read the network file *file*.
 
     Raises UsageError if it cannot be opened, InputFileError with all its errors; an unresolvable `dcf` or `profile` is
@@ -32,7 +32,7 @@ def read_wish(file: str) -> NetworkWish:
         raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
 
 
-def eds_of(file: str, node: NodeWish) -> Path | None:
+def eds_of(file: str, node: NodeConfig) -> Path | None:
     """Find the `dcf` of *node* in *file*: a file beside it, of a simulated family, or of the library.
 
     Returns None if there is none.
@@ -85,7 +85,7 @@ def _why_no_description(path: Path) -> str:
     return ""
 
 
-def _why_no_modules(file: str, node: NodeWish) -> str:
+def _why_no_modules(file: str, node: NodeConfig) -> str:
     """Explain why the `dcf` of *node* does not have its modules; empty if it does, or another file describes it."""
     from dvtcli.operations.session.simulated_nodes import read_dictionary, why_no_modules
 

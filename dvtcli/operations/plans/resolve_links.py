@@ -13,17 +13,17 @@ from dvtcli.device.read_pdos import service_ids
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.heartbeats import MISSED, slot_for, watch_time_ms, watched_ms
 from dvtcli.domain.network.links import LinkSide, agrees, free_can_id, linked, may_keep, object_remarks
-from dvtcli.domain.network.wanted_state import (
+from dvtcli.domain.network.network_config import (
     Endpoint,
     FileWord,
     HeartbeatWatch,
-    LinkWish,
+    LinkConfig,
     Mark,
-    NetworkWish,
-    NodeWish,
-    ObjectWish,
-    PdoWish,
-    ValueWish,
+    NetworkConfig,
+    NodeConfig,
+    ObjectConfig,
+    PartialPdoConfig,
+    ValueConfig,
 )
 from dvtcli.domain.object_syntax import parse_object
 from dvtcli.domain.rules import errors_in
@@ -46,13 +46,13 @@ class LinkedHeartbeats:
     """The heartbeats for links between *nodes*, in addition to those in *before*; *say* takes findings."""
 
     nodes: Mapping[int, Node]
-    before: NetworkWish
+    before: NetworkConfig
     say: Callable[[int, Finding], None]
-    _producers: dict[int, list[ObjectWish]] = field(default_factory=dict)
+    _producers: dict[int, list[ObjectConfig]] = field(default_factory=dict)
     _watches: dict[int, dict[int, HeartbeatWatch]] = field(default_factory=dict)
     _slots: dict[int, dict[int, int]] = field(default_factory=dict)
 
-    def watch(self, link: LinkWish, asked_ms: int | None) -> None:
+    def watch(self, link: LinkConfig, asked_ms: int | None) -> None:
         """Let the consumers expect the producer's heartbeat; *asked_ms* sets its producer time in ms."""
         node_id = link.producer.node_id
         time_ms = self._period_ms(node_id, asked_ms, link.mark)
@@ -68,7 +68,7 @@ class LinkedHeartbeats:
         node = self.nodes[node_id]
         if asked_ms is None:
             said = [*self._producers.get(node_id, ()), *_node(self.before, node_id).objects]
-            return _wished_ms(said, heartbeat_ms(node.memory) or 0)
+            return _configured_ms(said, heartbeat_ms(node.memory) or 0)
         place = f"node {node_id}"
         if heartbeat_ms(node.memory) is None:
             text = f"node {node_id} has no 0x1017: it cannot send a heartbeat"
@@ -84,8 +84,8 @@ class LinkedHeartbeats:
                 node_id,
                 error("link-guarded", place, text, hint=Hint(Action.GIVE, {"heartbeat": False}, "leaves it alone")),
             )
-        wish = ObjectWish(_HEARTBEAT, 0x1017, 0, asked_ms.to_bytes(2, "little"), mark)
-        self._producers.setdefault(node_id, []).append(wish)
+        config = ObjectConfig(_HEARTBEAT, 0x1017, 0, asked_ms.to_bytes(2, "little"), mark)
+        self._producers.setdefault(node_id, []).append(config)
         return asked_ms
 
     def _watch_one(self, consumer: int, heartbeat: HeartbeatWatch) -> None:
@@ -109,7 +109,7 @@ class LinkedHeartbeats:
         slots[sub_index] = producer << 16 | late_ms
         self._watches.setdefault(consumer, {})[producer] = replace(heartbeat, time_ms=late_ms)
 
-    def taken_by(self, node: NodeWish) -> NodeWish:
+    def taken_by(self, node: NodeConfig) -> NodeConfig:
         """Return *node* with its heartbeat producer and consumer times."""
         objects = (*node.objects, *self._producers.get(node.node_id, ()))
         watches = (*node.watches, *self._watches.get(node.node_id, {}).values())
@@ -122,11 +122,11 @@ def _why_not(slots: Mapping[int, int], sub_index: int | None, time_ms: int) -> s
     return "0x1016 has no free entry" if sub_index is None else f"no time that 0x1016 takes is longer than {time_ms} ms"
 
 
-def _node(wish: NetworkWish, node_id: int) -> NodeWish:
-    return next(node for node in wish.nodes if node.node_id == node_id)
+def _node(config: NetworkConfig, node_id: int) -> NodeConfig:
+    return next(node for node in config.nodes if node.node_id == node_id)
 
 
-def _said_slots(values: Iterable[ValueWish]) -> dict[int, int]:
+def _said_slots(values: Iterable[ValueConfig]) -> dict[int, int]:
     """Map entries of 0x1016 that *values* name by number; invalid numbers are reported elsewhere."""
     found: dict[int, int] = {}
     for value in values:
@@ -137,9 +137,9 @@ def _said_slots(values: Iterable[ValueWish]) -> dict[int, int]:
     return found
 
 
-def _wished_ms(said: Iterable[ObjectWish], held_ms: int) -> int:
+def _configured_ms(said: Iterable[ObjectConfig], held_ms: int) -> int:
     """Return the wanted 0x1017 in ms, else the node's value."""
-    return next((int.from_bytes(wish.data, "little") for wish in said if wish.key == _HEARTBEAT), held_ms)
+    return next((int.from_bytes(config.data, "little") for config in said if config.key == _HEARTBEAT), held_ms)
 
 
 RULES = (
@@ -149,25 +149,25 @@ RULES = (
 
 
 @dataclass(frozen=True, slots=True)
-class LinkedWish:
-    """A *wish* with its links resolved, and findings by node-ID."""
+class LinkedConfig:
+    """A *config* with its links resolved, and findings by node-ID."""
 
-    wish: NetworkWish
+    config: NetworkConfig
     findings: Mapping[int, tuple[Finding, ...]]
 
 
-def with_links(nodes: Mapping[int, Node], known: Iterable[Node], wish: NetworkWish) -> LinkedWish:
-    """Resolve the links of *wish* into PDOs, CAN-IDs and heartbeats; *nodes* are those of the wish.
+def with_links(nodes: Mapping[int, Node], known: Iterable[Node], config: NetworkConfig) -> LinkedConfig:
+    """Resolve the links of *config* into PDOs, CAN-IDs and heartbeats; *nodes* are those of the wish.
 
     A new CAN-ID is free on all *known* nodes, which are read. Raises RuleError with every link that cannot be made.
     """
-    linking = _Linking(nodes, [*nodes.values(), *(node for node in known if node.node_id not in nodes)], wish)
-    for link in wish.links:
+    linking = _Linking(nodes, [*nodes.values(), *(node for node in known if node.node_id not in nodes)], config)
+    for link in config.links:
         linking.link(link)
     errors = errors_in(tuple(finding for found in linking.findings.values() for finding in found))
     if errors:
         raise RuleError(f"not linked: {errors[0].text}", errors, can_force=False)
-    return LinkedWish(linking.wish(), {node_id: tuple(found) for node_id, found in linking.findings.items()})
+    return LinkedConfig(linking.config(), {node_id: tuple(found) for node_id, found in linking.findings.items()})
 
 
 @dataclass(slots=True)
@@ -176,9 +176,9 @@ class _Linking:
 
     nodes: Mapping[int, Node]
     known: list[Node]
-    before: NetworkWish
+    before: NetworkConfig
     findings: dict[int, dict[Finding, None]] = field(default_factory=dict)
-    _pdos: dict[Endpoint, PdoWish] = field(default_factory=dict)
+    _pdos: dict[Endpoint, PartialPdoConfig] = field(default_factory=dict)
     _heartbeats: LinkedHeartbeats = field(init=False)
 
     def __post_init__(self) -> None:
@@ -186,7 +186,7 @@ class _Linking:
         for node in self.before.nodes:
             self._pdos |= {Endpoint(node.node_id, pdo.pdo): pdo for pdo in node.pdos}
 
-    def link(self, link: LinkWish) -> None:
+    def link(self, link: LinkConfig) -> None:
         """Resolve a link: its findings, and the changes of both sides."""
         producer = self._side(link.producer)
         cob_id = self._cob_id(link, producer)
@@ -207,13 +207,13 @@ class _Linking:
         """Return a PDO as wanted, completed with the node's values."""
         node = self.nodes[end.node_id]
         config = node.known_pdo(end.pdo)
-        wish = self._pdos.get(end)
-        if wish is not None:
-            want = pdo_request(node, wish, FileLog("", ""))  # words that mean nothing are told where it is planned
+        requested = self._pdos.get(end)
+        if requested is not None:
+            want = pdo_request(node, requested, FileLog("", ""))  # words that mean nothing are told where it is planned
             config = resolve(node, end.pdo, config, want, untyped_lengths(node, [want]))
         return LinkSide(end, config, node.profile, node.dictionary)
 
-    def _cob_id(self, link: LinkWish, producer: LinkSide) -> CobId | None:
+    def _cob_id(self, link: LinkConfig, producer: LinkSide) -> CobId | None:
         """Return the wanted COB-ID, the TPDO's own if it may stay, else a free COB-ID; None if none is free."""
         held = producer.config.communication.cob_id
         said = self._pdos.get(link.producer)
@@ -225,20 +225,20 @@ class _Linking:
         can_id = free_can_id(link.producer, {can_id for can_id, extended in used if not extended})
         return None if can_id is None else replace(held, can_id=can_id, extended=False)
 
-    def _used(self, link: LinkWish, producer: LinkSide) -> Iterator[tuple[int, bool]]:
+    def _used(self, link: LinkConfig, producer: LinkSide) -> Iterator[tuple[int, bool]]:
         """Yield every used CAN-ID, and whether it is a 29-bit identifier."""
         for node in self.known:
             yield from service_ids(node.memory, node.node_id, node.dictionary)
             for pdo, cob_id in node.known_cob_ids().items():
                 end = Endpoint(node.node_id, pdo)
-                wish = self._pdos.get(end)
-                if end == link.producer or end in link.consumers or (wish is not None and wish.cob_id is not None):
+                config = self._pdos.get(end)
+                if end == link.producer or end in link.consumers or (config is not None and config.cob_id is not None):
                     continue
                 if cob_id.valid and not self._hears_already(node, end, cob_id, producer):
                     yield cob_id.can_id, cob_id.extended
-        for end, wish in self._pdos.items():
-            if end != link.producer and end not in link.consumers and isinstance(wish.cob_id, int):
-                yield wish.cob_id, wish.extended
+        for end, config in self._pdos.items():
+            if end != link.producer and end not in link.consumers and isinstance(config.cob_id, int):
+                yield config.cob_id, config.extended
 
     def _hears_already(self, node: ReadableNode, end: Endpoint, cob_id: CobId, producer: LinkSide) -> bool:
         """Tell whether an RPDO already receives this producer, or will once it is enabled."""
@@ -264,17 +264,17 @@ class _Linking:
 
     def _set(self, end: Endpoint, cob_id: CobId, mapping: tuple[FileWord, ...] | None) -> None:
         """Set CAN-ID and mapping (None: unchanged) of the PDO at *end*, enabled unless the wish disables it."""
-        wish = self._pdos.get(end, PdoWish(end.pdo))
-        enabled = True if wish.enabled is None else wish.enabled
-        mapping = wish.mapping if mapping is None else mapping
-        changed = replace(wish, cob_id=cob_id.can_id, extended=cob_id.extended, enabled=enabled, mapping=mapping)
+        config = self._pdos.get(end, PartialPdoConfig(end.pdo))
+        enabled = True if config.enabled is None else config.enabled
+        mapping = config.mapping if mapping is None else mapping
+        changed = replace(config, cob_id=cob_id.can_id, extended=cob_id.extended, enabled=enabled, mapping=mapping)
         self._pdos[end] = changed
 
-    def wish(self) -> NetworkWish:
+    def config(self) -> NetworkConfig:
         """Return all nodes with the changes by links, without links."""
         return replace(self.before, nodes=tuple(map(self._node, self.before.nodes)), links=())
 
-    def _node(self, node: NodeWish) -> NodeWish:
+    def _node(self, node: NodeConfig) -> NodeConfig:
         pdos = tuple(self._pdos[end] for end in sorted(self._pdos, key=_order) if end.node_id == node.node_id)
         return self._heartbeats.taken_by(replace(node, pdos=pdos))
 

@@ -37,14 +37,14 @@ def _in_communication(pdo: Pdo, wanted: PdoConfig, held: PdoConfig) -> Iterator[
         (EVENT_TIMER, "event timer", is_now.event_timer, should.event_timer),
         (SYNC_START, "SYNC start value", is_now.sync_start_value, should.sync_start_value),
     )
-    for sub_index, name, value, wish in rows:
+    for sub_index, name, value, target in rows:
         place = (pdo.communication_index, sub_index)
         if place in wanted.unread:
             continue
         if place in held.unread:
             yield f"{name} 0x{place[0]:04X}:{sub_index:02X} cannot be read"
-        elif value != wish:
-            yield f"{name} is {value}, expected {wish}"
+        elif value != target:
+            yield f"{name} is {value}, expected {target}"
 
 
 def _in_mapping(pdo: Pdo, wanted: PdoConfig, held: PdoConfig) -> Iterator[str]:
@@ -77,7 +77,7 @@ Says = Callable[[int, int, bytes], str]
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class TargetConfig:
     """The requested PDOs and single objects of a node.
 
     *said* are the requested parameters of a PDO (`domain.pdo.PARAMETERS`) if not all; the others keep their present
@@ -97,11 +97,11 @@ class Wish:
     def __bool__(self) -> bool:
         return bool(self.pdos or self.values or self.unwritten or self.also_equal)
 
-    def only(self, pdos: Collection[Pdo]) -> Wish:
+    def only(self, pdos: Collection[Pdo]) -> TargetConfig:
         """The part about *pdos*."""
         chosen = {pdo: config for pdo, config in self.pdos.items() if pdo in pdos}
         unwritten = tuple(row for row in self.unwritten if _pdo_of(row[0]) in pdos)
-        return Wish(chosen, said=self.said, unwritten=unwritten)
+        return TargetConfig(chosen, said=self.said, unwritten=unwritten)
 
     @property
     def objects(self) -> int:
@@ -130,9 +130,9 @@ def _pdo_of(label: str) -> Pdo | None:
     return Pdo.at(int(index, 16)) if colon else None
 
 
-def session_wish(node: ReadableNode) -> Wish:
+def session_target(node: ReadableNode) -> TargetConfig:
     """The last values set by this session on *node*, per PDO and object."""
-    return Wish(dict(node.wanted), dict(node.wanted_values), unreadable=unreadable_of(node))
+    return TargetConfig(dict(node.wanted), dict(node.wanted_values), unreadable=unreadable_of(node))
 
 
 def unreadable_of(node: ReadableNode) -> tuple[str, ...]:
@@ -145,22 +145,24 @@ def value_in_hex(_index: int, _sub_index: int, data: bytes) -> str:
     return value_text(data)
 
 
-def unlike(node: ReadableNode, wish: Wish, says: Says = value_in_hex) -> tuple[Difference, ...]:
-    """Every difference between *wish* and *node* now, with values formatted by *says*.
+def config_differences(node: ReadableNode, target: TargetConfig, says: Says = value_in_hex) -> tuple[Difference, ...]:
+    """Every difference between *target* and *node* now, with values formatted by *says*.
 
     Raises NoAnswer after repeated restarts of the node.
     """
-    return node.observed(lambda: tuple(_unlike(node, wish, says)))
+    return node.observed(lambda: tuple(_config_differences(node, target, says)))
 
 
-def _unlike(node: ReadableNode, wish: Wish, says: Says) -> Iterator[Difference]:
-    for pdo, wanted in wish.pdos.items():
+def _config_differences(node: ReadableNode, target: TargetConfig, says: Says) -> Iterator[Difference]:
+    for pdo, wanted in target.pdos.items():
         yield from ((pdo.label, text) for text in differences(pdo, wanted, node.pdo(pdo)))
-    yield from unlike_values(node, wish.values, says)
-    yield from wish.unwritten
+    yield from value_differences(node, target.values, says)
+    yield from target.unwritten
 
 
-def unlike_values(node: ReadableNode, values: Mapping[Place, bytes], says: Says = value_in_hex) -> Iterator[Difference]:
+def value_differences(
+    node: ReadableNode, values: Mapping[Place, bytes], says: Says = value_in_hex
+) -> Iterator[Difference]:
     """Every single object that differs from *values*."""
     for (index, sub_index), value in values.items():
         held = node.upload(index, sub_index)

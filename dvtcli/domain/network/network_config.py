@@ -40,7 +40,7 @@ class FileWord:
 
 
 @dataclass(frozen=True, slots=True)
-class PdoWish:
+class PartialPdoConfig:
     """Requested PDO configuration. Units as in `PdoRequest`: *inhibit_time* counts 100 µs, *event_timer* 1 ms.
 
     *cob_id* is bits 28..0 or `auto`; *extended* is bit 29, *rtr_allowed* bit 30 clear, *enabled* bit 31 clear.
@@ -74,7 +74,7 @@ class PdoWish:
 
 
 @dataclass(frozen=True, slots=True)
-class ObjectWish:
+class ObjectConfig:
     """Requested bytes of a standard object; *key* is the key in the file."""
 
     key: str
@@ -85,7 +85,7 @@ class ObjectWish:
 
 
 @dataclass(frozen=True, slots=True)
-class ValueWish:
+class ValueConfig:
     """Requested value, as typed, of an object of any type."""
 
     object: FileWord
@@ -102,7 +102,7 @@ class HeartbeatWatch:
 
 
 @dataclass(frozen=True, slots=True)
-class PinWish:
+class PinConfig:
     """Requested object for *pin* (1 and up) in a group of virtual PDOs; None for no object."""
 
     group: str
@@ -112,7 +112,7 @@ class PinWish:
 
 
 @dataclass(frozen=True, slots=True)
-class WantedIdentity:
+class ExpectedIdentity:
     """Numbers of 0x1018 that must match before any write to the node; None is not checked."""
 
     vendor: int | None = None
@@ -122,7 +122,7 @@ class WantedIdentity:
 
 
 @dataclass(frozen=True, slots=True)
-class NodeWish:
+class NodeConfig:
     """Requested node configuration, and options for dvtcli.
 
     *dcf* is the EDS, DCF, XDD or XDC, *store* the sub-index of 0x1010 stored afterwards (False: nothing), *prune*
@@ -132,14 +132,14 @@ class NodeWish:
 
     name: str
     node_id: int
-    identity: WantedIdentity = WantedIdentity()
+    identity: ExpectedIdentity = ExpectedIdentity()
     profile: str | None = None
     dcf: FileWord | None = None
-    pdos: tuple[PdoWish, ...] = ()
-    objects: tuple[ObjectWish, ...] = ()
-    values: tuple[ValueWish, ...] = ()
+    pdos: tuple[PartialPdoConfig, ...] = ()
+    objects: tuple[ObjectConfig, ...] = ()
+    values: tuple[ValueConfig, ...] = ()
     watches: tuple[HeartbeatWatch, ...] = ()
-    pins: tuple[PinWish, ...] = ()
+    pins: tuple[PinConfig, ...] = ()
     store: bool | str | None = None
     prune: bool | None = None
     stamp: bool | None = None
@@ -163,7 +163,7 @@ class NodeWish:
     def marks(self) -> dict[Place, Mark]:
         """The requested objects by number, each with its place in the file."""
         found = {(_IDENTITY, sub_index): mark for sub_index, mark in self.identity_marks.items()}
-        found |= {(wish.index, wish.sub_index): wish.mark for wish in self.objects}
+        found |= {(config.index, config.sub_index): config.mark for config in self.objects}
         for value in self.values:
             try:
                 place = parse_object(value.object.text)
@@ -197,7 +197,7 @@ class Endpoint:
 
 
 @dataclass(frozen=True, slots=True)
-class LinkWish:
+class LinkConfig:
     """A TPDO with its receiving RPDOs.
 
     *heartbeat* is False for no monitoring, or the producer's heartbeat in ms if set with the link; None to monitor an
@@ -225,14 +225,14 @@ class FileNote:
 
 
 @dataclass(frozen=True, slots=True)
-class NetworkWish:
+class NetworkConfig:
     """Requested nodes by node-ID, and their links.
 
     *multiplier* is the number of a producer's heartbeats after which its consumers report a loss, None for 3.
     """
 
-    nodes: tuple[NodeWish, ...] = ()
-    links: tuple[LinkWish, ...] = ()
+    nodes: tuple[NodeConfig, ...] = ()
+    links: tuple[LinkConfig, ...] = ()
     master: MasterRole | None = None
     multiplier: float | None = None
     notes: tuple[FileNote, ...] = field(default=(), compare=False)
@@ -257,12 +257,12 @@ class NetworkWish:
             pdo = Pdo.at(number[0])
         else:
             pdo = Pdo.parse(linked[2]) if linked is not None else None
-            pdo = pdo or next((wish.pdo for wish in node.pdos if place == wish.pdo.label), None)
-        said = next((wish.mark for wish in node.pdos if wish.pdo == pdo and wish.mark.line), NOWHERE)
+            pdo = pdo or next((config.pdo for config in node.pdos if place == config.pdo.label), None)
+        said = next((config.mark for config in node.pdos if config.pdo == pdo and config.mark.line), NOWHERE)
         ends = (link.mark for link in self.links if any((end.node_id, end.pdo) == (node_id, pdo) for end in link.ends))
         return said if said.line else next(ends, node.mark)
 
-    def of(self, ids: Collection[int]) -> NetworkWish:
+    def of(self, ids: Collection[int]) -> NetworkConfig:
         """The part for the node-IDs *ids*, and the links between them."""
         nodes = tuple(node for node in self.nodes if node.node_id in ids)
         links = tuple(link for link in self.links if all(end.node_id in ids for end in link.ends))
