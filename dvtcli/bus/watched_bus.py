@@ -137,8 +137,8 @@ class WatchedBus(ABC):
         self.drain()
         self._watch.order_restart(node_id, within_s)
 
-    def upsets(self, node_id: int) -> int:
-        """See `CanopenBus.upsets`."""
+    def disturbance_count(self, node_id: int) -> int:
+        """See `CanopenBus.disturbance_count`."""
         return self.boot_ups(node_id) + self._repeated(node_id)
 
     def downloads_of_others(self, node_id: int) -> int:

@@ -51,7 +51,7 @@ _UNREAD = (BusUnavailable, Interrupted, NoAnswer, SdoProtocolError)
 _NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO})
 
 
-def guarded(session: Conversation, run: Callable[[], Any]) -> int:
+def exit_code_of(session: Conversation, run: Callable[[], Any]) -> int:
     """Call *run*; returns the exit code of its result, or shows its error and returns the error's code."""
     try:
         result = run()

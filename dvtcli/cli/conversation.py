@@ -108,7 +108,7 @@ class Conversation(Session):
     def __init__(
         self, output: Output, on_open: Callable[[], None] = lambda: None, *, open_bus: OpenBus | None = None
     ) -> None:
-        super().__init__(tell=CliReporter(output, lambda: not self.in_script), open_bus=open_bus)
+        super().__init__(reporter=CliReporter(output, lambda: not self.in_script), open_bus=open_bus)
         self.output = output
         output.call = self.typed_call
         self.on_open = on_open
@@ -273,7 +273,7 @@ class Conversation(Session):
         stage.base = stage.options = quiet
         stage.cancellation, stage.selected = self.cancellation, self.selected
         stage._network = replace(
-            network, keeping=None, nodes={}, order=[], comes_back=False, left={}, done_before=lambda _node_id: [],
+            network, change_files=None, nodes={}, order=[], comes_back=False, left={}, done_before=lambda _node_id: [],
             met=lambda: list(network.nodes),
         )  # fmt: skip
         return stage

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from dvtcli.cli.boundary import SIGNALLED, guarded
+from dvtcli.cli.boundary import SIGNALLED, exit_code_of
 from dvtcli.cli.view.lines import Cell
 from dvtcli.errors import (
     DeviceRefused,
@@ -82,7 +82,7 @@ def on_each_node(
     codes: list[int] = []
     outcomes: dict[int, Any] = {}
     node_ids = several_ids(session)
-    if ahead is not None and (code := guarded(session, partial(ahead, node_ids))):
+    if ahead is not None and (code := exit_code_of(session, partial(ahead, node_ids))):
         return code
 
     def turn(node_id: int) -> Any:
@@ -100,14 +100,14 @@ def on_each_node(
             session.selected = node_id
             if not session.output.json:
                 session.output.said([[Cell(f"node {node_id}", "bold")]], error=False)
-            code = guarded(session, partial(turn, node_id))
+            code = exit_code_of(session, partial(turn, node_id))
             codes += [code] if code else []
             if code in SIGNALLED or (code and not (go_on or (ending is not None and _is_of_node(outcomes[node_id])))):
                 break
     finally:
         session.selected = None
     if codes and ending is not None and (told := ending(node_ids, outcomes)) is not None:
-        codes.append(guarded(session, partial(_fail, told)))
+        codes.append(exit_code_of(session, partial(_fail, told)))
     return LeftChanged.exit_code if LeftChanged.exit_code in codes else codes[0] if codes else 0
 
 

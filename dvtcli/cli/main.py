@@ -11,7 +11,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from dvtcli.cli.boundary import COMPLETING, LEAVE, guarded
+from dvtcli.cli.boundary import COMPLETING, LEAVE, exit_code_of
 from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.registry import REGISTRY
 from dvtcli.cli.view.output import Output
@@ -44,10 +44,10 @@ def main(argv: list[str] | None = None) -> int:
         with REGISTRY.make_context("dvtcli", list(words), **given) as ctx:
             return REGISTRY.invoke(ctx)
 
-    code = guarded(session, run)
+    code = exit_code_of(session, run)
     code = 0 if code == LEAVE else code
-    settling = guarded(session, lambda: session.end_line(code, alone=not session.started))
-    closing = guarded(session, lambda: _closed(session))
+    settling = exit_code_of(session, lambda: session.end_line(code, alone=not session.started))
+    closing = exit_code_of(session, lambda: _closed(session))
     session.cancellation.hold()  # what comes now comes too late to be answered
     if code == 0 and session.cancellation.requested:
         session.output.note("the signal came too late to stop it: it is complete, and what it did stays")

@@ -46,6 +46,6 @@ def _parse_and_invoke(words: Sequence[str], session: SessionUser) -> Any:
 
 def boundary(session: Conversation, run: Callable[[], Any]) -> int:
     """Call *run* and convert any outcome to an exit code: the only place where errors end."""
-    from dvtcli.cli.boundary import guarded
+    from dvtcli.cli.boundary import exit_code_of
 
-    return guarded(session, run)
+    return exit_code_of(session, run)

@@ -91,11 +91,13 @@ class NodeAccess:
 
         deadline_s = self.bus.now_s() + PATIENCE_S
         while True:
-            upsets = self.bus.upsets(self.node_id)
+            disturbance_count = self.bus.disturbance_count(self.node_id)
             try:
                 self.request(state)
             except (NoAnswer, SdoProtocolError, SdoAborted, DeviceRefused) as failed:
-                stays = isinstance(failed, DeviceRefused) and self.bus.upsets(self.node_id) == upsets
+                stays = (
+                    isinstance(failed, DeviceRefused) and self.bus.disturbance_count(self.node_id) == disturbance_count
+                )
                 if stays or self.bus.now_s() >= deadline_s:
                     raise
                 self.bus.sleep(RETRY_S)

@@ -149,12 +149,12 @@ class Node(Changeable):
         force: bool = False,
         kept: bool = True,
         found: InitialState | None = None,
-        is_part: bool = False,
+        is_part_of_group: bool = False,
     ) -> Applied:
         """Run a checked *plan* inside the gate; on a real bus with lock, backup and journal.
 
         With *kept*, `undo` can revert the plan. *found* is the result of `claim` before the reads that the plan is
-        based on. *is_part* marks one of several plans, which end a configuration stamp themselves.
+        based on. *is_part_of_group* marks one of several plans, which end a configuration stamp themselves.
         """
         from dvtcli.device.access_level import level_findings
         from dvtcli.device.change.applied import Applied, refuse
@@ -164,7 +164,7 @@ class Node(Changeable):
 
         self.answered_otherwise = {}
         if len(plan):
-            plan, warnings = with_undo_findings(self, plan if is_part else self._with_stamp_ended(plan))
+            plan, warnings = with_undo_findings(self, plan if is_part_of_group else self._with_stamp_ended(plan))
             locked = (*level_findings(self.access, plan), *(warnings if kept else ()))
             refuse(
                 locked, f"{join_some(change.label for change in plan.changes)} not changed", self.node_id, force=force
@@ -180,11 +180,11 @@ class Node(Changeable):
             )
             findings += self._unreadable_findings(plan)
         else:
-            if found is not None and self.bus.upsets(self.node_id) != found.upsets:
+            if found is not None and self.bus.disturbance_count(self.node_id) != found.disturbance_count:
                 from dvtcli.device.change.apply_plan import look_again
 
                 look_again(self, plan, found)
-            self.in_vain += kept and not is_part
+            self.in_vain += kept and not is_part_of_group
             self._remember(plan.changes)
         unreadable = tuple(finding.place.removeprefix("0x") for finding in self._unreadable_findings(plan))
         return Applied(plan, findings, unreadable=unreadable)
@@ -260,8 +260,8 @@ class Node(Changeable):
         """Record the completed *plan* for undo, by this session and on a real bus by later sessions."""
         self.history.append(plan)
         self.order.append(self.node_id)
-        if self.keeper is not None:
-            self.keeper.remember(plan)
+        if self.guard is not None:
+            self.guard.remember(plan)
 
     def saves(self, place: tuple[int, int]) -> bool:
         """True if a write to *place* makes this family store its settings; such a write cannot be undone."""
@@ -345,8 +345,8 @@ class Node(Changeable):
         self.history = self.history[: len(self.history) - count]
         for _ in range(count):
             del self.order[max(number for number, node_id in enumerate(self.order) if node_id == self.node_id)]
-        if self.keeper is not None:
-            self.keeper.past.forget_own(count, applied.plan)
+        if self.guard is not None:
+            self.guard.history.forget_own(count, applied.plan)
         if len(self.history) < self.pending.stored_at:
             self.pending.partly_stored = True  # stored changes were undone: no number of changes matches
         if self.pending.is_as_stored(len(self.history)) and not (applied.findings or applied.not_put_back):
@@ -361,11 +361,11 @@ class Node(Changeable):
         found = self.begin_change(whatever_happened=asked.rolls_back)
         boot_ups = self.bus.boot_ups(self.node_id)
         back = plan_undo(self, asked)
-        if not asked.is_part and len(back.plan):
+        if not asked.is_part_of_group and len(back.plan):
             self.known_pdos()  # including PDOs outside the plan, for side effects
             if self.bus.boot_ups(self.node_id) != boot_ups:
                 back = plan_undo(self, asked)
-        others = () if asked.is_part or not len(back.plan) else self._beside(back.plan)
+        others = () if asked.is_part_of_group or not len(back.plan) else self._beside(back.plan)
         try:
             applied = self._apply_undo(back.plan, back.unknown, found, is_patient=bool(foreseen(back.undone)))
         except DeviceRefused:

@@ -25,7 +25,7 @@ class RebootMonitor(Protocol):
         """The number of boot-ups so far."""
         ...
 
-    def upsets(self) -> int:
+    def disturbance_count(self) -> int:
         """A number that grows with each boot-up and each repeated upload."""
         ...
 
@@ -41,22 +41,22 @@ class BusWitness:
         """The number of boot-ups so far."""
         return self.bus.boot_ups(self.node_id)
 
-    def upsets(self) -> int:
+    def disturbance_count(self) -> int:
         """A number that grows with each boot-up and each repeated upload."""
-        return self.bus.upsets(self.node_id)
+        return self.bus.disturbance_count(self.node_id)
 
 
 @dataclass(frozen=True, slots=True)
 class InitialState:
     """A node before the planning of a change: its NMT state (None if unknown), and the bus's counters.
 
-    *boot_ups* and *upsets* are the bus's counts. With *whatever_happened* the change proceeds even if the node restarts
-    meanwhile, as a roll-back does.
+    *boot_ups* and *disturbance_count* are the bus's counts. With *whatever_happened* the change proceeds even if the
+    node restarts meanwhile, as a roll-back does.
     """
 
     state: NmtState | None
     boot_ups: int
-    upsets: int
+    disturbance_count: int
     whatever_happened: bool = False
 
 
@@ -67,7 +67,7 @@ class Undisturbed:
         """No boot-ups."""
         return 0
 
-    def upsets(self) -> int:
+    def disturbance_count(self) -> int:
         """No disturbances."""
         return 0
 
@@ -78,9 +78,9 @@ def observed(witness: RebootMonitor, look: Callable[[], T], node_id: int | None 
     Raises NoAnswer after `MOST_LOOKS` tries.
     """
     for _ in range(MOST_LOOKS):
-        upsets = witness.upsets()
+        disturbance_count = witness.disturbance_count()
         found = look()
-        if witness.upsets() == upsets:
+        if witness.disturbance_count() == disturbance_count:
             return found
     name = "the node" if node_id is None else f"node {node_id}"
     raise NoAnswer(

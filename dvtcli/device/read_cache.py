@@ -114,7 +114,7 @@ class ReadCache:
 
     def is_of_now(self) -> bool:
         """True if the cache has a value read since the last possible change."""
-        return bool(self._read) and self._seen[0] == self.bus.upsets(self.node_id)
+        return bool(self._read) and self._seen[0] == self.bus.disturbance_count(self.node_id)
 
     def _drop_what_may_be_old(self) -> None:
         happened = self.bus.happened(self.node_id)

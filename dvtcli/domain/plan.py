@@ -147,9 +147,9 @@ class Plan:
     @property
     def steps(self) -> tuple[Step, ...]:
         """All steps of all changes, in order."""
-        return tuple(step for _, step in self.course())
+        return tuple(step for _, step in self.steps_in_order())
 
-    def course(self) -> Iterator[tuple[Change, Step]]:
+    def steps_in_order(self) -> Iterator[tuple[Change, Step]]:
         """Every step in write order, each with its change.
 
         Interdependent values come together, at the place of the first of them.
@@ -171,7 +171,7 @@ class Plan:
                 yield from ((dependent[step.index, step.sub_index], step) for step in steps)
 
     def __len__(self) -> int:
-        return sum(1 for _ in self.course())
+        return sum(1 for _ in self.steps_in_order())
 
     @property
     def unreadable(self) -> tuple[ValueChange, ...]:

@@ -183,7 +183,7 @@ class CanopenBus(Protocol):
         """Do not count a boot-up of *node_id* (0: each node) within *within_s* seconds as a restart."""
         ...
 
-    def upsets(self, node_id: int) -> int:
+    def disturbance_count(self, node_id: int) -> int:
         """A number that grows with each boot-up of *node_id*, and with each repeated upload.
 
         While it stays the same, all values read from the node are from the same boot.
@@ -195,7 +195,7 @@ class CanopenBus(Protocol):
         ...
 
     def happened(self, node_id: int) -> tuple[int, int]:
-        """Number of events that may have changed *node_id*: `upsets` and `downloads_of_others`; reads no bus."""
+        """Numbers of events that may have changed *node_id*: its disturbances, and downloads of others; reads no bus."""
         ...
 
     def wait_boot_up(self, node_id: int, seen: int, timeout_s: float) -> bool:

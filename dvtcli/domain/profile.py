@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.pdo import Direction, Pdo
 
 if TYPE_CHECKING:
-    from dvtcli.domain.meanings import Meaning, ObjectRange
+    from dvtcli.domain.object_scalings import ObjectRange, ScalingRule
 
 #: An inclusive range: lowest and highest.
 Range = tuple[int, int]
@@ -217,7 +217,7 @@ class DeviceProfile:
     fault_list: FaultList | None = None
     faults: dict[int, KnownFault] = field(default_factory=dict)
     software_identification: dict[int, int | str] = field(default_factory=dict)
-    physical: dict[ObjectRange, Meaning] = field(default_factory=dict)
+    physical: dict[ObjectRange, ScalingRule] = field(default_factory=dict)
     aliases: dict[str, str] = field(default_factory=dict)
     type_texts: dict[int, str] = field(default_factory=dict)
     type_notes: dict[int, str] = field(default_factory=dict)

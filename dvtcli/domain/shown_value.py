@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.datatypes import Value
-from dvtcli.domain.meanings import NOTHING, ScaledValue
+from dvtcli.domain.object_scalings import NOTHING, ScaledValue
 from dvtcli.domain.scaling import Scaling
 
 if TYPE_CHECKING:

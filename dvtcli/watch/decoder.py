@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from dvtcli.domain.datatypes import DataType, Value
 from dvtcli.domain.frame import byte_length, values_reader
 from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.meanings import NOTHING, Meanings
 from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.object_scalings import NOTHING, ObjectScalings
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.scaling import Scaling
@@ -75,19 +75,19 @@ class Layout:
     mpdo: int | None = None
     #: the signals' keys in their order, and constant data by key: meaning and object
     keys: tuple[str, ...] = field(init=False, repr=False, compare=False)
-    meanings: Mapping[str, Scaling] = field(init=False, repr=False, compare=False)
+    scalings: Mapping[str, Scaling] = field(init=False, repr=False, compare=False)
     #: the PDO in small letters, None unless its mapping is known
     pdo: str | None = field(init=False, repr=False, compare=False)
     objects: Mapping[str, str] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        meanings = {signal.key: signal.meaning for signal in self.signals if signal.meaning.says}
+        scalings = {signal.key: signal.meaning for signal in self.signals if signal.meaning.says}
         objects = {signal.key: signal.object for signal in self.signals if signal.object}
         service = self.service
         is_known = service.kind == "pdo" and not service.label.endswith("?")
         object.__setattr__(self, "keys", tuple(signal.key for signal in self.signals))
         object.__setattr__(self, "pdo", service.label.lower() if is_known else None)
-        object.__setattr__(self, "meanings", meanings)
+        object.__setattr__(self, "meanings", scalings)
         object.__setattr__(self, "objects", objects)
 
     def values(self, frame: Frame) -> dict[str, Value]:
@@ -161,12 +161,12 @@ def pdo_layouts(
     node_id: int,
     configs: Mapping[Pdo, PdoConfig],
     dictionary: ObjectDictionary | None,
-    meanings: Meanings,
+    scalings: ObjectScalings,
     source: str = "",
 ) -> dict[Address, Layout]:
     """Layouts of a node's enabled PDOs; a TPDO takes precedence over an RPDO with the same COB-ID.
 
-    *meanings* gives the scaling of objects, *source* the origin of the mapping in words.
+    *scalings* gives the scaling of objects, *source* the origin of the mapping in words.
     """
     layouts: dict[Address, Layout] = {}
     for pdo, config in sorted(configs.items(), key=lambda item: not item[0].is_tpdo):
@@ -174,7 +174,7 @@ def pdo_layouts(
             cob_id = config.communication.cob_id
             service = Service("pdo", pdo.label, node_id)
             bits = sum(entry.bits for entry in config.mapping)
-            signals, read = _signals(config.mapping, dictionary, meanings)
+            signals, read = _signals(config.mapping, dictionary, scalings)
             layout = Layout(
                 service, signals, read, config.mapping, is_consumers=not pdo.is_tpdo, source=source,
                 byte_length=byte_length(bits) if config.mpdo is None else None, mpdo=config.mpdo,
@@ -184,7 +184,7 @@ def pdo_layouts(
 
 
 def _signals(
-    mapping: tuple[PdoMappingEntry, ...], dictionary: ObjectDictionary | None, meanings: Meanings
+    mapping: tuple[PdoMappingEntry, ...], dictionary: ObjectDictionary | None, scalings: ObjectScalings
 ) -> tuple[tuple[Signal, ...], Callable[[bytes], list[Value | None]]]:
     """The signals of *mapping*, and what reads their values."""
     types: dict[PdoMappingEntry, DataType | None] = {}
@@ -194,7 +194,7 @@ def _signals(
         types[entry] = known.data_type if known else None
         if not entry.is_dummy:
             name = dictionary.display_name(entry.index, entry.sub_index) if dictionary else ""
-            meaning = meanings.of(entry.index, entry.sub_index)
+            meaning = scalings.of(entry.index, entry.sub_index)
             signals.append(Signal(name or entry.object, name, entry.object, meaning, entry.bits, types[entry]))
 
     return tuple(unique(signals)), values_reader(mapping, types.get)

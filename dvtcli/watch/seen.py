@@ -48,7 +48,7 @@ class SeenFrame:
     last_s: float = 0.0
     rhythm: Rhythm = field(default_factory=Rhythm)
     changed_s: list[float] = field(default_factory=list)
-    courses: list[ValueHistory] = field(default_factory=list)
+    histories: list[ValueHistory] = field(default_factory=list)
     #: whether a wrong length, and a guessed layout, were reported
     is_misfit: bool = False
     is_guess: bool = False
@@ -98,13 +98,13 @@ class FrameStore:
             return first or news
         changed = self._note_bytes(row, frame.data, time_s)
         if first or changed:
-            for course, value in zip(row.courses, row.layout.read(frame.data), strict=True):
+            for history, value in zip(row.histories, row.layout.read(frame.data), strict=True):
                 if value is not None:
-                    course.take(value, time_s)
+                    history.take(value, time_s)
         else:
-            for course in row.courses:
-                if course.last is not None:
-                    course.take(course.last, time_s)
+            for history in row.histories:
+                if history.last is not None:
+                    history.take(history.last, time_s)
         return first or changed or news
 
     def _follow_heartbeat_time(self, frame: Frame) -> None:
@@ -119,7 +119,7 @@ class FrameStore:
         row = self.rows.get(address)
         if row is None and len(self.rows) < ROWS:
             layout = self.decoder.layout(frame)
-            row = SeenFrame(layout, frame.can_id, frame.extended, courses=[ValueHistory() for _ in layout.signals])
+            row = SeenFrame(layout, frame.can_id, frame.extended, histories=[ValueHistory() for _ in layout.signals])
             self.rows[address] = row
         return row
 
@@ -177,13 +177,13 @@ class FrameStore:
             if layout.service == row.service and layout.signals == row.layout.signals:
                 row.layout = layout
                 continue
-            row.layout, row.courses = layout, [ValueHistory() for _ in layout.signals]
+            row.layout, row.histories = layout, [ValueHistory() for _ in layout.signals]
             row.is_misfit = row.is_guess = False
             if not row.remote:
                 self._note_doubts(row, Frame(row.can_id, row.data, row.extended, timestamp_s=row.last_s))
-                for course, value in zip(row.courses, layout.read(row.data), strict=True):
+                for history, value in zip(row.histories, layout.read(row.data), strict=True):
                     if value is not None:
-                        course.take(value, row.last_s)
+                        history.take(value, row.last_s)
 
     def gap(self, time_s: float, text: str) -> None:
         """Note a gap without frames until *time_s*, with *text* as an event; only events and frame count stay."""
@@ -201,5 +201,5 @@ class FrameStore:
         """Begin anew with all statistics."""
         for row in self.rows.values():
             row.count, row.rhythm = 0, Rhythm()
-            for course in row.courses:
-                course.forget()
+            for history in row.histories:
+                history.forget()

@@ -18,14 +18,14 @@ class WatchedObject:
 
     node: int
     signal: Signal
-    course: ValueHistory = field(default_factory=ValueHistory)
+    history: ValueHistory = field(default_factory=ValueHistory)
     read_s: float | None = None
     problem: str = ""
 
     def take(self, signal: Signal, value: Value, time_s: float) -> None:
         """Note *value* at *time_s*; *signal* is its description."""
         self.signal, self.read_s, self.problem = signal, time_s, ""
-        self.course.take(value, time_s)
+        self.history.take(value, time_s)
 
     def fail(self, problem: str) -> None:
         """Note a failed read with *problem*; the last value stays."""

@@ -14,7 +14,7 @@ from dvtcli.cli.editor.draw import OBJECTS, EditorView, picture
 from dvtcli.cli.editor.model import EditedPdos
 from dvtcli.cli.editor.object_list import ObjectList
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.meanings import Meanings
+from dvtcli.domain.object_scalings import ObjectScalings
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.operations.session.device_files import offline_dictionaries
 from dvtcli.operations.user.options import Options
@@ -45,7 +45,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         eds = large_eds(Path(folder))
         ((dictionary, profile),) = offline_dictionaries(Options(eds=str(eds)))
-        times = key_times(ObjectList(dictionary, profile, Meanings()))
+        times = key_times(ObjectList(dictionary, profile, ObjectScalings()))
     percent = quantiles(times, n=100)[98]
     print(
         f"editor, a key: p50 {median(times):.1f} ms, p99 {percent:.1f} ms, most {max(times):.1f} ms (goal {GOAL_MS:g})"

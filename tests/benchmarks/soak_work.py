@@ -109,7 +109,7 @@ class Judge:
         self.truth, self._tally, self._who = truth, tally, who
         self.now = truth.held()
         #: what a restart may bring back, and every state that an undo may go back to
-        self.stored, self.past = [self.now], [self.now]
+        self.stored, self.history = [self.now], [self.now]
         self._restarts = truth.restarts
 
     def look(self, what: str, *allowed: Held, each: bool = False, change: Change | None = None) -> None:
@@ -128,7 +128,7 @@ class Judge:
                 self._tally.is_wrong(f"{self._who}: {what}; restarted: {restarted}; {odd}")
         self._tally.count(f"{self._who}: judged{' over a restart' if restarted else ''}")
         self.now = after
-        self.past.append(after)
+        self.history.append(after)
 
     def may_be_stored(self) -> None:
         """A store was asked for: a restart may bring back what the node holds now."""
@@ -250,7 +250,7 @@ class Program(Worker):
                 self.recover()
             # of an earlier restart it may be told at the end only, with the state unknown: it was done then
             done = said["code"] == 0 or said["state"] == "unknown"
-            self.judge.look(f"undo ended with {said}", *(self.judge.past if done else [before]), each=done)
+            self.judge.look(f"undo ended with {said}", *(self.judge.history if done else [before]), each=done)
         elif lot < 0.6:
             said = self.ask({"do": "store"})
             self.tally.count(f"{self.name}: store ended with {said['code']}")

@@ -160,11 +160,11 @@ class TestGateway(Contract):
         assert (0x702, False) in seen
 
     def test_a_silent_node_is_asked_again_as_often_as_is_said(self, bus: CanopenBus, gateway: Gateway) -> None:
-        before = bus.upsets(9)
+        before = bus.disturbance_count(9)
         with pytest.raises(NoAnswer, match=r"within 0\.03 s"):
             bus.sdo(9).upload(0x1000, 0, timeout_s=0.03, retries=2)
         assert sum("9 r 0x1000 0 hex" in line for line in gateway.asked) == 3
-        assert bus.upsets(9) == before + 2
+        assert bus.disturbance_count(9) == before + 2
         with pytest.raises(NoAnswer) as caught:
             bus.sdo(9).download(0x1017, 0, bytes(2), timeout_s=0.03)
         assert caught.value.state == "unknown"

@@ -421,11 +421,11 @@ def test_a_silent_write_is_aborted_though_nobody_ever_answered(serve: Serve) -> 
 def test_a_read_whose_segment_is_lost_is_begun_anew(serve: Serve) -> None:
     announced, segment = frame("41 08 10 00 07 00 00 00"), frame("01 01 02 03 04 05 06 07")
     bus, server = serve(Steps([announced], [], [DEVICE_TYPE], [announced], [segment]), retries=1)
-    assert bus.upsets(NODE) == 0
+    assert bus.disturbance_count(NODE) == 0
     channel = bus.sdo(NODE)
-    assert bus.upsets(NODE) == 0
+    assert bus.disturbance_count(NODE) == 0
     assert channel.upload(0x1008, 0) == bytes(range(1, 8))
-    assert bus.upsets(NODE) == 1
+    assert bus.disturbance_count(NODE) == 1
     assert [request[0] for request in server.requests] == [0x40, 0x60, 0x80, 0x40, 0x40, 0x60]
 
 
@@ -549,7 +549,7 @@ def test_a_read_that_is_asked_again_counts_once_and_a_silent_node_is_no_unknown_
     with pytest.raises(NoAnswer) as never:
         bus.sdo(NODE).upload(0x2000, 0)
     assert typed(never.value.hint).startswith("power, node-ID, bit rate?")
-    assert bus.upsets(NODE) == 1
+    assert bus.disturbance_count(NODE) == 1
     other, _ = serve(Steps([frame("4F 00 20 00 07")], []))
     assert other.sdo(NODE).upload(0x2000, 0) == b"\7"
     with pytest.raises(NoAnswer) as silent:

@@ -43,7 +43,7 @@ class Bus(DirectBus):
             raise self.when_started
         super().send_nmt(command, node_id)
 
-    def upsets(self, node_id: int) -> int:
+    def disturbance_count(self, node_id: int) -> int:
         return self.heard_boot_ups + self.repeated
 
 
@@ -80,17 +80,19 @@ class Bench:
         self.device.nmt(NmtCommand.START)
         self.channel = Channel(self.device)
         self.bus = self.channel.bus = Bus(self.device, self.channel)
-        self.keeper = ChangeGuard(folder / "state", folder / "locks", "direct", NODE)
-        self.journal = self.channel.journal = self.keeper.journals.path(NODE)
-        self.node = Node(self.bus, NODE, dictionary(family), profile(family), keeper=self.keeper)
+        self.guard = ChangeGuard(folder / "state", folder / "locks", "direct", NODE)
+        self.journal = self.channel.journal = self.guard.journals.path(NODE)
+        self.node = Node(self.bus, NODE, dictionary(family), profile(family), guard=self.guard)
 
     def plan(self, number: int = 1000) -> Plan:
         before = self.device.upload(*HEARTBEAT)
         return Plan(NODE, (ValueChange(Step(*HEARTBEAT, before, number.to_bytes(2, "little"), "heartbeat")),))
 
-    def found(self, state: NmtState | None = OPERATIONAL, boot_ups: int = 0, upsets: int = 0) -> InitialState:
+    def found(
+        self, state: NmtState | None = OPERATIONAL, boot_ups: int = 0, disturbance_count: int = 0
+    ) -> InitialState:
         """How it was found; with -1 *boot_ups* it restarted since then, and the change is a way back all the same."""
-        return InitialState(state, boot_ups, upsets, whatever_happened=boot_ups < 0)
+        return InitialState(state, boot_ups, disturbance_count, whatever_happened=boot_ups < 0)
 
     def fault(self, what: str, at: int = 1) -> None:
         self.channel.what, self.channel.at = what, at
@@ -105,7 +107,7 @@ class Bench:
 def bench(tmp_path: Path) -> Iterator[Bench]:
     made = Bench(tmp_path)
     yield made
-    made.keeper.lock.release()
+    made.guard.lock.release()
 
 
 def test_the_journal_is_there_from_the_first_write_to_the_last_look(bench: Bench) -> None:
@@ -227,7 +229,7 @@ def test_inside_an_open_gate_the_state_is_left_to_the_gate(tmp_path: Path) -> No
     bench.bus.heard_boot_ups += 1
     apply_plan(bench.node, bench.plan(), found=bench.found(boot_ups=-1))
     assert bench.device.state is PRE_OPERATIONAL
-    bench.keeper.lock.release()
+    bench.guard.lock.release()
 
 
 def test_a_journal_that_stays_is_an_error_or_beside_one(bench: Bench) -> None:
@@ -292,7 +294,7 @@ def test_after_what_a_family_never_stores_is_a_suspicion(tmp_path: Path) -> None
     bench.fault("refuses")
     bench.failed()
     assert bench.node.pending.suspicions == {CHANGE: "the device answered 0x08000021 to a change"}
-    bench.keeper.lock.release()
+    bench.guard.lock.release()
 
 
 def test_each_step_that_was_taken_is_told_with_its_number(bench: Bench) -> None:
@@ -324,7 +326,7 @@ def test_a_failure_that_names_no_object_stays_as_it_is(tmp_path: Path) -> None:
     error = bench.failed(bench.found())
     assert (error.text, error.place, error.hint) == ("nobody to ask", None, None)
     assert bench.channel.writes == []
-    bench.keeper.lock.release()
+    bench.guard.lock.release()
 
 
 @pytest.mark.parametrize("held", [True, False])

@@ -113,8 +113,8 @@ def held(text: str, event_timer: int) -> tuple[Pdo, PdoConfig]:
 @pytest.fixture
 def kept(tmp_path: Path) -> BackingUp:
     """Backups of node 5, of which there is one, with TPDO1 and TPDO2 at 10 ms."""
-    past = ChangeHistory(tmp_path / "state" / "changes", "can0")
-    backing_up = BackingUp(tmp_path / "state" / "backups", "can0", 5, past)
+    history = ChangeHistory(tmp_path / "state" / "changes", "can0")
+    backing_up = BackingUp(tmp_path / "state" / "backups", "can0", 5, history)
     assert backing_up.needed(IDENTITY, {}), "there is none yet"
     backing_up.make(IDENTITY, dict([held("tpdo1", 10), held("tpdo2", 10)]), ())
     return backing_up
@@ -129,19 +129,19 @@ def test_a_backup_is_needed_where_nothing_that_is_kept_says_what_a_pdo_holds(kep
 
 def test_what_undo_remembers_needs_no_backup(kept: BackingUp) -> None:
     before, after, other = held("tpdo1", 20), held("tpdo1", 30), held("tpdo2", 20)
-    kept.past.add(Plan(5, (plan_pdo(before[0], before[1], after[1]),)), IDENTITY)
+    kept.history.add(Plan(5, (plan_pdo(before[0], before[1], after[1]),)), IDENTITY)
     for known in (before, after):
         assert not kept.needed(IDENTITY, dict([known]))
     assert kept.needed(IDENTITY, dict([before, other]))
     assert kept.needed(IDENTITY, dict([held("tpdo1", 40)]))
-    kept.past.path(5, IDENTITY).write_text("rubbish", "utf-8")
+    kept.history.path(5, IDENTITY).write_text("rubbish", "utf-8")
     assert kept.needed(IDENTITY, dict([before])), "it is not known what it remembered"
     assert not kept.needed(IDENTITY, {})
 
 
 def test_what_undo_remembers_may_be_all_that_is_unlike(kept: BackingUp) -> None:
     one, config = held("tpdo1", 20)
-    kept.past.add(Plan(5, (PdoChange(one, config, config, ()),)), IDENTITY)
+    kept.history.add(Plan(5, (PdoChange(one, config, config, ()),)), IDENTITY)
     assert not kept.needed(IDENTITY, {one: config})
 
 

@@ -150,7 +150,7 @@ def kept(tmp_path: Path) -> Iterator[KeptBench]:
     made = KeptBench(tmp_path)
     made.device.download(0x1800, 1, (0x8000_0181).to_bytes(4, "little"))
     yield made
-    made.keeper.lock.release()
+    made.guard.lock.release()
 
 
 def plant(kept: KeptBench) -> tuple[Canary, dict[Pdo, PdoConfig]]:

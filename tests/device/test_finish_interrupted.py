@@ -29,13 +29,13 @@ TPDO1 = Pdo.parse("tpdo1")
 def bench(tmp_path: Path) -> Iterator[Bench]:
     made = Bench(tmp_path)
     yield made
-    made.keeper.lock.release()
+    made.guard.lock.release()
 
 
 def interrupted(bench: Bench, plan: Plan | None = None) -> Journal:
     """A change that was made, and whose journal is still there."""
     apply_plan(bench.node, plan or bench.plan(), keep_journal=True)
-    journal = bench.keeper.journals.find(NODE)
+    journal = bench.guard.journals.find(NODE)
     assert journal is not None
     return journal
 
@@ -98,7 +98,7 @@ def test_a_device_that_is_known_to_want_pre_operational_is_brought_there_first(t
     recover(bench.node, journal)
     assert device.upload(0x1800, 5) == before
     assert bench.bus.commands == [NmtCommand.ENTER_PRE_OPERATIONAL, NmtCommand.START]
-    bench.keeper.lock.release()
+    bench.guard.lock.release()
 
 
 def test_only_what_was_foreseen_is_said_of_what_was_put_back(bench: Bench) -> None:

@@ -52,26 +52,26 @@ def keep(tmp_path: Path, warned: list[str]) -> Iterator[Keep]:
     kept: list[ChangeGuard] = []
 
     def make(name: str = "state", whole: ChangeGroup | None = None) -> ChangeGuard:
-        keeper = ChangeGuard(
+        guard = ChangeGuard(
             tmp_path / name, tmp_path / "locks", "can0", 5, warn=warned.append, whole=whole or ChangeGroup()
         )
-        kept.append(keeper)
-        return keeper
+        kept.append(guard)
+        return guard
 
     yield make
-    for keeper in kept:
-        keeper.lock.release()
+    for guard in kept:
+        guard.lock.release()
 
 
-def begin(keeper: ChangeGuard, index: int = 0x1017) -> None:
-    keeper.begin(plan(index), IDENTITY, None, dict)
+def begin(guard: ChangeGuard, index: int = 0x1017) -> None:
+    guard.begin(plan(index), IDENTITY, None, dict)
 
 
-def after_one_change(keeper: ChangeGuard) -> None:
+def after_one_change(guard: ChangeGuard) -> None:
     """A whole of which one change was made."""
-    begin(keeper)
-    keeper.own_journal.carried_out()
-    keeper.own_journal.end()
+    begin(guard)
+    guard.own_journal.carried_out()
+    guard.own_journal.end()
 
 
 def whole_of(name: str = "set-up.dvt") -> ChangeGroup:
@@ -158,25 +158,25 @@ def test_a_whole_that_cannot_be_ended_is_said_with_the_file_in_the_way(keep: Kee
 
 def test_a_store_that_cannot_be_remembered_is_said(tmp_path: Path) -> None:
     said: list[str] = []
-    past = ChangeHistory(tmp_path / "state" / "changes", "can0", said.append)
-    past.add(plan(), IDENTITY)
+    history = ChangeHistory(tmp_path / "state" / "changes", "can0", said.append)
+    history.add(plan(), IDENTITY)
     with files_end_at(0):
-        past.was_stored(5, IDENTITY, ["1017:00"])
+        history.was_stored(5, IDENTITY, ["1017:00"])
     assert said == [f"it is stored, but that cannot be remembered for a later store: {TOO_LARGE}"]
-    assert [one.stored for one in past.all_of(5, IDENTITY)] == [frozenset()]
+    assert [one.stored for one in history.all_of(5, IDENTITY)] == [frozenset()]
 
 
 @pytest.mark.parametrize("taken", [0, 1, 40])
 def test_a_disk_that_takes_a_part_of_a_lock_s_note_leaves_the_one_before(
     keep: Keep, tmp_path: Path, taken: int
 ) -> None:
-    keeper = keep()
-    keeper.hold()
-    keeper.lock.note(tmp_path / "first.json")
-    held = keeper.lock.path.read_bytes()
+    guard = keep()
+    guard.hold()
+    guard.lock.note(tmp_path / "first.json")
+    held = guard.lock.path.read_bytes()
     with files_end_at(len(held) + taken), pytest.raises(OSError, match=TOO_LARGE):
-        keeper.lock.note(tmp_path / ("x" * 100))
-    assert keeper.lock.path.read_bytes() == held
-    assert keeper.lock.noted() == tmp_path / "first.json"
-    keeper.lock.note(None)
-    assert keeper.lock.noted() is None
+        guard.lock.note(tmp_path / ("x" * 100))
+    assert guard.lock.path.read_bytes() == held
+    assert guard.lock.noted() == tmp_path / "first.json"
+    guard.lock.note(None)
+    assert guard.lock.noted() is None

@@ -17,7 +17,7 @@ from tests.laws.bench import NODE
 def bench(tmp_path: Path) -> Iterator[Bench]:
     made = Bench(tmp_path)
     yield made
-    made.keeper.lock.release()
+    made.guard.lock.release()
 
 
 def written(*place: int, before: bytes | None = b"\0\0") -> Plan:
@@ -27,7 +27,7 @@ def written(*place: int, before: bytes | None = b"\0\0") -> Plan:
 def test_what_an_earlier_process_wrote_counts_but_for_parts_of_pdos_and_what_cannot_be_read(bench: Bench) -> None:
     identity = bench.node.identity()
     for plan in (written(*HEARTBEAT), written(0x1800, 5), written(0x1A00, 5), written(0x2005, 1, before=None)):
-        bench.keeper.past.add(plan, identity)
+        bench.guard.history.add(plan, identity)
     held = Snapshot.now(bench.node)
     assert held.values == {HEARTBEAT: bench.device.upload(*HEARTBEAT)}
     assert held.pdos == bench.node.pdos()
@@ -37,6 +37,6 @@ def test_what_saves_settings_is_none_of_them(tmp_path: Path) -> None:
     bench = Bench(tmp_path, "roboteq")
     saved_by = bench.node.profile.store.saved_by
     assert saved_by is not None
-    bench.keeper.past.add(written(*saved_by), bench.node.identity())
+    bench.guard.history.add(written(*saved_by), bench.node.identity())
     assert Snapshot.now(bench.node).values == {}
-    bench.keeper.lock.release()
+    bench.guard.lock.release()

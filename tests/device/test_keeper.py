@@ -42,8 +42,8 @@ def keep(tmp_path: Path) -> Iterator[Keep]:
         return kept[-1]
 
     yield make
-    for keeper in kept:
-        keeper.lock.release()
+    for guard in kept:
+        guard.lock.release()
 
 
 def test_the_lock_names_its_holder_and_the_journal(keep: Keep, tmp_path: Path) -> None:
@@ -128,9 +128,9 @@ def test_one_that_is_done_in_a_moment_is_waited_for(keep: Keep) -> None:
 def test_who_wrote_meanwhile_is_known_and_who_only_looked_is_not(keep: Keep) -> None:
     one, other = keep(), keep("elsewhere")
     other.lock.command = lambda: "set"
-    for keeper in (one, other, one):  # both have held it, and wrote nothing
-        keeper.lock.take()
-        keeper.lock.release()
+    for guard in (one, other, one):  # both have held it, and wrote nothing
+        guard.lock.take()
+        guard.lock.release()
     assert one.lock.meanwhile is None
     one.begin(PLAN, IDENTITY, None, dict)
     one.own_journal.end()

@@ -24,8 +24,8 @@ IDENTITY: Identity = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
 Keep = Callable[..., ChangeGuard]
 
 
-def let_go(keeper: ChangeGuard) -> None:
-    keeper.lock.release()
+def let_go(guard: ChangeGuard) -> None:
+    guard.lock.release()
 
 
 def plan(node_id: int, index: int) -> Plan:
@@ -40,35 +40,35 @@ def keep(tmp_path: Path) -> Iterator[Keep]:
     whole.begin("set-up.dvt")
 
     def make(node_id: int = 5, name: str = "state", whole: ChangeGroup = whole) -> ChangeGuard:
-        keeper = ChangeGuard(tmp_path / name, tmp_path / "locks", "can0", node_id, whole=whole)
-        kept.append(keeper)
-        return keeper
+        guard = ChangeGuard(tmp_path / name, tmp_path / "locks", "can0", node_id, whole=whole)
+        kept.append(guard)
+        return guard
 
     yield make
-    for keeper in kept:
-        keeper.lock.release()
+    for guard in kept:
+        guard.lock.release()
 
 
-def make(keeper: ChangeGuard, index: int, nmt_state: int | None = 5) -> None:
+def make(guard: ChangeGuard, index: int, nmt_state: int | None = 5) -> None:
     """Begin a change, carry it out, and end it."""
-    one = plan(keeper.node_id, index)
-    keeper.begin(one, IDENTITY, nmt_state, dict)
-    keeper.own_journal.carried_out()
-    keeper.remember(one)
-    keeper.own_journal.end()
+    one = plan(guard.node_id, index)
+    guard.begin(one, IDENTITY, nmt_state, dict)
+    guard.own_journal.carried_out()
+    guard.remember(one)
+    guard.own_journal.end()
 
 
-def journal(keeper: ChangeGuard) -> Journal:
-    return read_journal(keeper.journals.path(keeper.node_id))
+def journal(guard: ChangeGuard) -> Journal:
+    return read_journal(guard.journals.path(guard.node_id))
 
 
-def indices(keeper: ChangeGuard) -> list[int]:
+def indices(guard: ChangeGuard) -> list[int]:
     """What the journal has to put back."""
-    return [step.index for step in journal(keeper).plan.steps]
+    return [step.index for step in journal(guard).plan.steps]
 
 
-def markers(keeper: ChangeGuard) -> int:
-    return len(list(keeper.journals.folder.glob("*.whole")))
+def markers(guard: ChangeGuard) -> int:
+    return len(list(guard.journals.folder.glob("*.whole")))
 
 
 def test_the_journal_of_a_whole_grows_with_each_change_and_counts_to_its_end(keep: Keep) -> None:
@@ -186,10 +186,10 @@ def test_what_is_recovered_is_forgotten_and_so_is_what_undo_knew_of_it(keep: Kee
     one = keep()
     make(one, 0x2000)
     make(one, 0x2001)
-    past = ChangeHistory(tmp_path / "changes", "can0")
-    assert len(past.entries(5, IDENTITY)) == 2
+    history = ChangeHistory(tmp_path / "changes", "can0")
+    assert len(history.entries(5, IDENTITY)) == 2
     one.forget(journal(one))
-    assert past.entries(5, IDENTITY) == []
+    assert history.entries(5, IDENTITY) == []
     assert (one.open_journal(), one.lock.noted(), markers(one)) == (None, None, 0)
     make(one, 0x2002)
     assert indices(one) == [0x2002], "what was rolled back is no part of what comes after it"
@@ -283,18 +283,18 @@ def test_a_journal_of_ours_stays_where_another_one_was_recovered(keep: Keep) -> 
 ENDS = GroupMember(final="set-up.dvt: store on node 5", stores=(Storing(5, "all", identity=IDENTITY),))
 
 
-def prepared(keeper: ChangeGuard, *indices: int) -> None:
+def prepared(guard: ChangeGuard, *indices: int) -> None:
     """Prepare the journal of changes of these objects, before the first of them."""
-    changes = tuple(change for index in indices for change in plan(keeper.node_id, index).changes)
-    keeper.prepare(Plan(keeper.node_id, changes), IDENTITY, 5, dict, {}, ENDS)
+    changes = tuple(change for index in indices for change in plan(guard.node_id, index).changes)
+    guard.prepare(Plan(guard.node_id, changes), IDENTITY, 5, dict, {}, ENDS)
 
 
-def part(keeper: ChangeGuard, index: int) -> None:
+def part(guard: ChangeGuard, index: int) -> None:
     """Carry one part of them out, which is not remembered by itself."""
-    keeper.begin(plan(keeper.node_id, index), IDENTITY, 5, dict, is_kept=False)
-    assert index in indices(keeper)
-    keeper.own_journal.carried_out()
-    keeper.own_journal.end()
+    guard.begin(plan(guard.node_id, index), IDENTITY, 5, dict, is_kept=False)
+    assert index in indices(guard)
+    guard.own_journal.carried_out()
+    guard.own_journal.end()
 
 
 def test_the_parts_of_a_change_have_one_journal_that_is_there_before_the_first(keep: Keep) -> None:

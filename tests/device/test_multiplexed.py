@@ -57,18 +57,18 @@ class Bench:
         self.sdo = DirectSdo(self.device)
         self.bus = DirectBus(self.device, self.sdo)
         self.folder = folder
-        self.keeper: ChangeGuard | None = None
+        self.guard: ChangeGuard | None = None
         self.node = self.another()
 
     def another(self) -> Node:
         """A node as the next process meets it."""
         self.let_go()
-        self.keeper = ChangeGuard(self.folder / "state", self.folder / "locks", "direct", NODE)
-        return Node(self.bus, NODE, dictionary("generic"), keeper=self.keeper)
+        self.guard = ChangeGuard(self.folder / "state", self.folder / "locks", "direct", NODE)
+        return Node(self.bus, NODE, dictionary("generic"), guard=self.guard)
 
     def let_go(self) -> None:
-        if self.keeper is not None:
-            self.keeper.lock.release()
+        if self.guard is not None:
+            self.guard.lock.release()
 
 
 @pytest.fixture
@@ -156,7 +156,7 @@ def test_a_journal_names_it_and_recover_puts_it_back(made: Callable[[int], Bench
     assert bench.device.held() != before
     bench.bus.channel = bench.sdo
     node = bench.another()
-    journal = node.keeper.interrupted() if node.keeper else None
+    journal = node.guard.interrupted() if node.guard else None
     assert journal is not None
     assert read_journal(journal.path) == journal
     recover(node, journal)

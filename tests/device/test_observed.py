@@ -21,14 +21,14 @@ class Upset(DirectSdo):
     """While *left* is above 0, an upload of the last object that is compared has to be asked again."""
 
     left: int = 0
-    upsets: int = 0
+    disturbance_count: int = 0
 
     def upload(
         self, index: int, sub_index: int, *, timeout_s: float | None = None, retries: int | None = None
     ) -> bytes:
         if (index, sub_index) == OBJECT and self.left:
             self.left -= 1
-            self.upsets += 1
+            self.disturbance_count += 1
         return super().upload(index, sub_index, timeout_s=timeout_s, retries=retries)
 
 
@@ -36,9 +36,9 @@ class Upset(DirectSdo):
 class UpsetBus(DirectBus):
     """A bus that counts the uploads that were asked again."""
 
-    def upsets(self, node_id: int) -> int:
+    def disturbance_count(self, node_id: int) -> int:
         assert isinstance(self.channel, Upset)
-        return self.boot_ups(node_id) + self.channel.upsets
+        return self.boot_ups(node_id) + self.channel.disturbance_count
 
 
 def node() -> tuple[Node, Upset]:

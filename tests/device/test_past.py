@@ -28,9 +28,9 @@ def plan(node_id: int = 5, value: int = 1, size: int = 2) -> Plan:
 BACK = Plan(5, (ValueChange(Step(0x2000, 0, bytes([1, 1]), bytes(2), "write")),))
 
 
-def values(past: ChangeHistory, selected: int | None = None, node_id: int = 5) -> list[int]:
+def values(history: ChangeHistory, selected: int | None = None, node_id: int = 5) -> list[int]:
     """The first byte of what each remembered change of the node wrote, oldest first."""
-    return [one.plan.steps[0].after[0] for one in past.entries(node_id, IDENTITY, selected)]
+    return [one.plan.steps[0].after[0] for one in history.entries(node_id, IDENTITY, selected)]
 
 
 Spoil = Callable[[dict[str, Any]], object]
@@ -39,41 +39,41 @@ Spoil = Callable[[dict[str, Any]], object]
 @pytest.mark.parametrize(
     ("spoil", "why"),
     [
-        (lambda past: past.update(schema="dvtcli.past/2"), "it does not say dvtcli.past/1"),
-        (lambda past: past.update(changes={}), "it lists no changes"),
-        (lambda past: past["changes"][0].update(node=128), "node is 128, expected 1..127"),
-        (lambda past: past["changes"][0].update(selected=0), "selected is 0, expected 1..127"),
-        (lambda past: past["changes"][0].update(selected=128), "selected is 128, expected 1..127"),
-        (lambda past: past["changes"][0].update(selected=True), "selected is True, expected 1..127"),
-        (lambda past: past["changes"][0].update(selected="5"), "selected is '5', expected 1..127"),
+        (lambda history: history.update(schema="dvtcli.past/2"), "it does not say dvtcli.past/1"),
+        (lambda history: history.update(changes={}), "it lists no changes"),
+        (lambda history: history["changes"][0].update(node=128), "node is 128, expected 1..127"),
+        (lambda history: history["changes"][0].update(selected=0), "selected is 0, expected 1..127"),
+        (lambda history: history["changes"][0].update(selected=128), "selected is 128, expected 1..127"),
+        (lambda history: history["changes"][0].update(selected=True), "selected is True, expected 1..127"),
+        (lambda history: history["changes"][0].update(selected="5"), "selected is '5', expected 1..127"),
     ],
 )
 def test_a_damaged_file_says_where_and_why(tmp_path: Path, spoil: Spoil, why: str) -> None:
-    past = ChangeHistory(tmp_path, "can0")
-    past.add(plan(), IDENTITY)
-    path = past.path(5, IDENTITY)
+    history = ChangeHistory(tmp_path, "can0")
+    history.add(plan(), IDENTITY)
+    path = history.path(5, IDENTITY)
     document = json.loads(path.read_text("utf-8"))
     spoil(document)
     path.write_text(json.dumps(document), "utf-8")
     with pytest.raises(InputFileError) as caught:
-        past.newest(5, IDENTITY)
+        history.newest(5, IDENTITY)
     assert (caught.value.place, caught.value.why) == (str(path), why)
-    assert past.tops(None) == [], "whoever asks about every device is not stopped by one of them"
+    assert history.tops(None) == [], "whoever asks about every device is not stopped by one of them"
 
 
 @pytest.mark.parametrize("text", ["[]", "7", "null", "{", '{"schema": "dvtcli.past/1"}', "[" * 100_000])
 def test_what_is_no_such_file_is_said_and_not_used(tmp_path: Path, text: str) -> None:
-    past = ChangeHistory(tmp_path, "can0")
-    past.path(5, IDENTITY).write_text(text, "utf-8")
+    history = ChangeHistory(tmp_path, "can0")
+    history.path(5, IDENTITY).write_text(text, "utf-8")
     with pytest.raises(InputFileError, match="does not tell what was changed"):
-        past.entries(5, IDENTITY)
+        history.entries(5, IDENTITY)
 
 
 def test_a_file_that_cannot_be_opened_is_said(tmp_path: Path) -> None:
-    past = ChangeHistory(tmp_path, "can0")
-    past.path(5, IDENTITY).mkdir()
+    history = ChangeHistory(tmp_path, "can0")
+    history.path(5, IDENTITY).mkdir()
     with pytest.raises(InputFileError) as caught:
-        past.newest(5, IDENTITY)
+        history.newest(5, IDENTITY)
     assert "directory" in (caught.value.why or "")
 
 
@@ -88,23 +88,23 @@ def test_the_node_that_a_change_was_made_from_is_remembered(tmp_path: Path, sele
 def test_a_change_is_meant_from_its_own_node_and_from_where_it_was_made_as_far_back_as_all_are(tmp_path: Path) -> None:
     for value, selected in enumerate((7, None, 7, 7), 1):
         ChangeHistory(tmp_path, "can0", selected=selected).add(plan(value=value), IDENTITY)
-    past = ChangeHistory(tmp_path, "can0")
-    assert values(past) == values(past, 5) == [1, 2, 3, 4]
-    assert values(past, 7) == [3, 4], "what lies behind one that was not made from there would be undone out of turn"
-    assert values(past, 9) == []
-    assert [len(past.tops(selected)) for selected in (None, 5, 7, 9)] == [1, 1, 1, 0]
+    history = ChangeHistory(tmp_path, "can0")
+    assert values(history) == values(history, 5) == [1, 2, 3, 4]
+    assert values(history, 7) == [3, 4], "what lies behind one that was not made from there would be undone out of turn"
+    assert values(history, 9) == []
+    assert [len(history.tops(selected)) for selected in (None, 5, 7, 9)] == [1, 1, 1, 0]
 
 
 def test_the_newest_of_each_device_of_this_bus_comes_first(tmp_path: Path) -> None:
     """A bus whose name begins like another one's is another bus."""
     for bus, node_id in (("can0", 5), ("can0", 9), ("can0-b", 7), ("can0", 5), ("can0", 8)):
         ChangeHistory(tmp_path, bus).add(plan(node_id), IDENTITY)
-    past = ChangeHistory(tmp_path, "can0")
-    assert [one.plan.node_id for one in past.tops(None)] == [8, 5, 9]
-    newest = past.newest_of_all()
+    history = ChangeHistory(tmp_path, "can0")
+    assert [one.plan.node_id for one in history.tops(None)] == [8, 5, 9]
+    newest = history.newest_of_all()
     assert newest is not None
     assert newest.plan.node_id == 8
-    moved = past.moved(8, IDENTITY)
+    moved = history.moved(8, IDENTITY)
     assert moved is not None
     assert moved.plan.node_id == 5
 
@@ -127,25 +127,25 @@ def test_what_is_put_back_is_forgotten_and_nothing_else(tmp_path: Path) -> None:
 
 
 def test_dropping_makes_no_file(tmp_path: Path) -> None:
-    past = ChangeHistory(tmp_path, "can0")
-    past.drop(5, IDENTITY, ["one"])
+    history = ChangeHistory(tmp_path, "can0")
+    history.drop(5, IDENTITY, ["one"])
     assert list(tmp_path.iterdir()) == []
-    past.add(plan(), IDENTITY)
-    written = past.path(5, IDENTITY).stat()
-    past.drop(5, IDENTITY, [])
-    assert past.path(5, IDENTITY).stat() == written, "nothing to drop: the file is left alone"
+    history.add(plan(), IDENTITY)
+    written = history.path(5, IDENTITY).stat()
+    history.drop(5, IDENTITY, [])
+    assert history.path(5, IDENTITY).stat() == written, "nothing to drop: the file is left alone"
 
 
 def test_a_file_of_the_largest_size_is_read_and_one_above_is_not(tmp_path: Path) -> None:
-    past = ChangeHistory(tmp_path, "can0")
-    past.add(plan(), IDENTITY)
-    path = past.path(5, IDENTITY)
+    history = ChangeHistory(tmp_path, "can0")
+    history.add(plan(), IDENTITY)
+    path = history.path(5, IDENTITY)
     text = path.read_text("utf-8")
     path.write_text(text.ljust(MOST_BYTES), "utf-8")
-    assert values(past) == [1]
+    assert values(history) == [1]
     path.write_text(text.ljust(MOST_BYTES + 1), "utf-8")
     with pytest.raises(InputFileError):
-        past.newest(5, IDENTITY)
+        history.newest(5, IDENTITY)
 
 
 @pytest.mark.parametrize(
@@ -161,17 +161,17 @@ def test_a_file_of_the_largest_size_is_read_and_one_above_is_not(tmp_path: Path)
 def test_what_would_be_too_large_to_be_read_loses_its_older_half(
     tmp_path: Path, sizes: tuple[int, ...], left: list[int]
 ) -> None:
-    past = ChangeHistory(tmp_path, "can0")
+    history = ChangeHistory(tmp_path, "can0")
     for value, size in enumerate(sizes, 1):
-        past.add(plan(value=value, size=size), IDENTITY)
-    assert values(past) == left
+        history.add(plan(value=value, size=size), IDENTITY)
+    assert values(history) == left
 
 
 def test_fifty_changes_are_remembered(tmp_path: Path) -> None:
-    past = ChangeHistory(tmp_path, "can0")
+    history = ChangeHistory(tmp_path, "can0")
     for value in range(52):
-        past.add(plan(value=value), IDENTITY)
-    assert values(past) == list(range(2, 52))
+        history.add(plan(value=value), IDENTITY)
+    assert values(history) == list(range(2, 52))
 
 
 def test_a_file_is_named_by_bus_identity_and_node(tmp_path: Path) -> None:
@@ -187,78 +187,78 @@ def test_a_file_is_named_by_bus_identity_and_node(tmp_path: Path) -> None:
 def test_a_device_with_another_node_id_is_known_by_a_serial_number_of_its_own(
     tmp_path: Path, serial: int | None, known: bool
 ) -> None:
-    past = ChangeHistory(tmp_path, "can0")
-    past.add(plan(9), IDENTITY | {"serial": serial})
-    assert (past.moved(5, IDENTITY | {"serial": serial}) is not None) == known
+    history = ChangeHistory(tmp_path, "can0")
+    history.add(plan(9), IDENTITY | {"serial": serial})
+    assert (history.moved(5, IDENTITY | {"serial": serial}) is not None) == known
 
 
 def test_a_damaged_file_is_kept_aside_and_said_and_the_next_change_is_remembered(tmp_path: Path) -> None:
     said: list[str] = []
-    past = ChangeHistory(tmp_path, "can0", said.append)
-    past.path(5, IDENTITY).write_text("rubbish", "utf-8")
-    past.add(plan(value=7), IDENTITY)
-    assert values(past) == [7]
+    history = ChangeHistory(tmp_path, "can0", said.append)
+    history.path(5, IDENTITY).write_text("rubbish", "utf-8")
+    history.add(plan(value=7), IDENTITY)
+    assert values(history) == [7]
     (aside,) = tmp_path.glob("*.damaged-*")
     assert aside.read_text("utf-8") == "rubbish"
-    assert said == [f"{past.path(5, IDENTITY)} does not tell what was changed: it is kept as {aside}"]
+    assert said == [f"{history.path(5, IDENTITY)} does not tell what was changed: it is kept as {aside}"]
 
 
 def test_what_cannot_be_written_is_said_and_has_its_place_among_the_session_s_changes(tmp_path: Path) -> None:
     said: list[str] = []
     folder = tmp_path / "changes"
-    past = ChangeHistory(folder, "can0", said.append)
-    past.add(plan(value=1), IDENTITY)
-    held = past.entries(5, IDENTITY)
+    history = ChangeHistory(folder, "can0", said.append)
+    history.add(plan(value=1), IDENTITY)
+    held = history.entries(5, IDENTITY)
     folder.rename(tmp_path / "away")
     folder.write_text("in the way", "utf-8")
-    past.add(plan(value=2), IDENTITY)
-    past.forget_own(1, BACK)
-    past.add(plan(value=2), IDENTITY)
-    past.forget(held, BACK)
+    history.add(plan(value=2), IDENTITY)
+    history.forget_own(1, BACK)
+    history.add(plan(value=2), IDENTITY)
+    history.forget(held, BACK)
     folder.unlink()
     (tmp_path / "away").rename(folder)
     undone = "it is rolled back, but what can be undone cannot be written down: Not a directory"
     refused = f"{folder} is not used: it is a file, and no folder"
     assert said == [*2 * [f"the change is done, but cannot be remembered for a later undo: {refused}"], undone]
-    past.forget_own(1, BACK)
-    assert values(past) == [1], "the one that is forgotten is the one that was never written"
-    past.forget_own(1, BACK)
-    assert values(past) == []
+    history.forget_own(1, BACK)
+    assert values(history) == [1], "the one that is forgotten is the one that was never written"
+    history.forget_own(1, BACK)
+    assert values(history) == []
 
 
 def test_what_is_put_back_after_it_was_stored_is_remembered_for_the_next_store_only(tmp_path: Path) -> None:
-    past = ChangeHistory(tmp_path, "can0")
+    history = ChangeHistory(tmp_path, "can0")
     for value in (1, 2):
-        past.add(plan(value=value), IDENTITY)
-    past.was_stored(5, IDENTITY, ["2000:00"])
-    past.add(plan(value=3), IDENTITY)
-    past.forget_own(1, BACK)
-    assert [one.undoes for one in past.all_of(5, IDENTITY)] == [False, False], "what it put back had not been stored"
-    past.forget_own(1, BACK)
-    undone = past.all_of(5, IDENTITY)[-1]
+        history.add(plan(value=value), IDENTITY)
+    history.was_stored(5, IDENTITY, ["2000:00"])
+    history.add(plan(value=3), IDENTITY)
+    history.forget_own(1, BACK)
+    assert [one.undoes for one in history.all_of(5, IDENTITY)] == [False, False], "what it put back had not been stored"
+    history.forget_own(1, BACK)
+    undone = history.all_of(5, IDENTITY)[-1]
     assert (undone.undoes, undone.plan, undone.stored) == (True, BACK, frozenset())
-    newest = past.newest(5, IDENTITY)
-    assert (values(past), newest) == ([1], past.entries(5, IDENTITY)[0]), "no `undo` reverts an `undo`"
-    assert past.tops(None) == [newest]
-    past.forget(past.entries(5, IDENTITY), Plan(5, ()))
-    assert past.all_of(5, IDENTITY) == [undone]
-    assert (past.newest(5, IDENTITY), past.newest_of_all(), past.moved(7, IDENTITY)) == (None, None, None)
-    past.was_stored(5, IDENTITY, ["2000:00"])
-    assert past.all_of(5, IDENTITY) == []
+    newest = history.newest(5, IDENTITY)
+    assert (values(history), newest) == ([1], history.entries(5, IDENTITY)[0]), "no `undo` reverts an `undo`"
+    assert history.tops(None) == [newest]
+    history.forget(history.entries(5, IDENTITY), Plan(5, ()))
+    assert history.all_of(5, IDENTITY) == [undone]
+    assert (history.newest(5, IDENTITY), history.newest_of_all(), history.moved(7, IDENTITY)) == (None, None, None)
+    history.was_stored(5, IDENTITY, ["2000:00"])
+    assert history.all_of(5, IDENTITY) == []
 
 
 def test_what_is_put_back_under_another_node_id_is_remembered_there(tmp_path: Path) -> None:
-    past = ChangeHistory(tmp_path, "can0")
-    past.add(plan(), IDENTITY)
-    past.was_stored(5, IDENTITY, ["2000:00"])
-    past.forget(past.entries(5, IDENTITY), Plan(7, BACK.changes))
-    assert past.all_of(5, IDENTITY) == []
-    assert [one.undoes for one in past.all_of(7, IDENTITY)] == [True]
+    history = ChangeHistory(tmp_path, "can0")
+    history.add(plan(), IDENTITY)
+    history.was_stored(5, IDENTITY, ["2000:00"])
+    history.forget(history.entries(5, IDENTITY), Plan(7, BACK.changes))
+    assert history.all_of(5, IDENTITY) == []
+    assert [one.undoes for one in history.all_of(7, IDENTITY)] == [True]
 
 
-def clock_set(past: ChangeHistory, node_id: int, when: str) -> None:
+def clock_set(history: ChangeHistory, node_id: int, when: str) -> None:
     """What the file of a node says was made when the computer's clock showed *when*."""
-    path = past.path(node_id, IDENTITY)
+    path = history.path(node_id, IDENTITY)
     document = json.loads(path.read_text("utf-8"))
     document["changes"][-1]["when"] = when
     path.write_text(json.dumps(document), "utf-8")
@@ -270,39 +270,39 @@ def test_the_order_of_changes_is_no_clock_s(tmp_path: Path, seed: int) -> None:
     random, made = Random(seed), list[int]()
     for _ in range(12):
         node_id = random.choice((5, 9, 12))
-        past = ChangeHistory(tmp_path / "changes", "can0")  # another process each
-        past.add(plan(node_id), IDENTITY)
-        clock_set(past, node_id, f"20{random.randrange(70):02}-01-01T00:00:00+00:00")
+        history = ChangeHistory(tmp_path / "changes", "can0")  # another process each
+        history.add(plan(node_id), IDENTITY)
+        clock_set(history, node_id, f"20{random.randrange(70):02}-01-01T00:00:00+00:00")
         made.append(node_id)
-        assert [one.plan.node_id for one in past.tops(None)] == list(dict.fromkeys(reversed(made)))
-        newest = past.newest_of_all()
+        assert [one.plan.node_id for one in history.tops(None)] == list(dict.fromkeys(reversed(made)))
+        newest = history.newest_of_all()
         assert newest is not None
         assert newest.plan.node_id == node_id
 
 
 @pytest.mark.parametrize("said", [None, "", "7", "x" * 19 + "\n"])
 def test_a_counter_that_is_gone_or_damaged_goes_on_from_what_is_remembered(tmp_path: Path, said: str | None) -> None:
-    past = ChangeHistory(tmp_path / "changes", "can0")
+    history = ChangeHistory(tmp_path / "changes", "can0")
     for node_id in (5, 9, 5):
-        past.add(plan(node_id), IDENTITY)
-    (count,) = past.folder.glob("*.count")
+        history.add(plan(node_id), IDENTITY)
+    (count,) = history.folder.glob("*.count")
     count.unlink()
     if said is not None:
         count.write_text(said)
         count.chmod(0o600)
-    past.add(plan(9), IDENTITY)
-    assert [(one.plan.node_id, one.number) for one in past.tops(None)] == [(9, 4), (5, 3)]
+    history.add(plan(9), IDENTITY)
+    assert [(one.plan.node_id, one.number) for one in history.tops(None)] == [(9, 4), (5, 3)]
 
 
 def test_what_an_earlier_version_kept_without_a_number_came_first(tmp_path: Path) -> None:
-    past = ChangeHistory(tmp_path / "changes", "can0")
+    history = ChangeHistory(tmp_path / "changes", "can0")
     for node_id in (5, 9):
-        past.add(plan(node_id), IDENTITY)
-        path = past.path(node_id, IDENTITY)
+        history.add(plan(node_id), IDENTITY)
+        path = history.path(node_id, IDENTITY)
         document = json.loads(path.read_text("utf-8"))
         del document["changes"][0]["number"]
         path.write_text(json.dumps(document), "utf-8")
-    assert [one.plan.node_id for one in past.tops(None)] == [9, 5], "by the time that they say"
-    past.add(plan(5), IDENTITY)
-    clock_set(past, 5, "1970-01-01T00:00:00+00:00")
-    assert [one.plan.node_id for one in past.tops(None)] == [5, 9]
+    assert [one.plan.node_id for one in history.tops(None)] == [9, 5], "by the time that they say"
+    history.add(plan(5), IDENTITY)
+    clock_set(history, 5, "1970-01-01T00:00:00+00:00")
+    assert [one.plan.node_id for one in history.tops(None)] == [5, 9]

@@ -166,7 +166,7 @@ class Restarts:
         self.asked += 1
         return self.asked if self.always else int(self.asked > self.looks)
 
-    def upsets(self) -> int:
+    def disturbance_count(self) -> int:
         return self.boot_ups()
 
 
@@ -368,7 +368,7 @@ class Life:
     def boot_ups(self) -> int:
         return self.heard
 
-    def upsets(self) -> int:
+    def disturbance_count(self) -> int:
         return self.heard
 
 

@@ -24,7 +24,7 @@ class Bench:
 
     def __init__(self, folder: Path) -> None:
         self.node = Node(DirectBus.of(booted()), NODE, dictionary("generic"))
-        self.past = ChangeHistory(folder, "can0")
+        self.history = ChangeHistory(folder, "can0")
 
     def timed(self, pdo: Pdo, timer_ms: int) -> PdoConfig:
         now = self.node.pdo(pdo)
@@ -34,7 +34,7 @@ class Bench:
         """*change* is made, and remembered."""
         for step in change.steps:
             self.node.sdo.download(step.index, step.sub_index, step.after)
-        self.past.add(Plan(NODE, (change,)), IDENTITY)
+        self.history.add(Plan(NODE, (change,)), IDENTITY)
 
     def set_timer(self, pdo: Pdo, timer_ms: int) -> None:
         self.made(plan_pdo(pdo, self.node.pdo(pdo), self.timed(pdo, timer_ms)))
@@ -44,7 +44,7 @@ class Bench:
         return ValueChange(Step(*HEARTBEAT, before, number.to_bytes(2, "little"), "write"))
 
     def named(self) -> dict[str, int]:
-        return dict(held_unstored(self.node, self.past, IDENTITY))
+        return dict(held_unstored(self.node, self.history, IDENTITY))
 
 
 def test_what_is_held_is_named_in_order_and_what_a_store_took_is_not(tmp_path: Path) -> None:
@@ -53,7 +53,7 @@ def test_what_is_held_is_named_in_order_and_what_a_store_took_is_not(tmp_path: P
     bench.made(bench.written(1000))
     bench.set_timer(TPDO1, 50)
     assert list(bench.named().items()) == [("TPDO2", 0x1801), ("1017:00", 0x1017), ("TPDO1", 0x1800)]
-    bench.past.was_stored(NODE, IDENTITY, {"TPDO2", "1017:00"})
+    bench.history.was_stored(NODE, IDENTITY, {"TPDO2", "1017:00"})
     assert bench.named() == {"TPDO1": 0x1800}
     bench.set_timer(TPDO2, 71)
     assert list(bench.named()) == ["TPDO1", "TPDO2"], "changed once more since"
@@ -82,17 +82,17 @@ def test_what_changed_nothing_or_is_kept_without_a_store_is_not_named(tmp_path: 
 def test_what_cannot_be_read_is_not_claimed(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
     step = Step(*HEARTBEAT, None, bench.node.upload(*HEARTBEAT), "write-only, as it was said")
-    bench.past.add(Plan(NODE, (ValueChange(step),)), IDENTITY)
+    bench.history.add(Plan(NODE, (ValueChange(step),)), IDENTITY)
     missing = Step(0x5FFF, 0, b"\0", b"\1", "a device with another firmware has it no more")
-    bench.past.add(Plan(NODE, (ValueChange(missing),)), IDENTITY)
+    bench.history.add(Plan(NODE, (ValueChange(missing),)), IDENTITY)
     now = bench.node.pdo(TPDO1)
     gone = plan_pdo(Pdo.parse("tpdo400"), now, bench.timed(TPDO1, 50))
-    bench.past.add(Plan(NODE, (gone,)), IDENTITY)
+    bench.history.add(Plan(NODE, (gone,)), IDENTITY)
     assert bench.named() == {}
 
 
 def test_a_file_that_is_damaged_names_nothing(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
     bench.set_timer(TPDO1, 50)
-    bench.past.path(NODE, IDENTITY).write_text("{", "utf-8")
+    bench.history.path(NODE, IDENTITY).write_text("{", "utf-8")
     assert bench.named() == {}

@@ -12,7 +12,7 @@ from dvtcli.cli.editor.model import PARAMETERS, EditedPdos
 from dvtcli.cli.editor.object_list import ObjectList
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.meanings import Meanings
+from dvtcli.domain.object_scalings import ObjectScalings
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.operations.session.device_files import offline_dictionaries
 from dvtcli.operations.user.options import Options
@@ -134,7 +134,7 @@ def test_what_is_no_value_is_refused(number: int, text: str) -> None:
 
 def gen4() -> ObjectList:
     ((dictionary, profile),) = offline_dictionaries(Options(sim=("gen4",)))
-    return ObjectList(dictionary, profile, Meanings())
+    return ObjectList(dictionary, profile, ObjectScalings())
 
 
 @pytest.mark.parametrize(

@@ -146,9 +146,9 @@ class Run:
     def node(self) -> Node:
         """The node as a session that has just started sees it."""
         node = Node(self.bus, NODE, dictionary(self.family), profile(self.family))
-        node.keeper = ChangeGuard(self.folder, self.folder / "locks", "matrix", NODE)
-        if not node.keeper._backing_up.folder.exists():  # reading every PDO first would take a third of the time
-            node.keeper._backing_up.make(*_identity_and_pdos(self.device), ())
+        node.guard = ChangeGuard(self.folder, self.folder / "locks", "matrix", NODE)
+        if not node.guard._backing_up.folder.exists():  # reading every PDO first would take a third of the time
+            node.guard._backing_up.make(*_identity_and_pdos(self.device), ())
         return node
 
     def session(self, lines: list[str]) -> tuple[int, Record]:
@@ -166,8 +166,8 @@ class Run:
             code = boundary(session, lambda: session.end_line(code, alone=True)) or code
         else:
             code = run_script(session, "\n".join(lines).encode(), "cell", keep_going=False)
-        assert node.keeper is not None
-        node.keeper.lock.release()
+        assert node.guard is not None
+        node.guard.lock.release()
         return code, record
 
 
@@ -338,8 +338,8 @@ class Judge:
         self.run.bus = VirtualTimeBus([self.run.device])
         self.run.bus.sleep(2 * _HEARTBEAT_MS / 1000)
         fresh = self.run.node()
-        assert fresh.keeper is not None
-        journal = fresh.keeper.interrupted()
+        assert fresh.guard is not None
+        journal = fresh.guard.interrupted()
         if journal is None:
             return "exit code 7 without a journal"
         try:
@@ -348,8 +348,8 @@ class Judge:
         except DvtcliError as failed:
             return f"recover failed: {failed}"
         finally:
-            fresh.keeper.lock.release()
-        left = fresh.keeper.interrupted()
+            fresh.guard.lock.release()
+        left = fresh.guard.interrupted()
         self.record.errors.clear()
         return self._held(boundary) or ("the journal is left" if left else RECOVERED)
 

@@ -72,7 +72,7 @@ def test_one_that_does_so_each_time_is_left_changed_and_says_so(tmp_path: Path) 
     assert code == 7
     assert record.errors[0].state == "left_changed"
     assert "1801:01" in (record.errors[0].why or "")
-    journal = run.node().keeper
+    journal = run.node().guard
     assert journal is not None
     left = journal.interrupted()
     assert left is not None

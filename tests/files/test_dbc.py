@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import BY_SHORT_NAME
 from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.meanings import Meaning, Meanings, ObjectRange
 from dvtcli.domain.network.network_state import NetworkState, NodeState
 from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
+from dvtcli.domain.object_scalings import ObjectRange, ObjectScalings, ScalingRule
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.scaling import Scaling
@@ -45,7 +45,7 @@ def bytes_of(found: NetworkMessages) -> bytes:
 
 
 @st.composite
-def nodes(draw: st.DrawFn) -> tuple[NodeState, Meanings]:
+def nodes(draw: st.DrawFn) -> tuple[NodeState, ObjectScalings]:
     """A node with one TPDO of any objects that fit into a frame, dummies among them."""
     left, mapping, entries, rules = 64, [], [], {}
     for number in range(draw(st.sampled_from([1, 3, 8, 64]))):
@@ -63,26 +63,26 @@ def nodes(draw: st.DrawFn) -> tuple[NodeState, Meanings]:
         offset = draw(st.sampled_from(["0", "-40", "0.5"]))
         physical = Scaling(draw(st.sampled_from(["", "V", "\u00b0C", ODD])), Fraction(factor), Fraction(offset))
         words = draw(st.dictionaries(st.integers(-3, 3), st.text(max_size=8), max_size=3))
-        rules[ObjectRange(index, index)] = Meaning(Scaling(physical.unit, physical.factor, physical.offset, words))
+        rules[ObjectRange(index, index)] = ScalingRule(Scaling(physical.unit, physical.factor, physical.offset, words))
         mapping.append(PdoMappingEntry(index, 0, bits))
         known = draw(st.integers(0, 9)) > 0
         name = draw(st.sampled_from([f"Signal {number}", "Speed", ODD, "VERSION", "7", "\u901f\u5ea6", "long " * 12]))
         entries.append(OdEntry(index, 0, name, kind if known else None, low=-1 if known else None))
     sent = config(tuple(mapping), draw(st.sampled_from([0x185, 0x1FFF_FFF0])), extended=True)
-    return NodeState(5, draw(st.sampled_from(["drive", ODD, ""])), {TPDO1: sent}, {}, described(*entries)), Meanings(
-        [rules]
-    )
+    return NodeState(
+        5, draw(st.sampled_from(["drive", ODD, ""])), {TPDO1: sent}, {}, described(*entries)
+    ), ObjectScalings([rules])
 
 
 @given(nodes(), st.binary(min_size=8, max_size=8))
-def test_cantools_reads_what_our_decoder_reads(made: tuple[NodeState, Meanings], data: bytes) -> None:
-    node, meanings = made
-    written = bytes_of(network_messages(NetworkState((node,)), {5: meanings}))
-    assert written == bytes_of(network_messages(NetworkState((node,)), {5: meanings}))
+def test_cantools_reads_what_our_decoder_reads(made: tuple[NodeState, ObjectScalings], data: bytes) -> None:
+    node, scalings = made
+    written = bytes_of(network_messages(NetworkState((node,)), {5: scalings}))
+    assert written == bytes_of(network_messages(NetworkState((node,)), {5: scalings}))
     (message,) = cantools.database.load_string(written.decode("cp1252"), "dbc").messages
     cob_id = node.pdos[TPDO1].communication.cob_id
     assert (message.frame_id, message.is_extended_frame, message.cycle_time) == (cob_id.can_id, True, 20)
-    decoder = Decoder(pdo_layouts(5, node.pdos, node.dictionary, meanings))
+    decoder = Decoder(pdo_layouts(5, node.pdos, node.dictionary, scalings))
     frame = Frame(cob_id.can_id, data[: message.length], extended=True)
     ours = decoder.values(frame)
     theirs = message.decode(frame.data, decode_choices=False)
@@ -117,7 +117,7 @@ def test_a_message_of_64_bits() -> None:
     entries = [OdEntry(0x2000 + n, 0, f"Bit {n}", kind) for n in range(64)]
     sent = config(tuple(PdoMappingEntry(one.index, 0, 1) for one in entries))
     node = NodeState(5, "io", {TPDO1: sent}, {}, described(*entries))
-    text = bytes_of(network_messages(NetworkState((node,)), {5: Meanings()})).decode("cp1252")
+    text = bytes_of(network_messages(NetworkState((node,)), {5: ObjectScalings()})).decode("cp1252")
     decoded = cantools.database.load_string(text, "dbc").decode_message(0x185, bytes(range(8)))
     assert [decoded[f"Bit_{n}"] for n in range(64)] == [n // 8 >> n % 8 & 1 for n in range(64)]
 
@@ -125,9 +125,9 @@ def test_a_message_of_64_bits() -> None:
 def test_limits_are_scaled_and_never_an_offset() -> None:
     kind = BY_SHORT_NAME["i16"]
     entry = OdEntry(0x2000, 0, "Torque", kind, low=-1500, high=1000)
-    rules = {ObjectRange(0x2000, 0x2000): Meaning(Scaling("Nm", Fraction(-1, 10), Fraction(5)))}
+    rules = {ObjectRange(0x2000, 0x2000): ScalingRule(Scaling("Nm", Fraction(-1, 10), Fraction(5)))}
     node = NodeState(5, "", {TPDO1: config((PdoMappingEntry(0x2000, 0, 16),))}, {}, described(entry), title="Drive")
-    text = bytes_of(network_messages(NetworkState((node,)), {5: Meanings([rules])})).decode()
+    text = bytes_of(network_messages(NetworkState((node,)), {5: ObjectScalings([rules])})).decode()
     assert ' SG_ Torque : 0|16@1- (-0.1,5) [-95|155] "Nm" Vector__XXX\r\n' in text
     assert "BO_ 389 Drive_n5_TPDO1: 2 Drive_n5\r\n" in text
 
@@ -139,16 +139,16 @@ BITS = {0: "ready", 3: "fault", 5: "ready", 9: ODD}
 def test_the_bits_of_a_word_are_its_value(before: int, short: str, data: bytes) -> None:
     kind = BY_SHORT_NAME[short]
     entry = OdEntry(0x2000, 0, "Status", kind)
-    rules = {ObjectRange(0x2000, 0x2000): Meaning(Scaling(bits=BITS))}
+    rules = {ObjectRange(0x2000, 0x2000): ScalingRule(Scaling(bits=BITS))}
     gap = (PdoMappingEntry(5, 0, before),) if before else ()
     sent = config((*gap, PdoMappingEntry(0x2000, 0, kind.bits or 0)))
     node = NodeState(5, "io", {TPDO1: sent}, {}, described(entry))
-    found = network_messages(NetworkState((node,)), {5: Meanings([rules])}, DbcOptions(split_bits=True))
+    found = network_messages(NetworkState((node,)), {5: ObjectScalings([rules])}, DbcOptions(split_bits=True))
     (message,) = cantools.database.load_string(bytes_of(found).decode("cp1252"), "dbc").messages
     decoded = message.decode(data[: message.length])
     assert {"Status_ready", "Status_fault", "Status_ready_2", "Status_bit_1"} <= decoded.keys()
     raw = sum(decoded[one.name] << one.start - before for one in message.signals)
-    ours = Decoder(pdo_layouts(5, node.pdos, node.dictionary, Meanings([rules]))).values(Frame(0x185, data))
+    ours = Decoder(pdo_layouts(5, node.pdos, node.dictionary, ObjectScalings([rules]))).values(Frame(0x185, data))
     assert raw == next(iter(ours.values())) % (1 << (kind.bits or 0))
 
 
@@ -158,7 +158,7 @@ def test_a_name_that_is_cut_stands_there_whole_beside_it() -> None:
     entries = [OdEntry(0x2000 + n, 0, name, kind) for n, name in enumerate([*names, names[0]])]
     sent = config(tuple(PdoMappingEntry(one.index, 0, 8) for one in entries))
     found = network_messages(
-        NetworkState((NodeState(5, "io", {TPDO1: sent}, {}, described(*entries)),)), {5: Meanings()}
+        NetworkState((NodeState(5, "io", {TPDO1: sent}, {}, described(*entries)),)), {5: ObjectScalings()}
     )
     assert [len(one.name) for one in found.messages[0].signals] == [32, 32, 5, 32]
     (message,) = cantools.database.load_string(bytes_of(found).decode("cp1252"), "dbc").messages
@@ -179,8 +179,8 @@ def test_pdos_that_are_off_are_in_it_where_that_is_wanted() -> None:
     pdos = dict(zip(map(Pdo.parse, ("tpdo1", "tpdo2", "tpdo3", "tpdo4", "rpdo1")), (off, one, nowhere, alone, empty),
                     strict=True))  # fmt: skip
     state = NetworkState((NodeState(5, "io", pdos, {}, described(*entries)),))
-    assert [one.name for one in network_messages(state, {5: Meanings()}).messages] == ["io_TPDO2"]
-    found = network_messages(state, {5: Meanings()}, DbcOptions(everything=True))
+    assert [one.name for one in network_messages(state, {5: ObjectScalings()}).messages] == ["io_TPDO2"]
+    found = network_messages(state, {5: ObjectScalings()}, DbcOptions(everything=True))
     assert [(one.name, one.comment) for one in found.messages] == [
         ("io_TPDO2", "TPDO2 of node 5, TPDO1 of node 5 (off)"), ("io_TPDO4", "TPDO4 of node 5 (off)"),
     ]  # fmt: skip
@@ -197,7 +197,7 @@ def test_who_hears_a_frame_receives_what_it_maps() -> None:
     sender = NodeState(1, "a", {TPDO1: config(both), RPDO1: config((dummy, both[1]), 0x300)}, {}, described(*entries))
     hearer = NodeState(2, "b", {RPDO1: config((dummy, both[1]))}, {}, described(*entries))
     also = NodeState(3, "c", {RPDO1: config((both[0],), 0x300), TPDO1: config(both)}, {}, described(*entries))
-    found = network_messages(NetworkState((sender, hearer, also)), dict.fromkeys((1, 2, 3), Meanings()))
+    found = network_messages(NetworkState((sender, hearer, also)), dict.fromkeys((1, 2, 3), ObjectScalings()))
     by_id = {one.can_id: one for one in found.messages}
     assert [(one.name, one.receivers) for one in by_id[0x185].signals] == [("S0", ()), ("S1", ("b",))]
     assert [(one.name, one.start, one.receivers) for one in by_id[0x300].signals] == [
@@ -209,7 +209,7 @@ def test_who_hears_a_frame_receives_what_it_maps() -> None:
 
 def test_a_pdo_that_no_frame_holds_is_left_out(tmp_path: Path) -> None:
     mapping = tuple(PdoMappingEntry(0x2000, 0, 64) for _ in range(2))
-    found = network_messages(NetworkState((NodeState(5, "", {TPDO1: config(mapping)}),)), {5: Meanings()})
+    found = network_messages(NetworkState((NodeState(5, "", {TPDO1: config(mapping)}),)), {5: ObjectScalings()})
     assert (found.messages, len(found.left_out)) == ([], 1)
 
 
@@ -229,7 +229,7 @@ def test_other_services_have_the_ids_and_times_of_the_nodes() -> None:
         (0x1016, 1): 0x2_0300,
     }
     state = NetworkState((NodeState(1, "a", {}, numbers), NodeState(2, "b", {TPDO1: config((), 0x701)}, {})))
-    found = network_messages(state, dict.fromkeys((1, 2), Meanings()), DbcOptions(SERVICES))
+    found = network_messages(state, dict.fromkeys((1, 2), ObjectScalings()), DbcOptions(SERVICES))
     read = cantools.database.load_string(bytes_of(found).decode("cp1252"), "dbc")
     assert found.left_out == ["a_Heartbeat: a PDO has its CAN-ID 0x701"]
     assert {one.frame_id for one in read.messages} == {0, 0x81, 0x91, 0x701, 0x702, 0x601, 0x602, 0x581, 0x582}

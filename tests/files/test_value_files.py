@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import BY_SHORT_NAME, Value
 from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.meanings import Meaning, Meanings, ObjectRange
+from dvtcli.domain.object_scalings import ObjectRange, ObjectScalings, ScalingRule
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.scaling import Scaling, parse_scale
@@ -30,10 +30,10 @@ from dvtcli.watch.table import Column, SignalRows, all_columns
 from tests.files.recordings import BEGIN_S
 
 SCALES = ("1/16 V", "rpm", "0.1 %", "1/32767", "0.01 °")
-MEANINGS = Meanings(
+MEANINGS = ObjectScalings(
     [
         {
-            ObjectRange(0x2000 + number, 0x2000 + number): Meaning(Scaling(unit, factor))
+            ObjectRange(0x2000 + number, 0x2000 + number): ScalingRule(Scaling(unit, factor))
             for number, (factor, unit) in enumerate(map(parse_scale, SCALES))
         }
     ]

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.datatypes import DATA_TYPES
 from dvtcli.domain.dictionary_difference import differences
-from dvtcli.domain.meanings import Meanings
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary, ObjectType, OdEntry, OdObject
+from dvtcli.domain.object_scalings import ObjectScalings
 from dvtcli.domain.scaling import Scaling
 from dvtcli.errors import InputFileError
 from dvtcli.files.device_file import device_file_bytes, parse_device_file
@@ -288,7 +288,7 @@ def scaled(unit: str = "", more: str = "") -> Scaling:
     """What an object means whose parameter has *more* attributes and *unit*."""
     parameter = f'<parameter uniqueID="U1" access="read"{more}><label lang="en">x</label><INT/>{unit}</parameter>'
     file = read(xdd(OBJECTS + variable(0x2000, "x", "0003", uniqueIDRef="U1"), parameter))
-    return Meanings((), dictionary=file.dictionary).of(0x2000, 0)
+    return ObjectScalings((), dictionary=file.dictionary).of(0x2000, 0)
 
 
 def unit(multiplier: str, label: str = "V") -> str:

@@ -38,8 +38,8 @@ class Heard(NullReporter):
     warning = note
 
 
-def _session(options: Options, tell: Heard, *, in_virtual_time: bool) -> Session:
-    session = Session(options, tell)
+def _session(options: Options, reporter: Heard, *, in_virtual_time: bool) -> Session:
+    session = Session(options, reporter)
     if in_virtual_time:
         session.simulate = partial(VirtualTimeBus, name="sim")
     return session
@@ -50,7 +50,7 @@ def served(
     *sim: str,
     allow_changes: bool = True,
     dialect: Dialect = Dialect.HASH,
-    tell: Heard | None = None,
+    reporter: Heard | None = None,
     dry_run: bool = False,
     in_virtual_time: bool = False,
     any_user: bool = False,
@@ -58,7 +58,7 @@ def served(
     """A session on simulated nodes, and its gateway, which runs in a thread."""
     options = Options(sim=sim, yes=True, dry_run=dry_run)
     with (
-        _session(options, tell or Heard(), in_virtual_time=in_virtual_time) as session,
+        _session(options, reporter or Heard(), in_virtual_time=in_virtual_time) as session,
         gateway(session, ("127.0.0.1", 0), allow_changes=allow_changes, any_user=any_user, dialect=dialect) as running,
     ):
         failed: list[BaseException] = []

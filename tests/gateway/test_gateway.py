@@ -28,7 +28,7 @@ from tests.process import PATIENCE_S
 
 def test_it_reads_writes_and_commands() -> None:
     heard = Heard()
-    with served("generic@4", tell=heard) as (_, running), Client(running) as client:
+    with served("generic@4", reporter=heard) as (_, running), Client(running) as client:
         assert client.ask("info version").startswith("dvtcli ")
         assert client.ask("4 r 0x1017 0 u16") == "500"
         assert client.ask("r 0x1017 0 u16").startswith("ERROR:105 #")
@@ -98,7 +98,7 @@ def test_who_resets_a_node_that_is_not_there_waits_alone() -> None:
     """Others are answered meanwhile, but for the node itself; the client's next line has its turn after the answer."""
     heard = Heard()
     with (
-        served("generic@4", tell=heard, in_virtual_time=True) as (_, running),
+        served("generic@4", reporter=heard, in_virtual_time=True) as (_, running),
         Client(running) as first,
         Client(running) as second,
         Client(running) as third,
@@ -119,7 +119,7 @@ def test_who_resets_a_node_that_is_not_there_waits_alone() -> None:
 
 def test_a_reset_ends_though_its_client_has_gone() -> None:
     heard = Heard()
-    with served("generic@4", tell=heard) as (session, running), Client(running) as client:
+    with served("generic@4", reporter=heard) as (session, running), Client(running) as client:
         assert client.ask("4 w 0x1017 0 u16 9") == "OK"
         with Client(running) as hasty:
             hasty.say(b"4 reset node\r\n")
@@ -279,7 +279,7 @@ def test_what_comes_from_elsewhere_is_refused() -> None:
 
 def test_idle_hostile_and_leaving_clients_stop_nobody() -> None:
     heard = Heard()
-    with served("generic@4", tell=heard) as (_, running), Client(running) as client:
+    with served("generic@4", reporter=heard) as (_, running), Client(running) as client:
         with Client(running), Client(running) as half, Client(running) as long, Client(running) as gone:
             half.say(b"[1] 4 r 0x10")
             long.say(b"x" * (LONGEST_LINE + 70_000))
@@ -298,7 +298,7 @@ def test_what_a_browser_posts_is_not_carried_out(method: str) -> None:
     heard = Heard()
     body = "[1] 4 w 0x1017 0 u16 777\n[2] 0 start\n"
     head = f"{method} / HTTP/1.1\r\nHost: localhost:60000\r\nContent-Type: text/plain\r\n\r\n"
-    with served("generic@4", tell=heard) as (session, running), Client(running) as client:
+    with served("generic@4", reporter=heard) as (session, running), Client(running) as client:
         with Client(running) as page, Client(running) as slow:
             page.say((head + body).encode())
             assert page.reply() == ""

@@ -109,7 +109,7 @@ def test_json_says_on_stderr_who_came_and_what_was_written(tmp_path: Path) -> No
 
 def test_a_passcode_is_not_told() -> None:
     heard = Heard()
-    with served("gen4-locked@1", tell=heard) as (_, running), Client(running) as client:
+    with served("gen4-locked@1", reporter=heard) as (_, running), Client(running) as client:
         assert client.ask("1 w 0x5000 2 u16 0x4444").startswith("ERROR:102 #0x5000:02 takes a passcode")
     assert not any("44 44" in one or "4444" in one for one in heard.said)
 
@@ -119,7 +119,7 @@ def test_a_passcode_is_not_told() -> None:
 @pytest.mark.parametrize("any_user", [False, True])
 def test_another_user_is_not_let_in(any_user: bool) -> None:
     heard = Heard()
-    with served("generic@4", tell=heard, any_user=any_user) as (_, running), Client(running) as own:
+    with served("generic@4", reporter=heard, any_user=any_user) as (_, running), Client(running) as own:
         asked = [*as_user(STRANGER), sys.executable, "-c", ASK, str(running.hub.port)]
         answer = subprocess.run(asked, capture_output=True, encoding="ascii", timeout=PATIENCE_S, check=True).stdout
         assert ("[1] 500" in answer) == any_user
@@ -134,7 +134,7 @@ def test_who_has_closed_already_is_nobody_known(any_user: bool) -> None:
     """Linux says user 0 of a connection that its program has closed, whose ever it was."""
     heard = Heard()
     with Session(Options(sim=("generic@4",))) as session:
-        session.tell = heard
+        session.reporter = heard
         with gateway(session, ("127.0.0.1", 0), any_user=any_user) as running:
             with socket.create_connection(("127.0.0.1", running.hub.port or 0)) as link:
                 link.sendall(b"[1] 4 w 0x1017 0 u16 7\n")
@@ -277,7 +277,7 @@ def test_nobody_makes_others_wait_for_silent_nodes() -> None:
 def test_who_knocks_in_vain_keeps_nobody_elses_knock_away() -> None:
     """All who wait are looked at together, so that a newcomer does not wait behind who is refused."""
     heard = Heard()
-    with served("generic@4", tell=heard) as (_, running):
+    with served("generic@4", reporter=heard) as (_, running):
         links = []
         try:
             for _ in range(300):

@@ -177,14 +177,14 @@ class DirectBus:
     def boot_ups(self, node_id: int) -> int:
         return self.heard_boot_ups
 
-    def upsets(self, node_id: int) -> int:
+    def disturbance_count(self, node_id: int) -> int:
         return self.boot_ups(node_id)
 
     def downloads_of_others(self, node_id: int) -> int:
         return 0
 
     def happened(self, node_id: int) -> tuple[int, int]:
-        return self.upsets(node_id), self.downloads_of_others(node_id)
+        return self.disturbance_count(node_id), self.downloads_of_others(node_id)
 
     def side_by_side(self, jobs: Sequence[Callable[[], None]]) -> list[BaseException]:
         return one_by_one(jobs)

@@ -47,9 +47,9 @@ def test_the_journal_has_every_pdo_before_the_first_write() -> None:
         labels = {pdo.label for pdo in held(bench)}
         ran = bench.run("learn --yes --json")
         assert ran.document["state"] == "left_changed", ran
-        keeper = bench.session.node(1).keeper
-        assert keeper is not None
-        journal = keeper.interrupted()
+        guard = bench.session.node(1).guard
+        assert guard is not None
+        journal = guard.interrupted()
         assert journal is not None
         assert labels <= {change.label for change in journal.plan.changes}
 

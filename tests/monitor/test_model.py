@@ -21,7 +21,7 @@ from dvtcli.cli.monitor.screen import picture
 from dvtcli.cli.monitor.signal_lines import age
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.meanings import Meanings, ObjectRange
+from dvtcli.domain.object_scalings import ObjectRange, ObjectScalings
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.scaling import Scaling
@@ -48,7 +48,7 @@ def config(cob_id: int, *entries: PdoMappingEntry) -> PdoConfig:
 
 def decoder() -> Decoder:
     tpdo = config(0x201, PdoMappingEntry(0x6C01, 1, 16), PdoMappingEntry(0x606C, 0, 32), PdoMappingEntry(0x6041, 0, 16))
-    return Decoder(pdo_layouts(1, {Pdo.parse("tpdo1"): tpdo}, None, Meanings()))
+    return Decoder(pdo_layouts(1, {Pdo.parse("tpdo1"): tpdo}, None, ObjectScalings()))
 
 
 @pytest.mark.parametrize(
@@ -98,25 +98,25 @@ def test_one_frame_has_no_rate() -> None:
 
 @given(st.lists(st.tuples(st.integers(0, 300), st.integers(-(2**31), 2**31)), min_size=1, max_size=80))
 def test_least_and_most_and_points_hold_every_value(samples: list[tuple[int, int]]) -> None:
-    course, time_s, values = ValueHistory(), 0.0, []
+    steps_in_order, time_s, values = ValueHistory(), 0.0, []
     for gap_ms, value in samples:
         time_s += gap_ms / 1000
         values.append(value)
-        course.take(value, time_s)
-    assert (course.low, course.high, course.last) == (min(values), max(values), values[-1])
-    assert min(point.low for point in course.points) == min(values)
-    assert max(point.high for point in course.points) == max(values)
-    assert course.points[-1].last == values[-1]
-    times = [point.time_s for point in course.points]
+        steps_in_order.take(value, time_s)
+    assert (steps_in_order.low, steps_in_order.high, steps_in_order.last) == (min(values), max(values), values[-1])
+    assert min(point.low for point in steps_in_order.points) == min(values)
+    assert max(point.high for point in steps_in_order.points) == max(values)
+    assert steps_in_order.points[-1].last == values[-1]
+    times = [point.time_s for point in steps_in_order.points]
     assert times == sorted(set(times))
 
 
 def test_what_is_no_number_is_not_counted() -> None:
-    course = ValueHistory()
-    course.take(float("nan"), 0.0)
-    course.take(b"ab", 1.0)
-    assert course.low is None
-    assert course.last == b"ab"
+    steps_in_order = ValueHistory()
+    steps_in_order.take(float("nan"), 0.0)
+    steps_in_order.take(b"ab", 1.0)
+    assert steps_in_order.low is None
+    assert steps_in_order.last == b"ab"
 
 
 @given(st.lists(st.floats(allow_nan=False, allow_infinity=False, width=32), max_size=30))
@@ -135,11 +135,11 @@ def test_a_sparkline_has_a_character_for_each_value(values: list[float]) -> None
 def test_a_graph_has_its_size_whatever_it_shows(
     samples: list[tuple[int, int]], width: int, height: int, plain: bool
 ) -> None:
-    course, time_s = ValueHistory(), 0.0
+    steps_in_order, time_s = ValueHistory(), 0.0
     for gap_ms, value in samples:
         time_s += gap_ms / 1000
-        course.take(value, time_s)
-    lines = graph(list(course.points), width, height, (time_s - 60, time_s), ends=("-60 s", "now"), plain=plain)
+        steps_in_order.take(value, time_s)
+    lines = graph(list(steps_in_order.points), width, height, (time_s - 60, time_s), ends=("-60 s", "now"), plain=plain)
     assert len(lines) == max(2, height - 2) + 2
     assert all(len(line) <= max(width, 22) for line in lines)
 
@@ -152,7 +152,7 @@ def test_a_store_tells_news_from_repetitions() -> None:
     other = Frame(0x201, bytes.fromhex("000A25FAFFFF3712"), timestamp_s=BEGIN_S + 1)
     assert store.take(other)
     (row,) = store.sorted_rows()
-    assert [course.last for course in row.courses] == [2560, 0xFFFFFA25, 0x1237]
+    assert [steps_in_order.last for steps_in_order in row.histories] == [2560, 0xFFFFFA25, 0x1237]
     assert [at for at, changed_s in enumerate(row.changed_s) if changed_s == BEGIN_S + 1] == [2]
     assert (store.frames, row.count) == (3, 3)
 
@@ -192,7 +192,7 @@ def test_frames_of_any_length_can_be_looked_at(payloads: list[bytes]) -> None:
 def test_a_tpdo_counts_before_an_rpdo_of_the_same_cob_id() -> None:
     entry = PdoMappingEntry(0x6041, 0, 16)
     configs = {Pdo.parse("rpdo1"): config(0x201), Pdo.parse("tpdo1"): config(0x201, entry)}
-    (layout,) = pdo_layouts(1, configs, None, Meanings()).values()
+    (layout,) = pdo_layouts(1, configs, None, ObjectScalings()).values()
     assert layout.service.label == "TPDO1"
 
 
@@ -207,8 +207,8 @@ def test_signals_of_one_name_are_told_apart() -> None:
 
 def test_columns_of_one_name_in_two_frames_are_told_apart() -> None:
     entry = PdoMappingEntry(0x6041, 0, 16)
-    two = Decoder(pdo_layouts(1, {Pdo.parse("tpdo1"): config(0x181, entry)}, None, Meanings()))
-    two.add(pdo_layouts(5, {Pdo.parse("tpdo1"): config(0x185, entry)}, None, Meanings()))
+    two = Decoder(pdo_layouts(1, {Pdo.parse("tpdo1"): config(0x181, entry)}, None, ObjectScalings()))
+    two.add(pdo_layouts(5, {Pdo.parse("tpdo1"): config(0x185, entry)}, None, ObjectScalings()))
     names = [column.name for column in all_columns(two).values()]
     assert names == ["TPDO1 node 1 6041:00", "TPDO1 node 5 6041:00"]
     assert len(find_tracks(["6041"], all_columns(two))) == 2
@@ -378,10 +378,10 @@ def golden_store() -> FrameStore:
     names = ("Analogue input 1", "Velocity actual value", "Statusword")
     (address, layout), *_ = decoder().layouts.items()
     statusword = standards()[-1].rules[ObjectRange(0x6041, 0x6041)].physical
-    meanings = (Scaling("V", Fraction(1, 256)), Scaling("rpm"), statusword)
+    scalings = (Scaling("V", Fraction(1, 256)), Scaling("rpm"), statusword)
     known = Layout(
         layout.service,
-        tuple(Signal(n, n, s.object, m, s.bits) for n, s, m in zip(names, layout.signals, meanings, strict=True)),
+        tuple(Signal(n, n, s.object, m, s.bits) for n, s, m in zip(names, layout.signals, scalings, strict=True)),
         layout.read,
     )
     store = FrameStore(Decoder({address: known}, {1: "Gen4"}), bitrate=125_000)
@@ -403,12 +403,12 @@ def test_what_is_learnt_later_counts_for_what_came_before() -> None:
         store.take(Frame(0x201, bytes.fromhex("000A24FAFFFF3712"), timestamp_s=BEGIN_S + number))
     store.know(decoder())
     (row,) = store.sorted_rows()
-    assert (row.service.label, row.count, row.courses[0].last) == ("TPDO1", 3, 2560)
-    course = row.courses[0]
+    assert (row.service.label, row.count, row.histories[0].last) == ("TPDO1", 3, 2560)
+    steps_in_order = row.histories[0]
     store.know(decoder())
-    assert row.courses[0] is course, "what is as before keeps its course"
+    assert row.histories[0] is steps_in_order, "what is as before keeps its course"
     store.know(Decoder())
-    assert (row.service.label, row.courses) == ("RPDO1?", [])
+    assert (row.service.label, row.histories) == ("RPDO1?", [])
 
 
 def test_a_gap_is_said_and_takes_what_was_seen_with_it() -> None:

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import BY_SHORT_NAME
 from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.meanings import Meaning, Meanings, ObjectRange
 from dvtcli.domain.network.network_state import NetworkState, NodeState
 from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
+from dvtcli.domain.object_scalings import ObjectRange, ObjectScalings, ScalingRule
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.scaling import Scaling
@@ -45,7 +45,7 @@ mapped = st.builds(
 )
 
 
-def node_of(objects: list[Mapped]) -> tuple[NodeState, Meanings]:
+def node_of(objects: list[Mapped]) -> tuple[NodeState, ObjectScalings]:
     """A node with a TPDO that maps *objects*, in frame order, and what they mean."""
     kinds = [BY_SHORT_NAME[one.kind] for one in objects]
     entries = [OdEntry(0x2000 + n, 0, f"Signal {n}", kind) for n, kind in enumerate(kinds)]
@@ -54,17 +54,17 @@ def node_of(objects: list[Mapped]) -> tuple[NodeState, Meanings]:
     )
     mapping = tuple(PdoMappingEntry(one.index, 0, kind.bits or 0) for one, kind in zip(entries, kinds, strict=True))
     config = PdoConfig(PdoCommunicationParameter(CobId(0x185), 255, None, None, None), mapping)
-    rules = {ObjectRange(0x2000 + n, 0x2000 + n): Meaning(one.physical) for n, one in enumerate(objects)}
-    return NodeState(NODE, "drive", {Pdo.parse("tpdo1"): config}, {}, dictionary), Meanings([rules])
+    rules = {ObjectRange(0x2000 + n, 0x2000 + n): ScalingRule(one.physical) for n, one in enumerate(objects)}
+    return NodeState(NODE, "drive", {Pdo.parse("tpdo1"): config}, {}, dictionary), ObjectScalings([rules])
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(mapped, min_size=1, max_size=2), st.binary(min_size=8, max_size=8))
 def test_one_frame_has_one_value(tmp_path: Path, objects: list[Mapped], data: bytes) -> None:
-    node, meanings = node_of(objects)
-    decoder = Decoder(pdo_layouts(NODE, node.pdos, node.dictionary, meanings))
+    node, scalings = node_of(objects)
+    decoder = Decoder(pdo_layouts(NODE, node.pdos, node.dictionary, scalings))
     (layout,) = decoder.layouts.values()
-    written = network_messages(NetworkState((node,)), {NODE: meanings})
+    written = network_messages(NetworkState((node,)), {NODE: scalings})
     path = tmp_path / "bus.dbc"
     path.write_bytes(dbc_bytes(written.nodes, written.messages))
     by_dbc = Decoder(read_dbc(str(path)))

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dvtcli.domain.ports import Frame
-from dvtcli.operations.values.object_values import meanings_of
+from dvtcli.operations.values.object_values import scalings_of
 from dvtcli.watch.decoder import Decoder
 from dvtcli.watch.explain.known_node import KnownNode
 from dvtcli.watch.frame_reader import FrameReader
@@ -137,7 +137,7 @@ def test_a_transfer_without_its_value_says_so(lost: slice, has_size: bool, says:
     frames = [*in_segments(bytes(range(1, 22)), is_write=False)]
     frames = frames if has_size else without_size(frames)
     del frames[lost]
-    reader = FrameReader(Decoder(), lambda _node_id: KnownNode(None, meanings_of(None, None)))
+    reader = FrameReader(Decoder(), lambda _node_id: KnownNode(None, scalings_of(None, None)))
     *_, last = [reader.read(Frame(0x601 if request else 0x581, data)) for request, data in frames]
     if says:
         assert last.text == f"read 2100:03: {says}"

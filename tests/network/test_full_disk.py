@@ -180,7 +180,7 @@ def _judge(disk: Path, job: Job, number: int, done: tuple[Any, Any]) -> None:
     empty(disk)
     if not waits:
         with chain.session(node=None) as session:
-            assert not session.open_network().keeping.interrupted(5, None)  # type: ignore[union-attr]
+            assert not session.open_network().change_files.interrupted(5, None)  # type: ignore[union-attr]
             recover(session)
     assert _held(chain) == (done if failed is None else before)
     if failed is not None:

@@ -81,7 +81,7 @@ def test_what_a_restart_took_while_nobody_listened_is_not_called_unstored(tmp_pa
     with Session(Options(yes=True, journal=str(tmp_path)), open_bus=lambda _options: bus) as session:
         session.comes_back = True
         changed(session)
-        session.tell.warning = said.append  # type: ignore[method-assign]
+        session.reporter.warning = said.append  # type: ignore[method-assign]
         if restarted:
             node.restart()
         session.take_bus(VirtualTimeBus([node], simulated=False))

@@ -292,7 +292,7 @@ def test_finish_beside_another_interrupted_change_says_how_to_go_on(home: Path) 
             recover(session, finish=True)
         assert "-n 5 recover --finish" in typed(told.value.hint)
         with after.session(node=None, dry_run=True) as session:
-            session.tell = said = Said()
+            session.reporter = said = Said()
             assert recover(session)
         assert [text for text in said.notes if "`-n 5 recover --finish` would go on" in text]
         with after.session(node=5) as session:
@@ -482,7 +482,7 @@ def test_a_bus_that_is_gone_once_all_have_stored_leaves_nothing_to_store(chain: 
     assert "recover --finish` looks at every node once more" in typed(left.hint)
     told = count_stores(chain)
     with chain.session(node=None) as session:
-        session.tell = said = Said()
+        session.reporter = said = Said()
         done = recover(session, finish=True)
     assert isinstance(done, Facts)
     assert (dict(done.rows)["stored"], told, chain.journals()) == ([], [], [])

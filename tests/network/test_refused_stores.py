@@ -124,7 +124,7 @@ def test_the_others_are_asked_and_it_goes_back(chain: Chain, home: Path, ids: tu
     refuse_stores(chain, ids)
     refused(chain, file(home, stamp=stamp))
     with chain.session(node=None) as session:
-        session.tell = said = Warned()
+        session.reporter = said = Warned()
         recover(session)
     assert (types(chain), chain.journals()) == (before, [])
     assert set(stamps(chain).values()) == {0}
@@ -310,7 +310,7 @@ def test_the_question_says_what_is_to_be_written_and_what_is_only_compared(chain
     refused(chain, file(home, stamp=False))
     chain.devices[5].download(*TYPE, b"\xff")
     with chain.session(node=None, yes=False) as session:
-        session.tell = asked = Asked()
+        session.reporter = asked = Asked()
         with pytest.raises(SafetyRefusal):
             recover(session)
     question = asked.questions[-1]

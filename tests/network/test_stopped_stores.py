@@ -67,7 +67,7 @@ def test_one_while_all_are_looked_at_takes_everything_back(chain: Chain, home: P
 def test_one_while_the_first_stores_says_that_the_others_do_so_too(chain: Chain, home: Path) -> None:
     said = Said()
     with chain.session() as session:
-        session.tell = said
+        session.reporter = said
         while_storing(chain, 5, lambda _chain: ctrl_c(session))
         done = applied(session, str(file(home)))
     assert said.warnings == [

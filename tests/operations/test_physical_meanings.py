@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.files.profile.library import load_profile
-from dvtcli.operations.values.object_values import meanings_of
+from dvtcli.operations.values.object_values import scalings_of
 from dvtcli.simulator.network.family_file import family_eds
 
 
 def test_an_object_that_no_file_describes_has_no_unit() -> None:
     """Without its type -1500 rpm would be 4294965796 rpm, and -7.5 A would be 4088.5 A."""
     gen4 = load_profile("gen4")
-    described, bare = meanings_of(gen4, read_eds(family_eds("gen4")).dictionary), meanings_of(gen4, None)
+    described, bare = scalings_of(gen4, read_eds(family_eds("gen4")).dictionary), scalings_of(gen4, None)
     assert (described.of(0x606C, 0).unit, described.of(0x5100, 2).unit) == ("rpm", "A")
     for place in ((0x606C, 0), (0x5100, 2), (0x60FF, 0)):
         assert not bare.of(*place).has_number

@@ -28,14 +28,14 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def waiting(node: Node, label: str, state: NmtState | None = None) -> Path:
     """The journal of a change of the event timer of PDO *label* that was interrupted; the node was in that *state*."""
-    assert node.keeper is not None
+    assert node.guard is not None
     pdo = Pdo.parse(label)
     now = node.pdo(pdo)
     after = replace(now, communication=replace(now.communication, event_timer=50))
-    path = node.keeper.journals.write(Plan(node.node_id, (plan_pdo(pdo, now, after),)), node.identity(), state)
-    node.keeper.lock.take()
-    node.keeper.lock.note(path)
-    node.keeper.lock.release()
+    path = node.guard.journals.write(Plan(node.node_id, (plan_pdo(pdo, now, after),)), node.identity(), state)
+    node.guard.lock.take()
+    node.guard.lock.note(path)
+    node.guard.lock.release()
     return path
 
 

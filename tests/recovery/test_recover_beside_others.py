@@ -23,10 +23,10 @@ TPDO1 = Pdo.parse("tpdo1")
 
 def under_way(node: Node, nmt_state: NmtState | None = None) -> Path:
     """Put the journal of a change of TPDO1's event timer to 50 ms on disk, as its first step; where it is."""
-    assert node.keeper is not None
+    assert node.guard is not None
     now = node.pdo(TPDO1)
     after = replace(now, communication=replace(now.communication, event_timer=50))
-    return node.keeper.journals.write(Plan(1, (plan_pdo(TPDO1, now, after),)), node.identity(), nmt_state)
+    return node.guard.journals.write(Plan(1, (plan_pdo(TPDO1, now, after),)), node.identity(), nmt_state)
 
 
 @pytest.mark.parametrize("line", ["recover", "recover --accept", "recover --discard", "recover FILE"])
@@ -58,8 +58,8 @@ def test_once_that_change_is_done_there_is_nothing_to_recover_and_nobody_is_kept
             node.begin_change()
             under_way(node)
             assert bench.run("recover").code == 6
-            assert node.keeper is not None
-            node.keeper.own_journal.end()
+            assert node.guard is not None
+            node.guard.own_journal.end()
         ran = bench.run("recover --json")
         assert (ran.code, ran.document["recovered"]) == (0, False)
         with Bench((), {**wire.options, **options}) as another:

@@ -128,8 +128,8 @@ def test_a_change_that_could_not_be_remembered_is_not_confused_with_the_one_befo
     with Wire(device("generic")) as wire, Bench((), {**wire.options, "yes": True}) as bench:
         assert bench.run("set tpdo1 --timer 5").code == 0
         node = bench.session.node()
-        assert node.keeper is not None
-        file = node.keeper.past.path(1, node.identity())
+        assert node.guard is not None
+        file = node.guard.history.path(1, node.identity())
         remembered = file.read_text("utf-8")
         file.parent.rename(aside)
         file.parent.touch()  # no folder: nothing can be remembered in it

@@ -201,38 +201,38 @@ def test_backups_are_listed_where_none_is_of_that_time(bench: Bench) -> None:
 
 
 def test_what_is_remembered_is_bounded_and_told_apart_by_identity(tmp_path: Path) -> None:
-    past = ChangeHistory(tmp_path, "socketcan:can0")
+    history = ChangeHistory(tmp_path, "socketcan:can0")
     drive: dict[str, int | None] = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
     for value in range(MOST_CHANGES + 10):
         step = Step(0x1017, 0, bytes([value, 0]), bytes([value + 1, 0]), "write")
-        past.add(Plan(5, (ValueChange(step),)), drive)
-    newest = past.newest(5, drive)
+        history.add(Plan(5, (ValueChange(step),)), drive)
+    newest = history.newest(5, drive)
     assert newest is not None
     assert newest.plan.steps[0].after == bytes([MOST_CHANGES + 10, 0])
-    assert len(json.loads(past.path(5, drive).read_text("utf-8"))["changes"]) == MOST_CHANGES
-    assert past.newest(9, drive) is None
-    assert past.moved(5, drive) is None
-    assert past.moved(9, drive) == newest, "the serial number says that it is the same device with another node-ID"
-    assert past.newest(5, drive | {"serial": 5}) is None
+    assert len(json.loads(history.path(5, drive).read_text("utf-8"))["changes"]) == MOST_CHANGES
+    assert history.newest(9, drive) is None
+    assert history.moved(5, drive) is None
+    assert history.moved(9, drive) == newest, "the serial number says that it is the same device with another node-ID"
+    assert history.newest(5, drive | {"serial": 5}) is None
     assert ChangeHistory(tmp_path, "socketcan:can1").newest(5, drive) is None
     for nobody in (None, 0, 0xFFFF_FFFF):
         alike = drive | {"serial": nobody}
-        past.add(newest.plan, alike)
-        assert past.newest(5, alike) is not None
-        assert past.newest(6, alike) is None
-        assert past.moved(6, alike) is None
-    last = past.newest_of_all()
+        history.add(newest.plan, alike)
+        assert history.newest(5, alike) is not None
+        assert history.newest(6, alike) is None
+        assert history.moved(6, alike) is None
+    last = history.newest_of_all()
     assert last is not None
     assert last.identity["serial"] == 0xFFFF_FFFF
 
 
 def test_what_grows_too_large_to_be_read_loses_its_oldest(tmp_path: Path) -> None:
-    past = ChangeHistory(tmp_path, "socketcan:can0")
+    history = ChangeHistory(tmp_path, "socketcan:can0")
     drive: dict[str, int | None] = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
     for value in range(4):
         step = Step(0x2000, 0, bytes(600_000), bytes([value]) * 600_000, "write")
-        past.add(Plan(5, (ValueChange(step),)), drive)
-        newest = past.newest(5, drive)
+        history.add(Plan(5, (ValueChange(step),)), drive)
+        newest = history.newest(5, drive)
         assert newest is not None
         assert newest.plan.steps[0].after[0] == value
 

@@ -63,8 +63,8 @@ def interrupted(chain: Chain, node_id: int = 5, places: Collection[tuple[int, in
         for place in places:
             held = node.upload(*place)
             changes.append(ValueChange(Step(*place, held, bytes([7]).ljust(len(held), b"\0"), "write")))
-        assert node.keeper is not None
-        path = node.keeper.journals.write(Plan(node_id, tuple(changes)), node.identity(), None)
+        assert node.guard is not None
+        path = node.guard.journals.write(Plan(node_id, tuple(changes)), node.identity(), None)
     for step in (step for change in changes for step in change.steps):
         chain.devices[node_id].download(step.index, step.sub_index, step.after)
     return path

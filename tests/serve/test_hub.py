@@ -389,7 +389,7 @@ class Starter:
 
     frames: list[Frame]
 
-    def tell(self, frame: Frame) -> None:
+    def reporter(self, frame: Frame) -> None:
         """Nobody listens there."""
 
     def heard(self) -> list[Frame]:

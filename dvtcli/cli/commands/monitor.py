@@ -65,9 +65,15 @@ def command(
             view = View(filter=wanted or "", plain=session.output.plain, changes=changes, only=only or frozenset())
             watch(session, watched, view, duration)
         else:
-            show, tell = _shown_by(session), _told_by(session)
+            show, reporter = _shown_by(session), _told_by(session)
             stream(
-                watched, show, (wanted or "").lower(), duration, changes=changes, only=only or frozenset(), tell=tell
+                watched,
+                show,
+                (wanted or "").lower(),
+                duration,
+                changes=changes,
+                only=only or frozenset(),
+                reporter=reporter,
             )
 
 
@@ -79,9 +85,9 @@ def _shown_by(session: Conversation) -> Callable[[Iterable[FrameSeen]], None]:
 def _told_by(session: Conversation) -> Tell:
     """Report a lost or restored bus as a document among the frames; without --json also as a line of text."""
 
-    def tell(event: BusEvent) -> None:
+    def reporter(event: BusEvent) -> None:
         session.output.documents([event.document()])
         if not session.output.json:
             session.output.lines([event.text])
 
-    return tell
+    return reporter

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
-from dvtcli.cli.boundary import LEAVE, guarded
+from dvtcli.cli.boundary import LEAVE, exit_code_of
 from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.lexer import split
 from dvtcli.cli.ways import Ways, ways
@@ -113,8 +113,8 @@ def _shown(guide: Conversation, lines: Ways, step: TourStep) -> bool:
 
 def _run(guide: Conversation, lines: Ways, line: str) -> int:
     """Run a line as at the prompt."""
-    code = guarded(guide, lambda: lines.line(guide, split(line)) if split(line) else 0)
-    return guarded(guide, lambda: guide.end_line(code)) or code
+    code = exit_code_of(guide, lambda: lines.line(guide, split(line)) if split(line) else 0)
+    return exit_code_of(guide, lambda: guide.end_line(code)) or code
 
 
 def _say(guide: Conversation, *lines: str) -> None:

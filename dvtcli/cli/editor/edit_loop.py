@@ -59,7 +59,7 @@ def edit(session: Conversation, pdo: NodePdo | None) -> None:
         if note := editor.pdos.read_again(node.pdos()):
             editor.say(f"{editor.view.message}; {note}", bad=True)
     if left := editor.pdos.changed():
-        session.tell.note(f"{', '.join(pdo.label for pdo in left)} left as it was")
+        session.reporter.note(f"{', '.join(pdo.label for pdo in left)} left as it was")
 
 
 def _said(result: Changed, changed: Collection[Pdo]) -> str:

@@ -29,7 +29,7 @@ from dvtcli.errors import BusUnavailable, DvtcliError, UsageError
 from dvtcli.operations.pdos.edit_pdos import judge_edited, plan_edited, save_edited
 from dvtcli.operations.pdos.list_pdos import last_frame
 from dvtcli.operations.values.named_objects import entry_at
-from dvtcli.operations.values.object_values import meanings_of
+from dvtcli.operations.values.object_values import scalings_of
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
@@ -56,8 +56,8 @@ class Editor:
         if chosen is not None:
             self.view.pdo_cursor.chosen = order.index(chosen)
             self.view.pane = FRAME
-        self._meanings = meanings_of(node.profile, node.dictionary)
-        self._objects = ObjectList(node.dictionary, node.profile, self._meanings)
+        self._scalings = scalings_of(node.profile, node.dictionary)
+        self._objects = ObjectList(node.dictionary, node.profile, self._scalings)
         self._dialogs: list[Dialog] = []
         self._happened = node.bus.happened(node.node_id)
         self._judged: dict[Pdo, PdoConfig] | None = None
@@ -132,7 +132,7 @@ class Editor:
         if view.config == self.pdos.held.get(view.pdo):
             heard = last_frame(self._session, self.node, view.pdo, view.config)
             values = {} if heard is None else {
-                entry: value_text(value, self._meanings.of(entry.index, entry.sub_index), entry.bits)
+                entry: value_text(value, self._scalings.of(entry.index, entry.sub_index), entry.bits)
                 for entry, value in zip(view.config.mapping, heard.values, strict=True) if value is not None
             }  # fmt: skip
         for entry in view.config.mapping:

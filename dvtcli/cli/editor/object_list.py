@@ -10,8 +10,8 @@ from dvtcli.domain.object_dictionary import normalised
 from dvtcli.domain.rules.mapped_object import is_taken
 
 if TYPE_CHECKING:
-    from dvtcli.domain.meanings import Meanings
     from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
+    from dvtcli.domain.object_scalings import ObjectScalings
     from dvtcli.domain.profile import DeviceProfile
 
 
@@ -41,10 +41,10 @@ class Offer:
 class ObjectList:
     """All objects of *dictionary*, looked at once."""
 
-    def __init__(self, dictionary: ObjectDictionary | None, profile: DeviceProfile, meanings: Meanings) -> None:
+    def __init__(self, dictionary: ObjectDictionary | None, profile: DeviceProfile, scalings: ObjectScalings) -> None:
         self._listed: list[Listed] = []
         if dictionary is not None:
-            self._listed = [_listed(dictionary, profile, meanings, entry) for entry in dictionary.entries()]
+            self._listed = [_listed(dictionary, profile, scalings, entry) for entry in dictionary.entries()]
         #: each object, its offer if it can be mapped, and if it cannot, into an RPDO and into a TPDO
         self._offers = [(listed, Offer(listed), (_refused(listed, 0), _refused(listed, 1))) for listed in self._listed]
         self._last: tuple[tuple[str, bool, int], list[Offer]] | None = None
@@ -75,9 +75,9 @@ class ObjectList:
         return [*numbers, *names, *others, *too_long, *refused]
 
 
-def _listed(dictionary: ObjectDictionary, profile: DeviceProfile, meanings: Meanings, entry: OdEntry) -> Listed:
+def _listed(dictionary: ObjectDictionary, profile: DeviceProfile, scalings: ObjectScalings, entry: OdEntry) -> Listed:
     name = dictionary.display_name(entry.index, entry.sub_index)
-    unit = meanings.of(entry.index, entry.sub_index).unit
+    unit = scalings.of(entry.index, entry.sub_index).unit
     search = f"{normalised(entry.object)} {normalised(name)} {unit.lower()}"
     rpdo, tpdo = (is_taken(profile, dictionary, entry, tpdo=way) for way in (False, True))
     return Listed(entry, name, unit, search, (rpdo, tpdo))

@@ -114,9 +114,9 @@ def picture(store: FrameStore, view: View, moment: Moment, width: int, height: i
 def chosen_signals(store: FrameStore, view: View) -> list[tuple[SeenFrame, Signal, ValueHistory]]:
     """Return the signals passing the filter, in order of the screen."""
     return [
-        (row, signal, course)
+        (row, signal, history)
         for row in _rows(store, view)
-        for signal, course in _shown(store, row, view.filter.lower())
+        for signal, history in _shown(store, row, view.filter.lower())
         if row.service.kind != "sdo"
     ]
 
@@ -129,7 +129,7 @@ def _rows(store: FrameStore, view: View) -> list[SeenFrame]:
 
 def _shown(store: FrameStore, row: SeenFrame, wanted: str) -> list[tuple[Signal, ValueHistory]]:
     """Return the signals of *row* passing the filter: all if the frame's own name matches."""
-    pairs = list(zip(row.layout.signals, row.courses, strict=True))
+    pairs = list(zip(row.layout.signals, row.histories, strict=True))
     if wanted in title_of(row, store.decoder.called).lower():
         return pairs
     return [pair for pair in pairs if wanted in f"{pair[0].key} {pair[0].object}".lower()]
@@ -206,11 +206,11 @@ def _table(store: FrameStore, view: View, moment: Moment, width: int, room: int)
             idle += 1
             continue
         lines.append(row_line(row, store, moment, width, with_words=view.mode != RAW))
-        for signal, course in signals:
+        for signal, history in signals:
             chosen = number == view.chosen
             at_chosen = len(lines) if chosen else at_chosen
             if view.mode == TABLE:
-                lines.append(signal_line(signal, course, view, moment, width, chosen=chosen))
+                lines.append(signal_line(signal, history, view, moment, width, chosen=chosen))
             number += 1
     if idle:
         lines.append([Cell(f"  {plural(idle, 'idle SDO row')} left out: f sdo shows them", "dim")])
@@ -237,16 +237,16 @@ def _graph(store: FrameStore, view: View, moment: Moment, width: int, room: int)
     signals = chosen_signals(store, view)
     if not signals:
         return [[Cell("  no signal to draw: nothing decoded yet, or nothing fits the filter", "dim")]]
-    row, signal, course = signals[min(view.chosen, len(signals) - 1)]
+    row, signal, history = signals[min(view.chosen, len(signals) - 1)]
     title = f"{title_of(row, store.decoder.called)}  {signal.object}  {signal.name}".rstrip()
-    now = Cell(f"  {value_of(signal, course, width)}   ", "yellow")
-    if course.low is None:
+    now = Cell(f"  {value_of(signal, history, width)}   ", "yellow")
+    if history.low is None:
         return [[Cell(title, "bold"), now], [Cell("  no number came yet", "dim")]]
     span_s = (moment.now_s - GRAPH_S, moment.now_s)
     ends = f"-{GRAPH_S:g} s", "now"
-    points = physical_points(course.points, signal.meaning)
+    points = physical_points(history.points, signal.meaning)
     drawn = graph(points, width, max(4, room - 1), span_s, ends=ends, plain=view.plain)
-    return [with_more([Cell(title, "bold"), now], signal, course, width), *([Cell(line)] for line in drawn)]
+    return [with_more([Cell(title, "bold"), now], signal, history, width), *([Cell(line)] for line in drawn)]
 
 
 def chosen_row(store: FrameStore, view: View) -> tuple[SeenFrame, Signal | None] | None:

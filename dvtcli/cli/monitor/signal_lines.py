@@ -84,46 +84,46 @@ def _bytes(row: SeenFrame, moment: Moment) -> Iterator[Cell]:
 
 
 def signal_line(
-    signal: Signal, course: ValueHistory, view: View, moment: Moment, width: int, *, chosen: bool
+    signal: Signal, history: ValueHistory, view: View, moment: Moment, width: int, *, chosen: bool
 ) -> list[Cell]:
     """Return a signal's line: object, name, value, sparkline, and details; marked if *chosen*."""
     value_width = VALUE if width < WIDE else LONG_VALUE
     name_width = max(10, min(40, width - 43 - value_width))
-    fresh = moment.now_s - course.changed_s < FRESH_S
+    fresh = moment.now_s - history.changed_s < FRESH_S
     long = max(SPARK, min(LONG_SPARK, width - 77 - value_width))
-    drawn = spark([point.last for point in list(course.points)[-long:]], levels(view))
+    drawn = spark([point.last for point in list(history.points)[-long:]], levels(view))
     return with_more(
         [
             Cell("  > " if chosen else "    ", "cyan"),
             Cell(f"{signal.object:<7}  {filled(signal.name, name_width, plain=view.plain)} "),
-            Cell(f"{value_of(signal, course, value_width):>{value_width}}  ", "yellow" if fresh else ""),
+            Cell(f"{value_of(signal, history, value_width):>{value_width}}  ", "yellow" if fresh else ""),
             Cell(f"{drawn:<{long}}  ", "green"),
         ],
-        signal, course, width,
+        signal, history, width,
     )  # fmt: skip
 
 
-def value_of(signal: Signal, course: ValueHistory, width: int) -> str:
+def value_of(signal: Signal, history: ValueHistory, width: int) -> str:
     """Return a signal's value, without the raw value if over *width* columns; a statusword's raw value."""
-    meaning, last = signal.meaning, course.last
-    if isinstance(last, int) and _words(signal, course):
+    meaning, last = signal.meaning, history.last
+    if isinstance(last, int) and _words(signal, history):
         return meaning.raw_text(last, signal.bits)
     text = value_text(last, meaning, signal.bits)
     return meaning.quantity(last) if len(text) > width and isinstance(last, int | float) else text
 
 
-def with_more(line: list[Cell], signal: Signal, course: ValueHistory, width: int) -> list[Cell]:
+def with_more(line: list[Cell], signal: Signal, history: ValueHistory, width: int) -> list[Cell]:
     """Append minimum and maximum to *line* within *width* columns; for a statusword its state."""
-    more = _words(signal, course)
-    if not more and course.low is not None and course.high is not None:
+    more = _words(signal, history)
+    if not more and history.low is not None and history.high is not None:
         room = width - sum(columns(cell.text) for cell in line)
-        more = least_and_most(signal.meaning, course.low, course.high, room)
+        more = least_and_most(signal.meaning, history.low, history.high, room)
     return [*line, Cell(more, "dim")]
 
 
-def _words(signal: Signal, course: ValueHistory) -> str:
+def _words(signal: Signal, history: ValueHistory) -> str:
     """Return the state in a statusword or similar; empty for a number."""
-    meaning, last = signal.meaning, course.last
+    meaning, last = signal.meaning, history.last
     return meaning.words(last) if isinstance(last, int) and not meaning.has_number else ""
 
 
@@ -135,8 +135,8 @@ def frame_lines(
     if row.layout.mapping:
         lines += [[Cell(text)] for text in picture(_pdo_row(row), max(79, width))]
     lines.append(_picture_bytes(row, moment, max(79, width)))
-    for signal, course in zip(row.layout.signals, row.courses, strict=True):
-        lines.append(signal_line(signal, course, view, moment, width, chosen=signal is chosen))
+    for signal, history in zip(row.layout.signals, row.histories, strict=True):
+        lines.append(signal_line(signal, history, view, moment, width, chosen=signal is chosen))
     return lines
 
 

@@ -223,7 +223,7 @@ class _Shown:
 
     node: int
     signal: Signal
-    course: ValueHistory
+    history: ValueHistory
     read_s: float | None
     problem: str = ""
 
@@ -246,7 +246,7 @@ class Board:
         """Begin anew with all statistics."""
         self.store.forget()
         for watched_object in self.objects:
-            watched_object.course.forget()
+            watched_object.history.forget()
 
 
 def watch_picture(board: Board, view: View, moment: Moment, width: int, height: int) -> Lines:
@@ -270,7 +270,7 @@ def shown_values(board: Board) -> list[_Shown]:
         _Shown(
             watched_object.node,
             watched_object.signal,
-            watched_object.course,
+            watched_object.history,
             watched_object.read_s,
             watched_object.problem,
         )
@@ -282,8 +282,8 @@ def shown_values(board: Board) -> list[_Shown]:
 def _signals(board: Board, pdo: WatchedPdo) -> Iterator[_Shown]:
     row = board.row(pdo)
     if row is not None:
-        for signal, course in zip(row.layout.signals, row.courses, strict=True):
-            yield _Shown(pdo[0], signal, course, row.last_s)
+        for signal, history in zip(row.layout.signals, row.histories, strict=True):
+            yield _Shown(pdo[0], signal, history, row.last_s)
 
 
 def _state(board: Board, view: View, moment: Moment) -> list[Cell]:
@@ -357,15 +357,15 @@ def _line(one: _Shown, view: View, moment: Moment, width: int, *, chosen: bool) 
     ]
     if one.problem:
         return [*cells, Cell(one.problem, "red")]
-    value = value_of(one.signal, one.course, _VALUE)
-    fresh = one.course.changed_s == one.read_s or moment.now_s - one.course.changed_s < FRESH_S
-    drawn = spark([point.last for point in list(one.course.points)[-long:]], levels(view))
+    value = value_of(one.signal, one.history, _VALUE)
+    fresh = one.history.changed_s == one.read_s or moment.now_s - one.history.changed_s < FRESH_S
+    drawn = spark([point.last for point in list(one.history.points)[-long:]], levels(view))
     cells += [
         Cell(f"{value:>{_VALUE}}{'*' if fresh else ' '}", "yellow" if fresh else ""),
         Cell(f" {old:>7}  ", "dim"),
         Cell(f"{drawn:<{long}}  ", "green"),
     ]
-    return with_more(cells, one.signal, one.course, width)
+    return with_more(cells, one.signal, one.history, width)
 
 
 def _graph(board: Board, view: View, moment: Moment, width: int, room: int) -> Lines:
@@ -374,11 +374,11 @@ def _graph(board: Board, view: View, moment: Moment, width: int, room: int) -> L
         return [[Cell("  nothing to draw: no value came yet", "dim")]]
     one = shown[max(0, min(view.chosen, len(shown) - 1))]
     title = f"node {one.node}  {one.signal.object}  {one.signal.name}".rstrip()
-    if one.course.low is None:
+    if one.history.low is None:
         return [[Cell(title, "bold"), Cell(f"  {one.problem or 'no number came yet'}", "dim")]]
     span_s = (moment.now_s - GRAPH_S, moment.now_s)
     ends = f"-{GRAPH_S:g} s", "now"
-    points = physical_points(one.course.points, one.signal.meaning)
+    points = physical_points(one.history.points, one.signal.meaning)
     drawn = graph(points, width, max(4, room - 1), span_s, ends=ends, plain=view.plain)
-    head = [Cell(title, "bold"), Cell(f"  {value_of(one.signal, one.course, width)}   ", "yellow")]
-    return [with_more(head, one.signal, one.course, width), *([Cell(line)] for line in drawn)]
+    head = [Cell(title, "bold"), Cell(f"  {value_of(one.signal, one.history, width)}   ", "yellow")]
+    return [with_more(head, one.signal, one.history, width), *([Cell(line)] for line in drawn)]

@@ -33,14 +33,14 @@ class BesideScreen:
         self.question: Question | None = None
         #: what is being done, empty for nothing
         self.doing = ""
-        self._session, self._outer = session, session.tell
+        self._session, self._outer = session, session.reporter
         self._said: deque[tuple[str, bool]] = deque()
         self._failure: BaseException | None = None
         self._thread: threading.Thread | None = None
         self._answer: bool | None = None
         self._answered = threading.Event()
         self._leaving = False
-        session.tell = self
+        session.reporter = self
 
     def start(self, doing: str, work: Callable[[], str]) -> None:
         """Do *work* now, called *doing*; its text is said at its end. Says so if another operation is running."""
@@ -82,7 +82,7 @@ class BesideScreen:
         self._answered.set()
         while self._thread is not None and self._thread.is_alive():
             self._thread.join(_LOOK_S)
-        self._session.tell = self._outer
+        self._session.reporter = self._outer
         for text, bad in self._said:
             (self._outer.warning if bad else self._outer.note)(text)
 

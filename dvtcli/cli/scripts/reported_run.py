@@ -6,7 +6,7 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from dvtcli.cli.boundary import guarded
+from dvtcli.cli.boundary import exit_code_of
 from dvtcli.cli.scripts.script_report import LineRan, ScriptReport
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def reported_run(session: Conversation, file: str, run: Callable[[], int]) -> in
     try:
         with session.under(format="text"):
             whole = LineRan(file, 1, f"run {file}")
-            whole.code = guarded(session, run)
+            whole.code = exit_code_of(session, run)
             whole.error, whole.said = output.failed, "" if report.lines else report.kept.getvalue()
             whole.number = _line_of(file, whole.error) or 1
     finally:

@@ -41,8 +41,8 @@ class NodeRolledBack:
             if self.made and self.node.bus.boot_ups(self.node.node_id) != self.boot_ups:
                 raise NoAnswer("it restarted meanwhile")  # what was put back before that may be lost again
             self._look_again()
-            if self.node.keeper is not None:
-                self.node.keeper.own_journal.end_whole()
+            if self.node.guard is not None:
+                self.node.guard.own_journal.end_whole()
         except (DvtcliError, KeyboardInterrupt) as failed:
             return left_of(self.node, self.made, cause, failed)
         from dvtcli.device.change.undo_plan import unknown_before
@@ -95,7 +95,7 @@ def left_of(node: Node, plans: list[Plan], cause: str, failed: BaseException) ->
 
     left = not_rolled_back(plans, node.node_id, cause, str(failed) or "interrupted")
     left.__cause__ = failed
-    path = node.keeper.open_journal() if node.keeper is not None else None
+    path = node.guard.open_journal() if node.guard is not None else None
     if path is not None:
         finish = Hint(Action.RECOVER, why=f"finishes it, from {verbatim(path)}")
         left.place = str(path)
@@ -270,7 +270,7 @@ class ScriptChanges:
         """Return journals of all nodes met so far, for an atomic script that is still open."""
         if not self.atomic or self._session.whole.id is None:
             return []
-        return [node.keeper.own_journal for node in self._session.met_nodes() if node.keeper is not None]
+        return [node.guard.own_journal for node in self._session.met_nodes() if node.guard is not None]
 
     def take_back(self, cause: str, failed: LeftChanged | None = None) -> None:
         """Undo all changes on all nodes, newest first, each verified. Raises LeftChanged if any remain.
@@ -310,13 +310,13 @@ class ScriptChanges:
             return
         for node in self._session.met_nodes():
             if id(node) not in self._operational and (said := node.gate.abandon()):
-                self._session.tell.warning(said)
+                self._session.reporter.warning(said)
 
     def _take_back(self, node: Node, cause: str) -> NodeRolledBack:
         """Undo the changes of *node*, or record the reason for failure; its journal stays."""
         made = self._made(node)
         tried = NodeRolledBack(node, made)
-        if not made and (node.keeper is None or node.keeper.open_journal() is None):
+        if not made and (node.guard is None or node.guard.open_journal() is None):
             return tried  # nothing was written to it, and it need not be there any more
         try:
             tried.boot_ups = node.bus.boot_ups(node.node_id)

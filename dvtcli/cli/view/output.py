@@ -100,7 +100,7 @@ class Output:
         if not self.quiet:
             self.lines(remarks(result))
         lines = [*map(self._painter(self.stdout), text(result, self.width))]
-        if not result.at_leisure or not self._page(lines):
+        if not result.use_pager or not self._page(lines):
             with self._answering():
                 for line in lines:
                     print(line, file=self.stdout)

@@ -35,7 +35,7 @@ def _renderer(place: str, *, is_report: bool) -> Callable[[Result, int], Iterabl
 def remarks(result: Result) -> Iterator[Line]:
     """Return warnings and notes of *result* for stderr."""
     findings = getattr(result, "findings", ())
-    if findings and result.remarked:
+    if findings and result.show_findings:
         from dvtcli.cli.view.error_lines import finding_line
 
         yield from map(finding_line, findings)

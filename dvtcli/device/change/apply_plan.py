@@ -76,9 +76,9 @@ def apply_plan(
         if is_watched:
             node.known_pdos()
         cob_ids = cob_ids_beside(node, plan)
-        if node.keeper is not None:
+        if node.guard is not None:
             pdos, held = node.known_pdos, node.last_read
-            node.keeper.begin(plan, node.identity(), found.state, pdos, held, is_test=keep_journal, is_kept=is_kept)
+            node.guard.begin(plan, node.identity(), found.state, pdos, held, is_test=keep_journal, is_kept=is_kept)
         try:
             beside = wholes_beside(node, plan, found)
             untold = any(config.lacking for config in node.last_read.values())
@@ -101,8 +101,8 @@ def apply_plan(
             raise
         node.answered_otherwise = dict(transaction.answered_otherwise)
         node.expected.seen(beside, whole=is_watched and not untold)
-        if node.keeper is not None:
-            node.keeper.own_journal.carried_out()
+        if node.guard is not None:
+            node.guard.own_journal.carried_out()
         done(plan, transaction.boot_ups_verified)
         end_change(node, plan, lambda: return_to_state(node, found), keep_journal=keep_journal)
     node.cancellation.hold()
@@ -148,12 +148,12 @@ def _transaction(node: Changeable, plan: Plan, others: UntouchedPdos, found: Ini
     """The transaction that writes *plan*, made from what was read since *node* was *found*, and watches *others*."""
 
     def note(changes: Sequence[Change]) -> None:
-        if node.keeper is None:
+        if node.guard is None:
             return
         try:
-            node.keeper.own_journal.note(Plan(plan.node_id, tuple(changes)))
+            node.guard.own_journal.note(Plan(plan.node_id, tuple(changes)))
         except SafetyRefusal as failed:  # a way back does not wait for a disk
-            node.keeper.warn(f"{failed.text}: if this ends before its time, a recovery does not know all of it")
+            node.guard.warn(f"{failed.text}: if this ends before its time, a recovery does not know all of it")
 
     steps, total = count(1), len(plan)
 

@@ -32,12 +32,12 @@ from dvtcli.errors import InputFileError, SafetyRefusal
 
 @dataclass(slots=True)
 class BackingUp:
-    """The backups in *folder* of the node at *node_id* on *bus*; *past* is the change history of `undo`."""
+    """The backups in *folder* of the node at *node_id* on *bus*; *history* is the change history of `undo`."""
 
     folder: Path
     bus: str
     node_id: int
-    past: ChangeHistory
+    history: ChangeHistory
 
     def needed(self, identity: Identity, held: Mapping[Pdo, PdoConfig]) -> bool:
         """True if this device has no backup, or a PDO in *held* matches no backup and no remembered change.
@@ -67,7 +67,7 @@ class BackingUp:
     def _remembered(self, identity: Identity) -> set[tuple[Pdo, PdoConfig]]:
         """The PDO configurations before and after the changes in the history; empty if the file is damaged."""
         try:
-            entries = self.past.entries(self.node_id, identity)
+            entries = self.history.entries(self.node_id, identity)
         except InputFileError:  # the next change sets it aside and reports that
             return set()
         changes = (change for entry in entries for change in entry.plan.changes if isinstance(change, PdoChange))
@@ -111,22 +111,22 @@ class ChangeGuard:
     #: the journal of this process
     own_journal: OwnJournal = field(init=False)
     #: the change history, for later processes
-    past: ChangeHistory = field(init=False)
+    history: ChangeHistory = field(init=False)
     _backing_up: BackingUp = field(init=False)
 
     def __post_init__(self) -> None:
         self.lock = NodeLock(self.locks, self.bus, self.node_id, self.command, self._remove_unfinished)
         self.journals = Journals(self.folder / "journals", self.bus)
         self.own_journal = OwnJournal(self.journals, self.lock, self.whole, self.warn)
-        self.past = ChangeHistory(self.locks.parent / "changes", self.bus, self.warn)
-        self._backing_up = BackingUp(self.folder / "backups", self.bus, self.node_id, self.past)
+        self.history = ChangeHistory(self.locks.parent / "changes", self.bus, self.warn)
+        self._backing_up = BackingUp(self.folder / "backups", self.bus, self.node_id, self.history)
 
     def _remove_unfinished(self) -> None:
         """Remove half-written files left by a killed process; requires the lock, whose holder is the only writer."""
         own = self.journals.path(self.node_id)
         remove_unfinished(own.parent, own.name)
         remove_unfinished(self.folder / "backups", f"{own.stem}-*.dvt")
-        remove_unfinished(self.past.folder, f"{file_name(self.bus)}-*-node{self.node_id}.json")
+        remove_unfinished(self.history.folder, f"{file_name(self.bus)}-*-node{self.node_id}.json")
 
     def open_journal(self) -> Path | None:
         """Path of the journal of an unfinished change, in our folder or as noted by another dvtcli."""
@@ -248,7 +248,7 @@ class ChangeGuard:
 
     def remember(self, plan: Plan) -> None:
         """Let a later `undo` revert *plan*, registered by `begin` and now verified."""
-        self.past.add(plan, self.own_journal.identity, self.own_journal.entry)
+        self.history.add(plan, self.own_journal.identity, self.own_journal.entry)
 
     def forget(self, journal: Journal, back: Plan | None = None) -> None:
         """Remove the recovered *journal*, wherever stored; the journal of another change of the node stays.
@@ -257,7 +257,7 @@ class ChangeGuard:
         """
         with self._files("removed"):
             remove(journal.path)
-        self.past.drop(self.node_id, journal.identity, journal.part.entries, back)
+        self.history.drop(self.node_id, journal.identity, journal.part.entries, back)
         self.own_journal.detach()
         with self._files("removed"):
             if self._is_gone_or(journal, self.journals.path(self.node_id)):
@@ -293,9 +293,9 @@ class ChangeGuard:
         return journal_files(self.journals, self.node_id, what)
 
 
-def who_else(keeper: ChangeGuard | None) -> str:
+def who_else(guard: ChangeGuard | None) -> str:
     """Who may have changed the node since this process did, for display."""
-    other = None if keeper is None else keeper.lock.meanwhile
+    other = None if guard is None else guard.lock.meanwhile
     if other is None:
         return "it restarted, or somebody else wrote to it"
     return f"another dvtcli ({other}) wrote to it since"

@@ -30,7 +30,7 @@ class Changeable(KnownPdos):
     #: unstored changes, and reasons not to store now
     pending: Pending = field(default_factory=Pending)
     #: lock, backup and journal; None for simulated nodes and twins, which nothing can interrupt half-way
-    keeper: ChangeGuard | None = None
+    guard: ChangeGuard | None = None
     #: true if this process makes one change and ends, without a later store of untouched PDOs
     only_one: Callable[[], bool] = lambda: False
     #: values expected in RAM at a store: changed by this session, or read beside a change
@@ -55,8 +55,8 @@ class Changeable(KnownPdos):
         if self._habits is None:
             from dvtcli.device.habits import Habits
 
-            keeper = self.keeper
-            self._habits = Habits() if keeper is None else Habits(keeper.locks.parent / "habits", keeper.warn)
+            guard = self.guard
+            self._habits = Habits() if guard is None else Habits(guard.locks.parent / "habits", guard.warn)
         return self._habits
 
     @property
@@ -85,14 +85,14 @@ class Changeable(KnownPdos):
         Raises SafetyRefusal if another dvtcli holds the node or was interrupted, or if the node restarted since the
         last read. With *whatever_happened* (a roll-back) a restart does not matter.
         """
-        if self.keeper is not None:
-            self.keeper.refuse_while_open()
+        if self.guard is not None:
+            self.guard.refuse_while_open()
         if not whatever_happened:
             self.require_not_restarted()
         self.read_anew()
-        boot_ups, upsets = self.bus.boot_ups(self.node_id), self.bus.upsets(self.node_id)
+        boot_ups, disturbance_count = self.bus.boot_ups(self.node_id), self.bus.disturbance_count(self.node_id)
         # a restart while the state is read came later
-        return InitialState(self.access.state(), boot_ups, upsets, whatever_happened)
+        return InitialState(self.access.state(), boot_ups, disturbance_count, whatever_happened)
 
     def require_not_restarted(self, found: InitialState | None = None) -> None:
         """Raise SafetyRefusal if the node restarted unexpectedly since it was read, or since *found*.
@@ -138,5 +138,5 @@ class Changeable(KnownPdos):
 
     def let_go(self) -> None:
         """Release the lock after a change; changes by others are read before the next change."""
-        if self.keeper is not None:
-            self.keeper.lock.release()
+        if self.guard is not None:
+            self.guard.lock.release()

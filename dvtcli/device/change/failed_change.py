@@ -136,15 +136,15 @@ HEARTBEAT_S = 1.2
 
 def restarted_since(node: ReadableNode, found: InitialState) -> bool:
     """True if *node* may have restarted since *found*: a boot-up was received or an upload was repeated."""
-    return node.bus.upsets(node.node_id) != found.upsets
+    return node.bus.disturbance_count(node.node_id) != found.disturbance_count
 
 
 def left_open(node: Changeable, left: LeftChanged) -> None:
     """After a failed roll-back: block stores, and add to *left* how to finish."""
     node.pending.suspicions[CHANGE] = left.text
     node.mark_unknown()
-    if node.keeper is not None:
-        left.place = str(node.keeper.own_journal.path)
+    if node.guard is not None:
+        left.place = str(node.guard.own_journal.path)
         finish = Hint(Action.RECOVER, why=f"finishes it, from {verbatim(left.place)}")
         left.hint = finish.after(brought_back_first(left.hint))
 
@@ -184,10 +184,10 @@ def labels_of(plan: Plan) -> str:
 
 def _close(node: Changeable, error: BaseException | None = None) -> None:
     """Remove the journal. If removal fails, adds a note to *error*, or raises JournalKept without an error."""
-    if node.keeper is None:
+    if node.guard is None:
         return
     try:
-        node.keeper.own_journal.end()
+        node.guard.own_journal.end()
     except JournalKept as kept:
         if error is None:
             raise

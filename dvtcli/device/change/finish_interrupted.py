@@ -75,8 +75,8 @@ class Recovery:
     def begin(cls, node: Changeable, journal: Journal) -> Recovery:
         """Lock and read the node. Raises SafetyRefusal if *journal* was made on another device."""
         refuse_other_device(node, journal)
-        if node.keeper is not None:
-            node.keeper.lock.take()
+        if node.guard is not None:
+            node.guard.lock.take()
         node.read_anew()
         boot_ups = node.bus.boot_ups(node.node_id)
         plan = undo_plan_of(node, [journal.plan], patient=True)
@@ -201,8 +201,8 @@ class Recovery:
 
         *stored*: a store has saved the replaced values, or may have; the present values are not stored then.
         """
-        if self.node.keeper is not None:
-            self.node.keeper.forget(self.journal, self._held_now() if stored else None)
+        if self.node.guard is not None:
+            self.node.guard.forget(self.journal, self._held_now() if stored else None)
         self.node.pending.suspicions.pop(CHANGE, None)
         return self.as_taken if self._otherwise else self.plan, put_back_findings(self._otherwise)
 

@@ -101,9 +101,9 @@ def _look(guarded: Guarded) -> list[LeftObject]:
     """The rows of a node, all read without a restart between."""
     for _ in range(MOST_LOOKS):
         try:
-            upsets = guarded.witness.upsets()
+            disturbance_count = guarded.witness.disturbance_count()
             rows = list(_rows(guarded))
-            if guarded.witness.upsets() == upsets:
+            if guarded.witness.disturbance_count() == disturbance_count:
                 return rows
         except DvtcliError as dead:
             return list(_unread(guarded, guarded.changes, dead.text))

@@ -44,7 +44,7 @@ class OwnJournal:
     #: the id under which `undo` is to remember the change in hand
     entry: str = ""
     #: the changes to roll back
-    _course: JournalContents = field(default_factory=JournalContents)
+    _contents: JournalContents = field(default_factory=JournalContents)
     #: values possibly altered as a side effect, each as a change to its present value
     _beside: Plan | None = None
     #: the present content of the journal
@@ -57,27 +57,27 @@ class OwnJournal:
 
     def is_open(self, path: Path) -> bool:
         """True if *path* is the journal of our own incomplete group."""
-        course = self._course
-        ours = course.is_begun and course.in_hand is None and course.part.whole == self.whole.id
+        contents = self._contents
+        ours = contents.is_begun and contents.in_hand is None and contents.part.whole == self.whole.id
         return ours and path == self.path
 
     @property
     def is_begun(self) -> bool:
         """True if the journal contains a change of a group, applied or still planned."""
-        return self._course.is_begun
+        return self._contents.is_begun
 
     @property
     def says_stores(self) -> bool:
         """True if the journal lists stores at the end of the group."""
-        return bool(self._course.part.stores)
+        return bool(self._contents.part.stores)
 
     def before(self) -> dict[Pdo, PdoConfig]:
         """The PDO configurations from before an incomplete group."""
-        course = self._course
-        if not course.is_begun or course.part.whole != self.whole.id:
+        contents = self._contents
+        if not contents.is_begun or contents.part.whole != self.whole.id:
             return {}
         kept = () if self._on_disk is None else self._on_disk[0].changes  # including possible side effects
-        changes = (*kept, *course.plan.changes)
+        changes = (*kept, *contents.plan.changes)
         return {change.pdo: change.before for change in changes if isinstance(change, PdoChange)}
 
     def guard(self, plan: Plan | None) -> None:
@@ -92,7 +92,7 @@ class OwnJournal:
         """
         before, self.identity = self._copy(), identity
         with self._files("kept"):
-            self.entry = self._course.prepare(self.whole, plan, nmt_state)
+            self.entry = self._contents.prepare(self.whole, plan, nmt_state)
             self._keep_or(before, room + Journals.length_of(ends.final, (*ends.stores, *ends.equal)))
 
     def begin(
@@ -113,21 +113,21 @@ class OwnJournal:
         later versions.
         """
         before, self.identity = self._copy(), identity
-        covered = not (is_kept or is_test or asked) and self._course.is_begun and self._puts_back(plan)
-        if covered and self._on_disk is not None and self._on_disk[1] == self._course.part:
-            self._course.in_hand = plan
+        covered = not (is_kept or is_test or asked) and self._contents.is_begun and self._puts_back(plan)
+        if covered and self._on_disk is not None and self._on_disk[1] == self._contents.part:
+            self._contents.in_hand = plan
             return
         with self._files("kept"):
-            self.entry = self._course.begin(self.whole, plan, nmt_state, asked, is_test=is_test)
+            self.entry = self._contents.begin(self.whole, plan, nmt_state, asked, is_test=is_test)
             try:
                 self._keep_or(before, room if is_kept else 0)
             except (OSError, SafetyRefusal):
                 if not covered:
                     raise
-                self._course.in_hand = plan  # the journal on disk covers this as well
+                self._contents.in_hand = plan  # the journal on disk covers this as well
 
     def _copy(self) -> JournalContents:
-        return replace(self._course, made=[*self._course.made])
+        return replace(self._contents, made=[*self._contents.made])
 
     def _keep_or(self, before: JournalContents, room: int) -> None:
         """Write and note the journal; on failure return to *before*, since no device was written."""
@@ -137,7 +137,7 @@ class OwnJournal:
             self._write(room)
             self.lock.note(self.path)
         except BaseException:
-            self._course = before
+            self._contents = before
             if not before.is_begun:
                 self._on_disk = None
                 remove(self.path)
@@ -147,42 +147,42 @@ class OwnJournal:
 
     def _puts_back(self, plan: Plan) -> bool:
         """True if the journal on disk covers all objects of *plan* with the values from before the group."""
-        if self._on_disk is None or self._course.part.whole != self.whole.id:
+        if self._on_disk is None or self._contents.part.whole != self.whole.id:
             return False
-        return covers(self._on_disk[0], combine_plans(plan.node_id, [self._course.plan, plan]))
+        return covers(self._on_disk[0], combine_plans(plan.node_id, [self._contents.plan, plan]))
 
     def _guarded(self) -> Plan:
         """Everything to roll back, with the values possibly altered as a side effect."""
-        plan = self._course.plan
+        plan = self._contents.plan
         return plan if self._beside is None else combine_plans(plan.node_id, [self._beside, plan])
 
     def _write(self, room: int = 0) -> None:
         plan = self._guarded()
-        self.journals.write(plan, self.identity, self._course.nmt_state, self._course.part, room=room)
-        self._on_disk = (plan, self._course.part)
+        self.journals.write(plan, self.identity, self._contents.nmt_state, self._contents.part, room=room)
+        self._on_disk = (plan, self._contents.part)
 
     def note(self, plan: Plan) -> None:
         """Replace the plan in progress on disk by *plan*: more must be rolled back."""
         with self._files("kept"):
-            self._course.in_hand = plan
+            self._contents.in_hand = plan
             self._write()
 
     def carried_out(self) -> None:
         """Mark the change in progress as verified."""
-        self._course.carried_out()
+        self._contents.carried_out()
 
     def end(self) -> None:
         """Remove the journal after the change was verified or rolled back, unless a group is open."""
-        self._course.in_hand = None
-        self._course.end_test()
-        if self._course.is_begun:  # what it says of the change in hand is so, also where that was undone
+        self._contents.in_hand = None
+        self._contents.end_test()
+        if self._contents.is_begun:  # what it says of the change in hand is so, also where that was undone
             return
         self.forget()
 
     def adopt(self, journal: Journal) -> None:
         """Take over *journal* of a group that another process left verified on every node, to complete the group."""
         self.identity = journal.identity
-        self._course = JournalContents(journal.nmt_state, journal.part, [journal.plan])
+        self._contents = JournalContents(journal.nmt_state, journal.part, [journal.plan])
         self._on_disk = (journal.plan, journal.part)
 
     def final(self, line: str, stores: tuple[Storing, ...] = (), equal: tuple[Storing, ...] = ()) -> None:
@@ -190,8 +190,8 @@ class OwnJournal:
 
         *equal* are the nodes that matched already: neither changed nor stored.
         """
-        if self._course.is_begun:
-            self._course.part = replace(self._course.part, final=line, stores=stores, equal=equal)
+        if self._contents.is_begun:
+            self._contents.part = replace(self._contents.part, final=line, stores=stores, equal=equal)
             if line:
                 with self._files("kept"):
                     self._write()
@@ -215,14 +215,14 @@ class OwnJournal:
 
     def end_whole(self) -> None:
         """Remove the journal after this node's part of the group was rolled back and verified."""
-        if self._course.is_begun and self._course.in_hand is None:
-            whole = self._course.part.whole
+        if self._contents.is_begun and self._contents.in_hand is None:
+            whole = self._contents.part.whole
             self.forget()
             self._tidy(whole)
 
     def detach(self) -> None:
         """Forget the changes of this process, but leave the files on disk."""
-        self._course, self._on_disk, self._beside = JournalContents(), None, None
+        self._contents, self._on_disk, self._beside = JournalContents(), None, None
 
     def forget(self) -> None:
         """Remove the journal: nothing must be rolled back any more.

@@ -56,9 +56,9 @@ def roll_back_patiently(
     while True:
         is_last = clock.now_s() >= deadline
         try:
-            upsets = witness.upsets()
+            disturbance_count = witness.disturbance_count()
             otherwise = roll_back_once(sdo, changes, settles=is_last)
-            if witness.upsets() == upsets:
+            if witness.disturbance_count() == disturbance_count:
                 return otherwise
             if is_last:
                 raise DeviceRefused("the node restarted, or lost an answer, each time that it was rolled back")

@@ -99,7 +99,7 @@ class Transaction:
         with self.cancellation.guard():
             self._boot_ups = self.witness.boot_ups()
             try:
-                for change, step in self.plan.course():
+                for change, step in self.plan.steps_in_order():
                     self._started.append(change)
                     self._stop_if_cancelled(done, total)
                     self._stop_if_restarted()
@@ -366,9 +366,9 @@ class Transaction:
         sure = not self._others_matter() or self._restarted() or self._acknowledged.still_held(self.sdo)
         with suppress(NoAnswer, SdoAborted, SdoProtocolError, BusUnavailable):  # its first write says why
             observed(self.witness, self._begin_roll_back)
-        upsets = self.witness.upsets()
+        disturbance_count = self.witness.disturbance_count()
         otherwise, differing = self._restored(self.plan.changes)
-        sure = sure and self.witness.upsets() == upsets
+        sure = sure and self.witness.disturbance_count() == disturbance_count
         self._left = {} if sure else {pdo: why for pdo, why in differing.items() if pdo not in self.others.wholes}
         altered = self.others.changes(self.sdo, [pdo for pdo in differing if pdo not in self._left])
         if not altered:
@@ -388,11 +388,11 @@ class Transaction:
         """Restore *changes*, again after a restart during the check of untouched PDOs; also the differing PDOs."""
         for _ in range(MOST_LOOKS):
             otherwise = roll_back_patiently(self.sdo, changes, self.clock, self.before_retry, self.witness)
-            upsets = self.witness.upsets()
+            disturbance_count = self.witness.disturbance_count()
             try:
                 differing = self._altered_by_roll_back()
             except SdoAborted:  # refused for a moment: it was read before
                 continue
-            if self.witness.upsets() == upsets:
+            if self.witness.disturbance_count() == disturbance_count:
                 return otherwise, differing
         raise DeviceRefused("the node restarted, or lost an answer, each time that its other PDOs were looked at")

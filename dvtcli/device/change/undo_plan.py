@@ -64,7 +64,7 @@ def _refusal(node: Changeable, label: str, why: str) -> SafetyRefusal:
         f"somebody else changed {label} of node {node.node_id} between this session's changes",
         node=node.node_id,
         why=why,
-        hint=Hint(Action.UNDO, why=f"{verbatim(who_else(node.keeper))}: {{}} takes back what came after that")
+        hint=Hint(Action.UNDO, why=f"{verbatim(who_else(node.guard))}: {{}} takes back what came after that")
         + Hint(Action.UNDO, {"all": True, "force": True}, ", {} everything"),
     )
 
@@ -74,7 +74,7 @@ class UndoRequest:
     """The changes to undo: the newest of *plans* (oldest first), or *everything*.
 
     *own*: the plans are of this session's history; *rolls_back*: nothing was stored since. With *force* present values
-    of the device do not matter. With *is_part* the undo has further parts;
+    of the device do not matter. With *is_part_of_group* the undo has further parts;
     the last one compares the untouched PDOs.
     """
 
@@ -84,7 +84,7 @@ class UndoRequest:
     force: bool = False
     own: bool = False
     rolls_back: bool = False
-    is_part: bool = False
+    is_part_of_group: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +117,7 @@ def plan_undo(node: Changeable, asked: UndoRequest) -> UndoPlan:
     undone = chain[-count:]
     plan = node.observed(lambda: undo_plan_of(node, undone, rolls_back=asked.rolls_back))
     back = UndoPlan(plan, tuple(undone), unknown_before(undone))
-    if not (asked.force or asked.rolls_back or asked.is_part):
+    if not (asked.force or asked.rolls_back or asked.is_part_of_group):
         refuse_unknown(back)
     return back
 
@@ -210,7 +210,7 @@ def refuse_unless_left(node: Changeable, plans: Sequence[Plan], count: int) -> i
         f"node {node.node_id} does not hold what that change left: {found[0][0]} {found[0][1]}",
         node=node.node_id,
         why=join_some(f"{label} {text}" for label, text in found[1:]) or None,
-        hint=Hint(Action.SHOW_PDOS, why=f"{verbatim(who_else(node.keeper))}: check it with {{}}")
+        hint=Hint(Action.SHOW_PDOS, why=f"{verbatim(who_else(node.guard))}: check it with {{}}")
         + Hint(Action.UNDO, {"force": True}, "goes back to the values before that change all the same")
         + Hint(Action.UNDO, {"backup": True}, ", {} an automatic backup"),
     )

@@ -144,9 +144,9 @@ def wholes_beside(node: ReadableNode, plan: Plan, found: InitialState) -> dict[P
 def unlike_kept(node: Changeable, held: Mapping[Pdo, PdoConfig]) -> Sequence[Pdo]:
     """The PDOs *held* that match neither this session's reads, nor a backup, nor a remembered change."""
     unlike = {pdo: config for pdo, config in held.items() if node.expected.pdos.get(pdo) != config}
-    if not unlike or node.keeper is None:
+    if not unlike or node.guard is None:
         return tuple(unlike)
-    return node.keeper.unlike_kept(node.identity(), unlike)
+    return node.guard.unlike_kept(node.identity(), unlike)
 
 
 def movable(pdos: Mapping[Pdo, PdoConfig]) -> dict[Pdo, PdoConfig]:

@@ -98,9 +98,9 @@ def ask_safely(
     """
     plan = roll_back_writes(node.node_id, subjects, pdos, held_stamp(node))
     with node.cancellation.guard():
-        if node.keeper is not None:
+        if node.guard is not None:
             asked_about = tuple(subject.pdo.label for subject in subjects)
-            node.keeper.begin(plan, node.identity(), found.state, node.known_pdos, pdos, asked_about)
+            node.guard.begin(plan, node.identity(), found.state, node.known_pdos, pdos, asked_about)
         saves = False
         try:
             asked = _ask(node, subjects, found, terms, on_write)
@@ -201,8 +201,8 @@ def _roll_back(node: Node, plan: Plan, pdos: Mapping[Pdo, PdoConfig], fault: Bas
         raise left from failed
     finally:
         node.forget()
-    if node.keeper is not None:
-        node.keeper.own_journal.end()
+    if node.guard is not None:
+        node.guard.own_journal.end()
 
 
 def _restore(node: Node, plan: Plan, pdos: Mapping[Pdo, PdoConfig]) -> list[Pdo]:

@@ -301,8 +301,8 @@ class Canary:
 
     def gone(self) -> None:
         """Close the journal: the reset took the changed value, nothing to roll back."""
-        if self.node.keeper is not None:
-            self.node.keeper.own_journal.end()
+        if self.node.guard is not None:
+            self.node.guard.own_journal.end()
 
     def roll_back(self) -> None:
         """Roll back and verify. Raises LeftChanged and keeps the journal if the roll-back fails."""

@@ -71,13 +71,13 @@ def _is_in(place: Place, sub_index: int) -> bool:
 def _written(node: Node) -> tuple[list[Place], tuple[str, ...]]:
     """The single objects written by any process, and messages if the list may be incomplete."""
     places, notes = dict.fromkeys(node.wanted_values), ()
-    if node.keeper is None:
+    if node.guard is None:
         return list(places), notes
     try:
-        past = node.keeper.past.all_of(node.node_id, node.identity())
+        history = node.guard.history.all_of(node.node_id, node.identity())
     except InputFileError as damaged:
         return list(places), (f"objects that an earlier command wrote are not compared: {damaged.text}",)
-    for entry in past:
+    for entry in history:
         places |= dict.fromkeys(_values_of(node, entry.plan))
     return list(places), notes
 

@@ -23,28 +23,28 @@ if TYPE_CHECKING:
     from dvtcli.domain.plan import Change
 
 
-def held_unstored(node: ReadableNode, past: ChangeHistory, identity: Identity) -> Mapping[str, int]:
+def held_unstored(node: ReadableNode, history: ChangeHistory, identity: Identity) -> Mapping[str, int]:
     """Labels of changes present in *node* and not known to be stored, each with its index.
 
-    *past* is the history of the device with this *identity* (0x1018). Reads the node, to exclude changes lost by a
+    *history* is the history of the device with this *identity* (0x1018). Reads the node, to exclude changes lost by a
     restart or replaced by others. Empty if the file is damaged; the next change reports the damage.
     """
     return {
         label: change.steps[0].index
-        for label, change in last_unstored(node, past, identity).items()
+        for label, change in last_unstored(node, history, identity).items()
         if _is_held(node, change)
     }
 
 
-def is_remembered(node: ReadableNode, past: ChangeHistory) -> bool:
-    """True if *past* has a change of *node* not known to be stored; does not read the PDOs or objects."""
-    return bool(last_unstored(node, past, node.identity()))
+def is_remembered(node: ReadableNode, history: ChangeHistory) -> bool:
+    """True if *history* has a change of *node* not known to be stored; does not read the PDOs or objects."""
+    return bool(last_unstored(node, history, node.identity()))
 
 
-def last_unstored(node: NodeDescription, past: ChangeHistory, identity: Identity) -> dict[str, Change]:
+def last_unstored(node: NodeDescription, history: ChangeHistory, identity: Identity) -> dict[str, Change]:
     """The last recorded change of each PDO and object, if not stored; oldest first."""
     try:
-        entries = past.all_of(node.node_id, identity)
+        entries = history.all_of(node.node_id, identity)
     except InputFileError:
         return {}
     last: dict[str, Change | None] = {}
@@ -95,13 +95,13 @@ def require_storable(node: Changeable, *, force: bool = False, confirm: bool = T
             )
     refuse(level_finding(node.access), "nothing was stored or restored", node.node_id, force=force)
     if confirm and not force:
-        node.expected.require(node, who_else(node.keeper))
-    if confirm and node.keeper is not None:
+        node.expected.require(node, who_else(node.guard))
+    if confirm and node.guard is not None:
         node.storing = node.identity()  # no request after the store is needed
-        node.pending.of_others(held_unstored(node, node.keeper.past, node.storing))
+        node.pending.of_others(held_unstored(node, node.guard.history, node.storing))
 
 
 def mark_stored(node: Changeable, labels: Iterable[str]) -> None:
     """Mark *labels* as stored: no later process lists them as unstored."""
-    if node.keeper is not None:
-        node.keeper.past.was_stored(node.node_id, node.storing, set(labels))
+    if node.guard is not None:
+        node.guard.history.was_stored(node.node_id, node.storing, set(labels))

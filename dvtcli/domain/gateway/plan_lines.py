@@ -125,7 +125,7 @@ def _commands(nodes: list[NodePlan], around: dict[int, Around]) -> Iterator[str 
         yield node_id, Nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
     for title, phase in zip(_PHASES, phases(node.plan for node in nodes), strict=True):
         for part in phase:
-            for change, step in part.course():
+            for change, step in part.steps_in_order():
                 yield from _written(part.node_id, change, step, title)
     for node_id in (node.node_id for node in nodes if node.stores):
         for store in around[node_id].stores:

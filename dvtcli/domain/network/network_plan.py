@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
 from dvtcli.domain.file_complaint import FileComplaint
-from dvtcli.domain.meanings import ScaledValue
+from dvtcli.domain.object_scalings import ScaledValue
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import STAMP, Change, Plan, Step, ValueChange, disables, needs_rtr_first, plan_pdo
 from dvtcli.domain.rules.finding import Finding

@@ -9,9 +9,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
-from dvtcli.domain.meanings import NOTHING
 from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.network.network_state import Identifier, identifier_of
+from dvtcli.domain.object_scalings import NOTHING
 from dvtcli.domain.pdo import PdoConfig
 from dvtcli.domain.scaling import Scaling
 

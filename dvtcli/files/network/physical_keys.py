@@ -12,8 +12,8 @@ from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.yaml_tree import Branch, Leaf, Tree, YamlList
 
 if TYPE_CHECKING:
-    from dvtcli.domain.meanings import Rules
     from dvtcli.domain.network.network_config import NodeConfig
+    from dvtcli.domain.object_scalings import Rules
 
 
 def read_physical(branch: Branch, log: FileLog) -> Iterator[tuple[str, str]]:

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from dvtcli.domain.meanings import Standard
 from dvtcli.domain.object_dictionary import ObjectDictionary, normalised
+from dvtcli.domain.object_scalings import Standard
 from dvtcli.domain.profile import GENERIC, DeviceProfile, ObjectAddress
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.family_folder import family_path

@@ -6,7 +6,7 @@ import re
 from fractions import Fraction
 from typing import Any
 
-from dvtcli.domain.meanings import Meaning, ObjectRange
+from dvtcli.domain.object_scalings import ObjectRange, ScalingRule
 from dvtcli.domain.process_data import STATES
 from dvtcli.domain.scaling import Scaling, State, parse_factor, parse_scale, spelled
 from dvtcli.files.toml_item import Item, Schema, integer, integers, members, string
@@ -16,7 +16,7 @@ _PLACE = re.compile(
 )
 
 
-def physical_rules(item: Item) -> dict[ObjectRange, Meaning]:
+def physical_rules(item: Item) -> dict[ObjectRange, ScalingRule]:
     """Read meanings (`"1/256 V"`, or a table) by objects (`"5100:01"`, `"6C01:01-05"`, `2220-2224`)."""
     return {_place(member): _meaning(member) for member in item.items()}
 
@@ -32,15 +32,15 @@ def _place(item: Item) -> ObjectRange:
     return place
 
 
-def _meaning(item: Item) -> Meaning:
+def _meaning(item: Item) -> ScalingRule:
     if isinstance(item.value, str):
         factor, unit = parse_scale(string(item))
-        return Meaning(Scaling(unit, factor))
+        return ScalingRule(Scaling(unit, factor))
     said = item.table(_MEANING)
     if not said:
         item.fail("says nothing: give a unit, a factor, values or bits")
     numbered = {key: said.pop(key) for key in ("numbered", "per") if key in said}
-    return Meaning(Scaling(**said), **numbered)
+    return ScalingRule(Scaling(**said), **numbered)
 
 
 def _fraction(item: Item) -> Fraction:

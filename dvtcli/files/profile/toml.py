@@ -51,7 +51,7 @@ from dvtcli.files.toml_item import (
 )
 
 if TYPE_CHECKING:
-    from dvtcli.domain.meanings import Rules
+    from dvtcli.domain.object_scalings import Rules
 
 _FILE = "profile.toml"
 #: The word for "no remark", since TOML has no null.

@@ -110,7 +110,7 @@ class Calls:
         """Report other SDO clients on the bus, and nodes that restarted and lost changes."""
         session = self.session
         for text in (*session.wire.disturbances(), *losses(list(session.met_nodes()))):
-            session.tell.warning(text)
+            session.reporter.warning(text)
 
     @contextmanager
     def alone(self) -> Iterator[None]:

@@ -251,13 +251,13 @@ class ConfiguredNode(ReadNode):
         unit. Raises UsageError for 0x1010 and 0x1011: use `store` and `restore`.
         """
         from dvtcli.operations.objects.write_object import object_type, refuse_signature, write_bytes
-        from dvtcli.operations.values.object_values import meaning_of
+        from dvtcli.operations.values.object_values import scaling_of
 
         def write(node: DeviceNode) -> Changed:
             index, sub_index = object_of(node, object_)
             refuse_signature(node, index)
             kind = type_named(as_type) or object_type(node, index, sub_index)
-            meaning = meaning_of(node, index, sub_index)
+            meaning = scaling_of(node, index, sub_index)
             data = bytes_of(kind, meaning, value, f"{index:04X}:{sub_index:02X}")
             return write_bytes(self._calls.session, node, index, sub_index, data)
 

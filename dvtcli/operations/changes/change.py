@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.device.node_parts import NodeDescription
     from dvtcli.device.observe import InitialState
-    from dvtcli.domain.meanings import ScaledValue
     from dvtcli.domain.object_dictionary import OdEntry
+    from dvtcli.domain.object_scalings import ScaledValue
     from dvtcli.domain.pdo import Pdo
     from dvtcli.domain.plan import Change, Plan, Step
     from dvtcli.domain.request import AnyPdoRequest
@@ -102,7 +102,7 @@ def changed(
         unrestored=applied.unrestored,
         as_before=undone and not (applied.not_put_back or applied.unrestored) and _is_as_stored(node, applied),
         understood=understood(node, applied.plan.changes),
-        remembered=node.keeper is None or node.keeper.past.remembers_last,
+        remembered=node.guard is None or node.guard.history.remembers_last,
     )
 
 
@@ -162,8 +162,8 @@ def may_be_unstored(node: Node, labels: Iterable[str]) -> set[str]:
         return wanted
     since = node.history[max(pending.stored_at, pending.lost_until) :]
     unstored = {change.label for plan in since for change in plan.changes if alters(change)}
-    if node.keeper is not None:
-        unstored |= last_unstored(node, node.keeper.past, node.identity()).keys()
+    if node.guard is not None:
+        unstored |= last_unstored(node, node.guard.history, node.identity()).keys()
     return wanted & unstored
 
 

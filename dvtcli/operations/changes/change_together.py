@@ -97,9 +97,9 @@ def _open_journals(transaction: NetworkTransaction, found: Mapping[int, InitialS
     written = {node_id: plan for node_id, plan in only_store.items() if also.proves or any(map(is_stamp, plan.changes))}
     for node_id, plan in {**written, **transaction.plans}.items():
         node = transaction.nodes[node_id]
-        if node.keeper is not None:
-            node.keeper.own_journal.guard(Plan(node_id, tuple(transaction.held.get(node_id, ()))))
-            node.keeper.prepare(
+        if node.guard is not None:
+            node.guard.own_journal.guard(Plan(node_id, tuple(transaction.held.get(node_id, ()))))
+            node.guard.prepare(
                 plan, node.identity(), found[node_id].state, node.known_pdos, node.last_read, ends, proves=also.proves
             )
 
@@ -144,7 +144,7 @@ class _Run:
                     force=self.session.options.force,
                     kept=False,
                     found=self.found[part.node_id],
-                    is_part=True,
+                    is_part_of_group=True,
                 )
 
     @contextmanager
@@ -153,11 +153,11 @@ class _Run:
 
         Interrupted says how far the whole change had come.
         """
-        tell = node.on_step
+        reporter = node.on_step
 
         def took(progress: Progress) -> None:
             self.taken += 1
-            tell(replace(progress, done=self.taken, total=self.total))
+            reporter(replace(progress, done=self.taken, total=self.total))
 
         node.on_step = took
         try:
@@ -165,7 +165,7 @@ class _Run:
         except (Interrupted, KeyboardInterrupt) as fault:
             raise self._stopped(fault, phase, node.node_id) from fault
         finally:
-            node.on_step = tell
+            node.on_step = reporter
 
     def _stopped(self, fault: Interrupted | KeyboardInterrupt, phase: int, node_id: int) -> Interrupted:
         at_once = " at once" if not isinstance(fault, Interrupted) or fault.text.startswith("stopped at once") else ""

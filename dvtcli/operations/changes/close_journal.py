@@ -156,8 +156,8 @@ def _hand_on_stores(node: Node, journal: Journal, together: Sequence[Journal]) -
             told = replace(other.part, final=part.final, stores=stores, equal=part.equal)
             with journal_files(journals, other.plan.node_id, "kept"):
                 journals.write(other.plan, other.identity, other.nmt_state, told)
-    if stored_before(journal, together) is not False and node.keeper is not None:
-        node.keeper.past.may_be_stored(node.node_id, journal.identity, journal.part.entries)
+    if stored_before(journal, together) is not False and node.guard is not None:
+        node.guard.history.may_be_stored(node.node_id, journal.identity, journal.part.entries)
 
 
 def _after_accepting(node: ReadableNode, journal: Journal, others: list[int]) -> list[Hint]:
@@ -278,7 +278,7 @@ def _blocked_by(session: SessionNodes, path: Path) -> int:
 
 
 def _set_aside(session: SessionNodes, path: Path, node_id: int, word: str) -> Path:
-    keeper = session.open_network().node(node_id).keeper
-    if keeper is None:
+    guard = session.open_network().node(node_id).guard
+    if guard is None:
         raise UsageError("a node of this process has no journal: attach to the bus that it was made on")
-    return keeper.set_aside(path, word)
+    return guard.set_aside(path, word)

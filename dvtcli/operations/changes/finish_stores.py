@@ -200,8 +200,8 @@ def _store(
 
     Removes the journals.
     """
-    nodes, course = claims.nodes, Stores({store.node_id: store for store in part.stores}, part.equal)
-    keepers = [] if session.dry_run else [node.keeper for node in nodes.values() if node.keeper is not None]
+    nodes, transaction = claims.nodes, Stores({store.node_id: store for store in part.stores}, part.equal)
+    guards = [] if session.dry_run else [node.guard for node in nodes.values() if node.guard is not None]
     waited = {journal.plan.node_id: journal for journal in journals}
     with session.cancellation.guard(), session.agreed():
         session.whole.id, session.whole.name = part.whole, part.name
@@ -209,19 +209,19 @@ def _store(
             for change in changes:  # the store itself looks at that, too, and at nothing else that was not changed
                 nodes[node_id].expected.changed(change)
         try:
-            for keeper in keepers:
-                if keeper.node_id in waited:
-                    keeper.own_journal.adopt(waited[keeper.node_id])
+            for guard in guards:
+                if guard.node_id in waited:
+                    guard.own_journal.adopt(waited[guard.node_id])
             _roll_back_tests(nodes, tests)
             for node_id, changes in stamps.items():
                 nodes[node_id].apply(Plan(node_id, tuple(changes)), kept=False)
-            store_each(session, part.name, course, claims, [keeper.own_journal for keeper in keepers])
-            for keeper in keepers:
-                keeper.own_journal.complete_whole()
+            store_each(session, part.name, transaction, claims, [guard.own_journal for guard in guards])
+            for guard in guards:
+                guard.own_journal.complete_whole()
         finally:
             session.whole.end()
-            for keeper in keepers:
-                keeper.own_journal.detach()
+            for guard in guards:
+                guard.own_journal.detach()
         for journal in journals:
             _start(nodes[journal.plan.node_id], journal)
 

@@ -76,7 +76,7 @@ def put_back(node: Node, plan: Plan) -> None:
     deadline_s = node.bus.now_s() + PATIENCE_S
     while True:
         try:
-            node.undo_plans(UndoRequest([plan], force=True, own=True, rolls_back=True, is_part=True))
+            node.undo_plans(UndoRequest([plan], force=True, own=True, rolls_back=True, is_part_of_group=True))
         except _PASSING:
             if node.bus.now_s() >= deadline_s:
                 raise
@@ -193,7 +193,7 @@ class NetworkTransaction:
         """List the journals of the nodes that belong to this plan alone."""
         if not self._alone:
             return []
-        return [node.keeper.own_journal for node in self.nodes.values() if node.keeper is not None]
+        return [node.guard.own_journal for node in self.nodes.values() if node.guard is not None]
 
     def claims(self) -> dict[int, tuple[Change, ...]]:
         """Map changed nodes to their claims: completed changes and values held before."""
@@ -214,8 +214,8 @@ class NetworkTransaction:
     def __exit__(self, *_fault: object) -> None:
         """End the transaction: each change counts for itself again."""
         for node in self.nodes.values():
-            if node.keeper is not None:
-                node.keeper.own_journal.guard(None)
+            if node.guard is not None:
+                node.guard.own_journal.guard(None)
         if self._alone:
             self.session.whole.end()
 
@@ -419,7 +419,7 @@ class NetworkTransaction:
         """Describe what stays changed on *node*; `recover` uses its journal, if any."""
         why = failed.why or failed.text if isinstance(failed, LeftChanged) else str(failed) or "interrupted"
         left = not_rolled_back([self.plans[node.node_id]], node.node_id, str(fault) or "interrupted", why)
-        path = node.keeper.open_journal() if node.keeper is not None else None
+        path = node.guard.open_journal() if node.guard is not None else None
         if path is not None:
             finish = Hint(Action.RECOVER, why=f"finishes it, from {verbatim(path)}")
             left.place = str(path)
@@ -449,5 +449,5 @@ def _of_nodes(values: Iterable[_WriteOnly]) -> Iterator[str]:
 
 
 def _end_journal(node: Node) -> None:
-    if node.keeper is not None:
-        node.keeper.own_journal.end_whole()
+    if node.guard is not None:
+        node.guard.own_journal.end_whole()

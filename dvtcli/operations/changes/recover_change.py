@@ -74,7 +74,7 @@ def _recovered(session: Session, file: str | None, *, finish: bool) -> Changed |
         return go_on(session, journals)
     session.consent(lambda: _question(session, journals), _only(journals))
     for said in dict.fromkeys(_whole_text(journal, journals) for journal in journals if journal.part.whole is not None):
-        session.tell.note(said)
+        session.reporter.note(said)
     done, failures = _put_back(session, journals, refused)
     if failures:
         lost = [recovered.node for recovered in done if _restarted_since(session.node(recovered.node))]
@@ -113,7 +113,7 @@ def _rather_finishes(session: SessionUser, journals: list[Journal]) -> bool:
         if session.options.yes or session.dry_run or not alone:
             node = {} if alone else {"node": ours[0].plan.node_id}
             back = Hint(Action.RECOVER_ALL, why=f"{verbatim(_begun_stores(ours))}: {{}} goes back")
-            session.tell.note(back + Hint(Action.FINISH_STORES, node, ", {} would go on"))
+            session.reporter.note(back + Hint(Action.FINISH_STORES, node, ", {} would go on"))
         else:
             what = "store on the others?" if waiting(furthest(ours)) else "is it to stay so?"
             return _asked_to_finish(session, _begun_stores(ours), what)
@@ -128,7 +128,7 @@ def _begun_stores(journals: list[Journal]) -> str:
 
 
 def _asked_to_finish(session: SessionUser, text: str, what: str) -> bool:
-    answer = session.tell.ask(f"{text}; {what} No goes on to the way back")
+    answer = session.reporter.ask(f"{text}; {what} No goes on to the way back")
     if answer is None:
         raise SafetyRefusal(
             f"nobody can answer: {text}",
@@ -248,7 +248,7 @@ def _ended(session: SessionNodes, recovery: Recovery, stored: bool | None, secon
     if stored is not False:
         said = "stored" if stored else "may have stored"
         begun = f"{verbatim(journal.part.final)} had begun: node {node.node_id} {said} what was rolled back"
-        session.tell.warning(Hint(Action.STORE, {"node": node.node_id}, f"{begun}; {{}} keeps what it holds now"))
+        session.reporter.warning(Hint(Action.STORE, {"node": node.node_id}, f"{begun}; {{}} keeps what it holds now"))
     unknown = unknown_before([journal.plan])
     findings = (*recovery.restart_findings(), *unknown)
     applied = Applied(plan, findings, not_put_back, unrestored=unrestored_objects(unknown))

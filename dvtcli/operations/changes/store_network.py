@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 def store_network(
     session: SessionNodes,
-    course: NetworkTransaction,
+    transaction: NetworkTransaction,
     stores: tuple[Storing, ...],
     claims: ClaimsAtStore,
     prove: str | None,
@@ -51,17 +51,17 @@ def store_network(
         return ()
     on_way = Stores({storing.node_id: storing for storing in stores}, equal)
     try:
-        return store_each(session, course.name, on_way, claims, course.journals(), prove)
+        return store_each(session, transaction.name, on_way, claims, transaction.journals(), prove)
     except BaseException as fault:
         if isinstance(fault, LeftChanged) and not (on_way.lost or on_way.failed):
-            kept = complete_wholes(course.journals())  # all have stored: nothing of that is to be taken back
+            kept = complete_wholes(transaction.journals())  # all have stored: nothing of that is to be taken back
             if kept is not None:
                 fault.details.append(("also", f"{kept.text}: {kept.why}"))
-        elif isinstance(fault, LeftChanged) and not course.journals():
+        elif isinstance(fault, LeftChanged) and not transaction.journals():
             done = [state.node_id for state in on_way.states.values() if state.is_done]
             cause = on_way.lost[0] if on_way.lost else next(iter(on_way.failed.values()), fault)
             fault.hint = hint_without_journal(cause, done)
-        for journal in course.journals():
+        for journal in transaction.journals():
             journal.detach()
         raise
 
@@ -152,7 +152,9 @@ def _store_one(
         except DvtcliError as other:
             stores.lost.append(other)
             raise
-        stores.answers[one.node_id] = store_settings(session, node, store_group(one.group), prove=prove, is_part=True)
+        stores.answers[one.node_id] = store_settings(
+            session, node, store_group(one.group), prove=prove, is_part_of_group=True
+        )
     except (SafetyRefusal, LeftChanged) as other:  # another device, or what tested the store is left on it
         stores.lost = [other, *(exception for exception in stores.lost if exception is not other)]
         raise
@@ -179,7 +181,7 @@ def _say_too_late(session: SessionUser, stores: Stores) -> None:
     if session.cancellation.requested and rest and not stores.was_late:
         stores.was_late = True
         done = [str(state.node_id) for state in stores.states.values() if state.is_done]
-        session.tell.warning(
+        session.reporter.warning(
             f"too late to stop before the stores: node {', '.join(done)} has stored; node {', '.join(rest)} still "
             "stores, so that all keep the same (once more: at once)"
         )

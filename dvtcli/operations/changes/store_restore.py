@@ -52,13 +52,13 @@ def store_settings(
     prove: str | None = None,
     if_changed: bool = False,
     wait_s: float = POWER_CYCLE_S,
-    is_part: bool = False,
+    is_part_of_group: bool = False,
 ) -> Stored:
     """Store the node's parameters, and verify this session's changes: a restart may go unnoticed.
 
-    *is_part*: stores of other nodes follow, after which all are verified. *prove* restarts the node (`reset`, or
-    `power`, waiting *wait_s* seconds) and compares its PDOs. *if_changed* skips the store if the PDOs equal those of a
-    received boot-up.
+    *is_part_of_group*: stores of other nodes follow, after which all are verified. *prove* restarts the node (`reset`,
+    or `power`, waiting *wait_s* seconds) and compares its PDOs. *if_changed* skips the store if the PDOs equal those
+    of a received boot-up.
     """
     because = why_to_store(node, sub_index) if if_changed else ""
     if if_changed and not because:
@@ -82,7 +82,7 @@ def store_settings(
     )
     node.gate.done.append(f"0x{done.place} acknowledged the store")
     refuse_after_restart(node, boot_ups, done)
-    if restart is None and not (is_part or session.options.force):
+    if restart is None and not (is_part_of_group or session.options.force):
         _refuse_lost(node, done)
     changed = node.pending.was_stored(done.sub_index, len(node.history))
     proof = None if restart is None or before is None else prove_store(node, before, done, restart, place, _says(node))
@@ -93,7 +93,7 @@ def store_settings(
         session.record.add(node.node_id, ["store" if sub_index is None else f"store {sub_index}"])
     return Stored(
         node.node_id, done.place, "store", done.seconds, node.profile.store.timeout_s, changed, session.dry_run, proof,
-        because=because, prove_asked=prove is not None, all_known=node.keeper is None and done.sub_index in GROUPS,
+        because=because, prove_asked=prove is not None, all_known=node.guard is None and done.sub_index in GROUPS,
     )  # fmt: skip
 
 
@@ -193,7 +193,7 @@ def _power_cycle(session: SessionUser, node: ReadableNode, wait_s: float) -> Non
             raise KeyboardInterrupt
 
     with node.cancellation.guard():  # a Ctrl-C is looked for between two moments of waiting, and torn apart is nothing
-        await_power_cycle(node.access, wait_s, lambda: session.tell.instruct(text), stop)
+        await_power_cycle(node.access, wait_s, lambda: session.reporter.instruct(text), stop)
 
 
 def _reset(node: ReadableNode, command: NmtCommand) -> None:
@@ -261,7 +261,7 @@ def end_stamp(session: SessionUser, node: Node, why: str) -> bool:
     """Write 0 to 0x1020 of *node* if it holds our stamp, and report *why*; returns whether it did."""
     held = held_stamp(node)
     if held is not None and held.is_own:
-        session.tell.note(f"0x1020 of node {node.node_id} <- 0: {why}")
+        session.reporter.note(f"0x1020 of node {node.node_id} <- 0: {why}")
         ending = stamp_changes(held, NO_STAMP, why)
         node.apply(Plan(node.node_id, ending), force=session.options.force, kept=False)
         return True

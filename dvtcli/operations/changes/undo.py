@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.changes.undo_together import Undoing
     from dvtcli.operations.session.session import Rehearse, Session
     from dvtcli.operations.session.session_nodes import SessionNodes
-    from dvtcli.operations.user.keeping import Keeping
+    from dvtcli.operations.user.change_files import ChangeFiles
     from dvtcli.operations.user.session_user import SessionUser
 
 T = TypeVar("T")
@@ -146,7 +146,7 @@ class RememberedDevice:
     """The remembered changes of a device that is present, oldest first; its node is locked."""
 
     node: Node
-    keeper: ChangeGuard
+    guard: ChangeGuard
     entries: list[ChangeHistoryEntry]
     #: findings to report along
     findings: tuple[Finding, ...] = ()
@@ -159,29 +159,29 @@ def remembered(session: SessionNodes, *, everything: bool) -> list[RememberedDev
     takes all these devices. Raises UsageError if nothing is remembered, or if a command of this session changed
     nothing.
     """
-    selected, keeping = session.selected_id(), session.open_network().keeping
-    if keeping is None:
+    selected, change_files = session.selected_id(), session.open_network().change_files
+    if change_files is None:
         raise _nothing_kept(session.node_id())
     if not everything:
         _refuse_in_vain(session.network.nodes.values())
-    chains = _chains(session, keeping, selected, only_newest=not everything)
+    chains = _chains(session, change_files, selected, only_newest=not everything)
     if not chains:
-        raise nothing_remembered(keeping, selected)
-    newer = () if selected is None else _newer_elsewhere(chains[0].keeper.past, chains)
+        raise nothing_remembered(change_files, selected)
+    newer = () if selected is None else _newer_elsewhere(chains[0].guard.history, chains)
     return [replace(chain, findings=newer) for chain in chains]
 
 
 def remembered_of(session: SessionNodes, node_id: int, *, everything: bool) -> RememberedDevice:
     """Find remembered changes of earlier processes on a node; raises UsageError if there is none."""
-    keeping = session.open_network().keeping
-    if keeping is None:
+    change_files = session.open_network().change_files
+    if change_files is None:
         raise _nothing_kept(node_id)
     if not everything:
         _refuse_in_vain([session.node(node_id)])
     chain = _chain(session, node_id, node_id)
     if chain is None:
-        raise nothing_remembered(keeping, node_id)
-    return replace(chain, findings=_newer_elsewhere(chain.keeper.past, [chain]))
+        raise nothing_remembered(change_files, node_id)
+    return replace(chain, findings=_newer_elsewhere(chain.guard.history, [chain]))
 
 
 def _refuse_in_vain(nodes: Iterable[Node]) -> None:
@@ -215,12 +215,12 @@ def undo_remembered_changes(session: SessionNodes, chain: RememberedDevice, *, e
 
 def _tell_of_others(session: SessionNodes, chain: RememberedDevice) -> None:
     """Report the chosen nodes that keep their changes: a single change is on a single node."""
-    tops = chain.keeper.past.tops(session.selected_id())
+    tops = chain.guard.history.tops(session.selected_id())
     others = sorted({entry.plan.node_id for entry in tops} - {chain.node.node_id})
     if others:
         nodes = f"node {', '.join(map(str, others))}"
         why = f"what was changed on {nodes} is not undone by this: {{}} takes all of it back"
-        session.tell.note(Hint(Action.UNDO, {"all": True}, why))
+        session.reporter.note(Hint(Action.UNDO, {"all": True}, why))
 
 
 def undoing(session: SessionUser, chain: RememberedDevice) -> Undoing:
@@ -242,17 +242,17 @@ def _plans(chain: RememberedDevice) -> list[Plan]:
 def _forget(session: SessionUser, chain: RememberedDevice, applied: Applied, count: int) -> None:
     """Drop the newest *count* entries of *chain*, undone by *applied*."""
     undone = chain.entries[-count:]
-    session.tell.note(_undone_text(undone, chain.node.node_id, gone=count > 1 and not len(applied.plan)))
+    session.reporter.note(_undone_text(undone, chain.node.node_id, gone=count > 1 and not len(applied.plan)))
     if not session.dry_run:
-        chain.keeper.past.forget(undone, applied.plan)
+        chain.guard.history.forget(undone, applied.plan)
 
 
 def _chains(
-    session: SessionNodes, keeping: Keeping, selected: int | None, *, only_newest: bool
+    session: SessionNodes, change_files: ChangeFiles, selected: int | None, *, only_newest: bool
 ) -> list[RememberedDevice]:
     """Find the chosen changes, the latest device first."""
     found: list[RememberedDevice] = []
-    ids = dict.fromkeys(entry.plan.node_id for entry in keeping.past().tops(selected))
+    ids = dict.fromkeys(entry.plan.node_id for entry in change_files.history().tops(selected))
     for node_id in [*ids, *([] if selected is None or selected in ids else [selected])]:
         chain = _chain(session, node_id, selected)
         if chain is not None:
@@ -264,25 +264,25 @@ def _chains(
 
 def _chain(session: SessionNodes, node_id: int, selected: int | None) -> RememberedDevice | None:
     """Find the chosen changes of the device at *node_id*; None if there is none."""
-    keeper = session.open_network().node(node_id).keeper
-    assert keeper is not None  # noqa: S101 - its changes are kept
+    guard = session.open_network().node(node_id).guard
+    assert guard is not None  # noqa: S101 - its changes are kept
     node = session.node(node_id)
     node.begin_change()
     identity = node.identity()
-    entries = keeper.past.entries(node_id, identity, selected)
+    entries = guard.history.entries(node_id, identity, selected)
     if not entries and node_id == selected:
-        entries = _moved(session, keeper, identity)
+        entries = _moved(session, guard, identity)
         if entries:
             was = entries[-1].plan.node_id
-            session.tell.note(
+            session.reporter.note(
                 f"node {node_id} was node {was} when it was changed: what depends on that, as COB-IDs, may differ"
             )
-    return RememberedDevice(node, keeper, entries) if entries else None
+    return RememberedDevice(node, guard, entries) if entries else None
 
 
-def _moved(session: SessionNodes, keeper: ChangeGuard, identity: Identity) -> list[ChangeHistoryEntry]:
+def _moved(session: SessionNodes, guard: ChangeGuard, identity: Identity) -> list[ChangeHistoryEntry]:
     """List the device's changes under another node-ID, unless a device with this *identity* answers there."""
-    entry = keeper.past.moved(keeper.node_id, identity)
+    entry = guard.history.moved(guard.node_id, identity)
     if entry is None:
         return []
     was = entry.plan.node_id
@@ -291,12 +291,12 @@ def _moved(session: SessionNodes, keeper: ChangeGuard, identity: Identity) -> li
     except (NoAnswer, SdoAborted, SdoProtocolError):
         there = {}
     # two devices may have the same serial number
-    return [] if there == identity else keeper.past.entries(was, identity, None)
+    return [] if there == identity else guard.history.entries(was, identity, None)
 
 
-def _newer_elsewhere(past: ChangeHistory, chains: list[RememberedDevice]) -> tuple[Finding, ...]:
+def _newer_elsewhere(history: ChangeHistory, chains: list[RememberedDevice]) -> tuple[Finding, ...]:
     """Warn if another node of the bus was changed later than the chosen nodes."""
-    last = past.newest_of_all()
+    last = history.newest_of_all()
     if last is None or last.order <= max(chain.entries[-1].order for chain in chains):
         return ()
     hint = Hint(Action.UNDO, {"node": last.plan.node_id}, "undoes that")
@@ -320,12 +320,12 @@ def _time(entry: ChangeHistoryEntry) -> str:
     return f"{entry.when[:19].replace('T', ' ')} UTC"
 
 
-def nothing_remembered(keeping: Keeping, selected: int | None) -> UsageError | SafetyRefusal:
+def nothing_remembered(change_files: ChangeFiles, selected: int | None) -> UsageError | SafetyRefusal:
     """Make the error if there is nothing to undo on the *selected* node or the bus, or if that is unknown."""
-    if (unread := unreadable(keeping.past().folder)) is not None:
+    if (unread := unreadable(change_files.history().folder)) is not None:
         unread.why = "whether a change is remembered is not known: that is where changes are kept"
         return unread
-    others = sorted({top.plan.node_id for top in keeping.past().tops(None)})
+    others = sorted({top.plan.node_id for top in change_files.history().tops(None)})
     if selected is None and others:
         return UsageError(
             f"nothing to undo: no change of the devices that are there as node {', '.join(map(str, others))} now is "
@@ -336,7 +336,7 @@ def nothing_remembered(keeping: Keeping, selected: int | None) -> UsageError | S
     if selected is None:
         return UsageError("nothing to undo: no change on this bus is remembered")
     error = UsageError(f"nothing to undo: no change of node {selected} is remembered", node=selected)
-    last = keeping.past().newest_of_all()
+    last = change_files.history().newest_of_all()
     if last is not None:
         error.hint = Hint(
             Action.UNDO,
@@ -351,14 +351,14 @@ def undo_to_backup(session: SessionNodes, rehearse: Rehearse, when: str | None =
 
     *rehearse* evaluates the backup, which is a script. Raises UsageError with the available backups if none fits.
     """
-    keeper = _keeper(session)
-    node = session.node(keeper.node_id)
+    guard = _keeper(session)
+    node = session.node(guard.node_id)
     found = node.begin_change()
-    file = _backup_file(keeper, node, when, force=session.options.force)
-    session.tell.note(f"this puts {file} back")
+    file = _backup_file(guard, node, when, force=session.options.force)
+    session.reporter.note(f"this puts {file} back")
     said = remarks(Path(file))
     for remark in said:
-        session.tell.warning(f"not undone completely: {remark}")
+        session.reporter.warning(f"not undone completely: {remark}")
     started = time.monotonic()
     config = rehearse(file, node.node_id).get(node.node_id, TargetConfig())
     if not config.pdos:
@@ -378,15 +378,15 @@ def _keeper(session: SessionNodes) -> ChangeGuard:
     """Return the guard of the selected node's files, or of the node last changed on this bus."""
     network = session.open_network()
     node_id = session.selected_id()
-    if node_id is None and network.keeping is not None:
-        entry = network.keeping.past().newest_of_all()
+    if node_id is None and network.change_files is not None:
+        entry = network.change_files.history().newest_of_all()
         if entry is None:
-            error = nothing_remembered(network.keeping, None)
+            error = nothing_remembered(network.change_files, None)
             error.hint = Hint(Action.UNDO, {"node": "ID", "backup": True}, "{} puts the newest backup of a node back")
             raise error
         node_id = entry.plan.node_id
-    keeper = network.node(session.node_id() if node_id is None else node_id).keeper
-    if keeper is None:
+    guard = network.node(session.node_id() if node_id is None else node_id).guard
+    if guard is None:
         raise UsageError(
             f"no backup of node {node_id or session.node_id()}: it is simulated in this process, which makes none",
             node=node_id or session.node_id(),
@@ -395,7 +395,7 @@ def _keeper(session: SessionNodes) -> ChangeGuard:
             if session.record.lines
             else None,
         )
-    return keeper
+    return guard
 
 
 def _unlike_backup(node: ReadableNode, said: Iterable[str]) -> Iterator[Finding]:
@@ -407,12 +407,12 @@ def _unlike_backup(node: ReadableNode, said: Iterable[str]) -> Iterator[Finding]
             yield warning("way-back", f"0x{pdo.communication_index:04X}:01", text)
 
 
-def _backup_file(keeper: ChangeGuard, node: ReadableNode, when: str | None, *, force: bool) -> str:
+def _backup_file(guard: ChangeGuard, node: ReadableNode, when: str | None, *, force: bool) -> str:
     """Find the newest backup of the device, or of those made at *when*; UsageError lists the backups.
 
     Raises SafetyRefusal if the backups of its node-ID are of another device of its kind, unless *force* accepts them.
     """
-    kind = backups(keeper.folder / "backups", keeper.bus, node.node_id, node.identity())
+    kind = backups(guard.folder / "backups", guard.bus, node.node_id, node.identity())
     found = kind if force else of_this_device(kind, node.identity())
     if kind and not found:
         other = SafetyRefusal(

@@ -63,7 +63,9 @@ def undo_together(session: Session, undoings: Sequence[Undoing]) -> tuple[Change
         backs = {
             node_undoing.node.node_id: plan_undo(
                 node_undoing.node,
-                UndoRequest(node_undoing.plans, everything=True, force=force, own=node_undoing.own, is_part=True),
+                UndoRequest(
+                    node_undoing.plans, everything=True, force=force, own=node_undoing.own, is_part_of_group=True
+                ),
             )
             for node_undoing in undoings
         }
@@ -84,8 +86,8 @@ def undo_together(session: Session, undoings: Sequence[Undoing]) -> tuple[Change
 
         equal = {node_id: held[node_id] for node_id, back in backs.items() if not len(back.plan)}
         also = AlsoClaimed(held, others=_EqualNodes(nodes, equal))
-        with apply_together(session, nodes, plans, found, "undo of all", findings, also) as course:
-            complete(course)
+        with apply_together(session, nodes, plans, found, "undo of all", findings, also) as transaction:
+            complete(transaction)
     done = []
     for undoing in undoings:
         node, back = undoing.node, backs[undoing.node.node_id]

@@ -16,7 +16,7 @@ from dvtcli.device.change.lock import NodeLock
 from dvtcli.device.change.private_file import file_name, unreadable
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import InputFileError, NoAnswer, SafetyRefusal, UsageError
-from dvtcli.operations.user.keeping import state_folder
+from dvtcli.operations.user.change_files import state_folder
 from dvtcli.operations.user.options import is_file
 
 if TYPE_CHECKING:
@@ -119,9 +119,9 @@ def waiting_paths(session: SessionNodes, file: str | None, refused: list[DvtcliE
 
 
 def _of_node(session: SessionNodes, node_id: int) -> list[Path]:
-    keeper = session.open_network().node(node_id).keeper
-    if keeper is not None:
-        path = keeper.open_journal() if session.dry_run else keeper.held_journal()
+    guard = session.open_network().node(node_id).guard
+    if guard is not None:
+        path = guard.open_journal() if session.dry_run else guard.held_journal()
     else:
         journals = Journals(session.state_folder / "journals", session.wire.name)
         path = journals.path(node_id) if journals.counts(journals.path(node_id)) else None
@@ -152,9 +152,9 @@ def _held_file(session: SessionNodes, path: Path) -> list[Path]:
         return [path] if path.exists() else []
     if not session.dry_run and journal.bus == network.bus.name:
         # on another bus, nobody here works on its node
-        keeper = network.node(journal.plan.node_id).keeper
-        if keeper is not None:
-            keeper.hold()
+        guard = network.node(journal.plan.node_id).guard
+        if guard is not None:
+            guard.hold()
     return [path] if path.exists() else []
 
 
@@ -176,7 +176,7 @@ def _is_held(session: SessionNodes, journal: Journal) -> bool:
     if session.dry_run or journal.bus != session.open_network().bus.name:
         return True
     with suppress(NoAnswer):  # it is not there: who puts it back says so
-        keeper = session.open_network().node(journal.plan.node_id).keeper
-        if keeper is not None:
-            keeper.hold()
+        guard = session.open_network().node(journal.plan.node_id).guard
+        if guard is not None:
+            guard.hold()
     return journal.path.exists()

@@ -16,7 +16,7 @@ from dvtcli.device.target_config import TargetConfig, config_differences, sessio
 from dvtcli.domain.configuration import Configuration, configuration_of
 from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.domain.lint.described import object_text
-from dvtcli.domain.meanings import NOTHING
+from dvtcli.domain.object_scalings import NOTHING
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.standard_objects import is_pdo_mapping
 from dvtcli.domain.text import join_some
@@ -40,14 +40,14 @@ from dvtcli.operations.pdos.look_at_frames import look
 from dvtcli.operations.plans.missing_objects import refuse_lacking
 from dvtcli.operations.results import Compared, ComparedNodes
 from dvtcli.operations.results.comparisons import ObjectDifference, WholeCompared
-from dvtcli.operations.values.object_values import meanings_of, planned_words
+from dvtcli.operations.values.object_values import planned_words, scalings_of
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.device.read_whole import ReadObject
-    from dvtcli.domain.meanings import Meanings
     from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
     from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
+    from dvtcli.domain.object_scalings import ObjectScalings
     from dvtcli.domain.profile import DeviceProfile, ObjectAddress
     from dvtcli.domain.scaling import Scaling
     from dvtcli.operations.session.session import Rehearse, Session
@@ -143,7 +143,7 @@ def _device_wishes(
         named.add(session.node_id())  # a PDO without a node is the selected one's
     if len(named) > 1:
         raise UsageError("a DCF is about one node: use one line for each node")
-    held = told_of(file, session.tell)
+    held = told_of(file, session.reporter)
     meant = tuple(named) or selected_nodes(session) or (node_of_file(session, held),)
     return [(meant_id, pdo) for meant_id in meant for _, pdo in pdos], {
         meant_id: _device_config(session, session.node(meant_id), held) for meant_id in meant
@@ -226,7 +226,7 @@ def compare_node(
 
     Raises UsageError if there is nothing to compare.
     """
-    target = session_target(node) if file is None else _device_config(session, node, told_of(file, session.tell))
+    target = session_target(node) if file is None else _device_config(session, node, told_of(file, session.reporter))
     missing = [pdo.label for pdo in pdos if pdo not in target.pdos]
     if missing or not target:
         what = f"set {missing[0]}" if missing else "set anything"
@@ -286,7 +286,7 @@ def _device_config(session: SessionUser, node: Node, held: HeldDevice) -> Target
         found = wanted_alone(node, held)
         if found is not None or held.dictionary is None:
             return found or TargetConfig()
-        session.tell.note(f"{held.name} has no value of any object: its defaults are compared")
+        session.reporter.note(f"{held.name} has no value of any object: its defaults are compared")
     assert held.dictionary is not None  # noqa: S101 - only a backup describes nothing
     values = FileValues(held.dictionary, node.node_id)
     return TargetConfig({pdo: read_pdo(values, pdo) for pdo in present_pdos(values, held.dictionary)})
@@ -402,7 +402,7 @@ def _known_by_identity(session: SessionUser, *held: HeldDevice) -> ObjectDiction
         return read_dictionary(file_or_family(session.options.eds), session.options.chosen_modules)
     found = next(filter(None, (found_file(KeptIdentity(device)) for device in held)), None)
     if found is not None and found.note:
-        session.tell.note(found.note)
+        session.reporter.note(found.note)
     return None if found is None else read_dictionary(found.path, session.options.chosen_modules)
 
 
@@ -449,9 +449,9 @@ def compare_device(
     changed. Raises UsageError if a file cannot be read or has no setting to compare; InputFileError for another kind of
     file.
     """
-    first = told_of(file, session.tell)
+    first = told_of(file, session.reporter)
     if first.assumed and holds_values(file):
-        session.tell.note(f"{file} has no value of any object: its defaults are compared")
+        session.reporter.note(f"{file} has no value of any object: its defaults are compared")
     if other is None:
         node = session.node(_meant(session, first) if node_id is None else node_id)
         first = first if first.node_id else held_by(file, node.node_id)
@@ -459,7 +459,7 @@ def compare_device(
         return _compared(first, side, node.node_id, shows_all=shows_all)
     second = held_by(other, first.node_id)
     for text in second.unread:
-        session.tell.warning(text)
+        session.reporter.warning(text)
     side = side_of_file(session, second, first)
     return _compared(held_by(file, second.node_id), side, None, shows_all=shows_all)
 
@@ -473,8 +473,8 @@ def _meant(session: SessionNodes, first: HeldDevice) -> int:
 
 
 def _compared(first: HeldDevice, second: SecondSide, node: int | None, *, shows_all: bool) -> WholeCompared:
-    meanings = meanings_of(second.known.profile, second.dictionary)
-    comparison = _Comparison(first, second, meanings, asks_node=node is not None)
+    scalings = scalings_of(second.known.profile, second.dictionary)
+    comparison = _Comparison(first, second, scalings, asks_node=node is not None)
     for place in sorted(first.objects.keys() & second.objects.keys()):
         comparison.look_at(place)
     if not comparison.count:
@@ -506,7 +506,7 @@ class _Comparison:
 
     first: HeldDevice
     second: SecondSide
-    meanings: Meanings
+    scalings: ObjectScalings
     asks_node: bool
     count: int = 0
     found: dict[DifferenceKind, list[ObjectDifference]] = field(
@@ -558,7 +558,7 @@ class _Comparison:
             pair, pair.before, pair.after,
             unread=self.second.objects[pair.place].why if pair.after is None else "",
             apart=self.second.why_apart(pair.entry) if pair.kind is DifferenceKind.APART else "",
-            meaning=self.meanings.of(*pair.place),
+            meaning=self.scalings.of(*pair.place),
         )  # fmt: skip
 
     def _found(

@@ -103,11 +103,11 @@ def held_by(file: str, node_id: int | None = None) -> HeldDevice:
         raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
 
 
-def told_of(file: str, tell: Reporter) -> HeldDevice:
-    """Read *file* like `held_by`; *tell* gets its unused values."""
+def told_of(file: str, reporter: Reporter) -> HeldDevice:
+    """Read *file* like `held_by`; *reporter* gets its unused values."""
     held = held_by(file)
     for text in held.unread:
-        tell.warning(text)
+        reporter.warning(text)
     return held
 
 
@@ -188,7 +188,7 @@ def node_of_file(session: SessionNodes, held: HeldDevice) -> int:
     """Return the node-ID of *held*, with a message; raises UsageError if it has none."""
     if held.node_id is None:
         return session.node_id()
-    session.tell.note(f"node {held.node_id}, as {held.name} says")
+    session.reporter.note(f"node {held.node_id}, as {held.name} says")
     return held.node_id
 
 

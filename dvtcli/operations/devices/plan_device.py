@@ -103,7 +103,7 @@ def plan_device(session: Session, file: str, options: DeviceOptions | None = Non
     """
     options = options or DeviceOptions()
     refuse_kind(file)
-    held = told_of(file, session.tell)
+    held = told_of(file, session.reporter)
     _refuse_nothing(held)
     ids = _node_ids(session, held, options)
     config = NetworkConfig(tuple(_network_config(held, node_id) for node_id in ids))
@@ -185,7 +185,7 @@ def _node_ids(session: SessionNodes, held: HeldDevice, options: DeviceOptions) -
     others = [str(other_id) for other_id in ids if held.node_id not in (None, other_id)]
     if others:
         text = f"{held.name} is of node {held.node_id}: on node {', '.join(others)} what follows the node-ID does so"
-        session.tell.note(text)
+        session.reporter.note(text)
     return ids
 
 
@@ -251,7 +251,7 @@ def _planned(
         included = included_of(node, own, options.include)
         found[node_id] = config_of_file(node, own, included, names_makers=options.is_clone)
         for text in found[node_id].idle:
-            session.tell.warning(text)
+            session.reporter.warning(text)
     if not any(found.values()):
         raise _nothing_compared(held)
     planned, refused = plans_of(

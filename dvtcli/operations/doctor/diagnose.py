@@ -43,7 +43,7 @@ def library_check() -> Check:
 def state_checks(session: SessionUser) -> Iterator[Check]:
     """Check that backups and journals can be written, and that no journal waits."""
     from dvtcli.device.change.private_file import OTHER_STATE, private_folder, unusable
-    from dvtcli.operations.user.keeping import state_folder
+    from dvtcli.operations.user.change_files import state_folder
 
     folder, always = session.state_folder, state_folder(None)
     needed = [folder / name for name in ("journals", "backups")]

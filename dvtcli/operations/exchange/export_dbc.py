@@ -11,24 +11,24 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.frame import Field, byte_length, layout
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.meanings import NOTHING
 from dvtcli.domain.network.network_state import SYNC_OVERFLOW, Identifier, NetworkState, NodeState, identifier_of
 from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.object_scalings import NOTHING
 from dvtcli.domain.text import plural
 from dvtcli.errors import NoAnswer, UsageError
 from dvtcli.files.dbc_text import LONGEST_NAME, NOBODY, DbcMessage, DbcSignal, Names, dbc_bytes
 from dvtcli.operations.exchange.dbc_options import DbcOptions
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
-from dvtcli.operations.values.object_values import meanings_of
+from dvtcli.operations.values.object_values import scalings_of
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
     from fractions import Fraction
 
     from dvtcli.domain.datatypes import DataType
-    from dvtcli.domain.meanings import Meanings, Rules
     from dvtcli.domain.object_dictionary import OdEntry
+    from dvtcli.domain.object_scalings import ObjectScalings, Rules
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.scaling import Scaling
     from dvtcli.operations.session.session_nodes import SessionNodes
@@ -39,15 +39,15 @@ _NUMBERS = (Kind.BOOLEAN, Kind.INTEGER, Kind.UNSIGNED, Kind.REAL)
 
 
 def pdo_signals(
-    field: Field, node: NodeState, meanings: Meanings, names: Names, *, split_bits: bool = False
+    field: Field, node: NodeState, scalings: ObjectScalings, names: Names, *, split_bits: bool = False
 ) -> list[DbcSignal]:
     """Make a signal of the object at *field*; with *split_bits*, one per named bit."""
     index, sub_index = field.entry.index, field.entry.sub_index
-    meaning = meanings.of(index, sub_index)
+    meaning = scalings.of(index, sub_index)
     entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
     kind = entry.data_type if entry else None
     if not (split_bits and meaning.bits and (kind is None or kind.kind in _WHOLE)):
-        return [_pdo_signal(field, node, meanings, names)]
+        return [_pdo_signal(field, node, scalings, names)]
     name = (node.dictionary.display_name(index, sub_index) if node.dictionary else "") or f"Object_{index:04X}"
     words = [meaning.bits.get(bit, f"bit {bit}") for bit in range(field.bits)]
     what = f"0x{index:04X}:{sub_index:02X} {name}"
@@ -59,7 +59,7 @@ def _bit(start: int, name: str, comment: str, names: Names) -> DbcSignal:
     return DbcSignal(name, start, 1, comment=comment, long_name=names.whole(name))
 
 
-def _pdo_signal(field: Field, node: NodeState, meanings: Meanings, names: Names) -> DbcSignal:
+def _pdo_signal(field: Field, node: NodeState, scalings: ObjectScalings, names: Names) -> DbcSignal:
     """Make a signal with unit, scale, limits and value names; unsigned without a type.
 
     Texts, times, and partly mapped REALs are raw bits.
@@ -67,7 +67,7 @@ def _pdo_signal(field: Field, node: NodeState, meanings: Meanings, names: Names)
     index, sub_index = field.entry.index, field.entry.sub_index
     entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
     kind = entry.data_type if entry else None
-    meaning = NOTHING if kind is not None and kind.kind not in _NUMBERS else meanings.of(index, sub_index)
+    meaning = NOTHING if kind is not None and kind.kind not in _NUMBERS else scalings.of(index, sub_index)
     is_real = kind is not None and kind.kind is Kind.REAL and kind.bits == field.bits
     signed = kind is not None and kind.kind is Kind.INTEGER
     name = node.dictionary.display_name(index, sub_index) if node.dictionary else ""
@@ -138,7 +138,7 @@ class _Drawn:
     """The inputs of signals: scalings and names of nodes by node-ID."""
 
     state: NetworkState
-    meanings: Mapping[int, Meanings]
+    scalings: Mapping[int, ObjectScalings]
     names: Mapping[int, str]
     split_bits: bool
 
@@ -154,9 +154,9 @@ class NetworkMessages:
 
 
 def network_messages(
-    state: NetworkState, meanings: Mapping[int, Meanings], options: DbcOptions = PLAIN
+    state: NetworkState, scalings: Mapping[int, ObjectScalings], options: DbcOptions = PLAIN
 ) -> NetworkMessages:
-    """Make a message per CAN-ID of the enabled PDOs of *state*; *meanings* has scalings by node-ID.
+    """Make a message per CAN-ID of the enabled PDOs of *state*; *scalings* has scalings by node-ID.
 
     A TPDO defines the message; each RPDO with its CAN-ID makes its node a receiver of the mapped signals. *options* add
     messages of services for other CAN-IDs.
@@ -172,7 +172,7 @@ def network_messages(
     for identifier, group in groupby(sorted(held, key=_place), _identifier):
         whole = [held_pdo for held_pdo in group if _fits(held_pdo, found)]
         if whole:
-            drawn = _Drawn(state, meanings, found.names, options.split_bits)
+            drawn = _Drawn(state, scalings, found.names, options.split_bits)
             found.messages.append(_message(identifier, whole, drawn, found))
     taken = {dbc_message.number for dbc_message in found.messages}
     for message in service_messages(state, names, options.services):
@@ -261,7 +261,7 @@ def _signals(says: list[_Held], heard: list[_Held], drawn: _Drawn) -> tuple[DbcS
         for mapped_object in _objects(config):
             if not any(_overlap(mapped_object, other) for other in signals):
                 signals += pdo_signals(
-                    mapped_object, node, drawn.meanings[node.node_id], names, split_bits=drawn.split_bits
+                    mapped_object, node, drawn.scalings[node.node_id], names, split_bits=drawn.split_bits
                 )
     receivers = {
         place: tuple(_receivers(drawn_signal, heard, drawn.names)) for place, drawn_signal in enumerate(signals)
@@ -343,7 +343,7 @@ def convert_to_dbc(session: SessionUser, source: str, file: str, options: DbcOpt
 
     place_of(file, "NAME.dbc")
     config = read_network_config(source)
-    state = described_network(source, session.tell, config=config)
+    state = described_network(source, session.reporter, config=config)
     for node in state.nodes:
         _tell_guessed(session, source, node, everything=options.everything)
     return _write(session, file, source, state, rules_by_node(config.nodes), options)
@@ -355,7 +355,7 @@ def _tell_guessed(session: SessionUser, source: str, node: NodeState, *, everyth
     if pdos:
         names = f"{', '.join(pdo.label for pdo in pdos)} of node {node.node_id} map{'s' if len(pdos) == 1 else ''}"
         whose = node.guessed[pdos[0]]  # one file, or family, describes the node
-        session.tell.warning(f"{source} does not say what {names}: by {whose}, which the node need not hold")
+        session.reporter.warning(f"{source} does not say what {names}: by {whose}, which the node need not hold")
 
 
 def recording_to_dbc(session: SessionUser, source: str, file: str, options: DbcOptions = PLAIN) -> Facts:
@@ -397,10 +397,10 @@ def _write(
 
 def messages_of(state: NetworkState, said: Mapping[int, Rules], options: DbcOptions = PLAIN) -> NetworkMessages:
     """Make the messages of *state*; *said* has rules by node-ID that override profiles and files."""
-    meanings = {
-        node.node_id: meanings_of(node.profile, node.dictionary, [said.get(node.node_id, {})]) for node in state.nodes
+    scalings = {
+        node.node_id: scalings_of(node.profile, node.dictionary, [said.get(node.node_id, {})]) for node in state.nodes
     }
-    return network_messages(state, meanings, options)
+    return network_messages(state, scalings, options)
 
 
 _STATES = {state.value: "boot-up" if state is NmtState.INITIALISING else state.label.lower() for state in NmtState}

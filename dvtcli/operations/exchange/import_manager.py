@@ -319,7 +319,7 @@ def _downloads(
     for node_id in range(1, min(int.from_bytes(count[:1], "little"), 127) + 1):
         if wanted and node_id not in wanted:
             continue
-        session.tell.progress(f"node {node.node_id}: reading what it downloads", node_id, 127)
+        session.reporter.progress(f"node {node.node_id}: reading what it downloads", node_id, 127)
         try:
             data = node.observed(partial(node.known_value, CONCISE_DCF, node_id))
             if any(data):

@@ -76,11 +76,11 @@ def _tell_changed(session: SessionUser, followed: _Followed, *, throughout: bool
     counts = "what its frames carry depends on when: they stay bytes" if throughout else "its last setting counts"
     for node_id, pdo in sorted(followed.changed):
         if not wanted or node_id in wanted:
-            session.tell.warning(f"{pdo.label} of node {node_id} was set otherwise before: {counts}")
+            session.reporter.warning(f"{pdo.label} of node {node_id} was set otherwise before: {counts}")
     for node_id, pdo in sorted(followed.late - followed.changed if throughout else ()):
         if not wanted or node_id in wanted:
             text = "was set after the first of its frames, and what these carry is not known: all stay bytes"
-            session.tell.warning(f"{pdo.label} of node {node_id} {text}")
+            session.reporter.warning(f"{pdo.label} of node {node_id} {text}")
 
 
 @dataclass(slots=True)
@@ -188,7 +188,7 @@ def _node_state(session: SessionUser, values: HeardValues, pdos: dict[Pdo, PdoCo
 
     dictionary = _dictionary(session, values)
     if dictionary is None:
-        session.tell.note(
+        session.reporter.note(
             Hint(
                 Action.GIVE_EDS,
                 why=f"node {values.node_id} has no EDS: its values have no names, and no sign; {{}} has them",
@@ -216,10 +216,10 @@ def _dictionary(session: SessionUser, values: HeardValues) -> ObjectDictionary |
         unlike = unlike_file(values.node_id, chosen, (read_identity(values, 1), read_identity(values, 2)))
         if not unlike:
             return chosen
-        session.tell.note(unlike)
+        session.reporter.note(unlike)
     found = found_file(values)
     if found is not None and found.note:
-        session.tell.note(f"node {values.node_id}: {found.note}")
+        session.reporter.note(f"node {values.node_id}: {found.note}")
     return None if found is None else with_modules_of(found.path, modules, values)
 
 

@@ -40,7 +40,7 @@ def explain_frame(
     config = network_config_of(file)
     decoder = decoder_for(session, nodes, file, config=config)
     for doubt in doubts(frame, decoder.layout(frame)):
-        session.tell.warning(doubt)
+        session.reporter.warning(doubt)
     return explained(frame, FrameReader(decoder, described_nodes(session, file, config)))
 
 

@@ -16,7 +16,7 @@ def frame_seen(frame: Frame, decoder: Decoder, reading: Reading | None = None) -
     fits = layout.byte_length in (None, len(frame.data)) or not misfit(frame, layout)
     mapped = None if fits else layout.byte_length
     return FrameSeen(
-        frame, service.kind, service.label, service.node, layout.pdo, layout.values(frame), layout.meanings,
+        frame, service.kind, service.label, service.node, layout.pdo, layout.values(frame), layout.scalings,
         objects=layout.objects, mapped_bytes=mapped, layout_from=layout.source, layout_is_guess=bool(layout.guess),
         reading=reading or Reading(service.kind),
     )  # fmt: skip

@@ -15,7 +15,7 @@ from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, SdoProtocolError
 from dvtcli.operations.frames.layouts import HEARD_S, mapping_of
 from dvtcli.operations.network.described_nodes import NETWORK_SUFFIXES
 from dvtcli.operations.pdos.sync import sync_frame
-from dvtcli.operations.values.object_values import meanings_of
+from dvtcli.operations.values.object_values import scalings_of
 from dvtcli.watch.decoder import Decoder, Layout, no_values, pdo_layouts
 from dvtcli.watch.frame_effect import Parties
 from dvtcli.watch.sdo_servers import SDO_SERVERS, server_name
@@ -120,22 +120,22 @@ class KnownParties:
             except BusUnavailable:
                 raise
             except (NoAnswer, SdoAborted, SdoProtocolError) as silent:
-                self._session.tell.note(f"node {node_id}: its PDOs cannot be read ({silent.text})")
+                self._session.reporter.note(f"node {node_id}: its PDOs cannot be read ({silent.text})")
                 continue
             self.parties.add(node_id, configs)
             for address, service in services:
                 self.parties.services.setdefault(address, {})[service] = None
                 if service.kind == "sdo":
                     self.decoder.add({address: Layout(service, (), no_values)})
-            meanings = meanings_of(node.profile, node.dictionary)
+            scalings = scalings_of(node.profile, node.dictionary)
             self.decoder.add(
-                pdo_layouts(node_id, configs, node.dictionary, meanings, mapping_of(self._session, node_id))
+                pdo_layouts(node_id, configs, node.dictionary, scalings, mapping_of(self._session, node_id))
             )
 
     def _know_file(self, file: str) -> None:
         from dvtcli.operations.frames.layouts import file_layouts
 
-        self.decoder.add(file_layouts(file, self._session.tell))
+        self.decoder.add(file_layouts(file, self._session.reporter))
         if Path(file).suffix.lower() in NETWORK_SUFFIXES:
             from dvtcli.operations.network.described_network import described_network
 

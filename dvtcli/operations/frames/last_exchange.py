@@ -146,7 +146,7 @@ def _of_a_failed_run(session: SessionUser) -> list[tuple[Frame, bool, bool]]:
                 why="at the prompt, or in a script, after the line it is about; {} shows the frames of one command",
             ),
         )
-    session.tell.note(f"the last exchange of a run that failed, which ended at {utc(kept[-1][0].timestamp_s)}")
+    session.reporter.note(f"the last exchange of a run that failed, which ended at {utc(kept[-1][0].timestamp_s)}")
     return kept
 
 

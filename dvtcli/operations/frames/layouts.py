@@ -12,15 +12,15 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_syntax import parse_object
 from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.network.described_nodes import NETWORK_SUFFIXES, network_config_of
-from dvtcli.operations.values.object_values import meanings_of
+from dvtcli.operations.values.object_values import scalings_of
 from dvtcli.watch.decoder import Decoder, pdo_layouts
 from dvtcli.watch.sdo_servers import described_servers
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode
-    from dvtcli.domain.meanings import Rules
     from dvtcli.domain.network.network_config import NetworkConfig, ValueConfig
     from dvtcli.domain.network.network_state import NodeState
+    from dvtcli.domain.object_scalings import Rules
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.ports import CanopenBus
     from dvtcli.operations.session.session_nodes import SessionNodes
@@ -28,21 +28,21 @@ if TYPE_CHECKING:
     from dvtcli.watch.decoder import Address, Layout
 
 
-def file_layouts(file: str, tell: Reporter, config: NetworkConfig | None = None) -> Mapping[Address, Layout]:
+def file_layouts(file: str, reporter: Reporter, config: NetworkConfig | None = None) -> Mapping[Address, Layout]:
     """Return the layouts of *file*, a network file by its suffix, else a DBC file; raises as their reading.
 
-    *config* is the network file as read, if read already. *tell* gets the object names in it without description: their
-    frames stay bytes.
+    *config* is the network file as read, if read already. *reporter* gets the object names in it without description:
+    their frames stay bytes.
     """
     config = config or network_config_of(file)
     if config is None:
         from dvtcli.files.dbc import read_dbc
 
         return read_dbc(file)
-    return _network_layouts(file, config, tell)
+    return _network_layouts(file, config, reporter)
 
 
-def _network_layouts(file: str, network_config: NetworkConfig, tell: Reporter) -> Mapping[Address, Layout]:
+def _network_layouts(file: str, network_config: NetworkConfig, reporter: Reporter) -> Mapping[Address, Layout]:
     """Return the layouts of PDOs in the network *file*, as applied, with its scalings.
 
     The file's own values go before defaults of a node's EDS.
@@ -54,7 +54,7 @@ def _network_layouts(file: str, network_config: NetworkConfig, tell: Reporter) -
     state = described_pdos(file, network_config)
     for note in unknown_names(file, network_config):
         place = f"{file}:{note.mark.line}:{note.mark.column}"
-        tell.note(f"{place}: {note.text}; frames with such a name stay bytes")
+        reporter.note(f"{place}: {note.text}; frames with such a name stay bytes")
     rules, decoder = rules_by_node(network_config.nodes), Decoder()
     written = {node.node_id: _numbers(node.values) for node in network_config.nodes}
     for node in state.nodes:
@@ -80,10 +80,10 @@ def _numbers(values: Iterable[ValueConfig]) -> dict[tuple[int, int], int]:
 
 
 def _layouts(node: NodeState, pdos: Mapping[Pdo, PdoConfig], rules: Rules, source: str) -> Mapping[Address, Layout]:
-    from dvtcli.operations.values.object_values import meanings_of
+    from dvtcli.operations.values.object_values import scalings_of
     from dvtcli.watch.decoder import pdo_layouts
 
-    return pdo_layouts(node.node_id, pdos, node.dictionary, meanings_of(node.profile, node.dictionary, [rules]), source)
+    return pdo_layouts(node.node_id, pdos, node.dictionary, scalings_of(node.profile, node.dictionary, [rules]), source)
 
 
 def _as_guess(file: str, layout: Layout) -> Layout:
@@ -140,23 +140,23 @@ def live_decoders(
     """
     known, names, called = Decoder(), dict[int, str](), dict[int, str]()
     if dbc is not None:
-        known.add(file_layouts(dbc, session.tell))
+        known.add(file_layouts(dbc, session.reporter))
         called = file_names(dbc) if named else {}
     for node_id in () if dbc is not None and not nodes else nodes or _present(session):
         yield node_id, Decoder(known.layouts, names, called)
         try:
             node = session.node(node_id)
-            meanings = meanings_of(node.profile, node.dictionary)
-            known.add(pdo_layouts(node_id, node.pdos(), node.dictionary, meanings, mapping_of(session, node_id)))
+            scalings = scalings_of(node.profile, node.dictionary)
+            known.add(pdo_layouts(node_id, node.pdos(), node.dictionary, scalings, mapping_of(session, node_id)))
             known.add(described_servers(node_id, node.dictionary))
             if named:
                 names[node_id] = _name(node)
             if node.dictionary is None:
-                session.tell.note(f"node {node_id} has no EDS: {_WITHOUT_EDS}")
+                session.reporter.note(f"node {node_id} has no EDS: {_WITHOUT_EDS}")
         except BusUnavailable:
             raise
         except (NoAnswer, SdoAborted, SdoProtocolError) as silent:
-            session.tell.note(f"node {node_id}: its mapping cannot be read ({silent.text}); its frames stay bytes")
+            session.reporter.note(f"node {node_id}: its mapping cannot be read ({silent.text}); its frames stay bytes")
     yield None, Decoder(known.layouts, names, called)
 
 

@@ -56,7 +56,7 @@ def put_on_bus(
                     break
                 if putting.last_s - told_s >= 1:
                     told_s = putting.last_s
-                    session.tell.progress(*_progress(putting.sent, wanted))
+                    session.reporter.progress(*_progress(putting.sent, wanted))
             ended_s = putting.last_s
             putting.bus.sleep(_SETTLE_S)
         except DvtcliError as failed:

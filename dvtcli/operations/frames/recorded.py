@@ -44,10 +44,10 @@ def decoder_for(
         from dvtcli.operations.frames.layouts import file_layouts
 
         if base.eds is not None:
-            session.tell.note(
+            session.reporter.note(
                 Hint(Action.GIVE, {"eds": base.eds}, f"is not used: {verbatim(dbc)} says what the frames carry")
             )
-        return Decoder(file_layouts(dbc, session.tell, config))
+        return Decoder(file_layouts(dbc, session.reporter, config))
     if base.eds is not None:
         return _file_decoder(file_or_family(base.eds), nodes or base.nodes, base.profile, base.modules)
     if base.sim or base.nodes or nodes or session.is_open:
@@ -60,7 +60,7 @@ def _own_decoder(session: SessionUser, path: Path) -> Decoder:
     from dvtcli.domain.network.network_state import IDENTITY, IDENTITY_NAMES
     from dvtcli.domain.text import join_some
     from dvtcli.operations.exchange.recorded_network import recorded_network
-    from dvtcli.operations.values.object_values import meanings_of
+    from dvtcli.operations.values.object_values import scalings_of
     from dvtcli.watch.decoder import Decoder, pdo_layouts
 
     decoder = Decoder()
@@ -69,14 +69,14 @@ def _own_decoder(session: SessionUser, path: Path) -> Decoder:
     except UsageError:
         return decoder  # no transfer in it carries a mapping, or they are of several buses
     for node in state.nodes:
-        meanings = meanings_of(node.profile, node.dictionary)
-        decoder.add(pdo_layouts(node.node_id, node.pdos, node.dictionary, meanings, f"what {path.name} itself tells"))
+        scalings = scalings_of(node.profile, node.dictionary)
+        decoder.add(pdo_layouts(node.node_id, node.pdos, node.dictionary, scalings, f"what {path.name} itself tells"))
         decoder.identities[node.node_id] = {
             name: node.number(IDENTITY, sub_index) for sub_index, name in enumerate(IDENTITY_NAMES, 1)
         }
     names = join_some(f"{pdo.label} of node {node.node_id}" for node in state.nodes for pdo in node.pdos)
     left = f"; not {join_some(missing)}" if missing else ""
-    session.tell.note(f"by the SDO transfers in {path.name} itself: {names}{left}")
+    session.reporter.note(f"by the SDO transfers in {path.name} itself: {names}{left}")
     return decoder
 
 
@@ -92,7 +92,7 @@ def _file_decoder(path: Path, nodes: tuple[int, ...], family: str | None, module
     from dvtcli.files.profile.library import load_profile, profile_of
     from dvtcli.operations.session.simulated_nodes import read_dictionary
     from dvtcli.operations.user.options import modules_of_node
-    from dvtcli.operations.values.object_values import meanings_of
+    from dvtcli.operations.values.object_values import scalings_of
     from dvtcli.watch.decoder import Decoder, pdo_layouts
     from dvtcli.watch.sdo_servers import described_servers
 
@@ -101,10 +101,10 @@ def _file_decoder(path: Path, nodes: tuple[int, ...], family: str | None, module
     decoder = Decoder()
     for node_id in nodes or (own.info.node_id or 1,):
         dictionary = read_dictionary(path, modules_of_node(modules, node_id))
-        meanings = meanings_of(profile, dictionary)
+        scalings = scalings_of(profile, dictionary)
         values = FileValues(dictionary, node_id)
         configs = {pdo: read_pdo(values, pdo) for pdo in present_pdos(values, dictionary)}
-        decoder.add(pdo_layouts(node_id, configs, dictionary, meanings, f"the mapping in {path.name}"))
+        decoder.add(pdo_layouts(node_id, configs, dictionary, scalings, f"the mapping in {path.name}"))
         decoder.add(described_servers(node_id, dictionary))
         info = dictionary.info
         numbers = (info.vendor_id, info.product_code, info.revision_number, info.commissioning.lss_serial_number)

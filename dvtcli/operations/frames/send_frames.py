@@ -70,7 +70,7 @@ def agree_to_send(
     _require_carried(open_wire(session), frames)
     shown = _looked_at(session, frames, nodes, file)
     for send in shown:
-        session.tell.note(f"{send.text}")
+        session.reporter.note(f"{send.text}")
     _ask(session, shown, often)
     return shown
 
@@ -112,7 +112,7 @@ def _looked_at(
     if not session.options.yes and not all(effects(frame, known.parties) for frame in frames):
         known.look_around()
     reader = FrameReader(known.decoder, described_nodes(session, file))
-    shown, misfits, secret = [], Misfits(known.decoder.layout, session.tell.warning), _followed(session)
+    shown, misfits, secret = [], Misfits(known.decoder.layout, session.reporter.warning), _followed(session)
     for frame in frames:
         misfits.look(frame)
         told, is_secret = secret.without(frame)

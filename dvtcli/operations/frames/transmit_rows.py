@@ -19,7 +19,7 @@ from dvtcli.files.settings_file import save_table
 from dvtcli.files.user_folders import user_folder
 from dvtcli.operations.frames.send_frames import frame_to_send
 from dvtcli.operations.user.settings import TRANSMIT
-from dvtcli.operations.values.object_values import how_to_write, meanings_of, typed_bytes
+from dvtcli.operations.values.object_values import how_to_write, scalings_of, typed_bytes
 from dvtcli.watch.decoder import Layout, Signal, pdo_layouts
 
 if TYPE_CHECKING:
@@ -103,8 +103,8 @@ def frame_of(session: SessionNodes, row: TransmitRow, last: Callable[[Address], 
             f"{pdo.label} of node {node.node_id} is off, or multiplexed: it has no frame of values",
             hint=Hint(Action.SHOW_PDOS, why="shows what it is"),
         )
-    meanings = meanings_of(node.profile, node.dictionary)
-    ((address, layout),) = pdo_layouts(node.node_id, {pdo: config}, node.dictionary, meanings).items()
+    scalings = scalings_of(node.profile, node.dictionary)
+    ((address, layout),) = pdo_layouts(node.node_id, {pdo: config}, node.dictionary, scalings).items()
     before = int.from_bytes(last(address) or b"", "little")
     places = {}
     start = 0

@@ -72,12 +72,12 @@ class Watched:
         """Read the nodes' mappings and names, node by node; see `layouts.live_decoders`."""
         yield from live_decoders(self.session, self.nodes, self.dbc, named=True)
 
-    def come_back(self, failed: BusUnavailable, stopping: Callable[[], bool], tell: Tell | None = None) -> bool:
+    def come_back(self, failed: BusUnavailable, stopping: Callable[[], bool], reporter: Tell | None = None) -> bool:
         """Wait for the bus, which *failed*, and read mappings again; False as soon as *stopping*().
 
         Raises *failed* if waiting is not allowed.
         """
-        while self.listener.come_back(failed, stopping, tell):
+        while self.listener.come_back(failed, stopping, reporter):
             try:
                 self.decoder = live_decoder(self.session, self.nodes, self.dbc)
             except BusUnavailable as again:
@@ -106,23 +106,23 @@ def stream(
     *,
     changes: bool = False,
     only: frozenset[str] = frozenset(),
-    tell: Tell | None = None,
+    reporter: Tell | None = None,
 ) -> None:
     """Show frames with *text* (lower case) in a name for *duration_s* seconds (None: forever).
 
     *changes* shows only new values, *only* frames of these kinds, as in `frame_filter.READ_KINDS` (none: all). Lost
-    frames are reported at the end. *tell* gets loss and return of the bus; raises BusUnavailable if it is not waited
-    for, or not back in time.
+    frames are reported at the end. *reporter* gets loss and return of the bus; raises BusUnavailable if it is not
+    waited for, or not back in time.
     """
     listener, store, time = watched.listener, FrameStore(watched.decoder), ListeningTime(duration_s)
-    misfits = Misfits(watched.layout, watched.session.tell.warning)
+    misfits = Misfits(watched.layout, watched.session.reporter.warning)
     reader = FrameReader(watched.decoder, described_nodes(watched.session, watched.dbc))
     try:
         while not time.is_over():
             try:
                 taken = listener.take(time.batch_s)
             except BusUnavailable as failed:
-                if not watched.come_back(failed, time.is_over, tell):
+                if not watched.come_back(failed, time.is_over, reporter):
                     raise
                 store = FrameStore(watched.decoder)
                 reader.know(watched.decoder)

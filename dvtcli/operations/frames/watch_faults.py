@@ -30,7 +30,7 @@ def watch_faults(
     bus = open_wire(session)
     counter = _Counter(session)
     before = [emergency for node_id in range(1, 128) for emergency in bus.heard_emergencies(node_id)]
-    session.tell.note("listening for EMCY messages; Ctrl-C ends it")
+    session.reporter.note("listening for EMCY messages; Ctrl-C ends it")
     with SteadyListener(session) as listener:
         show(map(counter.heard, sorted(before, key=lambda fault: fault.last.timestamp_s)))
         for wait_s in _waits(bus.now_s, duration_s):
@@ -75,7 +75,7 @@ def _words(session: SessionNodes, node_id: int) -> ErrorWords:
     except BusUnavailable:
         raise
     except DvtcliError as silent:
-        session.tell.note(
+        session.reporter.note(
             f"node {node_id} does not say who it is ({silent.text}): the standard's words tell its errors"
         )
         return ErrorWords()

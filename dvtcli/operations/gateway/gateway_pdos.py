@@ -117,7 +117,7 @@ class GatewayPdos:
             return Failed(wrong.error, str(wrong))
         can_id, extended = _frame_of(pdo)
         self._session.bus.send(Frame(can_id, data, extended))
-        self._session.tell.note(f"frame 0x{can_id:X} sent")
+        self._session.reporter.note(f"frame 0x{can_id:X} sent")
         return Done()
 
 

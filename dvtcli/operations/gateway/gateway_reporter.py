@@ -80,13 +80,13 @@ def _set_sdo_time_out(client: LineClient, milliseconds: int) -> Answer:
 
 
 class GatewayReporter:
-    """Passes events to *told*, or as text to *tell* if None; drops questions and progress.
+    """Passes events to *told*, or as text to *reporter* if None; drops questions and progress.
 
     *client* is the name of the client being served, or None.
     """
 
-    def __init__(self, tell: Reporter, told: Callable[[GatewayEvent], None] | None = None) -> None:
-        self._tell, self._told = tell, told
+    def __init__(self, reporter: Reporter, told: Callable[[GatewayEvent], None] | None = None) -> None:
+        self._tell, self._told = reporter, told
         self.client: str | None = None
 
     def happened(self, event: GatewayHappening, text: Hint | str, **facts: Any) -> None:

@@ -131,10 +131,10 @@ WAITING_S, SILENT_S = 5.0, 10.0
 
 
 class GatewayWork:
-    """Carries out requests on *session*; changes only with *allow_changes*; *tell* gets changes."""
+    """Carries out requests on *session*; changes only with *allow_changes*; *reporter* gets changes."""
 
-    def __init__(self, session: Session, tell: GatewayReporter, *, allow_changes: bool) -> None:
-        self._session, self._tell = session, tell
+    def __init__(self, session: Session, reporter: GatewayReporter, *, allow_changes: bool) -> None:
+        self._session, self._tell = session, reporter
         self._allow_changes = allow_changes
         self._lss = LssLines(session, allow_changes=allow_changes)
         self._pdos = GatewayPdos(session, allow_changes=allow_changes)
@@ -507,5 +507,5 @@ class LssLines:
         done = lss_node_id(self._session, node_id, address)
         if done.exit_code:
             return Failed(GatewayError.LSS_NODE_ID)
-        self._session.tell.note(f"node-ID {node_id} <- {address}")
+        self._session.reporter.note(f"node-ID {node_id} <- {address}")
         return Done()

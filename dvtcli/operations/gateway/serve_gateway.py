@@ -84,8 +84,8 @@ def gateway(
                 hint=Hint(Action.GIVE, {"listen": "127.0.0.1:60000"}, "{}, and ssh -L for who sits elsewhere"),
             )
     bus = session.open_network().bus
-    tell, unattended = session.tell, GatewayReporter(session.tell, told)
-    session.tell = unattended
+    reporter, unattended = session.reporter, GatewayReporter(session.reporter, told)
+    session.reporter = unattended
     served: Gateway | None = None
     work = GatewayWork(session, unattended, allow_changes=allow_changes)
     try:
@@ -96,7 +96,7 @@ def gateway(
         finally:
             stop()
     finally:
-        session.tell = tell
+        session.reporter = reporter
         work.close()
         if served is not None:
             served.hub.close()
@@ -177,14 +177,14 @@ class Gateway:
         where: Sequence[Address],
         work: GatewayWork,
         dialect: Dialect,
-        tell: GatewayReporter,
+        reporter: GatewayReporter,
         *,
         any_user: bool,
     ) -> None:
-        self._session, self._work, self._dialect, self._tell = session, work, dialect, tell
+        self._session, self._work, self._dialect, self._tell = session, work, dialect, reporter
         may_come = None if any_user or sys.platform != "linux" else is_own_user
         try:
-            self.hub = Hub(where, tell.note, admit=LineClient, most=MOST_CLIENTS, may_come=may_come)
+            self.hub = Hub(where, reporter.note, admit=LineClient, most=MOST_CLIENTS, may_come=may_come)
         except OSError as failed:
             place = " and ".join(
                 f"unix:{endpoint}" if isinstance(endpoint, str) else f"{endpoint[0]}:{endpoint[1]}"

@@ -144,7 +144,7 @@ def add_files(session: SessionUser, words: tuple[str, ...], identity: Mapping[st
         raise UsageError(f"{' '.join(words)}: no EDS, DCF, XDD or XDC file in {plural(others, 'file')}")
     rows = []
     for number, sought_file in enumerate(sought):
-        session.tell.progress("reading device files", number, len(sought))
+        session.reporter.progress("reading device files", number, len(sought))
         try:
             rows.append(_add(sought_file, given, dry_run=session.dry_run))
         except InputFileError as wrong:
@@ -400,7 +400,7 @@ def _listing(session: SessionUser, removed: tuple[str, ...] = (), preferred: str
     taken = taken_of(files)
     rows = []
     for number, library_file in enumerate(files):
-        session.tell.progress("reading the library", number, len(files))
+        session.reporter.progress("reading the library", number, len(files))
         rows.append(
             replace(
                 _row(number + 1, library_file), taken=library_file in taken, preferred=taken.get(library_file, False)

@@ -144,7 +144,7 @@ def _told(session: SessionUser, prepared: _Prepared) -> Callable[[], None]:
     count, node_id = itertools.count(1), prepared.node.node_id
 
     def wrote() -> None:
-        session.tell.progress(f"node {node_id}: learning, write {next(count)} of {prepared.limit} at most", 0, 0)
+        session.reporter.progress(f"node {node_id}: learning, write {next(count)} of {prepared.limit} at most", 0, 0)
 
     return wrote
 
@@ -152,14 +152,14 @@ def _told(session: SessionUser, prepared: _Prepared) -> Callable[[], None]:
 def _looked(session: SessionUser, node: NodeDescription) -> Callable[[int, int], None]:
     """Return a callback that reports the search for missing objects."""
     text = f"node {node.node_id}: which objects of its EDS are there"
-    return lambda done, total: session.tell.progress(f"{text}, {done + 1} of {total}", done, total)
+    return lambda done, total: session.reporter.progress(f"{text}, {done + 1} of {total}", done, total)
 
 
 def _heard(session: SessionNodes) -> frozenset[int]:
     """Return the CAN-IDs in use; if the bus carries no frames, they are unknown and no PDO is enabled."""
     if not session.bus.carries_frames:
         return frozenset(range(0x800))
-    session.tell.progress(f"listening for {LISTEN_S} s to which CAN-IDs are in use", 0, 0)
+    session.reporter.progress(f"listening for {LISTEN_S} s to which CAN-IDs are in use", 0, 0)
     return frozenset(frame.can_id for frame in session.bus.receive(LISTEN_S))
 
 
@@ -407,9 +407,11 @@ def save_learnt(
         _of_modules(path, modules) if path and modules else path or _described(node, name, origin, pdos, known)
     )
     if path is None:
-        session.tell.note(f"no EDS of node {node.node_id} is known: {name}.eds has what was read of it, and no more")
+        session.reporter.note(
+            f"no EDS of node {node.node_id} is known: {name}.eds has what was read of it, and no more"
+        )
         if node.bus.bitrate is None:
-            session.tell.note(
+            session.reporter.note(
                 Hint(
                     Action.GIVE_BIT_RATE,
                     why=f"nobody said the bus's bit rate: no BaudRate_ key of {verbatim(name)}.eds is 1; {{}} says it",

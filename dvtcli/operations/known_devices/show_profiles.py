@@ -20,7 +20,7 @@ from dvtcli.files.profile.library import (
 from dvtcli.operations.results import HabitListing, ProfileListing, ProfileShown
 from dvtcli.operations.results.learnt import HabitRow, Wanted, WantedState
 from dvtcli.operations.results.library_files import ProfileRow
-from dvtcli.operations.user.keeping import state_folder
+from dvtcli.operations.user.change_files import state_folder
 
 
 def known_profiles() -> tuple[str, ...]:

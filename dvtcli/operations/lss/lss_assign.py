@@ -47,7 +47,7 @@ def to_store(
             out_of_reach.append(f"{config.name} ({config.node_id})")
     master.let_wait()
     if out_of_reach:
-        session.tell.warning(
+        session.reporter.warning(
             f"not told to store, since LSS does not reach them: {join_some(out_of_reach)}; "
             "whether they keep their node-IDs is set in their makers' ways"
         )
@@ -158,7 +158,7 @@ def _with_identity(session: SessionUser, file: str, nodes: Sequence[NodeConfig])
         raise UsageError(f"{file}: no node has an identity, by which LSS could find it", hint=hint)
     others = [f"{config.name} ({config.node_id})" for config in nodes if config not in options]
     if others:
-        session.tell.note(f"no identity in {file}, left alone: {join_some(others)}")
+        session.reporter.note(f"no identity in {file}, left alone: {join_some(others)}")
     return options
 
 
@@ -253,7 +253,7 @@ def _agree(
     lines += [f"{slave.name} stores node-ID {slave.node_id}, which it has" for slave in kept]
     if len(lines) > 1:
         for number, line in enumerate(lines, 1):
-            session.tell.note(f"plan {number}: {line}")
+            session.reporter.note(f"plan {number}: {line}")
     consent_to_give(session, steps, kept, store=stores, prove=prove)
 
 
@@ -261,7 +261,7 @@ def _give_all(session: SessionNodes, master: LssMaster, steps: Sequence[LssGiven
     """Carry out *steps*; if a node does not come up, roll all back."""
     done: list[LssGiven] = []
     for number, step in enumerate(steps):
-        session.tell.progress(f"LSS: node-ID {step.node_id} to {step.name}", number, len(steps))
+        session.reporter.progress(f"LSS: node-ID {step.node_id} to {step.name}", number, len(steps))
         try:
             selected(master, step.address)
             give(session, master, step)

@@ -59,7 +59,7 @@ class RateChange:
         """Configure the new bit rate, not active yet, on each node."""
         for number, slave in enumerate(self.nodes):
             try:
-                self.tell(slave, self.after)
+                self.reporter(slave, self.after)
             except DvtcliError as failed:
                 failed.details.append(_said_by(slave))
                 refused = isinstance(failed, DeviceRefused)
@@ -76,19 +76,19 @@ class RateChange:
 
     def _takes(self, one: LssGiven, bit_rate: int) -> bool:
         try:
-            self.tell(one, bit_rate)
+            self.reporter(one, bit_rate)
         except DvtcliError:
             return False
         return True
 
-    def tell(self, one: LssGiven, bit_rate: int) -> None:
+    def reporter(self, one: LssGiven, bit_rate: int) -> None:
         """Configure *bit_rate* (bit/s) on the single node *one*; raises DeviceRefused, NoAnswer."""
         selected(self.master, one.address)
         self.master.configure_bit_rate(bit_rate)
 
     def switch(self, bit_rate: int) -> None:
         """Switch all configured nodes and this bus; nobody transmits before two delays are over."""
-        self.session.tell.progress(f"LSS: all switch to {bit_rate} bit/s", 0, 0)
+        self.session.reporter.progress(f"LSS: all switch to {bit_rate} bit/s", 0, 0)
         began_s = self.bus.now_s()
         self.master.activate_bit_rate(self.delay_ms)
         self.bus.sleep(self.delay_ms / 1000)
@@ -128,7 +128,7 @@ class RateChange:
         """Switch *nodes*, back at the old bit rate, to the new one like the others; else raises NoAnswer."""
         self.go_to(self.before)
         for node in nodes:
-            self.tell(node, self.after)
+            self.reporter(node, self.after)
         self.switch(self.after)
         if missing := self.missing(self.nodes):
             raise NoAnswer(f"at {self.after} bit/s {names(missing)} did not come back")
@@ -141,7 +141,7 @@ class RateChange:
                 self.go_to(self.after)
                 for slave in missing:
                     if self.is_there(slave):
-                        self.tell(slave, self.before)
+                        self.reporter(slave, self.before)
                 self.switch(self.before)
                 missing = self.missing(self.nodes)
                 if not missing:
@@ -172,7 +172,7 @@ class RateChange:
         for number, slave in enumerate(self.nodes, 1):
             try:
                 if self.before == self.after:
-                    self.tell(slave, self.after)  # it may have been told another one that was never activated
+                    self.reporter(slave, self.after)  # it may have been told another one that was never activated
                 self._store(slave)
             except DvtcliError as failed:
                 failed.details.append(_said_by(slave))
@@ -211,7 +211,7 @@ class RateChange:
         left, again = [], []
         for slave in stored:
             try:
-                self.tell(slave, self.before)
+                self.reporter(slave, self.before)
                 self._store(slave)
                 again.append(slave)
             except DvtcliError as stuck:
@@ -313,7 +313,7 @@ def _refuse_running(session: SessionUser, bus: CanopenBus, there: Collection[int
     running = [f"node {node_id}" for node_id, state in states.items() if state is NmtState.OPERATIONAL]
     unknown = [f"node {node_id}" for node_id, state in states.items() if state is None]
     if unknown:
-        session.tell.warning(
+        session.reporter.warning(
             f"{join_some(unknown)}: no heartbeat says whether it is OPERATIONAL; the machine must stand still"
         )
     if running:
@@ -383,7 +383,7 @@ def prove_by_resets(session: SessionNodes, change: RateChange, stored: Sequence[
     """
     named = [stored_slave for stored_slave in stored if stored_slave.node_id != UNCONFIGURED]
     seen = {named_slave.node_id: change.bus.boot_ups(named_slave.node_id) for named_slave in named}
-    session.tell.progress("LSS: all are reset", 0, 0)
+    session.reporter.progress("LSS: all are reset", 0, 0)
     change.master.let_wait()
     change.master.reset_node(_ALL)
     until_s = change.bus.now_s() + BOOT_UP_S
@@ -521,7 +521,7 @@ def _agree(
         session.consent(f"store {bit_rate} bit/s, at which this bus runs already, in {who}{then}?")
         return
     for node in nodes:
-        session.tell.note(f"plan: node-ID {told_id(node.node_id)}, {node.address}: {before} -> {bit_rate} bit/s")
+        session.reporter.note(f"plan: node-ID {told_id(node.node_id)}, {node.address}: {before} -> {bit_rate} bit/s")
     session.consent(
         f"change the bit rate of this bus and of {plural(len(nodes), 'node')} from {before} to {bit_rate} bit/s"
         f"{', and store it' if stores else ''}{then}? Nothing else may be on it"

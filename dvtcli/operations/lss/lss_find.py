@@ -53,12 +53,12 @@ def scanned(session: SessionUser, master: LssMaster) -> list[LssNode]:
     found: list[LssAddress] = []
 
     def on_bit(bits: int) -> None:
-        session.tell.progress(f"LSS fast scan: {plural(len(found), 'node')} found", bits, BITS * PARTS)
+        session.reporter.progress(f"LSS fast scan: {plural(len(found), 'node')} found", bits, BITS * PARTS)
 
     master.let_wait()
     while (address := master.scan(found, on_bit)) is not None:
         found.append(address)
-        session.tell.progress(f"LSS fast scan: found {address}", 0, 0)
+        session.reporter.progress(f"LSS fast scan: found {address}", 0, 0)
     return [
         LssNode(lss_address, UNCONFIGURED, master.select(lss_address) == 1, _family(lss_address))
         for lss_address in found

@@ -203,7 +203,7 @@ def judged_file(
     config: NetworkConfig,
     options: CheckOptions,
     on_bus: Mapping[int, DeviceWord] | None = None,
-    tell: Reporter | None = None,
+    reporter: Reporter | None = None,
 ) -> tuple[NetworkState, tuple[NetworkFinding, ...]]:
     """Simulate the network of *config* (from *file*) and apply the rules of changes and of networks.
 
@@ -215,7 +215,7 @@ def judged_file(
     from dvtcli.operations.network.described_network import described_network
 
     rules, failures, log = chosen_rules(options), list[DvtcliError](), FileLog(file, network_text(file))
-    state = described_network(file, tell, for_rules=True, on_bus=on_bus, config=config, failures=failures)
+    state = described_network(file, reporter, for_rules=True, on_bus=on_bus, config=config, failures=failures)
     state = replace(state, links=()) if failures else state
     names = {rule.name for rule in rules}
     found = [finding for failed in failures for finding in _refused(config, failed, names)]

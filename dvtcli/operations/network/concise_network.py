@@ -75,7 +75,7 @@ class ConciseNetwork:
     untold: tuple[NodeConfig, ...]
 
 
-def concise_dcf(file: str, node: str | int | None = None, tell: Reporter | None = None) -> ConciseDcf:
+def concise_dcf(file: str, node: str | int | None = None, reporter: Reporter | None = None) -> ConciseDcf:
     """Make the concise DCF of a node of the network *file*, by name or node-ID; None for its only node.
 
     Undescribed nodes and their links are left out. Raises UsageError if *node* is unknown or undescribed, or the file
@@ -88,28 +88,28 @@ def concise_dcf(file: str, node: str | int | None = None, tell: Reporter | None 
             f"{file}: no EDS is known of {chosen.name}", place=f"{file}:{chosen.mark.line}",
             hint="dcf: names its file; a concise DCF says how a node gets from there to what is wanted",
         )  # fmt: skip
-    return next(dcf for dcf in _concise(file, read, tell).nodes if dcf.node_id == chosen.node_id)
+    return next(dcf for dcf in _concise(file, read, reporter).nodes if dcf.node_id == chosen.node_id)
 
 
 def concise_dcfs(
-    file: str, tell: Reporter | None = None, on_bus: Mapping[int, DeviceWord] | None = None
+    file: str, reporter: Reporter | None = None, on_bus: Mapping[int, DeviceWord] | None = None
 ) -> ConciseNetwork:
     """Make the concise DCFs of all described nodes of the network *file*; *on_bus* adds descriptions.
 
     Raises as `concise_dcf`.
     """
-    return _concise(file, read_network_config(file), tell, on_bus)
+    return _concise(file, read_network_config(file), reporter, on_bus)
 
 
 def _concise(
-    file: str, read: NetworkConfig, tell: Reporter | None, on_bus: Mapping[int, DeviceWord] | None = None
+    file: str, read: NetworkConfig, reporter: Reporter | None, on_bus: Mapping[int, DeviceWord] | None = None
 ) -> ConciseNetwork:
     words = words_of(file, read, on_bus)
     config = read.of(words.keys())
     anyone = replace(config, nodes=tuple(replace(node, identity=ExpectedIdentity()) for node in config.nodes))
     made: list[ConciseDcf] = []
     if words:
-        with Session(simulation_of(words), tell) as session:
+        with Session(simulation_of(words), reporter) as session:
             plan = plan_network_config(session, anyone, FileLog(file, network_text(file)))
             dictionaries = {node_id: session.node(node_id).dictionary for node_id in words}
         planned = {node.node_id: node for node in plan.nodes}
@@ -154,7 +154,7 @@ def convert_network(session: SessionUser, file: str, target: str, node: str | in
     if file.lower().endswith(DEVICE_SUFFIXES):
         one, left_out = _of_device(file, node)
     else:
-        one, left_out = concise_dcf(file, node, session.tell), ()
+        one, left_out = concise_dcf(file, node, session.reporter), ()
     ask_before_overwriting(session, path)
     make_file(session, path, one.data)
     count = plural(len(one.entries), "download")

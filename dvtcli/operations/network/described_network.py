@@ -74,7 +74,7 @@ def _source(word: str) -> str:
 
 def described_network(
     file: str,
-    tell: Reporter | None = None,
+    reporter: Reporter | None = None,
     *,
     for_rules: bool = False,
     with_links: bool = True,
@@ -99,7 +99,9 @@ def described_network(
     links = tuple(link for link in config.links if _is_told(link, words.keys()))
     state = NetworkState(file=file, master=config.master, links=links)
     if known:
-        state = _simulated(file, replace(config, nodes=known, links=links), words, tell, failures, for_rules=for_rules)
+        state = _simulated(
+            file, replace(config, nodes=known, links=links), words, reporter, failures, for_rules=for_rules
+        )
     named = {node.node_id: node for node in config.nodes}
     met = [_met(node, named[node.node_id], words[node.node_id]) for node in state.nodes]
     untold = [node for node in config.nodes if node.node_id not in words]
@@ -259,13 +261,13 @@ def _simulated(
     file: str,
     config: NetworkConfig,
     words: Mapping[int, DeviceWord],
-    tell: Reporter | None,
+    reporter: Reporter | None,
     failures: list[DvtcliError] | None,
     *,
     for_rules: bool,
 ) -> NetworkState:
     options = simulation_of(words, force=True)
-    with Session(options, tell) as session:
+    with Session(options, reporter) as session:
         session.bus.read_at_once()
         plan = _planned(session, config, FileLog(file, network_text(file)), failures, by_rules=for_rules)
         nodes = [session.node(node.node_id) for node in config.nodes]

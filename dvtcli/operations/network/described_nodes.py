@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.operations.values.object_values import meanings_of
+from dvtcli.operations.values.object_values import scalings_of
 from dvtcli.watch.explain.known_node import KnownNode
 
 if TYPE_CHECKING:
@@ -41,15 +41,15 @@ def described_nodes(
         from dvtcli.operations.session.device_files import offline_dictionaries
 
         offline = [
-            KnownNode(dictionary, meanings_of(profile, dictionary))
+            KnownNode(dictionary, scalings_of(profile, dictionary))
             for dictionary, profile in offline_dictionaries(session.base)
         ]
-    nobody = KnownNode(None, meanings_of(None, None))
+    nobody = KnownNode(None, scalings_of(None, None))
 
     def described(node_id: int) -> KnownNode:
         node = session.network.nodes.get(node_id) if session.is_open else None
         if node is not None and node_id not in known:
-            known[node_id] = KnownNode(node.dictionary, meanings_of(node.profile, node.dictionary))
+            known[node_id] = KnownNode(node.dictionary, scalings_of(node.profile, node.dictionary))
         is_of_eds = not session.base.nodes or node_id in session.base.nodes
         return known.get(node_id) or (next(iter(offline), nobody) if is_of_eds else nobody)
 
@@ -66,7 +66,7 @@ def _network_nodes(file: str, config: NetworkConfig) -> dict[int, KnownNode]:
     devices = offline_dictionaries(simulation_of(words))
     told = dict(zip(words, devices, strict=True))
     return {
-        node.node_id: KnownNode(dictionary, meanings_of(profile, dictionary, [own.get(node.node_id, {})]))
+        node.node_id: KnownNode(dictionary, scalings_of(profile, dictionary, [own.get(node.node_id, {})]))
         for node in config.nodes
         for dictionary, profile in (told.get(node.node_id, (None, None)),)
     }

@@ -42,16 +42,16 @@ from dvtcli.operations.results import Facts
 from dvtcli.operations.results.loads import Measured, NetworkLoad
 from dvtcli.operations.results.networks import action, differing
 from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
-from dvtcli.operations.values.object_values import meanings_of
+from dvtcli.operations.values.object_values import scalings_of
 from dvtcli.watch.statistics import FrameCount
 
 if TYPE_CHECKING:
     from dvtcli.domain.frame import Field
-    from dvtcli.domain.meanings import Meanings, Rules
     from dvtcli.domain.network.bus_need import StreamNeed
     from dvtcli.domain.network.network_config import NetworkConfig
     from dvtcli.domain.network.network_plan import NodePlan
     from dvtcli.domain.network.network_state import Identifier, NetworkState, NodeState
+    from dvtcli.domain.object_scalings import ObjectScalings, Rules
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.plan import ValueChange
     from dvtcli.domain.ports import Frame
@@ -145,28 +145,28 @@ def drawn_nodes(state: NetworkState, said: Mapping[int, Rules]) -> Iterator[Pict
         partners.setdefault(link.producer, []).append(link.consumer)
         partners.setdefault(link.consumer, []).append(link.producer)
     for node in state.nodes:
-        meanings = meanings_of(node.profile, node.dictionary, [said.get(node.node_id, {})])
-        pdos = (_pdo(node, pdo, config, meanings, partners) for pdo, config in sorted(node.pdos.items()))
+        scalings = scalings_of(node.profile, node.dictionary, [said.get(node.node_id, {})])
+        pdos = (_pdo(node, pdo, config, scalings, partners) for pdo, config in sorted(node.pdos.items()))
         is_told = node.node_id not in state.untold
         yield PictureNode(node.node_id, node.name, node.title, tuple(_facts(node)), tuple(pdos), is_told)
 
 
 def _pdo(
-    node: NodeState, pdo: Pdo, config: PdoConfig, meanings: Meanings, partners: dict[Endpoint, list[Endpoint]]
+    node: NodeState, pdo: Pdo, config: PdoConfig, scalings: ObjectScalings, partners: dict[Endpoint, list[Endpoint]]
 ) -> PicturePdo:
     end = Endpoint(node.node_id, pdo)
-    fields = tuple(_field(node, field, meanings) for field in layout(config.mapping))
+    fields = tuple(_field(node, field, scalings) for field in layout(config.mapping))
     return PicturePdo(end, config, fields, tuple(partners.get(end, ())))
 
 
-def _field(node: NodeState, one: Field, meanings: Meanings) -> PictureField:
+def _field(node: NodeState, one: Field, scalings: ObjectScalings) -> PictureField:
     entry = one.entry
     if entry.is_dummy:
         return PictureField(one.start_bit, one.bits, entry.object, is_dummy=True)
     described = node.dictionary.entry(entry.index, entry.sub_index) if node.dictionary else None
     name = node.dictionary.display_name(entry.index, entry.sub_index) if node.dictionary and described else ""
     kind = described.data_type.short if described and described.data_type else ""
-    return PictureField(one.start_bit, one.bits, entry.object, name, kind, meanings.of(entry.index, entry.sub_index))
+    return PictureField(one.start_bit, one.bits, entry.object, name, kind, scalings.of(entry.index, entry.sub_index))
 
 
 def _facts(node: NodeState) -> Iterator[tuple[str, str]]:
@@ -314,7 +314,7 @@ def network_picture(session: Session, file: str | None = None, options: PictureO
 
 def _of_file(session: SessionUser, file: str, options: PictureOptions) -> NetworkPicture:
     told, config = options.bit_rate or session.options.bitrate, read_network_config(file)
-    state, found = judged_file(file, config, CheckOptions(bit_rate=told), tell=session.tell)
+    state, found = judged_file(file, config, CheckOptions(bit_rate=told), reporter=session.reporter)
     return _picture(
         state, options.title or Path(file).stem, Path(file).name, told, found, said=rules_by_node(config.nodes)
     )

@@ -42,7 +42,7 @@ def listen(session: SessionNodes, for_s: float, take: Callable[[Frame, bool], No
     begun_s = bus.now_s()
     try:
         while (left_s := begun_s + for_s - bus.now_s()) > 0:
-            session.tell.progress("listening", round(10 * (for_s - left_s)), round(10 * for_s))
+            session.reporter.progress("listening", round(10 * (for_s - left_s)), round(10 * for_s))
             bus.sleep(min(_SLICE_S, left_s))
     finally:
         untap()
@@ -121,7 +121,7 @@ def _others(session: SessionNodes) -> list[int]:
     if named:
         who = f"node{'s' if len(named) > 1 else ''} {','.join(map(str, named))}"
         said = f"{who} as chosen, and who is known or heard; {{}} looks for the other nodes, too"
-        session.tell.note(Hint(Action.GIVE, {"node_id": "all"}, said))
+        session.reporter.note(Hint(Action.GIVE, {"node_id": "all"}, said))
         return []
     return answering_ids(bus)
 
@@ -135,5 +135,5 @@ def answering(session: SessionNodes, node_ids: Iterable[int]) -> list[Node]:
             node.pdos()
             nodes.append(node)
         except (NoAnswer, SdoAborted, SdoProtocolError) as silent:
-            session.tell.note(f"node {node_id} is not counted: {silent.text}")
+            session.reporter.note(f"node {node_id} is not counted: {silent.text}")
     return nodes

@@ -62,8 +62,8 @@ def planned(
         return plan, None if manager is not None or plan.lacking else load_after(session, plan)
 
     plan, need = session.read_together(read)
-    keepers = {node.node_id: session.node(node.node_id).keeper for node in plan.nodes}
-    interrupted = (node_id for node_id, keeper in keepers.items() if keeper is not None and keeper.open_journal())
+    guards = {node.node_id: session.node(node.node_id).guard for node in plan.nodes}
+    interrupted = (node_id for node_id, guard in guards.items() if guard is not None and guard.open_journal())
     answer = NetworkPlanned(plan, tells, saved or "", need, tuple(interrupted))
     if saved is not None:
         read_back = None if saved.lower().endswith(_GATEWAY_LINES) else read_network_plan
@@ -108,7 +108,7 @@ def applied(
     unproved = [str(node.node_id) for node in plan.nodes if node.store and not node.stores]
     if prove is not None and unproved:
         words = f"node {', '.join(unproved)} stored nothing now, so nothing is proved of what it keeps; {{}} does"
-        session.tell.note(Hint(Action.PROVE_STORE, {"node": [int(node) for node in unproved]}, words))
+        session.reporter.note(Hint(Action.PROVE_STORE, {"node": [int(node) for node in unproved]}, words))
     return applied_now
 
 

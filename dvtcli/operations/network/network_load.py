@@ -87,7 +87,7 @@ def _state(session: Session, file: str | None, measured: Measured | None) -> Net
     if measured is None:
         from dvtcli.operations.network.described_network import described_network
 
-        return described_network(file, session.tell)
+        return described_network(file, session.reporter)
     from dvtcli.files.network.file_log import FileLog
     from dvtcli.files.network.read_network import network_text
     from dvtcli.operations.plans.plan_network import plan_network_config

@@ -61,7 +61,7 @@ def plan_manager(session: Session, file: str, manager: int) -> NetworkPlan:
             ),
         )
     config = read_network_config(file)
-    found = concise_dcfs(file, session.tell, words_of_present(session, file, config))
+    found = concise_dcfs(file, session.reporter, words_of_present(session, file, config))
     mine = [dcf for dcf in found.nodes if dcf.node_id != manager]
     left_out = {(node_config.node_id, node_config.name): _NOBODY for node_config in found.untold}
     left_out |= {
@@ -70,7 +70,7 @@ def plan_manager(session: Session, file: str, manager: int) -> NetworkPlan:
         if node_config.node_id == manager
     }
     for (node_id, name), why in sorted(left_out.items()):
-        session.tell.note(f"{file}: node {node_id} {name} is left out: {why}")
+        session.reporter.note(f"{file}: node {node_id} {name} is left out: {why}")
     if not mine:
         raise UsageError(f"{file} has no node that node {manager} could download anything to", place=file)
     node = session.node(manager)
@@ -92,7 +92,7 @@ def _node_plan(session: SessionUser, node: ReadableNode, mine: list[ConciseDcf])
         if data != held[place]
     )  # fmt: skip
     for index in _lacking(held, mine):
-        session.tell.note(
+        session.reporter.note(
             f"node {node.node_id} has no 0x{index:04X}: it downloads at each boot-up, whatever 0x1020 says"
         )
     said = tuple(

@@ -110,7 +110,7 @@ def _commanded(
         f"node {node_id} sent no boot-up message, and answers: whether it restarted is not known" for node_id in unheard
     ]
     for note in notes:
-        session.tell.warning(note)
+        session.reporter.warning(note)
     notes += _interrupted(session, {*states, *([] if target else [session.selected_id()])})
     wanted = None if reset else command.after.label
     return Commanded(target, command.word, seen, session.dry_run, lost, wanted, tuple(notes))

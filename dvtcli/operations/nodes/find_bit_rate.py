@@ -45,7 +45,7 @@ def _found(session: SessionNodes, listen_s: float, *, silent: bool) -> BitRateFo
     with _listening(session, listen_only=silent) as (bus, rates):
         heard: list[HeardAt] = []
         for number, bit_rate in enumerate(rates):
-            session.tell.progress(f"listening at {bit_rate} bit/s, {listen_s:g} s", number, len(rates))
+            session.reporter.progress(f"listening at {bit_rate} bit/s, {listen_s:g} s", number, len(rates))
             if bus.runs_at != bit_rate or not silent:
                 bus.set_bit_rate(bit_rate, listen_only=silent)
             heard.append(_heard(bus, bit_rate, listen_s))

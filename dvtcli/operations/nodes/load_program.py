@@ -136,7 +136,7 @@ class _ProgramNote:
             raise SafetyRefusal(
                 f"the download cannot be noted: {failed.strerror or failed}", node=self.node_id, place=str(notes.folder)
             ) from failed
-        self.session.tell.progress(f"node {self.node_id}: {stage.name.lower()}", 0, 0)
+        self.session.reporter.progress(f"node {self.node_id}: {stage.name.lower()}", 0, 0)
 
     def forget(self) -> None:
         """Remove the note: the node runs the new or the old program."""
@@ -176,4 +176,4 @@ def _forget(session: SessionNodes, node: Node) -> None:
     network.files.forget(node.node_id)
     node.let_go()
     if left_behind:
-        session.tell.note(left_behind)
+        session.reporter.note(left_behind)

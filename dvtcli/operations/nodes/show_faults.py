@@ -31,7 +31,7 @@ def show_faults(session: SessionNodes, node_id: int | None = None) -> Faults:
     own, history = node.profile.fault_list, read_history(node.sdo)
     active = () if own is None else read_fault_list(node.access, own, may_choose=not session.dry_run)
     if active and session.dry_run:
-        session.tell.note(
+        session.reporter.note(
             "in a dry run the node's own list is read only where it stands: to choose a position is a write"
         )
     rows = [words.row("active", code) for code in active]

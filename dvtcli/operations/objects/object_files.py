@@ -47,7 +47,7 @@ class _FrameCount:
     """Counts the frames of a node's SDO channel."""
 
     def __init__(self, session: SessionUser, node_id: int, text: str, size: int | None) -> None:
-        self._tell, self._text, self._size = session.tell, text, size or 0
+        self._tell, self._text, self._size = session.reporter, text, size or 0
         self._carrier = (REQUEST_ID if size is not None else ANSWER_ID) + node_id
         self._learns_size = size is None
         self._count = 0

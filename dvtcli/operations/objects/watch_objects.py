@@ -15,7 +15,7 @@ from dvtcli.operations.objects.read_record import read_whole
 from dvtcli.operations.results.values import ObjectCourse, ValuesRead, ValuesWatched
 from dvtcli.operations.session.save_script import ask_before_overwriting, place_of
 from dvtcli.operations.values.named_objects import means_whole, object_at, one_name
-from dvtcli.operations.values.object_values import meanings_of, value_result
+from dvtcli.operations.values.object_values import scalings_of, value_result
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -118,7 +118,7 @@ def _head(place: _Place, data_type: DataType | None) -> str:
     """Name an object's column with its unit: `3:5100:01 [V]`."""
     node, index, sub_index = place
     name = f"{node.node_id}:{index:04X}:{sub_index:02X}"
-    unit = "" if data_type else meanings_of(node.profile, node.dictionary).of(index, sub_index).unit
+    unit = "" if data_type else scalings_of(node.profile, node.dictionary).of(index, sub_index).unit
     return f"{name} [{unit}]" if unit else name
 
 

@@ -16,7 +16,7 @@ from dvtcli.domain.rules.raw_write import parameter_size
 from dvtcli.errors import DeviceRefused, DvtcliError, RuleError, UsageError
 from dvtcli.operations.changes.change import changed
 from dvtcli.operations.changes.store_restore import restore_defaults, store_settings
-from dvtcli.operations.values.object_values import how_to_write, meaning_of, type_of, typed_bytes, value_words
+from dvtcli.operations.values.object_values import how_to_write, scaling_of, type_of, typed_bytes, value_words
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -75,7 +75,7 @@ def _in_words(node: NodeDescription, index: int, sub_index: int, refused: Device
 
 def _encoded(node: ReadableNode, index: int, sub_index: int, value: str, asked: DataType | None) -> bytes:
     kind = asked or object_type(node, index, sub_index)
-    meaning = meaning_of(node, index, sub_index)
+    meaning = scaling_of(node, index, sub_index)
     try:
         return typed_bytes(kind, meaning, value)
     except ValueError as wrong:

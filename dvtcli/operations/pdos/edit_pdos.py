@@ -54,7 +54,7 @@ def apply_edited(session: SessionNodes, node: Node, held: Configs, changed: Conf
         raise SafetyRefusal(
             f"{join_some(others)} of node {node.node_id} is not what it was when the editor read it",
             node=node.node_id,
-            hint=as_hint(f"{who_else(node.keeper)}: look at it again before it is written"),
+            hint=as_hint(f"{who_else(node.guard)}: look at it again before it is written"),
         )
     return configure(session, node, changed)
 

@@ -11,14 +11,14 @@ from dvtcli.domain.frame import byte_length, decode
 from dvtcli.domain.mapping import SAM_MPDO
 from dvtcli.domain.mpdo_lists import DISPATCHER_LISTS, SCANNER_LISTS
 from dvtcli.operations.results import LastFrame, ListedRow, MappedName, PdoListing, PdoRow
-from dvtcli.operations.values.object_values import meanings_of
+from dvtcli.operations.values.object_values import scalings_of
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.domain.datatypes import DataType
     from dvtcli.domain.mapping import PdoMappingEntry
-    from dvtcli.domain.meanings import Meanings
+    from dvtcli.domain.object_scalings import ObjectScalings
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.session.session_nodes import SessionNodes
@@ -45,21 +45,21 @@ def _listed(node: ReadableNode, pdo: Pdo, config: PdoConfig) -> tuple[ListedRow,
     if config.mpdo != SAM_MPDO:
         return None
     lists = SCANNER_LISTS if pdo.is_tpdo else DISPATCHER_LISTS
-    meanings = meanings_of(node.profile, node.dictionary)
+    scalings = scalings_of(node.profile, node.dictionary)
     return tuple(
-        ListedRow(f"{index:04X}:{sub_index:02X}", entry, _name(node, meanings, entry.index, entry.sub_index).name)
+        ListedRow(f"{index:04X}:{sub_index:02X}", entry, _name(node, scalings, entry.index, entry.sub_index).name)
         for (index, sub_index), entry in read_mpdo_lists(node.sdo, node.dictionary, lists).items()
     )
 
 
 def _row(node: Node, pdo: Pdo, config: PdoConfig) -> PdoRow:
-    meanings = meanings_of(node.profile, node.dictionary)
-    named = tuple(_name(node, meanings, entry.index, entry.sub_index) for entry in config.mapping)
+    scalings = scalings_of(node.profile, node.dictionary)
+    named = tuple(_name(node, scalings, entry.index, entry.sub_index) for entry in config.mapping)
     return PdoRow(pdo, config, named, pdo.default_can_id(node.node_id), pdo.label in node.unstored)
 
 
-def _name(node: NodeDescription, meanings: Meanings, index: int, sub_index: int) -> MappedName:
-    meaning = meanings.of(index, sub_index)
+def _name(node: NodeDescription, scalings: ObjectScalings, index: int, sub_index: int) -> MappedName:
+    meaning = scalings.of(index, sub_index)
     entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
     if entry is None or node.dictionary is None:
         return MappedName(meaning=meaning)

@@ -12,7 +12,7 @@ from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.files.pdo_yaml import MappingWord, read_pdo_yaml, write_pdo_yaml, wrong_at
 from dvtcli.operations.changes.change import configure
-from dvtcli.operations.user.keeping import state_folder
+from dvtcli.operations.user.change_files import state_folder
 from dvtcli.operations.values.named_objects import entry_at
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def configure_from_text(
                 hint=Hint(
                     Action.EDIT_PDO,
                     {"pdo": pdo},
-                    f"{verbatim(who_else(node.keeper))}: {{}} again shows what it holds now",
+                    f"{verbatim(who_else(node.guard))}: {{}} again shows what it holds now",
                 ),
             )
     want = PdoRequest(

@@ -77,12 +77,12 @@ def apply_network(
         also = AlsoClaimed(claims.held(), stores, equal, prove is not None, claims)
         findings = {node_plan.node_id: node_plan.findings for node_plan in planned}
         with claims.rolled_back_whole():
-            course = apply_together(session, nodes, plans, found, name or f"apply {plan.file}", findings, also)
-        with course:
-            _keep(session, nodes, course.plans)
-            at_store = _claims_at_store(session, course, claims, found)
-            stored = store_network(session, course, stores, at_store, prove, equal)
-            complete(course)
+            transaction = apply_together(session, nodes, plans, found, name or f"apply {plan.file}", findings, also)
+        with transaction:
+            _keep(session, nodes, transaction.plans)
+            at_store = _claims_at_store(session, transaction, claims, found)
+            stored = store_network(session, transaction, stores, at_store, prove, equal)
+            complete(transaction)
     kept = {
         node_plan.node_id: keep_words(nodes[node_plan.node_id], node_plan.plan)
         for node_plan in planned
@@ -94,7 +94,7 @@ def apply_network(
         if kept.get(node_plan.node_id)
     }
     not_remembered = tuple(
-        node_id for node_id, node in nodes.items() if node.keeper is not None and not node.keeper.past.remembers_last
+        node_id for node_id, node in nodes.items() if node.guard is not None and not node.guard.history.remembers_last
     )
     seconds = time.monotonic() - started
     return NetworkApplied(plan, session.dry_run, seconds, stored, kept, without, not_remembered=not_remembered)
@@ -142,14 +142,14 @@ def _keep(session: SessionNodes, nodes: Mapping[int, Node], done: Mapping[int, P
 
 
 def _claims_at_store(
-    session: Session, course: NetworkTransaction, claims: Claims, found: Mapping[int, InitialState]
+    session: Session, transaction: NetworkTransaction, claims: Claims, found: Mapping[int, InitialState]
 ) -> ClaimsAtStore:
     """Read what each node that is written or stores holds: changed values and other values of the file."""
     planned = [plan for plan in claims.planned if len(plan.plan) or plan.stores]
     held = {plan.node_id: plan.holds for plan in planned if not len(plan.plan)}
     boot_ups = {plan.node_id: found[plan.node_id].boot_ups for plan in planned if not plan.stores}
     identities = {plan.node_id: plan.identity for plan in planned}
-    return ClaimsAtStore(session, course.nodes, {**held, **course.claims()}, identities, boot_ups, claims)
+    return ClaimsAtStore(session, transaction.nodes, {**held, **transaction.claims()}, identities, boot_ups, claims)
 
 
 def _stores(planned: Sequence[NodePlan]) -> tuple[Storing, ...]:

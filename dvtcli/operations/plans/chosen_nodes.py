@@ -39,7 +39,7 @@ def of_nodes(session: SessionUser, file: str, config: NetworkConfig, ids: tuple[
     if left_out := len(config.links) - len(chosen.links):
         stay = ", ".join(f"{end.node_id}:{end.pdo}" for end in alone)
         kept = f"; left as they are: {stay}" if stay else ""
-        session.tell.note(
+        session.reporter.note(
             f"{plural(left_out, 'link')} of {file} left out: not both ends are among the chosen nodes{kept}"
         )
     return chosen
@@ -81,7 +81,7 @@ def tell_unknown_bit_rate(session: SessionNodes, nodes: int) -> None:
     unknown = f"the bit rate of {bus.name} is not known"
     if not session.network.files.is_news(unknown):
         return
-    session.tell.note(
+    session.reporter.note(
         Hint(
             Action.GIVE_BIT_RATE,
             {"rate": 250000},

@@ -70,14 +70,14 @@ def plan_network(session: Session, file: str, *, trust_stamp: bool = False, as_f
     """
     config = read_network_config(file)
     for note in config.notes:
-        session.tell.note(f"{file}:{note.mark.line}:{note.mark.column}: {note.text}")
+        session.reporter.note(f"{file}:{note.mark.line}:{note.mark.column}: {note.text}")
     config = of_nodes(session, file, config, named_nodes(session))
     tell_unknown_bit_rate(session, len(config.nodes))
     log = FileLog(file, network_text(file))
     plan = plan_network_config(session, config, log, trust_stamp=trust_stamp, as_far=as_far, of_network=True)
     undescribed = [node.node_id for node in plan.nodes if session.node(node.node_id).dictionary is None]
     if undescribed:
-        session.tell.note(f"{file}: {skipped_rules(undescribed)}")
+        session.reporter.note(f"{file}: {skipped_rules(undescribed)}")
     return plan
 
 
@@ -159,7 +159,7 @@ def with_unknown_syncs(session: SessionNodes, plan: NetworkPlan, frames: ShortFr
     found = unknown_syncs(frames, [session.network.nodes[node_id] for node_id in sorted(session.network.nodes)])
     for can_id in found:
         if can_id not in plan.unknown_syncs:
-            session.tell.note(sync_note(can_id))
+            session.reporter.note(sync_note(can_id))
     return replace(plan, unknown_syncs=tuple(sorted({*plan.unknown_syncs, *found})))
 
 
@@ -407,7 +407,7 @@ def _unstored(node: Node, plan: Plan) -> tuple[str, ...]:
 
     Leaves out what *plan* changes: the old value need not be stored, and the new value may equal the stored value.
     """
-    remembered = {} if node.keeper is None else held_unstored(node, node.keeper.past, node.identity())
+    remembered = {} if node.guard is None else held_unstored(node, node.guard.history, node.identity())
     changed = {change.label for change in plan.changes}
     return tuple(label for label in {**remembered, **node.unstored} if label not in changed)
 

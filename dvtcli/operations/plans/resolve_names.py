@@ -29,7 +29,7 @@ from dvtcli.errors import DvtcliError, SdoAborted, UsageError
 from dvtcli.operations.objects.write_object import object_type
 from dvtcli.operations.pdos.virtual_pdo_ties import object_index, tied_name
 from dvtcli.operations.values.named_objects import entry_at, object_at
-from dvtcli.operations.values.object_values import meaning_of, typed_bytes
+from dvtcli.operations.values.object_values import scaling_of, typed_bytes
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
@@ -248,7 +248,7 @@ def _values(node: ReadableNode, config: NodeConfig, log: FileLog) -> Iterator[Re
         try:
             kind = object_type(node, *place)
             text = value.value.text if kind.limits is None else of_node(value.value.text, node.node_id)
-            data = typed_bytes(kind, meaning_of(node, *place), text)
+            data = typed_bytes(kind, scaling_of(node, *place), text)
             yield ResolvedValue(place, data, _name(node, place), value.value.mark)
         except ValueError as unfit:
             log.complain(value.value.mark, f"{value.value.text!r} for {_shown(place)}: {unfit}")

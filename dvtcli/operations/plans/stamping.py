@@ -152,8 +152,8 @@ def _is_stamped(nodes: Mapping[int, Node], config: NodeConfig, wanted: Stamp | N
     if wanted is None:
         return False
     node = nodes[config.node_id]
-    keeper = node.keeper
-    if node.unstored or (keeper is not None and (keeper.open_journal() or is_remembered(node, keeper.past))):
+    guard = node.guard
+    if node.unstored or (guard is not None and (guard.open_journal() or is_remembered(node, guard.history))):
         return False
     stored = all(index in _COMMUNICATION and node.profile.store.needed_for(index) for index in _indices(node, config))
     return stored and held_stamp(node) == wanted

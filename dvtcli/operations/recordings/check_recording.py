@@ -146,7 +146,7 @@ def _report_of(
         else:
             check.take(number, recorded.frame)
     if number > 1 and first_s == last_s:
-        session.tell.note(
+        session.reporter.note(
             f"the frames of {path.name} have no times: what is late, uneven or missing is not judged, nor the load"
         )
     names = {rule.name for rule in rules}

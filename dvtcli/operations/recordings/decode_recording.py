@@ -48,7 +48,7 @@ def decode_recording(
     check_readable(path)
     config = network_config_of(dbc)
     decoder = decoder_for(session, nodes, dbc, path, config)
-    misfits = Misfits(decoder.layout, session.tell.warning)
+    misfits = Misfits(decoder.layout, session.reporter.warning)
     seen = _seen_frames(path, misfits, _readers(session, decoder, dbc, config), only)
     if only:
         seen = _or_note(session, path, seen, only)
@@ -101,7 +101,7 @@ def write_values(
         for frame, _ in frames:
             writer.write(frame)
     if rows.other:
-        session.tell.note(f"{rows.other} frames without known signals were left out")
+        session.reporter.note(f"{rows.other} frames without known signals were left out")
     return rows
 
 
@@ -143,7 +143,7 @@ def _seen(
 
     *rows* read each by the reader of its channel.
     """
-    misfits = Misfits(rows.decoder.layout, session.tell.warning)
+    misfits = Misfits(rows.decoder.layout, session.reporter.warning)
     for recorded in read_recorded(path):
         if not recorded.error:
             misfits.look(recorded.frame)
@@ -177,7 +177,9 @@ def _write_file(
         if damage:
             kept = next_part(target.with_stem(f"{target.stem}-until-damage"))
             to.complete(kept.name)
-            session.tell.warning(f"{target} is not written; the {rows.frames} frames before the damage are in {kept}")
+            session.reporter.warning(
+                f"{target} is not written; the {rows.frames} frames before the damage are in {kept}"
+            )
             raise damage[0]
         to.complete()
     except OSError as failed:
@@ -217,7 +219,7 @@ def _or_note(
     for found in frames:
         yield found
     if found is None:
-        session.tell.note(f"no frame in {path.name} is of the kinds {', '.join(sorted(only))}")
+        session.reporter.note(f"no frame in {path.name} is of the kinds {', '.join(sorted(only))}")
 
 
 def _matching(
@@ -231,7 +233,7 @@ def _matching(
     if not count:
         if not SignalRows(decoder, text).columns:
             raise _unnamed(text, path)
-        session.tell.note(f"{path}: no frame in it carries a signal with {text!r} in its name")
+        session.reporter.note(f"{path}: no frame in it carries a signal with {text!r} in its name")
 
 
 def _unnamed(text: str, path: Path) -> UsageError:

@@ -63,7 +63,7 @@ def record_values(
 
     decoder = known()
     rows = _rows(decoder, text, FrameReader(decoder, described_nodes(session, dbc)), options.only)
-    misfits = Misfits(rows.layout, session.tell.warning)
+    misfits = Misfits(rows.layout, session.reporter.warning)
     asked = nodes or (tuple(range(1, 128)) if dbc is None else ())
     form = parquet_form(session, path, rows.decoder, options, platform.node(), asked=asked, dbc=dbc)
 
@@ -95,9 +95,9 @@ def _first_file(session: SessionUser, path: Path, *, append: bool) -> Path:
     with _refused_writes(path):
         for finished in finish_parts(path) if is_parquet(path) else ():
             if finished.rows:
-                session.tell.note(f"{finished.path}: {finished.rows} rows of a recording that was killed")
+                session.reporter.note(f"{finished.path}: {finished.rows} rows of a recording that was killed")
             if finished.aside is not None:
-                session.tell.warning(f"the recording is damaged after them; all of it is kept in {finished.aside}")
+                session.reporter.warning(f"the recording is damaged after them; all of it is kept in {finished.aside}")
             append = append or finished.path == path
         if append:
             return next_part(path)

@@ -59,7 +59,7 @@ def recorded_tracks(
 def _fitting(session: SessionUser, path: Path, tracks: Mapping[Place, Track], decoder: Decoder) -> Iterator[Frame]:
     """Yield the frames of the recording at *path*; reports frames of *tracks* that do not fit their layout."""
     addresses = {address for address, _ in tracks}
-    misfits = Misfits(decoder.layout, session.tell.warning)
+    misfits = Misfits(decoder.layout, session.reporter.warning)
     for frame in read_recording(path):
         if (frame.can_id, frame.extended) in addresses:
             misfits.look(frame)

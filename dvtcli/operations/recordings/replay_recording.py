@@ -79,7 +79,7 @@ def replay_recording(
     found = part.summed_up(_Words(session, FrameReader(known.decoder, described_nodes(session, file))))
     rows = _rows(found, known)
     if bus is None:
-        session.tell.note("no bus is chosen: what nodes there act on is told by the pre-defined connection set")
+        session.reporter.note("no bus is chosen: what nodes there act on is told by the pre-defined connection set")
     elif not session.options.yes and not all(row.effects for row in rows):
         known.look_around()
         rows = _rows(found, known)
@@ -297,10 +297,10 @@ def _rows(found: _Found, known: KnownParties) -> tuple[FramesToReplay, ...]:
 def _ask(session: SessionUser, path: Path, choice: Choice, found: _Found, rows: Sequence[FramesToReplay]) -> None:
     """Show what would be sent, and ask if nodes act on it."""
     for row in rows[:_MOST_ROWS]:
-        session.tell.note(row.text)
+        session.reporter.note(row.text)
     if len(rows) > _MOST_ROWS:
         more = f"and {plural(len(rows) - _MOST_ROWS, 'more row')}: {{}} shows all"
-        session.tell.note(Hint(Action.GIVE, {"dry_run": True}, more))
+        session.reporter.note(Hint(Action.GIVE, {"dry_run": True}, more))
     asked = [row for row in rows if row.effects]
     if asked:
         said = join_some(row.what for row in asked)

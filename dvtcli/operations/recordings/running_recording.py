@@ -51,7 +51,9 @@ def record_frames(
         recording = RunningRecording(session, listener, filters, recorder.write, recorder.flush, note_gap)
         seconds = recording.run(duration_s)
     if recorder.left_out:
-        session.tell.warning(f"{recorder.left_out} remote frames are missing: a {path.suffix} file cannot hold them")
+        session.reporter.warning(
+            f"{recorder.left_out} remote frames are missing: a {path.suffix} file cannot hold them"
+        )
     files = f", in {recorder.files} files" if recorder.files > 1 else ""
     return recording.facts(path, recorder.frames, seconds, size_of(path), files)
 
@@ -81,7 +83,7 @@ class RunningRecording:
         """
         began_s = self.listener.began_s
         time = ListeningTime(duration_s, began_s=began_s)
-        self.session.tell.note("recording; Ctrl-C ends it")
+        self.session.reporter.note("recording; Ctrl-C ends it")
 
         def is_over() -> bool:
             return self.session.cancellation.requested or time.is_over()

@@ -12,7 +12,7 @@ from dvtcli.domain.rules import Finding
 from dvtcli.operations.results.documents import Answer, Document, finding_document, hex_bytes, physical_document
 
 if TYPE_CHECKING:
-    from dvtcli.domain.meanings import ScaledValue
+    from dvtcli.domain.object_scalings import ScaledValue
     from dvtcli.errors import DvtcliError
 
 
@@ -21,7 +21,7 @@ class Changed(Answer):
     """A plan that was carried out and verified."""
 
     renderer: ClassVar = "change_lines:change_lines"
-    remarked: ClassVar = True
+    show_findings: ClassVar = True
 
     node: int
     plan: Plan
@@ -126,7 +126,7 @@ class ChangedNodes(Answer):
     """A change of several nodes; its document has common fields, and each node's."""
 
     renderer: ClassVar = "change_lines:changed_nodes_lines"
-    remarked: ClassVar = True
+    show_findings: ClassVar = True
 
     nodes: tuple[Changed, ...]
 

@@ -108,7 +108,7 @@ class FileReport(Judged, Answer):
         "junit": "junit_lines:junit_lines",
         "sarif": "sarif_lines:sarif_lines",
     }
-    at_leisure: ClassVar = True
+    use_pager: ClassVar = True
     made_by: ClassVar = "eds check"
 
     path: str
@@ -162,7 +162,7 @@ class FileReports(Answer):
 
     renderer: ClassVar = "check_lines:checks_lines"
     formats: ClassVar = FileReport.formats
-    at_leisure: ClassVar = True
+    use_pager: ClassVar = True
 
     files: tuple[FileReport, ...]
 

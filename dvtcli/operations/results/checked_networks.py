@@ -99,7 +99,7 @@ class NetworksChecked(Answer):
 
     renderer: ClassVar = "network_lines:check_lines"
     formats: ClassVar = FileReport.formats
-    at_leisure: ClassVar = True
+    use_pager: ClassVar = True
 
     reports: tuple[NetworkReport, ...]
 

@@ -88,7 +88,7 @@ class RecordingsChecked(Answer):
 
     renderer: ClassVar = "check_lines:recording_lines"
     formats: ClassVar = FileReport.formats
-    at_leisure: ClassVar = True
+    use_pager: ClassVar = True
 
     reports: tuple[RecordingReport, ...]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from dvtcli.domain.datatypes import DataType
-from dvtcli.domain.meanings import NOTHING
+from dvtcli.domain.object_scalings import NOTHING
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.scaling import Scaling
 from dvtcli.operations.results.documents import (
@@ -220,7 +220,7 @@ class WholeCompared(Answer):
 
     renderer: ClassVar = "compare_lines:whole_compared_lines"
     formats: ClassVar = CASES
-    at_leisure: ClassVar = True
+    use_pager: ClassVar = True
 
     node: int | None
     first: str

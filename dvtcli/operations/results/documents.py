@@ -48,9 +48,9 @@ class Answer(Short):
     #: format of some results only (`sarif`) -> function that makes its lines, as for `renderer`
     formats: ClassVar[Mapping[str, str]] = {}
     #: whether it is a list for a pager if longer than a screen
-    at_leisure: ClassVar[bool] = False
+    use_pager: ClassVar[bool] = False
     #: whether its findings are shown beside it instead of in its text
-    remarked: ClassVar[bool] = False
+    show_findings: ClassVar[bool] = False
 
     @property
     def remark(self) -> str:
@@ -115,8 +115,8 @@ class Result(Protocol):
 
     renderer: ClassVar[str]
     formats: ClassVar[Mapping[str, str]]
-    at_leisure: ClassVar[bool]
-    remarked: ClassVar[bool]
+    use_pager: ClassVar[bool]
+    show_findings: ClassVar[bool]
 
     @property
     def remark(self) -> str:

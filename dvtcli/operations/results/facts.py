@@ -19,7 +19,7 @@ class DvtAnswer(Answer):
     """
 
     renderer: ClassVar = "fact_lines:answer_lines"
-    remarked: ClassVar = True
+    show_findings: ClassVar = True
 
     word: str
     node: int | None
@@ -52,8 +52,8 @@ class DvtAnswer(Answer):
 class Facts(Answer):
     """Labelled lines about what was done or found."""
 
-    at_leisure: ClassVar = True
-    remarked: ClassVar = True
+    use_pager: ClassVar = True
+    show_findings: ClassVar = True
 
     schema: str
     rows: tuple[tuple[str, Any], ...]

@@ -51,7 +51,7 @@ class FrameExplained(Answer):
     """A frame explained: *kind*, *label*, its *node* if known, its *parts*, and what it says as a whole."""
 
     renderer: ClassVar = "frame_lines:explained_lines"
-    at_leisure: ClassVar = True
+    use_pager: ClassVar = True
 
     frame: Frame
     kind: str
@@ -118,7 +118,7 @@ class Traced(Answer):
     """The frames of the last exchange, oldest first."""
 
     renderer: ClassVar = "frame_lines:trace_lines"
-    at_leisure: ClassVar = True
+    use_pager: ClassVar = True
 
     frames: tuple[TracedFrame, ...]
     exit_code: int = 0
@@ -132,7 +132,7 @@ class Traced(Answer):
 class FrameSeen(Answer):
     """A frame: *kind*, *label*, its *node* and *pdo* if known, and *signals* by name.
 
-    *signals* are raw; *meanings* has their scalings, *objects* their objects (`606C:00`), as far as known.
+    *signals* are raw; *scalings* has their scalings, *objects* their objects (`606C:00`), as far as known.
     *mapped_bytes* is the length of its mapping if the frame does not fit. *layout_from* names the layout's source,
     empty for none; *layout_is_guess*: the source is not about this very node. *reading* is the frame in words.
     """
@@ -145,7 +145,7 @@ class FrameSeen(Answer):
     node: int | None = None
     pdo: str | None = None
     signals: Mapping[str, Value] = field(default_factory=dict)
-    meanings: Mapping[str, Scaling] = field(default_factory=dict)
+    scalings: Mapping[str, Scaling] = field(default_factory=dict)
     exit_code: int = 0
     objects: Mapping[str, str] = field(default_factory=dict)
     mapped_bytes: int | None = None
@@ -169,7 +169,7 @@ class FrameSeen(Answer):
             "signals": {name: json_value(value) for name, value in signals.items()} if signals else {},
             "physical": {
                 name: physical_document(signals[name], meaning)
-                for name, meaning in self.meanings.items()
+                for name, meaning in self.scalings.items()
                 if name in signals
             }
             if signals

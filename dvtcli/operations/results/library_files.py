@@ -211,7 +211,7 @@ class LibraryListing(Answer, Rows[LibraryRow]):
     """The library in *folder*, after *removed* files were removed and *preferred* was put first."""
 
     renderer: ClassVar = "library_lines:listing_lines"
-    at_leisure: ClassVar = True
+    use_pager: ClassVar = True
 
     rows: tuple[LibraryRow, ...]
     folder: str

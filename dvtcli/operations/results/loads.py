@@ -73,7 +73,7 @@ class NetworkLoad(Answer):
     """
 
     renderer: ClassVar = "load_lines:load_lines"
-    at_leisure: ClassVar = True
+    use_pager: ClassVar = True
 
     need: BusNeed
     fitting: tuple[int, ...]

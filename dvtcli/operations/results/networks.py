@@ -30,7 +30,7 @@ class NetworkPlanned(Answer):
 
     renderer: ClassVar = "network_lines:planned_lines"
     formats: ClassVar = CASES
-    remarked: ClassVar = True
+    show_findings: ClassVar = True
 
     plan: NetworkPlan
     tells: bool = False

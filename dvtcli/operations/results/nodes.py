@@ -43,8 +43,8 @@ class SyncCheck(Answer):
     """The SYNC producers by nodes, and SYNCs *heard* within *listened_ms*; true if there are any."""
 
     renderer: ClassVar = "node_lines:sync_check_lines"
-    at_leisure: ClassVar = True
-    remarked: ClassVar = True
+    use_pager: ClassVar = True
+    show_findings: ClassVar = True
 
     nodes: tuple[SyncSource, ...]
     heard: int
@@ -184,7 +184,7 @@ class NodeListing(Answer, Rows[NodeRow]):
     """The answering nodes, or the requested node (*detail*)."""
 
     renderer: ClassVar = "node_lines:node_lines"
-    at_leisure: ClassVar = True
+    use_pager: ClassVar = True
 
     bus: str
     rows: tuple[NodeRow, ...]
@@ -329,7 +329,7 @@ class Faults(Answer, Rows[FaultRow]):
     """
 
     renderer: ClassVar = "node_lines:fault_lines"
-    at_leisure: ClassVar = True
+    use_pager: ClassVar = True
 
     node: int
     name: str

@@ -7,8 +7,8 @@ from typing import ClassVar, overload
 
 from dvtcli.domain.datatypes import Value
 from dvtcli.domain.heard import Period
-from dvtcli.domain.meanings import NOTHING
 from dvtcli.domain.mpdo_lists import ListedObjects
+from dvtcli.domain.object_scalings import NOTHING
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.scaling import Scaling
 from dvtcli.errors import UsageError
@@ -196,7 +196,7 @@ class PdoListing(Answer, Rows[PdoRow]):
     """A node's PDOs; *hidden* are left out of the text, *detail* adds the frame picture of a single row."""
 
     renderer: ClassVar = "pdo_lines:listing_lines"
-    at_leisure: ClassVar = True
+    use_pager: ClassVar = True
 
     node: int
     title: str

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from dvtcli.domain.abort import Abort, abort_text
 from dvtcli.domain.datatypes import Value
-from dvtcli.domain.meanings import NOTHING
+from dvtcli.domain.object_scalings import NOTHING
 from dvtcli.domain.scaling import Scaling
 from dvtcli.domain.text import join_some
 from dvtcli.errors import DvtcliError, ended_with
@@ -79,7 +79,7 @@ class ObjectListing(Answer, Rows[ObjectRow]):
     """Entries of the object dictionary, a list of rows; *total* is their number in the file."""
 
     renderer: ClassVar = "value_lines:object_lines"
-    at_leisure: ClassVar = True
+    use_pager: ClassVar = True
 
     node: int | None
     source: str

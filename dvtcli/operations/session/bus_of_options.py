@@ -111,7 +111,7 @@ def gone(name: str, failed: BusUnavailable) -> BusEvent:
     return BusEvent(name, time(), f"{reason}; {failed.hint}" if failed.hint else reason)
 
 
-def first_bus(opened: Callable[[], B], options: Options, tell: Tell) -> B:
+def first_bus(opened: Callable[[], B], options: Options, reporter: Tell) -> B:
     """Call *opened*(); with the option `reconnect`, wait for a missing bus until Ctrl-C."""
     try:
         return opened()
@@ -119,20 +119,20 @@ def first_bus(opened: Callable[[], B], options: Options, tell: Tell) -> B:
         if not (options.reconnect and failed.may_come) or options.no_reconnect:
             raise
         name = failed.text.removeprefix("cannot open ")
-        bus = waited_for(opened, name, failed, lambda: False, tell)
+        bus = waited_for(opened, name, failed, lambda: False, reporter)
     assert bus is not None  # noqa: S101 - nothing stops it but an exception
     return bus
 
 
 def waited_for(
-    opened: Callable[[], B], name: str, failed: BusUnavailable, stopping: Callable[[], bool], tell: Tell
+    opened: Callable[[], B], name: str, failed: BusUnavailable, stopping: Callable[[], bool], reporter: Tell
 ) -> B | None:
     """Call *opened*() until it succeeds after the bus *name* has *failed*; None as soon as *stopping*()."""
     from dvtcli.bus.waiting import wait_for_bus
 
     began_s = monotonic()
-    tell(gone(name, failed))
+    reporter(gone(name, failed))
     bus = wait_for_bus(opened, stopping)
     if bus is not None:
-        tell(BusEvent(name, time(), after_s=monotonic() - began_s))
+        reporter(BusEvent(name, time(), after_s=monotonic() - began_s))
     return bus

@@ -77,7 +77,7 @@ def refuse_other_master(session: SessionNodes) -> None:
     bus = session.bus
     if session.dry_run or session.options.force or bus.simulated or not bus.carries_frames:
         return
-    session.tell.progress(f"listening for another master, {LISTEN_S:g} s", 0, 0)
+    session.reporter.progress(f"listening for another master, {LISTEN_S:g} s", 0, 0)
     for frame in bus.receive(LISTEN_S):
         said = _request(frame)
         if said:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.plan import Plan
     from dvtcli.domain.profile import DeviceProfile
     from dvtcli.operations.session.simulated_nodes import Simulated
-    from dvtcli.operations.user.keeping import Keeping
+    from dvtcli.operations.user.change_files import ChangeFiles
     from dvtcli.operations.user.session_user import SessionUser
 
 
@@ -66,19 +66,19 @@ def network_on_bus(
     return Network(
         bus, DeviceFiles(bus, session.base, simulated), session.cancellation, session.consent,
         None if simulated or (bus.simulated and session.base.sim) else _keeping(session, bus, whole), only_one=only_one,
-        on_look=lambda looking: session.tell.progress(*look_progress(looking)),
-        on_step=lambda progress: session.tell.progress(*step_progress(progress)),
-        warn=session.tell.warning, note=session.tell.note, comes_back=comes_back and not bus.simulated,
+        on_look=lambda looking: session.reporter.progress(*look_progress(looking)),
+        on_step=lambda progress: session.reporter.progress(*step_progress(progress)),
+        warn=session.reporter.warning, note=session.reporter.note, comes_back=comes_back and not bus.simulated,
         consent_anew=session.consent_anew,
     )  # fmt: skip
 
 
-def _keeping(session: SessionUser, bus: CanopenBus, whole: ChangeGroup) -> Keeping:
+def _keeping(session: SessionUser, bus: CanopenBus, whole: ChangeGroup) -> ChangeFiles:
     """Return the change files, kept only for nodes that outlive this process."""
-    from dvtcli.operations.user.keeping import Keeping, state_folder
+    from dvtcli.operations.user.change_files import ChangeFiles, state_folder
 
-    return Keeping(
-        bus.name, state_folder(session.base), session.base.one_node, session.tell.note, session.tell.warning,
+    return ChangeFiles(
+        bus.name, state_folder(session.base), session.base.one_node, session.reporter.note, session.reporter.warning,
         session.doing, whole,
     )  # fmt: skip
 
@@ -93,7 +93,7 @@ class Network:
     #: asks a question about a node
     consent: Callable[[str, int], None]
     #: lock, backup and journal of each node; None if the nodes end with this process, and for twins
-    keeping: Keeping | None = None
+    change_files: ChangeFiles | None = None
     nodes: dict[int, Node] = field(default_factory=dict)
     #: node-IDs of this session's changes for undo, oldest first
     order: list[int] = field(default_factory=list)
@@ -138,11 +138,11 @@ class Network:
         if node_id not in self.nodes:
             boot_ups, restarts = self.bus.boot_ups(node_id), self.bus.restarts(node_id)
             profile, dictionary = self.files.profile(node_id), self.files.dictionary(node_id)
-            keeper = None if self.keeping is None else self.keeping.keeper(node_id, dictionary)
+            guard = None if self.change_files is None else self.change_files.guard(node_id, dictionary)
             node = Node(
                 self.bus, node_id, dictionary, as_file_says(profile, dictionary), self.cancellation,
                 lambda question: self.consent(question, node_id),
-                history=self.done_before(node_id), order=self.order, keeper=keeper,
+                history=self.done_before(node_id), order=self.order, guard=guard,
                 neighbours=lambda: self._others(node_id), on_step=self.on_step, on_look=self.on_look,
                 only_one=lambda: self.only_one() and node_id not in self.simulated_ids,
                 unlike_file=self.files.unlike(node_id, dictionary),
@@ -187,8 +187,8 @@ class Network:
     ) -> None:
         node.describe(dictionary)
         node.profile, node.unlike_file = profile, unlike_file
-        if self.keeping is not None and node.keeper is not None:
-            node.keeper.is_fixed = self.keeping.is_fixed(dictionary)
+        if self.change_files is not None and node.guard is not None:
+            node.guard.is_fixed = self.change_files.is_fixed(dictionary)
 
     @contextmanager
     def as_it_was_if_refused(self) -> Iterator[None]:
@@ -267,10 +267,10 @@ class Network:
 
     def interrupted(self, node_id: int) -> Hint | str:
         """Report an interrupted and unfinished change of the node; empty if none."""
-        if self.keeping is None:
+        if self.change_files is None:
             return ""
         node = self.nodes.get(node_id)
-        return self.keeping.interrupted(node_id, None if node is None else node.keeper)
+        return self.change_files.interrupted(node_id, None if node is None else node.guard)
 
     def close(self) -> None:
         """Leave the bus and release its nodes for other writers."""

@@ -63,12 +63,12 @@ def read_in_vain(error: DvtcliError) -> DvtcliError:
 
 
 class Opened:
-    """The user's part of a session, and its bus: of the options, or by *open_bus*; *tell* gets messages."""
+    """The user's part of a session, and its bus: of the options, or by *open_bus*; *reporter* gets messages."""
 
     def __init__(
-        self, options: Options | None = None, tell: Reporter | None = None, *, open_bus: OpenBus | None = None
+        self, options: Options | None = None, reporter: Reporter | None = None, *, open_bus: OpenBus | None = None
     ) -> None:
-        self.tell = tell or _nobody()
+        self.reporter = reporter or _nobody()
         self.base = self.options = options or Options()
         self.cancellation = Cancellation()
         self._agreed = False
@@ -102,7 +102,7 @@ class Opened:
     def require_settings(self) -> None:
         """Raise errors of the settings; reports a project file's ignored keys, or first use, once."""
         for said in self.settings.required():
-            self.tell.warning(str(said))
+            self.reporter.warning(str(said))
 
     def chosen_by(self) -> str:
         """Describe what chose the bus: option, variable or file."""
@@ -144,7 +144,7 @@ class Opened:
         *refused* says what did not happen.
         """
         with self.cancellation.released():  # Ctrl-C here is a no to everything that the question was for
-            answer = self.tell.ask(question)
+            answer = self.reporter.ask(question)
         if answer is None:
             raise SafetyRefusal(f"nobody can answer: {question}", node=node_id, hint=hint)
         if not answer:
@@ -155,7 +155,7 @@ class Opened:
         if self.dry_run:
             return
         with self.cancellation.released():
-            answer = self.tell.confirm(question, word)
+            answer = self.reporter.confirm(question, word)
         if answer is None:
             raise SafetyRefusal(f"nobody can answer: {question}", node=node_id, hint=hint)
         if not answer:
@@ -173,7 +173,7 @@ class Opened:
     @property
     def state_folder(self) -> Path:
         """Return the folder of journals, locks and backups."""
-        from dvtcli.operations.user.keeping import state_folder
+        from dvtcli.operations.user.change_files import state_folder
 
         return state_folder(self.options)
 
@@ -236,7 +236,7 @@ class Opened:
             self._untap()
             self._untap = None
         else:
-            followed, traffic = self.secrets.in_frames(unknown=True), self.tell.traffic
+            followed, traffic = self.secrets.in_frames(unknown=True), self.reporter.traffic
             self._untap = self._network.bus.tap(
                 lambda frame, sent: traffic(frame, sent=sent, secret=followed.value_in(frame))
             )
@@ -265,13 +265,13 @@ class Opened:
             if any(simulated_node.holds_values for simulated_node in simulated):
                 self._tell_not_simulated(simulated)
             if self.options.verbose:
-                self.tell.note(f"{bus.name} is open, chosen by {self.chosen_by()}")
+                self.reporter.note(f"{bus.name} is open, chosen by {self.chosen_by()}")
             self._network = self._network_on(bus, simulated)
             self._obey(bus)
             if self.options.bus_share and bus.bitrate is None and not bus.simulated:
                 from dvtcli.domain.hint import Action, Hint, verbatim
 
-                self.tell.note(
+                self.reporter.note(
                     Hint(
                         Action.GIVE,
                         {"bus_share": None},
@@ -289,7 +289,7 @@ class Opened:
         from dvtcli.operations.session.simulated_nodes import not_simulated
 
         for text in not_simulated(simulated):
-            self.tell.warning(text)
+            self.reporter.warning(text)
 
     def keep_frames(self) -> None:
         """Keep the last frame of each CAN-ID from now on; for several lines on a bus."""
@@ -319,7 +319,7 @@ class Opened:
             return opened()
         from dvtcli.operations.session.bus_of_options import first_bus
 
-        return first_bus(opened, self.options, self.tell.bus)
+        return first_bus(opened, self.options, self.reporter.bus)
 
     def bus_again(self) -> CanopenBus:
         """Open the bus of the options again, from any thread; raises BusUnavailable."""
@@ -384,7 +384,7 @@ class Opened:
 
         self.require_settings()
         self.on_open()
-        return serving(self.base, wanted, self.tell.warning, self.tell.bus)
+        return serving(self.base, wanted, self.reporter.warning, self.reporter.bus)
 
     @property
     def is_open(self) -> bool:
@@ -438,7 +438,7 @@ class Opened:
     def warn_of_disturbances(self) -> None:
         """Warn of disturbed SDO channels: another client, two nodes with the same node-ID."""
         for text in self._network.bus.disturbances() if self._network is not None else ():
-            self.tell.warning(text)
+            self.reporter.warning(text)
 
     def close(self) -> None:
         """Leave the bus."""

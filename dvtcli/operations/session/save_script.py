@@ -130,7 +130,7 @@ def ended_lines(session: SessionNodes) -> list[Section]:
         )
     for node_id, lines in found.items():
         for store in left_out_stores([line for line_node, line in session.record.lines if line_node == node_id], lines):
-            session.tell.note(
+            session.reporter.note(
                 Hint(
                     Action.SAVE_SCRIPT,
                     {"history": True},

@@ -95,11 +95,11 @@ def is_loopback(host: str) -> bool:
 
 @contextmanager
 def serving(
-    options: Options, wanted: ServeRequest, warn: Callable[[str], None], tell: Tell = lambda _event: None
+    options: Options, wanted: ServeRequest, warn: Callable[[str], None], reporter: Tell = lambda _event: None
 ) -> Iterator[Serving]:
     """Open everything for *wanted*, and close it at the end; *warn* takes warnings.
 
-    With the option `reconnect` a lost bus is waited for, and *tell* gets the events. Raises BusUnavailable if an
+    With the option `reconnect` a lost bus is waited for, and *reporter* gets the events. Raises BusUnavailable if an
     address or a bus cannot be opened, UsageError and InputFileError for wrong words and files.
     """
     from dvtcli.simulator.network.shared_bus import Server
@@ -121,7 +121,7 @@ def serving(
     with ExitStack() as stack:
         hub = _hub(wanted.address, warn)
         stack.callback(hub.close)
-        joined = _joined(options, hub, tell) if wanted.join else None
+        joined = _joined(options, hub, reporter) if wanted.join else None
         if joined is not None:
             stack.callback(joined.close)
         server = Server(
@@ -191,7 +191,7 @@ def _hub(where: tuple[str, int] | None, warn: Callable[[str], None]) -> Hub:
     return hub
 
 
-def _joined(options: Options, hub: Hub, tell: Tell) -> JoinedBus:
+def _joined(options: Options, hub: Hub, reporter: Tell) -> JoinedBus:
     from dvtcli.operations.session.bus_of_options import first_bus, waited_for
     from dvtcli.simulator.network.shared_bus import JoinedBus
 
@@ -200,11 +200,11 @@ def _joined(options: Options, hub: Hub, tell: Tell) -> JoinedBus:
 
         return open_bus(options.interface, options.channel, options.bitrate, options.adapter_settings)
 
-    bus = first_bus(opened, options, tell)
+    bus = first_bus(opened, options, reporter)
     if not options.reconnect or options.no_reconnect:
         return JoinedBus(bus, hub.wake)
     return JoinedBus(
-        bus, hub.wake, lambda gone, failed, stopping: waited_for(opened, gone.name, failed, stopping, tell)
+        bus, hub.wake, lambda gone, failed, stopping: waited_for(opened, gone.name, failed, stopping, reporter)
     )
 
 

@@ -63,14 +63,14 @@ class Session(Opened):
     """An open session; operations take from it the bus, nodes and consent.
 
     In Python: `with Session(Options(sim=("gen4",))) as session:` and any operation with the session as first argument.
-    *options* are the initial options, and *tell* gets messages for the user. *open_bus* opens another bus than that of
-    the options.
+    *options* are the initial options, and *reporter* gets messages for the user. *open_bus* opens another bus than
+    that of the options.
     """
 
     def __init__(
-        self, options: Options | None = None, tell: Reporter | None = None, *, open_bus: OpenBus | None = None
+        self, options: Options | None = None, reporter: Reporter | None = None, *, open_bus: OpenBus | None = None
     ) -> None:
-        super().__init__(options, tell, open_bus=open_bus)
+        super().__init__(options, reporter, open_bus=open_bus)
         self.selected: int | None = None
         self._reads_together = False
 
@@ -174,7 +174,7 @@ class Session(Opened):
                 return found
             names = f"node {', '.join(map(str, restarted))}"
             if left:
-                self.tell.note(f"{names} restarted while it was read: it is read again")
+                self.reporter.note(f"{names} restarted while it was read: it is read again")
         raise NoAnswer(
             f"{names} restarted each of {MOST_LOOKS} times that it was read",
             node=restarted[0],
@@ -202,7 +202,7 @@ class Session(Opened):
                     failures.append(failed)
                 finally:
                     if node.end_of_line(failed=bool(code)):
-                        self.tell.warning(f"node {node.node_id} restarted since it was read before")
+                        self.reporter.warning(f"node {node.node_id} restarted since it was read before")
                     node.kept_by_itself.clear()
                     node.memory.clear()
                     node.let_go()
@@ -220,4 +220,4 @@ class Session(Opened):
         finally:
             left_behind = gate.abandon()
             if left_behind:
-                self.tell.warning(left_behind)
+                self.reporter.warning(left_behind)

@@ -100,7 +100,7 @@ class SteadyListener:
     def tell_overflow(self) -> None:
         """Warn of frames lost by overflow, if any."""
         if self.overflowed:
-            self._session.tell.warning(
+            self._session.reporter.warning(
                 f"{self.overflowed} frames were dropped: they came faster than they were written"
             )
 
@@ -115,7 +115,7 @@ class SteadyListener:
             raise left_alone(self._bus.name, slept_s)
         return self._listener.take(wait_s)
 
-    def come_back(self, failed: BusUnavailable, stopping: Callable[[], bool], tell: Tell | None = None) -> bool:
+    def come_back(self, failed: BusUnavailable, stopping: Callable[[], bool], reporter: Tell | None = None) -> bool:
         """Wait for the bus, which *failed*, and record again; False as soon as *stopping*().
 
         Raises *failed* if waiting is not allowed. Frames not taken yet are lost.
@@ -126,7 +126,7 @@ class SteadyListener:
         self.is_gone = True
         gone_s = monotonic()
         try:
-            if not come_back(self._session, self._bus, failed, stopping, tell):
+            if not come_back(self._session, self._bus, failed, stopping, reporter):
                 return False
         finally:
             self.gaps_s.append(monotonic() - gone_s)
@@ -156,18 +156,18 @@ def come_back(
     bus: CanopenBus,
     failed: BusUnavailable,
     stopping: Callable[[], bool],
-    tell: Tell | None = None,
+    reporter: Tell | None = None,
     between: Callable[[], AbstractContextManager[object]] = nullcontext,
 ) -> bool:
     """Wait until *bus*, which *failed*, can be reopened for the session; False as soon as *stopping*().
 
-    *tell* gets loss and return. The session changes inside *between*() only, while nobody uses its nodes. Returns at
-    once if somebody else reopened it.
+    *reporter* gets loss and return. The session changes inside *between*() only, while nobody uses its nodes. Returns
+    at once if somebody else reopened it.
     """
-    tell = tell or session.tell.bus
+    reporter = reporter or session.reporter.bus
     began_s = monotonic()
     event = gone(bus.name, failed)
-    tell(event)
+    reporter(event)
     with between():
         if session.wire is not bus:
             return True
@@ -182,5 +182,5 @@ def come_back(
             opened.close()
             return not stopping()
         session.take_bus(opened)
-    tell(BusEvent(opened.name, time.time(), after_s=monotonic() - began_s))
+    reporter(BusEvent(opened.name, time.time(), after_s=monotonic() - began_s))
     return True

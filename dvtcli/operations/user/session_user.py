@@ -22,7 +22,7 @@ class SessionUser(Protocol):
     """Options, messages and questions of a session, as `Opened` has them."""
 
     @property
-    def tell(self) -> Reporter:
+    def reporter(self) -> Reporter:
         """Messages to the user."""
 
     @property

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.virtual_pdos import names_objects
 from dvtcli.domain.datatypes import BY_SHORT_NAME, DataType, Kind
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.meanings import NOTHING, Meanings, ScaledValue
+from dvtcli.domain.object_scalings import NOTHING, ObjectScalings, ScaledValue
 from dvtcli.domain.plan import Step
 from dvtcli.domain.shown_value import step_text
 from dvtcli.domain.text import hex_preview
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from dvtcli.device.node_parts import NodeDescription
-    from dvtcli.domain.meanings import Rules
     from dvtcli.domain.object_dictionary import ObjectDictionary
+    from dvtcli.domain.object_scalings import Rules
     from dvtcli.domain.profile import DeviceProfile
     from dvtcli.domain.scaling import Scaling
 
@@ -43,11 +43,11 @@ def type_of(node: NodeDescription, index: int, sub_index: int, size: int) -> Dat
 
 def understood(node: NodeDescription, sizes: Mapping[str, int]) -> dict[str, ScaledValue]:
     """Map the objects in *sizes* (printed form: bytes) to scaled values, if a scaling is known."""
-    meanings = meanings_of(node.profile, node.dictionary)
+    scalings = scalings_of(node.profile, node.dictionary)
     found = {}
     for place, size in sizes.items():
         index, sub_index = (int(part, 16) for part in place.split(":"))
-        meaning, kind = meanings.of(index, sub_index), type_of(node, index, sub_index, size)
+        meaning, kind = scalings.of(index, sub_index), type_of(node, index, sub_index, size)
         if meaning.says or kind.kind in _NEEDS_TYPE or _is_count(node, index, sub_index):
             found[place] = ScaledValue(kind, meaning)
     return found
@@ -69,7 +69,7 @@ def value_words(node: NodeDescription, index: int, sub_index: int, data: bytes) 
         return hex_preview(data)
     if isinstance(value, bytes):
         return hex_preview(data)
-    return meanings_of(node.profile, node.dictionary).of(index, sub_index).text(value, 8 * len(data)) or str(value)
+    return scalings_of(node.profile, node.dictionary).of(index, sub_index).text(value, 8 * len(data)) or str(value)
 
 
 def value_result(
@@ -97,7 +97,7 @@ def value_result(
         value,
         data,
         kind.short,
-        meanings_of(node.profile, node.dictionary).of(index, sub_index) if asked is None else NOTHING,
+        scalings_of(node.profile, node.dictionary).of(index, sub_index) if asked is None else NOTHING,
         written,
     )
 
@@ -114,19 +114,19 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d{1,30},\d{1,30}[^\d,]*")
 _NUMBERS = (Kind.BOOLEAN, Kind.INTEGER, Kind.UNSIGNED, Kind.REAL)
 
 
-def meanings_of(
+def scalings_of(
     profile: DeviceProfile | None, dictionary: ObjectDictionary | None, more: Sequence[Rules] = ()
-) -> Meanings:
+) -> ObjectScalings:
     """Return the scalings of a device by *profile* and *dictionary*; *more*, as of a network file, goes first."""
     from dvtcli.files.profile.library import standards
 
     family = () if profile is None else (profile.physical,)
-    return Meanings((*more, *family), standards(), dictionary, only_described=True)
+    return ObjectScalings((*more, *family), standards(), dictionary, only_described=True)
 
 
-def meaning_of(node: NodeDescription, index: int, sub_index: int) -> Scaling:
+def scaling_of(node: NodeDescription, index: int, sub_index: int) -> Scaling:
     """Return the scaling of an object of *node*."""
-    return meanings_of(node.profile, node.dictionary).of(index, sub_index)
+    return scalings_of(node.profile, node.dictionary).of(index, sub_index)
 
 
 def _is_understood(kind: DataType, meaning: Scaling, text: str) -> bool:

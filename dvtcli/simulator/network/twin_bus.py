@@ -123,9 +123,9 @@ class TwinBus:
     def order_restart(self, node_id: int, within_s: float) -> None:
         """Do nothing: a restart of a twin does not reach its node."""
 
-    def upsets(self, node_id: int) -> int:
+    def disturbance_count(self, node_id: int) -> int:
         """The disturbances of the node, and the boot-ups of its twin."""
-        return self._wrapped.upsets(node_id) + self._twin_boot_ups(node_id)
+        return self._wrapped.disturbance_count(node_id) + self._twin_boot_ups(node_id)
 
     def read_at_once(self) -> None:
         """Nothing changes: a twin is read without frames anyway."""
@@ -140,8 +140,8 @@ class TwinBus:
 
     def happened(self, node_id: int) -> tuple[int, int]:
         """The events of the node, and the boot-ups of its twin."""
-        upsets, downloads = self._wrapped.happened(node_id)
-        return upsets + self._twin_boot_ups(node_id), downloads
+        disturbance_count, downloads = self._wrapped.happened(node_id)
+        return disturbance_count + self._twin_boot_ups(node_id), downloads
 
     def wait_boot_up(self, node_id: int, seen: int, timeout_s: float) -> bool:
         """Wait for more than *seen* boot-ups; a twin's come at once."""

@@ -10,9 +10,9 @@ from typing import NamedTuple
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import DataType, Kind, Value
 from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.meanings import Meanings
 from dvtcli.domain.mpdo_lists import listed_objects
 from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.object_scalings import ObjectScalings
 from dvtcli.domain.scaling import Scaling
 from dvtcli.domain.services import SRDO_COB_IDS, SRDO_DIRECTION, SRDOS
 from dvtcli.domain.shown_value import cut_text
@@ -48,7 +48,7 @@ class KnownNode:
     """Dictionary of a node, if any, and meanings of its objects."""
 
     dictionary: ObjectDictionary | None
-    meanings: Meanings
+    scalings: ObjectScalings
 
     def value(self, index: int, sub_index: int, data: bytes | None, *, padded: bool = False) -> NamedValue:
         """The object's name, and its value in *data* in words; *padded*: *data* may be longer than the value."""
@@ -63,7 +63,7 @@ class KnownNode:
         value = _value(kind, data)
         text = self._mapped(index, sub_index, value) or self._listed(index, sub_index, value)
         text = text or _communication_text(index, sub_index, value)
-        return NamedValue(name, text or said(value, self.meanings.of(index, sub_index), 8 * len(data)), value)
+        return NamedValue(name, text or said(value, self.scalings.of(index, sub_index), 8 * len(data)), value)
 
     @property
     def device_type(self) -> int | None:

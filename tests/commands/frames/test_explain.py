@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvtcli.domain.meanings import Meanings
+from dvtcli.domain.object_scalings import ObjectScalings
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.watch.decoder import Decoder
@@ -25,7 +25,9 @@ _IDS = st.sampled_from([0x000, 0x080, 0x081, 0x100, 0x181, 0x581, 0x601, 0x701, 
 @given(_IDS, st.binary(max_size=8), st.booleans())
 def test_no_bit_is_left_out(can_id: int, data: bytes, extended: bool) -> None:
     """Every bit of the data and of the CAN-ID lies in a part, whatever the frame is."""
-    parts = frame_parts(Frame(can_id, data, extended=extended), Decoder(), lambda _node: KnownNode(None, Meanings()))
+    parts = frame_parts(
+        Frame(can_id, data, extended=extended), Decoder(), lambda _node: KnownNode(None, ObjectScalings())
+    )
     for in_id, length in ((True, 29 if extended else 11), (False, 8 * len(data))):
         bits = [bit for one in parts if one.in_id is in_id for bit in range(one.start_bit, one.start_bit + one.bits)]
         assert sorted(bits) == list(range(length))

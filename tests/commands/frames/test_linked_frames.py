@@ -9,7 +9,7 @@ import pytest
 
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.meanings import Meanings
+from dvtcli.domain.object_scalings import ObjectScalings
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.watch.decoder import Decoder, pdo_layouts
 from tests.commands.bench import Bench
@@ -56,7 +56,7 @@ def test_a_producer_is_known_whatever_the_order() -> None:
     cob = PdoCommunicationParameter(CobId(0x185))
     taken, sent = (PdoConfig(cob, (PdoMappingEntry(0x2000, part, 8),)) for part in (1, 2))
     known = [
-        pdo_layouts(node_id, {Pdo.parse(pdo): config}, None, Meanings())
+        pdo_layouts(node_id, {Pdo.parse(pdo): config}, None, ObjectScalings())
         for node_id, pdo, config in ((1, "rpdo3", taken), (5, "tpdo1", sent), (7, "rpdo1", taken))
     ]
     for order in permutations(known):

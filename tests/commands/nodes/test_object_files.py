@@ -92,7 +92,7 @@ def test_how_far_it_is_is_said(bench: Bench, tmp_path: Path) -> None:
     (tmp_path / "in.bin").write_bytes(DATA)
     said: list[tuple[str, int, int]] = []
     bench.run("read 1000")
-    bench.session.tell.progress = lambda *words: said.append(words)  # type: ignore[method-assign]
+    bench.session.reporter.progress = lambda *words: said.append(words)  # type: ignore[method-assign]
     bench.run(f"write 2002 @{tmp_path / 'in.bin'}")
     bench.run(f"read 2002 -o {tmp_path / 'out.bin'}")
     writing = [words for words in said if "writing" in words[0]]

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 import dvtcli
-from dvtcli.domain.meanings import Meanings
 from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
+from dvtcli.domain.object_scalings import ObjectScalings
 from dvtcli.errors import UsageError
 from dvtcli.files.profile.library import standards
 from dvtcli.files.user_folders import user_folder
@@ -107,13 +107,13 @@ def test_the_mapping_says_units(gen4: Bench) -> None:
     assert "1/16 V" in gen4.run("pdo tpdo4").stdout
 
 
-def described(device_type: int, name: str) -> Meanings:
+def described(device_type: int, name: str) -> ObjectScalings:
     entries = [
         OdEntry(0x1000, 0, "Device type", default=device_type.to_bytes(4, "little")), OdEntry(0x6041, 0, name),
         OdEntry(0x6841, 0, name), OdEntry(0x6000, 1, "Inputs"), OdEntry(0x1017, 0, "Heartbeat", unit="10 ms"),
     ]  # fmt: skip
     objects = {one.index: OdObject(one.index, one.name, ObjectType.VAR, {one.sub_index: one}) for one in entries}
-    return Meanings((), standards(), ObjectDictionary(objects))
+    return ObjectScalings((), standards(), ObjectDictionary(objects))
 
 
 @pytest.mark.parametrize(
@@ -127,12 +127,12 @@ def described(device_type: int, name: str) -> Meanings:
     ],
 )
 def test_a_standard_counts_for_its_devices(device_type: int, name: str, drive: bool, module: bool) -> None:
-    meanings = described(device_type, name)
-    assert bool(meanings.of(0x6041, 0).states) == drive
-    assert bool(meanings.of(0x6841, 0).states) == drive  # a drive's second axis
-    assert bool(meanings.of(0x6000, 1).bits) == module
-    assert meanings.of(0x1800, 3).scale == "0.1 ms"
-    assert meanings.of(0x1017, 0).text(5) == "50 ms (5)"  # the device's own file knows better
+    scalings = described(device_type, name)
+    assert bool(scalings.of(0x6041, 0).states) == drive
+    assert bool(scalings.of(0x6841, 0).states) == drive  # a drive's second axis
+    assert bool(scalings.of(0x6000, 1).bits) == module
+    assert scalings.of(0x1800, 3).scale == "0.1 ms"
+    assert scalings.of(0x1017, 0).text(5) == "50 ms (5)"  # the device's own file knows better
 
 
 def test_every_rule_of_a_standard_names_it() -> None:

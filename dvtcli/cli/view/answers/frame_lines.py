@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from functools import lru_cache
 
 from dvtcli.cli.view.lines import Cell, Line, Table
-from dvtcli.domain.meanings import NOTHING
+from dvtcli.domain.object_scalings import NOTHING
 from dvtcli.domain.shown_value import value_text
 from dvtcli.domain.text import join_some, plural
 from dvtcli.domain.times import local_clock
@@ -84,7 +84,7 @@ def frame_lines(result: FrameSeen, _width: int) -> Iterator[Line]:
     frame = result.frame
     data = "remote request" if frame.remote else frame.data.hex(" ").upper()
     signals = result.reading.text or "  ".join(
-        [f"{name}={value_text(value, result.meanings.get(name, NOTHING))}" for name, value in result.signals.items()]
+        [f"{name}={value_text(value, result.scalings.get(name, NOTHING))}" for name, value in result.signals.items()]
     )
     cells = [
         Cell(f"{local_clock(frame.timestamp_s, 'microseconds')}  ", "dim"),

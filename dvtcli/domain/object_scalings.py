@@ -43,7 +43,7 @@ class ObjectRange(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Meaning:
+class ScalingRule:
     """A physical meaning for some objects.
 
     With *numbered*, the bits of sub-index k are called `NAME n`, counted from sub-index 1 with *per* bits each.
@@ -76,7 +76,7 @@ class ScaledValue:
             return None
 
 
-Rules = Mapping[ObjectRange, Meaning]
+Rules = Mapping[ObjectRange, ScalingRule]
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,8 +121,8 @@ def best(rules: Rules, index: int, sub_index: int) -> Scaling | None:
     return min(fitting, key=lambda pair: pair[0])[1].at(sub_index) if fitting else None
 
 
-class Meanings:
-    """Meanings of a device's objects: the first match in *own*, else its file and *standards*.
+class ObjectScalings:
+    """ObjectScalings of a device's objects: the first match in *own*, else its file and *standards*.
 
     With *only_described*, an object missing in *dictionary* has words and bits, but no unit, as its
     sign is unknown. The device's own file takes precedence over a standard for a unit.

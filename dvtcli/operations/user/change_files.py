@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Keeping:
+class ChangeFiles:
     """The files about the nodes of *bus*, by its name; journals and backups in *folder*."""
 
     bus: str
@@ -46,35 +46,35 @@ class Keeping:
     #: messages about interrupted changes, for those of several nodes only once
     _said: set[Hint | str] = field(default_factory=set)
 
-    def keeper(self, node_id: int, dictionary: ObjectDictionary | None) -> ChangeGuard:
+    def guard(self, node_id: int, dictionary: ObjectDictionary | None) -> ChangeGuard:
         """Return lock, backup and journal of a node; reports an interrupted change, or missing files."""
-        keeper = self._keeper(node_id, dictionary)
-        needed = (keeper.lock.folder, keeper.journals.folder, self.folder / "backups")
+        guard = self._keeper(node_id, dictionary)
+        needed = (guard.lock.folder, guard.journals.folder, self.folder / "backups")
         refused = next(filter(None, map(unusable, needed)), None)
         if refused is not None and refused.text not in self._said:
             self._said.add(refused.text)
             said = as_hint(f"{refused.text}; until that is mended no node of this bus can be changed")
             self.say(said + refused.hint if refused.hint else said)
-        interrupted, is_damaged = _interrupted(keeper)
+        interrupted, is_damaged = _interrupted(guard)
         if interrupted and interrupted not in self._said:
             self._said.add(interrupted)
             (self.warn if is_damaged else self.say)(interrupted)
-        if (program := self.programs().told(node_id)) and keeper.lock.is_free():
+        if (program := self.programs().told(node_id)) and guard.lock.is_free():
             self.warn(program)
-        return keeper
+        return guard
 
     def programs(self) -> ProgramNotes:
         """Return the notes of running and unfinished program downloads on this bus."""
         return ProgramNotes(self.folder / "programs", self.bus)
 
-    def interrupted(self, node_id: int, keeper: ChangeGuard | None) -> Hint | str:
+    def interrupted(self, node_id: int, guard: ChangeGuard | None) -> Hint | str:
         """Report an interrupted change of the node; empty if none.
 
-        For a node without *keeper*, not met yet, the user is told, too.
+        For a node without *guard*, not met yet, the user is told, too.
         """
-        return _interrupted(keeper or self.keeper(node_id, None))[0]
+        return _interrupted(guard or self.guard(node_id, None))[0]
 
-    def past(self) -> ChangeHistory:
+    def history(self) -> ChangeHistory:
         """Return the remembered changes on this bus."""
         return ChangeHistory(state_folder(None) / "changes", self.bus, self.say)
 
@@ -91,15 +91,15 @@ class Keeping:
     def _keeper(self, node_id: int, dictionary: ObjectDictionary | None) -> ChangeGuard:
         locks = state_folder(None) / "locks"
         fixed = self.is_fixed(dictionary)
-        keeper = ChangeGuard(self.folder, locks, self.bus, node_id, self.say, fixed, self.warn, self.doing, self.whole)
-        keeper.past.selected = self.selected
-        return keeper
+        guard = ChangeGuard(self.folder, locks, self.bus, node_id, self.say, fixed, self.warn, self.doing, self.whole)
+        guard.history.selected = self.selected
+        return guard
 
 
-def _interrupted(keeper: ChangeGuard) -> tuple[Hint | str, bool]:
+def _interrupted(guard: ChangeGuard) -> tuple[Hint | str, bool]:
     """Report an interrupted change, empty if none; and whether its journal is damaged."""
     try:
-        journal = keeper.interrupted()
+        journal = guard.interrupted()
     except (InputFileError, SafetyRefusal) as damaged:
         said = as_hint(f"{damaged.text}: {damaged.why or damaged.place}")
         return said + damaged.hint if damaged.hint else said, True
