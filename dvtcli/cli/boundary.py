@@ -6,17 +6,12 @@ import errno
 import os
 import re
 import sys
-import tempfile
-import traceback
-from collections.abc import Callable, Sequence
-from datetime import UTC, datetime
-from pathlib import Path
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from dvtcli.device.cancellation import INTERRUPTED
-from dvtcli.device.change.private_file import private_folder
 from dvtcli.errors import (
     Bug,
     BusUnavailable,
@@ -26,12 +21,10 @@ from dvtcli.errors import (
     LeftChanged,
     NoAnswer,
     ResultsLost,
-    SafetyRefusal,
     SdoAborted,
     SdoProtocolError,
     UsageError,
 )
-from dvtcli.files.user_folders import user_folder
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
@@ -180,6 +173,7 @@ def _lost(session: Conversation, failed: OSError) -> int:
 
 def _bug(session: SessionNodes, bug: BaseException) -> Bug:
     """Convert *bug* to an error; saves its traceback and the last frames to a file if possible."""
+    from dvtcli.cli.crash import keep
 
     text = f"a bug in dvtcli: {type(bug).__name__}: {bug}"
     try:
@@ -201,27 +195,3 @@ def _last_exchange(session: SessionNodes) -> list[str]:
         return exchange_text(session)
     except Exception as second:  # noqa: BLE001 - the bug itself is the news
         return [f"not known: {type(second).__name__}: {second}"]
-
-
-def keep(bug: BaseException, frames: Sequence[str] = ()) -> str:
-    """Write the traceback of *bug* to `crash/` of the state folder, else the system's; returns the path.
-
-    *frames*, the last frames exchanged, follow the traceback.
-    """
-    state = user_folder("state")
-    try:
-        private_folder(state)
-        private_folder(state / "crash")
-        return _written(bug, frames, state / "crash")
-    except (OSError, SafetyRefusal):  # a state folder that cannot be used must not hide what went wrong
-        return _written(bug, frames, None)
-
-
-def _written(bug: BaseException, frames: Sequence[str], folder: Path | None) -> str:
-    """Write to a new file of *folder* with an unpredictable name, against planted files."""
-    stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
-    descriptor, path = tempfile.mkstemp(prefix=f"dvtcli-crash-{stamp}-", suffix=".txt", dir=folder)  # 0600
-    with os.fdopen(descriptor, "w", encoding="utf-8") as file:
-        traceback.print_exception(bug, file=file)
-        file.writelines(f"{line}\n" for line in (["", "The last exchange:", *frames] if frames else []))
-    return path

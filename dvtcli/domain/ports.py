@@ -195,7 +195,7 @@ class CanopenBus(Protocol):
         ...
 
     def happened(self, node_id: int) -> tuple[int, int]:
-        """Numbers of events that may have changed *node_id*: its disturbances, and downloads of others; reads no bus."""
+        """Numbers of events that may have changed *node_id*: disturbances, and downloads of others; reads no bus."""
         ...
 
     def wait_boot_up(self, node_id: int, seen: int, timeout_s: float) -> bool:

@@ -87,7 +87,7 @@ class Layout:
         is_known = service.kind == "pdo" and not service.label.endswith("?")
         object.__setattr__(self, "keys", tuple(signal.key for signal in self.signals))
         object.__setattr__(self, "pdo", service.label.lower() if is_known else None)
-        object.__setattr__(self, "meanings", scalings)
+        object.__setattr__(self, "scalings", scalings)
         object.__setattr__(self, "objects", objects)
 
     def values(self, frame: Frame) -> dict[str, Value]:

@@ -48,7 +48,7 @@ def test_a_dry_run_ties_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    ("wish", "said"),
+    ("config", "said"),
     [
         (("digital-in", 0, "throttle"), "a pin is 1…254"),
         (("digital-in", True, "throttle"), "a pin is 1…254"),

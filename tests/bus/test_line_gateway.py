@@ -24,7 +24,7 @@ from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import BusUnavailable, DvtcliError, NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.changes.change import configure
 from dvtcli.operations.changes.store_restore import store_settings
-from dvtcli.operations.devices.compare_device import verify
+from dvtcli.operations.devices.verify_nodes import verify
 from dvtcli.operations.frames.layouts import open_wire
 from dvtcli.operations.nodes.find_nodes import find_nodes
 from dvtcli.operations.session.session import Session

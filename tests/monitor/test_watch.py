@@ -73,12 +73,12 @@ def test_what_was_read_before_it_failed_stays_in_its_course() -> None:
     one = watched(1, "6041:00")
     one.take(one.signal, 5, BEGIN_S)
     one.fail("no answer")
-    assert (one.steps_in_order.last, one.read_s, one.problem) == (5, BEGIN_S, "no answer")
+    assert (one.history.last, one.read_s, one.problem) == (5, BEGIN_S, "no answer")
     one.take(one.signal, 6, BEGIN_S + 1)
     assert one.problem == ""
     made = Board([one], [], FrameStore(decoder()), 1.0)
     made.forget()
-    assert (one.steps_in_order.last, list(one.steps_in_order.points)) == (6, [])
+    assert (one.history.last, list(one.history.points)) == (6, [])
     assert len(shown_values(made)) == 1
 
 

@@ -11,7 +11,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import SafetyRefusal
 from dvtcli.operations.changes.change import configure
-from dvtcli.operations.devices.compare_device import verify
+from dvtcli.operations.devices.verify_nodes import verify
 from dvtcli.operations.network.network_files import applied
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options

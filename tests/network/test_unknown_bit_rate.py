@@ -9,7 +9,7 @@ from typing import Any, NoReturn
 import pytest
 
 from dvtcli.domain.hint import Hint
-from dvtcli.operations.devices.compare_device import verify
+from dvtcli.operations.devices.verify_nodes import verify
 from dvtcli.operations.exchange.import_network import import_network
 from dvtcli.operations.network.network_files import applied, planned
 from dvtcli.operations.session.session import Session

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import sys
 from typing import TYPE_CHECKING
 
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.pdo_params import EDIT, EditOrPdo, NodePdo
-from dvtcli.errors import DvtcliError, InputFileError, RuleError, SafetyRefusal, UsageError
-from dvtcli.operations.pdos.pdo_as_text import configure_from_text, keep_text, pdo_as_text
-from dvtcli.operations.results import Facts
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
-    from dvtcli.domain.pdo import Pdo
-    from dvtcli.operations.results import Changed, PdoListing
+    from dvtcli.operations.results import Changed, Facts, PdoListing
 
 
 @click.command(
@@ -43,49 +38,9 @@ def command(session: Conversation, /, words: tuple[NodePdo | str, ...], show_all
         raise click.UsageError("give one PDO: pdo tpdo1, or pdo edit tpdo1")
     pdo = pdos[0] if pdos else None
     if editing and pdo is not None:
+        from dvtcli.cli.commands._pdo_edit import edit
+
         return edit(session, pdo.pdo, pdo.node_id)
     from dvtcli.operations.pdos.list_pdos import list_pdos, show_pdo
 
     return list_pdos(session, show_all=show_all) if pdo is None else show_pdo(session, pdo.pdo, pdo.node_id)
-
-
-def edit(session: Conversation, pdo: Pdo, node_id: int | None) -> Changed | Facts:
-    """Open *pdo* in the editor until the saved text is valid, or the user gives up.
-
-    Raises SafetyRefusal without a terminal. After giving up, the error of the text remains.
-    """
-    if session.in_script or not (sys.stdin.isatty() and sys.stdout.isatty()):
-        raise SafetyRefusal(
-            "pdo edit opens an editor, and there is no terminal", hint="map and set do the same in scripts"
-        )
-    before = text = pdo_as_text(session, pdo, node_id)
-    while True:
-        edited = _edited(text)
-        if edited is None or edited == before:
-            return _left(pdo)
-        text = edited
-        try:
-            return configure_from_text(session, pdo, text, node_id, seen=before)
-        except DvtcliError as wrong:
-            if wrong.exit_code not in (2, 4) and not isinstance(wrong, RuleError):
-                wrong.details.append(("edited", keep_text(pdo, text)))
-                raise  # the device was asked: another text changes nothing about it
-            session.output.error(wrong)
-            if not session.output.ask("Edit it again?"):
-                return _left(pdo, wrong)
-
-
-def _edited(text: str) -> str | None:
-    """Return *text* after editing. Raises UsageError if no editor works."""
-    try:
-        return click.edit(text, extension=".yaml", require_save=False)
-    except UnicodeDecodeError as wrong:
-        raise InputFileError("what the editor saved is no UTF-8 text; the PDO is left as it is") from wrong
-    except (click.ClickException, ValueError) as failed:
-        why = failed.format_message() if isinstance(failed, click.ClickException) else f"$EDITOR: {failed}"
-        raise UsageError(why, hint="EDITOR names your editor: EDITOR=nano dvtcli") from failed
-
-
-def _left(pdo: Pdo, wrong: DvtcliError | None = None) -> Facts:
-    rows = (("pdo", str(pdo)), ("changed", False))
-    return Facts("edit", rows, (f"{pdo.label} is left as it is.",), wrong)

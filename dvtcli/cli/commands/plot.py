@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import tempfile
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,15 +12,12 @@ import click
 from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.commands._decoding_options import decoding_options
 from dvtcli.cli.params import FILE, TEXT
-from dvtcli.domain.text import safe
-from dvtcli.errors import UsageError
-from dvtcli.files.extras import extra
-from dvtcli.watch.tracks import Track
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.operations.results import Plotted, PlottedSignal
     from dvtcli.operations.user.session_user import SessionUser
+    from dvtcli.watch.tracks import Track
 
 #: a graph's maximum columns, minimum and maximum lines
 _WIDTH, _LEAST, _MOST = 200, 8, 24
@@ -53,6 +48,8 @@ def command(
     from dvtcli.operations.results import Plotted
 
     if output is not None:
+        from dvtcli.cli.monitor.chart import check_chart
+
         check_chart(Path(output))
     found, span_s = recorded_tracks(session, Path(file), signals, nodes, dbc)
     if output is not None:
@@ -62,6 +59,7 @@ def command(
 
 
 def _draw(session: SessionUser, path: Path, found: list[Track], span_s: tuple[float, float]) -> None:
+    from dvtcli.cli.monitor.chart import draw_chart
 
     if os.path.exists(path):  # noqa: PTH110 - Path.exists raises OSError for a name that is too long
         session.consent(f"{path} exists; overwrite it?")
@@ -85,35 +83,3 @@ def _drawn(
     drawing = () if picture else tuple(graph(points, wide, height, span_s, ends=ends, plain=plain))
     low, high = min(track.values), max(track.values)
     return PlottedSignal(track.name, signal.object, signal.meaning, len(track.values), low, high, drawing)
-
-
-SUFFIXES = (".png", ".svg", ".pdf")
-
-
-def check_chart(path: Path) -> None:
-    """Raise UsageError if *path* is no picture format, or matplotlib is missing."""
-    if path.suffix.lower() not in SUFFIXES:
-        raise UsageError(f"{path}: pictures are {' '.join(SUFFIXES)}")
-    extra("matplotlib", "plot", "drawing a picture")
-
-
-def draw_chart(path: Path, tracks: Sequence[Track], begin_s: float) -> None:
-    """Write *tracks*, one below the other over a common time axis, to *path*, whole or not at all."""
-    with tempfile.TemporaryDirectory() as cache:
-        extra("matplotlib", "plot", "drawing a picture").rcParams["svg.hashsalt"] = "dvtcli"
-        figure_type = extra("matplotlib.figure", "plot", "drawing a picture").Figure
-        figure = figure_type(figsize=(10, 1 + 2.2 * len(tracks)), layout="constrained")
-        axes = figure.subplots(len(tracks), 1, sharex=True, squeeze=False)[:, 0]
-        for axis, track in zip(axes, tracks, strict=True):
-            points = track.points()
-            axis.step([point.time_s - begin_s for point in points], [point.last for point in points], where="post")
-            axis.set_title(safe(track.name).replace("$", r"\$"), loc="left", fontsize=9)
-            axis.set_ylabel(safe(track.signal.unit).replace("$", r"\$"))
-            axis.grid(visible=True, alpha=0.3)
-        axes[-1].set_xlabel("time in s")
-        draft = Path(cache) / f"draft{path.suffix.lower()}"
-        figure.savefig(draft)
-        try:
-            path.write_bytes(draft.read_bytes())
-        except OSError as failed:
-            raise UsageError(f"{path}: {failed.strerror or failed}", place=str(path)) from failed

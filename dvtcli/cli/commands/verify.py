@@ -37,7 +37,7 @@ def command(ctx: click.Context, /, words: tuple[str, ...], frame: bool) -> Compa
     verify press.yaml        what a network file wants, on each of its nodes
     verify tpdo1 press.dcf --frame
     """
-    from dvtcli.operations.devices.compare_device import verify
+    from dvtcli.operations.devices.verify_nodes import verify
 
     pdos, file = _sorted_words(words)
     rehearse = partial(ways(ctx).rehearsed, ctx.obj)

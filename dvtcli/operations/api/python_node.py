@@ -184,7 +184,7 @@ class ReadNode:
         *frame* starts the node for a moment (needs *yes*) and checks a frame of each enabled TPDO. Raises UsageError if
         there is nothing to compare.
         """
-        from dvtcli.operations.devices.compare_device import compare_node
+        from dvtcli.operations.devices.verify_nodes import compare_node
 
         flags(frame=frame)
         wanted, against = [pdo_of(pdo) for pdo in pdos], None if file is None else str(path("file", file))

@@ -138,7 +138,7 @@ def test_what_a_file_says_itself_is_laid_out_as_its_plan_would(tmp_path: Path, f
 def outcome(describe: Callable[..., NetworkState], file: str, wanted_config: NetworkConfig) -> object:
     """The PDOs in their order and what is guessed of each node; else the error."""
     try:
-        state = describe(file, wanted_config=wanted_config)
+        state = describe(file, config=wanted_config)
     except DvtcliError as failed:
         return type(failed), failed.text
     layouts = [

@@ -304,7 +304,7 @@ def test_whom_to_watch_is_not_guessed() -> None:
 
 
 @pytest.mark.parametrize(
-    ("said", "wish"),
+    ("said", "config"),
     [
         ("cob_id: 0x80000181", PartialPdoConfig(TPDO1, enabled=False, cob_id=0x181)),
         ("cob_id: 0x80000000", PartialPdoConfig(TPDO1, enabled=False)),

@@ -38,7 +38,7 @@ ASKED_BY: dict[str, tuple[str, ...]] = {
         "cli/monitor/actions.py",
         "cli/monitor/transmit_list.py",
     ),
-    "operations/pdos/look_at_frames.py": ("operations/devices/compare_device.py",),
+    "operations/pdos/look_at_frames.py": ("operations/devices/verify_nodes.py",),
     "operations/nodes/command_nmt.py": (
         "cli/commands/nmt.py",
         "cli/monitor/actions.py",

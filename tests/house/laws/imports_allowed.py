@@ -39,7 +39,7 @@ DOORS: dict[str, tuple[str, ...]] = {
         "cli/view/typed_hints.py",  # how Windows takes words apart
     ),
     "logging": ("bus/can_message.py", "operations/api/told.py"),
-    "traceback": ("cli/boundary.py",),
+    "traceback": ("cli/crash.py",),
     "warnings": ("cli/passcode.py",),
     "signal": (
         "files/bounded_process.py",
