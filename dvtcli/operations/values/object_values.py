@@ -5,11 +5,9 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from dvtcli.device.virtual_pdos import names_objects
 from dvtcli.domain.datatypes import BY_SHORT_NAME, DataType, Kind
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_scalings import NOTHING, ObjectScalings, ScaledValue
-from dvtcli.domain.shown_value import step_text
 from dvtcli.domain.text import hex_preview
 from dvtcli.errors import SdoProtocolError
 from dvtcli.operations.results.values import ValueRead
@@ -103,7 +101,9 @@ def value_result(
 
 def planned_words(node: NodeDescription, index: int, sub_index: int, data: bytes) -> str:
     """Print *data* with its scaling, if known; else raw."""
+    from dvtcli.device.virtual_pdos import names_objects
     from dvtcli.domain.plan import Step
+    from dvtcli.domain.shown_value import step_text
 
     step = Step(index, sub_index, None, data, "", names_objects(node, index, sub_index))
     return step_text(step, data, understood(node, {step.object: len(data)}).get(step.object))
