@@ -16,6 +16,7 @@ from dvtcli.bus.node_watch import NodeWatch, Oddities
 from dvtcli.bus.receiver import Tap
 from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, DroppedAnswers, Inbox, SdoSettings
 from dvtcli.bus.turns import Turns, one_by_one
+from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.lss_services import (
     ACTIVATE_BIT_TIMING,
     CONFIGURE_BIT_TIMING,
@@ -49,7 +50,7 @@ def act_of(frame: Frame) -> str | None:
         return _LSS.get(frame.data[0]) if frame.data else None
     if frame.can_id == NMT_CAN_ID and len(frame.data) == 2 and frame.data[0] in list(NmtCommand):
         return command_text(NmtCommand(frame.data[0]), frame.data[1])
-    return f"frame 0x{frame.can_id:03X}"
+    return f"frame {can_id_text(frame.can_id, extended=frame.extended)}"
 
 
 def command_text(command: NmtCommand, node_id: int) -> str:
@@ -390,7 +391,7 @@ class WatchedBus(ABC):
     def send(self, frame: Frame) -> None:
         """Send a frame (SYNC, a PDO). Raises UsageError if the bus carries no frames."""
         raise UsageError(
-            f"{self.name} carries no CAN frames: 0x{frame.can_id:X} cannot be sent",
+            f"{self.name} carries no CAN frames: {can_id_text(frame.can_id, extended=frame.extended)} cannot be sent",
             hint="it reads and writes objects, and commands NMT states; an interface of this machine carries frames",
         )
 

@@ -20,6 +20,7 @@ from dvtcli.domain.rules.raw_write import (
     ParameterWrite,
     length_findings,
     parameter_findings,
+    safety_findings,
     with_raw,
     write_findings,
 )
@@ -38,7 +39,7 @@ def raw_write_findings(node: ReadableNode, index: int, sub_index: int, data: byt
     if index in COB_ID_OF and not sub_index and len(data) == 4 and not findings:
         return tuple(service_findings(node.node_id, index, int.from_bytes(data, "little")))
     if pdo is None or findings:
-        return findings
+        return findings or safety_findings(index, sub_index)
     if wrong := length_findings(index, sub_index, data):
         return wrong
     now = node.pdo(pdo)

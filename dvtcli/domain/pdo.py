@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.cob_id import CobId, can_id_text
 from dvtcli.domain.mapping import DAM_MPDO, MAX_ENTRIES, SAM_MPDO, PdoMappingEntry, total_bits
 
 MAX_PDO_NUMBER = 512
@@ -222,14 +222,14 @@ def entry_text(text: str) -> str:
     return f"dummy/{text.rpartition('/')[2]}" if text.startswith("000") else text
 
 
-def parameter_text(key: str, value: Any, pdo: Pdo) -> str:
-    """A PDO parameter, by its key in a network file, in the usual notation."""
+def parameter_text(key: str, value: Any, pdo: Pdo, *, extended: bool = False) -> str:
+    """A PDO parameter, by its key in a network file, in the usual notation; a CAN-ID is *extended* or not."""
     if value is None:
         return "-"
     if key == "enabled":
         return "on" if value else "off"
     if key == "cob_id":
-        return f"0x{value:03X}"
+        return can_id_text(value, extended=extended)
     if key == "type":
         return f"{value} {transmission_type_text(value, pdo.direction)}"
     if key == "inhibit_time":

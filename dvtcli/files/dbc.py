@@ -14,6 +14,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
+from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.datatypes import Value
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.scaling import Scaling
@@ -65,7 +66,7 @@ def read_dbc(file: str) -> dict[Address, Layout]:
     names = Counter(said["name"] for said in messages)
     for said in messages:
         if names[said["name"]] > 1:  # values of both would be in one column
-            said["name"] += f" 0x{said['id']:03X}"
+            said["name"] += f" {can_id_text(said['id'], extended=said['extended'])}"
     return {(said["id"], said["extended"]): _layout(said, path.name) for said in messages}
 
 

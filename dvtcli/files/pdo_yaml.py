@@ -55,7 +55,7 @@ def write_pdo_yaml(pdo: Pdo, config: PdoConfig, names: Sequence[str], title: str
     kind = held.transmission_type
     rows: list[tuple[str, object, str]] = [
         ("pdo", pdo, ""),
-        ("cob_id", f"0x{held.cob_id.can_id:03X}", "or auto"),
+        ("cob_id", str(held.cob_id), "or auto"),
         ("enabled", str(config.enabled).lower(), "bit 31 of the COB-ID"),
         ("rtr_allowed", str(held.cob_id.rtr_allowed).lower(), "bit 30"),
         ("extended", str(held.cob_id.extended).lower(), "a 29-bit CAN-ID"),

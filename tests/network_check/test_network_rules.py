@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from typing import Any
 
 import pytest
 
@@ -10,8 +11,25 @@ from dvtcli.domain.lint.lint_rule import ERROR
 from dvtcli.domain.network.check.checked_network import CheckedNetwork
 from dvtcli.domain.network.check.network_rules import NETWORK_RULES, network_findings
 from dvtcli.domain.network.network_state import NetworkState
-from tests.network_check.planted import BIT_RATE, PLANTED, SOUND, Planted, concise, hears, node
+from dvtcli.domain.ports import Frame
+from tests.network_check.planted import (
+    BIT_RATE,
+    PLANTED,
+    SOUND,
+    T2,
+    Planted,
+    also,
+    concise,
+    entry,
+    has,
+    hears,
+    holds,
+    node,
+    pdo,
+)
 from tests.sample import heavy
+
+_WIDE = pdo(0x1AB, entry(0x6041), extended=True)
 
 ALL = {rule.name for rule in NETWORK_RULES}
 
@@ -80,3 +98,19 @@ def test_rules_say_who_says_so() -> None:
         assert rule.sense
         assert rule.source
     assert sum(rule.severity is ERROR for rule in NETWORK_RULES) >= 30
+
+
+@pytest.mark.parametrize(
+    ("rule", "change", "wanted"),
+    [
+        ("one-producer", also(has(1, T2, _WIDE), has(5, T2, _WIDE)), "0x000001AB"),
+        ("emcy-twice", also(holds(1, x1014=0x2000_00A0), holds(5, x1014=0x2000_00A0)), "0x000000A0"),
+        ("sync-ids-differ", holds(5, x1005=0x2000_0090), "0x00000090"),
+        ("time-ids-differ", also(holds(10, x1012=0x6000_0100), holds(5, x1012=0x8000_0110)), "0x00000100"),
+        ("from-nobody", hears(Frame(0x1AB, bytes(8), extended=True, timestamp_s=2)), "0x000001AB"),
+    ],
+)
+def test_a_can_id_of_29_bits_has_eight_digits(rule: str, change: Any, wanted: str) -> None:
+    planted = Planted(rule, heard=change) if rule == "from-nobody" else Planted(rule, change)
+    texts = [text for _, _, text in network_findings(planted.network, {rule})]
+    assert any(wanted in text for text in texts), texts

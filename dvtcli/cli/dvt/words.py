@@ -51,7 +51,7 @@ def config(session: SessionNodes, node_id: int | None) -> WordResult:
 def _one(row: PdoRow) -> str:
     """`TPDO1 0x181 type 255: 0x6041:00/16 Statusword`."""
     parameter = row.config.communication
-    where = f"0x{parameter.cob_id.can_id:03X}" if row.config.enabled else "off"
+    where = str(parameter.cob_id) if row.config.enabled else "off"
     pairs = zip_longest(row.config.mapping, row.names)
     mapped = [f"0x{entry.object}/{entry.bits} {name.name if name else ''}".rstrip() for entry, name in pairs if entry]
     return f"{row.pdo.label} {where} type {parameter.transmission_type}: {', '.join(mapped) or 'nothing'}"

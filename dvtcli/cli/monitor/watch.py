@@ -20,6 +20,7 @@ from dvtcli.cli.screen.full_screen import LEAVE_S, GoneBus, MappingReader, bind,
 from dvtcli.cli.screen.room import cut, filled
 from dvtcli.cli.view.lines import Cell
 from dvtcli.domain.abort import abort_text
+from dvtcli.domain.cob_id import can_id_text
 from dvtcli.errors import BusUnavailable, DvtcliError
 from dvtcli.watch.decoder import Signal
 from dvtcli.watch.seen import FrameStore, SeenFrame
@@ -344,7 +345,14 @@ def _pdo_line(board: Board, pdo: WatchedPdo, moment: Moment) -> list[Cell]:
         return [title, Cell("  no frame yet", "yellow")]
     rate = row.rhythm.rate_hz(moment.now_s)
     said = "" if rate is None else f"  {rate:.1f} Hz"
-    return [title, Cell(f"  0x{row.can_id:03X}{said}  {row.count} frames  {row.data.hex(' ').upper()}", "dim")]
+    can_id = can_id_text(row.can_id, extended=row.extended)
+    return [
+        title,
+        Cell(
+            f"  {can_id}{said}  {row.count} frames  {row.data.hex(' ').upper()}",
+            "dim",
+        ),
+    ]
 
 
 def _line(one: _Shown, view: View, moment: Moment, width: int, *, chosen: bool) -> list[Cell]:

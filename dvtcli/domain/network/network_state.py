@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
+from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.network.network_config import NOWHERE, Endpoint, LinkConfig, Mark, MasterRole
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
@@ -144,6 +145,11 @@ def identifier_of(config: PdoConfig) -> Identifier:
     """The CAN-ID of a PDO, and whether it has 29 bits."""
     cob_id = config.communication.cob_id
     return cob_id.can_id, cob_id.extended
+
+
+def identifier_text(identifier: Identifier) -> str:
+    """A CAN-ID as printed: three digits, or eight if it has 29 bits."""
+    return can_id_text(identifier[0], extended=identifier[1])
 
 
 @dataclass(frozen=True, slots=True)

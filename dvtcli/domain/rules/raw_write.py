@@ -17,6 +17,7 @@ from dvtcli.domain.rules.communication import communication_findings
 from dvtcli.domain.rules.finding import ERROR, WARNING, Finding, Proposal, Rule, error, warning
 from dvtcli.domain.rules.mappable import mapping_findings
 from dvtcli.domain.rules.mapped_object import decimal_hint
+from dvtcli.domain.standard_objects import SAFETY
 from dvtcli.domain.text import value_text
 
 _FROZEN_WHILE_VALID = "CiA 301, 7.5.2.35 to 7.5.2.38"
@@ -36,6 +37,8 @@ RULES = (
     Rule("write-only", WARNING,
          "what is written cannot be read back: nothing shows that the device took it, and an undo does not restore it",
          "the EDS, AccessType (CiA 306); CiA 301, 7.5.2.13 and 7.5.2.14; CiA 302-2, CiA 302-3"),
+    Rule("safety-configuration", WARNING, "write to an object of the safety configuration (0x1300…0x13FF)",
+         "EN 50325-5"),
     Rule("entry-while-counted", ERROR, "write to an entry while the count is not 0",
          _FROZEN_WHILE_VALID, (Abort.UNSUPPORTED_ACCESS,)),
 )  # fmt: skip
@@ -104,6 +107,16 @@ def _write_findings(dictionary: ObjectDictionary, index: int, sub_index: int, da
         yield error("limits", place, f"{value} is above the limit {entry.high:g} of {where}", Abort.VALUE_HIGH)
     if entry.low is not None and value < entry.low:
         yield error("limits", place, f"{value} is below the limit {entry.low:g} of {where}", Abort.VALUE_LOW)
+
+
+def safety_findings(index: int, sub_index: int) -> tuple[Finding, ...]:
+    """The warning about a write to *index*:*sub_index* if it configures SRDOs."""
+    if index not in SAFETY:
+        return ()
+    place = f"0x{index:04X}:{sub_index:02X}"
+    text = f"{place} belongs to the safety configuration: its signature (0x13FF) and 0x13FE = 0xA5 are due again"
+    hint = "the device may send no SRDO until then, and whoever approves the machine has to know"
+    return (warning("safety-configuration", place, text, hint),)
 
 
 def why_unreadable(index: int) -> str:

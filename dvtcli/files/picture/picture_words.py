@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from fractions import Fraction
 
 from dvtcli.domain.network.network_config import Endpoint
-from dvtcli.domain.network.network_state import Identifier
+from dvtcli.domain.network.network_state import Identifier, identifier_text
 from dvtcli.domain.network.picture import NetworkPicture, PictureField, PictureNode, PicturePdo
 from dvtcli.domain.pdo import transmission_type_text
 from dvtcli.domain.scaling import Scaling
@@ -16,8 +16,7 @@ _MOST_WORDS = 6
 
 def cob_id(identifier: Identifier) -> str:
     """Return `0x181`; a 29-bit CAN-ID with eight digits."""
-    can_id, extended = identifier
-    return f"0x{can_id:08X}" if extended else f"0x{can_id:03X}"
+    return identifier_text(identifier)
 
 
 def end_text(end: Endpoint) -> str:

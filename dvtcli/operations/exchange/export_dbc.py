@@ -8,10 +8,18 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.frame import Field, byte_length, layout
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.network.network_state import SYNC_OVERFLOW, Identifier, NetworkState, NodeState, identifier_of
+from dvtcli.domain.network.network_state import (
+    SYNC_OVERFLOW,
+    Identifier,
+    NetworkState,
+    NodeState,
+    identifier_of,
+    identifier_text,
+)
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.object_scalings import NOTHING
 from dvtcli.domain.text import plural
@@ -179,7 +187,9 @@ def network_messages(
         if message.number not in taken:
             found.messages.append(message)
         else:
-            found.left_out.append(f"{message.name}: a PDO has its CAN-ID 0x{message.can_id:03X}")
+            found.left_out.append(
+                f"{message.name}: a PDO has its CAN-ID {can_id_text(message.can_id, extended=message.extended)}"
+            )
     found.messages.sort(key=lambda drawn_message: drawn_message.number)
     _name_messages(found)
     return found
@@ -239,7 +249,7 @@ def _message(identifier: Identifier, group: list[_Held], drawn: _Drawn, found: N
     heard = [receiving_pdo for receiving_pdo in group if not receiving_pdo[1].is_tpdo]
     for node, other, _ in others:
         if other.is_tpdo:
-            also = f"{pdo.label} of node {first.node_id} has its CAN-ID 0x{identifier[0]:03X}, too"
+            also = f"{pdo.label} of node {first.node_id} has its CAN-ID {identifier_text(identifier)}, too"
             found.left_out.append(f"{other.label} of node {node.node_id}: {also}")
     says = [group[0]] if pdo.is_tpdo else heard
     signals = _signals(says, heard, drawn)

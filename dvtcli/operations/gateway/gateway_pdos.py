@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.abort import Abort
-from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.cob_id import CobId, can_id_text
 from dvtcli.domain.gateway.gateway_answers import Answer, Done, Failed, GatewayError, GatewayRequestError
 from dvtcli.domain.gateway.line_words import TYPES, data_of, value_text
 from dvtcli.domain.gateway.requests import PdoEntry, ReadPdo, SetPdo, WritePdo
@@ -117,7 +117,7 @@ class GatewayPdos:
             return Failed(wrong.error, str(wrong))
         can_id, extended = _frame_of(pdo)
         self._session.bus.send(Frame(can_id, data, extended))
-        self._session.reporter.note(f"frame 0x{can_id:X} sent")
+        self._session.reporter.note(f"frame {can_id_text(can_id, extended=extended)} sent")
         return Done()
 
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.lss_master import LssMaster
+from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.lss_services import ANSWER_ID, BIT_TIMINGS, PARTS, LssAddress
 from dvtcli.domain.nmt import UNCONFIGURED, NmtState
@@ -328,8 +329,9 @@ def _refuse_strangers(frames: dict[int, Frame], there: Collection[int]) -> None:
     theirs = {base + node_id for base in _OWN for node_id in there} | {ANSWER_ID}
     strange = next((frame for frame in frames.values() if frame.extended or frame.can_id not in theirs), None)
     if strange is not None:
+        can_id = can_id_text(strange.can_id, extended=strange.extended)
         raise SafetyRefusal(
-            f"0x{strange.can_id:03X} is heard, which none of the nodes that answer sends before it is OPERATIONAL",
+            f"{can_id} is heard, which none of the nodes that answer sends before it is OPERATIONAL",
             why="whoever sends it would stay at the old bit rate, or be a producer of SYNC or PDOs",
             hint=Hint(
                 Action.ENTER_PRE_OPERATIONAL,

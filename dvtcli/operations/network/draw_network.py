@@ -16,7 +16,7 @@ from dvtcli.domain.network.frame_streams import streams_of
 from dvtcli.domain.network.heard_traffic import HeardTraffic
 from dvtcli.domain.network.links import agrees
 from dvtcli.domain.network.network_config import Endpoint
-from dvtcli.domain.network.network_state import EMCY_COB_ID, SYNC_PERIOD, identifier_of
+from dvtcli.domain.network.network_state import EMCY_COB_ID, SYNC_PERIOD, identifier_of, identifier_text
 from dvtcli.domain.network.picture import (
     NetworkPicture,
     PictureDifference,
@@ -28,7 +28,6 @@ from dvtcli.domain.network.picture import (
     PictureNode,
     PicturePdo,
 )
-from dvtcli.domain.pdo import parameter_text
 from dvtcli.domain.plan import PdoChange
 from dvtcli.domain.text import plural
 from dvtcli.errors import NoAnswer, RuleError, SafetyRefusal, UsageError, ended_with
@@ -40,7 +39,7 @@ from dvtcli.operations.network.network_load import USUAL_BIT_RATE
 from dvtcli.operations.plans.read_network_config import read_network_config
 from dvtcli.operations.results import Facts
 from dvtcli.operations.results.loads import Measured, NetworkLoad
-from dvtcli.operations.results.networks import action, differing
+from dvtcli.operations.results.networks import action, differing, parameter_texts
 from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
 from dvtcli.operations.values.object_values import scalings_of
 from dvtcli.watch.statistics import FrameCount
@@ -183,7 +182,7 @@ def _facts(node: NodeState) -> Iterator[tuple[str, str]]:
     if node.produces_sync:
         yield "SYNC", f"every {(node.number(SYNC_PERIOD) or 0) / 1000:g} ms"
     if node.emcy is not None:
-        yield "EMCY", f"0x{node.emcy[0]:03X}"
+        yield "EMCY", identifier_text(node.emcy)
     elif node.number(EMCY_COB_ID) is not None:
         yield "EMCY", "off"
 
@@ -274,7 +273,7 @@ def _of_pdo(node: NodePlan, change: PdoChange) -> Iterator[PictureDifference]:
         yield PictureDifference(node.node_id, change.label, "enabled", "on", "off (not in the file)")
         return
     for key, was, will in differing(change):
-        before, after = parameter_text(key, was, change.pdo), parameter_text(key, will, change.pdo)
+        before, after = parameter_texts(change, key, was, will)
         yield PictureDifference(node.node_id, change.label, key, before, after)
 
 

@@ -36,7 +36,9 @@ def produce_sync(session: SessionNodes, count: int = 1, period_s: float = 0.02, 
                 seen[frame.can_id] = (frame, seen.get(frame.can_id, (frame, 0))[1] + 1)
     labels = _labels(session)
     rows = tuple((frame, number, labels.get(can_id, "")) for can_id, (frame, number) in sorted(seen.items()))
-    return Synced(count, period_s * 1000, rows, session.dry_run, sync.can_id, note=_held_back(session))
+    return Synced(
+        count, period_s * 1000, rows, session.dry_run, sync.can_id, extended=sync.extended, note=_held_back(session)
+    )
 
 
 def _held_back(session: SessionNodes) -> Hint | str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import read_optional
+from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.rules.finding import WARNING, Rule, warning
@@ -49,8 +50,8 @@ def check_sync(session: SessionNodes, node_ids: Iterable[int] = ()) -> SyncCheck
     sources = tuple(_source(node) for node in _nodes(session, node_ids))
     periods = [source.period_us for source in sources if source.period_us]
     listen_s = min(_LONGEST_S, max(_SHORTEST_S, 2e-6 * max(periods, default=0)))
-    can_ids = {0x080} | {source.can_id for source in sources}
-    heard = sum(frame.can_id in can_ids for frame in session.wire.receive(listen_s))
+    identifiers = {(0x080, False)} | {(source.can_id, source.extended) for source in sources}
+    heard = sum((frame.can_id, frame.extended) in identifiers for frame in session.wire.receive(listen_s))
     checked = SyncCheck(sources, heard, round(listen_s * 1000))
     finding = warning(
         "sync-producer",
@@ -120,4 +121,5 @@ def unknown_syncs(frames: ShortFrames, nodes: Iterable[ReadableNode]) -> tuple[i
 
 def sync_note(can_id: int) -> str:
     """Describe the SYNC of an unknown producer."""
-    return f"SYNC 0x{can_id:03X} is heard, and no node here sends it (0x1005): somebody who is not known does"
+    text = can_id_text(can_id, extended=False)
+    return f"SYNC {text} is heard, and no node here sends it (0x1005): somebody who is not known does"

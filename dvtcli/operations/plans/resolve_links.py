@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.heartbeat_slots import heartbeat_ms, heartbeat_slots, is_guarded
 from dvtcli.device.proposal import resolve, untyped_lengths
 from dvtcli.device.read_pdos import service_ids
+from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.heartbeats import MISSED, slot_for, watch_time_ms, watched_ms
 from dvtcli.domain.network.links import LinkSide, agrees, free_can_id, linked, may_keep, object_remarks
@@ -252,8 +253,17 @@ class _Linking:
     def _hear(self, producer: LinkSide, cob_id: CobId, end: Endpoint) -> None:
         consumer = self._side(end)
         said = self._pdos.get(end)
-        if said is not None and isinstance(said.cob_id, int) and said.cob_id != cob_id.can_id:
-            text = f"{consumer} is to have CAN-ID 0x{said.cob_id:03X}, and {producer} sends {cob_id}"
+        if (
+            said is not None
+            and isinstance(said.cob_id, int)
+            and (said.cob_id, said.extended)
+            != (
+                cob_id.can_id,
+                cob_id.extended,
+            )
+        ):
+            wanted = can_id_text(said.cob_id, extended=said.extended)
+            text = f"{consumer} is to have CAN-ID {wanted}, and {producer} sends {cob_id}"
             self._say(end.node_id, error("link-can-id", str(consumer), text, hint="leave one of both out"))
             return
         found = linked(producer, consumer)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import ClassVar
 
+from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.datatypes import Value
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.scaling import Scaling
@@ -192,7 +193,7 @@ class FrameSeen(Answer):
         return text in _signal(self.objects.get(name, ""), name)
 
     def _is_called(self, text: str) -> bool:
-        return text in _who(self.frame.can_id, self.label, self.node, self.kind)
+        return text in _who(self.frame.can_id, self.frame.extended, self.label, self.node, self.kind)
 
     def chosen(self, text: str) -> FrameSeen:
         """Keep only signals with *text* (lower case) in their names, or their frame's."""
@@ -202,9 +203,9 @@ class FrameSeen(Answer):
 
 
 @lru_cache(maxsize=4096)
-def _who(can_id: int, label: str, node: int | None, kind: str) -> str:
+def _who(can_id: int, extended: bool, label: str, node: int | None, kind: str) -> str:
     """Name a frame in lower case, for a search."""
-    return f"0x{can_id:03x} {label} node {node} {kind}".lower()
+    return f"{can_id_text(can_id, extended=extended)} {label} node {node} {kind}".lower()
 
 
 @lru_cache(maxsize=4096)

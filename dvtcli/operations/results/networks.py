@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from dvtcli.domain.hint import Hint
 from dvtcli.domain.network.network_plan import LeftOut, NetworkPlan, NodePlan
+from dvtcli.domain.pdo import parameter_text
 from dvtcli.domain.plan import PdoChange, ValueChange
 from dvtcli.operations.results.documents import CASES, Answer, Document, finding_document, hex_bytes, lacking_documents
 from dvtcli.operations.results.loads import need_document
@@ -169,6 +170,15 @@ def differing(change: PdoChange) -> Iterator[tuple[str, Any, Any]]:
     """Yield the network file's keys that differ in *change*, with both values."""
     rows = zip(_rows(change.before), _rows(change.after), strict=True)
     yield from ((key, was, will) for (key, was), (_, will) in rows if was != will)
+
+
+def parameter_texts(change: PdoChange, key: str, was: Any, will: Any) -> tuple[str, str]:
+    """Values of *key* before and after *change*, in the usual notation."""
+    before, after = (config.communication.cob_id.extended for config in (change.before, change.after))
+    return (
+        parameter_text(key, was, change.pdo, extended=before),
+        parameter_text(key, will, change.pdo, extended=after),
+    )
 
 
 def _rows(config: PdoConfig) -> Iterator[tuple[str, Any]]:

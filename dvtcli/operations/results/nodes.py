@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
+from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.emergency_codes import register_words
 from dvtcli.domain.hint import Hint
 from dvtcli.domain.ports import Frame
@@ -36,6 +37,11 @@ class SyncSource(Short):
     def can_id(self) -> int:
         """Its CAN-ID of SYNC."""
         return 0x080 if self.cob_id is None else self.cob_id & 0x1FFF_FFFF
+
+    @property
+    def extended(self) -> bool:
+        """Tell whether that CAN-ID has 29 bits (bit 29 of 0x1005)."""
+        return self.cob_id is not None and CobId.from_raw(self.cob_id).extended
 
 
 @dataclass(frozen=True, slots=True)
@@ -267,6 +273,8 @@ class Synced(Answer):
     dry_run: bool
     can_id: int = 0x080
     exit_code: int = 0
+    #: whether that CAN-ID has 29 bits
+    extended: bool = False
     #: why no frame was received, if known
     note: Hint | str = ""
 

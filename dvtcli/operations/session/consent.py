@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from dvtcli.device.seen_state import STATUSWORDS
+from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.concise_dcf import concise_entries
 from dvtcli.domain.process_data import drive_state
@@ -81,9 +82,10 @@ def refuse_other_master(session: SessionNodes) -> None:
     for frame in bus.receive(LISTEN_S):
         said = _request(frame)
         if said:
+            can_id = can_id_text(frame.can_id, extended=frame.extended)
             raise SafetyRefusal(
                 f"another master is active: {said} was received",
-                why=f"0x{frame.can_id:03X} [{len(frame.data)}] {frame.data.hex(' ').upper()}",
+                why=f"{can_id} [{len(frame.data)}] {frame.data.hex(' ').upper()}",
                 hint=Hint(Action.FORCE, why="stop it while the network is changed; {} goes on beside it"),
             )
 

@@ -6,7 +6,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.cob_id import CobId, can_id_text
 from dvtcli.domain.lint.lint_rule import ERROR, WARNING, LintRule
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import Frame
@@ -84,7 +84,7 @@ class LengthProblems:
         """Return PDOs of a wrong length, and those whose length changes to and fro."""
         two = {address for address, seen in self._lengths.items() if seen.is_pdo and len(seen.changes) >= _ENOUGH}
         for address in sorted(two):
-            seen, can_id = self._lengths[address], f"0x{address[0]:03X}"
+            seen, can_id = self._lengths[address], can_id_text(address[0], extended=address[1])
             text = f"{can_id} comes with {seen.before} and {plural(seen.last, 'byte')} by turns"
             look = f"which nodes have {can_id} in a TPDO"
             yield Problem(TWO_SENDERS, text, f"senders of {can_id}", look, Moments.at(*seen.changes))

@@ -301,3 +301,14 @@ def test_a_node_of_which_a_file_asks_nothing_is_not_said_to_hold_it(tmp_path: Pa
         file.write_text("a: {node_id: 5}\n", "utf-8")
         assert "No difference: the file asks for nothing. Nothing was written." in bench.run(f"diff {file}").stdout
         assert bench.run(f"apply {file}").stdout == "The file asks for nothing; nothing was written.\n"
+
+
+def test_a_plan_shows_29_bits_with_eight_digits(tmp_path: Path) -> None:
+    """0x1AB of 29 bits and 0x1AB of 11 bits are two CAN-IDs."""
+    text = "a: {node_id: 5, dcf: generic, tpdo: {1: {enabled: true, cob_id: 0x200001AB}}}\n"
+    (tmp_path / "net.yaml").write_text(text)
+    with Bench(("generic@5",), {"yes": True}) as bench:
+        planned = bench.run(f"plan {tmp_path}/net.yaml")
+        report = bench.run(f"diff {tmp_path}/net.yaml --format junit")
+    assert "0x185  ->  0x000001AB" in planned.stdout, planned
+    assert "cob_id is 0x185, expected 0x000001AB" in report.stdout, report

@@ -98,3 +98,18 @@ def test_its_configuration_is_never_written_back(tmp_path: Path) -> None:
         assert bench.run("write 13FE 0").code == 0
         assert bench.run(f"apply {tmp_path}/kept.dcf").code in (0, 1)
         assert "= 0 " in bench.run("read 13FE").stdout
+
+
+@pytest.mark.parametrize("line", ["write 1301:01 0", "write 1381:01 0x21000208", "write 13FE 0"])
+def test_a_write_to_its_configuration_is_warned_of(line: str) -> None:
+    with Bench(("safety",), {"yes": True}) as bench:
+        ran = bench.run(line)
+    assert (ran.code, "safety configuration" in ran.stdout + ran.stderr) == (0, True), ran
+
+
+def test_a_plan_that_writes_its_configuration_is_warned_of(tmp_path: Path) -> None:
+    text = "nodes:\n  s: {node_id: 1, dcf: safety, sdo: [{index: 0x1302, sub_index: 2, value: 30}]}\n"
+    (tmp_path / "net.yaml").write_text(text)
+    with Bench(("safety",), {"yes": True}) as bench:
+        ran = bench.run(f"plan {tmp_path}/net.yaml")
+    assert (ran.code, "0x1302:02 belongs to the safety configuration" in ran.stdout + ran.stderr) == (0, True), ran

@@ -13,13 +13,13 @@ from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.configuration import NotWritten
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.network.concise_dcf import download_lines
-from dvtcli.domain.pdo import entry_text, parameter_text
+from dvtcli.domain.pdo import entry_text
 from dvtcli.domain.plan import STAMP, PdoChange, Step
 from dvtcli.domain.rules import errors_in
 from dvtcli.domain.shown_value import step_text
 from dvtcli.domain.text import join_some, plural
 from dvtcli.operations.results.checked_files import SEVERITIES
-from dvtcli.operations.results.networks import action, differing
+from dvtcli.operations.results.networks import action, differing, parameter_texts
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.bus_need import BusNeed
@@ -175,7 +175,7 @@ def _pdo(node: NodePlan, change: PdoChange, width: int, *, compares: bool) -> It
         if key == "map":
             _entries(table, node, was, will, compares=compares)
         else:
-            held, wanted = (parameter_text(key, value, change.pdo) for value in (was, will))
+            held, wanted = parameter_texts(change, key, was, will)
             table.add(key, *_sides(held, wanted, compares=compares))
     yield from table.lines(width)
 

@@ -197,7 +197,11 @@ def synced_lines(result: Synced, width: int) -> Iterator[Line]:
     """Show the number of SYNCs sent, and the frames received."""
     dry = " (dry run: nothing was sent)" if result.dry_run else ""
     came = sum(count for _, count, _ in result.frames)
-    with_id = "" if result.can_id == 0x080 else f" with CAN-ID 0x{result.can_id:03X} (the node's 0x1005)"
+    with_id = (
+        ""
+        if result.can_id == 0x080
+        else f" with CAN-ID {can_id_text(result.can_id, extended=result.extended)} (the node's 0x1005)"
+    )
     yield f"{plural(result.count, 'SYNC')} sent{with_id}{dry}, {plural(came, 'frame')} came"
     table = Table(("COB-ID", "WHAT", "FRAMES", "LAST DATA"), frozenset({2}))
     for frame, count, label in result.frames:
@@ -222,7 +226,8 @@ def _source_text(source: SyncSource) -> str:
     if source.period_us:
         period += f" ({source.period_us / 1000:g} ms)"
     does = "produces SYNC" if source.produces else "does not produce SYNC"
-    return f"node {source.node}  {does}: {word}, {period}; its SYNC is 0x{source.can_id:03X}"
+    can_id = can_id_text(source.can_id, extended=source.extended)
+    return f"node {source.node}  {does}: {word}, {period}; its SYNC is {can_id}"
 
 
 _SOURCES = {"active": "active now", "history": "history", "heard": "EMCY heard"}

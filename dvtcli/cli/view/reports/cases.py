@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.answers.compare_lines import value_text
-from dvtcli.domain.pdo import parameter_text
 from dvtcli.domain.plan import PdoChange
 from dvtcli.domain.shown_value import step_text
 from dvtcli.domain.text import join_some, plural
 from dvtcli.operations.results.comparisons import Compared, WholeCompared
-from dvtcli.operations.results.networks import NetworkPlanned, differing
+from dvtcli.operations.results.networks import NetworkPlanned, differing, parameter_texts
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.network_plan import MissingObject, NodePlan
@@ -104,7 +103,7 @@ def _line(node: NodePlan, change: Change) -> int:
 def _differences(node: NodePlan, change: Change) -> Iterator[str]:
     if isinstance(change, PdoChange):
         for key, was, will in differing(change):
-            held, expected = (parameter_text(key, value, change.pdo) for value in (was, will))
+            held, expected = parameter_texts(change, key, was, will)
             yield f"{key} is {held}, expected {expected}"
     else:
         known = node.understood.get(change.step.object)

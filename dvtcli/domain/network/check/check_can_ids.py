@@ -14,6 +14,7 @@ from dvtcli.domain.network.network_state import (
     Identifier,
     NodeState,
     identifier_of,
+    identifier_text,
 )
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.rules.can_id import default_owner, restricted_use
@@ -31,17 +32,23 @@ def one_producer(network: CheckedNetwork) -> NetFound:
     senders: defaultdict[Identifier, list[tuple[NodeState, Pdo]]] = defaultdict(list)
     for node, pdo, config in network.tpdos:
         senders[identifier_of(config)].append((node, pdo))
-    for (can_id, _), found in senders.items():
+    for identifier, found in senders.items():
         first, *others = found
         for node, pdo in others:
-            yield at(node, pdo), f"0x{can_id:03X} is sent by {first[1].label} of node {first[0].node_id}, too"
+            yield (
+                at(node, pdo),
+                f"{identifier_text(identifier)} is sent by {first[1].label} of node {first[0].node_id}, too",
+            )
 
 
 def _of_pdos(network: CheckedNetwork, wanted: str) -> NetFound:
     for node, pdo, config in network.enabled:
         can_id, extended = identifier_of(config)
         if not extended and _service(can_id) == wanted:
-            yield at(node, pdo), f"0x{can_id:03X} is {restricted_use(can_id) if wanted != 'LSS' else 'LSS'}"
+            yield (
+                at(node, pdo),
+                f"{config.communication.cob_id} is {restricted_use(can_id) if wanted != 'LSS' else 'LSS'}",
+            )
 
 
 def _service(can_id: int) -> str:
@@ -121,7 +128,7 @@ def emcy_twice(network: CheckedNetwork) -> NetFound:
     owners: dict[Identifier, int] = {}
     for node in network.nodes:
         if node.emcy is not None and (other := owners.setdefault(node.emcy, node.node_id)) != node.node_id:
-            yield held(node, EMCY_COB_ID), f"0x{node.emcy[0]:03X} is EMCY of node {other}, too"
+            yield held(node, EMCY_COB_ID), f"{identifier_text(node.emcy)} is EMCY of node {other}, too"
 
 
 @check("emcy-can-id", ERROR, "EMCY has a CAN-ID of SYNC, or one that CiA 301 restricts", "CiA 301, 7.5.2.14 and 7.3.5")
@@ -132,7 +139,7 @@ def emcy_can_id(network: CheckedNetwork) -> NetFound:
             continue
         use = "SYNC" if node.emcy == node.sync else _service(node.emcy[0])
         if use:
-            yield held(node, EMCY_COB_ID), f"0x{node.emcy[0]:03X} is {use}"
+            yield held(node, EMCY_COB_ID), f"{identifier_text(node.emcy)} is {use}"
 
 
 @check("emcy-of-other", WARNING, "EMCY has the pre-defined CAN-ID of another node's EMCY", _SET)
@@ -142,7 +149,7 @@ def emcy_of_other(network: CheckedNetwork) -> NetFound:
         if node.emcy is not None and not node.emcy[1] and 0x081 <= node.emcy[0] <= 0x0FF:
             owner = node.emcy[0] - 0x080
             if owner != node.node_id:
-                yield held(node, EMCY_COB_ID), f"0x{node.emcy[0]:03X} is EMCY of node {owner} by default"
+                yield held(node, EMCY_COB_ID), f"{identifier_text(node.emcy)} is EMCY of node {owner} by default"
 
 
 @check("sync-can-id", ERROR, "SYNC has a CAN-ID that CiA 301 restricts", "CiA 301, 7.5.2.5 and 7.3.5")
@@ -151,7 +158,7 @@ def sync_can_id(network: CheckedNetwork) -> NetFound:
     for node in network.nodes:
         can_id, extended = node.sync
         if not extended and (use := _service(can_id)):
-            yield held(node, SYNC_COB_ID), f"SYNC 0x{can_id:03X} is {use}"
+            yield held(node, SYNC_COB_ID), f"SYNC {identifier_text(node.sync)} is {use}"
 
 
 @check(
@@ -163,7 +170,8 @@ def sync_ids_differ(network: CheckedNetwork) -> NetFound:
     waiting = {node.node_id for node, _, _ in network.synchronous}
     for node in network.nodes:
         if producers and node.node_id in waiting and all(node.sync != other.sync for other in producers):
-            text = f"it waits for 0x{node.sync[0]:03X}, node {producers[0].node_id} sends 0x{producers[0].sync[0]:03X}"
+            sent = identifier_text(producers[0].sync)
+            text = f"it waits for {identifier_text(node.sync)}, node {producers[0].node_id} sends {sent}"
             yield held(node, SYNC_COB_ID), text
 
 
@@ -176,7 +184,8 @@ def time_ids_differ(network: CheckedNetwork) -> NetFound:
     for node in network.nodes:
         waits = (node.number(TIME_COB_ID) or 0) >> 31
         if producers and waits and all(node.time != other.time for other in producers):
-            yield held(node, TIME_COB_ID), f"it waits for 0x{node.time[0]:03X}, 0x{producers[0].time[0]:03X} is sent"
+            sent = identifier_text(producers[0].time)
+            yield held(node, TIME_COB_ID), f"it waits for {identifier_text(node.time)}, {sent} is sent"
 
 
 @check("two-times", ERROR, "two nodes send the time stamp with one CAN-ID", "CiA 301, 7.5.2.16")
@@ -204,7 +213,7 @@ def can_id_of_other(network: CheckedNetwork) -> NetFound:
             and owner[1] in present
             and pdo.number <= 4
         ):
-            yield at(node, pdo), f"0x{can_id:03X} is {owner[0].label} of node {owner[1]} by default"
+            yield at(node, pdo), f"{config.communication.cob_id} is {owner[0].label} of node {owner[1]} by default"
 
 
 @check("other-formula", WARNING, "PDO 5 to 16 is enabled on a pre-defined CAN-ID of another node-ID (node-ID + 32, 64 "
@@ -218,7 +227,7 @@ def other_formula(network: CheckedNetwork) -> NetFound:
         if owner is None or owner[1] - node.node_id not in (32, 64, 96):
             continue
         if node.node_id > 32 or owner[1] in present:
-            yield at(node, pdo), f"0x{can_id:03X} is {owner[0].label} of node {owner[1]} by default"
+            yield at(node, pdo), f"{config.communication.cob_id} is {owner[0].label} of node {owner[1]} by default"
 
 
 @check("node-id-of-master", ERROR, "a node has the node-ID of the master", "CiA 301, 7.3.4: a node-ID is one device's")

@@ -11,7 +11,14 @@ from dvtcli.domain.network.bus_need import most_frames
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, NetSpot, at, held
 from dvtcli.domain.network.frame_streams import EVENT_DRIVEN, Stream
 from dvtcli.domain.network.heard_traffic import HeardId
-from dvtcli.domain.network.network_state import PRODUCER_HEARTBEAT, SYNC_COB_ID, Identifier, NetworkState, identifier_of
+from dvtcli.domain.network.network_state import (
+    PRODUCER_HEARTBEAT,
+    SYNC_COB_ID,
+    Identifier,
+    NetworkState,
+    identifier_of,
+    identifier_text,
+)
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.text import join_some, plural
 
@@ -53,7 +60,7 @@ def sync_heard_twice(network: CheckedNetwork) -> NetFound:
             continue
         why = _second_counter(heard) or _more(network, "sync", identifier)
         if why:
-            yield _sync_spot(network), f"0x{identifier[0]:03X}: {why}"
+            yield _sync_spot(network), f"{identifier_text(identifier)}: {why}"
 
 
 def _sync_spot(network: CheckedNetwork) -> NetSpot:
@@ -82,7 +89,7 @@ def sync_uneven(network: CheckedNetwork) -> NetFound:
         short = [gap for gap in gaps if gap < _SHORT * typical_s]
         if len(short) >= _SHORT_ONES * len(gaps):
             times = f"{1000 * gaps[0]:.1f} to {1000 * gaps[-1]:.1f} ms"
-            yield NetSpot(), f"0x{identifier[0]:03X} comes after {times}"
+            yield NetSpot(), f"{identifier_text(identifier)} comes after {times}"
 
 
 def _more(network: CheckedNetwork, kind: str, identifier: Identifier) -> str:
@@ -145,7 +152,10 @@ def from_nobody(network: CheckedNetwork) -> NetFound:
             hears = [f"{node.node_id}:{pdo}" for node, pdo, held in network.rpdos if identifier_of(held) == identifier]
             who = f"; {join_some(hears)} {'receive' if len(hears) > 1 else 'receives'} it" if hears else ""
             often = f"{network.traffic.rate_hz(identifier):.1f} a second" if heard.frames > 1 else "once"
-            yield NetSpot(), f"0x{identifier[0]:03X} was received, {often}, and no node that was read sends it{who}"
+            yield (
+                NetSpot(),
+                f"{identifier_text(identifier)} was received, {often}, and no node that was read sends it{who}",
+            )
 
 
 def _known(network: CheckedNetwork) -> set[Identifier]:

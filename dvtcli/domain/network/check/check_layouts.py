@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, PdoConnection, at
@@ -55,10 +56,8 @@ def frame_format(network: CheckedNetwork) -> NetFound:
     for node, pdo, config in network.rpdos:
         can_id, extended = identifier_of(config)
         if (can_id, extended) not in network.sent and (can_id, not extended) in network.sent:
-            yield (
-                at(node, pdo),
-                f"it waits for {29 if extended else 11} bits, 0x{can_id:X} is sent with the other format",
-            )
+            sent = can_id_text(can_id, extended=not extended)
+            yield at(node, pdo), f"it waits for {29 if extended else 11} bits, {sent} is sent with the other format"
 
 
 @check(
