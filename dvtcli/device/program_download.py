@@ -113,14 +113,20 @@ class ProgramDownload:
             return
         except NoAnswer:
             pass
-        try:
-            self._control(CLEAR, SLOW_S)
-        except SdoAborted as aborted:
-            if aborted.code not in _BUSY:
-                raise
-            self._await_flash("clear its program")
-            if self._read(PROGRAM_CONTROL) != CLEAR:
+        deadline_s = self.bus.now_s() + FLASH_S
+        while True:
+            try:
                 self._control(CLEAR, SLOW_S)
+                return
+            except SdoAborted as aborted:
+                is_busy = aborted.code in _BUSY
+                if is_busy:
+                    self._await_flash("clear its program")
+                if self._when_asked(PROGRAM_CONTROL) == CLEAR:  # some loaders refuse to clear what is cleared
+                    return
+                if not is_busy or self.bus.now_s() >= deadline_s:
+                    raise
+            self.bus.sleep(_ASK_S)
 
     def _check(self, expected: int | None) -> None:
         found = self.identification()
@@ -167,6 +173,15 @@ class ProgramDownload:
             return int.from_bytes(self.bus.sdo(self.node_id).upload(index, self.number), "little")
         except SdoAborted as aborted:
             if aborted.code in _UNREADABLE:
+                return None
+            raise
+
+    def _when_asked(self, index: int) -> int | None:
+        """The value of the program's object at *index*; None if unreadable, also while the device is busy."""
+        try:
+            return self._read(index)
+        except SdoAborted as aborted:
+            if aborted.code in _BUSY:
                 return None
             raise
 

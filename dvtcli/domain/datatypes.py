@@ -57,13 +57,23 @@ def _clock(milliseconds: int) -> str:
     return f"{minutes // 60:02}:{minutes % 60:02}:{seconds:02}.{rest:03}"
 
 
+def _days_to(text: str) -> int:
+    """Days from 1984 to the date *text*. Raises ValueError if there is no such date."""
+    try:
+        return (date.fromisoformat(text) - _EPOCH).days
+    except ValueError:
+        raise ValueError(f"{text} is no date") from None
+
+
 def _read_time(text: str) -> CanopenTime:
     """Read `2026-11-29 12:00:00`, `3 d 01:02:03.004` or `DAYS:MILLISECONDS`. Raises ValueError otherwise."""
     found = _DATE.fullmatch(text) or _SPAN.fullmatch(text)
     if found is None:
-        days, _, milliseconds = text.partition(":")
+        days, colon, milliseconds = text.partition(":")
+        if not colon:
+            raise ValueError("it takes 2026-11-29 12:00:00, 3 d 01:02:03.004, or DAYS:MILLISECONDS")
         return CanopenTime(parse_number(milliseconds), parse_number(days))
-    count = (date.fromisoformat(found[1]) - _EPOCH).days if "-" in found[1] else int(found[1])
+    count = _days_to(found[1]) if "-" in found[1] else int(found[1])
     hours, minutes, seconds, rest = (int(part or 0) for part in found.groups()[1:])
     return CanopenTime(((hours * 60 + minutes) * 60 + seconds) * 1000 + rest, count)
 
@@ -153,13 +163,27 @@ class DataType:
             case Kind.BOOLEAN | Kind.INTEGER | Kind.UNSIGNED:
                 return self.encode(parse_number(text))
             case Kind.REAL:
-                return self.encode(float(text))
+                return self.encode(_read_real(text))
             case Kind.VISIBLE_STRING | Kind.UNICODE_STRING:
                 return self.encode(text)
             case Kind.OCTETS:
-                return bytes.fromhex(text.removeprefix("0x"))
+                return _read_octets(text)
             case Kind.TIME:
                 return self.encode(_read_time(text))
+
+
+def _read_real(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"{text!r} is not a number") from None
+
+
+def _read_octets(text: str) -> bytes:
+    try:
+        return bytes.fromhex(text.removeprefix("0x"))
+    except ValueError:
+        raise ValueError("it takes bytes in hexadecimal, two digits each: 01 02 0A") from None
 
 
 def _encode_latin(text: str) -> bytes:

@@ -186,3 +186,19 @@ def test_a_time_is_shown_as_it_is_typed(code: int, time: CanopenTime, text: str)
 def test_what_is_no_time_is_refused(text: str) -> None:
     with pytest.raises(ValueError):  # noqa: PT011 - the words are of several readers
         DATA_TYPES[0x0C].parse(text)
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "said"),
+    [
+        ("os", "@file", "bytes in hexadecimal"),
+        ("domain", "0x1", "bytes in hexadecimal"),
+        ("r32", "fast", "'fast' is not a number"),
+        ("t", "5", "2026-11-29 12:00:00"),
+        ("td", "", "3 d 01:02:03.004"),
+        ("t", "2026-13-01 00:00:00", "2026-13-01 is no date"),
+    ],
+)
+def test_what_is_typed_wrong_is_told_in_the_users_words(kind: str, text: str, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        BY_SHORT_NAME[kind].parse(text)

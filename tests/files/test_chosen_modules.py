@@ -274,3 +274,44 @@ def test_a_served_coupler_says_its_modules() -> None:
     ) as bench:
         ran = bench.run("map tpdo1 6000:03 6401:01")
         assert (ran.code, "modul" in ran.stderr) == (0, False), ran
+
+
+def dcf_of(path: Path, *modules: int) -> Path:
+    """A DCF at *path* of the simulated coupler with other *modules*."""
+    path.write_bytes(with_modules(path.read_bytes(), modules))
+    return path
+
+
+@pytest.fixture
+def kept(tmp_path: Path) -> Path:
+    """A backup of the simulated coupler, whose modules are 1, 1, 2 and 3."""
+    with Bench(("coupler",), {"yes": True}) as bench:
+        assert bench.run(f"backup {tmp_path}/kept.dcf").code == 0
+    return tmp_path / "kept.dcf"
+
+
+UNLIKE = "is of modules 1, 2, 3; node 1 has 1, 1, 2, 3 (module list, 0x1027)"
+
+
+@pytest.mark.parametrize("line", ["plan {}", "apply {}", "clone {}", "verify {}"])
+def test_a_file_of_other_modules_is_refused_before_anything_is_written(line: str, kept: Path) -> None:
+    dcf_of(kept, 1, 2, 3)
+    with Bench(("coupler",), {"yes": True}) as bench:
+        ran = bench.run(line.format(kept))
+        assert (ran.code, UNLIKE in " ".join(ran.stderr.split())) == (6, True), ran
+        assert bench.run(f"plan {kept} --force").code == 0
+    with Bench(("coupler",), {"yes": True}) as bench:
+        assert bench.run(line.format(dcf_of(kept, 1, 1, 2, 3))).code == 0
+
+
+def test_a_description_of_other_modules_is_warned_of(kept: Path) -> None:
+    """`modules:` of a network file says what the node should have; its own list says what it has."""
+    net = kept.parent / "net.yaml"
+    net.write_text("a: {node_id: 1, dcf: coupler, modules: [1, 2, 3], heartbeat_producer: 500}\n")
+    with Bench(("coupler",), {"yes": True}) as bench:
+        ran = bench.run(f"plan {net}")
+    said = "what was chosen is of modules 1, 2, 3; node 1 has 1, 1, 2, 3 (module list, 0x1027)"
+    assert (ran.code, said in " ".join(ran.stderr.split())) == (0, True), ran
+    net.write_text("a: {node_id: 1, dcf: coupler, modules: [1, 1, 2, 3], heartbeat_producer: 500}\n")
+    with Bench(("coupler",), {"yes": True}) as bench:
+        assert "module list" not in bench.run(f"plan {net}").stderr

@@ -9,7 +9,7 @@ import pytest
 from dvtcli.domain.object_dictionary import Access, ObjectType
 from dvtcli.files.eds.reader import parse_eds
 from tests.commands.bench import Bench
-from tests.small_eds import plain
+from tests.small_eds import U8, plain, var
 
 IN, OUT, FIXED = 0x6100, 0x6300, 0x2206
 MODULES = """
@@ -171,3 +171,42 @@ def test_show_lists_the_modules(tmp_path: Path) -> None:
         assert "\n  modules" not in bench.run(f"eds show {tmp_path}/plain.eds").stdout
     assert ("modules       1 8 DI, 2 8 DO" in shown, "connected     1 1 2" in shown) == (True, True), shown
     assert (document["modules"], document["connected"]) == (["1 8 DI", "2 8 DO"], ["1", "1", "2"])
+
+
+@pytest.mark.parametrize(
+    ("modules", "last", "found"),
+    [
+        ((1,), 3, {IN: 2}),
+        ((1, 1), 3, {IN: 3, IN + 1: 1}),
+        ((1,) * 4, 3, {IN: 3, IN + 1: 3, IN + 2: 2}),
+        ((1,) * 3, 3, {IN: 3, IN + 1: 3}),
+        ((1,) * 200, 254, {IN: 254, IN + 1: 146}),
+    ],
+)
+def test_a_full_object_goes_on_in_the_next_one(modules: tuple[int, ...], last: int, found: dict[int, int]) -> None:
+    """ObjExtend is the sub-index after which the next object is used (CiA 306)."""
+    text = coupler(*modules).replace("ObjExtend=0", f"ObjExtend={last}", 1)
+    dictionary = parse_eds(text.encode(), "coupler.dcf").dictionary
+    subs = {index: list(dictionary[index].entries) for index in range(IN, IN + 5) if index in dictionary}
+    assert subs == {index: list(range(count + 1)) for index, count in found.items()}
+    assert {index: dictionary[index].entries[0].default for index in subs} == {
+        index: bytes([count]) for index, count in found.items()
+    }
+    last_index = max(subs)
+    entry = dictionary.entry(last_index, found[last_index])
+    assert entry is not None
+    assert (entry.index, entry.sub_index, entry.default) == (last_index, found[last_index], b"\3")
+
+
+def test_an_object_of_the_files_own_is_not_gone_on_in() -> None:
+    eds = plain()
+    eds.record(IN + 1, "Own", {0: var("n", U8, 1, "ro"), 1: var("Mine", U8, 9, "ro")})
+    text = (
+        eds.text()
+        + MODULES.replace("ObjExtend=0", "ObjExtend=3", 1)
+        + "\n[ConnectedModules]\nNrOfEntries=2\n1=1\n2=1\n"
+    )
+    dictionary = parse_eds(text.encode(), "coupler.dcf").dictionary
+    entry = dictionary.entry(IN + 1, 1)
+    assert entry is not None
+    assert (entry.name, list(dictionary[IN].entries)) == ("Mine", [0, 1, 2, 3])

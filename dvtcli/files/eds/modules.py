@@ -105,10 +105,9 @@ def module_objects(
         parts = [
             layout.modules[name] for module in connected if (name := f"m{module}subext{index:04x}") in layout.modules
         ]
-        if index not in layout.objects:
-            found[index] = partial(_extended, index, parts)
-        elif chosen:
-            found[index] = partial(_extended, index, parts, partial(build, index, layout.object_sections(index)))
+        own = partial(build, index, layout.object_sections(index)) if index in layout.objects else None
+        if own is None or chosen:
+            found |= _extended_objects(index, parts, own, layout)
     if connected and _MODULE_LIST in layout.objects:
         listed = partial(build, _MODULE_LIST, layout.object_sections(_MODULE_LIST))
         found[_MODULE_LIST] = partial(_module_list, listed, connected)
@@ -131,8 +130,44 @@ def _fixed_sections(layout: EdsLayout, module: int, index: int) -> ObjectSection
     return sections
 
 
-def _extended(index: int, each: list[Parts], own: Build | None = None) -> OdObject:
-    """Build the ARRAY *index* of the extensions *each* of a connected module, in their order.
+def _extended_objects(index: int, each: list[Parts], own: Build | None, layout: EdsLayout) -> dict[int, Build]:
+    """Return the object *index* that the extensions *each* lengthen, and the next ones if it is full (ObjExtend).
+
+    Objects with sections of their own in *layout* stay as these say.
+    """
+    last = min(filter(None, (_last_sub_index(parts) for parts in each)), default=0)
+    if not last:
+        return {index: partial(_extended, index, each, own)}
+    whole = _extended(index, each, own, most=_MOST_SUB_INDICES * len(each))
+    found: dict[int, Build] = {}
+    subs = [sub for sub in sorted(whole.entries) if sub] if whole.object_type in _OF_MANY_ENTRIES else []
+    for first in range(0, max(len(subs), 1), last):
+        at = index + first // last
+        if at == index or at not in layout.objects:
+            found[at] = partial(_split, whole, at, subs[first : first + last])
+    return found
+
+
+def _split(whole: OdObject, index: int, subs: list[int]) -> OdObject:
+    """Return the object *index* with the sub-indices *subs* of *whole*, numbered from 1."""
+    if not subs:
+        return whole
+    name = whole.name if index == whole.index else f"{whole.name} ({index:04X})"
+    entries = {
+        sub: replace(whole.entries[old], index=index, sub_index=sub, name=whole.entries[old].name)
+        for sub, old in enumerate(subs, 1)
+    }
+    head = replace(whole.entries[0], index=index, default=bytes([len(subs)]))
+    return replace(whole, index=index, name=name, entries={0: head, **entries})
+
+
+def _last_sub_index(parts: Parts) -> int:
+    """Return the sub-index after which an extension goes on in the next object (ObjExtend); 0 for none."""
+    return number_key(section_values(parts, Findings()), "objextend", 0, _MOST_SUB_INDICES, Findings()) or 0
+
+
+def _extended(index: int, each: list[Parts], own: Build | None = None, most: int = _MOST_SUB_INDICES) -> OdObject:
+    """Build the ARRAY *index* of the extensions *each* of a connected module, in their order, *most* sub-indices.
 
     They follow the sub-indices of the object's *own* sections, if it has any; a VAR of its own stays one.
     """
@@ -150,13 +185,13 @@ def _extended(index: int, each: list[Parts], own: Build | None = None) -> OdObje
             width = (member.data_type.bits if member.data_type is not None else None) or _BITS_OF_BYTE
             count, bits = -(-(bits + more_bits) // width) - -(-bits // width), bits + more_bits
         first = max(entries, default=0) + 1
-        for sub_index in range(first, min(first + count, _MOST_SUB_INDICES + 1)):
+        for sub_index in range(first, min(first + count, most + 1)):
             entries[sub_index] = replace(member, sub_index=sub_index, name=f"{name} {sub_index}")
     line = base.line if base is not None else each[0][0].line
     head = OdEntry(index, 0, "Number of entries", U8, Access.RO, pdo_mapping=False, line=line)
     if base is not None:
         head = base.entries.get(0, head)
-    head = replace(head, default=bytes([max(entries, default=0)]), value=None)
+    head = replace(head, default=bytes([min(max(entries, default=0), _MOST_SUB_INDICES)]), value=None)
     if base is not None:
         return replace(base, entries={0: head, **entries})
     return OdObject(index, name, ObjectType.ARRAY, {0: head, **entries}, line)

@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.device.described_node import ToldValues
-from dvtcli.device.read_pdos import IDENTITY
+from dvtcli.device.read_pdos import IDENTITY, read_modules
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import SdoAborted, UsageError
 from dvtcli.files.whole_device_file import SUFFIX, KeptObject, read_whole_device
 
 if TYPE_CHECKING:
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
     from dvtcli.domain.profile import ObjectAddress
     from dvtcli.operations.session.session_nodes import SessionNodes
@@ -74,6 +75,13 @@ class KeptIdentity(ToldValues):
         if number is None:
             raise SdoAborted(index, sub_index, Abort.NO_SUB_INDEX)
         return number.to_bytes(4, "little")
+
+
+def unlike_modules(held: HeldDevice, node: ReadableNode) -> str:
+    """Describe how the modules in *held* differ from the module list (0x1027) of *node*; empty if they do not."""
+    if held.dictionary is None or not held.dictionary.info.modules.connected:
+        return ""
+    return held.dictionary.info.modules.unlike(read_modules(node.memory), held.name, node.node_id)
 
 
 def _moved(data: bytes, entry: OdEntry, from_id: int, to_id: int) -> bytes:

@@ -23,7 +23,7 @@ from dvtcli.domain.network.network_config import ExpectedIdentity, NetworkConfig
 from dvtcli.domain.network.network_plan import LeftOut, NetworkPlan
 from dvtcli.domain.pdo import BY_SUB_INDEX, MAPPING, Direction, Pdo, PdoConfig
 from dvtcli.domain.rules.mappable import enables_nothing
-from dvtcli.errors import SdoAborted, UsageError
+from dvtcli.errors import SafetyRefusal, SdoAborted, UsageError
 from dvtcli.files.eds.written_values import same_value
 from dvtcli.operations.devices.held_device import (
     held_by,
@@ -32,6 +32,7 @@ from dvtcli.operations.devices.held_device import (
     selected_alone,
     selected_nodes,
     told_of,
+    unlike_modules,
 )
 from dvtcli.operations.devices.included import Included, entry_of, idle, included_of, is_setting
 from dvtcli.operations.devices.read_whole_device import configuration, described
@@ -131,6 +132,7 @@ def wanted_alone(node: Node, held: HeldDevice) -> TargetConfig | None:
     node.read_anew()
     for unlike in identity_errors(node, _network_config(held, node.node_id).identity, force=False):
         raise unlike
+    _refuse_other_modules(held, node, force=False)
     found = config_of_file(node, held)
     unwritten = tuple(
         (left_out.object, _unwritten(node, left_out)) for left_out in found.left_out.values() if left_out.remains
@@ -147,6 +149,21 @@ def wanted_alone(node: Node, held: HeldDevice) -> TargetConfig | None:
         also_equal=tuple(object_text(*place) for place in found.also_equal),
         unreadable=(*unreadable, *(object_text(*place) for place in sorted(blind))),
     )
+
+
+def _refuse_other_modules(held: HeldDevice, node: ReadableNode, *, force: bool) -> None:
+    """Raise SafetyRefusal if *held* is of other modules than *node* has, except with *force*.
+
+    A sub-index of the file belongs to another module then.
+    """
+    if not force and (unlike := unlike_modules(held, node)):
+        raise SafetyRefusal(
+            f"other modules than the file is about: {unlike}",
+            node=node.node_id,
+            place="1027",
+            hint=Hint(Action.BACKUP, why="{} of this node shows its modules; ")
+            + Hint(Action.FORCE, why="{} writes by sub-index all the same"),
+        )
 
 
 def _reads_another_value(node: NodeDescription, one: LeftOut) -> bool:
@@ -247,6 +264,7 @@ def _planned(
 ) -> Iterator[NodePlan]:
     found: dict[int, DeviceFileConfig] = {}
     for node_id, node in nodes.items():
+        _refuse_other_modules(held, node, force=session.options.force)
         own = held if held.node_id else held_by(held.name, node_id)
         included = included_of(node, own, options.include)
         found[node_id] = config_of_file(node, own, included, names_makers=options.is_clone)

@@ -180,11 +180,25 @@ class DeviceFiles:
         is_asked = described.supported and not described.connected and self._chosen_modules(node_id) is None
         return read_modules(self.memory(node_id)) if is_asked else None
 
+    def _unlike_modules(self, node_id: int, path: Path) -> str:
+        """Describe how the modules by the file or the user differ from the node's own list; empty if they do not."""
+        chosen = self._chosen_modules(node_id)
+        dictionary = read_dictionary(path, chosen)
+        if not dictionary.info.modules.connected:
+            return ""
+        attached = read_modules(self.memory(node_id))
+        name = path.name if chosen is None else "what was chosen"
+        return dictionary.info.modules.unlike(attached, name, node_id)
+
     def module_remark(self, node_id: int) -> Hint | None:
         """Return a remark about modules of the node that nothing describes; once, None if there is none."""
         path = self.eds_path(node_id)
         if path is None or not (described := read_dictionary(path).info.modules).supported:
             return None
+        if (unlike := self._unlike_modules(node_id, path)) and self.is_news(unlike):
+            return Hint(
+                Action.GIVE, {"modules": "1,1,2"}, f"{verbatim(unlike)}: its objects may be others; {{}} names them"
+            )
         attached = self._attached(node_id, path)
         if attached is None and (described.connected or self._chosen_modules(node_id) is not None):
             return None

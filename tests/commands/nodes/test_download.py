@@ -11,9 +11,10 @@ from typing import Any
 import pytest
 
 import dvtcli
+from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import SafetyRefusal
-from dvtcli.simulator.device.boot_loader import FACTORY_PROGRAM
+from dvtcli.simulator.device.boot_loader import FACTORY_PROGRAM, BootLoader
 from dvtcli.simulator.device.memory import Refusal
 from dvtcli.simulator.device.simulated_faults import read_faults
 from dvtcli.simulator.device.strict_device import StrictDevice
@@ -91,6 +92,38 @@ def test_a_loader_that_still_clears_when_it_is_told_again_is_waited_for(busy: in
     with loading.bench:
         ran = loading.run("--expect", "crc32")
     assert (ran.code, loading.held, loading.control) == (0, PROGRAM, 1), ran
+
+
+class _Once(BootLoader):
+    """A boot loader that refuses to clear what is cleared."""
+
+    refusal = 0x06090030
+
+    def take(self, index: int, data: bytes, state: NmtState) -> bool:
+        if index == 0x1F51 and data == b"\3" and self.read(0x1F51) == b"\3":
+            raise Refusal(self.refusal)
+        return super().take(index, data, state)
+
+
+@pytest.mark.parametrize("absent", [(), (0x1F57,)])
+@pytest.mark.parametrize("refusal", [0x06090030, 0x08000020, 0x08000022])
+def test_a_loader_that_clears_only_once_is_not_given_up(refusal: int, absent: tuple[int, ...], tmp_path: Path) -> None:
+    """The answer to the first command is lost, and the second is refused: there is nothing to clear."""
+    family = replace(load_family("loader"), absent={(index, 0): 0x06020000 for index in absent})
+    loading = Loading(tmp_path, "lose-response@2", device_=StrictDevice(dictionary("loader"), family, 1))
+    node = loading.bus.nodes[0].device
+    node.loader = _Once()
+    node.loader.refusal = refusal
+    with loading.bench:
+        ran = loading.run()
+    assert (ran.code, loading.held, loading.control) == (0, PROGRAM, 1), ran
+
+
+def test_a_loader_that_does_not_clear_is_said(tmp_path: Path) -> None:
+    loading = Loading(tmp_path, "lose-request@2", "refuse@3=0x06090030")
+    with loading.bench:
+        ran = loading.run()
+    assert (ran.code, "0x06090030" in ran.stderr, loading.held) == (7, True, FACTORY_PROGRAM), ran
 
 
 def test_another_refusal_of_the_flash_status_ends_it(tmp_path: Path) -> None:
