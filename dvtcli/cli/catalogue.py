@@ -173,18 +173,24 @@ def with_a_swap(word: str) -> Iterator[str]:
 
 def unknown_command(name: str, others: Sequence[str] = ()) -> str:
     """Return the message for a word that is neither a command nor in *others*."""
-    from difflib import get_close_matches
-
     if name.lower() in ("q", "bye", "logout"):
         return f"no command is called {name!r}; did you mean 'exit'?"
-    from dvtcli.cli.dvt.words import WORDS
-
     if re.fullmatch(_A_PDO, name):
         return f"no command is called {name!r}: pdo {name} shows it, map {name} OBJECT... sets what it carries"
     if name in _TCL_WORDS:
         script = "a Tcl script is a file whose name ends in .tcl"
         return f"no command is called {name!r}: it is Tcl's, at the prompt `tcl {name} …`; {script}"
-    close = get_close_matches(
-        name.lower(), [*command_names(), *others, *WORDS], n=1, cutoff=_NEAR if len(name) > _SHORT else 0.6
-    )
-    return f"no command is called {name!r}" + (f"; did you mean {close[0]!r}?" if close else "; help lists them")
+    near = nearest_command(name, others)
+    return f"no command is called {name!r}" + (f"; did you mean {near!r}?" if near else "; help lists them")
+
+
+def nearest_command(name: str, others: Sequence[str] = ()) -> str | None:
+    """Return the command, DVT word or word of *others* that *name* is near to; None if none is."""
+    from difflib import get_close_matches
+
+    from dvtcli.cli.dvt.words import WORDS
+
+    known = [*command_names(), *others, *WORDS]
+    swapped = next((word for word in with_a_swap(name.lower()) if word in known), None)
+    close = get_close_matches(name.lower(), known, n=1, cutoff=_NEAR if len(name) > _SHORT else 0.6)
+    return swapped or next(iter(close), None)

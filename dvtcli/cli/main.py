@@ -11,11 +11,14 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
+import click
+
 from dvtcli.cli.boundary import COMPLETING, LEAVE, exit_code_of
 from dvtcli.cli.conversation import Conversation
-from dvtcli.cli.registry import REGISTRY
+from dvtcli.cli.registry import REGISTRY, WORDS
 from dvtcli.cli.view.output import Output
 from dvtcli.cli.ways_in import install
+from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
     from types import FrameType
@@ -42,7 +45,12 @@ def main(argv: list[str] | None = None) -> int:
         # not by click's own `main`: that writes to a stderr that may be gone when it hears a Ctrl-C, and takes any
         # broken pipe, a driver's too, for the program's end
         with REGISTRY.make_context("dvtcli", list(words), **given) as ctx:
-            return REGISTRY.invoke(ctx)
+            try:
+                return REGISTRY.invoke(ctx)
+            except (click.ClickException, UsageError) as wrong:
+                from dvtcli.cli.corrected_line import with_correction
+
+                raise with_correction(wrong, ctx.meta.get(WORDS, ()), session) from wrong
 
     code = exit_code_of(session, run)
     code = 0 if code == LEAVE else code

@@ -141,7 +141,7 @@ def _room(ctx: click.Context, dictionary: ObjectDictionary, profile: DeviceProfi
 def _typed(word: str, dictionary: ObjectDictionary, aliases: Mapping[str, str]) -> tuple[ObjectAddress | None, int]:
     """Return the object of *word*, and its bits in the frame; None and 0 if unknown."""
     head, _, length = word.rpartition("/")
-    given = int(length) if head and length.isdecimal() else None
+    given = int(length) if head and length.isdecimal() and int(length) else None
     name = word if given is None else head
     try:
         numbers = parse_object(aliases.get(normalised(name), name))

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.shell_completion import CompletionItem
 
-from dvtcli.cli.params import CanopenType
+from dvtcli.cli.params import CanopenType, Listed
 from dvtcli.domain.datatypes import BY_SHORT_NAME
 from dvtcli.domain.object_syntax import (
     MappedObject,
@@ -24,7 +24,7 @@ from dvtcli.domain.object_syntax import (
     resolve_object,
 )
 from dvtcli.errors import UsageError
-from dvtcli.operations.values.named_objects import entry_at, name_hint, object_at, one_name
+from dvtcli.operations.values.named_objects import entry_at, is_name, name_hint, object_at, one_name
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
@@ -94,7 +94,7 @@ class ObjectParam(CanopenType):
             else:
                 return
         if isinstance(failure, UnknownName):
-            raise UsageError(str(failure), hint=name_hint(failure))
+            raise UsageError(str(failure), hint=name_hint(failure)) from failure
         if failure is not None:
             raise failure
 
@@ -118,7 +118,7 @@ class NodeObjectType(ObjectParam):
         return ObjectWord(super().parse(tail, ctx).text, int(head))
 
 
-class Objects(click.Argument):
+class Objects(Listed):
     """Several objects; a name with blanks typed without quotes is refused with the right notation."""
 
     def type_cast_value(self, ctx: click.Context, value: Any) -> Any:
@@ -126,17 +126,15 @@ class Objects(click.Argument):
         try:
             return super().type_cast_value(ctx, value)
         except (click.BadParameter, UsageError) as wrong:
-            said = one_name(value or (), lambda name: self._is_object(ctx, name))
+            said = one_name(value or (), lambda name: self._is_value(ctx, name))
             if said is None:
                 raise
             raise click.BadParameter(said, ctx, self) from wrong
 
-    def _is_object(self, ctx: click.Context, text: str) -> bool:
-        try:
-            self.type.convert(text, self, ctx)
-        except (click.BadParameter, UsageError):
-            return False
-        return True
+    def _is_value(self, ctx: click.Context, text: str) -> bool:
+        """Whether *text* is an object; numbers with commas between them are no name, known or not."""
+        first, comma, _ = text.partition(",")
+        return not (comma and not is_name(first)) and super()._is_value(ctx, text)
 
 
 class EntryType(ObjectParam):

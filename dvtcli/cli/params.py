@@ -5,6 +5,7 @@ Types of PDOs are in `pdo_params`, types of objects in `object_params`, so that 
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -12,6 +13,7 @@ from click.shell_completion import CompletionItem
 
 from dvtcli.cli.global_options import NEGATIVE_MARK
 from dvtcli.domain.datatypes import parse_number
+from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
     ParamType = click.ParamType[Any]
@@ -85,6 +87,38 @@ class FileType(TextType):
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         """Let the shell complete files."""
         return [CompletionItem(incomplete, type="file")]
+
+
+#: a node before an object or a PDO: `3:6041`, `3:tpdo1`
+_NODE = re.compile(r"\d{1,3}:")
+
+
+class Listed(click.Argument):
+    """Several words of one type, with blanks or commas between them: `tpdo1,tpdo2`."""
+
+    def type_cast_value(self, ctx: click.Context, value: Any) -> Any:
+        """Return the values. Raises BadParameter if a word has none."""
+        words = [part for word in value or () for part in self._parts(ctx, word)]
+        return super().type_cast_value(ctx, tuple(words) or value)
+
+    def _parts(self, ctx: click.Context, word: Any) -> list[Any]:
+        """Return *word* taken apart at its commas, unless it is one name with a comma."""
+        if not isinstance(word, str) or "," not in word or self._is_value(ctx, word):
+            return [word]
+        parts = [part for part in word.split(",") if part]
+        if not all(self._is_value(ctx, part) for part in parts):
+            return [word]
+        with_node = [part for part in parts if _NODE.match(part)]
+        if with_node and len(with_node) < len(parts):
+            raise click.BadParameter(f"{word!r}: write the node before each of them, or before none", ctx, self)
+        return parts
+
+    def _is_value(self, ctx: click.Context, text: str) -> bool:
+        try:
+            self.type.convert(text, self, ctx)
+        except (click.BadParameter, UsageError):
+            return False
+        return True
 
 
 TEXT, FILE, NODE_ID = TextType(), FileType(), NumberType(1, 127, "a node-ID")

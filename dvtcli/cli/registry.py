@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
 
 
+#: a context's key for the words of the line, from the command on
+WORDS = "dvtcli.words"
 _FIRST_OPTIONS = (
     "  -i NAME -c NAME -b BIT/S  the bus, by python-can's names",
     "  -n ID                     the node; several: 1,3,5, or all",
@@ -51,6 +53,7 @@ class Registry(Root):
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         """Find the command; suggest the nearest name for an unknown command."""
+        ctx.meta[WORDS] = tuple(args)
         args = meant(args)
         if self.get_command(ctx, args[0]) is None:
             raise click.UsageError(unknown_command(args[0]), ctx)

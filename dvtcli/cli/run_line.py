@@ -8,16 +8,19 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dvtcli.cli.catalogue import meant, unknown_command
+from dvtcli.cli.pasted_line import PROGRAM, without_program
 from dvtcli.cli.registry import REGISTRY
+from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
-    from dvtcli.operations.user.session_user import SessionUser
 
 
-def parse(words: Sequence[str], session: SessionUser) -> click.Context:
+def parse(words: Sequence[str], session: Conversation) -> click.Context:
     """Find and parse a line's command without running it. Raises usage errors."""
     root = click.Context(REGISTRY, info_name="", obj=session)
+    if words[0] == PROGRAM:
+        words = without_program(words, session)
     name, *args = meant(words)
     if name.startswith("-"):
         if name in ("-n", "--node"):
@@ -36,11 +39,17 @@ def run_words(words: Sequence[str], session: Conversation) -> int:
     return boundary(session, lambda: _parse_and_invoke(words, session))
 
 
-def _parse_and_invoke(words: Sequence[str], session: SessionUser) -> Any:
+def _parse_and_invoke(words: Sequence[str], session: Conversation) -> Any:
     from dvtcli.files.input_file import forget_pipes
 
     forget_pipes()
-    with parse(words, session) as ctx:
+    try:
+        ctx = parse(words, session)
+    except (click.ClickException, UsageError) as wrong:
+        from dvtcli.cli.corrected_line import with_correction
+
+        raise with_correction(wrong, words, session) from wrong
+    with ctx:
         return ctx.command.invoke(ctx)
 
 

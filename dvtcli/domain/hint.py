@@ -37,6 +37,7 @@ class Action(Enum):
     EDIT_PDO = "edit the PDO"
     SHOW_VPDO = "show the virtual PDO"
     LINK = "link the PDOs"
+    CORRECT = "write the line as it can be read"
     # going back
     UNDO = "undo the last change"
     RECOVER = "recover the node"

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from dvtcli.domain.mapping import MAX_PDO_BITS
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, normalised
 
-_OBJECT = re.compile(r"(?:0[xX])?([0-9A-Fa-f]{4})[hH]?(?::(?:0[xX])?([0-9A-Fa-f]{1,2})[hH]?)?")
+_OBJECT = re.compile(r"(?:0[xX])?([0-9A-Fa-f]{4})[hH]?(?:[:.](?:0[xX])?([0-9A-Fa-f]{1,2})[hH]?|/(0{1,2}))?")
 _WRONG_NUMBER = re.compile(r"0[xX][0-9A-Fa-f]+(?::.*)?|[0-9A-Fa-f]+:[0-9A-Fa-fxX]*")
 #: Decimal sub-index, as in some manuals: `0x2005-13` is 2005:0D.
 _DECIMAL_SUB = re.compile(r"(?:0[xX])?([0-9A-Fa-f]{4})-([0-9]{1,3})(?:/[0-9]{1,3})?")
@@ -45,13 +45,14 @@ class Skipped:
 def parse_object(text: str) -> tuple[int, int] | None:
     """Read `0x6C01:1`, `6C01:01`, `6041` or `6041h` (index and sub-index hexadecimal); None if *text* is a name.
 
-    Also `0x2005-13`, with a decimal sub-index (RoboteQ CAN Networking Manual).
+    Also `6C01.1`; `6041/0`, since 0 is no length; and `0x2005-13`, with a decimal sub-index (RoboteQ CAN Networking
+    Manual).
 
     Raises ValueError for a malformed number: an index has exactly four hexadecimal digits.
     """
     match = _OBJECT.fullmatch(text)
     if match:
-        return int(match[1], 16), int(match[2] or "0", 16)
+        return int(match[1], 16), int(match[2] or match[3] or "0", 16)
     decimal = _DECIMAL_SUB.fullmatch(text)
     if decimal and "/" not in text and int(decimal[2]) <= 0xFF:
         return int(decimal[1], 16), int(decimal[2])
@@ -60,6 +61,11 @@ def parse_object(text: str) -> tuple[int, int] | None:
             f"{text!r} is not an object: an index has four hexadecimal digits, a sub-index one or two (6C01:1)"
         )
     return None
+
+
+def has_sub_index(text: str) -> bool:
+    """Whether the object *text* is written with a sub-index: `1018:0`, `1018.0`, `1018/0`, `1018-0`; not `1018`."""
+    return _OBJECT.fullmatch(text) is None or any(sign in text for sign in ":./")
 
 
 def notation_note(text: str) -> str | None:

@@ -23,7 +23,7 @@ SHELL = TypedCall(("-i", "socketcan", "-c", "can 0"), ("-n", "5"), 5, alone=True
 def test_every_action_has_words_and_a_call(action: Action) -> None:
     assert (action in COMMANDS) != (action in OPTIONS)
     assert (action in CALLS) != (action in ARGUMENTS)
-    if action in COMMANDS:
+    if action in COMMANDS and action is not Action.CORRECT:  # which has the command typed
         assert COMMANDS[action].split()[0] in command_names()
     assert "{" not in called(Hint(action))
     assert "{" not in typed(Hint(action))

@@ -8,7 +8,7 @@ import click
 
 from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.commands._pdo_options import one_node
-from dvtcli.cli.params import CanopenType
+from dvtcli.cli.params import CanopenType, Listed
 from dvtcli.cli.pdo_params import PDO, NodePdo
 from dvtcli.domain.request import Cleared
 from dvtcli.operations.pdos.switch import clear_all, switch
@@ -29,7 +29,7 @@ class PdoOrAll(CanopenType):
 
 
 @click.command("clear", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
-@click.argument("pdos", type=PdoOrAll(), nargs=-1, required=True, metavar="PDO...|all")
+@click.argument("pdos", cls=Listed, type=PdoOrAll(), nargs=-1, required=True, metavar="PDO...|all")
 @click.pass_obj
 def command(session: Session, /, pdos: tuple[NodePdo | None, ...]) -> Changed:
     """Disable each PDO and empty its mapping.

@@ -8,6 +8,7 @@ import click
 
 from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.commands._pdo_options import one_node
+from dvtcli.cli.params import Listed
 from dvtcli.cli.pdo_params import PDO, NodePdo
 from dvtcli.domain.request import Switched
 from dvtcli.operations.pdos.switch import switch
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @click.command("disable", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
-@click.argument("pdos", type=PDO, nargs=-1, required=True, metavar="PDO...")
+@click.argument("pdos", cls=Listed, type=PDO, nargs=-1, required=True, metavar="PDO...")
 @click.pass_obj
 def command(session: Session, /, pdos: tuple[NodePdo, ...]) -> Changed:
     """Disable each PDO; its mapping stays.

@@ -10,7 +10,7 @@ import click
 from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.commands._file_plans import show_plan
 from dvtcli.cli.commands._pdo_options import endpoints
-from dvtcli.cli.params import NumberType
+from dvtcli.cli.params import Listed, NumberType
 from dvtcli.cli.pdo_params import PDO, NodePdo
 from dvtcli.errors import UsageError
 
@@ -22,7 +22,7 @@ _HEARTBEAT_MS = NumberType(1, 0xFFFF, "a heartbeat in ms")
 
 @click.command("link", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
 @click.argument("producer", type=PDO, metavar="NODE:TPDO")
-@click.argument("consumers", type=PDO, nargs=-1, required=True, metavar="NODE:RPDO...")
+@click.argument("consumers", cls=Listed, type=PDO, nargs=-1, required=True, metavar="NODE:RPDO...")
 @click.option("--heartbeat", type=_HEARTBEAT_MS, metavar="MS", help="Heartbeat time of the producer (0x1017).")
 @click.option("--no-heartbeat", "silent", is_flag=True, help="Leave 0x1016 and 0x1017 alone.")
 @click.pass_context

@@ -9,7 +9,7 @@ import click
 
 from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.commands._pdo_options import pdo_options, request
-from dvtcli.cli.object_params import ENTRY, EntryWord
+from dvtcli.cli.object_params import ENTRY, EntryWord, Objects
 from dvtcli.cli.pdo_params import PDO, NodePdo
 from dvtcli.operations.changes.change import configure
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @click.command("map", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
 @click.argument("pdo", type=PDO)
-@click.argument("objects", type=ENTRY, nargs=-1, required=True, metavar="OBJECT...")
+@click.argument("objects", cls=Objects, type=ENTRY, nargs=-1, required=True, metavar="OBJECT...")
 @pdo_options
 @click.pass_obj
 def command(session: Session, /, pdo: NodePdo, objects: tuple[EntryWord, ...], **options: Any) -> Changed:

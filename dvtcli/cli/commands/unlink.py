@@ -10,6 +10,7 @@ import click
 from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.commands._file_plans import show_plan
 from dvtcli.cli.commands._pdo_options import endpoints
+from dvtcli.cli.params import Listed
 from dvtcli.cli.pdo_params import PDO, NodePdo
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 @click.command("unlink", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
 @click.argument("producer", type=PDO, metavar="NODE:TPDO")
-@click.argument("consumers", type=PDO, nargs=-1, required=True, metavar="NODE:RPDO...")
+@click.argument("consumers", cls=Listed, type=PDO, nargs=-1, required=True, metavar="NODE:RPDO...")
 @click.option("--no-heartbeat", "silent", is_flag=True, help="Leave 0x1016 alone.")
 @click.pass_context
 def command(ctx: click.Context, /, producer: NodePdo, consumers: tuple[NodePdo, ...], silent: bool) -> NetworkApplied:

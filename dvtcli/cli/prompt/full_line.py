@@ -24,10 +24,11 @@ from prompt_toolkit.validation import ValidationError, Validator
 
 from dvtcli.cli.boundary import usage_error
 from dvtcli.cli.catalogue import command_names
+from dvtcli.cli.corrected_line import corrected
 from dvtcli.cli.lexer import split
 from dvtcli.cli.prompt.completer import LineCompleter
 from dvtcli.cli.prompt.key_bindings import bindings
-from dvtcli.cli.prompt.line import CONTINUED, checked, expanded, taken_apart, tcl_line
+from dvtcli.cli.prompt.line import CONTINUED, checked, cut, expanded, quoted, taken_apart, tcl_line
 from dvtcli.cli.run_line import parse
 from dvtcli.cli.view.lines import Cell
 from dvtcli.cli.view.output import Output
@@ -49,13 +50,22 @@ _INVALID = re.compile(r"^Invalid value for [^:]*: ")
 _ANSWERED_AT_ONCE = frozenset({"-h", "--help", "--version"})
 
 
-class Refused(ValidationError):
-    """An invalid line; *rest* is the part of the message beyond prompt_toolkit's single row."""
+#: What is said of a line that was corrected.
+_CORRECTED = "corrected, Enter runs it"
 
-    def __init__(self, place: int, text: str, columns: int) -> None:
-        first, *more = wrapped([Cell(safe(text))], columns)
+
+class Refused(ValidationError):
+    """An invalid line; *rest* is the part of the message beyond prompt_toolkit's single row.
+
+    *line* is the corrected line, None if none is near.
+    """
+
+    def __init__(self, place: int, text: str, columns: int, line: str | None = None) -> None:
+        said = text if line is None else f"{_CORRECTED}: {text}"
+        first, *more = wrapped([Cell(safe(said))], columns)
         super().__init__(place, _text(first).rstrip())
         self.rest = " ".join(_text(line) for line in more)
+        self.line = line
 
 
 def _text(cells: list[Cell]) -> str:
@@ -77,10 +87,26 @@ class LineValidator(Validator):
 
         Detects an unclosed quote, a wrong option, a name unknown to the EDS; nothing that only the device knows.
         """
-        for line in document.text.replace("\\\n", " ").splitlines():
+        lines = document.text.replace("\\\n", " ").splitlines()
+        for line in lines:
             wrong = self._wrong(line)
             if wrong is not None:
-                raise Refused(_place(document.text, wrong), wrong, self._columns())
+                better = self._corrected(line) if len(lines) == 1 else None
+                raise Refused(_place(document.text, wrong), wrong, self._columns(), better)
+
+    def _corrected(self, line: str) -> str | None:
+        """Return *line* as it can be read, with its destination; None if nothing is near, or an alias makes it."""
+        command, destination = cut(line)
+        try:
+            words = split(command)
+            if not words or words[0] in self._session.aliases:
+                return None
+            better = corrected(words, self._session)
+        except DvtcliError:
+            return None  # an unclosed quote, or a file that cannot be read: the message says which
+        if better is None:
+            return None
+        return " ".join(map(quoted, better)) + (f" {line[len(command) :]}" if destination else "")
 
     def _wrong(self, line: str) -> str | None:
         tcl = self._session.tcl

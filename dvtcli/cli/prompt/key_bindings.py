@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from prompt_toolkit.application import get_app, run_in_terminal
+from prompt_toolkit.document import Document
 from prompt_toolkit.enums import DEFAULT_BUFFER
 from prompt_toolkit.filters import Condition, completion_is_selected, has_completions, has_focus
 from prompt_toolkit.key_binding import KeyBindings, KeyPressEvent
@@ -34,6 +35,21 @@ def _continued() -> bool:
 def bindings(show_help: Callable[[str], None]) -> KeyBindings:
     """Return the additional keys; *show_help* prints help for the line so far."""
     keys = KeyBindings()
+
+    @keys.add("enter", filter=has_focus(DEFAULT_BUFFER))
+    def _run(event: KeyPressEvent) -> None:
+        """Run the line; one that cannot be read is replaced by the corrected line, which the next Enter runs.
+
+        Not if more was typed already: a second Enter would run a line that nobody saw.
+        """
+        buffer = event.current_buffer
+        buffer.validate_and_handle()
+        refused = buffer.validation_error
+        corrected: str | None = getattr(refused, "line", None)
+        if corrected is not None and not event.key_processor.input_queue:
+            buffer.save_to_undo_stack()
+            buffer.document = Document(corrected)
+            buffer.validation_error = refused
 
     @keys.add("enter", filter=has_completions & completion_is_selected)
     def _accept(event: KeyPressEvent) -> None:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.cli.boundary import usage_error
 from dvtcli.cli.lexer import split
 from dvtcli.cli.run_line import parse
 from dvtcli.cli.scripts.atomic import Reach, is_rehearsal
@@ -173,8 +172,10 @@ def _parsed(line: ScriptLine, session: Conversation, source: str) -> click.Conte
                 "tcl is for the prompt and the shell: a Tcl script is a file of its own", hint="run FILE.tcl"
             )
         return ctx
-    except click.ClickException as wrong:
-        raise placed(usage_error(wrong), place) from wrong
+    except (click.ClickException, UsageError) as wrong:
+        from dvtcli.cli.corrected_line import with_correction
+
+        raise placed(with_correction(wrong, line.words, session, in_file=True), place) from wrong
     except DvtcliError as wrong:
         raise placed(wrong, place) from wrong
 

@@ -34,6 +34,7 @@ COMMANDS: dict[Action, str] = {
     Action.EDIT_PDO: "pdo edit {pdo}",
     Action.SHOW_VPDO: "vpdo {group}",
     Action.LINK: "link {producer} {consumer}",
+    Action.CORRECT: "{words|LINE…}",
     Action.UNDO: "undo {all?--all} {backup?--backup} {when} {force?--force}",
     Action.RECOVER: "recover {accept?--accept} {discard?--discard} {yes?--yes}",
     Action.RECOVER_ALL: "recover",
@@ -199,6 +200,8 @@ class TypedHints:
         if action is Action.DISABLE and "node" in step.arguments:  # it may be one that this call is not about
             return self._in_call(call, action, ["disable", f"{node}:{step.arguments['pdo']}"])
         given = {name: _no_option(name, value) for name, value in step.arguments.items()}
+        if action is Action.CORRECT:  # what was typed, with its own options and node
+            return self._in_call(call, action, [*_of_node(call, None), *filled(said, step.arguments)])
         words = _behind_options(filled(said, {"node": node, **given} if "{node}" in said else given), given)
         others = _of_node(call, node) if action not in _OF_THE_BUS and "{node}" not in said else ()
         return self._in_call(call, action, [*others, *words])

@@ -57,6 +57,7 @@ CALLS: dict[Action, str] = {
     Action.TRUST: "dvtcli trust",
     Action.LISTEN_BIT_RATE: "dvtcli bitrate",
     Action.SERVE: "dvtcli sim NODE… --listen HOST:PORT",
+    Action.CORRECT: "dvtcli LINE",
     Action.RUN: "dvtcli run FILE",
     Action.CHECK: "bus.check({file|FILE})",
     Action.PLAN: "bus.plan({file|FILE})",

@@ -6,7 +6,14 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.object_syntax import MappedObject, Skipped, UnknownName, resolve_entry, resolve_object
+from dvtcli.domain.object_syntax import (
+    MappedObject,
+    Skipped,
+    UnknownName,
+    has_sub_index,
+    resolve_entry,
+    resolve_object,
+)
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -25,7 +32,7 @@ def means_whole(node: NodeDescription, text: str) -> bool:
 
     By the node's EDS, else by CiA 301; False for other objects. Raises UsageError if *text* is no object.
     """
-    if is_name(text) or ":" in text or "-" in text:
+    if is_name(text) or has_sub_index(text):
         return False
     index, _ = object_at(node, text)
     if node.dictionary is not None and index in node.dictionary:

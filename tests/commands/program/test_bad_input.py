@@ -23,10 +23,10 @@ WRONG = [
     # objects
     ("map tpdo1 5FFF:0", 1, "0x5FFF is not in gen4.eds"),
     ("map tpdo1 6C01:40", 1, '6C01 "Analogue inputs" has 00, 01'),
-    ("map tpdo1 statusward", 2, "did you mean statusword"),
+    ("map tpdo1 statusward", 2, "map tpdo1 statusword`?"),
     ("map tpdo1 6041/8", 1, "only 8 are wanted"),
     ("map tpdo1 6041/32", 1, "has 16 bits, 32 are wanted"),
-    ("map tpdo1 6041/0", 2, "a length in bits, 1..64"),
+    ("map tpdo1 6041/65", 2, "a length in bits, 1..64"),
     ("map tpdo1 6041/x", 2, "a length in bits, 1..64"),
     ("map tpdo1 1018:1", 1, "is not mappable"),
     ("map tpdo1 606C 606C 6041", 1, "80 bits, a PDO holds 64"),

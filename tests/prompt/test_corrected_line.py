@@ -1,0 +1,148 @@
+"""A line that cannot be read comes back as the nearest line that can; it runs by Enter alone, at a prompt."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from dvtcli.cli.conversation import Conversation
+from dvtcli.cli.corrected_line import corrected
+from dvtcli.cli.lexer import split
+from dvtcli.cli.run_line import parse
+from dvtcli.cli.view.output import Output
+from dvtcli.domain.hint import Action, Hint
+from tests.commands.bench import Bench
+from tests.prompt.conftest import Open
+from tests.prompt.terminal import CTRL_C, ENTER, Terminal
+
+
+@pytest.fixture
+def session() -> Iterator[Conversation]:
+    session = Conversation(Output())
+    session.start({"sim": ("gen4",)})
+    session.started = True
+    session.node()
+    yield session
+    session.close()
+
+
+@pytest.mark.parametrize(
+    ("typed", "line"),
+    [
+        ("set tpdo1 timer 100", "set tpdo1 --timer 100"),
+        ("set tpdo1 timer=100", "set tpdo1 --timer 100"),
+        ("set tpdo1 -timer 100", "set tpdo1 --timer 100"),
+        ("set tpdo1 --tmer 100", "set tpdo1 --timer 100"),
+        ("set tpdo1 cobid 0x201", "set tpdo1 --cob-id 0x201"),
+        ("set tpdo1 --cob-id 201", "set tpdo1 --cob-id 0x201"),
+        ("map 6041 tpdo1", "map tpdo1 6041"),
+        ("map 6041 606C tpdo1 sync 1", "map tpdo1 6041 606C --sync 1"),
+        ("map tpd1 6041", "map tpdo1 6041"),
+        ("map tdpo1 6041", "map tpdo1 6041"),
+        ("map tpdo_1 6041", "map tpdo1 6041"),
+        ("map tpdo 1 6041", "map tpdo1 6041"),
+        ("map rpd12 60FF", "map rpdo12 60FF"),
+        ("pdo 1:tpd1", "pdo 1:tpdo1"),
+        ("tpd1", "tpdo1"),
+        ("tpdo1 6041", "map tpdo1 6041"),
+        ("tpdo1 timer 100", "set tpdo1 --timer 100"),
+        ("mpa tpdo1 6041", "map tpdo1 6041"),
+        ("mpa 6041 tpd1", "map tpdo1 6041"),
+        ("map tpdo1 statuswrd", "map tpdo1 statusword"),
+        ("map tpdo1 velocity actual value", "map tpdo1 velocity_actual_value"),
+        ("SDO_RNX 1 0x6041 0", "sdo_rnx 1 0x6041 0"),
+    ],
+)
+def test_a_near_line_is_found_and_can_be_read(session: Conversation, typed: str, line: str) -> None:
+    found = corrected(split(typed), session)
+    assert found == split(line)
+    parse(found, session).close()
+
+
+@pytest.mark.parametrize(
+    "typed",
+    [
+        "map pdo1 6041",  # of either direction
+        "map tpdo1 6041 --cob-id 385",  # decimal or hexadecimal
+        "foo",
+        "y",
+        "xyzzy tpdo1 6041",
+        "map tpdo1 nothing_like_it",
+        "set tpdo1 --timer soon",
+        "map tpdo1 6041 --help",
+        "dvtcli -n 9 store",  # another node than the one that is selected
+        "map tpdo1 6041",  # nothing is wrong
+        "dvtcli map tpdo1 6041",
+    ],
+)
+def test_nothing_is_guessed_where_two_things_may_be_meant(session: Conversation, typed: str) -> None:
+    assert corrected(split(typed), session) is None
+
+
+def test_a_file_that_exists_is_not_offered(
+    session: Conversation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert corrected(["save"], session) == ["save", "session.dvt"]
+    Path("session.dvt").touch()
+    assert corrected(["save", "--all"], session) == ["save", "session-2.dvt", "--all"]
+
+
+def test_the_corrected_line_stands_at_the_prompt_and_enter_runs_it(gen4: Terminal) -> None:
+    gen4.run("set tpdo1 timer 100")
+    gen4.until(lambda: gen4.cursor_line == "sim/1 PRE-OP> set tpdo1 --timer 100", "the corrected line")
+    gen4.wait("corrected, Enter runs it: Got unexpected extra arguments (timer 100)")
+    gen4.type(ENTER)
+    gen4.wait("TPDO1 set: 1 write")
+    gen4.wait_prompt("sim/1 PRE-OP*> ")
+    gen4.run("mpa 6041")
+    gen4.wait("no command is called 'mpa'")
+    assert gen4.cursor_line == "sim/1 PRE-OP*> mpa 6041"  # map needs a PDO: nothing is near that can be read
+    gen4.type(CTRL_C)
+
+
+def test_a_corrected_line_keeps_its_destination_and_can_be_thrown_away(gen4: Terminal, tmp_path: Path) -> None:
+    gen4.run("pdo tpd1 > seen.txt")
+    gen4.until(lambda: gen4.cursor_line == "sim/1 PRE-OP> pdo tpdo1 > seen.txt", "the corrected line")
+    gen4.type(CTRL_C)
+    gen4.wait_prompt()
+    assert not (tmp_path / "seen.txt").exists()
+
+
+def test_enters_that_come_together_run_no_line_that_nobody_saw(gen4: Terminal) -> None:
+    gen4.type(f"set tpdo1 timer 100{ENTER}{ENTER}{ENTER}")
+    gen4.until(lambda: gen4.cursor_line == "sim/1 PRE-OP> set tpdo1 --timer 100", "the corrected line")
+    assert "TPDO1 set" not in gen4.text
+    gen4.type(CTRL_C)
+    gen4.wait_prompt()
+
+
+def test_a_line_of_a_shell_runs_at_the_prompt_if_bus_and_node_are_the_same(open_terminal: Open) -> None:
+    terminal = open_terminal("--sim", "gen4@5")
+    terminal.wait_prompt("sim/5 PRE-OP> ")
+    terminal.run("dvtcli --sim gen4@5 -n 5 read 1018:1")
+    terminal.wait("0x0000001E")
+    terminal.run("dvtcli -n 9 store")
+    terminal.wait("-n 9 was chosen when dvtcli started")
+
+
+@pytest.mark.parametrize(
+    "written", ["set tpdo1 timer 100", "mpa 6041 tpdo1", "SDO_RNX 1 0x6041 0", "map tpdo1 statuswrd"]
+)
+def test_a_script_and_a_call_get_a_hint_that_runs_and_run_nothing(written: str) -> None:
+    bench = Bench()
+    before = bench.run("pdo tpdo1 --json").documents
+    ran = bench.script(written)
+    assert ran.code == 2
+    hint = next(row for row in ran.stderr.splitlines() if "did you mean `" in row)
+    assert bench.run("pdo tpdo1 --json").documents == before
+    assert bench.script(hint.partition("`")[2].partition("`")[0]).code == 0
+
+
+def test_a_programs_next_step_is_the_corrected_line() -> None:
+    ran = Bench(options={"format": "json"}).run("mpa 6041 tpdo1")
+    assert ran.code == 2
+    assert ran.documents[0]["next"] == ["dvtcli", "--sim", "gen4", "map", "tpdo1", "6041"]
+    assert Hint(Action.CORRECT, {"words": ("map",)}).words() == "write the line as it can be read"
