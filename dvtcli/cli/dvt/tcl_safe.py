@@ -14,7 +14,6 @@ from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
-    from dvtcli.operations.user.session_user import SessionUser
 
 #: Tcl commands that reach outside of the interpreter: all are refused with a message.
 REFUSED = ("exec", "socket", "load", "unload", "glob", "cd", "pwd", "fconfigure", "encoding", "interp")
@@ -127,7 +126,7 @@ class Commands:
         return path
 
 
-def refuse_beyond_nodes(words: Sequence[str], session: SessionUser) -> None:
+def refuse_beyond_nodes(words: Sequence[str], session: Conversation) -> None:
     """Raise UsageError if the `dvtcli` line *words* does more than work on nodes, e.g. opens a file."""
     if not words:
         raise UsageError("dvtcli: a command is missing after it, as in: dvtcli read 6041")
@@ -137,7 +136,7 @@ def refuse_beyond_nodes(words: Sequence[str], session: SessionUser) -> None:
         raise _refused(f"dvtcli {words[0]} with a file")
 
 
-def _arguments(line: Sequence[str], session: SessionUser) -> list[str]:
+def _arguments(line: Sequence[str], session: Conversation) -> list[str]:
     """Return the words of a command's *line* without global options; empty if not parsable, hence not run."""
     try:
         ctx = parse(line, session)

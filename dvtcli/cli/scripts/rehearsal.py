@@ -21,7 +21,6 @@ from dvtcli.files.input_file import read_input_head
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.device.node import Node
-    from dvtcli.operations.user.session_user import SessionUser
 
 #: Effects of lines that matter for the resulting configuration.
 _PLAYED = frozenset({Effect.SELECTS, Effect.CHANGES})
@@ -46,7 +45,7 @@ def _config(twin: Node) -> TargetConfig:
     return TargetConfig(pdos, dict(twin.wanted_values), dict(twin.said), unreadable=unreadable_of(twin))
 
 
-def _play(stage: SessionUser, sources: Sequence[str]) -> None:
+def _play(stage: Conversation, sources: Sequence[str]) -> None:
     source = sources[-1]
     for line in script_lines(_data(source), source):
         place = f"{source}:{line.number}"
@@ -59,7 +58,7 @@ def _play(stage: SessionUser, sources: Sequence[str]) -> None:
             raise _placed(wrong, place) from wrong
 
 
-def _play_line(stage: SessionUser, line: ScriptLine, sources: Sequence[str]) -> bool:
+def _play_line(stage: Conversation, line: ScriptLine, sources: Sequence[str]) -> bool:
     """Run a line on the twins; returns whether the script ends here."""
     with parse(line.words, stage) as ctx:
         if ctx.command.name == "exit":
@@ -84,7 +83,7 @@ def _refuse_unknown(ctx: click.Context) -> None:
         )
 
 
-def _play_nested(stage: SessionUser, file: str, sources: Sequence[str]) -> None:
+def _play_nested(stage: Conversation, file: str, sources: Sequence[str]) -> None:
     if file in sources or len(sources) > MOST_NESTED:
         raise UsageError(f"{file} runs itself: {' runs '.join([*sources, file])}", place=file)
     if file == "-" or file.lower().endswith(".tcl"):
