@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -78,13 +78,13 @@ def _written(node: Node) -> tuple[list[Place], tuple[str, ...]]:
     except InputFileError as damaged:
         return list(places), (f"objects that an earlier command wrote are not compared: {damaged.text}",)
     for entry in history:
-        places |= dict.fromkeys(_values_of(node, entry.plan))
+        places |= dict.fromkeys(_values_of(entry.plan, node.saves))
     return list(places), notes
 
 
-def _values_of(node: Node, plan: Plan) -> Iterator[Place]:
+def _values_of(plan: Plan, saves: Callable[[Place], bool]) -> Iterator[Place]:
     for change in plan.changes:
         if isinstance(change, ValueChange) and change.step.before is not None:
             place = (change.step.index, change.step.sub_index)
-            if Pdo.at(place[0]) is None and not node.saves(place):
+            if Pdo.at(place[0]) is None and not saves(place):
                 yield place

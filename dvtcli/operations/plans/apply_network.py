@@ -178,11 +178,8 @@ def _question(nodes: Mapping[int, Node], planned: list[NodePlan], name: str) -> 
     moved = [said.text for plan in planned for said in plan.findings if said.rule in MOVES]
     doubts += "".join(f"{text}; " for text in moved)
     text = f"{doubts}{name} {writes} to node {', '.join(str(plan.node_id) for plan in planned)}{store}?"
-    running = [str(plan.node_id) for plan in planned if _leaves_operational(nodes[plan.node_id])]
+    leaving = (nodes[plan.node_id] for plan in planned if nodes[plan.node_id].is_pre_operational_wanted)
+    running = [str(node.node_id) for node in leaving if present_state(node.access) is NmtState.OPERATIONAL]
     if running:
         text = f"node {', '.join(running)} goes from OPERATIONAL to PRE-OPERATIONAL and back; {text}"
     return text
-
-
-def _leaves_operational(node: Node) -> bool:
-    return node.is_pre_operational_wanted and present_state(node.access) is NmtState.OPERATIONAL
