@@ -41,12 +41,12 @@ class Marker(ast.NodeTransformer):
     """Puts a mark at the beginning of every way of a file, and knows them by its number."""
 
     def __init__(self) -> None:
-        self.ways: list[Way] = []
+        self.runners: list[Way] = []
 
     def _marked(self, body: list[ast.stmt], line: int, kind: str) -> list[ast.stmt]:
         """*body* behind a mark; a docstring stays what it is."""
-        self.ways.append(Way(line, kind))
-        mark = ast.parse(f"{_MARKS}[{len(self.ways) - 1}] = 1").body[0]
+        self.runners.append(Way(line, kind))
+        mark = ast.parse(f"{_MARKS}[{len(self.runners) - 1}] = 1").body[0]
         ast.increment_lineno(mark, (body[0].lineno if body else line) - 1)
         begin = int(kind == "def" and isinstance(body[0], ast.Expr) and isinstance(body[0].value, ast.Constant))
         return [*body[:begin], mark, *body[begin:]]
@@ -92,7 +92,7 @@ def marked(source: bytes, path: str) -> tuple[CodeType, list[Way]]:
     """The code of *source* with a mark at each of its ways."""
     marker = Marker()
     tree = ast.fix_missing_locations(marker.visit(ast.parse(source)))
-    return compile(tree, path, "exec", dont_inherit=True), marker.ways
+    return compile(tree, path, "exec", dont_inherit=True), marker.runners
 
 
 class MarkedLoader(SourceFileLoader):
@@ -107,8 +107,8 @@ class MarkedLoader(SourceFileLoader):
         if kept.exists():
             found = marshal.loads(kept.read_bytes())  # noqa: S302 - our own
         if found[0] != stamp:
-            compiled, ways = marked(Path(self.path).read_bytes(), self.path)
-            found = (stamp, compiled, len(ways))
+            compiled, runners = marked(Path(self.path).read_bytes(), self.path)
+            found = (stamp, compiled, len(runners))
             kept.parent.mkdir(exist_ok=True)
             new = kept.with_suffix(f".{os.getpid()}")
             new.write_bytes(marshal.dumps(found))

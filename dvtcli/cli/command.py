@@ -43,10 +43,8 @@ class DvtCommand(click.Command):
     *effect* is the effect on nodes. If the effect depends on a line's parameters, *final* returns the part that no undo
     reverts, and *stores* the possible stores beside changes. *needs_settings*: refuse to run with a malformed settings
     file. *formats* are extra answer formats (`sarif`). If *each* returns true for a line's parameters, the line runs
-    for
-    each node of `-n 1,3,5` or `-n all`: *ahead* checks all nodes first and raises an error if a node cannot run,
-    *ending*
-    makes an error from all outcomes after a failure.
+    for each node of `-n 1,3,5` or `-n all`: *ahead* checks all nodes first and raises an error if a node cannot run,
+    *ending* makes an error from all outcomes after a failure.
     """
 
     def __init__(

@@ -75,9 +75,8 @@ def on_each_node(
     """Call *run* with each node of -n selected, and *deliver* its answer; returns the first failure's exit code.
 
     Exit code 7 takes precedence. A failing node ends the line, except with *go_on*, or with *ending* if the node
-    refuses or
-    does not answer. *ahead* checks all nodes before the first; *ending* makes an error from all outcomes after a
-    failure.
+    refuses or does not answer. *ahead* checks all nodes before the first; *ending* makes an error from all outcomes
+    after a failure.
     """
     codes: list[int] = []
     outcomes: dict[int, Any] = {}

@@ -16,8 +16,8 @@ import click
 from dvtcli.cli.boundary import COMPLETING, LEAVE, exit_code_of
 from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.registry import REGISTRY, WORDS
+from dvtcli.cli.runners import install
 from dvtcli.cli.view.output import Output
-from dvtcli.cli.ways_in import install
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:

@@ -15,8 +15,8 @@ from dvtcli.domain.mapping import DUMMY_BITS, MAX_PDO_BITS
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, normalised
 from dvtcli.domain.object_syntax import parse_object
 from dvtcli.domain.profile import DeviceProfile, ObjectAddress
-from dvtcli.domain.rules.mappable import known_dummies
 from dvtcli.domain.rules.mapped_object import is_taken
+from dvtcli.domain.rules.pdo_mapping import known_dummies
 from dvtcli.domain.text import safe
 from dvtcli.errors import DvtcliError
 from dvtcli.operations.user.options import Options

@@ -10,7 +10,7 @@ import click
 
 from dvtcli.cli.catalogue import command_names, meant, task_rows, task_sections, unknown_command
 from dvtcli.cli.global_options import by_variable, global_options, one_pair_each, taken
-from dvtcli.cli.ways import Root, ways
+from dvtcli.cli.runner_interface import CommandGroup, runners
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
@@ -27,7 +27,7 @@ _FIRST_OPTIONS = (
 _MORE = "All options: dvtcli help --all    A command's options: dvtcli help COMMAND"
 
 
-class Registry(Root):
+class Registry(CommandGroup):
     """The set of commands in `catalogue.COMMANDS`."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
@@ -116,7 +116,7 @@ def _root() -> Registry:
         """
         if ctx.invoked_subcommand is not None:
             return None
-        return ways(ctx).without_command(ctx.obj)
+        return runners(ctx).without_command(ctx.obj)
 
     assert isinstance(root, Registry)  # noqa: S101 - for the type checker
     return root

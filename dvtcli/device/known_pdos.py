@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.nmt_gate import Gate, NodeAccess
-from dvtcli.device.observe import BusWitness, observed
+from dvtcli.device.observe import RestartCounter, observed
 from dvtcli.device.quirks.standard_channel import in_standard_order
 from dvtcli.device.read_cache import ReadCache
 from dvtcli.device.read_pdos import IDENTITY, UNREADABLE, WHATEVER, present_pdos, read_cob_id, read_optional, read_pdo
@@ -91,7 +91,7 @@ class KnownPdos:
     _pdos: dict[Pdo, PdoConfig] = field(default_factory=dict, init=False)
     _shown: dict[Pdo, PdoConfig] = field(default_factory=dict, init=False)
     _present: list[Pdo] | None = field(default=None, init=False)
-    #: the PDOs, and all COB-IDs, made of values in the read cache: with what had expired of it then
+    #: the PDOs, and all COB-IDs, made from the read cache, each with the cache's `expired()` at that time
     _made: dict[tuple[Pdo, bool], tuple[int, PdoConfig]] = field(default_factory=dict, init=False)
     _made_cob_ids: tuple[int, Mapping[Pdo, CobId]] | None = field(default=None, init=False)
 
@@ -107,9 +107,9 @@ class KnownPdos:
         return in_standard_order(self.bus.sdo(self.node_id), self.profile)
 
     @property
-    def witness(self) -> BusWitness:
+    def witness(self) -> RestartCounter:
         """The monitor of the node's restarts."""
-        return BusWitness(self.bus, self.node_id)
+        return RestartCounter(self.bus, self.node_id)
 
     def observed(self, look: Callable[[], T]) -> T:
         """The result of *look*, read without a restart between. Raises NoAnswer after repeated restarts."""

@@ -33,20 +33,20 @@ class Node(Changeable):
     #: boot-up messages seen when the first of them was read back
     kept_boot_ups: int = 0
     #: commands of this session without a change, not yet reported by `undo`
-    in_vain: int = 0
+    unchanged_commands: int = 0
     #: labels of losses by a restart during a change, still to be reported
     _unsaid: tuple[str, ...] = ()
     #: the difference between the device and its file; empty if none
     unlike_file: str = ""
     #: undone changes of earlier sessions
-    unkept: int = 0
+    undone_earlier: int = 0
 
     def configure(
-        self, wants: Mapping[Pdo, AnyPdoRequest], *, force: bool = False, found: InitialState | None = None
+        self, wants: Mapping[Pdo, AnyPdoRequest], *, force: bool = False, initial_state: InitialState | None = None
     ) -> Applied:
         """Set each PDO to *wants*, all or none: check, write the differences, read back, roll back on failure.
 
-        *found* is the initial state if the node was claimed before: reads since then count. Raises errors of `resolve`
+        *initial_state* is the result of an earlier `begin_change`: reads since then count. Raises errors of `resolve`
         for a request impossible on this node, RuleError if a rule forbids the change.
         """
         from dvtcli.device.change.applied import refuse
@@ -59,9 +59,9 @@ class Node(Changeable):
         from dvtcli.domain.text import join_some
 
         refuse_unlike_file(self.node_id, self.unlike_file, force=force)
-        look = self.pdo if found is None else self.known_pdo
+        look = self.pdo if initial_state is None else self.known_pdo
         with heard_ids(self.bus) as heard:
-            found = found or self.begin_change()
+            initial_state = initial_state or self.begin_change()
             lengths = untyped_lengths(self, wants.values())
             now = self.observed(lambda: {pdo: look(pdo) for pdo in wants})  # equal PDOs are not read again
             wanted = {pdo: resolve(self, pdo, now[pdo], want, lengths) for pdo, want in wants.items()}
@@ -79,7 +79,7 @@ class Node(Changeable):
         can_force = all(now[pdo] != want or want.has_cob_id for pdo, want in wanted.items())
         refuse(tuple(findings), f"{labels} not changed", self.node_id, force=force, can_force=can_force)
         changes = tuple(plan_pdo(pdo, now[pdo], want) for pdo, want in wanted.items())
-        applied = self.apply(Plan(self.node_id, changes), tuple(findings), force=force, found=found)
+        applied = self.apply(Plan(self.node_id, changes), tuple(findings), force=force, initial_state=initial_state)
         for pdo, asked in wants.items():
             self._say(pdo, requested_parameters(asked))
         return applied
@@ -97,7 +97,7 @@ class Node(Changeable):
 
         refuse_passcode(self.access, index, sub_index)
         refuse_unlike_file(self.node_id, self.unlike_file, force=force)
-        found = self.begin_change()
+        initial_state = self.begin_change()
         if self.saves((index, sub_index)):
             prepare_store(self, force=force)
         what = f"0x{index:04X}:{sub_index:02X} not written"
@@ -113,7 +113,7 @@ class Node(Changeable):
                 heard_findings = heard_producer_findings(self, changes, heard)
                 findings = (*findings, *hinting_at_set(heard_findings, change.pdo, enables=False))
                 refuse(findings, what, self.node_id, force=force)
-        applied = self.apply(Plan(self.node_id, (change,)), findings, force=force, found=found)
+        applied = self.apply(Plan(self.node_id, (change,)), findings, force=force, initial_state=initial_state)
         if isinstance(change, PdoChange):
             self._say(change.pdo, parameters_at(change.pdo, index, sub_index))
         return applied
@@ -123,10 +123,10 @@ class Node(Changeable):
 
     def go_on_from(self, before: Node) -> None:
         """Continue as the device *before*, opened again: keep this session's changes, discard all reads."""
-        self.history, self.unkept, self.said = before.history, before.unkept, before.said
+        self.history, self.undone_earlier, self.said = before.history, before.undone_earlier, before.said
         self.wanted, self.wanted_values = before.wanted, before.wanted_values
         self.unreadable_values = before.unreadable_values
-        self.in_vain = before.in_vain
+        self.unchanged_commands = before.unchanged_commands
         self.pending, self.expected = before.pending, before.expected
 
     def look_after_gap(self) -> tuple[str, ...]:
@@ -148,13 +148,13 @@ class Node(Changeable):
         *,
         force: bool = False,
         kept: bool = True,
-        found: InitialState | None = None,
+        initial_state: InitialState | None = None,
         is_part_of_group: bool = False,
     ) -> Applied:
         """Run a checked *plan* inside the gate; on a real bus with lock, backup and journal.
 
-        With *kept*, `undo` can revert the plan. *found* is the result of `claim` before the reads that the plan is
-        based on. *is_part_of_group* marks one of several plans, which end a configuration stamp themselves.
+        With *kept*, `undo` can revert the plan. *initial_state* is the result of `begin_change` before the reads that
+        the plan is based on. *is_part_of_group* marks one of several plans, which end a configuration stamp themselves.
         """
         from dvtcli.device.access_level import level_findings
         from dvtcli.device.change.applied import Applied, refuse
@@ -174,17 +174,20 @@ class Node(Changeable):
                 self,
                 plan,
                 findings,
-                found,
+                initial_state,
                 lambda carried_out, boot_ups: self._done(carried_out, boot_ups, kept=kept),
                 is_kept=kept,
             )
             findings += self._unreadable_findings(plan)
         else:
-            if found is not None and self.bus.disturbance_count(self.node_id) != found.disturbance_count:
+            if (
+                initial_state is not None
+                and self.bus.disturbance_count(self.node_id) != initial_state.disturbance_count
+            ):
                 from dvtcli.device.change.apply_plan import look_again
 
-                look_again(self, plan, found)
-            self.in_vain += kept and not is_part_of_group
+                look_again(self, plan, initial_state)
+            self.unchanged_commands += kept and not is_part_of_group
             self._remember(plan.changes)
         unreadable = tuple(finding.place.removeprefix("0x") for finding in self._unreadable_findings(plan))
         return Applied(plan, findings, unreadable=unreadable)
@@ -231,7 +234,7 @@ class Node(Changeable):
         if kept and not saves and any(map(alters, plan.changes)):
             self.keep(plan)
         elif kept and not saves:
-            self.in_vain += 1
+            self.unchanged_commands += 1
         self._remember(plan.changes)
         needed = self.profile.store.needed_for
         by_itself = [change for change in plan.changes if change.steps and not needed(change.steps[0].index)]
@@ -358,7 +361,7 @@ class Node(Changeable):
 
         from dvtcli.device.change.undo_plan import foreseen, plan_undo, put_back_findings, undo_plan_of
 
-        found = self.begin_change(whatever_happened=asked.rolls_back)
+        initial_state = self.begin_change(ignores_restarts=asked.rolls_back)
         boot_ups = self.bus.boot_ups(self.node_id)
         back = plan_undo(self, asked)
         if not asked.is_part_of_group and len(back.plan):
@@ -367,20 +370,20 @@ class Node(Changeable):
                 back = plan_undo(self, asked)
         others = () if asked.is_part_of_group or not len(back.plan) else self._beside(back.plan)
         try:
-            applied = self._apply_undo(back.plan, back.unknown, found, is_patient=bool(foreseen(back.undone)))
+            applied = self._apply_undo(back.plan, back.unknown, initial_state, is_patient=bool(foreseen(back.undone)))
         except DeviceRefused:
-            if not foreseen(back.undone) or self.bus.boot_ups(self.node_id) != found.boot_ups:
+            if not foreseen(back.undone) or self.bus.boot_ups(self.node_id) != initial_state.boot_ups:
                 raise
             plan = self.observed(lambda: undo_plan_of(self, back.undone, as_taken=True, rolls_back=asked.rolls_back))
-            applied = self.apply(plan, back.unknown, kept=False, found=found)
+            applied = self.apply(plan, back.unknown, kept=False, initial_state=initial_state)
             applied = replace(applied, not_put_back=put_back_findings(foreseen(back.undone)))
         if others and self.bus.boot_ups(self.node_id) == boot_ups:  # otherwise the restart is reported: it cleared RAM
             self._roll_back_side_effects(applied.plan, others)
             if self.bus.boot_ups(self.node_id) != boot_ups:
                 from dvtcli.device.change.apply_plan import look_again
 
-                look_again(self, applied.plan, found)
-        self.unkept += not asked.own
+                look_again(self, applied.plan, initial_state)
+        self.undone_earlier += not asked.own
         return replace(applied, unrestored=back.unrestored), len(back.undone)
 
     def _beside(self, plan: Plan) -> tuple[PdoChange, ...]:
@@ -413,7 +416,7 @@ class Node(Changeable):
             raise others_left(plan, still)
 
     def _apply_undo(
-        self, plan: Plan, unknown: tuple[Finding, ...], found: InitialState, *, is_patient: bool
+        self, plan: Plan, unknown: tuple[Finding, ...], initial_state: InitialState, *, is_patient: bool
     ) -> Applied:
         """Apply the undo *plan*; with *is_patient* a temporary refusal is retried, as in a roll-back."""
         from dvtcli.device.change.roll_back import PATIENCE_S, RETRY_S
@@ -422,7 +425,7 @@ class Node(Changeable):
         deadline_s = self.bus.now_s() + (PATIENCE_S if is_patient else 0)
         while True:
             try:
-                return self.apply(plan, unknown, kept=False, found=found)
+                return self.apply(plan, unknown, kept=False, initial_state=initial_state)
             except DeviceRefused as refused:
                 passing = refused.abort is not None and may_pass(refused.abort)
                 if not passing or self.bus.now_s() >= deadline_s:

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from dvtcli.device.change.plan_document import Identity
     from dvtcli.device.known_pdos import KnownPdos
     from dvtcli.device.nmt_gate import NodeAccess
-    from dvtcli.device.observe import BusWitness
+    from dvtcli.device.observe import RestartCounter
     from dvtcli.device.read_cache import ReadCache
     from dvtcli.domain.cob_id import CobId
     from dvtcli.domain.object_dictionary import ObjectDictionary
@@ -62,7 +62,7 @@ class ReadableNode(NodeDescription, Protocol):
         """The NMT state and the device's reasons for an abort."""
 
     @property
-    def witness(self) -> BusWitness:
+    def witness(self) -> RestartCounter:
         """The monitor of the node's restarts."""
 
     @property

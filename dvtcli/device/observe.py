@@ -13,7 +13,7 @@ from dvtcli.domain.text import join_some
 from dvtcli.errors import NoAnswer, SafetyRefusal
 
 #: How often something is looked at anew before the node counts as one that cannot be looked at.
-MOST_LOOKS = 5
+MAX_READS = 5
 
 T = TypeVar("T")
 
@@ -31,7 +31,7 @@ class RebootMonitor(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class BusWitness:
+class RestartCounter:
     """The boot-ups and disturbances of *node_id* as seen by *bus*."""
 
     bus: CanopenBus
@@ -50,17 +50,17 @@ class BusWitness:
 class InitialState:
     """A node before the planning of a change: its NMT state (None if unknown), and the bus's counters.
 
-    *boot_ups* and *disturbance_count* are the bus's counts. With *whatever_happened* the change proceeds even if the
+    *boot_ups* and *disturbance_count* are the bus's counts. With *ignores_restarts* the change proceeds even if the
     node restarts meanwhile, as a roll-back does.
     """
 
     state: NmtState | None
     boot_ups: int
     disturbance_count: int
-    whatever_happened: bool = False
+    ignores_restarts: bool = False
 
 
-class Undisturbed:
+class NeverRestarts:
     """A monitor for a node that never restarts, such as a node called directly."""
 
     def boot_ups(self) -> int:
@@ -75,16 +75,16 @@ class Undisturbed:
 def observed(witness: RebootMonitor, look: Callable[[], T], node_id: int | None = None) -> T:
     """The result of *look*, repeated until no disturbance occurred during its uploads; *node_id* for the error.
 
-    Raises NoAnswer after `MOST_LOOKS` tries.
+    Raises NoAnswer after `MAX_READS` tries.
     """
-    for _ in range(MOST_LOOKS):
+    for _ in range(MAX_READS):
         disturbance_count = witness.disturbance_count()
         found = look()
         if witness.disturbance_count() == disturbance_count:
             return found
     name = "the node" if node_id is None else f"node {node_id}"
     raise NoAnswer(
-        f"{name} restarted, or lost an answer, each of {MOST_LOOKS} times that it was read back",
+        f"{name} restarted, or lost an answer, each of {MAX_READS} times that it was read back",
         node=node_id,
         hint="check its supply and its wiring, then try again",
     )

@@ -60,8 +60,8 @@ def proposal(
     """The facts for the rules before *pdo* of *node* becomes *want*, with PDOs changed *together* in the plan.
 
     *elsewhere* are the future TPDOs of the other nodes, all or those with the CAN-ID of *want*; None for the present
-    ones, for an unchanged COB-ID only those that have it;
-    *channels* are the further SDO channels of all known nodes, None for all present services of its neighbours.
+    ones, for an unchanged COB-ID only those that have it; *channels* are the further SDO channels of all known nodes,
+    None for all present services of its neighbours.
     """
     learn = node.dictionary is None and now.mapping != want.mapping
     lengths, absent = learnt_objects(want.mapping, node.memory.upload) if learn else ({}, {})

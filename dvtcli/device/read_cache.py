@@ -65,7 +65,7 @@ class ReadCache:
         return held
 
     def expired(self) -> int:
-        """A number that grows whenever a value expires: while it stays, so does what was made of the values.
+        """A counter that grows whenever a value expires; unchanged, results computed from the values are still valid.
 
         Judges expiry as `upload_known`.
         """

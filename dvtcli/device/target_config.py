@@ -73,7 +73,7 @@ Place = tuple[int, int]
 #: What differs: the PDO's label or the object, and the difference in words.
 Difference = tuple[str, str]
 #: The value of the object at a place, in words.
-Says = Callable[[int, int, bytes], str]
+ValueFormatter = Callable[[int, int, bytes], str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +145,9 @@ def value_in_hex(_index: int, _sub_index: int, data: bytes) -> str:
     return value_text(data)
 
 
-def config_differences(node: ReadableNode, target: TargetConfig, says: Says = value_in_hex) -> tuple[Difference, ...]:
+def config_differences(
+    node: ReadableNode, target: TargetConfig, says: ValueFormatter = value_in_hex
+) -> tuple[Difference, ...]:
     """Every difference between *target* and *node* now, with values formatted by *says*.
 
     Raises NoAnswer after repeated restarts of the node.
@@ -153,7 +155,7 @@ def config_differences(node: ReadableNode, target: TargetConfig, says: Says = va
     return node.observed(lambda: tuple(_config_differences(node, target, says)))
 
 
-def _config_differences(node: ReadableNode, target: TargetConfig, says: Says) -> Iterator[Difference]:
+def _config_differences(node: ReadableNode, target: TargetConfig, says: ValueFormatter) -> Iterator[Difference]:
     for pdo, wanted in target.pdos.items():
         yield from ((pdo.label, text) for text in differences(pdo, wanted, node.pdo(pdo)))
     yield from value_differences(node, target.values, says)
@@ -161,7 +163,7 @@ def _config_differences(node: ReadableNode, target: TargetConfig, says: Says) ->
 
 
 def value_differences(
-    node: ReadableNode, values: Mapping[Place, bytes], says: Says = value_in_hex
+    node: ReadableNode, values: Mapping[Place, bytes], says: ValueFormatter = value_in_hex
 ) -> Iterator[Difference]:
     """Every single object that differs from *values*."""
     for (index, sub_index), value in values.items():

@@ -81,7 +81,7 @@ class PdoChange:
 
 @dataclass(frozen=True, slots=True)
 class ValueChange:
-    """A change of one object outside PDOs, in one step.
+    """A change of one object by itself, in one step, also of a single object of a PDO.
 
     A stamp changes to a new stamp by way of 0, the COB-ID of a service in use by way of an inactive COB-ID.
     """

@@ -20,7 +20,7 @@ from dvtcli.domain.plan import disables
 from dvtcli.domain.profile import BitPolicy, ObjectAddress, Severity
 from dvtcli.domain.rules.can_id import automatic_can_id, can_id_findings, cob_id_findings
 from dvtcli.domain.rules.finding import Finding, Proposal, note
-from dvtcli.domain.rules.mappable import usable_dummies
+from dvtcli.domain.rules.pdo_mapping import usable_dummies
 
 #: The counts of multiplexed PDOs with source and with destination addressing (CiA 301, 7.5.2.36).
 MPDO_COUNTS = {"sam": SAM_MPDO, "dam": DAM_MPDO}

@@ -1,8 +1,7 @@
 """The values of a whole device as JSON lines: the device in the first line, an object in each other line.
 
     {"schema": "dvtcli.whole-device/1", "node": 5, "identity": {…}, "made": "2026-11-23T00:40:00.000000Z", "objects": 2}
-    {"object": "1017:00", "type": "u16", "raw": "E8 03"}
-    {"object": "1003:01", "why": "no data available (0x08000024)"}
+    {"object": "1017:00", "type": "u16", "raw": "E8 03"} {"object": "1003:01", "why": "no data available (0x08000024)"}
 
 Needs no EDS.
 """

@@ -35,7 +35,7 @@ _PARTS = {"mpdo": "pdo", "sdo-abort": "sdo", "boot-up": "heartbeat"}
 
 
 class Reading(NamedTuple):
-    """What a frame is, one of `frame_filter.READ_KINDS`; its *text*, empty for a PDO; and its *facts* by name."""
+    """What a frame is, one of `typed_frame.READ_KINDS`; its *text*, empty for a PDO; and its *facts* by name."""
 
     what: str
     text: str = ""

@@ -13,7 +13,7 @@ from dvtcli.watch.frame_reader import OTHER, Reading
 from dvtcli.watch.heartbeats import HEARTBEATS, HeartbeatTimes
 from dvtcli.watch.layout_fit import guess, misfit
 from dvtcli.watch.service import Service, event_of, state_in
-from dvtcli.watch.statistics import BusLoad, Rhythm, ValueHistory
+from dvtcli.watch.statistics import BusLoad, FrameIntervals, ValueHistory
 
 #: answers to a client that asks whether a node has an object
 _ABSENT = frozenset({Abort.NO_OBJECT, Abort.NO_SUB_INDEX})
@@ -46,7 +46,7 @@ class SeenFrame:
     count: int = 0
     #: time of the last frame (s since 1970)
     last_s: float = 0.0
-    rhythm: Rhythm = field(default_factory=Rhythm)
+    rhythm: FrameIntervals = field(default_factory=FrameIntervals)
     changed_s: list[float] = field(default_factory=list)
     histories: list[ValueHistory] = field(default_factory=list)
     #: whether a wrong length, and a guessed layout, were reported
@@ -112,7 +112,7 @@ class FrameStore:
         heard = self._heartbeat_times.take(frame)
         row = self.rows.get((HEARTBEATS + heard.node_id, False)) if heard is not None and heard.written else None
         if row is not None:
-            row.rhythm = Rhythm()
+            row.rhythm = FrameIntervals()
 
     def _row(self, frame: Frame) -> SeenFrame | None:
         address = frame.can_id, frame.extended
@@ -200,6 +200,6 @@ class FrameStore:
     def forget(self) -> None:
         """Begin anew with all statistics."""
         for row in self.rows.values():
-            row.count, row.rhythm = 0, Rhythm()
+            row.count, row.rhythm = 0, FrameIntervals()
             for history in row.histories:
                 history.forget()

@@ -67,7 +67,7 @@ POINT_S, POINTS = 0.1, 600
 SHORTEST_S = 1e-9
 
 
-class Rhythm:
+class FrameIntervals:
     """When a frame came lately."""
 
     __slots__ = ("times_s",)

@@ -35,7 +35,7 @@ class SignalRows:
     """Turns frames into values of the signals in *decoder* that match *wanted* (small letters).
 
     With a *reader*, frames of services that it has words for are rows without values. *only* are kinds of frames, as in
-    `frame_filter.READ_KINDS`; none: all. *other* counts frames without a signal and without words.
+    `typed_frame.READ_KINDS`; none: all. *other* counts frames without a signal and without words.
     """
 
     def __init__(

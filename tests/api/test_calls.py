@@ -422,7 +422,7 @@ def test_what_stood_or_fell_together_is_recovered_on_every_node(dvtcli_serve: Se
     killed = f"""
 import dvtcli, os, signal
 bus = dvtcli.connect(**{served.settings}, timeout_s={PATIENCE_S})
-bus._session.whole.begin("x.dvt")
+bus._session.group.begin("x.dvt")
 bus.node(1).disable("tpdo1")
 bus.node(3).disable("tpdo1")
 os.kill(os.getpid(), signal.SIGKILL)
@@ -444,7 +444,7 @@ def test_a_node_that_restarts_while_another_is_recovered_is_put_back_again(
     killed = f"""
 import dvtcli, os, signal
 bus = dvtcli.connect(**{served.settings}, timeout_s={PATIENCE_S})
-bus._session.whole.begin("x.dvt")
+bus._session.group.begin("x.dvt")
 bus.node(1).set("tpdo1", timer_ms=44)
 bus.node(3).disable("tpdo1")
 os.kill(os.getpid(), signal.SIGKILL)

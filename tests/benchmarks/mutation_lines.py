@@ -165,7 +165,7 @@ class Known:
         one of the same way; then those of the module's own rooms, and the quickest.
         """
         rooms = Path(module).parts[1:-1]
-        ways: Counter[frozenset[int]] = Counter()
+        runners: Counter[frozenset[int]] = Counter()
 
         def ordered() -> Iterator[tuple[bool, int, bool, float, str]]:
             found = [
@@ -174,8 +174,8 @@ class Known:
                 if any(first <= one <= last for one in lines)
             ]
             for seconds, test, lines in sorted(found, key=lambda row: row[:2]):
-                yield line not in lines, ways[lines], test.split("/")[1] not in rooms, seconds, test
-                ways[lines] += 1
+                yield line not in lines, runners[lines], test.split("/")[1] not in rooms, seconds, test
+                runners[lines] += 1
 
         return [test for *_, test in sorted(ordered())]
 

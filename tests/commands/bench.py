@@ -13,9 +13,9 @@ from typing import Any
 from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.lexer import split
 from dvtcli.cli.run_line import boundary, run_words
+from dvtcli.cli.runners import install
 from dvtcli.cli.scripts.script import run_script
 from dvtcli.cli.view.output import Output
-from dvtcli.cli.ways_in import install
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.files.profile.toml import builtin_path
 from dvtcli.files.user_folders import user_folder

@@ -30,8 +30,8 @@ class RoundTrip:
         return sum(map(len, self.lost.values()))
 
     def __str__(self) -> str:
-        ways = ", ".join(f"{way} {len(lost)} lost" for way, lost in self.lost.items())
-        return f"{self.name:42} {self.objects:5} objects {self.entries:6} entries: {ways}"
+        runners = ", ".join(f"{way} {len(lost)} lost" for way, lost in self.lost.items())
+        return f"{self.name:42} {self.objects:5} objects {self.entries:6} entries: {runners}"
 
 
 def travelled(dictionary: ObjectDictionary, way: tuple[str, ...]) -> ObjectDictionary:

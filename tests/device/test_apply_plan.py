@@ -92,7 +92,7 @@ class Bench:
         self, state: NmtState | None = OPERATIONAL, boot_ups: int = 0, disturbance_count: int = 0
     ) -> InitialState:
         """How it was found; with -1 *boot_ups* it restarted since then, and the change is a way back all the same."""
-        return InitialState(state, boot_ups, disturbance_count, whatever_happened=boot_ups < 0)
+        return InitialState(state, boot_ups, disturbance_count, ignores_restarts=boot_ups < 0)
 
     def fault(self, what: str, at: int = 1) -> None:
         self.channel.what, self.channel.at = what, at

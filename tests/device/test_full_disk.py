@@ -51,9 +51,9 @@ def keep(tmp_path: Path, warned: list[str]) -> Iterator[Keep]:
     """Keepers of node 5, which warn into `warned`; what they hold is let go at the end."""
     kept: list[ChangeGuard] = []
 
-    def make(name: str = "state", whole: ChangeGroup | None = None) -> ChangeGuard:
+    def make(name: str = "state", group: ChangeGroup | None = None) -> ChangeGuard:
         guard = ChangeGuard(
-            tmp_path / name, tmp_path / "locks", "can0", 5, warn=warned.append, whole=whole or ChangeGroup()
+            tmp_path / name, tmp_path / "locks", "can0", 5, warn=warned.append, group=group or ChangeGroup()
         )
         kept.append(guard)
         return guard

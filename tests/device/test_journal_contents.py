@@ -71,23 +71,23 @@ def test_but_for_an_entry_behind_the_count_of_a_mapping_that_was_empty() -> None
 
 
 def test_what_stands_alone_is_put_back_alone_and_ids_are_nobody_else_s() -> None:
-    steps_in_order, alone = JournalContents(), ChangeGroup()
-    first = steps_in_order.begin(alone, timed(TPDO1, 0, 5), 5)
-    steps_in_order.carried_out()
-    second = steps_in_order.begin(alone, timed(TPDO2, 0, 5), 127)
-    assert (steps_in_order.plan, steps_in_order.nmt_state, steps_in_order.made) == (timed(TPDO2, 0, 5), 127, [])
+    contents, alone = JournalContents(), ChangeGroup()
+    first = contents.begin(alone, timed(TPDO1, 0, 5), 5)
+    contents.carried_out()
+    second = contents.begin(alone, timed(TPDO2, 0, 5), 127)
+    assert (contents.plan, contents.nmt_state, contents.made) == (timed(TPDO2, 0, 5), 127, [])
     assert (len(first), len(second), first != second) == (32, 32, True)
 
 
 def test_of_a_whole_each_change_that_was_carried_out_counts_once() -> None:
-    steps_in_order, whole = JournalContents(), ChangeGroup()
+    contents, whole = JournalContents(), ChangeGroup()
     whole.begin("a script")
     assert len(whole.id or "") == 32
     for pdo in (TPDO1, TPDO2):
-        steps_in_order.begin(whole, timed(pdo, 0, 5), 5)
-        steps_in_order.carried_out()
-        assert steps_in_order.in_hand is None
-    assert [change.label for change in steps_in_order.plan.changes] == ["TPDO1", "TPDO2"]
+        contents.begin(whole, timed(pdo, 0, 5), 5)
+        contents.carried_out()
+        assert contents.in_hand is None
+    assert [change.label for change in contents.plan.changes] == ["TPDO1", "TPDO2"]
     whole.begin("another one")
-    steps_in_order.begin(whole, timed(TPDO2, 5, 6), 5)
-    assert steps_in_order.plan == timed(TPDO2, 5, 6)
+    contents.begin(whole, timed(TPDO2, 5, 6), 5)
+    assert contents.plan == timed(TPDO2, 5, 6)

@@ -17,7 +17,7 @@ from dvtcli.domain.plan import Plan, Step, ValueChange
 def test_a_journal_that_cannot_be_used_now_keeps_its_whole(tmp_path: Path) -> None:
     """What another node's journal needs is not taken away with one that has ended."""
     journals = Journals(tmp_path, "can0")
-    journals.open_whole("ab12")
+    journals.open_group("ab12")
     plan = Plan(1, (ValueChange(Step(0x2000, 0, b"\0", b"\1", "write")),))
     for node_id in (1, 2):
         journals.write(

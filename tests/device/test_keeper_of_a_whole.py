@@ -39,8 +39,8 @@ def keep(tmp_path: Path) -> Iterator[Keep]:
     whole = ChangeGroup()
     whole.begin("set-up.dvt")
 
-    def make(node_id: int = 5, name: str = "state", whole: ChangeGroup = whole) -> ChangeGuard:
-        guard = ChangeGuard(tmp_path / name, tmp_path / "locks", "can0", node_id, whole=whole)
+    def make(node_id: int = 5, name: str = "state", group: ChangeGroup = whole) -> ChangeGuard:
+        guard = ChangeGuard(tmp_path / name, tmp_path / "locks", "can0", node_id, group=group)
         kept.append(guard)
         return guard
 
@@ -78,7 +78,7 @@ def test_the_journal_of_a_whole_grows_with_each_change_and_counts_to_its_end(kee
     make(one, 0x2001, 127)
     held = journal(one)
     assert indices(one) == [0x2000, 0x2001]
-    assert (held.nmt_state, held.part.whole, held.part.name) == (5, one.whole.id, "set-up.dvt")
+    assert (held.nmt_state, held.part.group_id, held.part.name) == (5, one.group.id, "set-up.dvt")
     assert len(set(held.part.entries)) == 2
     assert markers(one) == 1
     assert not one.refuse_while_open(), "its own journal does not stand in its way, and it has the lock"
@@ -108,7 +108,7 @@ def test_a_whole_of_several_nodes_ends_on_all_of_them_at_one_stroke(keep: Keep) 
     one, other = keep(5), keep(7)
     make(one, 0x2000)
     make(other, 0x2000)
-    assert [found.plan.node_id for found in one.journals.all_of(str(one.whole.id))] == [5, 7]
+    assert [found.plan.node_id for found in one.journals.all_of(str(one.group.id))] == [5, 7]
     one.own_journal.complete_whole()
     assert other.journals.path(7).exists()
     assert other.open_journal() is None, "it is there, and counts no longer"
@@ -163,7 +163,7 @@ def test_a_line_that_no_undo_reverts_is_on_disk_before_it_begins(keep: Keep) -> 
 def test_a_journal_of_another_whole_stands_in_the_way(keep: Keep) -> None:
     one = keep()
     make(one, 0x2000)
-    one.whole.begin("another.dvt")
+    one.group.begin("another.dvt")
     with pytest.raises(SafetyRefusal, match="not finished yet"):
         one.refuse_while_open()
 
@@ -173,7 +173,7 @@ def test_a_damaged_journal_says_what_closes_it(keep: Keep) -> None:
     make(one, 0x2000)
     path = one.journals.path(5)
     path.write_text("{", "utf-8")
-    one.whole.begin("another.dvt")
+    one.group.begin("another.dvt")
     with pytest.raises(SafetyRefusal) as caught:
         one.refuse_while_open()
     assert (
@@ -227,7 +227,7 @@ def test_the_lock_is_kept_only_where_there_is_a_journal(keep: Keep) -> None:
 
 
 def test_a_change_alone_is_over_with_its_end(keep: Keep) -> None:
-    one = keep(whole=ChangeGroup())
+    one = keep(group=ChangeGroup())
     make(one, 0x2000)
     assert (one.open_journal(), one.lock.noted(), markers(one)) == (None, None, 0)
     one.begin(plan(5, 0x2001), IDENTITY, 5, dict)
@@ -269,7 +269,7 @@ def test_a_journal_of_ours_stays_where_another_one_was_recovered(keep: Keep) -> 
     make(one, 0x2000)
     old = journal(one)
     let_go(one)
-    second = keep(name="elsewhere", whole=ChangeGroup())
+    second = keep(name="elsewhere", group=ChangeGroup())
     second.hold()
     own = second.journals.write(plan(5, 0x2007), IDENTITY, 5)
     second.forget(old)

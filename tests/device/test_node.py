@@ -67,7 +67,7 @@ def test_undo_takes_back_the_last_change_and_no_others_and_not_what_somebody_els
     set_timer(node, TPDO2, 80)
     node.undo()
     assert timers(node) == [70, before[1]]
-    assert node.unkept == 0, "it was one of ours"
+    assert node.undone_earlier == 0, "it was one of ours"
     node.sdo.download(0x1800, 5, b"\x09\x00")
     with pytest.raises(SafetyRefusal, match="does not hold what that change left"):
         node.undo()
@@ -82,12 +82,12 @@ def test_what_others_changed_is_put_back_one_by_one_and_counted(node: Node) -> N
     set_timer(node, TPDO2, 80)
     plans, node.history = list(node.history), []
     _, count = node.undo_plans(UndoRequest(plans))
-    assert (timers(node), count, node.unkept) == ([70, before[1]], 1, 1)
+    assert (timers(node), count, node.undone_earlier) == ([70, before[1]], 1, 1)
     node.sdo.download(0x1800, 5, b"\x09\x00")
     with pytest.raises(SafetyRefusal):
         node.undo_plans(UndoRequest(plans[:1]))
     node.undo_plans(UndoRequest(plans[:1], force=True))
-    assert (timers(node), node.unkept) == (before, 2)
+    assert (timers(node), node.undone_earlier) == (before, 2)
 
 
 def test_of_a_chain_that_somebody_else_broke_only_what_came_after_is_put_back(node: Node) -> None:

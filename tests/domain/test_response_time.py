@@ -51,15 +51,15 @@ def test_the_tables(frames: list[TimedFrame], bit_rate: int, expected_ms: str) -
 
 def test_priorities_are_the_wires() -> None:
     """A data frame goes before a remote one, an 11-bit CAN-ID before the 29-bit one that begins with it."""
-    ways = [
+    runners = [
         TimedFrame(0x100, 8, 10_000),
         TimedFrame(0x100, 0, 10_000, remote=True),
         TimedFrame(0x100 << 18, 8, 10_000, extended=True),
         TimedFrame(0x101, 8, 10_000),
     ]
-    numbers = [one.arbitration for one in ways]
+    numbers = [one.arbitration for one in runners]
     assert numbers == sorted(set(numbers))
-    assert [one.bits for one in ways] == [135, 55, 160, 135]
+    assert [one.bits for one in runners] == [135, 55, 160, 135]
 
 
 def test_what_nothing_limits_has_no_bound_and_gives_none_to_what_comes_behind_it() -> None:

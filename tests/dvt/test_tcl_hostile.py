@@ -28,7 +28,7 @@ from dvtcli.errors import DvtcliError
 from tests.commands.bench import Bench
 from tests.process import PATIENCE_S, ROOT
 
-#: Says *lines* as if it was Tcl; what it is told, it reads only where `hear` is called.
+#: ValueFormatter *lines* as if it was Tcl; what it is told, it reads only where `hear` is called.
 FAKE = """
 import os, sys, time
 sys.path.insert(0, {root!r})

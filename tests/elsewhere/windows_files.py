@@ -63,15 +63,15 @@ def strict_files() -> None:  # noqa: C901 - one rule after the other
             raise OSError(9, "Bad file descriptor")
         usual["fsync"](descriptor)
 
-    ways: dict[str, Any] = {
+    runners: dict[str, Any] = {
         "replace": replace,
         "rename": rename,
         "mkdir": mkdir,
         "open": open_descriptor,
         "fsync": fsync,
     }
-    ways |= {name: removing(usual[name]) for name in ("unlink", "remove")}
-    for name, way in ways.items():
+    runners |= {name: removing(usual[name]) for name in ("unlink", "remove")}
+    for name, way in runners.items():
         setattr(os, name, way)
     builtins.open = io.open = _opening(io.open)
 

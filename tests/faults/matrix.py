@@ -15,9 +15,9 @@ from pathlib import Path
 from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.lexer import split
 from dvtcli.cli.run_line import boundary, run_words
+from dvtcli.cli.runners import install
 from dvtcli.cli.scripts.script import run_script
 from dvtcli.cli.view.output import Output
-from dvtcli.cli.ways_in import install
 from dvtcli.device.change.change_guard import ChangeGuard
 from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.node import Node

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from dvtcli.device.change.changeable import Changeable
-from dvtcli.device.change.finish_interrupted import Recovery, recover_together
 from dvtcli.device.change.journal import Journal
+from dvtcli.device.change.recovery import Recovery, recover_together
 from dvtcli.domain.plan import Plan
 from dvtcli.domain.rules import Finding
 

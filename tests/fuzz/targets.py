@@ -30,9 +30,9 @@ from dvtcli.cli.pdo_params import COB_ID, PDO
 from dvtcli.cli.prompt.full_line import KeptHistory
 from dvtcli.cli.registry import REGISTRY
 from dvtcli.cli.run_line import boundary, parse, run_words
+from dvtcli.cli.runners import install
 from dvtcli.cli.scripts.script_parse import script_lines
 from dvtcli.cli.view.output import Output
-from dvtcli.cli.ways_in import install
 from dvtcli.device.change.journal import Journals, read_journal
 from dvtcli.device.described_node import FileValues
 from dvtcli.device.node import Node

@@ -27,7 +27,7 @@ def gone(folder: Path) -> dict[str, set[int]]:
 
 
 @cache
-def ways() -> dict[str, list[Way]]:
+def runners() -> dict[str, list[Way]]:
     """All ways of the product, by file, also of files that nobody imported."""
     files = sorted(PACKAGE.rglob("*.py"))
     return {path.relative_to(PACKAGE).as_posix(): marked(path.read_bytes(), str(path))[1] for path in files}
@@ -39,7 +39,7 @@ def rooms(went: dict[str, set[int]]) -> Iterator[str]:
         yield "nothing was counted: there is nothing in this folder"
         return
     counts: dict[str, list[int]] = defaultdict(lambda: [0] * 4)
-    for file, there in ways().items():
+    for file, there in runners().items():
         for number, way in enumerate(there):
             for name in (room_of(file), "all"):
                 column = 2 * (way.kind == "def")
@@ -58,7 +58,7 @@ def _share(part: int, whole: int) -> str:
 
 def left(went: dict[str, set[int]], file: str) -> Iterator[str]:
     """The ways of *file* that nobody went."""
-    missing = [way for number, way in enumerate(ways()[file]) if number not in went.get(file, ())]
+    missing = [way for number, way in enumerate(runners()[file]) if number not in went.get(file, ())]
     yield from (f"{file}:{way.line} {way.kind}" for way in missing)
 
 

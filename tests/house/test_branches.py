@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.branches import marked
-from tests.house.branches import gone, left, rooms, ways
+from tests.house.branches import gone, left, rooms, runners
 from tests.process import ROOT, environment
 from tests.sample import heavy
 
@@ -104,7 +104,7 @@ def test_an_option_from_a_variable_counts_in_a_worker(tmp_path: Path) -> None:
     assert ran.returncode == 0, ran.stdout + ran.stderr
     found = gone(tmp_path / "counted")
     assert len(found["domain/cob_id.py"]) > 5
-    assert len(list(left(found, "domain/cob_id.py"))) < len(ways()["domain/cob_id.py"]) / 2
+    assert len(list(left(found, "domain/cob_id.py"))) < len(runners()["domain/cob_id.py"]) / 2
     words = [line.split()[0] for line in rooms(found)]
     assert words[0] == "room"
     assert "domain" in words

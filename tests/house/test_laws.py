@@ -58,9 +58,9 @@ def with_text(source: str, text: str) -> str:
 
 
 def test_each_law_is_broken_in_three_ways_at_least() -> None:
-    ways = Counter(way.law for way in BREAKS)
-    assert ways.keys() == LAWS.keys()
-    assert min(ways.values()) >= 3, ways
+    runners = Counter(way.law for way in BREAKS)
+    assert runners.keys() == LAWS.keys()
+    assert min(runners.values()) >= 3, runners
 
 
 def test_a_broken_file_is_told_from_the_house_as_it_is() -> None:

@@ -33,7 +33,7 @@ from dvtcli.watch.decoder import Decoder, Layout, Signal, pdo_layouts, unique
 from dvtcli.watch.listener import FOREIGN_CLOCK_S, Listener
 from dvtcli.watch.seen import ROWS, FrameStore
 from dvtcli.watch.service import service_of
-from dvtcli.watch.statistics import Point, Rhythm, ValueHistory, spark
+from dvtcli.watch.statistics import FrameIntervals, Point, ValueHistory, spark
 from dvtcli.watch.table import all_columns
 from dvtcli.watch.tracks import Track, find_tracks
 from tests.serve.served import wait_for
@@ -71,7 +71,7 @@ def test_services_of_the_pre_defined_connection_set(
 
 @given(st.floats(0.001, 10), st.integers(3, 100))
 def test_a_steady_frame_has_its_rate_and_no_jitter(period_s: float, count: int) -> None:
-    rhythm = Rhythm()
+    rhythm = FrameIntervals()
     for n in range(count):
         rhythm.beat(n * period_s)
     last_s = (count - 1) * period_s
@@ -81,7 +81,7 @@ def test_a_steady_frame_has_its_rate_and_no_jitter(period_s: float, count: int) 
 
 
 def test_jitter_is_the_deviation_of_the_gaps() -> None:
-    rhythm = Rhythm()
+    rhythm = FrameIntervals()
     for time_s in (0.0, 0.010, 0.030, 0.040, 0.060):
         rhythm.beat(time_s)
     assert rhythm.jitter_s() == pytest.approx(0.005)
@@ -89,7 +89,7 @@ def test_jitter_is_the_deviation_of_the_gaps() -> None:
 
 
 def test_one_frame_has_no_rate() -> None:
-    rhythm = Rhythm()
+    rhythm = FrameIntervals()
     assert rhythm.rate_hz(0) is None
     rhythm.beat(0)
     assert rhythm.rate_hz(0) is None
@@ -98,25 +98,25 @@ def test_one_frame_has_no_rate() -> None:
 
 @given(st.lists(st.tuples(st.integers(0, 300), st.integers(-(2**31), 2**31)), min_size=1, max_size=80))
 def test_least_and_most_and_points_hold_every_value(samples: list[tuple[int, int]]) -> None:
-    steps_in_order, time_s, values = ValueHistory(), 0.0, []
+    history, time_s, values = ValueHistory(), 0.0, []
     for gap_ms, value in samples:
         time_s += gap_ms / 1000
         values.append(value)
-        steps_in_order.take(value, time_s)
-    assert (steps_in_order.low, steps_in_order.high, steps_in_order.last) == (min(values), max(values), values[-1])
-    assert min(point.low for point in steps_in_order.points) == min(values)
-    assert max(point.high for point in steps_in_order.points) == max(values)
-    assert steps_in_order.points[-1].last == values[-1]
-    times = [point.time_s for point in steps_in_order.points]
+        history.take(value, time_s)
+    assert (history.low, history.high, history.last) == (min(values), max(values), values[-1])
+    assert min(point.low for point in history.points) == min(values)
+    assert max(point.high for point in history.points) == max(values)
+    assert history.points[-1].last == values[-1]
+    times = [point.time_s for point in history.points]
     assert times == sorted(set(times))
 
 
 def test_what_is_no_number_is_not_counted() -> None:
-    steps_in_order = ValueHistory()
-    steps_in_order.take(float("nan"), 0.0)
-    steps_in_order.take(b"ab", 1.0)
-    assert steps_in_order.low is None
-    assert steps_in_order.last == b"ab"
+    history = ValueHistory()
+    history.take(float("nan"), 0.0)
+    history.take(b"ab", 1.0)
+    assert history.low is None
+    assert history.last == b"ab"
 
 
 @given(st.lists(st.floats(allow_nan=False, allow_infinity=False, width=32), max_size=30))
@@ -135,11 +135,11 @@ def test_a_sparkline_has_a_character_for_each_value(values: list[float]) -> None
 def test_a_graph_has_its_size_whatever_it_shows(
     samples: list[tuple[int, int]], width: int, height: int, plain: bool
 ) -> None:
-    steps_in_order, time_s = ValueHistory(), 0.0
+    history, time_s = ValueHistory(), 0.0
     for gap_ms, value in samples:
         time_s += gap_ms / 1000
-        steps_in_order.take(value, time_s)
-    lines = graph(list(steps_in_order.points), width, height, (time_s - 60, time_s), ends=("-60 s", "now"), plain=plain)
+        history.take(value, time_s)
+    lines = graph(list(history.points), width, height, (time_s - 60, time_s), ends=("-60 s", "now"), plain=plain)
     assert len(lines) == max(2, height - 2) + 2
     assert all(len(line) <= max(width, 22) for line in lines)
 
@@ -152,7 +152,7 @@ def test_a_store_tells_news_from_repetitions() -> None:
     other = Frame(0x201, bytes.fromhex("000A25FAFFFF3712"), timestamp_s=BEGIN_S + 1)
     assert store.take(other)
     (row,) = store.sorted_rows()
-    assert [steps_in_order.last for steps_in_order in row.histories] == [2560, 0xFFFFFA25, 0x1237]
+    assert [history.last for history in row.histories] == [2560, 0xFFFFFA25, 0x1237]
     assert [at for at, changed_s in enumerate(row.changed_s) if changed_s == BEGIN_S + 1] == [2]
     assert (store.frames, row.count) == (3, 3)
 
@@ -404,9 +404,9 @@ def test_what_is_learnt_later_counts_for_what_came_before() -> None:
     store.know(decoder())
     (row,) = store.sorted_rows()
     assert (row.service.label, row.count, row.histories[0].last) == ("TPDO1", 3, 2560)
-    steps_in_order = row.histories[0]
+    history = row.histories[0]
     store.know(decoder())
-    assert row.histories[0] is steps_in_order, "what is as before keeps its course"
+    assert row.histories[0] is history, "what is as before keeps its course"
     store.know(Decoder())
     assert (row.service.label, row.histories) == ("RPDO1?", [])
 

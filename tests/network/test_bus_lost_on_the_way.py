@@ -131,7 +131,7 @@ def test_a_change_that_fails_before_its_first_write_is_over(home: Path, before: 
     with chain.session() as session:
         with pytest.raises(DvtcliError, match="the bus is gone"):
             applied(session, str(path))
-        assert session.whole.id is None
+        assert session.group.id is None
 
 
 @pytest.mark.parametrize("cut", ["request 133", "request 205", "first write"])

@@ -72,7 +72,7 @@ def killed(chain: Chain, home: Path, kind: str, look: Callable[[Chain], None]) -
     assert wrong == [""]
 
 
-@pytest.mark.parametrize(("kind", "way"), [(kind, way) for kind, ways in WAYS.items() for way in ways])
+@pytest.mark.parametrize(("kind", "way"), [(kind, way) for kind, runners in WAYS.items() for way in runners])
 def test_what_is_printed_runs_and_its_sentence_is_true(chain: Chain, home: Path, kind: str, way: str) -> None:
     before, path, promise = chain.held(), home.parent / "net.yaml", INTERRUPTED[WAYS[kind][way]]
 

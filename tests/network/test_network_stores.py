@@ -243,7 +243,7 @@ def test_a_disk_that_is_full_between_two_stores_is_told_and_ends_the_whole(chain
             applied(session, str(file(home)))
         assert left.value.state == "left_changed"
         assert ("stored", "node 5") in left.value.details
-        assert session.whole.id is None
+        assert session.group.id is None
     assert types(chain) == {5: 1, 9: 1}
 
 

@@ -7,8 +7,8 @@ import time
 
 from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.prompt.loop import run_prompt
+from dvtcli.cli.runners import install
 from dvtcli.cli.view.output import Output
-from dvtcli.cli.ways_in import install
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family

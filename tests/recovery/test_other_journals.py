@@ -83,7 +83,7 @@ def test_a_journal_that_stays_does_not_leave_the_script_open_nor_keep_the_others
         assert ran.code != 0
         assert "journal of node 1 cannot be removed" in ran.stderr
         assert not list(folder.glob("*-3.json"))
-        assert bench.session.whole.id is None, "what comes next stands alone"
+        assert bench.session.group.id is None, "what comes next stands alone"
 
 
 class Trigger(StrictDevice):

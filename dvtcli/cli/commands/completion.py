@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.ways import root
+from dvtcli.cli.runner_interface import root
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Facts

@@ -10,7 +10,7 @@ from click.shell_completion import CompletionItem
 from dvtcli.cli.catalogue import command_names, summary, unknown_command
 from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.params import TextType
-from dvtcli.cli.ways import root
+from dvtcli.cli.runner_interface import root
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Facts

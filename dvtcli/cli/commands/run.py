@@ -9,7 +9,7 @@ import click
 
 from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.params import FILE, CanopenType
-from dvtcli.cli.ways import ways
+from dvtcli.cli.runner_interface import runners
 from dvtcli.operations.user.options import CASE_FORMATS
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def command(ctx: click.Context, /, file: str, keep_going: bool, atomic: bool, mo
     run scripts/pdo_config.tcl
     """
     session: Conversation = ctx.obj
-    run = partial(ways(ctx).file, session, file, keep_going=keep_going, atomic=atomic, most_seconds=most_seconds)
+    run = partial(runners(ctx).file, session, file, keep_going=keep_going, atomic=atomic, most_seconds=most_seconds)
     if session.output.format not in CASE_FORMATS:
         return run()
     from dvtcli.cli.scripts.reported_run import reported_run

@@ -10,7 +10,7 @@ import click
 from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.lexer import split
 from dvtcli.cli.params import FILE
-from dvtcli.cli.ways import ways
+from dvtcli.cli.runner_interface import runners
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def command(ctx: click.Context, /, file: str, history: bool, everything: bool) -
     what = EVERYTHING if everything else STEPS if history else ENDS
     if file.lower().endswith(".tcl"):
         return save_script(session, file, what, _as_tcl)
-    return save_script(session, file, what, read_back=partial(ways(ctx).parsed, ctx.obj))
+    return save_script(session, file, what, read_back=partial(runners(ctx).parsed, ctx.obj))
 
 
 def _as_tcl(text: str) -> str:

@@ -8,7 +8,7 @@ import click
 
 from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.params import TEXT
-from dvtcli.cli.ways import ways
+from dvtcli.cli.runner_interface import runners
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def command(ctx: click.Context, /, words: tuple[str, ...]) -> int:
     tcl "set volts [expr {[dvtcli read battery_voltage] / 16.0}]"
     """
     session: Conversation = ctx.obj
-    tcl = ways(ctx).tcl(session)
+    tcl = runners(ctx).tcl(session)
     if words:
         try:
             return tcl.run(" ".join(words))

@@ -10,7 +10,7 @@ import click
 from dvtcli.cli.boundary import LEAVE, exit_code_of
 from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.lexer import split
-from dvtcli.cli.ways import Ways, ways
+from dvtcli.cli.runner_interface import LineRunners, runners
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
@@ -74,7 +74,7 @@ def command(ctx: click.Context, /) -> int:
     try:
         for number, step in enumerate(STEPS, 1):
             _say(guide, "", f"{number}/{len(STEPS)}  {step.text}")
-            if not (_guided(guide, ways(ctx), step) if asks else _shown(guide, ways(ctx), step)):
+            if not (_guided(guide, runners(ctx), step) if asks else _shown(guide, runners(ctx), step)):
                 break
         else:
             _say(guide, "", "That was the tour. `help` has all commands; `dvtcli --sim generic` is a node for them.")
@@ -85,7 +85,7 @@ def command(ctx: click.Context, /) -> int:
     return 0
 
 
-def _guided(guide: Conversation, lines: Ways, step: TourStep) -> bool:
+def _guided(guide: Conversation, lines: LineRunners, step: TourStep) -> bool:
     """Let the user run the step's line, and others before it; returns False if the user leaves."""
     while True:
         _say(guide, f"  Enter runs:  {step.line}")
@@ -102,7 +102,7 @@ def _guided(guide: Conversation, lines: Ways, step: TourStep) -> bool:
             return True
 
 
-def _shown(guide: Conversation, lines: Ways, step: TourStep) -> bool:
+def _shown(guide: Conversation, lines: LineRunners, step: TourStep) -> bool:
     """Print the step's line and run it. Raises AssertionError if the exit code is not the step's."""
     guide.output.stdout.flush()
     _say(guide, f"tour> {step.line}")
@@ -111,7 +111,7 @@ def _shown(guide: Conversation, lines: Ways, step: TourStep) -> bool:
     return True
 
 
-def _run(guide: Conversation, lines: Ways, line: str) -> int:
+def _run(guide: Conversation, lines: LineRunners, line: str) -> int:
     """Run a line as at the prompt."""
     code = exit_code_of(guide, lambda: lines.line(guide, split(line)) if split(line) else 0)
     return exit_code_of(guide, lambda: guide.end_line(code)) or code

@@ -9,7 +9,7 @@ import click
 
 from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.params import TEXT
-from dvtcli.cli.ways import ways
+from dvtcli.cli.runner_interface import runners
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -53,5 +53,5 @@ def command(ctx: click.Context, /, word: str | None, everything: bool, backup: s
         raise UsageError("--all and --backup exclude each other: a backup is everything")
     from dvtcli.operations.changes.undo import undo_to_backup
 
-    rehearse = partial(ways(ctx).rehearsed, ctx.obj)
+    rehearse = partial(runners(ctx).rehearsed, ctx.obj)
     return undo_to_backup(ctx.obj, rehearse, None if backup == _NEWEST else backup)

@@ -10,7 +10,7 @@ import click
 from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.params import TEXT
 from dvtcli.cli.pdo_params import PDO, NodePdo
-from dvtcli.cli.ways import ways
+from dvtcli.cli.runner_interface import runners
 from dvtcli.errors import UsageError
 from dvtcli.operations.user.options import CASE_FORMATS, is_file
 
@@ -40,7 +40,7 @@ def command(ctx: click.Context, /, words: tuple[str, ...], frame: bool) -> Compa
     from dvtcli.operations.devices.verify_nodes import verify
 
     pdos, file = _sorted_words(words)
-    rehearse = partial(ways(ctx).rehearsed, ctx.obj)
+    rehearse = partial(runners(ctx).rehearsed, ctx.obj)
     return verify(ctx.obj, rehearse, [(word.node_id, word.pdo) for word in pdos], file, frame=frame)
 
 

@@ -10,7 +10,7 @@ from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.dvt.word import DvtWord
 from dvtcli.cli.dvt.words import WORDS, answer
 from dvtcli.cli.params import FILE, TEXT, CanopenType, TextType
-from dvtcli.cli.ways import ways
+from dvtcli.cli.runner_interface import runners
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
@@ -64,7 +64,7 @@ class WordCommand(DvtCommand):
 
     def _run(self, ctx: click.Context, /, values: list[Any]) -> Any:
         if self.word.run is None:
-            return ways(ctx).file(ctx.obj, values[0])
+            return runners(ctx).file(ctx.obj, values[0])
         return answer(self.word, ctx.obj, values)
 
 

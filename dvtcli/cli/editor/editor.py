@@ -22,7 +22,7 @@ from dvtcli.cli.view.renderers import remarks, text
 from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.domain.mapping import DUMMY_BITS, PdoMappingEntry, split_dummy
 from dvtcli.domain.object_syntax import Skipped
-from dvtcli.domain.rules.mappable import known_dummies
+from dvtcli.domain.rules.pdo_mapping import known_dummies
 from dvtcli.domain.shown_value import value_text
 from dvtcli.domain.text import join_some
 from dvtcli.errors import BusUnavailable, DvtcliError, UsageError

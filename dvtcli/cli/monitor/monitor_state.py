@@ -18,7 +18,7 @@ class View:
     chosen: int = 0
     plain: bool = False
     changes: bool = False
-    #: kinds of frames that are shown, as in `frame_filter.READ_KINDS`; none: all
+    #: kinds of frames that are shown, as in `typed_frame.READ_KINDS`; none: all
     only: frozenset[str] = frozenset()
     #: the first visible line of the body
     top: int = 0

@@ -118,7 +118,7 @@ class ScriptChanges:
         self._outer = outer
         self._before = {id(node): len(node.history) for node in session.met_nodes()}
         #: number of undone changes of earlier processes on each node, absent in histories
-        self._unkept = {id(node): node.unkept for node in session.met_nodes()}
+        self._undone_earlier = {id(node): node.undone_earlier for node in session.met_nodes()}
         self._stores = {id(node): node.pending.stores for node in session.met_nodes()}
         self._executed, self._selected = len(session.record.lines), session.selected
         #: the script's plans with their lines; kept, so that no other plan gets their ids
@@ -134,7 +134,7 @@ class ScriptChanges:
         #: whether a roll-back was attempted
         self.ended = False
         if atomic:
-            session.whole.begin(name)
+            session.group.begin(name)
 
     def note(self, place: str, *, other: bool = False, final: bool = False) -> None:
         """Record the line at *place*; *other*: effects outside histories; *final*: effects without undo."""
@@ -144,8 +144,8 @@ class ScriptChanges:
                 self._plans.setdefault(id(plan), (plan, place))
             if len(node.history) < before:  # it undid what was done before the script
                 self._before[id(node)], other, final = len(node.history), True, True
-            if node.unkept > self._unkept.get(id(node), 0):
-                self._unkept[id(node)], other, final = node.unkept, True, True
+            if node.undone_earlier > self._undone_earlier.get(id(node), 0):
+                self._undone_earlier[id(node)], other, final = node.undone_earlier, True, True
             if node.pending.stores > self._stores.get(id(node), 0):
                 self._stores[id(node)], other, final = node.pending.stores, True, True
         if other:
@@ -250,10 +250,10 @@ class ScriptChanges:
         """Keep all changes: `recover` no longer reverts them. Raises JournalKept if a journal cannot be removed."""
         if not self.atomic:
             return
-        from dvtcli.device.change.own_journal import complete_wholes
+        from dvtcli.device.change.own_journal import complete_groups
 
-        kept = complete_wholes(self._journals())
-        self._session.whole.end()
+        kept = complete_groups(self._journals())
+        self._session.group.end()
         if kept is not None:
             raise kept
 
@@ -264,11 +264,11 @@ class ScriptChanges:
         elif self.atomic:
             for journal in self._journals():
                 journal.abandon_whole()
-            self._session.whole.end()
+            self._session.group.end()
 
     def _journals(self) -> list[OwnJournal]:
         """Return journals of all nodes met so far, for an atomic script that is still open."""
-        if not self.atomic or self._session.whole.id is None:
+        if not self.atomic or self._session.group.id is None:
             return []
         return [node.guard.own_journal for node in self._session.met_nodes() if node.guard is not None]
 

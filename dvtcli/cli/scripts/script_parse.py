@@ -115,8 +115,7 @@ def all_parsed(
     """Parse all lines, including scripts run by them, before any runs.
 
     *sources* is the chain of running scripts, outermost first; *checked* has the effects of files already checked;
-    *reach*
-    collects the effects of these lines.
+    *reach* collects the effects of these lines.
     """
     parsed: list[tuple[ScriptLine, click.Context]] = []
     written: set[str] = set()

@@ -54,7 +54,7 @@ _FIRST_OF_MAKER = 0x2000
 def apply_plan(
     node: Changeable,
     plan: Plan,
-    found: InitialState | None = None,
+    initial_state: InitialState | None = None,
     findings: tuple[Finding, ...] = (),
     *,
     done: Callable[[Plan, int], None] = lambda _plan, _boot_ups: None,
@@ -63,29 +63,31 @@ def apply_plan(
 ) -> None:
     """Take *node* to where *plan* ends, or leave it as it was; a signal waits for a safe point, or comes too late.
 
-    *found* is the node's state when the plan was made; None: it is read now. *findings* are what the rules said of the
-    plan; they explain a refusal of something that was forced. *done* is called with the plan and the number of boot-ups
-    so far once the plan was read back, before anything else can fail. *is_kept* says that `undo` is to remember the
-    change. With *keep_journal* the journal of a change that stands is left open: the caller rolls the change back.
-    Raises LeftChanged, which names the journal, if the plan fails and the roll-back fails too.
+    *initial_state* is the node's state when the plan was made; None: it is read now. *findings* are what the rules
+    said of the plan; they explain a refusal of something that was forced. *done* is called with the plan and the
+    number of boot-ups so far once the plan was read back, before anything else can fail. *is_kept* says that `undo` is
+    to remember the change. With *keep_journal* the journal of a change that stands is left open: the caller rolls the
+    change back. Raises LeftChanged, which names the journal, if the plan fails and the roll-back fails too.
     """
     with node.cancellation.guard():
-        found = node.begin_change() if found is None else found
-        node.require_not_restarted(found)
+        initial_state = node.begin_change() if initial_state is None else initial_state
+        node.require_not_restarted(initial_state)
         is_watched = _is_watched(node, plan)
         if is_watched:
             node.known_pdos()
         cob_ids = cob_ids_beside(node, plan)
         if node.guard is not None:
             pdos, held = node.known_pdos, node.last_read
-            node.guard.begin(plan, node.identity(), found.state, pdos, held, is_test=keep_journal, is_kept=is_kept)
+            node.guard.begin(
+                plan, node.identity(), initial_state.state, pdos, held, is_test=keep_journal, is_kept=is_kept
+            )
         try:
-            beside = wholes_beside(node, plan, found)
+            beside = wholes_beside(node, plan, initial_state)
             untold = any(config.lacking for config in node.last_read.values())
-            enter(node, found)
-            node.require_not_restarted(found)
+            enter(node, initial_state)
+            node.require_not_restarted(initial_state)
             others = UntouchedPdos(cob_ids, beside, partial(present_beside, node, plan), partial(unlike_kept, node))
-            transaction = _transaction(node, plan, others, found)
+            transaction = _transaction(node, plan, others, initial_state)
             try:
                 transaction.run()
             finally:
@@ -94,38 +96,38 @@ def apply_plan(
             left_open(node, left)
             raise
         except BaseException as error:
-            node.told_restart |= restarted_since(node, found)
+            node.has_reported_restart |= restarted_since(node, initial_state)
             if isinstance(error, DvtcliError):
                 explain_refusal(node, error, findings)
-            restore_nmt_state(node, error, found)
+            restore_nmt_state(node, error, initial_state)
             raise
         node.answered_otherwise = dict(transaction.answered_otherwise)
         node.expected.seen(beside, whole=is_watched and not untold)
         if node.guard is not None:
             node.guard.own_journal.carried_out()
         done(plan, transaction.boot_ups_verified)
-        end_change(node, plan, lambda: return_to_state(node, found), keep_journal=keep_journal)
+        end_change(node, plan, lambda: return_to_state(node, initial_state), keep_journal=keep_journal)
     node.cancellation.hold()
 
 
-def enter(node: Changeable, found: InitialState) -> None:
-    """Make PDO writes possible; a node that restarted since *found* OPERATIONAL returns to OPERATIONAL at the end."""
+def enter(node: Changeable, initial_state: InitialState) -> None:
+    """Enter the gate for PDO writes; a node that restarted since *initial_state* OPERATIONAL returns to it at the end."""
     was_in = node.gate.entered
     node.gate.enter()
-    if not was_in and node.gate.entered and node.gate.found is None and restarted_since(node, found):
-        node.gate.found = found.state
+    if not was_in and node.gate.entered and node.gate.found is None and restarted_since(node, initial_state):
+        node.gate.found = initial_state.state
 
 
 def look_again(
-    node: Changeable, plan: Plan, found: InitialState | None, what: str = "restarted while it was looked at"
+    node: Changeable, plan: Plan, initial_state: InitialState | None, what: str = "restarted while it was looked at"
 ) -> None:
     """Read all that *plan* changes again. Raises Restarted, saying *what* happened, if *node* has lost the change.
 
-    Makes no further write. Brings the node back to the NMT state *found*, if given.
+    Makes no further write. Brings the node back to the NMT state *initial_state*, if given.
     """
     differences = node.observed(lambda: [first_difference(node.sdo, change) for change in plan.changes])
-    if found is not None:
-        return_to_state(node, found)
+    if initial_state is not None:
+        return_to_state(node, initial_state)
     difference = next(filter(None, differences), None)
     if difference is not None:
         raise Restarted(
@@ -144,8 +146,8 @@ def _is_watched(node: Changeable, plan: Plan) -> bool:
     return is_of_pdo(plan) and not node.only_one() and not node.expected.is_whole
 
 
-def _transaction(node: Changeable, plan: Plan, others: UntouchedPdos, found: InitialState) -> Transaction:
-    """The transaction that writes *plan*, made from what was read since *node* was *found*, and watches *others*."""
+def _transaction(node: Changeable, plan: Plan, others: UntouchedPdos, initial_state: InitialState) -> Transaction:
+    """Return the transaction that writes *plan*, made when *node* was in *initial_state*; it watches *others*."""
 
     def note(changes: Sequence[Change]) -> None:
         if node.guard is None:
@@ -172,7 +174,7 @@ def _transaction(node: Changeable, plan: Plan, others: UntouchedPdos, found: Ini
         on_altered=note,
         on_step=took,
         control_words=_control_words(node, plan),
-        boot_ups_read=None if found.whatever_happened else found.boot_ups,
+        boot_ups_read=None if initial_state.ignores_restarts else initial_state.boot_ups,
     )
 
 
@@ -207,7 +209,7 @@ def apply_with_retry(
     node: Changeable,
     plan: Plan,
     findings: tuple[Finding, ...],
-    found: InitialState | None,
+    initial_state: InitialState | None,
     done: Callable[[Plan, int], None],
     *,
     is_kept: bool = False,
@@ -226,7 +228,7 @@ def apply_with_retry(
         node.gate.wanted = node.gate.consent
     try:
         try:
-            run(plan, found)
+            run(plan, initial_state)
         except DeviceRefused as refused:
             plan, remark = _apply_again(node, plan, refused, run)
             return plan, (*findings, remark)

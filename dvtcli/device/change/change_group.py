@@ -46,7 +46,7 @@ class GroupMember:
     that matched already, with their expected values: neither changed nor stored.
     """
 
-    whole: str | None = None
+    group_id: str | None = None
     name: str = ""
     entries: tuple[str, ...] = ()
     final: str = ""

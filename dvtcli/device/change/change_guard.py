@@ -105,7 +105,7 @@ class ChangeGuard:
     #: the command of this process, for other dvtcli waiting for the lock
     command: Callable[[], str] = lambda: ""
     #: the current change group
-    whole: ChangeGroup = field(default_factory=ChangeGroup)
+    group: ChangeGroup = field(default_factory=ChangeGroup)
     lock: NodeLock = field(init=False)
     journals: Journals = field(init=False)
     #: the journal of this process
@@ -117,7 +117,7 @@ class ChangeGuard:
     def __post_init__(self) -> None:
         self.lock = NodeLock(self.locks, self.bus, self.node_id, self.command, self._remove_unfinished)
         self.journals = Journals(self.folder / "journals", self.bus)
-        self.own_journal = OwnJournal(self.journals, self.lock, self.whole, self.warn)
+        self.own_journal = OwnJournal(self.journals, self.lock, self.group, self.warn)
         self.history = ChangeHistory(self.locks.parent / "changes", self.bus, self.warn)
         self._backing_up = BackingUp(self.folder / "backups", self.bus, self.node_id, self.history)
 
@@ -264,7 +264,7 @@ class ChangeGuard:
                 self.own_journal.forget()
             elif self.open_journal() is None:
                 self.lock.note(None)
-            Journals(journal.path.parent, journal.bus).tidy(journal.part.whole)
+            Journals(journal.path.parent, journal.bus).tidy(journal.part.group_id)
 
     def _is_gone_or(self, journal: Journal, path: Path) -> bool:
         """True if the file at *path* is missing, or is *journal* or a copy."""
@@ -284,7 +284,7 @@ class ChangeGuard:
                 closed = read_journal(path)
             aside = set_aside(path, word)
             if closed is not None:
-                Journals(path.parent, closed.bus).tidy(closed.part.whole)
+                Journals(path.parent, closed.bus).tidy(closed.part.group_id)
             if self.open_journal() is None:
                 self.lock.note(None)
         return aside

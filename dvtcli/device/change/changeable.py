@@ -40,11 +40,11 @@ class Changeable(KnownPdos):
     #: called after every accepted step of a change
     on_step: Callable[[Progress], None] = lambda _progress: None
     #: the identity (0x1018) of the device about to store
-    storing: Identity = field(default_factory=dict)
+    storing_identity: Identity = field(default_factory=dict)
     #: whether it can be told to store, None: not looked at yet
     takes_store: bool | None = None
     #: true if the user was told of a restart during this line
-    told_restart: bool = False
+    has_reported_restart: bool = False
     #: true if the user is to restart the node for its defaults, with no change since
     awaits_restart: bool = False
     _habits: Habits | None = None
@@ -79,33 +79,33 @@ class Changeable(KnownPdos):
         finally:
             self.gate.wanted = None
 
-    def begin_change(self, *, whatever_happened: bool = False) -> InitialState:
+    def begin_change(self, *, ignores_restarts: bool = False) -> InitialState:
         """Lock the node until the line ends, invalidate the read cache, and return the initial state.
 
         Raises SafetyRefusal if another dvtcli holds the node or was interrupted, or if the node restarted since the
-        last read. With *whatever_happened* (a roll-back) a restart does not matter.
+        last read. With *ignores_restarts* (a roll-back) a restart does not matter.
         """
         if self.guard is not None:
             self.guard.refuse_while_open()
-        if not whatever_happened:
+        if not ignores_restarts:
             self.require_not_restarted()
         self.read_anew()
         boot_ups, disturbance_count = self.bus.boot_ups(self.node_id), self.bus.disturbance_count(self.node_id)
         # a restart while the state is read came later
-        return InitialState(self.access.state(), boot_ups, disturbance_count, whatever_happened)
+        return InitialState(self.access.state(), boot_ups, disturbance_count, ignores_restarts)
 
-    def require_not_restarted(self, found: InitialState | None = None) -> None:
-        """Raise SafetyRefusal if the node restarted unexpectedly since it was read, or since *found*.
+    def require_not_restarted(self, initial_state: InitialState | None = None) -> None:
+        """Raise SafetyRefusal if the node restarted unexpectedly since it was read, or since *initial_state*.
 
         Called before the first write of a line: earlier reads and lines belong to the time before the restart.
         """
-        if found is not None and found.whatever_happened:
+        if initial_state is not None and initial_state.ignores_restarts:
             return
         restarted = self.restarts_at_read is not None and self.bus.restarts(self.node_id) != self.restarts_at_read
-        if restarted or (found is not None and self.bus.boot_ups(self.node_id) != found.boot_ups):
+        if restarted or (initial_state is not None and self.bus.boot_ups(self.node_id) != initial_state.boot_ups):
             from dvtcli.device.observe import restarted_since_read
 
-            self.told_restart = True
+            self.has_reported_restart = True
             raise restarted_since_read(self.node_id, self.pending.unstored)
 
     def await_restart(self) -> None:
@@ -124,7 +124,7 @@ class Changeable(KnownPdos):
 
         True if the restart is still to be reported: not if the line was refused for, or failed by, that restart.
         """
-        told, self.told_restart = self.told_restart, False
+        told, self.has_reported_restart = self.has_reported_restart, False
         if self.restarts_at_read is None:
             return False
         try:

@@ -134,9 +134,9 @@ def beside(told: DvtcliError, others: Iterable[BaseException]) -> list[tuple[str
 HEARTBEAT_S = 1.2
 
 
-def restarted_since(node: ReadableNode, found: InitialState) -> bool:
-    """True if *node* may have restarted since *found*: a boot-up was received or an upload was repeated."""
-    return node.bus.disturbance_count(node.node_id) != found.disturbance_count
+def restarted_since(node: ReadableNode, initial_state: InitialState) -> bool:
+    """True if *node* may have restarted since *initial_state*: a boot-up was received or an upload was repeated."""
+    return node.bus.disturbance_count(node.node_id) != initial_state.disturbance_count
 
 
 def left_open(node: Changeable, left: LeftChanged) -> None:
@@ -195,11 +195,11 @@ def _close(node: Changeable, error: BaseException | None = None) -> None:
             error.details.append(("journal", f"{kept.text}: {kept.why}; {kept.hint}"))
 
 
-def restore_nmt_state(node: Changeable, error: BaseException, found: InitialState) -> None:
+def restore_nmt_state(node: Changeable, error: BaseException, initial_state: InitialState) -> None:
     """Close the journal of a rolled-back change; failures to restore the NMT state are added to *error*."""
     try:
-        return_to_state(node, found)
-        unseen = found.state is None and _rebooted(node, found)
+        return_to_state(node, initial_state)
+        unseen = initial_state.state is None and _rebooted(node, initial_state)
     except DvtcliError as failed:
         _add(error, f"{failed.text}: {failed.why or failed.hint}")
     except KeyboardInterrupt:
@@ -241,18 +241,18 @@ def _hint_of_state(node: ReadableNode, error: DvtcliError) -> Hint | None:
     return pre_operational_first(node.node_id) if running else None
 
 
-def _rebooted(node: ReadableNode, found: InitialState) -> bool:
-    return node.bus.boot_ups(node.node_id) != found.boot_ups
+def _rebooted(node: ReadableNode, initial_state: InitialState) -> bool:
+    return node.bus.boot_ups(node.node_id) != initial_state.boot_ups
 
 
-def return_to_state(node: Changeable, found: InitialState) -> None:
+def return_to_state(node: Changeable, initial_state: InitialState) -> None:
     """Restore the NMT state after a reboot; inside an open gate the gate's end restores the state.
 
     A node that restarts without a boot-up message leaves an upload unanswered and reports another NMT state.
     """
-    if found.state is not NmtState.OPERATIONAL or node.gate.entered:
+    if initial_state.state is not NmtState.OPERATIONAL or node.gate.entered:
         return
-    rebooted = _rebooted(node, found)
-    unsure = not rebooted and restarted_since(node, found)
+    rebooted = _rebooted(node, initial_state)
+    unsure = not rebooted and restarted_since(node, initial_state)
     if rebooted or (unsure and node.access.state(HEARTBEAT_S) is NmtState.PRE_OPERATIONAL):
         node.access.insist(NmtState.OPERATIONAL)

@@ -153,36 +153,36 @@ class Journals:
         path = self.path(node_id)
         return read_journal(path) if path.exists() else None
 
-    def _marker(self, whole: str) -> Path:
-        return self.folder / f"{whole}.whole"
+    def _marker(self, group_id: str) -> Path:
+        return self.folder / f"{group_id}.whole"
 
-    def open_whole(self, whole: str) -> None:
-        """Mark the group with id *whole* as open, before its first journal: its journals count until `close_whole`."""
-        if not self._marker(whole).exists():
-            write_private(self._marker(whole), "")
+    def open_group(self, group_id: str) -> None:
+        """Mark the group *group_id* as open, before its first journal: its journals count until `close_group`."""
+        if not self._marker(group_id).exists():
+            write_private(self._marker(group_id), "")
 
-    def close_whole(self, whole: str) -> None:
+    def close_group(self, group_id: str) -> None:
         """Invalidate all remaining journals of the complete or rolled-back group at once."""
-        if self._marker(whole).exists():
-            remove(self._marker(whole))
+        if self._marker(group_id).exists():
+            remove(self._marker(group_id))
             sync_folder(self.folder)
 
-    def tidy(self, whole: str | None) -> None:
+    def tidy(self, group_id: str | None) -> None:
         """Remove the group's marker after its last journal is gone.
 
         An unusable journal may belong to the group and counts.
         """
-        if whole is not None and self._marker(whole).exists() and not self._may_have(whole):
-            self.close_whole(whole)
+        if group_id is not None and self._marker(group_id).exists() and not self._may_have(group_id):
+            self.close_group(group_id)
 
-    def _may_have(self, whole: str) -> bool:
-        """True if the group with id *whole* has a journal, or an unusable journal may belong to the group."""
+    def _may_have(self, group_id: str) -> bool:
+        """True if the group with id *group_id* has a journal, or an unusable journal may belong to the group."""
         for path in self._paths():
             try:
                 found = read_journal(path)
             except (InputFileError, SafetyRefusal):
                 return True
-            if (found.bus, found.part.whole) == (self.bus, whole):
+            if (found.bus, found.part.group_id) == (self.bus, group_id):
                 return True
         return False
 
@@ -198,20 +198,20 @@ class Journals:
         if not path.exists():
             return False
         try:
-            whole = read_journal(path).part.whole
+            group_id = read_journal(path).part.group_id
         except (InputFileError, SafetyRefusal):
             return True
-        return whole is None or Journals(path.parent, self.bus)._marker(whole).exists()  # noqa: SLF001 - one of ours
+        return group_id is None or Journals(path.parent, self.bus)._marker(group_id).exists()  # noqa: SLF001 - one of ours
 
-    def all_of(self, whole: str) -> list[Journal]:
-        """The usable journals of the group with id *whole*, by node-ID."""
-        return sorted(self._of(whole), key=lambda journal: journal.plan.node_id)
+    def all_of(self, group_id: str) -> list[Journal]:
+        """The usable journals of the group with id *group_id*, by node-ID."""
+        return sorted(self._of(group_id), key=lambda journal: journal.plan.node_id)
 
-    def _of(self, whole: str) -> Iterator[Journal]:
+    def _of(self, group_id: str) -> Iterator[Journal]:
         for path in self._paths():
             with suppress(InputFileError, SafetyRefusal):
                 found = read_journal(path)
-                if (found.bus, found.part.whole) == (self.bus, whole):
+                if (found.bus, found.part.group_id) == (self.bus, group_id):
                     yield found
 
     def write(
@@ -242,7 +242,7 @@ class Journals:
             "node": plan.node_id,
             "identity": identity,
             "nmt_state": nmt_state,
-            "whole": part.whole,
+            "whole": part.group_id,
             "name": part.name,
             "entries": list(part.entries),
             "final": part.final,
@@ -289,7 +289,7 @@ def unneeded_markers(folder: Path) -> list[Path]:
     Empty if a journal is unusable: its marker may be needed.
     """
     try:
-        needed = {read_journal(path).part.whole for path in folder.glob("*.json")}
+        needed = {read_journal(path).part.group_id for path in folder.glob("*.json")}
     except (InputFileError, SafetyRefusal):
         return []
     return sorted(path for path in folder.glob("*.whole") if path.stem not in needed)
@@ -320,19 +320,21 @@ def _journal(path: Path, document: Any) -> Journal:
 
 def _part(document: dict[str, Any]) -> GroupMember:
     """The change group of the journal; none in journals of earlier versions."""
-    whole, name, final = document.get("whole"), document.get("name", ""), document.get("final", "")
+    group_id, name, final = document.get("whole"), document.get("name", ""), document.get("final", "")
     entries, asked = document.get("entries", []), document.get("asked", [])
-    if isinstance(whole, str) and not re.fullmatch("[0-9a-f]{1,64}", whole):  # part of a file name
+    if isinstance(group_id, str) and not re.fullmatch("[0-9a-f]{1,64}", group_id):  # part of a file name
         raise ValueError("the id of what it belongs to is malformed")
     lists = isinstance(entries, list) and isinstance(asked, list)
-    if not lists or not all(isinstance(text, str) for text in (whole or "", name, final, *entries, *asked)):
+    if not lists or not all(isinstance(text, str) for text in (group_id or "", name, final, *entries, *asked)):
         raise ValueError("what it belongs to is malformed")
     tests = document.get("tests", [])
     if not isinstance(tests, list) or len(tests) > MOST_CHANGES:
         raise ValueError("what tests its stores is malformed")
     stores = tuple(_stores(document.get("stores", [])))
     equal = tuple(_stores(document.get("equal", [])))
-    return GroupMember(whole, name, tuple(entries), final, tuple(asked), stores, tuple(map(read_change, tests)), equal)
+    return GroupMember(
+        group_id, name, tuple(entries), final, tuple(asked), stores, tuple(map(read_change, tests)), equal
+    )
 
 
 def _stores(document: Any) -> Iterator[Storing]:
@@ -383,7 +385,7 @@ class JournalContents:
 
     def begin(
         self,
-        whole: ChangeGroup,
+        group: ChangeGroup,
         plan: Plan,
         nmt_state: int | None,
         asked: tuple[str, ...] = (),
@@ -394,8 +396,8 @@ class JournalContents:
 
         With *is_test* the plan is temporary, until `end_test`.
         """
-        if self.part.whole != whole.id or not self.is_begun:
-            self.made, self.nmt_state, self.part = [], nmt_state, GroupMember(whole.id, whole.name)
+        if self.part.group_id != group.id or not self.is_begun:
+            self.made, self.nmt_state, self.part = [], nmt_state, GroupMember(group.id, group.name)
         entry, tests = os.urandom(16).hex(), plan.changes if is_test else ()
         self.part = replace(self.part, entries=(*self.part.entries, entry), asked=asked, tests=tests)
         self.in_hand = plan
@@ -403,18 +405,18 @@ class JournalContents:
 
     @property
     def is_begun(self) -> bool:
-        """True if there are changes to roll back besides a change in progress."""
+        """True if the journal has verified changes to roll back, or the prepared change of a group."""
         return bool(self.made) or self.prepared is not None
 
-    def prepare(self, whole: ChangeGroup, plan: Plan, nmt_state: int | None) -> str:
+    def prepare(self, group: ChangeGroup, plan: Plan, nmt_state: int | None) -> str:
         """Add the whole *plan* of a group, applied in parts, and return its id for `undo`."""
-        entry = self.begin(whole, plan, nmt_state)
+        entry = self.begin(group, plan, nmt_state)
         self.in_hand, self.prepared = None, combine_plans(plan.node_id, [*self.made, plan])
         return entry
 
     def carried_out(self) -> None:
         """Mark the plan in progress as verified; in a group it stays for a roll-back with later changes."""
-        if self.part.whole is not None and self.in_hand is not None:
+        if self.part.group_id is not None and self.in_hand is not None:
             self.made.append(self.in_hand)
             self.in_hand = None
 

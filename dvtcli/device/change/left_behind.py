@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.roll_back import held_otherwise
-from dvtcli.device.observe import MOST_LOOKS, RebootMonitor
+from dvtcli.device.observe import MAX_READS, RebootMonitor
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange, plan_pdo
@@ -20,7 +20,7 @@ from dvtcli.errors import DvtcliError, LeftChanged, LeftObject, SdoAborted
 if TYPE_CHECKING:
     from dvtcli.domain.ports import SdoReader
 
-_RESTARTS = f"the node restarted, or lost an answer, each of {MOST_LOOKS} times that it was read"
+_RESTARTS = f"the node restarted, or lost an answer, each of {MAX_READS} times that it was read"
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +99,7 @@ def _state_text(left: LeftChanged) -> str | None:
 
 def _look(guarded: Guarded) -> list[LeftObject]:
     """The rows of a node, all read without a restart between."""
-    for _ in range(MOST_LOOKS):
+    for _ in range(MAX_READS):
         try:
             disturbance_count = guarded.witness.disturbance_count()
             rows = list(_rows(guarded))

@@ -37,7 +37,7 @@ class OwnJournal:
 
     journals: Journals
     lock: NodeLock
-    whole: ChangeGroup
+    group: ChangeGroup
     warn: Callable[[str], None]
     #: the identity of the changed device
     identity: Identity = field(default_factory=dict)
@@ -58,7 +58,7 @@ class OwnJournal:
     def is_open(self, path: Path) -> bool:
         """True if *path* is the journal of our own incomplete group."""
         contents = self._contents
-        ours = contents.is_begun and contents.in_hand is None and contents.part.whole == self.whole.id
+        ours = contents.is_begun and contents.in_hand is None and contents.part.group_id == self.group.id
         return ours and path == self.path
 
     @property
@@ -74,7 +74,7 @@ class OwnJournal:
     def before(self) -> dict[Pdo, PdoConfig]:
         """The PDO configurations from before an incomplete group."""
         contents = self._contents
-        if not contents.is_begun or contents.part.whole != self.whole.id:
+        if not contents.is_begun or contents.part.group_id != self.group.id:
             return {}
         kept = () if self._on_disk is None else self._on_disk[0].changes  # including possible side effects
         changes = (*kept, *contents.plan.changes)
@@ -92,7 +92,7 @@ class OwnJournal:
         """
         before, self.identity = self._copy(), identity
         with self._files("kept"):
-            self.entry = self._contents.prepare(self.whole, plan, nmt_state)
+            self.entry = self._contents.prepare(self.group, plan, nmt_state)
             self._keep_or(before, room + Journals.length_of(ends.final, (*ends.stores, *ends.equal)))
 
     def begin(
@@ -118,7 +118,7 @@ class OwnJournal:
             self._contents.in_hand = plan
             return
         with self._files("kept"):
-            self.entry = self._contents.begin(self.whole, plan, nmt_state, asked, is_test=is_test)
+            self.entry = self._contents.begin(self.group, plan, nmt_state, asked, is_test=is_test)
             try:
                 self._keep_or(before, room if is_kept else 0)
             except (OSError, SafetyRefusal):
@@ -132,8 +132,8 @@ class OwnJournal:
     def _keep_or(self, before: JournalContents, room: int) -> None:
         """Write and note the journal; on failure return to *before*, since no device was written."""
         try:
-            if self.whole.id is not None:
-                self.journals.open_whole(self.whole.id)
+            if self.group.id is not None:
+                self.journals.open_group(self.group.id)
             self._write(room)
             self.lock.note(self.path)
         except BaseException:
@@ -142,12 +142,12 @@ class OwnJournal:
                 self._on_disk = None
                 remove(self.path)
                 with suppress(OSError):
-                    self.journals.tidy(self.whole.id)
+                    self.journals.tidy(self.group.id)
             raise
 
     def _puts_back(self, plan: Plan) -> bool:
         """True if the journal on disk covers all objects of *plan* with the values from before the group."""
-        if self._on_disk is None or self._contents.part.whole != self.whole.id:
+        if self._on_disk is None or self._contents.part.group_id != self.group.id:
             return False
         return covers(self._on_disk[0], combine_plans(plan.node_id, [self._contents.plan, plan]))
 
@@ -198,16 +198,16 @@ class OwnJournal:
 
     def complete_whole(self) -> None:
         """Complete the group on every node and remove the journal. Raises JournalKept if removal fails."""
-        if self.whole.id is not None:
+        if self.group.id is not None:
             try:
-                self.journals.close_whole(self.whole.id)
+                self.journals.close_group(self.group.id)
             except OSError as failed:
                 raise self._kept(failed) from failed
         self.end_whole()
 
     def abandon_whole(self) -> None:
         """Leave the group incomplete; changes not rolled back wait for `recover`."""
-        self._tidy(self.whole.id)
+        self._tidy(self.group.id)
 
     def _tidy(self, whole: str | None) -> None:
         with self._files("removed"):
@@ -216,7 +216,7 @@ class OwnJournal:
     def end_whole(self) -> None:
         """Remove the journal after this node's part of the group was rolled back and verified."""
         if self._contents.is_begun and self._contents.in_hand is None:
-            whole = self._contents.part.whole
+            whole = self._contents.part.group_id
             self.forget()
             self._tidy(whole)
 
@@ -259,7 +259,7 @@ class OwnJournal:
         return journal_files(self.journals, self.lock.node_id, what)
 
 
-def complete_wholes(journals: Iterable[OwnJournal]) -> JournalKept | None:
+def complete_groups(journals: Iterable[OwnJournal]) -> JournalKept | None:
     """Call `complete_whole` on all *journals*; return the first failure with the others beside.
 
     The journals of the other nodes are removed all the same.

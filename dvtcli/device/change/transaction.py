@@ -26,7 +26,7 @@ from dvtcli.device.change.roll_back import (
 )
 from dvtcli.device.change.undo_plan import put_back_findings
 from dvtcli.device.change.untouched_pdos import UntouchedPdos, altered_too, is_of_pdo
-from dvtcli.device.observe import MOST_LOOKS, RebootMonitor, Undisturbed, observed, restarted_since_read
+from dvtcli.device.observe import MAX_READS, NeverRestarts, RebootMonitor, observed, restarted_since_read
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, only_cob_id, writes_cob_id
@@ -68,7 +68,7 @@ class Transaction:
     on_step: Callable[[Step], None] = lambda _step: None
     before_retry: Callable[[], None] = lambda: None
     clock: Clock = field(kw_only=True)
-    witness: RebootMonitor = field(default_factory=Undisturbed)
+    witness: RebootMonitor = field(default_factory=NeverRestarts)
     control_words: Collection[tuple[int, int]] = ()
     others: UntouchedPdos = field(default_factory=UntouchedPdos)
     on_altered: Callable[[Sequence[Change]], None] = lambda _changes: None
@@ -386,7 +386,7 @@ class Transaction:
 
     def _restored(self, changes: Sequence[Change]) -> tuple[tuple[PdoChange, ...], dict[Pdo, str]]:
         """Restore *changes*, again after a restart during the check of untouched PDOs; also the differing PDOs."""
-        for _ in range(MOST_LOOKS):
+        for _ in range(MAX_READS):
             otherwise = roll_back_patiently(self.sdo, changes, self.clock, self.before_retry, self.witness)
             disturbance_count = self.witness.disturbance_count()
             try:

@@ -133,9 +133,9 @@ def cob_ids_beside(node: ReadableNode, plan: Plan) -> dict[Pdo, CobId]:
     return {pdo: cob_id for pdo, cob_id in node.known_cob_ids().items() if pdo not in own}
 
 
-def wholes_beside(node: ReadableNode, plan: Plan, found: InitialState) -> dict[Pdo, PdoConfig]:
-    """The PDOs outside *plan* read whole since *found*, to compare before a store."""
-    if not is_of_pdo(plan) or node.bus.boot_ups(node.node_id) != found.boot_ups:
+def wholes_beside(node: ReadableNode, plan: Plan, initial_state: InitialState) -> dict[Pdo, PdoConfig]:
+    """The PDOs outside *plan* read whole since *initial_state*, to compare before a store."""
+    if not is_of_pdo(plan) or node.bus.boot_ups(node.node_id) != initial_state.boot_ups:
         return {}
     own = set(_own(plan))
     return {pdo: config for pdo, config in movable(node.last_read).items() if pdo not in own}

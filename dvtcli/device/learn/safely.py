@@ -85,7 +85,7 @@ def ask_safely(
     node: Node,
     subjects: Sequence[ProbedPdo],
     pdos: Mapping[Pdo, PdoConfig],
-    found: InitialState,
+    initial_state: InitialState,
     terms: Terms,
     on_write: Callable[[], None] = lambda: None,
 ) -> Asked:
@@ -93,17 +93,17 @@ def ask_safely(
 
     Takes the first subject of a direction whose mapping accepts its present values; some devices refuse an entry of 0.
 
-    *found* is the initial state of the node. After any failure all *pdos* are rolled back first; raises LeftChanged and
-    keeps the journal if the roll-back fails.
+    *initial_state* is the initial state of the node. After any failure all *pdos* are rolled back first; raises
+    LeftChanged and keeps the journal if the roll-back fails.
     """
     plan = roll_back_writes(node.node_id, subjects, pdos, held_stamp(node))
     with node.cancellation.guard():
         if node.guard is not None:
             asked_about = tuple(subject.pdo.label for subject in subjects)
-            node.guard.begin(plan, node.identity(), found.state, node.known_pdos, pdos, asked_about)
+            node.guard.begin(plan, node.identity(), initial_state.state, node.known_pdos, pdos, asked_about)
         saves = False
         try:
-            asked = _ask(node, subjects, found, terms, on_write)
+            asked = _ask(node, subjects, initial_state, terms, on_write)
             if terms.saves:  # the device saves its initial values
                 if altered := _restore(node, plan, pdos):
                     raise _beside(altered)
@@ -129,7 +129,7 @@ def _told(fault: DvtcliError, *, may_have_saved: bool) -> None:
 
 
 def _ask(
-    node: Node, subjects: Sequence[ProbedPdo], found: InitialState, terms: Terms, on_write: Callable[[], None]
+    node: Node, subjects: Sequence[ProbedPdo], initial_state: InitialState, terms: Terms, on_write: Callable[[], None]
 ) -> Asked:
     """Probe one subject per direction: the first whose mapping accepts its present values."""
     askings = [Asking(node, subject, terms.limit, on_write) for subject in subjects]
@@ -138,9 +138,10 @@ def _ask(
         by_direction.setdefault(asking.subject.pdo.direction, []).append(asking)
     ways = list(by_direction.values())
     answers: list[dict[str, ProbeAnswer]] = [{} for _ in ways]
-    in_operational = terms.isolated and found.state is NmtState.OPERATIONAL
+    in_operational = terms.isolated and initial_state.state is NmtState.OPERATIONAL
     if in_operational:
-        node.gate.found = found.state  # recorded before probing: a restart must not hide the initial state
+        # recorded before probing: a restart must not hide the initial state
+        node.gate.found = initial_state.state
         for (asking, *_), own in zip(ways, answers, strict=True):
             _keep_to(terms, askings, asking)
             for probe in while_operational(asking.subject):

@@ -273,7 +273,7 @@ def _is_default(node: NodeDescription, place: AnyPlace) -> bool:
 
 @dataclass(slots=True)
 class Canary:
-    """A changed and verified value at *place* of *node*; the journal stays until `gone` or `put_back`."""
+    """A changed and verified value at *place* of *node*; the journal stays until `gone` or `roll_back`."""
 
     node: Node
     place: AnyPlace

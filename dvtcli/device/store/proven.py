@@ -14,7 +14,7 @@ from dvtcli.device.store.canary import AnyPlace, Canary, choose_canary
 from dvtcli.device.store.pending import COMMUNICATION, EVERYTHING
 from dvtcli.device.store.snapshot import Snapshot
 from dvtcli.device.store.store_parameters import STORE, Signed, chosen, word_of
-from dvtcli.device.target_config import Says, value_differences, value_in_hex
+from dvtcli.device.target_config import ValueFormatter, value_differences, value_in_hex
 from dvtcli.device.target_config import differences as pdo_differences
 from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.domain.object_dictionary import ObjectDictionary
@@ -211,7 +211,12 @@ def _saves_itself(signed: Signed) -> str:
 
 
 def prove_store(
-    node: Node, before: Snapshot, signed: Signed, restart: Restart, place: AnyPlace | None, says: Says = value_in_hex
+    node: Node,
+    before: Snapshot,
+    signed: Signed,
+    restart: Restart,
+    place: AnyPlace | None,
+    says: ValueFormatter = value_in_hex,
 ) -> Proof:
     """Restart *node* and compare it with *before*, read ahead of the acknowledged store.
 
@@ -364,7 +369,10 @@ def _unlike_default(place: str, value: int, default: bytes) -> str:
 
 
 def values_unlike_defaults(
-    dictionary: ObjectDictionary, node_id: int, held: Mapping[tuple[int, int], bytes], says: Says = value_in_hex
+    dictionary: ObjectDictionary,
+    node_id: int,
+    held: Mapping[tuple[int, int], bytes],
+    says: ValueFormatter = value_in_hex,
 ) -> AgainstDefaults:
     """Compare the single objects in *held* with their defaults in the EDS, formatting values with *says*."""
     channel = Defaults(dictionary, node_id)
@@ -419,7 +427,7 @@ def restart_and_read(node: Node, restart: Restart) -> tuple[Snapshot, tuple[str,
 
 def prove_restore(
     node: Node, signed: Signed, restart: Restart, before: Snapshot | None,
-    lost_before: tuple[str, ...] = (), says: Says = value_in_hex,
+    lost_before: tuple[str, ...] = (), says: ValueFormatter = value_in_hex,
 ) -> Proof:  # fmt: skip
     """Restart *node* after an acknowledged restore and compare its values with the defaults of the EDS.
 
@@ -450,7 +458,7 @@ def _against_defaults(
     before: Snapshot | None,
     after: Snapshot,
     lost: tuple[str, ...],
-    says: Says,
+    says: ValueFormatter,
 ) -> Proof:
     uncovered, against = uncovered_group(signed.sub_index), f"the defaults of {dictionary.source or 'the EDS'}"
 

@@ -97,11 +97,11 @@ def require_storable(node: Changeable, *, force: bool = False, confirm: bool = T
     if confirm and not force:
         node.expected.require(node, who_else(node.guard))
     if confirm and node.guard is not None:
-        node.storing = node.identity()  # no request after the store is needed
-        node.pending.of_others(held_unstored(node, node.guard.history, node.storing))
+        node.storing_identity = node.identity()  # no request after the store is needed
+        node.pending.of_others(held_unstored(node, node.guard.history, node.storing_identity))
 
 
 def mark_stored(node: Changeable, labels: Iterable[str]) -> None:
     """Mark *labels* as stored: no later process lists them as unstored."""
     if node.guard is not None:
-        node.guard.history.was_stored(node.node_id, node.storing, set(labels))
+        node.guard.history.was_stored(node.node_id, node.storing_identity, set(labels))

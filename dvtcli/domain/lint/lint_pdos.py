@@ -1,6 +1,6 @@
 """Rules about the PDOs in a file: both halves present, counts, values at power-on.
 
-Rules shared with `map` are in `lint_pdo_defaults`; here are only errors that a file can have.
+`_judged` names the rules shared with `map`; the other rules are about errors that only a file can have.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, LintRule, RuleChe
 from dvtcli.domain.mapping import MAX_ENTRIES
 from dvtcli.domain.pdo import is_mpdo
 from dvtcli.domain.profile import Severity
-from dvtcli.domain.rules import can_id, communication, entry_length, mappable, mapped_object
+from dvtcli.domain.rules import can_id, communication, entry_length, mapped_object, pdo_mapping
 from dvtcli.domain.rules.can_id import BASES
 from dvtcli.domain.rules.finding import Rule
 
@@ -234,7 +234,7 @@ def _count(one: DefaultPdo) -> Spot:
 
 _PLACE = re.compile(r"0x([0-9A-F]{4}):([0-9A-F]{2})")
 _DECLARED: dict[str, Rule] = {
-    rule.name: rule for file in (can_id, communication, entry_length, mappable, mapped_object) for rule in file.RULES
+    rule.name: rule for file in (can_id, communication, entry_length, pdo_mapping, mapped_object) for rule in file.RULES
 }
 
 

@@ -19,8 +19,8 @@ from dvtcli.domain.process_data import commanded_by_other, is_controlword
 from dvtcli.domain.profile import DeviceProfile, Severity
 from dvtcli.domain.rules.can_id import FREE_POOL, restricted_use
 from dvtcli.domain.rules.finding import ERROR, NOTE, WARNING, Finding, Proposal, Rule, error, note, warning
-from dvtcli.domain.rules.mappable import known_dummies
 from dvtcli.domain.rules.mapped_object import object_findings
+from dvtcli.domain.rules.pdo_mapping import known_dummies
 from dvtcli.domain.text import join_some
 
 #: Default CAN-IDs of SYNC, EMCY and TIME, which CiA 301 does not restrict.

@@ -69,13 +69,12 @@ class Producer:
 class Proposal:
     """A PDO's present and requested configuration, with all data for the rules.
 
-    *others* are the node's other PDOs in their final state, and *cob_ids* their COB-IDs if known without the
-    rest (None: use *others*); *dictionary* is None without an EDS; *lengths* are
-    object lengths in bits learnt by reading the device; *services* returns the services' CAN-IDs, and
-    whether they have 29 bits, each with its use: SYNC, the node's EMCY, all known nodes' further SDO channels
-    (empty: the standard's defaults); *elsewhere* returns the other known nodes' TPDOs, all or those with the wanted
-    CAN-ID;
-    *absent* has the device's abort codes for uploads of missing objects.
+    *others* are the node's other PDOs in their final state, and *cob_ids* their COB-IDs if known without the rest
+    (None: use *others*); *dictionary* is None without an EDS; *lengths* are object lengths in bits learnt by reading
+    the device; *services* returns the services' CAN-IDs, and whether they have 29 bits, each with its use: SYNC, the
+    node's EMCY, all known nodes' further SDO channels (empty: the standard's defaults); *elsewhere* returns the other
+    known nodes' TPDOs, all or those with the wanted CAN-ID; *absent* has the device's abort codes for uploads of
+    missing objects.
     """
 
     node_id: int

@@ -15,8 +15,8 @@ from dvtcli.domain.process_data import answers_with_state
 from dvtcli.domain.rules.can_id import can_id_findings
 from dvtcli.domain.rules.communication import communication_findings
 from dvtcli.domain.rules.finding import ERROR, WARNING, Finding, Proposal, Rule, error, warning
-from dvtcli.domain.rules.mappable import mapping_findings
 from dvtcli.domain.rules.mapped_object import decimal_hint
+from dvtcli.domain.rules.pdo_mapping import mapping_findings
 from dvtcli.domain.standard_objects import SAFETY
 from dvtcli.domain.text import value_text
 

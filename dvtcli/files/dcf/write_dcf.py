@@ -226,8 +226,7 @@ def write_dcf(data: bytes, source: str, values: Mapping[Place, bytes], device: C
     """Return the EDS or DCF *data* (named *source*) with a ParameterValue for each of *values*.
 
     *values* go by index and sub-index. An existing ParameterValue keeps its text if the value is equal, and is removed
-    if
-    *values* have none. Raises InputFileError if *data* is no EDS or DCF, or no value can be written.
+    if *values* have none. Raises InputFileError if *data* is no EDS or DCF, or no value can be written.
     """
     eds = parse_eds(data, source)
     writer = _Writer(eds, EditedText(data), values, device.node_id)

@@ -14,8 +14,7 @@ class EdsFinding:
 
     *text* quotes the file unchanged; a view must make control characters harmless. *object* is the object concerned in
     printed form (`6C01:01`), empty if none or not yet looked up. *value_lost*: a ParameterValue (actualValue) could not
-    be
-    read, so the wanted value is unknown. *value_unread*: a value belongs to no object, or is repeated, and has no
+    be read, so the wanted value is unknown. *value_unread*: a value belongs to no object, or is repeated, and has no
     effect.
     """
 

@@ -89,8 +89,7 @@ def mapping_count(entries: dict[int, OdEntry]) -> OdEntry:
 
     CiA 306 sets sub-index 0 to the number of sub-indices, but a mapping holds the number of mapped objects (CiA 301,
     7.5.2.36). None (unknown) if the file has no mapping entry. If ParameterValues set the leading entries without a
-    count,
-    the wanted count is their number.
+    count, the wanted count is their number.
     """
     held = [entry.initial(0) for sub_index, entry in sorted(entries.items()) if sub_index]
     mapped = next((n for n, data in enumerate(held) if data is None or not any(data)), len(held))

@@ -15,9 +15,9 @@ from dvtcli.errors import InputFileError
 from dvtcli.files.input_file import read_input
 from dvtcli.files.network import leaves
 from dvtcli.files.network.file_log import FileLog
-from dvtcli.files.network.known_keys import belongs_to, is_slip, read_keys, unknown_key
 from dvtcli.files.network.network_keys import INSTEAD, OF, Where
-from dvtcli.files.network.node_keys import Surroundings, read_node
+from dvtcli.files.network.read_by_keys import belongs_to, is_slip, read_keys, unknown_key
+from dvtcli.files.network.read_node import Surroundings, read_node
 from dvtcli.files.network.yaml_tree import Branch, Leaf, Tree, YamlList, overlaid, read_tree
 
 

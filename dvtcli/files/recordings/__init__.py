@@ -1,1 +1,1 @@
-"""Formats of recordings, listed by `recording_formats`; pasted text is recognised by its content."""
+"""Formats of recordings, listed by `formats`; pasted text is recognised by its content."""

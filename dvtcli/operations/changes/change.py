@@ -34,14 +34,14 @@ _STORE = 0x1010
 
 
 def configure(
-    session: SessionNodes, node: Node, wants: Mapping[Pdo, AnyPdoRequest], found: InitialState | None = None
+    session: SessionNodes, node: Node, wants: Mapping[Pdo, AnyPdoRequest], initial_state: InitialState | None = None
 ) -> Changed:
     """Carry out *wants* on *node*, all or none, and report the changes.
 
-    *found* is the node's initial state if it is claimed already; later reads count.
+    *initial_state* is the node's initial state if it is claimed already; later reads count.
     """
     started = time.monotonic()
-    applied = node.configure(wants, force=session.options.force, found=found)
+    applied = node.configure(wants, force=session.options.force, initial_state=initial_state)
     more = *_without_producer(session, node, applied), *_other_lengths(session, node, applied)
     applied = replace(applied, findings=(*applied.findings, *more))
     return changed(session, node, applied, time.monotonic() - started)

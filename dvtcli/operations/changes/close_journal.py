@@ -145,7 +145,7 @@ def _hand_on_stores(node: Node, journal: Journal, together: Sequence[Journal]) -
     Raises SafetyRefusal if a journal cannot be written.
     """
     part = furthest(together)
-    if journal.part.whole is None or not part.stores:
+    if journal.part.group_id is None or not part.stores:
         return
     journals = Journals(journal.path.parent, journal.bus)
     stores = tuple(

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 def may_finish(journals: Sequence[Journal]) -> bool:
     """Tell whether *journals* are of the same change, with all nodes verified before the stores."""
-    wholes = {journal.part.whole for journal in journals}
+    wholes = {journal.part.group_id for journal in journals}
     return len(wholes) == 1 and bool(furthest(journals).stores)  # one that only tests a proof says of no stores
 
 
@@ -204,7 +204,7 @@ def _store(
     guards = [] if session.dry_run else [node.guard for node in nodes.values() if node.guard is not None]
     waited = {journal.plan.node_id: journal for journal in journals}
     with session.cancellation.guard(), session.agreed():
-        session.whole.id, session.whole.name = part.whole, part.name
+        session.group.id, session.group.name = part.group_id, part.name
         for node_id, changes in claims.changes.items():
             for change in changes:  # the store itself looks at that, too, and at nothing else that was not changed
                 nodes[node_id].expected.changed(change)
@@ -219,7 +219,7 @@ def _store(
             for guard in guards:
                 guard.own_journal.complete_whole()
         finally:
-            session.whole.end()
+            session.group.end()
             for guard in guards:
                 guard.own_journal.detach()
         for journal in journals:

@@ -15,7 +15,7 @@ from dvtcli.device.change.journal import combine_plans
 from dvtcli.device.change.roll_back import PATIENCE_S, RETRY_S, first_difference
 from dvtcli.device.change.undo_plan import UndoRequest
 from dvtcli.device.change.untouched_pdos import as_they_are, present_beside
-from dvtcli.device.observe import MOST_LOOKS
+from dvtcli.device.observe import MAX_READS
 from dvtcli.domain.hint import Action, Hint, as_hint, verbatim
 from dvtcli.domain.plan import Change, PdoChange, Plan, ValueChange
 from dvtcli.domain.text import join_some
@@ -184,9 +184,9 @@ class NetworkTransaction:
     _looked: dict[int, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._alone = self.session.whole.id is None
+        self._alone = self.session.group.id is None
         if self._alone:
-            self.session.whole.begin(self.name)
+            self.session.group.begin(self.name)
         self._before = {node_id: NodeBefore.of(node, self.boot_ups[node_id]) for node_id, node in self.nodes.items()}
 
     def journals(self) -> list[OwnJournal]:
@@ -217,7 +217,7 @@ class NetworkTransaction:
             if node.guard is not None:
                 node.guard.own_journal.guard(None)
         if self._alone:
-            self.session.whole.end()
+            self.session.group.end()
 
     @contextmanager
     def doing(self, part: Plan) -> Iterator[None]:
@@ -342,7 +342,7 @@ class NetworkTransaction:
         """
         taken = list(dict.fromkeys(part.node_id for part in self.done))
         unsettled, clean = list[int](), 0
-        for _ in range(MOST_LOOKS + 1):
+        for _ in range(MAX_READS + 1):
             unsettled = self._look_at(taken, failures, fault)
             clean = 0 if unsettled else clean + 1
             if clean == 2:
@@ -351,7 +351,7 @@ class NetworkTransaction:
             if node_id in failures:
                 continue
             if node_id in unsettled:
-                restarts = DeviceRefused(f"it restarted each of {MOST_LOOKS} times that it was looked at")
+                restarts = DeviceRefused(f"it restarted each of {MAX_READS} times that it was looked at")
                 failures[node_id] = self._left(self.nodes[node_id], fault, restarts)
             elif written := [one for one in self._acknowledged if one[0] == node_id]:
                 failures[node_id] = self._left_written(self.nodes[node_id], fault, written)

@@ -25,8 +25,8 @@ from dvtcli.operations.results import Changed, ChangedNodes, Facts
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from dvtcli.device.change.finish_interrupted import Recovery
     from dvtcli.device.change.journal import Journal
+    from dvtcli.device.change.recovery import Recovery
     from dvtcli.device.node import Node
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.session.session_nodes import SessionNodes
@@ -73,7 +73,9 @@ def _recovered(session: Session, file: str | None, *, finish: bool) -> Changed |
             raise _worst_with_others(refused)
         return go_on(session, journals)
     session.consent(lambda: _question(session, journals), _only(journals))
-    for said in dict.fromkeys(_whole_text(journal, journals) for journal in journals if journal.part.whole is not None):
+    for said in dict.fromkeys(
+        _whole_text(journal, journals) for journal in journals if journal.part.group_id is not None
+    ):
         session.reporter.note(said)
     done, failures = _put_back(session, journals, refused)
     if failures:
@@ -104,7 +106,7 @@ def _rather_finishes(session: SessionUser, journals: list[Journal]) -> bool:
     from dvtcli.operations.changes.finish_stores import may_finish
 
     wholes = {
-        journal.part.whole: [other for other in journals if other.part.whole == journal.part.whole]
+        journal.part.group_id: [other for other in journals if other.part.group_id == journal.part.group_id]
         for journal in journals
     }
     finishing = [ours for ours in wholes.values() if may_finish(ours)]
@@ -146,7 +148,7 @@ def _only(journals: list[Journal]) -> int | None:
 
 def _question(session: SessionNodes, journals: Sequence[Journal]) -> str:
     """Ask before a recovery: writes with the nodes' present values, and what is not written."""
-    from dvtcli.device.change.finish_interrupted import Recovery
+    from dvtcli.device.change.recovery import Recovery
 
     back, same, unread = list[str](), list[str](), list[str]()
     for journal in journals:
@@ -172,7 +174,9 @@ def _question(session: SessionNodes, journals: Sequence[Journal]) -> str:
 
 
 def _whole_text(journal: Journal, journals: list[Journal]) -> str:
-    ids = [other_journal.plan.node_id for other_journal in journals if other_journal.part.whole == journal.part.whole]
+    ids = [
+        other_journal.plan.node_id for other_journal in journals if other_journal.part.group_id == journal.part.group_id
+    ]
     return f"{journal.part.name} was interrupted: every line of it is rolled back, on node {', '.join(map(str, ids))}"
 
 
@@ -190,7 +194,7 @@ def _put_back(
 
     *refused* are unusable journals.
     """
-    from dvtcli.device.change.finish_interrupted import Recovery, recover_together
+    from dvtcli.device.change.recovery import Recovery, recover_together
 
     started = time.monotonic()
     begun: list[Recovery] = []

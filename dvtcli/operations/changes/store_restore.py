@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.device.store.store_parameters import Signed
-    from dvtcli.device.target_config import Says
+    from dvtcli.device.target_config import ValueFormatter
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
 
@@ -278,7 +278,7 @@ def _before_restore(node: Node, restart: Restart) -> tuple[Snapshot | None, tupl
         return None, ()
 
 
-def _says(node: NodeDescription) -> Says:
+def _says(node: NodeDescription) -> ValueFormatter:
     """Return the printing of values of *node*, as used on all screens."""
     from dvtcli.operations.values.object_values import planned_words
 

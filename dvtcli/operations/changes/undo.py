@@ -187,8 +187,8 @@ def remembered_of(session: SessionNodes, node_id: int, *, everything: bool) -> R
 def _refuse_in_vain(nodes: Iterable[Node]) -> None:
     """Raises UsageError once per command of this session without a change: an undo of it must not hit older changes."""
     for node in nodes:
-        if node.in_vain:
-            node.in_vain -= 1
+        if node.unchanged_commands:
+            node.unchanged_commands -= 1
             raise UsageError(
                 f"nothing to undo: a command of this session changed nothing on node {node.node_id}",
                 node=node.node_id,
@@ -230,7 +230,7 @@ def undoing(session: SessionUser, chain: RememberedDevice) -> Undoing:
 
     def forget(applied: Applied, count: int) -> None:
         _forget(session, chain, applied, count)
-        chain.node.unkept += 1
+        chain.node.undone_earlier += 1
 
     return Undoing(chain.node, tuple(unbroken(_plans(chain))), False, forget, chain.findings)
 
@@ -353,7 +353,7 @@ def undo_to_backup(session: SessionNodes, rehearse: Rehearse, when: str | None =
     """
     guard = _keeper(session)
     node = session.node(guard.node_id)
-    found = node.begin_change()
+    initial_state = node.begin_change()
     file = _backup_file(guard, node, when, force=session.options.force)
     session.reporter.note(f"this puts {file} back")
     said = remarks(Path(file))
@@ -369,7 +369,7 @@ def undo_to_backup(session: SessionNodes, rehearse: Rehearse, when: str | None =
             hint=Hint(Action.UNDO, {"backup": True, "when": "WHEN"}, "takes an earlier one"),
         )
     changes = way_to(node.observed(lambda: {pdo: node.pdo(pdo) for pdo in config.pdos}), config.pdos)
-    applied = node.apply(Plan(node.node_id, changes), force=session.options.force, found=found)
+    applied = node.apply(Plan(node.node_id, changes), force=session.options.force, initial_state=initial_state)
     applied = replace(applied, not_put_back=tuple(_unlike_backup(node, said)))
     return changed(session, node, applied, time.monotonic() - started, undone=True)
 

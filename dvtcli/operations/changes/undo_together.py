@@ -18,8 +18,8 @@ from dvtcli.device.change.undo_plan import UndoPlan, UndoRequest, foreseen, plan
 from dvtcli.device.change.untouched_pdos import as_they_are, present_beside
 from dvtcli.domain.plan import STAMP, Change, PdoChange, Plan, ValueChange, plan_pdo
 from dvtcli.operations.changes.change import changed
-from dvtcli.operations.changes.change_together import apply_together, complete
 from dvtcli.operations.changes.final_verify import AlsoClaimed, NoOtherClaims, require_held
+from dvtcli.operations.changes.network_phases import apply_together, complete
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node

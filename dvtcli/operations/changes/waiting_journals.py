@@ -72,8 +72,8 @@ def stored_before(journal: Journal, journals: Sequence[Journal]) -> bool | None:
     *journals* are all waiting journals, including others of the same change.
     """
     ours = (
-        [own_journal for own_journal in journals if own_journal.part.whole == journal.part.whole]
-        if journal.part.whole
+        [own_journal for own_journal in journals if own_journal.part.group_id == journal.part.group_id]
+        if journal.part.group_id
         else [journal]
     )
     part = furthest(ours)
@@ -161,9 +161,9 @@ def _held_file(session: SessionNodes, path: Path) -> list[Path]:
 def with_others(session: SessionNodes, path: Path) -> list[Journal]:
     """Return the journal at *path* and others of the same change, with their nodes locked."""
     journal = read_journal(path)
-    if journal.part.whole is None:
+    if journal.part.group_id is None:
         return [journal]
-    beside = Journals(path.parent, journal.bus).all_of(journal.part.whole)
+    beside = Journals(path.parent, journal.bus).all_of(journal.part.group_id)
     others = [other_journal for other_journal in beside if other_journal.plan.node_id != journal.plan.node_id]
     return sorted(
         [journal, *(other for other in others if _is_held(session, other))],

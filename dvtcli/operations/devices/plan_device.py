@@ -22,7 +22,7 @@ from dvtcli.domain.mapping import MAX_ENTRIES
 from dvtcli.domain.network.network_config import ExpectedIdentity, NetworkConfig, NodeConfig
 from dvtcli.domain.network.network_plan import LeftOut, NetworkPlan
 from dvtcli.domain.pdo import BY_SUB_INDEX, MAPPING, Direction, Pdo, PdoConfig
-from dvtcli.domain.rules.mappable import enables_nothing
+from dvtcli.domain.rules.pdo_mapping import enables_nothing
 from dvtcli.errors import SafetyRefusal, SdoAborted, UsageError
 from dvtcli.files.eds.written_values import same_value
 from dvtcli.operations.devices.held_device import (

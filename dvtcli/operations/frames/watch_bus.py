@@ -110,7 +110,7 @@ def stream(
 ) -> None:
     """Show frames with *text* (lower case) in a name for *duration_s* seconds (None: forever).
 
-    *changes* shows only new values, *only* frames of these kinds, as in `frame_filter.READ_KINDS` (none: all). Lost
+    *changes* shows only new values, *only* frames of these kinds, as in `typed_frame.READ_KINDS` (none: all). Lost
     frames are reported at the end. *reporter* gets loss and return of the bus; raises BusUnavailable if it is not
     waited for, or not back in time.
     """

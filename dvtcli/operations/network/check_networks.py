@@ -104,9 +104,9 @@ def change_rules() -> tuple[LintRule, ...]:
         communication,
         described_step,
         entry_length,
-        mappable,
         mapped_object,
         no_way_back,
+        pdo_mapping,
         producer,
         raw_write,
         whole_pdo,
@@ -115,9 +115,9 @@ def change_rules() -> tuple[LintRule, ...]:
     from dvtcli.operations.plans import missing_objects, plan_network, resolve_links, stamping
 
     files = (
-        can_id, communication, described_step, entry_length, mappable, mapped_object, no_way_back, producer, raw_write,
-        whole_pdo, vpdo, consumers, heartbeats, links, possible_stores, missing_objects, resolve_links, stamping,
-        plan_network,
+        can_id, communication, described_step, entry_length, pdo_mapping, mapped_object, no_way_back, producer,
+        raw_write, whole_pdo, vpdo, consumers, heartbeats, links, possible_stores, missing_objects, resolve_links,
+        stamping, plan_network,
     )  # fmt: skip
     return tuple(
         LintRule(rule.name, rule.severities[0], rule.sense, rule.source) for file in files for rule in file.RULES

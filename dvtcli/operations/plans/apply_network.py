@@ -16,8 +16,8 @@ from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.script_line import change_lines
 from dvtcli.domain.text import plural
 from dvtcli.operations.changes.change import keep_words
-from dvtcli.operations.changes.change_together import apply_together, complete
 from dvtcli.operations.changes.final_verify import AlsoClaimed, ClaimsAtStore
+from dvtcli.operations.changes.network_phases import apply_together, complete
 from dvtcli.operations.changes.possible_stores import refuse_unprovable_stores
 from dvtcli.operations.changes.store_network import store_network
 from dvtcli.operations.pdos.sync import short_frames
@@ -76,7 +76,7 @@ def apply_network(
         stores, equal = _stores(planned), _equal(nodes, plan.nodes)
         also = AlsoClaimed(claims.held(), stores, equal, prove is not None, claims)
         findings = {node_plan.node_id: node_plan.findings for node_plan in planned}
-        with claims.rolled_back_whole():
+        with claims.rolled_back_group():
             transaction = apply_together(session, nodes, plans, found, name or f"apply {plan.file}", findings, also)
         with transaction:
             _keep(session, nodes, transaction.plans)
@@ -142,12 +142,12 @@ def _keep(session: SessionNodes, nodes: Mapping[int, Node], done: Mapping[int, P
 
 
 def _claims_at_store(
-    session: Session, transaction: NetworkTransaction, claims: Claims, found: Mapping[int, InitialState]
+    session: Session, transaction: NetworkTransaction, claims: Claims, initial_states: Mapping[int, InitialState]
 ) -> ClaimsAtStore:
     """Read what each node that is written or stores holds: changed values and other values of the file."""
     planned = [plan for plan in claims.planned if len(plan.plan) or plan.stores]
     held = {plan.node_id: plan.holds for plan in planned if not len(plan.plan)}
-    boot_ups = {plan.node_id: found[plan.node_id].boot_ups for plan in planned if not plan.stores}
+    boot_ups = {plan.node_id: initial_states[plan.node_id].boot_ups for plan in planned if not plan.stores}
     identities = {plan.node_id: plan.identity for plan in planned}
     return ClaimsAtStore(session, transaction.nodes, {**held, **transaction.claims()}, identities, boot_ups, claims)
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.change.expected import moves
 from dvtcli.device.change.roll_back import first_difference
 from dvtcli.device.change.untouched_pdos import is_of_pdo
-from dvtcli.device.observe import MOST_LOOKS
+from dvtcli.device.observe import MAX_READS
 from dvtcli.device.read_whole import PAUSE_S
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Pdo
@@ -55,7 +55,7 @@ class Claims:
         equal = self._equal()
         reads = [partial(_refuse_unequal, self.nodes[plan.node_id], plan) for plan in equal if plan.is_read]
         reads += [partial(_refuse_altered, self.nodes[plan.node_id], plan) for plan in self.planned if plan.also_held]
-        for _ in range(MOST_LOOKS):
+        for _ in range(MAX_READS):
             self.verify_restarted()
             self._side_by_side(reads)
             restarted = [plan.node_id for plan in equal if self._has_restarted(plan)]
@@ -77,7 +77,7 @@ class Claims:
 
     def require_as_planned(self, of: Collection[int] | None = None) -> None:
         """Raises SafetyRefusal if a node of *of* (None: all) restarted and differs from what it was planned from."""
-        for _ in range(MOST_LOOKS):
+        for _ in range(MAX_READS):
             restarted = [
                 node_plan
                 for node_plan in self.planned
@@ -94,7 +94,7 @@ class Claims:
         raise _restarts(restarted[0].node_id)
 
     @contextmanager
-    def rolled_back_whole(self) -> Iterator[None]:
+    def rolled_back_group(self) -> Iterator[None]:
         """LeftChanged if a device holds another value of a setting without a write after a roll-back."""
         try:
             yield
@@ -140,7 +140,7 @@ class Claims:
 
 
 def _restarts(node_id: int) -> Restarted:
-    return Restarted(f"node {node_id} restarted each of {MOST_LOOKS} times that it was looked at", node=node_id)
+    return Restarted(f"node {node_id} restarted each of {MAX_READS} times that it was looked at", node=node_id)
 
 
 def _refuse_unequal(node: ReadableNode, planned: NodePlan) -> None:
@@ -213,7 +213,7 @@ def refuse_stale(node: ReadableNode, planned: NodePlan, changes: Collection[Chan
         raise _stale(node, "is another device than the plan is for")
     look = node.memory.look()
     for change in changes:
-        difference = first_difference(look, change, wanted_before=True)  # which is empty since it was claimed
+        difference = first_difference(look, change, wanted_before=True)  # empty when the claim was made
         if difference:
             raise _stale(node, f"{what} since the plan was made: {change.label}", change.label, difference)
 

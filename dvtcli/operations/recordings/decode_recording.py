@@ -40,7 +40,7 @@ def decode_recording(
 ) -> Iterator[FrameSeen]:
     """Yield the decoded frames of the recording at *path*, with *text* (lower case) in a name; see `decoder_for`.
 
-    *only* are kinds of frames, as in `frame_filter.READ_KINDS`; none: all.
+    *only* are kinds of frames, as in `typed_frame.READ_KINDS`; none: all.
 
     Raises UsageError if the file is missing or its format unknown, and at the end if no known signal has *text* in its
     name; InputFileError, after the frames before it, where the file is damaged.

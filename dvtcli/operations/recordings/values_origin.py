@@ -26,7 +26,7 @@ class ValuesOptions:
     """Options of recorded values: *layout* of a .parquet file (None: long), *source* (None: the actual recorder).
 
     A new file begins by *rotation* (seconds, bytes; 0: never), and with *append* after an existing file.
-    *only* are kinds of frames, as in `frame_filter.READ_KINDS`; none: all.
+    *only* are kinds of frames, as in `typed_frame.READ_KINDS`; none: all.
     """
 
     layout: str | None = None

@@ -56,30 +56,30 @@ def network_on_bus(
     *,
     only_one: Callable[[], bool],
     comes_back: bool,
-    whole: ChangeGroup,
+    group: ChangeGroup,
 ) -> Network:
     """Return the nodes of *bus*, including *simulated* nodes; messages go to the session's user.
 
     *only_one*: the process makes a single change and ends; *comes_back*: a lost bus is waited for; changes belong to
-    *whole*.
+    *group*.
     """
     return Network(
         bus, DeviceFiles(bus, session.base, simulated), session.cancellation, session.consent,
-        None if simulated or (bus.simulated and session.base.sim) else _keeping(session, bus, whole), only_one=only_one,
-        on_look=lambda looking: session.reporter.progress(*look_progress(looking)),
+        None if simulated or (bus.simulated and session.base.sim) else _change_files(session, bus, group),
+        only_one=only_one, on_look=lambda looking: session.reporter.progress(*look_progress(looking)),
         on_step=lambda progress: session.reporter.progress(*step_progress(progress)),
         warn=session.reporter.warning, note=session.reporter.note, comes_back=comes_back and not bus.simulated,
         consent_anew=session.consent_anew,
     )  # fmt: skip
 
 
-def _keeping(session: SessionUser, bus: CanopenBus, whole: ChangeGroup) -> ChangeFiles:
+def _change_files(session: SessionUser, bus: CanopenBus, group: ChangeGroup) -> ChangeFiles:
     """Return the change files, kept only for nodes that outlive this process."""
     from dvtcli.operations.user.change_files import ChangeFiles, state_folder
 
     return ChangeFiles(
         bus.name, state_folder(session.base), session.base.one_node, session.reporter.note, session.reporter.warning,
-        session.doing, whole,
+        session.doing, group,
     )  # fmt: skip
 
 

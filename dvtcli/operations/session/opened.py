@@ -352,7 +352,7 @@ class Opened:
         from dvtcli.operations.session.open_network import network_on_bus
 
         return network_on_bus(
-            self, bus, simulated, only_one=lambda: self.ends_with_line, comes_back=self.comes_back, whole=self.whole
+            self, bus, simulated, only_one=lambda: self.ends_with_line, comes_back=self.comes_back, group=self.group
         )
 
     @property
@@ -403,7 +403,7 @@ class Opened:
         return self.network.bus
 
     @cached_property
-    def whole(self) -> ChangeGroup:
+    def group(self) -> ChangeGroup:
         """Return the changes that are kept or rolled back together, as in an atomic script."""
         from dvtcli.device.change.change_group import ChangeGroup
 

@@ -147,7 +147,7 @@ class Session(Opened):
     def read_together(self, look: Callable[[], T]) -> T:
         """Read several nodes by *look*, repeated until no node restarted meanwhile.
 
-        A node counts from its first contact. Raises NoAnswer after `MOST_LOOKS` attempts. A nested call reads once, as
+        A node counts from its first contact. Raises NoAnswer after `MAX_READS` attempts. A nested call reads once, as
         the outer call repeats everything.
         """
         if self._reads_together:
@@ -159,10 +159,10 @@ class Session(Opened):
             self._reads_together = False
 
     def _read_together(self, look: Callable[[], T]) -> T:
-        from dvtcli.device.observe import MOST_LOOKS
+        from dvtcli.device.observe import MAX_READS
         from dvtcli.errors import NoAnswer
 
-        for left in reversed(range(MOST_LOOKS)):
+        for left in reversed(range(MAX_READS)):
             boot_ups = {node_id: node.bus.boot_ups(node_id) for node_id, node in self.seen_nodes().items()}
             found = look()
             restarted = [
@@ -176,7 +176,7 @@ class Session(Opened):
             if left:
                 self.reporter.note(f"{names} restarted while it was read: it is read again")
         raise NoAnswer(
-            f"{names} restarted each of {MOST_LOOKS} times that it was read",
+            f"{names} restarted each of {MAX_READS} times that it was read",
             node=restarted[0],
             hint="check its supply and its wiring, then try again",
         )

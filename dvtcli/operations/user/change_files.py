@@ -42,7 +42,7 @@ class ChangeFiles:
     #: the current work, for another dvtcli that finds a node's lock taken
     doing: Callable[[], str]
     #: the group of the current changes
-    whole: ChangeGroup = field(default_factory=ChangeGroup)
+    group: ChangeGroup = field(default_factory=ChangeGroup)
     #: messages about interrupted changes, for those of several nodes only once
     _said: set[Hint | str] = field(default_factory=set)
 
@@ -91,7 +91,7 @@ class ChangeFiles:
     def _keeper(self, node_id: int, dictionary: ObjectDictionary | None) -> ChangeGuard:
         locks = state_folder(None) / "locks"
         fixed = self.is_fixed(dictionary)
-        guard = ChangeGuard(self.folder, locks, self.bus, node_id, self.say, fixed, self.warn, self.doing, self.whole)
+        guard = ChangeGuard(self.folder, locks, self.bus, node_id, self.say, fixed, self.warn, self.doing, self.group)
         guard.history.selected = self.selected
         return guard
 
@@ -109,10 +109,10 @@ def _interrupted(guard: ChangeGuard) -> tuple[Hint | str, bool]:
 def _how_to_finish(journal: Journal) -> Hint:
     changed = _changed(journal)
     labels, node_id = join_some(journal.labels), journal.plan.node_id
-    if journal.part.whole is None and journal.part.asked:
+    if journal.part.group_id is None and journal.part.asked:
         what = f"the learning of this device, which asked {labels} of node {node_id},"
         return Hint(Action.RECOVER, {"node": node_id}, f"{what} was interrupted: {{}} puts the old configuration back")
-    if journal.part.whole is None:
+    if journal.part.group_id is None:
         return Hint(
             Action.RECOVER,
             {"node": node_id},
@@ -133,7 +133,7 @@ def _how_to_finish(journal: Journal) -> Hint:
 
 def _changed(journal: Journal) -> str:
     """Describe the change of *journal*: if on several nodes, with all of them."""
-    whole = journal.part.whole
+    whole = journal.part.group_id
     together = [] if whole is None else Journals(journal.path.parent, journal.bus).all_of(whole)
     ids = sorted({journal.plan.node_id, *(other_journal.plan.node_id for other_journal in together)})
     if len(ids) > 1:

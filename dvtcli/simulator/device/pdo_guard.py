@@ -286,7 +286,7 @@ _RESTRICTED = (
     (0x6E0, 0x6FF),
     (0x701, 0x7FF),
 )
-#: What a parameter that is written while the PDO is valid is called in `pdo_checks`, and what the standard answers.
+#: Names in `CHECKS` of the parameters written while the PDO is valid, and the standard's answers.
 _WHILE_VALID = {
     TRANSMISSION_TYPE: ("type-while-valid", 0),
     INHIBIT_TIME: ("inhibit-while-valid", Abort.VALUE_RANGE),

@@ -1,6 +1,6 @@
 """SDO server: requests of eight bytes in, responses of eight bytes out (CiA 301, 7.2.4).
 
-Expedited and segmented transfers, and the start of a block transfer (`block_transfer`).
+Expedited, segmented and block transfers.
 """
 
 from __future__ import annotations

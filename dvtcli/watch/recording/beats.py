@@ -18,7 +18,7 @@ _TURNS = 8
 
 
 @dataclass(slots=True)
-class Turns:
+class AlternatingFrames:
     """Tells two senders with one period by gaps (s) that are short and long by turns; *times* are the turns.
 
     One sender's gaps are even, or uneven without such an order.
@@ -46,7 +46,7 @@ class Turns:
 
 
 @dataclass(slots=True)
-class Beats:
+class PeriodicFrames:
     """Heartbeats of a node, or SYNC, since a start or another period: the last, the gaps (s), and odd gaps.
 
     A long gap has its time (s), the time without any frame before its end (s), and the moment of its end; an uneven
@@ -58,7 +58,7 @@ class Beats:
     long: list[tuple[float, float, Moment]] = field(default_factory=list)
     uneven: list[tuple[float, Moment]] = field(default_factory=list)
     count: int = 0
-    turns: Turns = field(default_factory=Turns)
+    turns: AlternatingFrames = field(default_factory=AlternatingFrames)
     _early_s: float = 0.0
 
     def take(self, moment: Moment, silent_s: float) -> None:

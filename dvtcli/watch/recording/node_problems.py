@@ -9,7 +9,7 @@ from dvtcli.domain.emergency_codes import emergency_text
 from dvtcli.domain.lint.lint_rule import ERROR, WARNING, LintRule
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
-from dvtcli.watch.recording.beats import PATIENCE, Beats
+from dvtcli.watch.recording.beats import PATIENCE, PeriodicFrames
 from dvtcli.watch.recording.problems import Moment, Moments, Problem, TimesOf
 
 BOOT_UP = LintRule(
@@ -49,7 +49,7 @@ class _NodeSeen:
     #: resets that were commanded and have no boot-up yet, and the first since which a node that was alive sent nothing
     resets: int = 0
     gone: Moment | None = None
-    heartbeats: Beats = field(default_factory=Beats)
+    heartbeats: PeriodicFrames = field(default_factory=PeriodicFrames)
     is_guarded: bool = False
     #: its first and last heartbeat in OPERATIONAL
     operational: tuple[Moment, Moment] | None = None
@@ -65,8 +65,8 @@ class NodeProblems:
 
     _nodes: dict[int, _NodeSeen] = field(default_factory=dict)
     _boot_ups: TimesOf[tuple[int, NmtState | None]] = field(default_factory=TimesOf)
-    _late: list[tuple[int, float, Beats]] = field(default_factory=list)
-    _syncs: list[Beats] = field(default_factory=lambda: [Beats()])
+    _late: list[tuple[int, float, PeriodicFrames]] = field(default_factory=list)
+    _syncs: list[PeriodicFrames] = field(default_factory=lambda: [PeriodicFrames()])
     _ended: list[tuple[int, int, Moments]] = field(default_factory=list)
 
     def take(self, moment: Moment, frame: Frame, before: Moment) -> None:
@@ -90,7 +90,7 @@ class NodeProblems:
         elif service == _REQUESTS and data[1:4] == _HEARTBEAT_TIME and data[0] >> 5 == 1:
             self._new_period(node_id, node)
         elif service == _REQUESTS and data[1:4] == _SYNC_PERIOD and data[0] >> 5 == 1:
-            self._syncs.append(Beats())
+            self._syncs.append(PeriodicFrames())
         elif service == _ANSWERS:
             node.is_alive, node.gone = True, None
 
@@ -122,7 +122,7 @@ class NodeProblems:
         """Judge later heartbeats by themselves: the node starts, or its 0x1017 is written."""
         if (period_s := node.heartbeats.period_s) and not node.is_guarded:
             self._late.append((node_id, period_s, node.heartbeats))
-        node.heartbeats = Beats()
+        node.heartbeats = PeriodicFrames()
 
     def _error_control(self, moment: Moment, node_id: int, node: _NodeSeen, state: int, silent_s: float) -> None:
         node.gone = None
@@ -207,7 +207,7 @@ def _of_two(node_id: int, node: _NodeSeen) -> Iterator[Problem]:
                       times, node_id)  # fmt: skip
 
 
-def _late(node_id: int, period_s: float, heartbeats: Beats) -> Iterator[Problem]:
+def _late(node_id: int, period_s: float, heartbeats: PeriodicFrames) -> Iterator[Problem]:
     """Report gaps of more than two and a half periods in which other frames came after the heartbeat was due."""
     if late := heartbeats.late():
         worst_s, moments = max(gap_s for gap_s, _ in late), Moments.at(*(moment for _, moment in late))
@@ -216,7 +216,7 @@ def _late(node_id: int, period_s: float, heartbeats: Beats) -> Iterator[Problem]
         yield _of_node(LATE, node_id, text, moments, look)
 
 
-def _of_syncs(syncs: Beats) -> Iterator[Problem]:
+def _of_syncs(syncs: PeriodicFrames) -> Iterator[Problem]:
     """Report late SYNC messages, uneven ones, and those of two producers."""
     period, parties = f"usual are {1000 * syncs.period_s:.3g} ms", "SYNC producer and all consumers"
     if late := syncs.late():

@@ -10,7 +10,7 @@ from dvtcli.domain.lint.lint_rule import WARNING, LintRule
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.text import plural
 from dvtcli.watch.decoder import Address
-from dvtcli.watch.recording.beats import Turns
+from dvtcli.watch.recording.beats import AlternatingFrames
 from dvtcli.watch.recording.frame_problems import TWO_SENDERS
 from dvtcli.watch.recording.problems import Moment, Moments, Problem, TimesOf
 
@@ -44,7 +44,7 @@ class _Pdo:
     floods: list[Moment] = field(default_factory=list)
     data: bytes = b""
     before: bytes = b""
-    turns: Turns = field(default_factory=Turns)
+    turns: AlternatingFrames = field(default_factory=AlternatingFrames)
 
     def next_window(self, window: int, moment: Moment, syncs: int) -> None:
         """Begin *window* at *moment*, after so many *syncs*."""

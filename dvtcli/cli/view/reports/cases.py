@@ -25,8 +25,7 @@ class Case:
     """A PDO or object of a *node* or a file; *says* are the deviations, empty if none.
 
     *level* is `error`, `warning` or `notice`, or `skipped` if not checked; *file* with *line* and *column* (0: unknown)
-    is the
-    place of the wanted value.
+    is the place of the wanted value.
     """
 
     node: int | str

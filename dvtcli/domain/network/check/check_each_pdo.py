@@ -12,14 +12,14 @@ from dvtcli.domain.rules import (
     can_id,
     communication,
     entry_length,
-    mappable,
     mapped_object,
+    pdo_mapping,
 )
 from dvtcli.domain.rules.finding import Rule
 
 _PLACE = re.compile(r"0x([0-9A-F]{4}):([0-9A-F]{2})")
 _DECLARED: dict[str, Rule] = {
-    rule.name: rule for file in (can_id, communication, entry_length, mappable, mapped_object) for rule in file.RULES
+    rule.name: rule for file in (can_id, communication, entry_length, pdo_mapping, mapped_object) for rule in file.RULES
 }
 
 

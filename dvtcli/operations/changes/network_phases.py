@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.bus.turns import one_by_one
 from dvtcli.device.change.change_group import GroupMember
-from dvtcli.device.change.own_journal import complete_wholes
+from dvtcli.device.change.own_journal import complete_groups
 from dvtcli.device.change.undo_plan import with_undo_findings
 from dvtcli.device.change.untouched_pdos import as_they_are, present_beside, wholes_beside
 from dvtcli.device.stamped import is_stamp
@@ -37,12 +37,12 @@ def apply_together(
     session: Session,
     nodes: Mapping[int, Node],
     plans: Mapping[int, Plan],
-    found: Mapping[int, InitialState],
+    initial_states: Mapping[int, InitialState],
     name: str,
     findings: Mapping[int, tuple[Finding, ...]],
     also: AlsoClaimed | None = None,
 ) -> NetworkTransaction:
-    """Carry out every phase of *plans* on all *nodes*, each as *found*; *name* is the name of the change.
+    """Carry out every phase of *plans* on all *nodes*, each as *initial_states*; *name* is the name of the change.
 
     The values *also* claimed are verified with the plans, and rolled back with them. If nodes store next, no roll-back
     is possible after that: a request to stop received during verification still counts, and if several nodes store,
@@ -52,22 +52,22 @@ def apply_together(
     failed. *findings* are those of the rules for each node.
     """
     also = also or AlsoClaimed()
-    boot_ups = {node_id: read_part.boot_ups for node_id, read_part in found.items()}
+    boot_ups = {node_id: read_part.boot_ups for node_id, read_part in initial_states.items()}
     transaction = NetworkTransaction(session, nodes, name, boot_ups, held=dict(also.held))
     try:
         for node_id, plan in plans.items():
             if len(plan):
                 transaction.plans[node_id], _ = with_undo_findings(nodes[node_id], plan)
                 own = present_beside(nodes[node_id], transaction.guarded(node_id))
-                read = wholes_beside(nodes[node_id], plan, found[node_id])
+                read = wholes_beside(nodes[node_id], plan, initial_states[node_id])
                 transaction.beside[node_id] = as_they_are({pdo: config for pdo, config in read.items() if pdo in own})
     except BaseException:
         with transaction:  # nothing was written: the change ends, so that the next one is not taken for a part of it
             raise
-    run = _Run(session, transaction, found, findings, sum(map(len, transaction.plans.values())))
+    run = _Run(session, transaction, initial_states, findings, sum(map(len, transaction.plans.values())))
     boot_ups = {node_id: boot_ups[node_id] for node_id in plans}
     try:
-        _open_journals(transaction, found, also)
+        _open_journals(transaction, initial_states, also)
         faults = run.phases(plans)
         for _ in range(2 if len(also.stores) > 1 else 1):
             faults = faults or final_verify(session, nodes, transaction.claims(), boot_ups, also.others)
@@ -84,7 +84,9 @@ def apply_together(
     return transaction
 
 
-def _open_journals(transaction: NetworkTransaction, found: Mapping[int, InitialState], also: AlsoClaimed) -> None:
+def _open_journals(
+    transaction: NetworkTransaction, initial_states: Mapping[int, InitialState], also: AlsoClaimed
+) -> None:
     """Open the journals of all nodes before the first write, with room for all their later contents.
 
     A node has a single journal for all its parts: each further journal would make all nodes wait for the disk.
@@ -100,7 +102,13 @@ def _open_journals(transaction: NetworkTransaction, found: Mapping[int, InitialS
         if node.guard is not None:
             node.guard.own_journal.guard(Plan(node_id, tuple(transaction.held.get(node_id, ()))))
             node.guard.prepare(
-                plan, node.identity(), found[node_id].state, node.known_pdos, node.last_read, ends, proves=also.proves
+                plan,
+                node.identity(),
+                initial_states[node_id].state,
+                node.known_pdos,
+                node.last_read,
+                ends,
+                proves=also.proves,
             )
 
 
@@ -114,7 +122,7 @@ class _Run:
 
     session: Session
     transaction: NetworkTransaction
-    found: Mapping[int, InitialState]
+    initial_states: Mapping[int, InitialState]
     findings: Mapping[int, tuple[Finding, ...]]
     total: int
     taken: int = 0
@@ -143,7 +151,7 @@ class _Run:
                     self.findings[part.node_id],
                     force=self.session.options.force,
                     kept=False,
-                    found=self.found[part.node_id],
+                    initial_state=self.initial_states[part.node_id],
                     is_part_of_group=True,
                 )
 
@@ -185,6 +193,6 @@ def _stop_if_cancelled(session: SessionUser, where: str = "before the next part"
 
 def complete(transaction: NetworkTransaction) -> None:
     """Keep the changes; raises JournalKept if a journal cannot be removed."""
-    kept = complete_wholes(transaction.journals())
+    kept = complete_groups(transaction.journals())
     if kept is not None:
         raise kept

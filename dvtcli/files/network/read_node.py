@@ -25,9 +25,9 @@ from dvtcli.domain.pdo import MAX_PDO_NUMBER, Direction, Pdo
 from dvtcli.domain.times import counts
 from dvtcli.files.network import leaves
 from dvtcli.files.network.file_log import FileLog, spelled
-from dvtcli.files.network.known_keys import key_mark, number_key, read_keys
 from dvtcli.files.network.network_keys import OF, Where
-from dvtcli.files.network.physical_keys import read_physical
+from dvtcli.files.network.read_by_keys import key_mark, number_key, read_keys
+from dvtcli.files.network.read_physical import read_physical
 from dvtcli.files.network.yaml_tree import Branch, Leaf, Tree, YamlList
 
 #: the keys of a PDO by sub-index, the last of equivalent keys; 0: the mapping

@@ -14,7 +14,7 @@ from dvtcli.device.change.left_behind import Guarded, could_not, name_left
 from dvtcli.device.change.roll_back import roll_back_patiently, unreadable_now
 from dvtcli.device.change.undo_plan import put_back_findings, undo_plan_of
 from dvtcli.device.change.untouched_pdos import altered_of, as_they_are, is_of_pdo, others_left, present_beside
-from dvtcli.device.observe import MOST_LOOKS, BusWitness
+from dvtcli.device.observe import MAX_READS, RestartCounter
 from dvtcli.device.stamped import NO_STAMP, held_stamp, is_stamp, stamp_back
 from dvtcli.device.store.pending import CHANGE
 from dvtcli.domain.hint import Action, Hint, verbatim
@@ -86,9 +86,9 @@ class Recovery:
         return cls(node, journal, plan, as_taken, _without_stamp(node, journal.plan, plan), others, boot_ups)
 
     def ahead(self) -> Iterator[Plan]:
-        """The parts to write before `put_back` if several nodes recover together, a part per phase except the last.
+        """The parts to write before `roll_back` if several nodes recover together, a part per phase except the last.
 
-        If a refusal is expected, only PDOs are disabled: `put_back` finds an accepted value.
+        If a refusal is expected, only PDOs are disabled: `roll_back` finds an accepted value.
         """
         changes = self.journal.plan.changes
         foreseen = any(isinstance(change, PdoChange) and change.back is not None for change in changes)
@@ -97,7 +97,7 @@ class Recovery:
             yield next((part for part in phase if not left_out), Plan(self.node.node_id, ()))
 
     def go_ahead(self, part: Plan) -> None:
-        """Bring the node to the end of *part*, leaving refused steps to `put_back`.
+        """Bring the node to the end of *part*, leaving refused steps to `roll_back`.
 
         Raises LeftChanged if the node does not answer.
         """
@@ -177,7 +177,7 @@ class Recovery:
         A restart, even one caused by the start command, clears values held in RAM only.
         """
         node = self.node
-        for look in range(MOST_LOOKS):
+        for look in range(MAX_READS):
             if look:
                 self.roll_back()
             if self.journal.nmt_state == NmtState.OPERATIONAL and node.access.state() is NmtState.PRE_OPERATIONAL:
@@ -186,7 +186,7 @@ class Recovery:
                 node.pending.boot_ups = self._boot_ups
                 return
         raise LeftChanged(
-            f"node {node.node_id} restarted each of {MOST_LOOKS} times that it was rolled back",
+            f"node {node.node_id} restarted each of {MAX_READS} times that it was rolled back",
             node=node.node_id,
             place=str(self.journal.path),
             hint=Hint(
@@ -226,7 +226,7 @@ class Recovery:
         try:
             with node.cancellation.guard():
                 node.gate.renew()  # an earlier try may have started the node
-                witness = BusWitness(node.bus, node.node_id)
+                witness = RestartCounter(node.bus, node.node_id)
                 return roll_back_patiently(node.sdo, changes, node.bus, node.gate.renew, witness)
         except given_up as fault:
             raise self._left(fault) from fault

@@ -1,6 +1,6 @@
 """The ways for a command to run lines, scripts or the prompt; `main` hands them to the registry.
 
-Commands get them through click's context (`ways`), to avoid importing modules that run commands.
+Commands get them through click's context (`runners`), to avoid importing modules that run commands.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from dvtcli.device.target_config import TargetConfig
 
 
-class Ways(Protocol):
+class LineRunners(Protocol):
     """All runners of lines."""
 
     def without_command(self, session: Conversation) -> int:
@@ -47,23 +47,23 @@ class Ways(Protocol):
         """Parse every line of the script at *path* without running any. Raises DvtcliError if malformed."""
 
 
-class Root(click.Group):
+class CommandGroup(click.Group):
     """The set of all commands, with the runners from `main`."""
 
-    ways: Ways
+    runners: LineRunners
 
     def long_help(self, ctx: click.Context) -> str:
         """Return the help of every command and of all global options."""
         raise NotImplementedError
 
 
-def root(ctx: click.Context) -> Root:
+def root(ctx: click.Context) -> CommandGroup:
     """Return the set of all commands from a line's context."""
     found = ctx.find_root().command
-    assert isinstance(found, Root)  # noqa: S101 - argv, prompt and scripts parse every line below it
+    assert isinstance(found, CommandGroup)  # noqa: S101 - argv, prompt and scripts parse every line below it
     return found
 
 
-def ways(ctx: click.Context) -> Ways:
+def runners(ctx: click.Context) -> LineRunners:
     """Return the runners from a line's context."""
-    return root(ctx).ways
+    return root(ctx).runners

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from dvtcli.device.target_config import TargetConfig
 
 
-class WaysIn:
-    """`ways.Ways`, on prompt, scripts and lines."""
+class ImportedRunners:
+    """`LineRunners` of `runner_interface`: prompt, scripts and lines."""
 
     def without_command(self, session: Conversation) -> int:
         """Run the prompt if stdin is a terminal, else stdin as a script; returns the exit code."""
@@ -66,7 +66,7 @@ class WaysIn:
 
 def install() -> None:
     """Hand the runners to the registry for its commands."""
-    REGISTRY.ways = WaysIn()
+    REGISTRY.runners = ImportedRunners()
 
 
 def without_command(session: Conversation) -> int:
