@@ -111,7 +111,7 @@ def apply_plan(
 
 
 def enter(node: Changeable, initial_state: InitialState) -> None:
-    """Enter the gate for PDO writes; a node that restarted since *initial_state* OPERATIONAL returns to it at the end."""
+    """Enter the gate for PDO writes; a node that restarted since *initial_state* OPERATIONAL returns to it."""
     was_in = node.gate.entered
     node.gate.enter()
     if not was_in and node.gate.entered and node.gate.found is None and restarted_since(node, initial_state):
