@@ -148,7 +148,7 @@ class TestGateway(Contract):
 
     def test_no_frames_pass_and_that_is_said(self, bus: CanopenBus) -> None:
         assert (bus.carries_frames, bus.carries_remote_frames, bus.simulated) == (False, False, False)
-        with pytest.raises(UsageError, match="carries no CAN frames: 0x80 cannot be sent"):
+        with pytest.raises(UsageError, match="carries no CAN frames: 0x080 cannot be sent"):
             bus.send(Frame(0x80, b""))
 
     def test_who_taps_sees_boot_ups(self, bus: CanopenBus) -> None:

@@ -99,7 +99,7 @@ class Bench:
 
     def failed(self, found: InitialState | None = None, *, keep_journal: bool = False) -> DvtcliError:
         with pytest.raises(DvtcliError) as caught:
-            apply_plan(self.node, self.plan(), found=found, keep_journal=keep_journal)
+            apply_plan(self.node, self.plan(), initial_state=found, keep_journal=keep_journal)
         return caught.value
 
 
@@ -218,7 +218,7 @@ def test_a_restart_without_a_boot_up_is_told_by_a_lost_answer_and_another_state(
     if state is PRE_OPERATIONAL:
         bench.device.nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
     bench.bus.repeated = repeated
-    apply_plan(bench.node, bench.plan(), found=bench.found())
+    apply_plan(bench.node, bench.plan(), initial_state=bench.found())
     assert bench.bus.commands == commands
 
 
@@ -227,7 +227,7 @@ def test_inside_an_open_gate_the_state_is_left_to_the_gate(tmp_path: Path) -> No
     bench.node.configure({TPDO1: PdoRequest(event_timer=50)})
     assert bench.bus.commands == [NmtCommand.ENTER_PRE_OPERATIONAL]
     bench.bus.heard_boot_ups += 1
-    apply_plan(bench.node, bench.plan(), found=bench.found(boot_ups=-1))
+    apply_plan(bench.node, bench.plan(), initial_state=bench.found(boot_ups=-1))
     assert bench.device.state is PRE_OPERATIONAL
     bench.guard.lock.release()
 
@@ -243,7 +243,7 @@ def test_a_journal_that_stays_is_an_error_or_beside_one(bench: Bench) -> None:
     bench.journal.rmdir()
     bench.bus.when_started = NoAnswer("deaf")
     with pytest.raises(NoAnswer) as caught:
-        apply_plan(bench.node, bench.plan(7), found=bench.found(boot_ups=-1), done=into_a_folder)
+        apply_plan(bench.node, bench.plan(7), initial_state=bench.found(boot_ups=-1), done=into_a_folder)
     ((label, text),) = caught.value.details
     assert label == "journal"
     assert text.startswith("the journal of node 1 cannot be removed: ")
@@ -339,9 +339,9 @@ def test_what_needed_no_write_is_looked_at_again_where_the_node_restarted_meanwh
     if not held:
         bench.device.download(0x1800, 5, b"\x09\x00")
     if held:
-        assert len(bench.node.apply(plan, found=found).plan) == 0
+        assert len(bench.node.apply(plan, initial_state=found).plan) == 0
     else:
         with pytest.raises(Restarted, match="TPDO1 is no longer as wanted") as caught:
-            bench.node.apply(plan, found=found)
+            bench.node.apply(plan, initial_state=found)
         assert (caught.value.state, caught.value.why) == ("unchanged", "0x1800:05 is 0x0009, expected 0x0000")
     assert bench.device.state is OPERATIONAL
