@@ -1,4 +1,4 @@
-"""Run a line: find and parse its command, invoke it, show the answer, return the exit code."""
+"""Run a line: parse it, invoke its command, show the answer, return the exit code."""
 
 from __future__ import annotations
 
@@ -7,31 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dvtcli.cli.catalogue import meant, unknown_command
-from dvtcli.cli.pasted_line import PROGRAM, without_program
-from dvtcli.cli.registry import REGISTRY
+from dvtcli.cli.parse_line import parse
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
-
-
-def parse(words: Sequence[str], session: Conversation) -> click.Context:
-    """Find and parse a line's command without running it. Raises usage errors."""
-    root = click.Context(REGISTRY, info_name="", obj=session)
-    if words[0] == PROGRAM:
-        words = without_program(words, session)
-    name, *args = meant(words)
-    if name.startswith("-"):
-        if name in ("-n", "--node"):
-            raise click.UsageError(
-                f"{name} is given when dvtcli starts; here `node 5` selects a node, and `read 1:1017 5:1017` names them"
-            )
-        raise click.UsageError(f"{name} comes before any command; options come after it")
-    command = REGISTRY.get_command(root, name)
-    if command is None:
-        raise click.UsageError(unknown_command(name))
-    return command.make_context(name, list(args), parent=root)
 
 
 def run_words(words: Sequence[str], session: Conversation) -> int:

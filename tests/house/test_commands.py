@@ -13,8 +13,8 @@ from dvtcli.cli.catalogue import command_names
 from dvtcli.cli.command import DvtCommand
 from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.lexer import split
+from dvtcli.cli.parse_line import parse
 from dvtcli.cli.registry import REGISTRY
-from dvtcli.cli.run_line import parse
 from dvtcli.cli.view.output import Output
 from dvtcli.operations import results
 from tests.house.reference.documents import RUNS, annotated

@@ -10,7 +10,7 @@ import pytest
 from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.corrected_line import corrected
 from dvtcli.cli.lexer import split
-from dvtcli.cli.run_line import parse
+from dvtcli.cli.parse_line import parse
 from dvtcli.cli.view.output import Output
 from dvtcli.domain.hint import Action, Hint
 from tests.commands.bench import Bench

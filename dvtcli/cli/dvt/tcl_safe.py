@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.cli.run_line import parse
+from dvtcli.cli.parse_line import parse
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:

@@ -26,10 +26,10 @@ from dvtcli.cli.boundary import usage_error
 from dvtcli.cli.catalogue import command_names
 from dvtcli.cli.corrected_line import corrected
 from dvtcli.cli.lexer import split
+from dvtcli.cli.parse_line import parse
 from dvtcli.cli.prompt.completer import LineCompleter
 from dvtcli.cli.prompt.key_bindings import bindings
 from dvtcli.cli.prompt.line import CONTINUED, checked, cut, expanded, quoted, taken_apart, tcl_line
-from dvtcli.cli.run_line import parse
 from dvtcli.cli.view.lines import Cell
 from dvtcli.cli.view.output import Output
 from dvtcli.cli.view.paint import wrapped

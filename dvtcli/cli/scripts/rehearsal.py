@@ -10,7 +10,7 @@ import click
 from dvtcli.cli.boundary import usage_error
 from dvtcli.cli.command import Effect, of_line
 from dvtcli.cli.global_options import PREFIX
-from dvtcli.cli.run_line import parse
+from dvtcli.cli.parse_line import parse
 from dvtcli.cli.scripts.atomic import final
 from dvtcli.cli.scripts.script_parse import MOST_BYTES, MOST_NESTED, ScriptLine, script_lines, script_of
 from dvtcli.cli.view.typed_hints import error_text

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.lexer import split
-from dvtcli.cli.run_line import parse
+from dvtcli.cli.parse_line import parse
 from dvtcli.cli.scripts.atomic import Reach, is_rehearsal
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 from dvtcli.files.input_file import read_input_head

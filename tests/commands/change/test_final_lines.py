@@ -6,7 +6,7 @@ import pytest
 
 from dvtcli.cli.command import Final
 from dvtcli.cli.lexer import split
-from dvtcli.cli.run_line import parse
+from dvtcli.cli.parse_line import parse
 from dvtcli.cli.scripts.atomic import does_other, final, is_changing
 from tests.commands.bench import Bench
 
