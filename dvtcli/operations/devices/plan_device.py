@@ -328,12 +328,12 @@ def _wanted(
 ) -> PdoConfig | None:
     """Compute the wanted PDO, whether enabling is allowed or not."""
     said = _file_config(node, held, pdo)
-    if said is not None and said.mpdo is not None and (said.mpdo, said.multiplexed) == (now.mpdo, now.multiplexed):
-        return replace(now, communication=_communication(node, known, pdo, now, said, left_out))
-    if said is None or said.mpdo is not None or said.held_count is not None:
+    if said is None or said.held_count is not None:
         if said != now:
-            _leave_out(left_out, pdo.label, "is no whole PDO in the file, or multiplexed")
+            _leave_out(left_out, pdo.label, "is no whole PDO in the file")
         return None
+    if said.mpdo is not None:
+        return _wanted_mpdo(node, known, pdo, now, said, left_out)
     is_part = _tell_beyond(held, pdo, said, left_out) or any(not entry.index for entry in said.mapping)
     if is_part and said.mapping != now.mapping:
         _leave_out(left_out, f"{pdo.mapping_index:04X}:00", "the file does not say all that it maps")
@@ -346,6 +346,20 @@ def _wanted(
         _leave_out(left_out, f"{pdo.mapping_index:04X}:00", why)
         return wanted
     return PdoConfig(wanted.communication, said.mapping, unread=now.lacking)
+
+
+def _wanted_mpdo(
+    node: Node, known: Configuration, pdo: Pdo, now: PdoConfig, said: PdoConfig, left_out: dict[str, LeftOut]
+) -> PdoConfig:
+    """Compute the wanted multiplexed PDO: the count of *said*, and its entry unless that is 0."""
+    communication = _communication(node, known, pdo, now, said, left_out)
+    entries = said.multiplexed if all(entry.raw for entry in said.multiplexed) else ()
+    if said.mpdo == now.mpdo and entries in ((), now.multiplexed):
+        return replace(now, communication=communication)
+    if why := _why_not(known, node.dictionary, (pdo.mapping_index, 0)):
+        _leave_out(left_out, f"{pdo.mapping_index:04X}:00", why)
+        return replace(now, communication=communication)
+    return PdoConfig(communication, (), said.mpdo, unread=now.lacking, multiplexed=entries)
 
 
 def _file_config(node: Node, held: HeldDevice, pdo: Pdo) -> PdoConfig | None:

@@ -139,3 +139,32 @@ def test_what_a_session_made_of_one_is_saved_and_runs_elsewhere(name: str, lines
         ran = bench.run("run x.dvt")
         assert ran.code == 0, (ran, Path("x.dvt").read_text())
         assert [bench.session.node().sdo.upload(*place) for place in places] == wanted, Path("x.dvt").read_text()
+
+
+@pytest.mark.parametrize("name", ["sam", "dam"])
+@pytest.mark.parametrize("end", ["dcf", "xdc", "jsonl"])
+def test_a_file_of_one_makes_one_again(name: str, end: str) -> None:
+    """The count 0xFE or 0xFF of a device's file is written in the order of a mapping, and verified."""
+    with Bench((f"{name}.eds",), {"yes": True}) as bench:
+        assert bench.run(f"backup kept.{end}").code == 0
+        whole = held(bench)
+        assert bench.run("clear tpdo1").code == 0
+        assert bench.run("map tpdo1 6000:02").code == 0
+        planned = bench.run(f"plan kept.{end}")
+        assert (planned.code, "TPDO1" in planned.stdout, "differs, not written" in planned.stdout) == (0, True, False)
+        assert bench.run(f"verify kept.{end}").code == 3
+        done = bench.run(f"apply kept.{end}")
+        assert (done.code, held(bench)[0], held(bench)[2]) == (0, whole[0], whole[2]), done
+        assert name == "sam" or held(bench) == whole
+        assert bench.run(f"verify kept.{end}").code == 0
+        assert "No difference" in bench.run(f"plan kept.{end}").stdout
+
+
+def test_a_node_that_is_one_takes_a_files_plain_mapping_only_after_clear() -> None:
+    with Bench(("plain.eds",), {"yes": True}) as bench:
+        assert bench.run("backup kept.dcf").code == 0
+    with Bench(("sam.eds",), {"yes": True}) as bench:
+        refused = bench.run("apply kept.dcf")
+        assert (refused.code, "clear tpdo1" in refused.stderr) == (1, True), refused
+        assert bench.run("clear tpdo1").code == 0
+        assert bench.run("apply kept.dcf").code == 0
