@@ -21,7 +21,9 @@ GIVEN_UP = LintRule(
 HALF_DONE = LintRule(
     "mapping-half-done", ERROR, "a PDO was disabled to be changed, and not enabled again", "CiA 301, 7.5.2.36"
 )
-LEFT_OFF = LintRule("pdo-left-disabled", NOTE, "a PDO was configured and left disabled", "CiA 301, 7.5.2.36")
+LEFT_OFF = LintRule(
+    "pdo-left-disabled", NOTE, "a PDO was configured or emptied, and left disabled", "CiA 301, 7.5.2.36"
+)
 EMPTY = LintRule("mapping-empty", WARNING, "a PDO was left without mapped objects", "CiA 301, 7.5.2.36")
 INCOMPLETE = LintRule(
     "sdo-segments", WARNING, "segments of a transfer are missing, or come twice", "CiA 301, 7.2.4.3: toggle bit"
@@ -31,6 +33,8 @@ SDO_RULES = (REFUSED_WRITE, REFUSED_READ, GIVEN_UP, INCOMPLETE, ABSENT, HALF_DON
 #: node-ID and name of an SDO server
 Channel = tuple[int, str]
 _DISABLED = 1 << 31
+#: a client that asks the next within this time (s) was not ended before
+_AT_ONCE_S = 1.0
 
 
 @dataclass(slots=True)
@@ -43,6 +47,8 @@ class _PdoWrites:
     entries: int = 0
     refused: int = 0
     last: Moment | None = None
+    #: whether the client went on with another transfer right after it emptied the disabled PDO
+    went_on: bool = False
 
 
 @dataclass(frozen=True)
@@ -76,15 +82,20 @@ class SdoProblems:
     _asked: dict[Channel, tuple[bytes, bool]] = field(default_factory=dict)
     _incomplete: TimesOf[tuple[int, str, bool]] = field(default_factory=TimesOf)
     _pdos: dict[tuple[int, Pdo], _PdoWrites] = field(default_factory=dict)
+    #: by node-ID, the disabled PDO whose count was written with 0 last, until the next transfer
+    _emptied: dict[int, _PdoWrites] = field(default_factory=dict)
 
     def start(self, node_id: int) -> None:
         """Node *node_id* starts: forget what was written to it."""
         for key in [key for key in self._pdos if key[0] == node_id]:
             del self._pdos[key]
+        self._emptied.pop(node_id, None)
 
     def take(self, moment: Moment, channel: Channel, data: bytes, step: SdoStep, *, request: bool) -> None:
         """Look at *data*, an SDO of *channel*, which is this *step* of a transfer."""
         node_id = channel[0]
+        if step.has_whole_value and (emptied := self._emptied.pop(node_id, None)) is not None:
+            emptied.went_on = emptied.last is not None and moment.time_s - emptied.last.time_s <= _AT_ONCE_S
         if step.is_write and step.place is not None and step.has_whole_value:
             self._written(moment, node_id, step.place, int.from_bytes(step.data, "little"))
         if step.step == "abort":
@@ -123,7 +134,9 @@ class SdoProblems:
             writes.entries += 1
         else:
             writes.count = value
-            writes.entries = 0 if not value else writes.entries
+            writes.entries, writes.went_on = (writes.entries, False) if value else (0, False)
+            if not value and writes.disabled is not None:
+                self._emptied[node_id] = writes
         writes.last = moment
 
     def problems(self) -> Iterator[Problem]:
@@ -191,6 +204,9 @@ def _left(node_id: int, pdo: Pdo, writes: _PdoWrites) -> Iterator[Problem]:
     elif writes.disabled is not None and is_begun:
         rule, begin = HALF_DONE, writes.disabled
         how = "was disabled, written to and not enabled again"
+    elif writes.disabled is not None and writes.count == 0 and writes.went_on:
+        rule, begin, how = LEFT_OFF, writes.disabled, "was emptied and left disabled"
+        look = "nothing, if the PDO is to be off"
     elif writes.count == 0:
         rule, begin = (HALF_DONE if is_begun else EMPTY), writes.disabled or writes.last
         how = "has count 0, though its entries were written" if is_begun else "has count 0"

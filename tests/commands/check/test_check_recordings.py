@@ -328,6 +328,18 @@ def test_a_pdo_that_is_meant_to_be_off_is_no_error(number: int, answer: str, rul
     assert [rule for rule, _ in findings(HEALTHY + planted)] == rules
 
 
+@pytest.mark.parametrize(("then", "rule"), [
+    (read(2.05, "1800:01", "43PLACE85010080"), "pdo-left-disabled"),
+    (write(2.05, "1017:00", "F401"), "pdo-left-disabled"),
+    (read(3.5, "1800:01", "43PLACE85010080"), "mapping-empty"),
+    (write(2.05, "1A00:01", "10004160"), "mapping-half-done"),
+    ([], "mapping-empty"),
+])  # fmt: skip
+def test_a_pdo_that_was_cleared_by_will_is_told_from_one_whose_client_ended(then: Planted, rule: str) -> None:
+    """A client that goes on at once with another object was not ended after count 0; nothing else tells."""
+    assert [rule for rule, _ in findings(HEALTHY + mapped(2.0)[:4] + then)] == [rule]
+
+
 RESET, BOOT_UP = (0x000, "8105"), (0x705, "00")
 #: 10 s of another node, and 2 s of the one that is reset
 TWO_NODES = [*heartbeats(0, 10, 6), *heartbeats(0, 2)]
