@@ -422,7 +422,8 @@ def record_session(tmp_path: Path, family: str) -> None:
                 done = server.dvtcli("--yes", *line.split())
                 assert done.returncode == 0, done.stderr
             process.send_signal(signal.SIGINT)
-            process.communicate(timeout=PATIENCE_S)
+            out, err = process.communicate(timeout=PATIENCE_S)
+            assert re.search(r"run\.log: [1-9][0-9]* frames", out), (out, err, process.returncode)
         finally:
             process.kill()
 
