@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterable
 from pathlib import Path
 from random import Random
@@ -408,7 +409,10 @@ def test_a_recorded_session_has_no_problem(tmp_path: Path, family: str) -> None:
 
 
 def record_session(tmp_path: Path, family: str) -> None:
-    """Start, read, change, reset and change a node again, while its bus is recorded into `run.log`."""
+    """Start, read, change, reset and change a node again, while its bus is recorded into `run.log`.
+
+    A served bus holds frames back for half a second from a client that only listens (`hub_client.HOLD_S`).
+    """
     with served(tmp_path, f"{family}@5") as server:
         process = subprocess.Popen(
             [sys.executable, "-m", "dvtcli", *bus_words(server.port), "log", "run.log"],
@@ -421,6 +425,9 @@ def record_session(tmp_path: Path, family: str) -> None:
             for line in SESSION:
                 done = server.dvtcli("--yes", *line.split())
                 assert done.returncode == 0, done.stderr
+            end_s = time.monotonic() + PATIENCE_S
+            while not (tmp_path / "run.log").stat().st_size and time.monotonic() < end_s:
+                time.sleep(0.05)
             process.send_signal(signal.SIGINT)
             out, err = process.communicate(timeout=PATIENCE_S)
             assert re.search(r"run\.log: [1-9][0-9]* frames", out), (out, err, process.returncode)
