@@ -154,7 +154,7 @@ class Terminal:
     def run(self, line: str) -> None:
         """Type *line* where one is asked for, and Enter once it stands there.
 
-        A person does not type faster than the terminal shows; what is typed while a command runs is thrown away.
+        A person does not type faster than the terminal shows; what is typed while a command runs does not run.
         """
         self.until(lambda: self.cursor_line.endswith(ASKS), f"a place to type {line!r} at")
         self.type(line)

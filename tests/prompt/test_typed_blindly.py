@@ -1,4 +1,4 @@
-"""What is typed while a command runs is run by nobody, and a question is answered only by who has seen it."""
+"""What is typed while a command runs stands on the next line, and a question is answered only by who has seen it."""
 
 from __future__ import annotations
 
@@ -21,29 +21,56 @@ def wire() -> Iterator[Wire]:
 
 
 @needs_typing
-def test_lines_typed_while_a_command_runs_are_thrown_away_and_that_is_said(wire: Wire, open_terminal: Open) -> None:
+def test_lines_typed_while_a_command_runs_stand_at_the_prompt_and_do_not_run(wire: Wire, open_terminal: Open) -> None:
     terminal = opened(wire, open_terminal)
     with held_up(wire, download=1):
         terminal.run("set tpdo1 --timer 70")
         terminal.until(lambda: wire.downloads == 1, "the first write")
         terminal.type(f"map tpdo1 606C{ENTER}cle")
         terminal.until(lambda: terminal.cursor_line == "cle", "what is typed, as the terminal itself shows it")
-    terminal.wait("18 characters typed meanwhile were thrown away")
-    terminal.wait_prompt(prompt(wire, "PRE-OP*> "))
+    terminal.wait("what was typed meanwhile stands on the line; Enter runs it")
+    terminal.until(lambda: terminal.cursor_line == "  ... cle", "the second line, as a line that goes on")
+    assert prompt(wire, "PRE-OP*> map tpdo1 606C") in terminal.text
     assert wire.device.value(0x1A00, 0) == b"\x01"
+    terminal.type(CTRL_C)
+    terminal.wait_prompt(prompt(wire, "PRE-OP*> "))
     terminal.run("undo")
     terminal.wait_prompt(prompt(wire, "PRE-OP> "))
+
+
+@needs_typing
+def test_a_line_typed_ahead_runs_by_the_next_enter(wire: Wire, open_terminal: Open) -> None:
+    terminal = opened(wire, open_terminal)
+    with held_up(wire, download=1):
+        terminal.run("set tpdo1 --timer 70")
+        terminal.until(lambda: wire.downloads == 1, "the first write")
+        terminal.type(f"reax\x7fd\t1018:1{ENTER}")
+        terminal.until(lambda: "1018:1" in terminal.cursor_line or "1018:1" in terminal.text, "what is typed")
+    terminal.until(lambda: terminal.cursor_line == prompt(wire, "PRE-OP*> read 1018:1"), "it on the line")
+    terminal.type(ENTER)
+    terminal.wait("0x1018:01")
+
+
+def test_a_terminal_that_cannot_edit_a_line_throws_away_what_was_typed_meanwhile(open_terminal: Open) -> None:
+    terminal = open_terminal("--sim", "gen4", environment={"TERM": "dumb"})
+    terminal.wait_prompt()
+    terminal.type("restore\n")
+    terminal.wait("restore? [y/N]")
+    terminal.type("n\nread 1018:1\n")
+    terminal.wait("12 characters typed meanwhile were thrown away")
+    terminal.wait_prompt()
+    assert "0x1018:01" not in terminal.text
 
 
 @needs_typing
 def test_lines_that_come_with_the_first_one_were_typed_blindly_too(gen4: Terminal) -> None:
     """A terminal that marks no paste sends its lines at once; the second one was meant for when the first worked."""
     gen4.type(f"map tpdo1 9999{ENTER}nmt start{ENTER}")
-    gen4.wait("10 characters typed meanwhile were thrown away")
+    gen4.until(lambda: gen4.cursor_line == "sim/1 PRE-OP> nmt start", "the second line at the prompt")
+    gen4.type(CTRL_C)
     gen4.wait_prompt()
     gen4.type(f"map tpdo1 606C{ENTER}nm")
-    gen4.wait("2 characters typed meanwhile were thrown away")
-    gen4.wait_prompt("sim/1 PRE-OP*> ")
+    gen4.until(lambda: gen4.cursor_line == "sim/1 PRE-OP*> nm", "what was begun at the prompt")
 
 
 def test_what_is_pasted_in_one_piece_runs_line_by_line(gen4: Terminal) -> None:
@@ -77,11 +104,11 @@ def test_what_was_typed_before_a_question_answers_nothing(wire: Wire, open_termi
         terminal.until(lambda: wire.downloads == 1, "the first write")
         terminal.type(f"y{ENTER}")
         terminal.until(lambda: "y" in terminal.lines, "what is typed, as the terminal itself shows it")
-    terminal.wait("2 characters typed meanwhile were thrown away")
+    terminal.wait("what was typed before this question does not answer it: it comes to the next line")
     terminal.wait("restore? [y/N]")
     terminal.type(f"n{ENTER}")
     terminal.wait("not done: the answer was no")
-    terminal.wait_prompt(prompt(wire, "PRE-OP*> "))
+    terminal.until(lambda: terminal.cursor_line == prompt(wire, "PRE-OP*> y"), "what was typed, on the line")
 
 
 def test_ctrl_c_at_the_last_question_stays(gen4: Terminal) -> None:

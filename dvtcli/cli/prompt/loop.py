@@ -12,7 +12,7 @@ from dvtcli.cli.catalogue import command_names
 from dvtcli.cli.lexer import split
 from dvtcli.cli.run_line import boundary, run_words
 from dvtcli.cli.view.lines import Cell, Line
-from dvtcli.cli.view.typed_ahead import throw_away
+from dvtcli.cli.view.typed_ahead import as_lines, thrown_away, typed_ahead
 from dvtcli.errors import DvtcliError
 
 if TYPE_CHECKING:
@@ -99,8 +99,7 @@ class Prompt:
 
     def _turn(self) -> int:
         """Read and run the input; pasted lines stop at the first failure."""
-        self._forget_what_was_typed_blindly()
-        text = self._reader.read()
+        text = self._reader.read(self._typed_blindly())
         code = 0
         for line in text.replace("\\\n", " ").splitlines():
             self._session.cancellation.reset()
@@ -110,12 +109,25 @@ class Prompt:
                 break
         return code
 
-    def _forget_what_was_typed_blindly(self) -> None:
-        """Discard lines typed while another line ran, with a note, because they would run unseen."""
-        thrown_away = throw_away(sys.stdin, self._reader.left_over()) if self._has_run else None
+    def _typed_blindly(self) -> str:
+        """Return what was typed while another line ran, for the line to come: it must not run unseen.
+
+        A terminal that cannot show it on the line discards it, with a note.
+        """
+        output = self._session.output
+        kept, output.typed_ahead = output.typed_ahead or [], [] if self._reader.edits else None
+        if not self._has_run:
+            return ""
         self._has_run = False
-        if thrown_away:
-            self._session.output.warning(thrown_away)
+        keys = "".join([*kept, self._reader.left_over(), typed_ahead(sys.stdin)])
+        if not self._reader.edits:
+            if said := thrown_away(keys):
+                output.warning(said)
+            return ""
+        lines = as_lines(keys)
+        if lines:
+            output.note("what was typed meanwhile stands on the line; Enter runs it")
+        return lines
 
     def _run(self, line: str) -> int:
         """Run a line; restores every node's NMT state, except if the line left changes."""

@@ -21,12 +21,18 @@ if TYPE_CHECKING:
 class Reader(Protocol):
     """A source of lines."""
 
-    def read(self) -> str:
-        """Return the next line. Raises KeyboardInterrupt if discarded, EOFError if the user leaves."""
+    #: whether a line can begin with text that was typed before
+    edits: bool
+
+    def read(self, begun: str = "") -> str:
+        """Return the next line, which begins with *begun*.
+
+        Raises KeyboardInterrupt if it was discarded, EOFError if the user leaves.
+        """
         ...
 
-    def left_over(self) -> int:
-        """Discard input received after the last line; returns the number of characters."""
+    def left_over(self) -> str:
+        """Take the keys received after the last line."""
         ...
 
 
@@ -40,11 +46,14 @@ def reader(session: Conversation, status: Status, notices: Notices, show_help: C
 class PlainReader:
     """Lines as the terminal itself edits them: for terminals that cannot draw, and for stdout in a pipe."""
 
+    edits = False
+
     def __init__(self, status: Status, notices: Notices, output: Output) -> None:
         self._status, self._notices, self._output = status, notices, output
 
-    def read(self) -> str:
-        """Prompt on stderr, so that stdout has results only."""
+    def read(self, begun: str = "") -> str:
+        """Prompt on stderr, so that stdout has results only; *begun* is empty."""
+        del begun
         with self._notices.shown_by(lambda text: self._output.lines([text])):
             try:
                 self._notices.pump()
@@ -59,9 +68,9 @@ class PlainReader:
             raise EOFError
         return line
 
-    def left_over(self) -> int:
-        """Return 0: a line-buffered terminal delivers single lines."""
-        return 0
+    def left_over(self) -> str:
+        """Return nothing: a line-buffered terminal delivers single lines."""
+        return ""
 
     def _asked(self, prompt: str) -> str:
         self._output.stderr.write(prompt)
@@ -72,6 +81,8 @@ class PlainReader:
 class FullReader:
     """Lines with a menu, history and a toolbar; messages of nodes appear above the prompt."""
 
+    edits = True
+
     def __init__(
         self, session: Conversation, status: Status, notices: Notices, show_help: Callable[[str], None]
     ) -> None:
@@ -81,8 +92,8 @@ class FullReader:
         self._prompt = prompt_session(session, status, show_help)
         self._most_menu = self._prompt.reserve_space_for_menu
 
-    def read(self) -> str:
-        """Ask with everything that prompt_toolkit has and the terminal has rows for."""
+    def read(self, begun: str = "") -> str:
+        """Ask with everything that prompt_toolkit has and the terminal has rows for; the line begins with *begun*."""
         from prompt_toolkit.patch_stdout import StdoutProxy
 
         from dvtcli.cli.prompt.full_line import ROWS_OF_TEXT
@@ -101,25 +112,25 @@ class FullReader:
                 rows = self._prompt.output.get_size().rows
                 self._prompt.reserve_space_for_menu = max(0, min(self._most_menu, rows - ROWS_OF_TEXT))
                 with _held_interrupts() as held:
-                    line = self._typed()
+                    line = self._typed(begun)
         if held or line is None:
             raise KeyboardInterrupt
         return line
 
-    def left_over(self) -> int:
-        """Discard input read together with the last line, except the terminal's own replies."""
+    def left_over(self) -> str:
+        """Take input read together with the last line, except the terminal's own replies."""
         from prompt_toolkit.input.typeahead import get_typeahead
         from prompt_toolkit.keys import Keys
 
         keys = get_typeahead(self._prompt.app.input)
-        return sum(len(key.data) for key in keys if key.key is not Keys.CPRResponse)
+        return "".join(key.data for key in keys if key.key is not Keys.CPRResponse)
 
-    def _typed(self) -> str | None:
-        """Return the typed line, None if discarded."""
+    def _typed(self, begun: str) -> str | None:
+        """Return the typed line, which began with *begun*; None if discarded."""
         from dvtcli.cli.prompt.key_bindings import ThrownAway
 
         try:
-            return self._prompt.prompt()
+            return self._prompt.prompt(default=begun)
         except ThrownAway:
             return None
 

@@ -54,6 +54,8 @@ class Output:
         self._node: int | None = None
         #: accepts results instead of printing; returns whether accepted
         self._taker: Callable[[Result], bool] = lambda _result: False
+        #: keys typed before questions, for the next line; None where no line can begin with them
+        self.typed_ahead: list[str] | None = None
         #: messages held until the screen is free, None if free
         self._held: list[Line] | None = None
 
@@ -231,14 +233,17 @@ class Output:
         A request for help is answered, and the question repeated. Raises KeyboardInterrupt after Ctrl-C.
         """
         from dvtcli.cli.view.paint import painted
-        from dvtcli.cli.view.typed_ahead import throw_away
+        from dvtcli.cli.view.typed_ahead import thrown_away, typed_ahead
 
         width = max(_columns(self.stderr) - _ANSWER, 0)
         wanted = "y/N" if word is None else f"type {word}"
         text = painted(f"{question} [{wanted}]", self.stderr, colored=False, plain=self.plain, width=width)
-        thrown_away = throw_away(sys.stdin)
-        if thrown_away:
-            self.warning(thrown_away)
+        keys = typed_ahead(sys.stdin)
+        if keys and self.typed_ahead is not None:
+            self.typed_ahead.append(keys)
+            self.warning("what was typed before this question does not answer it: it comes to the next line")
+        elif said := thrown_away(keys):
+            self.warning(said)
         while (answer := self._answer(text)) in ("help", "?", "h"):
             yes = "y" if word is None else word
             self.lines(

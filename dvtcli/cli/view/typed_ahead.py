@@ -1,4 +1,4 @@
-"""Discard and count input typed before a question; for terminals of POSIX and Windows."""
+"""Take input typed before a question or a prompt, as text for a line; for terminals of POSIX and Windows."""
 
 from __future__ import annotations
 
@@ -7,16 +7,40 @@ import sys
 from contextlib import suppress
 from typing import TextIO
 
-#: A terminal's reply to the prompt's query of the cursor position, not typed by the user.
-_ANSWERED = re.compile("\x1b\\[[0-9;]*R")
+#: Keys without a letter, replies of the terminal, and the marks around what is pasted.
+_SEQUENCE = re.compile("\x1b(?:\\[[0-9;?]*[ -/]*[@-~]|O.|.)?")
+_ERASES = "\x7f\b"
+#: Ctrl-U and Ctrl-C: the line is given up
+_CLEARS = "\x15\x03"
+#: longer text was not typed
+_MOST = 4000
 
 
-def throw_away(stream: TextIO, read_already: int = 0) -> str | None:
-    """Discard unread input of the terminal *stream*; returns a message with its amount, None for none.
+def typed_ahead(stream: TextIO) -> str:
+    """Take the unread input of the terminal *stream*, without waiting for more; empty if it is no terminal."""
+    return _taken(stream) if stream.isatty() else ""
 
-    *read_already* is the number of characters discarded elsewhere.
-    """
-    count = read_already + (_thrown_away(stream) if stream.isatty() else 0)
+
+def as_lines(keys: str) -> str:
+    """Return the lines that *keys* make, without the end of the last line and without keys that are no letters."""
+    lines = [""]
+    for key in _SEQUENCE.sub("", keys).replace("\r\n", "\n"):
+        if key in "\r\n":
+            lines.append("")
+        elif key in _ERASES:
+            lines[-1] = lines[-1][:-1]
+        elif key in _CLEARS:
+            lines[-1] = ""
+        elif key == "\t":
+            lines[-1] += " "
+        elif key.isprintable():
+            lines[-1] += key
+    return "\n".join(line for line in lines if line.strip())[:_MOST]
+
+
+def thrown_away(keys: str) -> str | None:
+    """Return the message that *keys* were thrown away; None if there were none."""
+    count = len(_SEQUENCE.sub("", keys))
     if not count:
         return None
     return f"{count} character{'s' * (count != 1)} typed meanwhile {'was' if count == 1 else 'were'} thrown away"
@@ -24,20 +48,23 @@ def throw_away(stream: TextIO, read_already: int = 0) -> str | None:
 
 if sys.platform == "win32":
 
-    def _thrown_away(stream: TextIO) -> int:
+    def _taken(stream: TextIO) -> str:
         import msvcrt
 
         del stream
-        count = 0
+        text = ""
         while msvcrt.kbhit():
-            msvcrt.getwch()
-            count += 1
-        return count
+            key = msvcrt.getwch()
+            if key in "\0\xe0":  # a key without a letter, which the next character names
+                msvcrt.getwch()
+            else:
+                text += key
+        return text
 
 else:
 
-    def _thrown_away(stream: TextIO) -> int:
-        """Take everything out of the terminal, a line that is not ended included, without waiting for more."""
+    def _taken(stream: TextIO) -> str:
+        """Take everything out of the terminal, a line that is not ended included."""
         import os
         import termios
 
@@ -54,4 +81,4 @@ else:
                     typed += data
             finally:
                 termios.tcsetattr(descriptor, termios.TCSANOW, before)
-        return len(_ANSWERED.sub("", typed.decode("utf-8", "replace")))
+        return typed.decode("utf-8", "replace")

@@ -41,7 +41,7 @@ class Secrets:
         followed = self.in_frames(unknown=True)
         if any(followed.value_in(frame) is not None for frame in _frames(line)):
             return True
-        words = line.lower().replace("0x", "").replace(":", " ").replace("-", " ")
+        words = re.sub(r"[:./-]", " ", line.lower().replace("0x", ""))
         words = re.sub(r"\b([0-9a-f]{1,4})h\b", r"\1", words)
         if any(re.search(rf"\b(?:{index:04x}|{index})\s+0*{sub:x}\b", words) for index, sub in self.objects):
             return True

@@ -82,6 +82,7 @@ def test_lines_that_may_hold_a_passcode() -> None:
     for line in (
         "write 5000:2 1", "write 0x5000:02 0x4444", "sdo_wnx 1 0x5000 2 0x4444", "sdo_wnx 1 5000 02 17476 2",
         "sdo_wn 1 20480 2 17476 2", "sdo_wn 1 0x5000 0x002 17476 2", "write 5000-2 17476", "write 0X5000:2 17476",
+        "write 5000.2 17476", "write 0x5000.02 17476", "dvtcli write 5000.2 17476",
         "write 5000h:02h 17476", "write 5000H:2 17476", "write 3:5000:2 17476",
     ):  # fmt: skip
         assert secrets.in_line(line), line
