@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -72,10 +71,16 @@ def corrected(words: Sequence[str], session: Conversation) -> list[str] | None:
         return None
     first = list(words)
     if first[0] == PROGRAM:
-        with suppress(click.UsageError):
+        try:
             first = without_program(first, session)
-    if (fault := _fault(first, session)) is None:
-        return None
+        except click.UsageError:
+            return None  # it is about another bus or node
+    fault = _fault(first, session)
+    return _nearest(first, fault, session) if isinstance(fault, UsageError) else None
+
+
+def _nearest(first: list[str], fault: UsageError, session: Conversation) -> list[str] | None:
+    """Return the line that can be read after the fewest corrections of *first*; None if none is found."""
     tried, level = {tuple(first)}, [(first, fault)]
     for _ in range(_MOST_CORRECTIONS):
         nearer: list[tuple[list[str], UsageError]] = []
@@ -84,21 +89,22 @@ def corrected(words: Sequence[str], session: Conversation) -> list[str] | None:
                 if tuple(candidate) in tried or len(tried) >= _MOST_TRIED:
                     continue
                 tried.add(tuple(candidate))
-                with suppress(DvtcliError):
-                    if (its_fault := _fault(candidate, session)) is None:
-                        return candidate
+                its_fault = _fault(candidate, session)
+                if its_fault is None:
+                    return candidate
+                if isinstance(its_fault, UsageError):
                     nearer.append((candidate, its_fault))
         level = nearer
     return None
 
 
-def _fault(words: list[str], session: Conversation) -> UsageError | None:
-    """Return why *words* cannot be read, None if they can. Raises DvtcliError if a file cannot be read."""
+def _fault(words: list[str], session: Conversation) -> DvtcliError | None:
+    """Return why *words* cannot be read, None if they can; no UsageError if a file cannot be read."""
     try:
         parse(words, session).close()
     except click.ClickException as wrong:
         return usage_error(wrong)
-    except UsageError as wrong:
+    except DvtcliError as wrong:
         return wrong
     return None
 
