@@ -15,10 +15,14 @@ from hypothesis import strategies as st
 
 from dvtcli.bus.carrier import Carrier
 from dvtcli.bus.python_can import CanBus
+from dvtcli.cli.monitor.actions import NmtDialog
 from dvtcli.cli.monitor.graph import graph, slots
+from dvtcli.cli.monitor.monitor_keys import dialog_lines
 from dvtcli.cli.monitor.monitor_state import GRAPH, PICTURE, RAW, Moment, View
-from dvtcli.cli.monitor.screen import picture
+from dvtcli.cli.monitor.screen import picture, signal_at
 from dvtcli.cli.monitor.signal_lines import age
+from dvtcli.cli.monitor.transmit_list import TransmitEntry, TransmitList
+from dvtcli.cli.screen.widgets import Dialog, FieldDialog, Question
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_scalings import ObjectRange, ObjectScalings
@@ -29,6 +33,7 @@ from dvtcli.domain.sdo_frame import SdoValues
 from dvtcli.domain.times import utc
 from dvtcli.errors import BusUnavailable
 from dvtcli.files.profile.library import standards
+from dvtcli.operations.frames.transmit_rows import transmit_row
 from dvtcli.watch.decoder import Decoder, Layout, Signal, pdo_layouts, unique
 from dvtcli.watch.listener import FOREIGN_CLOCK_S, Listener
 from dvtcli.watch.seen import ROWS, FrameStore
@@ -444,6 +449,52 @@ def test_screens_look_as_they_did(request: pytest.FixtureRequest, mode: str, col
     if request.config.getoption("--update-transcripts"):
         path.write_text(text, encoding="utf-8")
     assert text == path.read_text("utf-8")
+
+
+def _dialogs(name: str) -> Dialog:
+    """A dialog of the monitor as its key opens it."""
+
+    def nothing(*_given: object) -> None:
+        """Act on nothing."""
+
+    match name:
+        case "nmt":
+            return NmtDialog(1, {1: "Gen4", 5: ""}, nothing)
+        case "sync":
+            return FieldDialog("SYNC period in ms", "20", lambda _text: "")
+        case "record":
+            return FieldDialog("record to", "monitor.log", lambda _text: "", ".asc .blf .log .trc .mf4 .pcapng")
+        case "question":
+            said = "080#: SYNC: nodes act on the RPDOs they took since the last one; send it every 20 ms until stopped?"
+            return Question(said, nothing)
+    rows = ("rpdo1 6040=6 60FF=-100 every 50ms key 1", "7A0#1027 key 2", "185#0000 every 1s")
+    return TransmitList([TransmitEntry(transmit_row(row)) for row in rows], *[nothing] * 5)
+
+
+@pytest.mark.parametrize(("columns", "rows"), [(80, 24), (120, 40)])
+@pytest.mark.parametrize("name", ["nmt", "sync", "record", "question", "transmit"])
+def test_dialogs_look_as_they_did(request: pytest.FixtureRequest, name: str, columns: int, rows: int) -> None:
+    """The picture stays above a dialog, without its line of keys."""
+    block = dialog_lines(_dialogs(name), View(), columns, rows)
+    height = rows - len(block) + 1
+    drawn = [*picture(golden_store(), View(chosen=1), Moment("sim", 72.0, 3, BEGIN_S + 1.0), columns, height)[:-1]]
+    lines = ["".join(cell.text for cell in line).rstrip() for line in (*drawn, *block)]
+    assert (len(lines), max(map(len, lines)) <= columns) == (rows, True)
+    lines = [re.sub(r"^(.) \d\d:\d\d:\d\d(\.\d\d\d)[+-]\d\d:\d\d", r"\1 HH:MM:SS\2+HH:MM", line) for line in lines]
+    path, text = SCREENS / f"{name}_{columns}x{rows}.txt", "\n".join([*lines, ""])
+    if request.config.getoption("--update-transcripts"):
+        path.write_text(text, encoding="utf-8")
+    assert text == path.read_text("utf-8")
+
+
+@pytest.mark.parametrize(("mode", "row", "signal"), [
+    ("table", 5, 0), ("table", 6, 0), ("table", 7, 1), ("table", 8, 2), ("table", 3, None), ("table", 2, None),
+    ("table", 9, None), ("table", 23, None), (RAW, 5, 0), (GRAPH, 5, None),
+])  # fmt: skip
+def test_the_signal_on_a_line_is_found(mode: str, row: int, signal: int | None) -> None:
+    store, view, moment = golden_store(), View(mode=mode), Moment("sim", 72.0, 3, BEGIN_S + 1.0)
+    picture(store, view, moment, 80, 24)
+    assert signal_at(store, view, moment, 24, row) == signal
 
 
 @given(

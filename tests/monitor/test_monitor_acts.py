@@ -14,6 +14,7 @@ from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.monitor.actions import Actions
 from dvtcli.cli.view.output import Output
 from dvtcli.operations.frames.watch_bus import watching
+from dvtcli.watch.decoder import Decoder
 from tests.monitor.test_monitor_screen import SIZES, leave, started
 from tests.prompt.conftest import Open, open_terminal
 from tests.prompt.terminal import ENTER, ESCAPE, Terminal
@@ -22,7 +23,7 @@ from tests.serve.served import bus_words, received, served
 pytestmark = pytest.mark.drawn(6, "monitor keys that act")
 
 __all__ = ["open_terminal"]
-CLEAR_LINE = "\x15"
+CLEAR_LINE, LEFT, RIGHT = "\x15", "\x1b[D", "\x1b[C"
 
 
 def in_pre_operational(open_terminal: Open, *words: str, columns: int = 80) -> Terminal:
@@ -147,7 +148,7 @@ def test_a_row_that_changes_while_its_frame_is_looked_up_is_not_sent(meanwhile: 
     session = Conversation(Output())
     session.start({"sim": ("gen4",), "yes": True})
     with session, watching(session) as watched:
-        actions = Actions(session, watched, last)
+        actions = Actions(session, watched, last, Decoder().layout)
         actions.transmit_list()
         for letter in "atpdo1 6041=1 every 50ms":
             actions.press(letter, letter)
@@ -174,7 +175,7 @@ def test_a_sending_that_ends_by_itself_is_told_once(monkeypatch: pytest.MonkeyPa
     session = Conversation(Output())
     session.start({"sim": ("gen4",), "yes": True})
     with session, watching(session) as watched:
-        actions = Actions(session, watched, lambda _address: None)
+        actions = Actions(session, watched, lambda _address: None, Decoder().layout)
         actions.sync()
         for letter in "\b\b5":
             actions.press("backspace" if letter == "\b" else letter, letter)
@@ -264,3 +265,59 @@ def test_leaving_at_a_question_is_no(open_terminal: Open) -> None:
     terminal.child.kill(15)
     assert terminal.ended() == 143
     assert b"Traceback" not in terminal.written
+
+
+def test_nmt_reaches_a_node_without_signals_and_all_nodes(open_terminal: Open) -> None:
+    """Node 2 is known by its heartbeat only: ← and → go through the nodes that are seen."""
+    terminal = open_terminal("--sim", "gen4@1", "--sim", "generic@2", "--sim", "gen4@3", "monitor", columns=120)
+    terminal.wait("heartbeat node 2", "heartbeat node 3")
+    terminal.until(lambda: "reading" not in terminal.lines[1] and "1 Gen4" in terminal.lines[1], "the mappings, read")
+    terminal.type("n")
+    terminal.wait("NMT to node 1 Gen4   ←→ another")
+    terminal.type(RIGHT)
+    terminal.wait("NMT to node 2 ")
+    terminal.type("s")
+    terminal.wait("nmt start: node 2 OPERATIONAL")
+    terminal.type("n")
+    terminal.wait("NMT to node 2 ")  # its signal is chosen now
+    terminal.type(LEFT + LEFT)
+    terminal.wait("NMT to all nodes")
+    terminal.type(LEFT)
+    terminal.wait("NMT to node 3 ")
+    terminal.type(ESCAPE)
+    terminal.until(lambda: "NMT to" not in terminal.text, "the list gone")
+
+
+def test_a_row_is_judged_when_it_is_typed(open_terminal: Open) -> None:
+    terminal = open_terminal("--sim", "generic", "monitor", columns=120)
+    terminal.until(lambda: "1 Generic" in terminal.lines[1] and "reading" not in terminal.lines[1], "the mapping, read")
+    for row, said in [
+        ("rpdo1 6040=0x10000", "65536 does not fit UNSIGNED16"),
+        ("rpdo1 60FF=1", "RPDO1 has no 60FF"),
+        ("181#11", "0x181: the frame has 1 byte"),
+        ("7A0#1027", "7A0#1027: no node that was read uses CAN-ID 0x7A0"),
+    ]:
+        terminal.type("x")
+        terminal.wait("TRANSMIT (")
+        terminal.type("a")
+        fill(terminal, "add", row)
+        terminal.wait(said)
+        terminal.type("d")
+        terminal.wait("TRANSMIT (0 rows)")
+        terminal.type(ESCAPE)
+        terminal.until(lambda: "TRANSMIT" not in terminal.text, "the list gone")
+    assert "0x7A0 " not in terminal.lines[3]
+
+
+def test_a_click_chooses_a_signal_and_a_row_of_a_dialog(open_terminal: Open) -> None:
+    terminal = started(open_terminal, 80, 24)
+    line = next(number for number, text in enumerate(terminal.lines) if "6077:00" in text)
+    terminal.type(f"\x1b[<0;10;{line + 1}M\x1b[<0;10;{line + 1}m")
+    terminal.until(lambda: "> 6077:00" in terminal.text, "the clicked signal")
+    terminal.type("n")
+    terminal.wait("NMT to node 1")
+    line = next(number for number, text in enumerate(terminal.lines) if "p  preop" in text)
+    terminal.type(f"\x1b[<0;10;{line + 1}M\x1b[<0;10;{line + 1}m")
+    terminal.until(lambda: "> p  preop" in terminal.text, "the clicked command")
+    terminal.type(ESCAPE)
+    leave(terminal)

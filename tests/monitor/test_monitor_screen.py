@@ -47,7 +47,7 @@ def leave(terminal: Terminal, key: str = "q") -> None:
 def test_values_rates_and_keys_are_on_the_screen(open_terminal: Open, columns: int, rows: int) -> None:
     terminal = started(open_terminal, columns, rows)
     terminal.until(lambda: terminal.lines[1].startswith("1 Gen4 OPERATIONAL"), "the mapping, read")
-    terminal.row("0x281 TPDO2 node 1 ", " Hz", "±", "24 FA FF FF 78 00 88 FF" + ("" if columns == 80 else "  Gen4"))
+    terminal.row("0x281 TPDO2 node 1 ", " Hz", " ms ", "24 FA FF FF 78 00 88 FF" + ("" if columns == 80 else "  Gen4"))
     terminal.row("606C:00  Velocity actual value ", " -1500 rpm ", " -1500 .. -1500")
     assert "0 dropped" in terminal.lines[0]
     assert terminal.lines[-1].split()[:4] == ["p", "pause", "f", "filter"]

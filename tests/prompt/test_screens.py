@@ -33,7 +33,7 @@ _VOLATILE = [
     (re.compile(r"\d+ frames  \d+/s"), "0 frames  0/s"),
     # the mapping was read at once, or more than 5 s ago
     (re.compile(r"(0x\d{3} SDO \w+ node 5 .*\n){1,2}(  1 idle SDO row .*\n)?"), f"{_SDO_IDLE}\n\n"),
-    (re.compile(r"( +\d+(\.\d)? Hz)?( +±\d+\.\d ms)?( +\d+) +\d+\.\d s  "), r"\4  0.0 s  "),
+    (re.compile(r"( +\d+(\.\d)? Hz)?( +\d+\.\d ms)?( +±\d+\.\d ms)?( +\d+) +\d+\.\d s  "), r"\5  0.0 s  "),
     (re.compile(r"(MONITOR \S{12})\S*  \d\d:\d\d:\d\d"), r"\1  00:00:00"),
 ]
 

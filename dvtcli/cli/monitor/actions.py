@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,6 +11,7 @@ from dvtcli.cli.monitor.transmit_list import Sending, TransmitEntry, TransmitLis
 from dvtcli.cli.screen.beside import BesideScreen
 from dvtcli.cli.screen.widgets import Choices, Dialog, FieldDialog
 from dvtcli.cli.view.typed_hints import error_text
+from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.text import join_some
 from dvtcli.errors import DvtcliError, SafetyRefusal
@@ -20,13 +21,14 @@ from dvtcli.operations.frames.transmit_rows import TransmitRow, frame_of, is_sdo
 from dvtcli.operations.nodes.command_nmt import command_nmt
 from dvtcli.operations.pdos.sync import DEFAULT, sync_frame
 from dvtcli.operations.session.save_script import ask_before_overwriting
+from dvtcli.watch.layout_fit import doubts
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.domain.ports import Frame
     from dvtcli.files.recordings.recorder import Recorder
     from dvtcli.operations.frames.watch_bus import Watched
-    from dvtcli.watch.decoder import Address
+    from dvtcli.watch.decoder import Address, Layout
 
 #: letters of the NMT commands
 _NMT = {
@@ -37,14 +39,50 @@ _NMT = {
 _SYNC_MS = 1.0, 3_600_000.0
 
 
-class Actions:
-    """What the monitor's keys send or record; *last* returns the last data of an address, None if none came."""
+class NmtDialog(Choices):
+    """Asks for an NMT command; ←→ choose the node among all nodes of *names* by node-ID, or all of them."""
 
-    def __init__(self, session: Conversation, watched: Watched, last: Callable[[Address], bytes | None]) -> None:
+    def __init__(self, node_id: int | None, names: Mapping[int, str], done: Callable[[NmtCommand, int], None]) -> None:
+        self._names = {**dict(sorted(names.items())), 0: "nodes"}
+        if node_id is not None:
+            self._names = {node_id: names.get(node_id, "")} | self._names
+        self._whom = list(dict(sorted(self._names.items())))
+        self._at = self._whom.index(node_id or 0)
+        commands = list(_NMT.values())
+        rows = [(letter, command.word) for letter, command in _NMT.items()]
+        super().__init__(self._heading(), rows, lambda number: done(commands[number], self._whom[self._at]))
+
+    def _heading(self) -> str:
+        node_id = self._whom[self._at]
+        whom = f"node {node_id} {self._names[node_id]}" if node_id else "all nodes"
+        return f"NMT to {whom.rstrip()}" + ("   ←→ another" if len(self._whom) > 1 else "")
+
+    def press(self, key: str, text: str) -> bool:
+        """Take ← and → for another node; else as any list."""
+        if key in ("left", "right"):
+            self._at = (self._at + (1 if key == "right" else -1)) % len(self._whom)
+            self._title = self._heading()
+            return True
+        return super().press(key, text)
+
+
+class Actions:
+    """What the monitor's keys send or record; *last* returns the last data of an address, None if none came.
+
+    *layout* returns what is known of a frame.
+    """
+
+    def __init__(
+        self,
+        session: Conversation,
+        watched: Watched,
+        last: Callable[[Address], bytes | None],
+        layout: Callable[[Frame], Layout],
+    ) -> None:
         self.beside = BesideScreen(session)
         #: open dialogs, the innermost last
         self.dialogs: list[Dialog] = []
-        self._session, self._watched, self._last = session, watched, last
+        self._session, self._watched, self._last, self._layout = session, watched, last, layout
         self._bus = session.wire.name
         self._rows = [TransmitEntry(row) for row in self._kept()]
         self._sync: Sending | None = None
@@ -80,14 +118,9 @@ class Actions:
             marks.append(f"REC {self._recorder.frames}")
         return marks
 
-    def nmt(self, node_id: int | None, name: str) -> None:
-        """Let the user choose an NMT command for *node_id* (None: all nodes), called *name*."""
-        words = [(letter, command.word) for letter, command in _NMT.items()]
-        commands = list(_NMT.values())
-        whom = f"all {name}" if node_id is None else f"node {node_id} {name}"
-        self.dialogs.append(
-            Choices(f"NMT to {whom.rstrip()}", words, lambda number: self._command(commands[number], node_id or 0))
-        )
+    def nmt(self, node_id: int | None, names: Mapping[int, str]) -> None:
+        """Let the user choose an NMT command for *node_id* (None: all nodes), or another node of *names*."""
+        self.dialogs.append(NmtDialog(node_id, names, self._command))
 
     def _command(self, command: NmtCommand, node_id: int) -> None:
         def work() -> str:
@@ -146,7 +179,8 @@ class Actions:
 
     def transmit_list(self) -> None:
         """Open the transmit list."""
-        self.dialogs.append(TransmitList(self._rows, self.dialogs.append, self._send, self._cyclic, self._keep))
+        acts = self._send, self._cyclic, self._keep, self._check
+        self.dialogs.append(TransmitList(self._rows, self.dialogs.append, *acts))
 
     def send_by_key(self, key: str) -> None:
         """Send the row of *key*: once, or if it has a period start or stop it."""
@@ -158,6 +192,23 @@ class Actions:
         """Raise SafetyRefusal if *listed* was deleted, or is no longer *row*."""
         if listed.row is not row or not any(present is listed for present in self._rows):
             raise SafetyRefusal(f"{row.frame} was not sent: the row was changed")
+
+    def _check(self, listed: TransmitEntry) -> None:
+        """Say what is doubtful about a row that was typed: its values, its length, its CAN-ID; sends nothing."""
+        row = listed.row
+
+        def work() -> str:
+            frame = frame_of(self._session, row, self._last)
+            layout = self._layout(frame)
+            for doubt in doubts(frame, layout):
+                self.beside.say(f"{row.frame}: {doubt}", bad=True)
+            if layout.service.kind == "other":
+                can_id = can_id_text(frame.can_id, extended=frame.extended)
+                return f"{row.frame}: no node that was read uses CAN-ID {can_id}"
+            return ""
+
+        if not self.beside.doing:  # else it is judged when it is sent
+            self.beside.start(f"check {row.frame}", work, is_check=True)
 
     def _send(self, listed: TransmitEntry) -> None:
         row = listed.row

@@ -13,7 +13,7 @@ from prompt_toolkit.key_binding import KeyBindings
 
 from dvtcli.cli.monitor.actions import Actions
 from dvtcli.cli.monitor.monitor_state import GRAPH, PICTURE, RAW, TABLE, Moment, View
-from dvtcli.cli.monitor.screen import chosen_row, chosen_signals, picture
+from dvtcli.cli.monitor.screen import chosen_row, chosen_signals, picture, signal_at
 from dvtcli.cli.monitor.signal_lines import Lines
 from dvtcli.cli.screen.full_screen import GoneBus, MappingReader, bind, bind_all, bind_leaving, show
 from dvtcli.cli.screen.room import cut
@@ -27,8 +27,10 @@ if TYPE_CHECKING:
     from prompt_toolkit.key_binding import KeyPressEvent
 
     from dvtcli.cli.conversation import Conversation
+    from dvtcli.cli.screen.widgets import Dialog
+    from dvtcli.domain.ports import Frame
     from dvtcli.operations.frames.watch_bus import Watched
-    from dvtcli.watch.decoder import Address
+    from dvtcli.watch.decoder import Address, Layout
 
 
 #: rows of the picture at least, beside a dialog
@@ -45,7 +47,9 @@ class Monitor:
         self.view = view
         self._began_s = monotonic()
         self._still: tuple[FrameStore, Moment] | None = None
-        self.actions = Actions(session, watched, self._last_data)
+        self.actions = Actions(session, watched, self._last_data, self._layout)
+        #: size of the screen as drawn last, and the first line of an open dialog
+        self._rows, self._dialog_row = 0, 0
         self._reader = MappingReader(watched, self.actions.beside.turn)
         self._words = FrameReader(watched.decoder, described_nodes(watched.session, watched.dbc))
         self._gone = GoneBus(watched.listener)
@@ -55,8 +59,11 @@ class Monitor:
         return Moment(self._name, running_s, dropped, time(), self._gone.gone_s, self._reader.node)
 
     def gather(self) -> None:
-        """Take new frames. Raises BusUnavailable if the bus failed and must not be waited for."""
+        """Take new frames, then messages about them. Raises BusUnavailable if the bus failed and is not waited for."""
+        self._take_frames()
         self._take_messages()
+
+    def _take_frames(self) -> None:
         gone_s = self._gone.back_after_s()
         if self._gone.is_waiting():
             return
@@ -81,6 +88,9 @@ class Monitor:
         for text, bad in self.actions.beside.news():
             self.store.events.append(Event(time(), text, bad))
         self.view.marks = tuple(self.actions.marks())
+
+    def _layout(self, frame: Frame) -> Layout:
+        return self.store.decoder.layout(frame)
 
     def _last_data(self, address: Address) -> bytes | None:
         row = self.store.rows.get(address)
@@ -120,26 +130,42 @@ class Monitor:
         """Return the screen of *columns* x *rows*."""
         store, moment = self._shown()
         dialog = self.actions.dialog()
+        self._rows = self._dialog_row = rows
         if dialog is None:
             return picture(store, self.view, moment, columns, rows)
-        block = [cut(line, columns, plain=self.view.plain) for line in dialog.lines(columns, max(1, rows - _LEAST))]
-        drawn = picture(store, self.view, moment, columns, max(_LEAST, rows - len(block) + 1))
-        return [*drawn[:-1], *block]
+        block = dialog_lines(dialog, self.view, columns, rows)
+        self._rows = max(_LEAST, rows - len(block) + 1)
+        self._dialog_row = self._rows - 1
+        return [*picture(store, self.view, moment, columns, self._rows)[:-1], *block]
 
     def nmt(self) -> None:
         """Ask for an NMT command to the node of the chosen signal, else the selected node, else all nodes."""
         found = chosen_row(self._shown()[0], self.view)
         signal = None if found is None else found[1]
         node_id = found[0].service.node if found is not None and signal is not None else self._session.selected_id()
-        name = self.store.decoder.names.get(node_id or 0, "") if node_id else "nodes"
-        self.actions.nmt(node_id, name)
+        names = self.store.decoder.names
+        heard = (seen.service.node for seen in self.store.rows.values())
+        self.actions.nmt(node_id, {**{heard_id: "" for heard_id in heard if heard_id}, **names})
 
-    def mouse(self, act: str, _column: int, _row: int) -> None:
-        """Scroll by the wheel, in a dialog if one is open."""
-        if self.actions.dialog() is not None:
+    def mouse(self, act: str, _column: int, row: int) -> None:
+        """Scroll by the wheel and choose by a click, in a dialog if one is open."""
+        dialog = self.actions.dialog()
+        if act == "click" and dialog is not None and row >= self._dialog_row:
+            dialog.click(row - self._dialog_row)
+        elif act == "click":
+            store, moment = self._shown()
+            number = signal_at(store, self.view, moment, self._rows, row)
+            if number is not None:
+                self.view.chosen, self.view.beyond = number, 0
+        elif dialog is not None:
             self.actions.press(act, "")
-        elif act != "click":
+        else:
             self.choose(-3 if act == "wheel-up" else 3)
+
+
+def dialog_lines(dialog: Dialog, view: View, columns: int, rows: int) -> Lines:
+    """Return the lines of *dialog*, which stand instead of the keys on a screen of *columns* x *rows*."""
+    return [cut(line, columns, plain=view.plain) for line in dialog.lines(columns, max(1, rows - _LEAST))]
 
 
 def watch(session: Conversation, watched: Watched, view: View, duration_s: float | None) -> None:

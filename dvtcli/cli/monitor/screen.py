@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 from dvtcli.cli.monitor.graph import graph
 from dvtcli.cli.monitor.monitor_state import GRAPH, PICTURE, RAW, TABLE, Moment, View
-from dvtcli.cli.monitor.signal_lines import Lines, frame_lines, row_line, signal_line, title_of, value_of, with_more
+from dvtcli.cli.monitor.signal_lines import (
+    Lines,
+    frame_lines,
+    heads,
+    row_line,
+    signal_line,
+    title_of,
+    value_of,
+    with_more,
+)
 from dvtcli.cli.screen.room import cut, wide
 from dvtcli.cli.view.lines import Cell, clipped, columns
 from dvtcli.domain.nmt import NmtState
@@ -102,13 +111,31 @@ def picture(store: FrameStore, view: View, moment: Moment, width: int, height: i
     events = [_event_line(event) for event in list(store.events)[-EVENTS:]]
     events = events[len(events) - min(len(events), max(0, height // 4)) :]
     above = [head_line("MONITOR", moment, _state(store, view, moment), width)]
-    if view.mode not in (GRAPH, PICTURE) and height >= ABOVE_FROM:
-        above += [node_line(store, moment.reading, width, plain=view.plain), _heads()]
+    if has_heads(view, height):
+        above += [node_line(store, moment.reading, width, plain=view.plain), heads(width)]
     room = max(0, height - 1 - len(above) - len(events))
     body = _BODIES.get(view.mode, _table)(store, view, moment, width, room)
     body += [[] for _ in range(room - len(body))]
     lines = [*above, *body[:room], *events, _keys(view, width)]
     return [cut(line, width, plain=view.plain) for line in lines]
+
+
+def has_heads(view: View, height: int) -> bool:
+    """Whether the line of nodes and the column heads are shown."""
+    return view.mode not in (GRAPH, PICTURE) and height >= ABOVE_FROM
+
+
+def signal_at(store: FrameStore, view: View, moment: Moment, height: int, row: int) -> int | None:
+    """Return the number of the signal on the screen's line *row* of *height*, of a frame's line that of its first.
+
+    None for other lines, and for frames without signals.
+    """
+    if view.mode in (GRAPH, PICTURE):
+        return None
+    line = row - (3 if has_heads(view, height) else 1) + view.top + view.beyond
+    rows = list(_table_rows(store, view, moment))
+    numbers = rows[line][2] if 0 <= line < len(rows) and row < height - 1 else range(0)
+    return numbers.start if numbers else None
 
 
 def chosen_signals(store: FrameStore, view: View) -> list[tuple[SeenFrame, Signal, ValueHistory]]:
@@ -167,10 +194,6 @@ def _business(store: FrameStore, moment: Moment) -> list[Cell]:
     return cells if share is None else [*cells, Cell(f"load {share:.0%}  ", "yellow" if share > HIGH_LOAD else "")]
 
 
-def _heads() -> list[Cell]:
-    return [Cell(f"{'FRAME':<24}{'RATE':>8}{'JITTER':>9}{'COUNT':>7}{'AGE':>7}  BYTES", "dim")]
-
-
 #: keys that a narrow screen leaves out, first of all the first
 _OBVIOUS = ("↑↓", "c", "m", "g", "r", "l", "i")
 
@@ -196,28 +219,45 @@ def _event_line(event: Event) -> list[Cell]:
 
 def _table(store: FrameStore, view: View, moment: Moment, width: int, room: int) -> Lines:
     lines: Lines = []
-    wanted = view.filter.lower()
-    number, at_chosen, idle = 0, 0, 0
-    for row in _rows(store, view):
-        signals = _shown(store, row, wanted)
-        if not signals and wanted not in title_of(row, store.decoder.called).lower():
-            continue
-        if row.service.kind == "sdo" and not wanted and moment.now_s - row.last_s > IDLE_S:
-            idle += 1
-            continue
-        lines.append(row_line(row, store, moment, width, with_words=view.mode != RAW))
-        for signal, history in signals:
-            chosen = number == view.chosen
-            at_chosen = len(lines) if chosen else at_chosen
-            if view.mode == TABLE:
-                lines.append(signal_line(signal, history, view, moment, width, chosen=chosen))
-            number += 1
+    at_chosen = 0
+    for row, pair, numbers in _table_rows(store, view, moment):
+        chosen = view.chosen in numbers
+        at_chosen = len(lines) if chosen else at_chosen
+        if pair is None:
+            lines.append(row_line(row, store, moment, width, with_words=view.mode != RAW))
+        else:
+            lines.append(signal_line(*pair, view, moment, width, chosen=chosen))
+    idle = sum(_is_idle(row, view, moment) for row in _rows(store, view))
     if idle:
         lines.append([Cell(f"  {plural(idle, 'idle SDO row')} left out: f sdo shows them", "dim")])
     view.top = scrolled(view.top, at_chosen, len(lines), room)
     view.beyond = min(view.beyond, max(0, len(lines) - room - view.top))
     nothing = "  nothing fits the filter" if store.rows else "  nothing yet"
     return lines[view.top + view.beyond :] or [[Cell(nothing, "dim")]]
+
+
+def _is_idle(row: SeenFrame, view: View, moment: Moment) -> bool:
+    return row.service.kind == "sdo" and not view.filter and moment.now_s - row.last_s > IDLE_S
+
+
+def _table_rows(
+    store: FrameStore, view: View, moment: Moment
+) -> Iterator[tuple[SeenFrame, tuple[Signal, ValueHistory] | None, range]]:
+    """Yield the table's lines: the frame, its signal with the history (None: the frame's own line), and numbers.
+
+    The numbers are those of the signal, on the frame's own line of all its signals.
+    """
+    wanted, number = view.filter.lower(), 0
+    for row in _rows(store, view):
+        signals = _shown(store, row, wanted)
+        is_called = wanted in title_of(row, store.decoder.called).lower()
+        if _is_idle(row, view, moment) or not (signals or is_called):
+            continue
+        yield row, None, range(number, number + len(signals))
+        for pair in signals:
+            if view.mode == TABLE:
+                yield row, pair, range(number, number + 1)
+            number += 1
 
 
 def scrolled(top: int, chosen: int, count: int, room: int) -> int:

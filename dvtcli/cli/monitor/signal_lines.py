@@ -21,6 +21,8 @@ from dvtcli.watch.statistics import ValueHistory, spark
 FRESH_S = 0.5
 #: columns of a value on a narrow and on a WIDE screen
 VALUE, LONG_VALUE, WIDE = 16, 20, 100
+#: columns of a frame's title and rate
+_BEFORE_RATE = 32
 #: columns of a node's name in a frame's line
 NAME = 12
 _LEVELS, _PLAIN_LEVELS = "▁▂▃▄▅▆▇█", "_.-=+*#@"
@@ -42,12 +44,14 @@ def row_line(row: SeenFrame, store: FrameStore, moment: Moment, width: int, *, w
     title = title_of(row, store.decoder.called)
     text = "" if rate is None else f"{rate:.1f} Hz" if rate < 1000 else f"{rate:.0f} Hz"
     spread = "" if jitter is None or not rate else f"±{1000 * jitter:.{1 if jitter < 0.1 else 0}f} ms"
+    period = "" if not rate else period_text(1 / rate)
     number = row.service.node or 0
     name = "" if number in store.decoder.called else store.decoder.names.get(number, "")
     cells = [
         Cell(title, "bold"),
-        Cell(text.rjust(max(len(text) + 1, 32 - len(title))), "yellow" if rate == 0 else ""),
-        Cell(f" {spread:>8}", "dim"),
+        Cell(text.rjust(max(len(text) + 1, _BEFORE_RATE - len(title))), "yellow" if rate == 0 else ""),
+        Cell(f" {period:>8}"),
+        *([Cell(f" {spread:>8}", "dim")] if width >= WIDE else ()),
         Cell(f" {_count(row.count):>6}"),
         Cell(f" {age(moment.now_s - row.last_s):>6}  ", "dim"),
     ]
@@ -56,6 +60,17 @@ def row_line(row: SeenFrame, store: FrameStore, moment: Moment, width: int, *, w
     cells += [*(data if is_wide else ()), *words]
     named = Cell(f"{'' if row.remote else '   ' * (8 - len(row.data))} {name}", "dim")
     return [*cells, named] if sum(columns(cell.text) for cell in (*cells, named)) <= width else cells
+
+
+def heads(width: int) -> list[Cell]:
+    """Return the heads of the columns of `row_line`; a narrow screen has no jitter."""
+    jitter = f"{'JITTER':>9}" if width >= WIDE else ""
+    return [Cell(f"{'FRAME':<24}{'RATE':>8}{'PERIOD':>9}{jitter}{'COUNT':>7}{'AGE':>7}  BYTES", "dim")]
+
+
+def period_text(seconds: float) -> str:
+    """The time between two frames, on at most eight characters."""
+    return f"{1000 * seconds:.1f} ms" if seconds < 0.99995 else f"{seconds:.2f} s" if seconds < 1000 else "long"
 
 
 def levels(view: View) -> str:

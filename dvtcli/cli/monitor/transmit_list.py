@@ -58,7 +58,10 @@ class TransmitEntry:
 
 
 class TransmitList:
-    """The list on the screen; *send* sends a row once, *cyclic* starts or stops it, *changed* keeps the rows."""
+    """The list on the screen; *send* sends a row once, *cyclic* starts or stops it, *changed* keeps the rows.
+
+    *check* says what is wrong with a new or changed row: whether its values fit is known by the node only.
+    """
 
     def __init__(
         self,
@@ -67,8 +70,9 @@ class TransmitList:
         send: Callable[[TransmitEntry], None],
         cyclic: Callable[[TransmitEntry], None],
         changed: Callable[[], None],
+        check: Callable[[TransmitEntry], None],
     ) -> None:
-        self._rows, self._ask, self._changed = rows, ask, changed
+        self._rows, self._ask, self._changed, self._check = rows, ask, changed, check
         self._send, self._cyclic = send, cyclic
         self._cursor = Cursor()
 
@@ -81,6 +85,10 @@ class TransmitList:
         elif self._rows and not self._cursor.press(key, len(self._rows)):
             self._act(key, text, self._rows[self._cursor.chosen])
         return True
+
+    def click(self, row: int) -> None:
+        """Move to the clicked row."""
+        self._cursor.click(row - 1, len(self._rows))
 
     def _act(self, key: str, text: str, listed: TransmitEntry) -> None:
         if key == "enter":
@@ -102,6 +110,7 @@ class TransmitList:
         self._rows.append(TransmitEntry(row))
         self._cursor.chosen = len(self._rows) - 1
         self._changed()
+        self._check(self._rows[-1])
         return ""
 
     def _edit(self, listed: TransmitEntry, text: str) -> str:
@@ -116,8 +125,7 @@ class TransmitList:
             listed.stop()  # now: what starts beside the screen looks whether its row is still the same
             listed.once, listed.sending = listed.sent, None
             self._changed()
-            if was_going:
-                self._cyclic(listed)
+            (self._cyclic if was_going else self._check)(listed)
         return ""
 
     def lines(self, width: int, height: int) -> list[list[Cell]]:

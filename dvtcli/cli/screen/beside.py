@@ -39,15 +39,18 @@ class BesideScreen:
         self._thread: threading.Thread | None = None
         self._answer: bool | None = None
         self._answered = threading.Event()
-        self._leaving = False
+        self._leaving = self._is_check = False
         session.reporter = self
 
-    def start(self, doing: str, work: Callable[[], str]) -> None:
-        """Do *work* now, called *doing*; its text is said at its end. Says so if another operation is running."""
-        if self.doing:
+    def start(self, doing: str, work: Callable[[], str], *, is_check: bool = False) -> None:
+        """Do *work* now, called *doing*; its text is said at its end. Says so if another operation is running.
+
+        *is_check*: it asks nothing, and another operation begins after it.
+        """
+        if self.doing and not self._is_check:
             self.say(f"{doing}: not yet, {self.doing} is going on", bad=True)
             return
-        self.doing = doing
+        self.doing, self._is_check = doing, is_check
         self._thread = threading.Thread(target=self._run, args=(work,), name=doing, daemon=True)
         self._thread.start()
 
@@ -61,7 +64,8 @@ class BesideScreen:
         except BaseException as failed:  # noqa: BLE001 - nobody sees what ends a thread: `news` raises it
             self._failure = failed
         finally:
-            self.doing = ""
+            if self._mine():
+                self.doing, self._is_check = "", False
 
     def say(self, text: str, *, bad: bool = False) -> None:
         """Show *text* among the screen's messages, or after the screen once it is left."""

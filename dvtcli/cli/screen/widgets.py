@@ -27,6 +27,10 @@ class Dialog(Protocol):
         """Take a *key* with its *text*; False once the dialog is finished."""
         ...
 
+    def click(self, row: int) -> None:
+        """Take a click on *row* of its lines."""
+        ...
+
     def lines(self, width: int, height: int) -> Iterable[list[Cell]]:
         """Return the picture for *width* columns and at most *height* rows."""
         ...
@@ -90,6 +94,9 @@ class FieldDialog:
             self._wrong = ""
         return True
 
+    def click(self, row: int) -> None:
+        """Do nothing: the field has one line."""
+
     def lines(self, width: int, _height: int) -> list[list[Cell]]:
         """Return what is wrong, or the help, above the field."""
         note = Cell(self._wrong, "red") if self._wrong else Cell(self._help, "dim")
@@ -120,6 +127,11 @@ class Cursor:
         self.chosen = max(0, min(count - 1, self.chosen))
         return True
 
+    def click(self, row: int, count: int) -> None:
+        """Choose the row that is shown as the window's *row*, if there is one of *count*."""
+        if row >= 0 and self.top + row < count:
+            self.chosen = self.top + row
+
     def window(self, count: int, height: int) -> range:
         """Return the numbers of the rows to show, of *count*, in *height* lines: the chosen row is among them."""
         self.chosen = max(0, min(count - 1, self.chosen))
@@ -146,6 +158,10 @@ class Choices:
         self._cursor.press(key, len(self._rows))
         return True
 
+    def click(self, row: int) -> None:
+        """Move to the clicked row."""
+        self._cursor.click(row - 1, len(self._rows))
+
     def lines(self, _width: int, height: int) -> list[list[Cell]]:
         """Return the title, and the rows that fit."""
         lines = [[Cell(self._title, "cyan"), Cell("   a letter or Enter: at once  Esc: no", "dim")]]
@@ -169,6 +185,9 @@ class Question:
             return False
         return True
 
+    def click(self, row: int) -> None:
+        """Do nothing: a click is no answer."""
+
     def lines(self, width: int, height: int) -> list[list[Cell]]:
         """Return the question, its end if it is longer than *height* rows."""
         rows = broken(f"{self._text} [y/N]", max(8, width))
@@ -188,6 +207,9 @@ class TextDialog:
             return False
         self._cursor.press(key, len(self._lines))
         return True
+
+    def click(self, row: int) -> None:
+        """Do nothing: the lines are only read."""
 
     def lines(self, _width: int, height: int) -> list[list[Cell]]:
         """Return the title, and the lines that fit."""
