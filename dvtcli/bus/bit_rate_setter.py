@@ -53,8 +53,10 @@ class BitRateSetter:
         where = f"{self._interface}:{self._channel}"
         if self._interface == "socketcan":
             raise SafetyRefusal(
-                f"the bit rate of {where} is the system's to set, and not dvtcli's",
-                why=None if listen_only else "it cannot be set together with the nodes', nor back where one is lost",
+                f"the bit rate of {where} is set by the system, not by dvtcli",
+                why=None
+                if listen_only
+                else "it cannot be changed together with the nodes, nor restored if a node is lost",
                 hint=_link_lines(str(self._channel), bit_rate, listen_only=listen_only),
             )
         if self._interface not in _SETTABLE | silent_settings().keys():

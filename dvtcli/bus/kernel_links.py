@@ -185,7 +185,7 @@ def check_link(channel: object) -> None:
     A socket on a link that is down opens without error, and python-can leaves a socket open on a missing link.
     """
     if sys.platform != "linux":
-        hint = Hint(Action.CHECK_SETUP, why="which interface has the adapter? {} lists what is there")
+        hint = Hint(Action.CHECK_SETUP, why="which interface has the adapter? {} lists the interfaces found")
         hint += "slcan adapters have a serial port"
         what = f"cannot open socketcan:{channel}" if channel else "cannot open socketcan"
         raise BusUnavailable(what, why="only Linux has SocketCAN", hint=hint)
@@ -278,7 +278,7 @@ class KernelCarrier(Carrier):
         if link is None and getattr(error, "error_code", None) in (errno.ENODEV, errno.ENXIO, errno.ENETDOWN):
             return Hint(
                 Action.CHECK_SETUP,
-                why=f"{verbatim(self._channel)} is gone: plug the adapter in again; {{}} lists what is there",
+                why=f"{verbatim(self._channel)} is gone: plug the adapter in again; {{}} lists the interfaces found",
             )
         return (link and link.problem) or super().next_step(error)
 

@@ -54,12 +54,12 @@ _DRIVER_PACKAGES = {
     "pcan": "python-can[pcan]",
 }
 _NO_CHANNEL = Hint(
-    Action.CHECK_SETUP, why="is the adapter plugged in, and the channel's name right? {} lists what is there"
+    Action.CHECK_SETUP, why="is the adapter plugged in, and the channel's name right? {} lists the interfaces found"
 )
 _NO_PERMISSION = {
     "linux": "no permission: sudo usermod -aG dialout $USER, then log in again (`ls -l` shows the port's group)",
     "win32": "another program has it open, or this user may not use it",
-}.get(sys.platform, "no permission: `ls -l` shows whose it is")
+}.get(sys.platform, "no permission: `ls -l` shows the owner")
 _ERRNO_HINTS: dict[int, Hint | str] = {
     errno.ENODEV: _NO_CHANNEL,
     errno.ENXIO: _NO_CHANNEL,

@@ -115,7 +115,7 @@ def _stopped(session: Conversation) -> int:
         stopped = Interrupted(word, state=state)
         stopped.exit_code, stopped.state_text = code, said
         return _shown(session, stopped)
-    left = f": what {join_some(staying)} changed stays" if staying else ""
+    left = f": the changes of {join_some(staying)} stay" if staying else ""
     session.output.lines([word + left])
     return code
 
@@ -150,7 +150,7 @@ def _in_quotes(ctx: click.Context, text: str) -> str:
     extra = _EXTRA.fullmatch(text)
     if extra is None or not arguments or arguments[-1].type is not TEXT:
         return ""
-    return f'what has a blank in it stands in quotes: "{ctx.params.get(arguments[-1].name or "")} {extra[1]}"'
+    return f'put a value with a blank in quotes: "{ctx.params.get(arguments[-1].name or "")} {extra[1]}"'
 
 
 def _lost(session: Conversation, failed: OSError) -> int:

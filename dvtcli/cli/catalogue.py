@@ -27,7 +27,7 @@ COMMANDS: dict[str, dict[str, str]] = {
         "eds": "Check, show and convert EDS, DCF, XDD and XDC files; keep a library of them.",
     },
     "See": {
-        "pdo": "List a node's PDOs, or show one with its frame picture.",
+        "pdo": "List a node's PDOs, or show a PDO with its frame picture.",
         "objects": "Search the object dictionary: names, types, access, mappable objects.",
         "read": "Read objects by SDO upload and decode them: one, several, or repeatedly.",
         "faults": "Show a node's error register, error history and EMCY messages; clear the history.",
@@ -39,7 +39,7 @@ COMMANDS: dict[str, dict[str, str]] = {
     "Frames": {
         "explain": "Explain a frame bit by bit: its sender, its content, its values.",
         "trace": "Show the last exchange with the nodes, frame by frame.",
-        "send": "Send frames, once or repeatedly, after showing what each one is.",
+        "send": "Send frames, once or repeatedly, after an explanation of each frame.",
         "replay": "Send a recording again: at its own speed, faster or slower, whole or in part.",
     },
     "Change PDOs": {
@@ -53,9 +53,9 @@ COMMANDS: dict[str, dict[str, str]] = {
         "write": "Write an object by SDO download, under the rules of the command for it.",
     },
     "Check and keep": {
-        "verify": "Read PDOs back and compare with what this session set, or with a FILE; --frame checks a real frame.",
+        "verify": "Read PDOs back and compare with this session's values, or with a FILE; --frame checks a real frame.",
         "sync": "Send SYNC messages and show the frames that answer, or find the SYNC producer.",
-        "store": 'Store what the node holds, so that it survives a power cycle (0x1010 "save").',
+        "store": "Store the node's values, so that they survive a power cycle (0x1010 'save').",
         "restore": 'Restore the node\'s defaults (0x1011 "load").',
         "undo": "Undo the last change or all of this session's, or restore an automatic backup.",
         "recover": "Finish an interrupted change: roll back to the old configuration in its journal, or close the "
@@ -78,7 +78,7 @@ COMMANDS: dict[str, dict[str, str]] = {
         "Graphviz.",
     },
     "Scripts and files": {
-        "run": "Run a script: every line is parsed before the first one runs.",
+        "run": "Run a script: every line is parsed before the first line runs.",
         "tcl": "Run a line of Tcl with the DVT's words; alone, at the prompt, all lines until `exit`.",
         "save": "Save this session's changes as a script.",
         "require": "Stop a script before any write if the node is another device, or its power stage is on.",

@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 class Effect(Enum):
     """The effect of a command, or of a DVT word, on nodes; declared in its own file."""
 
-    READS = "looks, listens, or works on files: no node is another one afterwards"
+    READS = "reads, listens, or works on files: no node changes"
     SELECTS = "says which node, or which device, the lines after it are about"
-    CHANGES = "changes what a node holds; `undo` reverts it"
-    KEEPS = "keeps what a node holds: no `undo` reverts it"
-    BRINGS_BACK = "brings back what a node kept: no `undo` reverts it"
-    COMMANDS = "does to a node what its history does not hold, such as NMT commands"
+    CHANGES = "changes values of a node; `undo` reverts it"
+    KEEPS = "stores values of a node: `undo` cannot revert it"
+    BRINGS_BACK = "restores stored values of a node: `undo` cannot revert it"
+    COMMANDS = "acts on a node without a change of values, such as NMT commands"
     RUNS = "runs other lines"
 
 

@@ -46,7 +46,9 @@ def several_ids(session: SessionNodes) -> tuple[int, ...]:
         find_nodes(session)  # which notes them
     found = tuple(sorted({*network.scanned, *network.bus.heard_nodes()}))
     if not found:
-        raise NoAnswer("no node was found: nothing was done", hint="`scan` looks again; is the bus the right one?")
+        raise NoAnswer(
+            "no node was found: nothing was done", hint="`scan` searches again; check that this is the right bus"
+        )
     return found
 
 

@@ -71,7 +71,7 @@ _TABLE: list[tuple[tuple[str, ...], dict[str, Any]]] = [
     (("--ascii",), {"is_flag": True, "help": "ASCII characters only."}),
     (("--no-shell",), {"is_flag": True, "help": "Switch off `|` at the prompt: no program is started."}),
     (("-y", "--yes"), {"is_flag": True, "help": "Answer questions with yes."}),
-    (("--force",), {"is_flag": True, "help": "Send what dvtcli's own rules refuse."}),
+    (("--force",), {"is_flag": True, "help": "Send changes that dvtcli's own rules refuse."}),
     (("--timeout",), {"metavar": "S", "help": "SDO time-out in seconds [0.5]."}),
     (
         ("--bus-share",),

@@ -35,7 +35,7 @@ def passcode(session: Conversation, node_id: int, level: int) -> int:
         return _number(kept, "`passcode` in your config.toml")
     if session.in_script or not (sys.stdin.isatty() and sys.stderr.isatty()):
         raise SafetyRefusal(
-            f"nobody can be asked for the passcode of node {node_id}", node=node_id, hint=f"give it as {_SOURCES}"
+            f"no terminal to ask for the passcode of node {node_id}", node=node_id, hint=f"give it as {_SOURCES}"
         )
     return _number(_asked(session, f"passcode of node {node_id} for level {level}: ", node_id), "the passcode")
 
@@ -70,7 +70,7 @@ def _asked(session: Conversation, question: str, node_id: int) -> str:
             raise
         except (GetPassWarning, EOFError) as failed:
             session.output.stderr.write("\n")
-            why = None if isinstance(failed, EOFError) else "this terminal cannot hide what is typed"
+            why = None if isinstance(failed, EOFError) else "this terminal cannot hide typed characters"
             raise SafetyRefusal(
                 "not logged in: no passcode was given", node=node_id, why=why, hint=f"type it, or give it as {_SOURCES}"
             ) from None

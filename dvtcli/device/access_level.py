@@ -93,7 +93,7 @@ def _not_reached(access: NodeAccess, wanted: int, aborted: SdoAborted | None) ->
         node=access.node_id,
         place=f"{policy.passcode[0]:04X}:{policy.passcode[1]:02X}",
         abort=aborted.code if aborted else None,
-        why=aborted.why if aborted else "the passcode is one for another level",
+        why=aborted.why if aborted else "the passcode is for another level",
         hint=Hint(Action.GIVE_USER, why="is it the passcode of this level, and of this user ({})?"),
     )
     refused.state_text = "no setting was written, only the user ID and a passcode"
@@ -105,7 +105,7 @@ def refuse_passcode(access: NodeAccess, index: int, sub_index: int) -> None:
     policy = access.profile.login
     if policy is not None and (index, sub_index) == policy.passcode:
         raise SafetyRefusal(
-            f"0x{index:04X}:{sub_index:02X} takes a passcode, and a command line is no place for one",
+            f"0x{index:04X}:{sub_index:02X} takes a passcode, which must not be on a command line",
             node=access.node_id,
             place=f"{index:04X}:{sub_index:02X}",
             hint=Hint(Action.LOG_IN, why="asks for it without echo"),

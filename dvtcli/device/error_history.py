@@ -72,7 +72,7 @@ def clear_history(access: NodeAccess) -> tuple[HistoryEntry, ...]:
             node=access.node_id,
             place=place,
             why="the device did not empty it" if after == before else "the error came again since",
-            hint=Hint(Action.SHOW_FAULTS, why="shows what is wrong; what causes it must go first"),
+            hint=Hint(Action.SHOW_FAULTS, why="shows the errors; remove their causes first"),
             state="unchanged" if after == before else "unknown",
         )
     return before
@@ -82,7 +82,7 @@ def _nothing_to_clear(access: NodeAccess) -> DeviceRefused:
     own = access.profile.fault_list
     what = "its manual says how it forgets errors"
     if own is not None:
-        what = f"its own list (0x{own.code[0]:04X}) has what is wrong now: an error leaves it when its cause is gone"
+        what = f"its own list (0x{own.code[0]:04X}) has the present errors: an error leaves it when its cause is gone"
     return DeviceRefused(
         f"node {access.node_id} has no error history that could be emptied",
         node=access.node_id,

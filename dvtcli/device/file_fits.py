@@ -73,7 +73,7 @@ def refuse_unlike_file(node_id: int, unlike: str, *, force: bool) -> None:
             f"the EDS is another device's: {unlike}",
             node=node_id,
             place="1018:01" if "vendor" in unlike else "1018:02",
-            hint=Hint(Action.GIVE_EDS, why="{} of this device; without one it is checked less and changed all the same")
+            hint=Hint(Action.GIVE_EDS, why="{} of this device; without an EDS fewer rules are checked")
             + Hint(Action.FORCE, why="takes this one"),
         )
 

@@ -74,7 +74,7 @@ class Habits:
             try:
                 write_private(self.folder / f"{name}.json", json.dumps(_document(known)))
             except (OSError, SafetyRefusal) as failed:
-                self.say(f"what this device wants cannot be remembered: {failed}")
+                self.say(f"the habits of this device cannot be saved: {failed}")
         return known[refusal]
 
     def _of(self, identity: Identity) -> Counter[Habit]:
@@ -91,7 +91,7 @@ class Habits:
         except FileNotFoundError:
             return Counter()
         except (OSError, ValueError, RecursionError) as wrong:
-            self.say(f"{path} does not tell what this device wants ({wrong}): it is found out again")
+            self.say(f"{path} is damaged ({wrong}): the habits of this device are found again")
             return Counter()
 
 

@@ -338,7 +338,7 @@ def no_pdo(node_id: int, pdo: Pdo, present: Iterable[Pdo], aborted: SdoAborted) 
     have = f"it has {same[0]}…{same[-1]}" if same else f"it has no {pdo.direction.upper()}s"
     aborted.text, aborted.node = f"node {node_id} has no {pdo.label}: {have}", node_id
     aborted.args = (aborted.text,)
-    aborted.hint = Hint(Action.SHOW_PDOS, {"all": True}, "lists what it has")
+    aborted.hint = Hint(Action.SHOW_PDOS, {"all": True}, "lists its PDOs")
     return aborted
 
 

@@ -144,9 +144,7 @@ class LssMaster:
                 + Hint(Action.LSS_SELECT, why="chooses one"),
             )  # fmt: skip
         if not all(asked):
-            raise NoAnswer(
-                "the node that is being configured does not tell its whole LSS address", hint=Hint(Action.LSS_SCAN)
-            )
+            raise NoAnswer("the node that is being configured has no readable LSS address", hint=Hint(Action.LSS_SCAN))
         node_id, *parts = (answers[0] for answers in asked)
         return LssAddress(*(int.from_bytes(part[1:5], "little") for part in parts)), node_id[1]
 
@@ -194,7 +192,9 @@ class LssMaster:
             if answers:
                 _require_success(answers, what, reasons)
                 return
-        raise NoAnswer(f"no answer to LSS configure {what}", hint=Hint(Action.LSS_SCAN, why="shows who is there"))
+        raise NoAnswer(
+            f"no answer to LSS configure {what}", hint=Hint(Action.LSS_SCAN, why="lists the nodes on the bus")
+        )
 
     def store(self) -> None:
         """Let the selected node store its node-ID. Raises DeviceRefused with the node's reason, NoAnswer."""

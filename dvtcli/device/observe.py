@@ -97,5 +97,5 @@ def restarted_since_read(node_id: int, lost: Iterable[str] = ()) -> SafetyRefusa
         f"node {node_id} restarted since it was read; run it again",
         node=node_id,
         why=f"its boot-up was received, and no reset was sent from here; {f'lost: {gone}' if gone else 'RAM is lost'}",
-        hint=Hint(Action.SHOW_PDOS, why="check its supply; {} shows what it holds now"),
+        hint=Hint(Action.SHOW_PDOS, why="check its supply; {} shows its present values"),
     )

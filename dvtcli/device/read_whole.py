@@ -223,7 +223,7 @@ class _Scan:
             self._silent += 1
             if self._silent >= _MOST_SILENT or not self.found:
                 silent.hint = Hint(
-                    Action.GIVE_EDS, why="a device that does not say what it lacks can only be read by its EDS: {}"
+                    Action.GIVE_EDS, why="this device does not report missing objects; reading it needs its EDS: {}"
                 )
                 raise
             return ReadObject(entry, unread=Unread.SILENT)

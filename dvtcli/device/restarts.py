@@ -30,7 +30,7 @@ def losses(nodes: Iterable[Node]) -> Iterator[str]:
     """A message for each node that restarted and lost changes since the last call."""
     for node in nodes:
         if lost := node.notice_reboot():
-            yield f"node {node.node_id} restarted: what was not stored is lost ({', '.join(lost)})"
+            yield f"node {node.node_id} restarted: unstored values are lost ({', '.join(lost)})"
 
 
 def refuse_after_restarts(nodes: Iterable[Node]) -> None:

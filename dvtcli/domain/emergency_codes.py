@@ -75,7 +75,7 @@ _REMEDIES: dict[int, Hint | str] = {
     + Hint(Action.SHOW_PDOS, {"all": True}, ", and compare the COB-IDs ({})"),
     0x8210: Hint(Action.SHOW_PDOS, why="the producer sends fewer bytes than the RPDO maps: compare both mappings ({})"),
     0x8220: Hint(Action.SHOW_PDOS, why="the producer sends more bytes than the RPDO maps: compare both mappings ({})"),
-    0x8240: Hint(Action.CHECK_SYNC, why="compare 0x1019 with what the SYNC producer sends ({})"),
+    0x8240: Hint(Action.CHECK_SYNC, why="compare 0x1019 with the counter of the SYNC producer ({})"),
     0x8250: Hint(Action.SHOW_PDOS, why="the producer of an RPDO is silent: {} shows the event timer")
     + Hint(Action.MONITOR, why=", {} who sends"),
 }

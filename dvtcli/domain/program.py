@@ -45,7 +45,7 @@ class Stage(Enum):
     """Progress of a program download; the value describes the device's program if it ends there."""
 
     STOPPING = "its old program, which may be stopped"
-    CLEARING = "its old program or none: it was told to clear it"
+    CLEARING = "its old program or none: the clear command was sent"
     LOADING = "no program that is known to be whole: the old one is cleared, the new one was on its way"
     CHECKING = "a program that was loaded and not started"
     STARTING = "the new program; whether it runs is not known"

@@ -147,7 +147,7 @@ def instead_findings(want: AnyPdoRequest, proposal: Proposal) -> Iterator[Findin
     kept_proposal = replace(proposal, want=_with_cob_id(proposal.want, usual))
     refusals = (finding for finding in can_id_findings(kept_proposal) if finding.severity is Severity.ERROR)
     for refused in islice(refusals, 1):
-        same = Hint(Action.SELECT_CAN_ID, {"can_id": usual}) + Hint(Action.FORCE, why=" {} takes it all the same")
+        same = Hint(Action.SELECT_CAN_ID, {"can_id": usual}) + Hint(Action.FORCE, why=" {} accepts it nevertheless")
         yield note("can-id-instead", proposal.communication_place(1), f"{refused.text}: {got} instead", same)
 
 

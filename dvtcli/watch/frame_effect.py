@@ -29,8 +29,8 @@ _NMT = {
     NmtCommand.START: "to OPERATIONAL, and a machine may move",
     NmtCommand.STOP: "to STOPPED, and a machine may stop",
     NmtCommand.ENTER_PRE_OPERATIONAL: "to PRE-OPERATIONAL: PDOs end, and a machine may stop",
-    NmtCommand.RESET_NODE: "through a restart: what is not stored is lost, and a motor may be let go",
-    NmtCommand.RESET_COMMUNICATION: "through a restart of its communication: what is not stored of that is lost",
+    NmtCommand.RESET_NODE: "through a restart: unstored values are lost, and a motor may be released",
+    NmtCommand.RESET_COMMUNICATION: "through a restart of its communication: unstored communication values are lost",
 }
 
 

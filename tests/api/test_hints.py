@@ -91,7 +91,7 @@ def test_a_hint_is_a_call(hint: Hint, said: str) -> None:
 
 
 SAID = {
-    "no such PDO": (lambda node: node.map("tpdo9", "6041"), "`node.pdos()` lists what it has"),
+    "no such PDO": (lambda node: node.map("tpdo9", "6041"), "`node.pdos()` lists its PDOs"),
     "no such object": (lambda node: node.read(0x9999), "`node.objects(TEXT)` searches the dictionary"),
     "nothing to map": (lambda node: node.map("tpdo1", "9999"), "`node.objects(TEXT)` searches the dictionary"),
     "no name": (

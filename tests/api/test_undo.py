@@ -99,7 +99,7 @@ def test_it_is_refused_where_the_node_holds_something_else(served: ServedBus) ->
     in_another_program(served, "bus.node(5).set('tpdo1', timer_ms=50)")
     in_another_program(served, "bus.node(5).canopen().sdo.download(0x1800, 5, bytes([33, 0]))")
     with served.connect(timeout_s=PATIENCE_S) as bus:
-        with pytest.raises(errors.SafetyRefusal, match="does not hold what that change left") as refused:
+        with pytest.raises(errors.SafetyRefusal, match="does not hold the values of that change") as refused:
             bus.node(5).undo()
         assert (refused.value.exit_code, refused.value.state) == (6, "unchanged")
         assert "undo(force=True)" in str(refused.value.hint)

@@ -548,7 +548,7 @@ def test_a_read_that_is_asked_again_counts_once_and_a_silent_node_is_no_unknown_
     bus, _ = serve(Steps(), retries=1)
     with pytest.raises(NoAnswer) as never:
         bus.sdo(NODE).upload(0x2000, 0)
-    assert typed(never.value.hint).startswith("power, node-ID, bit rate?")
+    assert typed(never.value.hint).startswith("check power, node-ID and bit rate")
     assert bus.disturbance_count(NODE) == 1
     other, _ = serve(Steps([frame("4F 00 20 00 07")], []))
     assert other.sdo(NODE).upload(0x2000, 0) == b"\7"

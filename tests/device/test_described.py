@@ -183,7 +183,7 @@ def test_a_pdo_that_a_node_has_not_is_named_beside_those_it_has() -> None:
     error = no_pdo(5, Pdo.parse("tpdo9"), [TPDO1, TPDO2, RPDO1], aborted)
     assert (error.slug, error.exit_code) == ("sdo_abort", 1), "it was typed well: this device lacks it"
     assert error.text == "node 5 has no TPDO9: it has tpdo1…tpdo2"
-    assert (typed(error.hint), error.exit_code, error.abort) == ("`pdo --all` lists what it has", 1, aborted.abort)
+    assert (typed(error.hint), error.exit_code, error.abort) == ("`pdo --all` lists its PDOs", 1, aborted.abort)
     again = SdoAborted(0x1808, 1, Abort.NO_OBJECT, node=5)
     assert "it has no TPDOs" in str(no_pdo(5, Pdo.parse("tpdo9"), [RPDO1], again))
     assert no_pdo(5, TPDO2, [TPDO1, TPDO2], aborted) is aborted, "one that it answered for: something else is wrong"

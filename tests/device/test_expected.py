@@ -52,7 +52,7 @@ def test_a_pdo_that_is_no_longer_so_is_named_with_how(node: Node) -> None:
     assert error.text == "node 1 is not stored: TPDO1 is not as it was read back"
     assert error.place == "1800:01"
     assert error.why == f"TPDO1: event timer is {now.communication.event_timer}, expected 77"
-    assert typed(error.hint).startswith("a cat, or it corrects what is written, or altered this beside a change of")
+    assert typed(error.hint).startswith("a cat, or it corrects written values, or altered this with a change of")
 
 
 def test_what_was_seen_first_beside_a_change_counts(node: Node) -> None:

@@ -51,9 +51,9 @@ def test_what_cannot_be_kept_is_said_and_known_all_the_same(tmp_path: Path) -> N
     habits, said = found_out(tmp_path / "state" / "habits")
     assert habits.off_first(IDENTITY) == {(Direction.TPDO, 5)}
     unread, *unwritten = said
-    assert "does not tell what this device wants" in unread
+    assert "is damaged" in unread
     assert len(unwritten) == OFTEN_ENOUGH
-    assert all(text.startswith("what this device wants cannot be remembered: ") for text in unwritten)
+    assert all(text.startswith("the habits of this device cannot be saved: ") for text in unwritten)
     assert found_out(None)[1] == []
 
 

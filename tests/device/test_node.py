@@ -69,7 +69,7 @@ def test_undo_takes_back_the_last_change_and_no_others_and_not_what_somebody_els
     assert timers(node) == [70, before[1]]
     assert node.undone_earlier == 0, "it was one of ours"
     node.sdo.download(0x1800, 5, b"\x09\x00")
-    with pytest.raises(SafetyRefusal, match="does not hold what that change left"):
+    with pytest.raises(SafetyRefusal, match="does not hold the values of that change"):
         node.undo()
     node.undo(force=True)
     assert timers(node) == before

@@ -65,7 +65,7 @@ def test_a_damaged_file_says_where_and_why(tmp_path: Path, spoil: Spoil, why: st
 def test_what_is_no_such_file_is_said_and_not_used(tmp_path: Path, text: str) -> None:
     history = ChangeHistory(tmp_path, "can0")
     history.path(5, IDENTITY).write_text(text, "utf-8")
-    with pytest.raises(InputFileError, match="does not tell what was changed"):
+    with pytest.raises(InputFileError, match="does not contain the changes"):
         history.entries(5, IDENTITY)
 
 
@@ -200,7 +200,7 @@ def test_a_damaged_file_is_kept_aside_and_said_and_the_next_change_is_remembered
     assert values(history) == [7]
     (aside,) = tmp_path.glob("*.damaged-*")
     assert aside.read_text("utf-8") == "rubbish"
-    assert said == [f"{history.path(5, IDENTITY)} does not tell what was changed: it is kept as {aside}"]
+    assert said == [f"{history.path(5, IDENTITY)} does not contain the changes: it is kept as {aside}"]
 
 
 def test_what_cannot_be_written_is_said_and_has_its_place_among_the_session_s_changes(tmp_path: Path) -> None:
@@ -217,7 +217,7 @@ def test_what_cannot_be_written_is_said_and_has_its_place_among_the_session_s_ch
     history.forget(held, BACK)
     folder.unlink()
     (tmp_path / "away").rename(folder)
-    undone = "it is rolled back, but what can be undone cannot be written down: Not a directory"
+    undone = "it is rolled back, but the history for undo cannot be written: Not a directory"
     refused = f"{folder} is not used: it is a file, and no folder"
     assert said == [*2 * [f"the change is done, but cannot be remembered for a later undo: {refused}"], undone]
     history.forget_own(1, BACK)

@@ -86,7 +86,7 @@ def test_a_restart_is_one_only_beside_what_was_known_before() -> None:
     assert pending.rebooted(1) == ()
     assert pending.suspicions == {}
     assert pending.rebooted(2) == ("TPDO1",)
-    assert pending.suspicions == {REBOOT: "it restarted, and what was not stored is lost (TPDO1)"}
+    assert pending.suspicions == {REBOOT: "it restarted, and unstored values are lost (TPDO1)"}
     assert pending.rebooted(2) == ()
 
 

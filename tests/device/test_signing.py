@@ -118,7 +118,7 @@ def test_what_it_has_instead_is_said_of_a_group_too() -> None:
     ("code", "hint", "state"),
     [
         (Abort.DEVICE_STATE, f"`nmt preop {NODE}`, then again", "unchanged"),
-        (Abort.HARDWARE, "the device could not write its memory; what it had stored before may be lost", "unknown"),
+        (Abort.HARDWARE, "the device could not write its memory; its earlier stored values may be lost", "unknown"),
         (Abort.GENERAL, None, "unchanged"),
     ],
 )

@@ -32,7 +32,7 @@ def test_a_boot_up_ends_the_waiting(fault: str, longest_s: float) -> None:
     assert waited_s < longest_s
     assert (waited_s >= policy.timeout_s) is (fault != "reset@1=0.3"), "a slow store has its time"
     hint = {
-        "reset@1=0.3": "it restarted instead: what was not stored is lost; set it again, then `store`",
+        "reset@1=0.3": "it restarted instead: unstored values are lost; set them again, then `store`",
         "lose-response@1": "it may still be writing; wait, then `store` again",
     }
     assert (typed(caught.value.hint), caught.value.state) == (hint[fault], "unknown")

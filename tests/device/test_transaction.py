@@ -294,7 +294,7 @@ def test_of_one_that_was_not_read_whole_the_cob_id_is_put_back_and_that_is_said(
     error = failed(altering(sdo, 1), change, others=UntouchedPdos({TPDO2: before.communication.cob_id}))
     assert (error.state, read_pdo(sdo, TPDO1), read_pdo(sdo, TPDO2)) == ("rolled_back", change.before, before)
     assert error.state_text == (
-        "rolled back: TPDO1 is as it was, and TPDO2 has its COB-ID again, read back equal; what else it held was not "
+        "rolled back: TPDO1 is as it was, and TPDO2 has its COB-ID again, read back equal; the rest of it was not "
         "read before: check it"
     )
 

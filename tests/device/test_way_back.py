@@ -117,7 +117,9 @@ def test_what_somebody_else_changed_is_not_taken_for_what_a_reset_took(node: Nod
     hold(node, 3, TPDO2)
     with pytest.raises(SafetyRefusal) as caught:
         refuse_unless_left(node, made, 2)
-    assert caught.value.text == f"node {NODE} does not hold what that change left: TPDO1 event timer is 9, expected 4"
+    assert (
+        caught.value.text == f"node {NODE} does not hold the values of that change: TPDO1 event timer is 9, expected 4"
+    )
     assert caught.value.why == "TPDO2 event timer is 3, expected 4"
     with pytest.raises(SafetyRefusal) as alone:
         refuse_unless_left(node, made[:1], 1)

@@ -142,7 +142,7 @@ def test_who_has_closed_already_is_nobody_known(any_user: bool) -> None:
             assert running.hub.clients == any_user
     refused = [said for said in heard.said if said.startswith("refused client")]
     assert len(refused) == (not any_user)
-    assert all("nobody knows whose it is, or it has closed already" in said for said in refused)
+    assert all("its owner is not known, or it has closed already" in said for said in refused)
 
 
 def test_every_port_is_told() -> None:

@@ -184,5 +184,5 @@ def test_a_pdo_that_was_altered_beside_is_noticed_by_its_cob_id_and_no_more_is_c
         assert ran.returncode == 1
         assert "took TPDO1, but altered TPDO2 with it" in ran.stderr
         assert "TPDO2 has its COB-ID again" in ran.stderr
-        assert "what else it held was not read before" in " ".join(ran.stderr.split())
+        assert "the rest of it was not read before" in " ".join(ran.stderr.split())
         assert server.dvtcli("-n", "1", "pdo", "--all").stdout == before

@@ -227,7 +227,7 @@ class TestSaving:
         with own("tmcm") as bench:
             lines = bench.run("learn --yes --save pump").stdout.splitlines()
         assert lines[-2].endswith("profiles/pump.toml")
-        assert "delete that file" in lines[-1]
+        assert "delete it to revert this" in lines[-1]
 
     @pytest.mark.parametrize(("name", "code"), [("gen4", 2), ("Pump!", 2), ("mine", 2), ("../pump", 2)])
     def test_no_other_folder(self, name: str, code: int) -> None:

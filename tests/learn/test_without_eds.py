@@ -119,7 +119,7 @@ def test_an_object_of_the_other_direction_is_asked_for(both: bool) -> None:
 
 
 @pytest.mark.parametrize(
-    ("family", "said"), [("tmcm", "nodes of its identity use the last one"), ("canopennode", "-p pump")]
+    ("family", "said"), [("tmcm", "nodes of its identity use the last file"), ("canopennode", "-p pump")]
 )
 def test_who_uses_what_was_saved_is_told(family: str, said: str) -> None:
     with own(family) as bench:

@@ -178,7 +178,7 @@ def test_of_nodes_that_were_not_begun_nobody_says_that_they_were_read_back(home:
         chain.apply(path)
     assert (raised.value.state, chain.held()) == ("rolled_back", before)
     assert raised.value.state_text == (
-        "rolled back: what was changed is as it was on node 5, 7, read back equal; nothing was written to node 9; "
+        "rolled back: the changes are reverted on node 5, 7, read back equal; nothing was written to node 9; "
         "nothing was stored"
     )
 
@@ -211,7 +211,7 @@ def test_a_bus_that_is_gone_once_all_is_back_replaces_no_fault(home: Path, node_
     assert (raised.value.exit_code, raised.value.node, raised.value.abort) == (1, node_id, 0x06090030)
     told = {
         9: "rolled back: every node is as it was, read back equal; nothing was stored",
-        7: "rolled back: what was changed is as it was on node 5, 7, read back equal; nothing was written to node 9; "
+        7: "rolled back: the changes are reverted on node 5, 7, read back equal; nothing was written to node 9; "
         "nothing was stored; whether node 9 restarted is not known: the bus is gone",
     }
     assert raised.value.state_text == told[node_id]

@@ -177,7 +177,7 @@ def test_a_node_that_only_stores_and_holds_the_stamp_already_is_no_other(
     with chain.session(node=None) as session:
         ways_on(session, chain, finishes=finishes)
     assert types(chain) == (dict.fromkeys(IDS, 1) if finishes else held)
-    assert any(stamps(chain).values()) is finishes, "what is not stored has no stamp"
+    assert any(stamps(chain).values()) is finishes, "a node that does not store has no stamp"
 
 
 @pytest.mark.counted

@@ -57,5 +57,5 @@ def test_without_a_journal_a_lost_bus_comes_first_too(tmp_path: Path, words: lis
     code, told = error(tmp_path, "9:bus-error@2", *words)
     assert (code, told["state"]) == (7, "left_changed")
     assert told["hint"].startswith("bring the bus back first")
-    assert told["hint"].endswith(" apply FILE` again sets what is missing, and stores it")
+    assert told["hint"].endswith(" apply FILE` again sets the missing values, and stores them")
     assert told["stores"] == {"stored": [5], "not_stored": [], "unknown": [9]}

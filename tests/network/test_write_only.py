@@ -86,7 +86,7 @@ def test_a_dcf_writes_it_if_it_is_named_as_configuration() -> None:
         assert "2050:00" in [row["object"] for row in node["left_out"]], node
         ran = bench.run("apply device.dcf --include 2050 --include 2051 --include 2052")
         assert (ran.code, "acknowledged (write-only)" in ran.stdout) == (0, True), ran
-        assert "--include 2052: it is not written all the same: it is part of a login" in ran.stderr
+        assert "--include 2052: it is not written nevertheless: it is part of a login" in ran.stderr
         assert "--include 2050" not in ran.stderr
         verified = bench.run("verify device.dcf")
         assert "2050:00" in verified.stdout, verified

@@ -88,7 +88,7 @@ def test_recover_names_what_stays() -> None:
     with bench(f"5:{REFUSED}") as network:
         assert network.run("apply net.yaml").code == 7
         ran = network.run("recover")
-        assert "2050:00 of node 6 NOT rolled back: what was there before is not known" in ran.stdout, ran
+        assert "2050:00 of node 6 NOT rolled back: the earlier values are not known" in ran.stdout, ran
         assert "equal" not in ran.stdout
 
 
@@ -107,7 +107,7 @@ def test_an_apply_says_what_undo_reverts_and_undo_reverts_that(file: str, said: 
         assert f"In RAM only on node 6: `store` keeps it, {said}" in ran.stdout
         undone = network.run("undo --all")
         assert (undone.code, trim(network), limits(network)) == (0, b"\x01", [bytes(2)] * 2), undone
-        assert "2050:00 of node 6 NOT rolled back: what was there before is not known" in undone.stdout
+        assert "2050:00 of node 6 NOT rolled back: the earlier values are not known" in undone.stdout
 
 
 def test_an_undo_of_write_only_values_alone_is_refused() -> None:
@@ -115,7 +115,7 @@ def test_an_undo_of_write_only_values_alone_is_refused() -> None:
     with bench() as network:
         assert network.run("apply net.yaml").code == 0
         undone = network.run("undo --all")
-        assert (undone.code, "is write-only: what it held is not known" in undone.stderr) == (2, True), undone
+        assert (undone.code, "is write-only: its old value is not known" in undone.stderr) == (2, True), undone
 
 
 @pytest.mark.parametrize("file", [FILE, BOTH])
@@ -125,8 +125,8 @@ def test_what_was_refused_is_not_said_to_be_read(file: str) -> None:
         ran = network.run("apply net.yaml")
         assert (ran.code, trim(network), limits(network)) == (1, bytes(1), [bytes(2)] * 2), ran
         nodes = "5, 6" if file == BOTH else "5"
-        assert f"rolled back: what was changed is as it was on node {nodes}, read back equal" in ran.stderr
-        assert "2050:00 of node 6 was refused, and what it holds cannot be read" in ran.stderr
+        assert f"rolled back: the changes are reverted on node {nodes}, read back equal" in ran.stderr
+        assert "2050:00 of node 6 was refused, and its value cannot be read" in ran.stderr
 
 
 @pytest.mark.parametrize(("fault", "held"), [("lose-response@1", b"\x01"), ("silent@1", b"\0")])
@@ -135,5 +135,5 @@ def test_without_an_answer_nobody_knows_whether_it_was_written(fault: str, held:
     with bench(f"6:{fault}") as network:
         ran = network.run("apply net.yaml")
         assert (ran.code, trim(network)) == (5, held), ran
-        assert "state   unknown: what was changed is as it was on node 5, read back equal" in ran.stderr
+        assert "state   unknown: the changes are reverted on node 5, read back equal" in ran.stderr
         assert "whether 2050:00 of node 6 was written is not known: it cannot be read" in ran.stderr

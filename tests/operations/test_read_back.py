@@ -130,7 +130,7 @@ def test_what_cannot_be_read_back_leaves_what_was_there(tmp_path: Path, was: byt
     before = sorted(tmp_path.rglob("*"))
     with pytest.raises(InputFileError) as caught:
         write_whole(path, b"half", refuse)
-    assert caught.value.text == f"{path} is not written: what it would say cannot be read back"
+    assert caught.value.text == f"{path} is not written: its content cannot be read back"
     assert caught.value.why == "it is cut short: an object is missing"
     assert sorted(tmp_path.rglob("*")) == before
     assert (target.read_bytes() if target.exists() else None) == was

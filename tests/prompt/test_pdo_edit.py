@@ -85,7 +85,7 @@ def test_a_wrong_text_can_be_given_up(editing: Edit) -> None:
         ("false", "false: Editing failed"),
         ("/no/such/editor", "No such file or directory"),
         ("vi 'x", "$EDITOR: No closing quotation"),
-        ("sh -c 'printf \"\\377\" > $0'", "no UTF-8 text"),
+        ("sh -c 'printf \"\\377\" > $0'", "not UTF-8 text"),
     ],
 )
 def test_an_editor_that_does_not_work_leaves_the_pdo(open_terminal: Open, editor: str, said: str) -> None:
@@ -113,7 +113,7 @@ def test_what_was_typed_is_kept_where_the_device_does_not_take_it(open_terminal:
     terminal = open_terminal(*words, columns=300, rows=40, environment=environment)
     terminal.wait_prompt()
     terminal.run("pdo edit tpdo1")
-    terminal.wait("what you typed is kept as ")
+    terminal.wait("your text is kept as ")
     terminal.wait_prompt()
     kept = re.search(r"kept as (\S+\.yaml)", terminal.text)
     assert kept is not None

@@ -41,7 +41,7 @@ def test_a_service_call_from_finding_the_node_to_watching_it(tmp_path: Path, ope
 
     terminal.run("lss scan")
     told(terminal, "1 node without a node-ID", "0x00000F50", "none", prompt=before)
-    told(terminal, "nobody answers as node 1; this gives it that node-ID:", prompt=before)
+    told(terminal, "no node answers as node 1; this assigns that node-ID:", prompt=before)
     (hint,) = [row.strip() for row in terminal.lines if row.startswith("  lss node-id 1 ")]
     answered(terminal, hint.replace("node-id 1 ", "node-id 5 "), "(before: none)", "until it is stored", prompt=before)
     answered(terminal, "lss store 5 --prove", "stored, proved by a reset", prompt=before)

@@ -110,8 +110,8 @@ def test_an_undo_of_two_nodes_one_of_which_restarts_is_taken_back() -> None:
         rows = dict(line.strip().split(None, 1) for line in ran.stderr.splitlines() if line.startswith("  "))
         assert ran.code == 1, ran.stderr
         assert "node 3 restarted" in ran.stderr
-        assert rows["state"].startswith("rolled back: what was changed is as it was on every node"), ran.stderr
-        assert rows["state"].endswith("node 3 restarted: what else it held in RAM only is lost")
+        assert rows["state"].startswith("rolled back: the changes are reverted on every node"), ran.stderr
+        assert rows["state"].endswith("node 3 restarted: its other unstored values are lost")
         assert [one.value(0x1800, 5) for one in (trigger, trigger.victim)] == [b"\x28\0", b"\x28\0"]
         assert bench.run("undo --all").code == 0
         assert [one.value(0x1800, 5) for one in (trigger, trigger.victim)] == [b"\0\0", b"\0\0"]

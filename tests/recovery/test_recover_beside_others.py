@@ -88,7 +88,7 @@ def test_a_node_that_restarts_when_it_is_started_is_put_back_again(tmp_path: Pat
         assert not served.when_started
         assert (ran.code, ran.document["verified"]) == (0, True)
         (finding,) = (one for one in ran.document["findings"] if one["rule"] == "restarted-meanwhile")
-        assert finding["text"] == "node 1 restarted: what else it held in RAM only is lost"
+        assert finding["text"] == "node 1 restarted: its other unstored values are lost"
         assert node.pdo(TPDO1).communication.event_timer == 5, "the restart had taken it"
         assert not journal.exists()
         assert served.state is NmtState.OPERATIONAL

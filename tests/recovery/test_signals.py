@@ -168,7 +168,7 @@ def test_another_script_keeps_them_and_says_so(bench: Bench, tmp_path: Path) -> 
     before = start(bench)
     code, stderr = stopped(bench, signal.SIGINT, (), STEPS + 1, "run", str(script))
     assert code == 130, stderr
-    assert f"what {script}:2 changed stays" in stderr
+    assert f"the changes of {script}:2 stay" in stderr
     after = held(bench)
     assert after[0x1800, 1] == bytes.fromhex("01020000")
     assert after[0x1801, 5] == before[0x1801, 5]
@@ -192,7 +192,7 @@ def test_a_signal_between_two_lines_lets_no_further_one_run(
     assert bench.wire.downloads == 2, "the store was the last thing that was written"
     assert not (tmp_path / "late.dcf").exists(), "nor is anything read for a line that was not begun"
     file = inner if nested else script
-    assert f"what {file}:1, {file}:2 changed stays" in stderr
+    assert f"the changes of {file}:1, {file}:2 stay" in stderr
     after = held(bench)
     assert after[0x1801, 5] == (70).to_bytes(2, "little")
     assert {place for place in after if after[place] != before[place]} - {(STATE, 0)} == {(0x1801, 5)}

@@ -16,7 +16,7 @@ ARGV = ("--sim", "gen4", "run", "scripts/pdo_config.dvt")
 def test_it_runs_and_warns_that_nobody_produces_sync() -> None:
     done = dvtcli(*ARGV)
     assert done.returncode == 0, done.stderr
-    assert "warning: nobody produces SYNC" in done.stderr
+    assert "warning: no node produces SYNC" in done.stderr
     assert "0x1006:00  Communication cycle period = 20000" in done.stdout
     assert "0x1005:00  COB-ID SYNC message = 128" in done.stdout
 
@@ -24,7 +24,7 @@ def test_it_runs_and_warns_that_nobody_produces_sync() -> None:
 def test_a_node_that_produces_sync_brings_no_warning() -> None:
     done = dvtcli("--sim", "gen4", stdin="write 1005 0x40000080\n" + TEXT)
     assert done.returncode == 0, done.stderr
-    assert "nobody produces SYNC" not in done.stderr
+    assert "no node produces SYNC" not in done.stderr
     assert "node 1  produces SYNC" in done.stdout
 
 

@@ -230,7 +230,7 @@ def test_a_port_that_is_taken(gen4: Served) -> None:
         (("gen4", "--listen", "here"), 2, "--listen here: not HOST:PORT"),
         (("gen4", "--listen", "127.0.0.1:70000"), 2, "not HOST:PORT"),
         (("gen4", "--fault", "refuse@1"), 2, "--fault: refuse@1"),
-        (("gen4", "--sim", "tmcm"), 2, "nodes to serve stand behind sim"),
+        (("gen4", "--sim", "tmcm"), 2, "name nodes to serve after"),
         (("gen4", "-i", "nothing", "-c", "x"), 5, "cannot open nothing:x"),
         ((), 2, "Missing argument"),
     ],

@@ -134,7 +134,7 @@ def run(command: str) -> Ran:
 def test_a_hint_at_the_prompt_is_typed_there() -> None:
     with Bench(("gen4",)) as bench:
         bench.session.at_prompt = True
-        assert "hint    `pdo --all` lists what it has" in bench.run("pdo tpdo9").stderr
+        assert "hint    `pdo --all` lists its PDOs" in bench.run("pdo tpdo9").stderr
         assert json.loads(bench.run("pdo tpdo9 --json").stdout)["next"] == ["pdo", "--all"]
 
 
@@ -142,6 +142,6 @@ def test_what_comes_next_keeps_the_bus_of_the_call() -> None:
     Path("m.yaml").write_text("nodes: {a: {node_id: 5, tpdo: {1: {event_timer: 50}}}}\n", "utf-8")
     with Bench(("generic@5",)) as bench:
         assert "Next: dvtcli --sim generic@5 apply m.yaml\n" in bench.run("plan m.yaml").stdout
-        assert "Look again: dvtcli --sim generic@5 compare h.dcf\n" in bench.run("export h.dcf").stdout
-        assert "What differs from it: dvtcli --sim generic@5 compare b.dcf\n" in bench.run("backup b.dcf").stdout
+        assert "Compare: dvtcli --sim generic@5 compare h.dcf\n" in bench.run("export h.dcf").stdout
+        assert "Compare: dvtcli --sim generic@5 compare b.dcf\n" in bench.run("backup b.dcf").stdout
         assert "hint    --format text | json | jsonl | github | junit" in bench.run("diff m.yaml --format sarif").stderr

@@ -83,7 +83,7 @@ def test_a_file_without_a_value_says_nothing_of_a_device(tmp_path: Path) -> None
     with Bench(("generic@5",)) as bench:
         for line in (f"diff {file}", f"plan {file}", f"apply {file} --yes", f"clone {file} --yes"):
             ran = bench.run(line)
-            assert (ran.code, "does not say what a device is to hold" in ran.stderr) == (2, True), ran
+            assert (ran.code, "has no values for a device" in ran.stderr) == (2, True), ran
     (tmp_path / "node.jsonl").write_text(made(tmp_path, "generic", "jsonl").read_text("utf-8").splitlines()[0] + "\n")
     with Bench(("generic@5",)) as bench:
         assert bench.run(f"diff {tmp_path / 'node.jsonl'}").code in (2, 4)
@@ -173,13 +173,13 @@ def test_what_is_no_configuration_is_left_and_told(tmp_path: Path) -> None:
         done = bench.run(f"apply {file} --yes --json").document
         out = {one["object"]: one["why"] for one in done["nodes"][0]["left_out"]}
         assert out["6040:00"] == "is a command or a target"
-        assert out["2000:00"] == "is the maker's own, and nobody names it as configuration"
+        assert out["2000:00"] == "is manufacturer-specific, and no profile calls it configuration"
         assert [one["object"] for one in done["nodes"][0]["objects"]] == ["1017:00"]
         assert node.sdo.upload(0x6040, 0) == bytes(2)
         shown = bench.run(f"plan {file} --include 2000").stdout
         assert "0x2000:00" in shown
         assert "0x2004:00" not in shown
-        assert "differs, not written: 2004:00 (holds 'Lift', the file says 'Crane') is the maker's own" in shown
+        assert "differs, not written: 2004:00 (holds 'Lift', the file says 'Crane') is manufacturer-specific" in shown
         last = f"2 settings of node 1 differ from {file} and are not written: --include 2000 --include 2004 writes such"
         for line, code in ((f"diff {file}", 3), (f"plan {file} --exit-code", 3), (f"apply {file} --yes", 0)):
             ran = bench.run(line)
@@ -199,9 +199,9 @@ def test_what_is_no_configuration_is_left_and_told(tmp_path: Path) -> None:
         clean = bench.run(f"diff {file}")
         assert (clean.code, "holds what is written of the file" in clean.stdout) == (0, True)
         assert re.search(rf"not written, and may differ: dvtcli .*compare {re.escape(str(file))} --all", clean.stdout)
-        assert "2006:00 (holds 0, the file says 5) is the maker's own, and a command, a target" in clean.stdout
+        assert "2006:00 (holds 0, the file says 5) is manufacturer-specific, and a command, a target" in clean.stdout
         shown = bench.run(f"compare {file} --all")
-        assert (shown.code, "2006:00 is the maker's own, and a command, a target" in shown.stdout) == (0, True)
+        assert (shown.code, "2006:00 is manufacturer-specific, and a command, a target" in shown.stdout) == (0, True)
         assert bench.run(f"apply {file} --include 2000-2FFF --yes --json").document["writes"] == 0
         assert bench.run(f"apply {file} --include 2006 --yes --json").document["writes"] == 1
         assert node.sdo.upload(0x2006, 0) == b"\5\0"
@@ -240,7 +240,7 @@ def test_a_command_by_its_name_is_written_only_where_it_is_named_itself(tmp_path
         assert cloned.code == 0, cloned.stderr
         sdo = bench.session.node().sdo
         assert [sdo.upload(index, 0)[0] for index in (0x2000, 0x2001, 0x2002)] == [7, 0, 7]
-        assert "2001:00 (holds 0, the file says 7) is the maker's own, and a command by its name" in cloned.stdout
+        assert "2001:00 (holds 0, the file says 7) is manufacturer-specific, and a command by its name" in cloned.stdout
         assert "1 setting of node 5 differs" in cloned.stdout.splitlines()[-1]
         assert (bench.run(f"diff {file}").code, bench.run(f"compare {file}").code) == (3, 3)
 
@@ -287,8 +287,8 @@ def test_an_include_that_names_nothing_of_the_file_is_told(tmp_path: Path) -> No
                 assert (ran.code, f"--include {word}: names nothing of {file}" in ran.stderr) == (2, True), ran
         assert bench.session.node().sdo.upload(0x3001, 1) == bytes(2)
         for word, said in (
-            ("6040", "it is not written all the same: it is a command or a target"),
-            ("1018:1", "it is not written all the same: it is read-only"),
+            ("6040", "it is not written nevertheless: it is a command or a target"),
+            ("1018:1", "it is not written nevertheless: it is read-only"),
             ("1017", "it is written without it"),
             ("4000-4FFF", f"names nothing of {file}"),
         ):

@@ -119,7 +119,7 @@ def test_a_limit_that_an_rpdo_could_take_is_a_setting_as_long_as_none_takes_it(f
         for line in ("diff", "verify"):
             ran = bench.run(f"{line} {file}")
             assert (ran.code, "3001:01" in ran.stdout, "30A0:01" in ran.stdout) == (3, True, True), line
-        assert "3001:01 (holds 1111, the file says 4760) is the maker's own" in bench.run(f"diff {file}").stdout
+        assert "3001:01 (holds 1111, the file says 4760) is manufacturer-specific" in bench.run(f"diff {file}").stdout
         assert (
             "--include 2081 --include 3001:01 --include 30A0:01 writes such" in bench.run(f"clone {file} --yes").stdout
         )

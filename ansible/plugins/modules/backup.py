@@ -20,7 +20,7 @@ options:
     type: path
     required: true
   twice:
-    description: Read each object twice, and leave out what changed meanwhile.
+    description: Read each object twice, and leave out values that changed meanwhile.
     type: bool
     default: false
 extends_documentation_fragment:

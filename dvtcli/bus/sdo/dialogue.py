@@ -25,10 +25,12 @@ from dvtcli.errors import (
     stopped_node,
 )
 
-_NEVER = Hint(Action.FIND_NODES, why="power, node-ID, bit rate? A node in STOPPED answers no SDO; {} shows who does")
+_NEVER = Hint(
+    Action.FIND_NODES, why="check power, node-ID and bit rate; a STOPPED node answers no SDO; {} lists the nodes"
+)
 _BEFORE = Hint(
     Action.GIVE_TIMEOUT,
-    why="it answered before, and one lost frame is enough for this: try again; if it repeats, a longer {}, "
+    why="it answered before; a single lost frame causes this: try again; if it repeats, a longer {}, "
     "or check its supply, the wiring and the bus load",
 )
 

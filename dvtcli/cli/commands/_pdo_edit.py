@@ -48,7 +48,7 @@ def _edited(text: str) -> str | None:
     try:
         return click.edit(text, extension=".yaml", require_save=False)
     except UnicodeDecodeError as wrong:
-        raise InputFileError("what the editor saved is no UTF-8 text; the PDO is left as it is") from wrong
+        raise InputFileError("the saved file is not UTF-8 text; the PDO is unchanged") from wrong
     except (click.ClickException, ValueError) as failed:
         why = failed.format_message() if isinstance(failed, click.ClickException) else f"$EDITOR: {failed}"
         raise UsageError(why, hint="EDITOR names your editor: EDITOR=nano dvtcli") from failed

@@ -42,5 +42,5 @@ def way_and_group(prove: str | int | None, group: int | None) -> tuple[str | Non
     if not isinstance(prove, int):
         return prove, group
     if group is not None:
-        raise UsageError("two groups are named; one at a time")
+        raise UsageError("two groups are given; store one group at a time")
     return "reset", prove

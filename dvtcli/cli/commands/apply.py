@@ -27,7 +27,7 @@ def _stores(params: Mapping[str, Any]) -> Final | None:
 
 @click.command("apply", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES, stores=_stores)
 @click.argument("file", type=FILE)
-@click.option("--prove", is_flag=True, help="Reset each node that stored, and compare what it boots with.")
+@click.option("--prove", is_flag=True, help="Reset each node that stored, and compare its values.")
 @trust_stamp_option
 @include_option
 @to_manager
@@ -41,15 +41,15 @@ def command(
     include: tuple[str, ...],
     manager: int | None,
 ) -> NetworkApplied:
-    """Carry out what plan shows for the network FILE, or a saved plan, on all nodes; if one node fails, on none.
+    """Carry out the plan of the network FILE, or a saved plan, on all nodes; if one node fails, on none.
 
     Asks first. PDOs are disabled, everything is written and read back, then consumers are enabled, then producers.
     Nodes store last, if the file says so. A saved plan is refused (6) if a node has changed since.
 
     FILE may also be a DCF, an XDC or a backup (.jsonl) of the selected node; if no node is selected, of the node whose
-    node-ID it has. Only configuration that differs is written: no commands, no outputs, and of the maker's own objects
-    only those that --include names. A range includes no command, and no object that an RPDO could take unless its name
-    says a setting. The last line names settings that differ and are not written. Another product is refused (6),
+    node-ID it has. Only configuration that differs is written: no commands, no outputs, and of manufacturer-specific
+    objects only those of --include. A range includes no command, and an RPDO-mappable object only if its name says a
+    setting. The last line names settings that differ and are not written. Another product is refused (6),
     another revision asked about; a power stage (0x6041) must be off.
 
     With --to-manager one node is written instead: the manager that downloads to the others (0x1F22, 0x1F26, 0x1F27).

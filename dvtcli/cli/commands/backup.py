@@ -16,15 +16,15 @@ if TYPE_CHECKING:
 
 @click.command("backup", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("file", type=FILE)
-@click.option("--twice", is_flag=True, help="Read each object twice, and leave out what changed meanwhile.")
+@click.option("--twice", is_flag=True, help="Read each object twice, and leave out values that changed meanwhile.")
 @click.pass_obj
 def command(session: Session, /, file: str, twice: bool) -> Facts:
     """Read every object of the selected node and save it to FILE: its EDS with values (.dcf or .xdc), or .jsonl.
 
-    A .jsonl also has what was refused, and takes devices without an EDS: each index from 0x1000 to 0x9FFF is asked,
-    which takes minutes. Passcodes and programs are not read. `compare` shows later what differs.
+    A .jsonl also lists refused objects. It needs no EDS: each index from 0x1000 to 0x9FFF is read, which takes minutes.
+    Passcodes and programs are not read. `compare` shows differences later.
 
-    The automatic backup before a change is another one: it has the PDOs only, and `undo --backup` restores it.
+    The automatic backup before a change is separate: it has the PDOs only, and `undo --backup` restores it.
 
     \b
     backup press.dcf

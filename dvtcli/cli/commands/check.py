@@ -54,13 +54,13 @@ def command(
     """Find errors in network files (YAML), in the nodes on a bus, or in recordings; writes nothing.
 
     A file: syntax errors with line, column and a caret, then the findings of the rules in the network that its nodes'
-    EDS, DCF or family describe. An error in a file is exit code 4, in nodes 3; a wrong or missing file keeps no other
-    from being checked. Warnings and notes about PDOs that FILE does not name are counted, and shown with --all; they
-    do not count for --strict. Without FILE, or with --live, the nodes on the bus: what they hold, SYNC, heartbeats,
+    EDS, DCF or family describe. An error in a file is exit code 4, in nodes 3; the other files are checked even if a
+    file is wrong or missing. Warnings and notes about PDOs that FILE does not name are counted, and shown with --all;
+    they do not count for --strict. Without FILE, or with --live, the nodes on the bus: their values, SYNC, heartbeats,
     other masters, unknown frames; with --live also whether they fit FILE. --format github, junit or sarif is for CI.
 
     A recording (as `decode` reads; - is standard input): refused transfers, time-outs, restarts, missing heartbeats,
-    emergencies, incomplete mappings, PDOs of a wrong length, RPDOs that nobody sends, SYNC jitter, two senders or
+    emergencies, incomplete mappings, PDOs of a wrong length, RPDOs that no node sends, SYNC jitter, two senders or
     masters, a full bus (with --at, or by the network file's bit rate); each with its frames, exit code 3. PDOs are
     decoded by -d, by --eds, or by the mapping in it.
 
@@ -69,8 +69,8 @@ def command(
     check press.yaml bus.yml
     check line.yaml --strict --format github
     check line.yaml --rule unbounded-event-pdo --rule too-late
-    check --live --for 1s      the nodes on the bus, and what is heard, as in a recording
-    check press.yaml --live    and whether they are those of the file
+    check --live --for 1s      the nodes on the bus, and the received frames, as in a recording
+    check press.yaml --live    and compare them with the file
     check run.log -d press.yaml
     """
     if not all(file.lower().endswith((".yaml", ".yml")) for file in files):  # else no recording is to be read

@@ -24,11 +24,11 @@ def command(ctx: click.Context, /, file: str, include: tuple[str, ...]) -> Netwo
     """Write the configuration of another device in FILE (a DCF, an XDC or a backup's .jsonl) to the selected node.
 
     Shows the plan and asks. The node must be named: -n, or `node ID` before it. Another product is refused (6),
-    another revision asked about. As apply, and with the maker's own objects that the file has a value for and that no
-    PDO can map; --include names those that a PDO could map. Never written: a node-ID, passcodes, commands and outputs
-    of the standards. A maker's command, by its name, and an RPDO's object that no word calls a setting need --include
-    of that very object. What is left out is listed with the reason. A setting that differs and is not written ends it
-    with 3: the node is no clone then. If it fails, the node is as it was.
+    another revision asked about. As apply, and also writes manufacturer-specific objects that no PDO can map; --include
+    adds mappable objects. Never written: a node-ID, passcodes, commands and outputs of the standards. A manufacturer's
+    command, by its name, and an RPDO's object without a name of a setting need --include of that very object. Objects
+    that are left out are listed with the reason. The exit code is 3 if a setting differs and is not written: the node
+    is no clone then. If it fails, the node is as it was.
 
     \b
     clone press.dcf --yes

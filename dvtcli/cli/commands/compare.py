@@ -24,9 +24,10 @@ def command(session: Session, /, file: str, other: str | None, everything: bool)
     """Compare the settings of the selected node, or of the file OTHER, with FILE. If no node is selected, it is the
     node whose node-ID FILE has.
 
-    A file is a DCF, EDS, XDD or XDC, or a backup's .jsonl. Values are compared by meaning. Settings are what a file
-    may write. Versions, commands, measured values and values that change by themselves are listed and do not count:
-    --all says why. An object without a ParameterValue in a DCF is not compared; an EDS stands for its defaults.
+    A file is a DCF, EDS, XDD or XDC, or a backup's .jsonl. Values are compared by meaning. Settings are objects that a
+    file may write. Versions, commands, measured values and values that change by themselves are listed and do not
+    count: --all shows the reasons. An object without a ParameterValue in a DCF is not compared; an EDS stands for its
+    defaults.
     --format github or junit is for CI.
 
     \b

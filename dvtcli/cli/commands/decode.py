@@ -42,8 +42,8 @@ def command(
 ) -> Facts | None:
     """Decode FILE (.asc .blf .log .trc .mf4 .pcapng .pcap, or a pasted log; - is standard input).
 
-    PDOs are decoded by --dbc, by the mapping in --eds, else by what the nodes hold now, else by the mapping in FILE's
-    own SDO transfers; other PDOs are named by the pre-defined connection set and stay bytes. NMT, SDO, EMCY and other
+    PDOs are decoded by --dbc, by the mapping in --eds, else by the present mappings of the nodes, else by FILE's own
+    SDO transfers; other PDOs are named by the pre-defined connection set and stay bytes. NMT, SDO, EMCY and other
     services are explained. --json gives one dvtcli.frame/1 document a frame.
 
     \b

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 def command(
     ctx: click.Context, /, file: str, trust_stamp: bool, include: tuple[str, ...], manager: int | None
 ) -> NetworkPlanned:
-    """Read the nodes of the network FILE and show what differs: plan, with exit code 3 if something does.
+    """Read the nodes of the network FILE and show the differences: plan, with exit code 3 if something differs.
 
     FILE may also be a DCF, an XDC or a backup (.jsonl) of the selected node; if no node is selected, of the node whose
     node-ID it has. A setting that differs and that apply does not write counts as well, and is listed with the reason.

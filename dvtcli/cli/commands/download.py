@@ -50,8 +50,8 @@ def command(
     """Load FILE (.bin .hex) as the node's program.
 
     The old program is stopped and cleared; the new one is sent, checked by the device's flash status and software
-    identification, started, and seen to run. It asks first: there is no way back once the old program is cleared. A
-    failure says what the device holds. A download that was interrupted is reported whenever the node is used.
+    identification, started, and checked to run. It asks first: the old program cannot be restored once it is cleared. A
+    failure has the state of the device. A download that was interrupted is reported whenever the node is used.
 
     \b
     download fw.bin

@@ -100,9 +100,9 @@ def command(
     """Read FILE and show its content; `check` lists all its errors, with their lines, also of several files.
 
     `check` ends with exit code 4 if a rule found an error. --format github, junit or sarif is for CI; -p checks the
-    PDOs as on a device of that family. `add` keeps files, those of a folder, or a family's: from then on nodes of that
-    vendor, product and revision (0x1018) use them; `list`, `remove` and `prefer` manage the library. `convert IN OUT`
-    writes the format that OUT ends in, and lists what it cannot hold. A concise DCF (0x1F22, .cdcf) can be shown, and
+    PDOs as on a device of that family. `add` keeps files, the files of a folder, or a family's file: then nodes of
+    that vendor, product and revision (0x1018) use them; `list`, `remove` and `prefer` manage the library. `convert IN
+    OUT` writes the format of OUT's suffix, and lists lost content. A concise DCF (0x1F22, .cdcf) can be shown, and
     made of a network file for one node. A DBC file is made of all nodes of a network file, or of the nodes whose COB-
     IDs and mappings are in a recording's SDO transfers (names: --eds, or the recorded identity).
 
@@ -113,7 +113,7 @@ def command(
     eds check *.eds
     eds show drive.eds
     eds add drive.eds       found from now on by the node's identity
-    eds add eds-files/      all of a folder, and of those in it
+    eds add eds-files/      all files of a folder and its subfolders
     eds add gen4            the EDS of a simulated family
     eds add bare.eds --identity vendor=0x1E,product=0x0705302D
     eds list
@@ -126,7 +126,7 @@ def command(
     eds convert press.dcf press.cdcf
     eds convert press.yaml press.dbc
     eds convert press.yaml press.dbc --with sync,emcy
-    eds convert setup.log press.dbc    what a recording says of its PDOs
+    eds convert setup.log press.dbc    the PDOs in a recording
     eds show ram.cdcf
     """
     asks_rules = bool(only or without or strict or session.output.format in SPECIAL_FORMATS)

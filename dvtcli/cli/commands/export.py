@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 
 @click.command("export", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("file", type=FILE)
-@click.option("--twice", is_flag=True, help="DCF, XDC: read each object twice, and leave out what changed meanwhile.")
+@click.option(
+    "--twice", is_flag=True, help="DCF, XDC: read each object twice, and leave out values that changed meanwhile."
+)
 @click.pass_obj
 @dbc_options
 def command(session: Session, /, file: str, twice: bool, options: DbcOptions) -> Facts:

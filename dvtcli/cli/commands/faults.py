@@ -36,7 +36,7 @@ def _final(params: Mapping[str, Any]) -> Final | None:
 def command(session: Conversation, /, clear: bool, watch: bool, duration_s: float | None) -> Faults | None:
     """Show a node's error register, error history and received EMCY messages in words.
 
-    The words are those of the standard, and of the node's family if known, with advice. --clear does not remove the
+    The words come from the standard, and from the node's family if known, with advice. --clear does not remove the
     cause of an error and does not reset the drive. --watch with --json is one document a message.
 
     \b

@@ -38,8 +38,8 @@ def command(
 
     Only programs on this computer can reach it, on Linux only those of the same user; a Unix socket is its user's
     alone. Clients may read; with --allow-changes their writes are done as by `write`: checked, read back, rolled back
-    if the value differs. --yes answers questions, else they are refused. stderr shows who connects and what is
-    written.
+    if the value differs. --yes answers questions, else they are refused. stderr shows connections and
+    writes.
 
     \b
     gateway

@@ -37,7 +37,7 @@ def command(
 
     \b
     learn
-    learn --dry-run            what it would ask
+    learn --dry-run            shows the tests, sends none
     learn --save pump          then --sim ./pump answers the same
     learn --compare gen4       after a firmware update
     learn --with-store         how it saves, too

@@ -36,8 +36,9 @@ def command(
 ) -> NetworkApplied:
     """Connect each RPDO to the TPDO: its objects at their places in the frame, dummies between them, one CAN-ID.
 
-    Map the RPDO first, with --off, to what it should receive. Both sides are written and read back before the RPDOs
-    are enabled, then the TPDO; if one node fails, none is changed. The consumer also watches the producer's heartbeat.
+    First map the RPDO, with --off, to the objects that should receive values. Both sides are written and read back
+    before the RPDOs are enabled, then the TPDO; if one node fails, none is changed. The consumer also monitors the
+    producer's heartbeat.
 
     \b
     link 1:tpdo1 5:rpdo2

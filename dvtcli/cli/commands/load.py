@@ -55,7 +55,7 @@ def command(
     load line.yaml --at 250000
     load line.yaml --inhibit 5:tpdo1=40 --at 125000
     load line.yaml --inhibit io:tpdo1=40    a node by its name in the file
-    load --for 5      what is on the bus, and what its nodes could send
+    load --for 5      the traffic on the bus, and its worst case
     """
     from dvtcli.operations.network.network_load import MEASURED_S, LoadOptions, network_load
 

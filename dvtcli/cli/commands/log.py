@@ -55,7 +55,7 @@ def command(
 
     Sends nothing; with --decode it reads the mappings once, by SDO upload, at the start. A .parquet file has a row for
     each value, in the same columns for all devices: recordings of a fleet are one table. If log was killed, the next
-    log into the same file makes a whole file of what was left, all but the last second.
+    log into the same file completes the file that was left, all but the last second.
 
     \b
     log run.asc
@@ -90,6 +90,6 @@ def _masks_and_text(
     if len(words) > 1 or (words and not decode):
         raise UsageError(
             f"--filter {words[-1]}: not ID:MASK in hexadecimal, such as 180:780",
-            hint="with --decode one --filter may be a text that names of signals have",
+            hint="with --decode, give one --filter: a text that the signal names contain",
         )
     return tuple(mask for mask in filters if not isinstance(mask, str)), "".join(words).lower()

@@ -159,9 +159,9 @@ def command(
     lss scan
     lss scan --wait 200      for slow nodes
     lss identify
-    lss identify vendor=0x1E product=0x705302D serial=0x10000-0x1FFFF      whether one within that is there
+    lss identify vendor=0x1E product=0x705302D serial=0x10000-0x1FFFF      is there a node within these ranges?
     lss select vendor=0x1E product=0x705302D revision=0x30000 serial=0x12345
-    lss select 5             by what node 5 says of itself (0x1018)
+    lss select 5             by node 5's own identity (0x1018)
     lss node-id 5            of the selected node
     lss node-id 5 vendor=0x1E product=0x705302D revision=0x30000 serial=0x12345
     lss store 5

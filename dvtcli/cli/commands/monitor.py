@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @click.command("monitor", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
-@click.option("--nodes", type=NodesType(), metavar="ID,…", help="Nodes whose mappings are read [those that send].")
+@click.option("--nodes", type=NodesType(), metavar="ID,…", help="Nodes whose mappings are read [nodes that send].")
 @click.option(
     "-d", "--decode", type=FILE, metavar="FILE", help="Decode by a DBC or network file (after --nodes, if given)."
 )

@@ -1,4 +1,4 @@
-"""List a node's PDOs, or show one with its frame picture."""
+"""List a node's PDOs, or show a PDO with its frame picture."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def command(session: Conversation, /, words: tuple[NodePdo | str, ...], show_all
     \b
     pdo                 the list
     pdo tpdo1           one, with the picture of its frame
-    pdo edit tpdo1      in $EDITOR as YAML; what is saved is checked, shown and written
+    pdo edit tpdo1      in $EDITOR as YAML; saved changes are checked, shown and written
     """
     pdos = [word for word in words if isinstance(word, NodePdo)]
     editing = words[:1] == (EDIT,)

@@ -37,11 +37,11 @@ def command(
     include: tuple[str, ...],
     manager: int | None,
 ) -> NetworkPlanned:
-    """Read the nodes of the network FILE and show what differs, and what apply would write.
+    """Read the nodes of the network FILE and show the differences, and the writes of apply.
 
     All errors, on all nodes, are shown at once. --format github or junit is for CI. FILE may also be a DCF, an XDC or
     a backup (.jsonl) of the selected node; if no node is selected, of the node whose node-ID it has. A saved plan is
-    compared with what apply would carry out now.
+    compared with a new plan.
 
     \b
     plan press.yaml
@@ -49,9 +49,9 @@ def command(
     plan press.yaml -o press.309     as lines that any CiA 309-3 gateway carries out
     plan plan.json -o press.309      the same of a saved plan
     plan press.dcf
-    plan press.yaml --exit-code      3 where anything is to be done
+    plan press.yaml --exit-code      3 if anything differs
     plan press.yaml --format junit   a test case for each PDO, for CI
-    plan press.yaml --to-manager 3   what node 3 is to download to each node that boots
+    plan press.yaml --to-manager 3   the downloads of node 3 to each node that boots
     """
     from dvtcli.operations.network.network_files import planned
 

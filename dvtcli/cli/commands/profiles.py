@@ -35,8 +35,8 @@ class ProfileName(TextType):
 def command(action: str | None, name: str | None) -> ProfileListing | ProfileShown | HabitListing:
     """Show the device families that dvtcli knows, and the source of each value.
 
-    `habits` lists what devices were found to accept only while a PDO is off, by vendor, product and revision; `forget`
-    forgets that of one device, or of `all`.
+    `habits` lists the values that devices accept only while a PDO is off, by vendor, product and revision; `forget`
+    removes the values of one device, or of `all`.
 
     \b
     profiles

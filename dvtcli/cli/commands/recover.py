@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @click.command("recover", cls=DvtCommand, short_help=__doc__, effect=Effect.BRINGS_BACK)
 @click.argument("file", type=FILE, required=False)
-@click.option("--accept", is_flag=True, help="Accept what the device holds as the new state; writes nothing.")
+@click.option("--accept", is_flag=True, help="Accept the present values as the new state; writes nothing.")
 @click.option("--discard", is_flag=True, help="Set an unusable journal aside, under another name.")
 @click.option("--finish", is_flag=True, help="Finish the stores of a network file, on verified nodes.")
 @click.pass_obj
@@ -28,8 +28,8 @@ def command(
     \b
     recover
     recover --dry-run          shows what would be written
-    recover --finish           where apply ended while the nodes stored
-    recover --accept           where the device does not take the old state back
+    recover --finish           after an apply that ended during the stores
+    recover --accept           if the device refuses the old state
     recover can0-5.json        a journal that was kept elsewhere
     """
     from dvtcli.operations.changes.recover_change import recover

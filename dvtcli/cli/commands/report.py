@@ -46,7 +46,7 @@ def command(
     report line.svg line.yaml      its wiring alone
     report line.dot line.yaml      for Graphviz: dot -Tpdf line.dot
     report now.html                the nodes on the bus
-    report now.html press.yaml     and where they differ from FILE
+    report now.html press.yaml     with the differences from FILE
     """
     from dvtcli.operations.network.draw_network import PictureOptions, draw_network
 

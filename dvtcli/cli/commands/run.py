@@ -1,4 +1,4 @@
-"""Run a script: every line is parsed before the first one runs."""
+"""Run a script: every line is parsed before the first line runs."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ def command(ctx: click.Context, /, file: str, history: bool, everything: bool) -
         from dvtcli.operations.gateway.session_as_lines import save_lines
 
         if history or everything:
-            raise UsageError("gateway lines say what this session's changes come to, without --history and --all")
+            raise UsageError("gateway lines have the net changes of this session: leave out --history and --all")
         return save_lines(session, file)
     what = EVERYTHING if everything else STEPS if history else ENDS
     if file.lower().endswith(".tcl"):

@@ -1,4 +1,4 @@
-"""Send frames, once or repeatedly, after showing what each one is."""
+"""Send frames, once or repeatedly, after an explanation of each frame."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ def command(
     dbc: str | None,
     nodes: tuple[int, ...] | None,
 ) -> FramesSent:
-    """Send each FRAME: 185#1027 (185#R: a remote frame), 18FF0102#00 (29 bits), or one as 0x185 10 27.
+    """Send each FRAME: 185#1027 (185#R: a remote frame), 18FF0102#00 (29 bits), or 0x185 10 27.
 
     It asks before it sends frames that nodes act on: NMT, SYNC, TIME, SDO, LSS, an EMCY or a heartbeat, and the CAN-ID
-    of a PDO of a node that is known, heard, or in a network file (-d). A frame that the interface does not take is not
-    counted.
+    of a PDO of a node that is known, received, or in a network file (-d). A frame that the interface does not accept is
+    not counted.
 
     \b
     send 7A0#1027

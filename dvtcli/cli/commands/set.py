@@ -30,7 +30,7 @@ def command(session: Session, /, pdo: NodePdo, mpdo: str | None, **options: Any)
     \b
     set tpdo1 --timer 100             one write, the PDO stays enabled
     set tpdo2 --cob-id 0x201 --sync 1
-    set tpdo3 --mpdo sam --event      multiplexed: what the scanner list (0x1FA0) has
+    set tpdo3 --mpdo sam --event      multiplexed: the objects of the scanner list (0x1FA0)
     """
     asked = replace(request(options, enabled=None), mpdo=None if mpdo is None else MPDO_COUNTS[mpdo])
     if asked == PdoRequest():

@@ -57,7 +57,7 @@ def command(
 
     session: Conversation = ctx.obj
     if _typed(ctx, "sim"):
-        raise UsageError("--sim is a node in this process; nodes to serve stand behind sim", hint="sim gen4@1")
+        raise UsageError("--sim simulates a node in this process; name nodes to serve after `sim`", hint="sim gen4@1")
     join = any(_typed(ctx, name) for name in ("bus", "interface", "channel"))
     where = address(listen) if listen is not None else None if join else (LOOPBACK, DEFAULT_PORT)
     kept = None if state is None else Path(state)

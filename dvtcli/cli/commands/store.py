@@ -1,4 +1,4 @@
-"""Store what the node holds, so that it survives a power cycle (0x1010 "save")."""
+"""Store the node's values, so that they survive a power cycle (0x1010 "save")."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def _who_stored(node_ids: Sequence[int], outcomes: Mapping[int, Any]) -> LeftCha
     is_flag=False,
     flag_value="reset",
     metavar="[power]",
-    help="Reset the node and check what it kept; `power`: wait for a power cycle.",
+    help="Reset the node and compare its values; `power`: wait for a power cycle.",
 )
 @click.option(
     "--within",
@@ -68,7 +68,7 @@ def command(
     \b
     store
     store communication
-    store --prove            reset the node, and see what it kept
+    store --prove            reset the node, and compare its values
     store --prove power      the same with a power cycle, by your hand
     store --if-changed       in scripts: spares the EEPROM
     """
@@ -76,7 +76,7 @@ def command(
     if limit_s is not None and way != "power":
         raise UsageError("--within belongs to --prove power")
     if if_changed and way is not None:
-        raise UsageError("--if-changed may store nothing, which --prove could not prove: give one of them")
+        raise UsageError("--if-changed may store nothing, and --prove then proves nothing: give one of them")
     return store_settings(
         session, session.node(), group, prove=way, if_changed=if_changed, wait_s=limit_s or POWER_CYCLE_S
     )

@@ -26,7 +26,7 @@ class TourStep(NamedTuple):
 
 STEPS = (
     TourStep("A PDO is a CAN frame that a node sends (TPDO) or takes (RPDO) by itself.\nThis node has some:", "pdo"),
-    TourStep("What could a TPDO carry? The object dictionary says it:", "objects velocity --mappable tpdo"),
+    TourStep("Search the object dictionary for objects that fit a TPDO:", "objects velocity --mappable tpdo"),
     TourStep(
         "Map two objects into TPDO1, to be sent on every SYNC. dvtcli checks the\n"
         "whole plan first, then disables the PDO, writes, enables it, and reads back:",

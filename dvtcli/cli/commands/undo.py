@@ -23,13 +23,13 @@ class All(click.Choice[str]):
 
     def get_invalid_choice_message(self, value: object, ctx: click.Context | None) -> str:  # noqa: ARG002
         """Return the message for another word."""
-        return f"{value!r} is not 'all': undo takes the last change back, of whatever it was, and --all every one"
+        return f"{value!r} is not 'all': undo reverts the last change, --all every change"
 
 
 @click.command("undo", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
 @click.argument("word", type=All(["all"], case_sensitive=False), required=False, metavar="[all]")
 @click.option(
-    "--all", "everything", is_flag=True, help="All changes of this session, on every node; else earlier ones."
+    "--all", "everything", is_flag=True, help="All changes of this session, on every node; else earlier changes."
 )
 @click.option(
     "--backup", type=TEXT, is_flag=False, flag_value=_NEWEST, metavar="[WHEN]",

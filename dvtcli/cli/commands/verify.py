@@ -1,4 +1,4 @@
-"""Read PDOs back and compare with what this session set, or with a FILE; --frame checks a real frame."""
+"""Read PDOs back and compare with this session's values, or with a FILE; --frame checks a real frame."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 @click.option("--frame", is_flag=True, help="Start the node and check a frame of each enabled TPDO.")
 @click.pass_context
 def command(ctx: click.Context, /, words: tuple[str, ...], frame: bool) -> Compared | ComparedNodes:
-    """Compare what the nodes hold now; exit code 3 if it differs, 1 if no frame came.
+    """Compare the present values of the nodes; exit code 3 if they differ, 1 if no frame came.
 
-    FILE is a script (what its lines would set), a network file (YAML), a DCF, XDC or backup (its settings, also those
+    FILE is a script (the result of its lines), a network file (YAML), a DCF, XDC or backup (its settings, also settings
     that apply does not write), or an EDS (its PDOs). Without FILE the lines before are compared. If no node is
     selected, a DCF, XDC or backup is compared with the node whose node-ID it has.
 
@@ -33,8 +33,8 @@ def command(ctx: click.Context, /, words: tuple[str, ...], frame: bool) -> Compa
     verify                   everything this session changed, on every node
     verify tpdo1 --frame
     verify tpdo1 press.dcf
-    verify press.dvt         what a script would set
-    verify press.yaml        what a network file wants, on each of its nodes
+    verify press.dvt         the values that a script would set
+    verify press.yaml        a network file, on each of its nodes
     verify tpdo1 press.dcf --frame
     """
     from dvtcli.operations.devices.verify_nodes import verify

@@ -42,8 +42,8 @@ class TclRun:
         self._session, self._source, self._process, self._calls = session, source, process, calls
         self._limits, self._start_s = limits, start_s
         self._computed_s = 0.0
-        self._ended_hint = "what it had set before stays set"
-        self._endless_hint = "what its words have set stays set"
+        self._ended_hint = "its earlier changes stay"
+        self._endless_hint = "the changes of its words stay"
         #: the place of the last served call, None if none
         self._last: str | None = None
 
@@ -113,7 +113,7 @@ class TclRun:
             error.state = "unknown"
             error.state_text = "unchanged since its last command"
             if not self._session.staying():  # else its lines are named
-                error.state_text += "; what the script set before stays set"
+                error.state_text += "; earlier changes of the script stay"
         return error
 
     def _endless(self, place: str) -> InputFileError:

@@ -76,7 +76,7 @@ PDO_WORDS = (
     ),
     DvtWord("locate_tpdo", OBJECT, "which TPDO holds an object", "pdo --all", Effect.READS, locate),
     DvtWord(
-        "pdo_config", (MAYBE_NODE,), "what the PDOs are set to, and how they are set", "pdo", Effect.READS, config
+        "pdo_config", (MAYBE_NODE,), "the settings of the PDOs, and how to set PDOs", "pdo", Effect.READS, config
     ),
     DvtWord(
         "clear_all_pdos", (NODE,), "no mapping, and disabled, for every PDO", "clear all", Effect.CHANGES, clear
@@ -183,7 +183,7 @@ STATE_WORDS = (
         "lg", (MAYBE_NODE, Argument("LEVEL", level, required=False)),
         "log in at a level, 0 to log out", "login 4", Effect.COMMANDS, log_in_at,
     ),
-    DvtWord("store", (MAYBE_NODE,), "keep what is set (in Tcl; elsewhere the command)", "store", Effect.KEEPS, store),
+    DvtWord("store", (MAYBE_NODE,), "store the settings (in Tcl; elsewhere the command)", "store", Effect.KEEPS, store),
 )  # fmt: skip
 WORDS: dict[str, DvtWord] = {word.name: word for word in (*SDO_WORDS, *STATE_WORDS, *PDO_WORDS, _SOURCE)}
 #: Longer values are no numbers: they are answered byte by byte, in wire order.

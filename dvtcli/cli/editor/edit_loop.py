@@ -54,7 +54,7 @@ def edit(session: Conversation, pdo: NodePdo | None) -> None:
         session.cancellation.release()
         if session.cancellation.requested:  # asked for when the change was complete already
             ended = ended_with(session.cancellation.exit_code, "edit was ended by a signal", state="left_changed")
-            ended.state_text = "what was applied was read back, and stays"
+            ended.state_text = "applied changes were read back, and stay"
             raise ended
         if note := editor.pdos.read_again(node.pdos()):
             editor.say(f"{editor.view.message}; {note}", bad=True)

@@ -442,7 +442,7 @@ class Editor:
     def _save(self) -> None:
         changed = self.pdos.changed()
         if not changed:
-            self.say("nothing is changed: `save FILE --all` keeps what the node holds")
+            self.say("nothing is changed: `save FILE --all` saves every PDO of the node")
             return
 
         def done(file: str) -> str:

@@ -129,7 +129,7 @@ class Actions:
                 raise result.failure
             seen = ", ".join(f"node {seen_id} {state or 'does not say its state'}" for seen_id, state in result.states)
             dry = "dry run, nothing was sent: " if self._session.dry_run else ""
-            lost = f"; the reset lost what was not stored: {join_some(result.lost)}" if result.lost else ""
+            lost = f"; the reset lost unstored values: {join_some(result.lost)}" if result.lost else ""
             return f"{dry}nmt {command.word}: {seen or 'nobody is heard'}{lost}"
 
         self.beside.start(f"nmt {command.word}", work)

@@ -207,7 +207,7 @@ class Life:
         return self._stopping.is_set()
 
     def _tell_event(self, event: BusEvent) -> None:
-        forgotten = "" if event.after_s is None else "; what was read of its nodes is forgotten"
+        forgotten = "" if event.after_s is None else "; values read from its nodes are discarded"
         self.notices.add(dumps(event.document()) if self._session.base.json else f"{event.text}{forgotten}")
         self.notices.pump()
 

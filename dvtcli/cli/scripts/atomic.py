@@ -81,7 +81,7 @@ class Reach:
         """Raise UsageError with FILE:LINE if an atomic script could not roll back all lines."""
         if self.opaque is not None:
             raise UsageError(
-                f"{self.opaque}: a Tcl script is no part of an atomic one: what it does is not known before it runs",
+                f"{self.opaque}: an atomic script cannot run a Tcl script, whose changes are not known before it runs",
                 place=self.opaque,
             )
         if self.keeps_going is not None:

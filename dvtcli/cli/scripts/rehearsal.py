@@ -78,7 +78,7 @@ def _refuse_unknown(ctx: click.Context) -> None:
     found = final(ctx)
     if found is not None and found.brings_back:
         raise UsageError(
-            f"what the script leaves cannot be told before it runs: {found.words} brings back what the device keeps",
+            f"the result of the script is not known before it runs: {found.words} restores the stored values",
             hint="run it, then `save FILE.dvt` and compare with that",
         )
 
@@ -87,7 +87,7 @@ def _play_nested(stage: Conversation, file: str, sources: Sequence[str]) -> None
     if file in sources or len(sources) > MOST_NESTED:
         raise UsageError(f"{file} runs itself: {' runs '.join([*sources, file])}", place=file)
     if file == "-" or file.lower().endswith(".tcl"):
-        raise UsageError(f"{file}: what such a script leaves cannot be told before it runs")
+        raise UsageError(f"{file}: the result of such a script is not known before it runs")
     _play(stage, [*sources, file])
 
 

@@ -35,6 +35,6 @@ def run_file(
         from dvtcli.cli.dvt.tcl_script import run_tcl
 
         if atomic:
-            raise UsageError("--atomic is for .dvt scripts: what a Tcl script does is not known before it runs")
+            raise UsageError("--atomic is for .dvt scripts: the changes of a Tcl script are not known before it runs")
         return run_tcl(session, data, file, keep_going=keep_going, most_seconds=most_seconds)
     return run_script(session, data, file, keep_going=keep_going, atomic=atomic)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.user.session_user import SessionUser
 
 
-_ALL_BACK = "rolled back: what the script changed is as it was, read back equal; nothing was stored"
+_ALL_BACK = "rolled back: the script's changes are reverted, read back equal; nothing was stored"
 
 
 def run_line(session: Conversation, ctx: click.Context) -> int:

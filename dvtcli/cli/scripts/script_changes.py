@@ -67,7 +67,7 @@ class NodeRolledBack:
         from dvtcli.device.target_config import config_differences
 
         if lost := config_differences(self.node, still_there(self.node, beginnings(self.made))):
-            raise DeviceRefused(f"it does not hold what it held before: {lost[0][0]} {lost[0][1]}")
+            raise DeviceRefused(f"it does not hold its earlier values: {lost[0][0]} {lost[0][1]}")
 
 
 def undo_patiently(node: Node, *, force: bool) -> tuple[Finding, ...]:
@@ -224,7 +224,7 @@ class ScriptChanges:
             if lost := no_longer_held(node, changes):
                 self._lost = True
                 raise DeviceRefused(
-                    f"node {node.node_id} no longer holds what the script set: {lost[0][0]} {lost[0][1]}",
+                    f"node {node.node_id} no longer holds the values of the script: {lost[0][0]} {lost[0][1]}",
                     node=node.node_id,
                     why=join_some(f"{label} {text}" for label, text in lost[1:]) or None,
                     hint="a later line altered it, or the node restarted without a boot-up message",

@@ -59,12 +59,12 @@ _STATES: dict[State, str] = {
     "unchanged": "unchanged: nothing was written",
     "rolled_back": "rolled back: everything is as it was, read back equal; nothing was stored",
     "left_changed": "LEFT CHANGED: see above",
-    "unknown": "unknown: read back what the device holds",
+    "unknown": "unknown: read the device again",
 }
 #: in a script the lines above may have changed things
 _BY_THIS_LINE: dict[State, str] = {
     "unchanged": "unchanged by this line",
-    "rolled_back": "rolled back: what this line changed is as it was, read back equal",
+    "rolled_back": "rolled back: the changes of this line are reverted, read back equal",
 }
 #: line and column after a file's name in an error's place
 _LINE = re.compile(r":[0-9]+(?::[0-9]+)?$")
@@ -187,10 +187,12 @@ def _state(error: DvtcliError, at: str | None) -> str:
         text = f"{text}, but for node {', '.join(others)}" if error.node is None else f"node {error.node} {text}"
     if not error.stays:
         return text
-    stays = f"what {join_some(error.stays)} changed stays"
+    stays = f"the changes of {join_some(error.stays)} stay"
     if error.stays_differing is not None:
         is_held = not error.stays_differing
-        stays += ", read back equal" if is_held else f", and is not as it was set: {join_some(error.stays_differing)}"
+        stays += (
+            ", read back equal" if is_held else f", and differ from the set values: {join_some(error.stays_differing)}"
+        )
     return f"{text}; {stays}"
 
 
@@ -233,7 +235,7 @@ def _forced(error: RuleError) -> str:
     """Describe the effect of --force, if applicable."""
     if error.rehearsed or not error.can_force:
         return ""
-    return "; --force goes on all the same, and writes nothing" if error.only_looked else "; --force sends it anyway"
+    return "; --force continues nevertheless, and writes nothing" if error.only_looked else "; --force sends it anyway"
 
 
 def _rule_text(finding: Finding) -> str:

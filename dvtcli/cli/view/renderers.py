@@ -41,7 +41,7 @@ def remarks(result: Result) -> Iterator[Line]:
         yield from map(finding_line, findings)
     lost = getattr(result, "lost", ())
     if lost:
-        yield [Cell("warning: ", "yellow"), Cell(f"the reset lost what was not stored: {join_some(lost)}")]
+        yield [Cell("warning: ", "yellow"), Cell(f"the reset lost unstored values: {join_some(lost)}")]
     for number, reason in enumerate(getattr(result, "reasons", ())):
         yield [Cell("      " if number else "why:  ", "yellow"), part(reason)]
     if result.remark:

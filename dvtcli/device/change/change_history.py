@@ -273,7 +273,7 @@ class ChangeHistory:
             if back is not None:
                 self._add_undoing(back, [entry for entry in found if entry.id in names])
         except (OSError, SafetyRefusal) as failed:
-            self.say(f"it is rolled back, but what can be undone cannot be written down: {_why(failed)}")
+            self.say(f"it is rolled back, but the history for undo cannot be written: {_why(failed)}")
 
     def _add_undoing(self, back: Plan, undone: Sequence[ChangeHistoryEntry]) -> None:
         stored = {label for entry in undone for label in entry.stored | entry.maybe_stored}
@@ -340,7 +340,7 @@ def _words(identity: Identity) -> str:
 
 def _damaged(path: Path, why: Exception) -> InputFileError:
     return InputFileError(
-        f"{path} does not tell what was changed",
+        f"{path} does not contain the changes",
         place=str(path),
         why=str(why),
         hint=Hint(Action.UNDO, {"backup": True}, "puts an automatic backup back")

@@ -73,8 +73,8 @@ class Expected:
                 hint=Hint(
                     Action.STORE,
                     {"force": True},
-                    f"{verbatim(who_else)}, or it corrects what is written, or altered this beside a change of "
-                    "something else: set it as it should be and store again; {} stores what it holds now",
+                    f"{verbatim(who_else)}, or it corrects written values, or altered this with a change of "
+                    "another object: set it again and store again; {} stores the present values",
                 ),
             )
 

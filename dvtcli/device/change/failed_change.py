@@ -90,7 +90,7 @@ def refused_unreadable(begun: Sequence[Change], blind: Sequence[Change], *, is_k
     back = f"{join_some(read)} is as it was, read back equal; " if read else ""
     if not is_known:
         return f"{names} was refused; unknown whether anything was taken: it cannot be read; {back}nothing was stored"
-    return f"rolled back: {back}{names} was refused, and what it holds cannot be read; nothing was stored"
+    return f"rolled back: {back}{names} was refused, and its value cannot be read; nothing was stored"
 
 
 def unreadable_left(plan: Plan, taken: Sequence[Change], fault: BaseException) -> LeftChanged:
@@ -99,7 +99,7 @@ def unreadable_left(plan: Plan, taken: Sequence[Change], fault: BaseException) -
     left = LeftChanged(
         f"{names} of node {plan.node_id} could not be rolled back",
         node=plan.node_id,
-        why=f"{fault}{_reason(fault)}; {names} was acknowledged before that, and what it held cannot be read",
+        why=f"{fault}{_reason(fault)}; {names} was acknowledged before that, and its old value cannot be read",
         hint="set it by hand: its value before is not known",
         state="left_changed",
     )

@@ -278,7 +278,7 @@ def read_journal(path: Path) -> Journal:
             place=str(path),
             why=str(wrong),
             hint=Hint(Action.RECOVER, {"discard": True}, "sets the file aside (it is kept under another name)")
-            + Hint(Action.SHOW_PDOS, why="then check the node with {}, and set it as it should be")
+            + Hint(Action.SHOW_PDOS, why="then check the node with {}, and correct its values")
             + Hint(Action.UNDO, {"backup": True}, ", or {} puts an automatic backup back"),
         ) from wrong
 

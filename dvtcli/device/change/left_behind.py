@@ -133,7 +133,7 @@ def _differing(sdo: SdoReader, change: Change) -> Iterator[tuple[str, bytes | No
     if isinstance(change, ValueChange):
         step = change.step
         if step.before is None:
-            text = f"0x{step.object} was written, and cannot be read: what it held before is not known"
+            text = f"0x{step.object} was written, and cannot be read: its old value is not known"
             yield step.object, None, None, text
         elif (found := held_otherwise(sdo, change, wanted_before=True)) is not None:
             yield step.object, *found, _words(step.object, *found)
@@ -155,7 +155,7 @@ def _words(place: str, held: bytes | None, before: bytes) -> str:
 def _unread(guarded: Guarded, changes: Iterable[Change], why: str) -> Iterator[LeftObject]:
     for change in changes:
         place = None if isinstance(change, PdoChange) else change.step.object
-        text = f"what it holds is not known: {why}"
+        text = f"its value is not known: {why}"
         yield LeftObject(guarded.node_id, _label(change), place, None, None, text, is_known=False)
 
 

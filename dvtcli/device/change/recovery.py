@@ -160,7 +160,7 @@ class Recovery:
             f"what node {node_id} holds of {labels} is not known: it can no longer be read",
             node=node_id,
             why="; ".join(dict.fromkeys(str(refused) for refused in self.unknown.values())),
-            hint=Hint(Action.RESET_NODE, {"node": node_id}, "brings back what it has stored")
+            hint=Hint(Action.RESET_NODE, {"node": node_id}, "restores its stored values")
             + "or set it by hand when the device takes it; nothing waits to be recovered",
             state="left_changed",
         )
@@ -315,9 +315,9 @@ def _next_step(node: NodeDescription, fault: BaseException, journal: Journal) ->
     again = Hint(Action.RECOVER, why=f"tries again, from {verbatim(journal.path)}")
     if isinstance(fault, SdoAborted | DeviceRefused):  # the same again would be refused, or corrected, again
         return (
-            Hint(Action.RESET_NODE, {"node": node.node_id}, "brings back what it has stored")
+            Hint(Action.RESET_NODE, {"node": node.node_id}, "restores its stored values")
             + Hint(Action.RECOVER, why=", then {} checks that")
-            + Hint(Action.RECOVER, {"accept": True}, "or {} takes what the device holds as the new state")
+            + Hint(Action.RECOVER, {"accept": True}, "or {} accepts the present values as the new state")
             + again
         )
     return again

@@ -190,7 +190,7 @@ class Transaction:
     def _unsure_of_others(self) -> DeviceRefused:
         """The error: the plan's PDOs are as planned, but other COB-IDs may have been altered from unknown values."""
         own, node_id = join_some(change.label for change in self.plan.changes), self.plan.node_id
-        why = "what it holds of the other PDOs since then cannot be told from what this change may have altered"
+        why = "its other PDOs may have changed since then by this change or by a restart"
         return DeviceRefused(f"node {node_id} restarted while {own} was changed", node=node_id, why=why, hint=TRY_AGAIN)
 
     def _differs(self, change: Change, difference: str, read_back: tuple[bytes, bytes] | None = None) -> DeviceRefused:
@@ -295,7 +295,7 @@ class Transaction:
                 fault.hint = fault.hint or Hint(
                     Action.RESET_NODE,
                     {"node": self.plan.node_id},
-                    "brings back what it has stored; or write it again, whole, when the device takes it",
+                    "restores its stored values; or write it again, whole, when the device takes it",
                 )
             fault.state_text = refused_unreadable(self._started, unreadable, is_known=fault.state == "rolled_back")
 
@@ -304,15 +304,15 @@ class Transaction:
         own, node_id = join_some(change.label for change in self.plan.changes), self.plan.node_id
         if fault.state == "rolled_back":
             text = fault.state_text or f"rolled back: {own} is as it was, read back equal"
-            fault.state_text = f"{text}; node {node_id} restarted: what else it held in RAM only is lost"
+            fault.state_text = f"{text}; node {node_id} restarted: its other unstored values are lost"
 
     def _say_left(self, fault: DvtcliError) -> None:
         """Report an unknown cause: an unnoticed restart loaded stored values, or the change altered them."""
         own, left = join_some(change.label for change in self.plan.changes), join_some(pdo.label for pdo in self._left)
         fault.state = "unknown"
         fault.state_text = (
-            f"unknown: {own} is as it was, read back equal; {left} is not, and was left so: the node may have "
-            "restarted without a boot-up message, and hold what it has stored; check it"
+            f"unknown: {own} is as it was, read back equal; {left} is not, and was left alone: the node may have "
+            "restarted without a boot-up message, and hold its stored values; check it"
         )
         fault.details.append(("left", join_some(self._left.values())))
 

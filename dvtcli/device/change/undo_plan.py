@@ -64,7 +64,7 @@ def _refusal(node: Changeable, label: str, why: str) -> SafetyRefusal:
         f"somebody else changed {label} of node {node.node_id} between this session's changes",
         node=node.node_id,
         why=why,
-        hint=Hint(Action.UNDO, why=f"{verbatim(who_else(node.guard))}: {{}} takes back what came after that")
+        hint=Hint(Action.UNDO, why=f"{verbatim(who_else(node.guard))}: {{}} reverts the later changes")
         + Hint(Action.UNDO, {"all": True, "force": True}, ", {} everything"),
     )
 
@@ -207,11 +207,11 @@ def refuse_unless_left(node: Changeable, plans: Sequence[Plan], count: int) -> i
         if not config_differences(node, beginnings(plans[-gone:])) and not config_differences(node, _ends(left)):
             return max(gone, count)
     raise SafetyRefusal(
-        f"node {node.node_id} does not hold what that change left: {found[0][0]} {found[0][1]}",
+        f"node {node.node_id} does not hold the values of that change: {found[0][0]} {found[0][1]}",
         node=node.node_id,
         why=join_some(f"{label} {text}" for label, text in found[1:]) or None,
         hint=Hint(Action.SHOW_PDOS, why=f"{verbatim(who_else(node.guard))}: check it with {{}}")
-        + Hint(Action.UNDO, {"force": True}, "goes back to the values before that change all the same")
+        + Hint(Action.UNDO, {"force": True}, "restores the values before that change nevertheless")
         + Hint(Action.UNDO, {"backup": True}, ", {} an automatic backup"),
     )
 
@@ -258,7 +258,7 @@ def unknown_before(plans: Iterable[Plan]) -> tuple[Finding, ...]:
         warning(
             "write-only",
             f"0x{step.object}",
-            f"0x{step.object} {why_unreadable(step.index)}: what it held is not known, it stays",
+            f"0x{step.object} {why_unreadable(step.index)}: its old value is not known, it stays",
         )
         for step in steps
         if step.before is None

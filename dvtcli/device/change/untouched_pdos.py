@@ -105,7 +105,7 @@ class UntouchedPdos:
             return None
         own, altered = (join_some(item.label for item in group) for group in (plan.changes, self._in_part))
         return (
-            f"rolled back: {own} is as it was, and {altered} has its COB-ID again, read back equal; what else it held "
+            f"rolled back: {own} is as it was, and {altered} has its COB-ID again, read back equal; the rest of it "
             "was not read before: check it"
         )
 

@@ -110,7 +110,7 @@ class Asking:
         for write in probe.writes:
             held = self._found.get(write.place)
             if held != write.data and write.place in self._stuck:
-                return f"0x{write.label} does not accept again what it holds (0x{(held or b'')[::-1].hex().upper()})"
+                return f"0x{write.label} does not accept its own value again (0x{(held or b'')[::-1].hex().upper()})"
         return ""
 
     def _once(self, write: ProbeWrite) -> int:

@@ -125,7 +125,7 @@ def _told(fault: DvtcliError, *, may_have_saved: bool) -> None:
     fault.state = "rolled_back"
     if may_have_saved:
         fault.state = "unknown"
-        fault.state_text = "unknown: everything is rolled back, read back equal; it is not known what it has stored"
+        fault.state_text = "unknown: everything is rolled back, read back equal; its stored values are not known"
 
 
 def _ask(

@@ -85,7 +85,7 @@ def ask_to_save(node: ReadableNode, probes: Sequence[Probe]) -> SignatureAnswers
 
 def _asked(node: ReadableNode, probe: Probe) -> ProbeAnswer:
     if node.cancellation.requested:
-        stopped = Interrupted("stopped before it was told to save", node=node.node_id)
+        stopped = Interrupted("stopped before the save", node=node.node_id)
         stopped.exit_code = node.cancellation.exit_code
         raise stopped
     write, boot_ups, code = probe.asked, node.bus.boot_ups(node.node_id), ACCEPTED

@@ -158,7 +158,7 @@ def _refuse_altered(node: Node, before: Snapshot, place: AnyPlace) -> None:
             f"{text}: nothing was stored", node=node.node_id, why=join_some(left), hint=hint, state="left_changed"
         )
     refused = DeviceRefused(f"{text}: nothing was stored", node=node.node_id, hint=hint, state="rolled_back")
-    refused.state_text = "what it altered is rolled back, read back equal; nothing was stored"
+    refused.state_text = "its changes are rolled back, read back equal; nothing was stored"
     raise refused
 
 

@@ -72,7 +72,7 @@ def write_signature(
         if access.bus.boot_ups(access.node_id) != boot_ups:
             silent.hint = _again(index, "it restarted instead; {} again")
             if index == STORE:
-                silent.hint = _again(STORE, "it restarted instead: what was not stored is lost; set it again, then {}")
+                silent.hint = _again(STORE, "it restarted instead: unstored values are lost; set them again, then {}")
             from dvtcli.device.resets import return_to
 
             return_to(access, found)
@@ -181,7 +181,7 @@ def _refused(aborted: SdoAborted, node_id: int, index: int, sub_index: int) -> D
     if aborted.code == Abort.DEVICE_STATE:
         hint = Hint(Action.ENTER_PRE_OPERATIONAL, {"node": node_id}, "{}, then again")
     elif aborted.code == Abort.HARDWARE:
-        hint = "the device could not write its memory; what it had stored before may be lost"
+        hint = "the device could not write its memory; its earlier stored values may be lost"
     error = DeviceRefused(
         f"node {node_id} refused to {word_of(index)}",
         node=node_id,

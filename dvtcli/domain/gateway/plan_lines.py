@@ -97,7 +97,7 @@ def plan_lines(plan: NetworkPlan, around: dict[int, Around]) -> list[str]:
     ]
     lines.append("# Nothing is read back and nothing rolled back: stop at the first answer that is an ERROR.")
     lines += required_lines(nodes)
-    commands = list(_commands(nodes, around)) or ["nothing is to be done: every node holds what the file says"]
+    commands = list(_commands(nodes, around)) or ["nothing to do: every node holds what the file says"]
     number = 0
     for command in commands:
         if isinstance(command, str):

@@ -107,14 +107,16 @@ def _of_many(device: DescribedDevice) -> list[OdObject]:
 _SOURCE = "CiA 306, 4.6.3: PDOMapping"
 
 
-@check("mappability-unknown", WARNING, "the file has PDOs and no PDOMapping: what they may carry is not known", _SOURCE)
+@check(
+    "mappability-unknown", WARNING, "the file has PDOs and no PDOMapping: the mappable objects are not known", _SOURCE
+)
 def mappability_unknown(device: DescribedDevice) -> Found:
     """Tools offer everything, or nothing."""
     if device.pdos and not device.dictionary.tells_mappability:
-        yield Spot(), "no object has PDOMapping: what a PDO may carry is not known"
+        yield Spot(), "no object has PDOMapping: the mappable objects are not known"
 
 
-@check("unmappable-type", WARNING, "PDOMapping=1 on what fits no PDO: of varying length, or more than 64 bits",
+@check("unmappable-type", WARNING, "PDOMapping=1 on an object that fits no PDO: of varying length, or over 64 bits",
        "CiA 301, 7.5.2.36")  # fmt: skip
 def unmappable_type(device: DescribedDevice) -> Found:
     """A mapping entry has a length of 1 to 64 bits."""
@@ -141,7 +143,7 @@ def mappable_count(device: DescribedDevice) -> Found:
             yield at(first, "pdomapping"), "PDOMapping=1 on the number of sub-indices"
 
 
-@check("mappable-constant", NOTE, "PDOMapping=1 on what never changes (const)", _SOURCE)
+@check("mappable-constant", NOTE, "PDOMapping=1 on a constant (const)", _SOURCE)
 def mappable_constant(device: DescribedDevice) -> Found:
     """A constant would take space in every frame."""
     for entry in device.entries:
@@ -149,7 +151,7 @@ def mappable_constant(device: DescribedDevice) -> Found:
             yield at(entry, "pdomapping"), "PDOMapping=1, and the object is const"
 
 
-@check("process-access", NOTE, "AccessType rwr or rww, which are about PDOs, on what no PDO may carry",
+@check("process-access", NOTE, "AccessType rwr or rww (for PDOs) on an object that no PDO may carry",
        "CiA 306, 4.6.3: AccessType")  # fmt: skip
 def process_access(device: DescribedDevice) -> Found:
     """Either AccessType or PDOMapping is wrong."""
@@ -232,7 +234,7 @@ def constant_without_value(device: DescribedDevice) -> Found:
     """The file could give the constant's value."""
     for entry in device.entries:
         if entry.access is Access.CONST and entry.default is None and entry.value is None:
-            yield at(entry), "const, and no DefaultValue says what it holds"
+            yield at(entry), "const, without a DefaultValue"
 
 
 def _outside(entry: OdEntry, data: bytes, *, relative: bool) -> str:

@@ -84,13 +84,13 @@ def count_over_entries(device: DescribedDevice) -> Found:
             yield _count(pdo), f"{pdo.pdo.label} maps {pdo.count} objects; {entries} entries are described"
 
 
-@check("unknown-count", NOTE, "the count of a mapping has no default: what the PDO carries is not known", _MAPPING)
+@check("unknown-count", NOTE, "the count of a mapping has no default: the content of the PDO is not known", _MAPPING)
 def unknown_count(device: DescribedDevice) -> Found:
     """A tool can only ask the device."""
     for pdo in device.pdos:
         index = pdo.pdo.mapping_index
         if pdo.count is None and device.dictionary.entry(index, 0) is not None:
-            yield Spot(index, 0), f"{pdo.pdo.label} has a mapping without a count: what it carries is not known"
+            yield Spot(index, 0), f"{pdo.pdo.label} has a mapping without a count: its content is not known"
 
 
 @check("mapped-twice", NOTE, "a TPDO carries the same object twice", _MAPPING)
@@ -259,9 +259,9 @@ def _look(name: str, meant: Severity, device: DescribedDevice) -> Found:
 #: The other rules of `map` judge a requested change.
 CHECKS = (
     _judged("object-exists", ERROR, "maps an object that is not in it"),
-    _judged("direction", ERROR, "sends what cannot be read, or receives what cannot be written"),
-    _judged("mappable", ERROR, "maps what has PDOMapping=0"),
-    _judged("read-write-object", WARNING, "sends what is for RPDOs (rww)"),
+    _judged("direction", ERROR, "sends an unreadable object, or receives a read-only object"),
+    _judged("mappable", ERROR, "maps an object with PDOMapping=0"),
+    _judged("read-write-object", WARNING, "sends an object for RPDOs (rww)"),
     _judged("entry-length", ERROR, "maps another length than the object's, or none, or more than 64 bits"),
     _judged("granularity", ERROR, "maps a length that is no multiple of Granularity"),
     _judged("pdo-length", ERROR, "maps more than 64 bits"),

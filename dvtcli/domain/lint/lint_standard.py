@@ -48,8 +48,8 @@ def standard_kind(device: DescribedDevice) -> Found:
     yield from _other_types(device, of_same_length=True)
 
 
-@check("standard-access", WARNING, "an object of 0x1000 to 0x1BFF cannot be read, or can be written where CiA 301 "
-       "has it fixed", "CiA 301, 7.5.2")  # fmt: skip
+@check("standard-access", WARNING, "an object of 0x1000 to 0x1BFF cannot be read, or can be written although "
+       "CiA 301 fixes it", "CiA 301, 7.5.2")  # fmt: skip
 def standard_access(device: DescribedDevice) -> Found:
     """A device may make a writable object read-only; for PDOs see `fixed-pdo`."""
     for entry in device.entries:
@@ -60,7 +60,7 @@ def standard_access(device: DescribedDevice) -> Found:
             yield at(entry, "accesstype"), f"is {entry.access}; CiA 301 has {standard.access}"
 
 
-@check("standard-read-only", WARNING, "an object of 0x1000 to 0x13FF cannot be written, where CiA 301 has it rw",
+@check("standard-read-only", WARNING, "an object of 0x1000 to 0x13FF cannot be written, although CiA 301 has it rw",
        "CiA 301, 7.5.2")  # fmt: skip
 def standard_read_only(device: DescribedDevice) -> Found:
     """A master that configures the object gets an abort; for PDOs see `fixed-pdo`."""
@@ -78,7 +78,7 @@ def reserved_sub_indices(device: DescribedDevice) -> Found:
             yield at(entry), "CiA 301 reserves this sub-index"
 
 
-@check("standard-object-type", WARNING, "an object of 0x1000 to 0x1BFF is of one entry where CiA 301 has sub-indices, "
+@check("standard-object-type", WARNING, "an object of 0x1000 to 0x1BFF has one entry instead of CiA 301's sub-indices, "
        "or the reverse", "CiA 301, 7.5.2")  # fmt: skip
 def standard_shape(device: DescribedDevice) -> Found:
     """A reader of sub-index 0 gets an unexpected value."""
@@ -88,7 +88,7 @@ def standard_shape(device: DescribedDevice) -> Found:
             yield Spot(found.index, key="objecttype"), f"is {_object_type(found.object_type)}; CiA 301: {standard.name}"
 
 
-@check("array-or-record", NOTE, "an object of 0x1000 to 0x1BFF is an ARRAY where CiA 301 has a RECORD, or the reverse",
+@check("array-or-record", NOTE, "an object of 0x1000 to 0x1BFF is an ARRAY instead of CiA 301's RECORD, or the reverse",
        "CiA 301, 7.5.2")  # fmt: skip
 def array_or_record(device: DescribedDevice) -> Found:
     """Some libraries cannot write a mapping that is an ARRAY."""

@@ -118,7 +118,7 @@ def assumptions(state: NetworkState, streams: Iterable[Stream], what_if: WhatIf,
         yield f"{what} sent by the event timer only: {_names(timers)}"
     by_master = [stream for stream in streams if stream.kind == "rpdo"]
     if by_master:
-        yield f"a master sends on each SYNC what no node here does: {_names(by_master)}"
+        yield f"a master sends these PDOs on each SYNC: {_names(by_master)}"
     others = [row for row in without_producer(state) if not _counted(row[2], sync_us)]
     if others:
         listed = join_some(f"{node.node_id}:{pdo}" for node, pdo, _ in others)
@@ -129,7 +129,7 @@ def assumptions(state: NetworkState, streams: Iterable[Stream], what_if: WhatIf,
     if state.untold:
         ids = join_some(str(node_id) for node_id in state.untold)
         yield f"of node {ids} only what the file says is known, 8 bytes a PDO where it says no length"
-    yield "SDO takes what is left: one of its frames may be under way when another one becomes ready"
+    yield "SDO uses the rest: an SDO frame may be under way when another frame becomes ready"
 
 
 def _counted(config: PdoConfig, sync_us: int | None) -> bool:

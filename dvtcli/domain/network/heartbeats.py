@@ -10,7 +10,7 @@ RULES = (
     Rule("link-guarded", ERROR, "a heartbeat is to be sent by a node that is guarded (0x100C x 0x100D is not 0)",
          "CiA 301, 7.2.8.3.2: node guarding and heartbeat exclude each other"),
     Rule("link-no-heartbeat", ERROR, "a heartbeat is to be set on a node that has no 0x1017", "CiA 301, 7.5.2.18"),
-    Rule("link-silent", NOTE, "the producer of a link sends no heartbeat, so that nobody notices when it is gone",
+    Rule("link-silent", NOTE, "the producer of a link sends no heartbeat, so that no node notices its loss",
          "CiA 301, 7.5.2.18"),
     Rule("link-unwatched", WARNING, "the consumer of a link cannot watch the producer's heartbeat",
          "CiA 301, 7.5.2.17"),

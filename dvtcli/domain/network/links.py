@@ -100,12 +100,13 @@ RULES = (
     Rule("link-consumer", ERROR, "the RPDO of a link maps no object, is multiplexed, or no whole PDO", _LAYOUT),
     Rule("link-length", ERROR, "nothing that the TPDO of a link sends is as long as an object of its RPDO", _LAYOUT),
     Rule("link-place", ERROR, "an object of a link's RPDO could receive several of the TPDO's", "ours"),
-    Rule("link-skip", ERROR, "the consumer of a link has no dummies for what it does not receive", _LAYOUT),
-    Rule("link-type", WARNING, "an object receives one of another data type", "both devices' files"),
-    Rule("link-part", WARNING, "an object receives some bits of a longer one", "ours"),
-    Rule("link-command", WARNING, "a controlword receives what is no command", "CiA 402-2, 8.4: it moves the machine"),
+    Rule("link-skip", ERROR, "the consumer of a link has no dummies for the other bits", _LAYOUT),
+    Rule("link-type", WARNING, "an object receives an object of another data type", "both devices' files"),
+    Rule("link-part", WARNING, "an object receives some bits of a longer object", "ours"),
+    Rule("link-command", WARNING, "a controlword receives a value that is no command",
+         "CiA 402-2, 8.4: it moves the machine"),
     Rule("link-target", NOTE, "a target or an output receives another kind of value", "CiA 401-1, CiA 402-2"),
-    Rule("link-object", WARNING, "a PDO of a link maps what its device's file says it cannot", "both devices' files"),
+    Rule("link-object", WARNING, "a PDO of a link maps an object that its file excludes", "both devices' files"),
 )  # fmt: skip
 #: Rules whose findings are asked about before execution, in interactive use.
 MOVES = frozenset({"link-command", "link-target"})

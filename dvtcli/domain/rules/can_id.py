@@ -16,13 +16,13 @@ from dvtcli.domain.services import OFF, PRODUCES, SRDOS, SYNC_BY_DEFAULT, taken_
 _ANOTHER = Hint(Action.SELECT_CAN_ID, why="take another CAN-ID, or {}")
 _OR_FREE = Hint(Action.SELECT_CAN_ID, why=", or {}")
 RULES = (
-    Rule("can-id-length", ERROR, "more than 11 bits where no 29 are wanted", "CiA 301, 7.5.2.35: bit 29 (frame)",
+    Rule("can-id-length", ERROR, "more than 11 bits without --extended", "CiA 301, 7.5.2.35: bit 29 (frame)",
          (Abort.VALUE_RANGE,)),
     Rule("can-id-restricted", ERROR, "the CAN-ID, of a PDO, SYNC or EMCY, is one that CiA 301 restricts",
          "CiA 301, 7.3.5",
          (Abort.VALUE_RANGE,)),
-    Rule("extended-id", ERROR, "29 bits where the device takes 11", "the family", (Abort.VALUE_RANGE,)),
-    Rule("rtr-bit", ERROR, "bit 30 is against what the family wants", "the family", (Abort.VALUE_RANGE,)),
+    Rule("extended-id", ERROR, "29 bits on a device that takes 11", "the family", (Abort.VALUE_RANGE,)),
+    Rule("rtr-bit", ERROR, "bit 30 is wrong for the family", "the family", (Abort.VALUE_RANGE,)),
     Rule("can-id-in-use", (Severity.ERROR, Severity.WARNING),
          "the CAN-ID is SYNC, EMCY, the time stamp that is sent, or an SDO of a known node (error); another node's "
          "EMCY by default, or TIME (warning); a write gives such a service the CAN-ID of another one or of a PDO that "

@@ -17,7 +17,7 @@ RULES = (
          "the object or its sub-index is not in the device's file; without a file: not in the device",
          "the EDS, or the device's answer to an upload",
          (Abort.NO_OBJECT, Abort.NO_SUB_INDEX)),
-    Rule("direction", ERROR, "a TPDO would send what cannot be read, an RPDO set what cannot be written",
+    Rule("direction", ERROR, "a TPDO would send an unreadable object, an RPDO write a read-only object",
          "the EDS, AccessType (CiA 306, 4.6.3)", (Abort.NOT_MAPPABLE,)),
     Rule("safety-object", ERROR, "an object of the safety configuration (0x1300…0x13FF) would be in a PDO",
          "EN 50325-5: SRDOs and their configuration", (Abort.NOT_MAPPABLE,)),
@@ -112,7 +112,7 @@ def decimal_hint(dictionary: ObjectDictionary, index: int, sub_index: int) -> st
 
 
 def _mappable(proposal: Proposal) -> Hint:
-    return Hint(Action.SHOW_MAPPABLE, {"direction": proposal.pdo.direction}, "shows what can be")
+    return Hint(Action.SHOW_MAPPABLE, {"direction": proposal.pdo.direction}, "lists mappable objects")
 
 
 def _direction(proposal: Proposal, dictionary: ObjectDictionary, place: str, found: OdEntry) -> Iterator[Finding]:

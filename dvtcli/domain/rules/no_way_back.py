@@ -104,5 +104,5 @@ def left_as(before: PdoConfig, back: PdoConfig) -> str:
 
 def restarted_finding(node_id: int) -> Finding:
     """The warning for a node that restarted during its roll-back."""
-    text = f"node {node_id} restarted: what else it held in RAM only is lost"
+    text = f"node {node_id} restarted: its other unstored values are lost"
     return warning("restarted-meanwhile", f"node {node_id}", text)

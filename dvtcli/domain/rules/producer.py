@@ -12,7 +12,7 @@ from dvtcli.domain.rules.finding import WARNING, Finding, Rule, warning
 
 RULES = (
     Rule("rpdo-producer", WARNING,
-         "no known node sends what an RPDO waits for, on a family that then reports a fault", "the family"),
+         "no known node sends the frames of an RPDO, on a family that then reports a fault", "the family"),
 )  # fmt: skip
 
 

@@ -35,7 +35,7 @@ RULES = (
     Rule("mapping-while-valid", ERROR, "write to a mapping while the PDO is enabled",
          _FROZEN_WHILE_VALID, (Abort.UNSUPPORTED_ACCESS,)),
     Rule("write-only", WARNING,
-         "what is written cannot be read back: nothing shows that the device took it, and an undo does not restore it",
+         "the written value cannot be read back: nothing shows that the device accepted it, and no undo restores it",
          "the EDS, AccessType (CiA 306); CiA 301, 7.5.2.13 and 7.5.2.14; CiA 302-2, CiA 302-3"),
     Rule("safety-configuration", WARNING, "write to an object of the safety configuration (0x1300…0x13FF)",
          "EN 50325-5"),
@@ -128,7 +128,7 @@ def unreadable_finding(index: int, sub_index: int, held: bytes | None = None) ->
     """The warning that a value cannot be read back; *held* is the value that a control word reads back instead."""
     place = f"0x{index:04X}:{sub_index:02X}"
     why = why_unreadable(index) if held is None else f"is a control word and reads back {value_text(held)}"
-    return warning("write-only", place, f"{place} {why}: what was written cannot be read back")
+    return warning("write-only", place, f"{place} {why}: the written value cannot be read back")
 
 
 def parameter_findings(

@@ -68,7 +68,7 @@ BAD_LINE = LintRule("bad-line", WARNING, "a line is neither KEY=VALUE nor a comm
 DUPLICATE_KEY = LintRule("duplicate-key", WARNING, "a key occurs twice in a section: readers differ in which counts",
                          _LINES)  # fmt: skip
 DUPLICATE_SECTION = LintRule("duplicate-section", WARNING,
-                             "a section occurs twice: many readers refuse the file or drop one", _LINES)  # fmt: skip
+                             "a section occurs twice: many readers refuse the file or drop it", _LINES)  # fmt: skip
 NOT_UNDERSTOOD = LintRule("section-not-understood", NOTE, "a section is not the standard's, or its object is not there",
                           "CiA 306")  # fmt: skip
 # Values.
@@ -76,7 +76,7 @@ BAD_NUMBER = LintRule("bad-number", WARNING, "a key's value is no number, or out
 LEADING_ZERO = LintRule("leading-zero", WARNING, "a leading 0 makes a number octal: readers differ", _LINES)
 EMPTY_VALUE = LintRule("empty-value", NOTE, "a key is there without a value", _OBJECTS)
 BAD_VALUE = LintRule("bad-value", ERROR, "DefaultValue or ParameterValue does not fit the object's data type", _OBJECTS)
-VALUE_TWICE = LintRule("value-twice", ERROR, "two values of one object: it is not known which is meant", _OBJECTS)
+VALUE_TWICE = LintRule("value-twice", ERROR, "two values of one object: the right value is not known", _OBJECTS)
 UNTYPED_VALUE = LintRule("untyped-value", WARNING, "a value of an object whose data type is not known", _OBJECTS)
 ODD_VALUE = LintRule("odd-value", NOTE, "a value is written in a way that other readers may not take", _LINES)
 LIMIT_TYPE = LintRule("limit-type", WARNING, "LowLimit or HighLimit does not fit the object's data type", _OBJECTS)
@@ -87,7 +87,7 @@ LIMITS_WRAPPED = LintRule(
     "HighLimit is beyond the object's data type, where it stands for a negative number: below LowLimit",
     _OBJECTS,
 )
-LIMIT_WITHOUT_SENSE = LintRule("limit-without-sense", NOTE, "a limit of what is no number", _OBJECTS)
+LIMIT_WITHOUT_SENSE = LintRule("limit-without-sense", NOTE, "a limit of a value that is no number", _OBJECTS)
 # Objects.
 NO_NAME = LintRule("no-name", WARNING, "no ParameterName", _OBJECTS)
 NO_DATA_TYPE = LintRule("no-data-type", WARNING, "no DataType: the length is not known", _OBJECTS)
@@ -100,7 +100,7 @@ NO_OBJECT_TYPE = LintRule("no-object-type", NOTE, "no ObjectType, yet sub-indice
 SUB_INDICES_OF_VAR = LintRule("sub-indices-of-var", WARNING, "an object of one entry (VAR, DOMAIN) has sub-indices",
                               "CiA 301, table 42")  # fmt: skip
 NO_PARENT = LintRule("no-parent", WARNING, "sub-indices without the object's own section", _OBJECTS)
-SUB_BEFORE_PARENT = LintRule("sub-before-parent", NOTE, "a sub-index stands before its object", _OBJECTS)
+SUB_BEFORE_PARENT = LintRule("sub-before-parent", NOTE, "a sub-index is listed before its object", _OBJECTS)
 NO_SUB_INDICES = LintRule("no-sub-indices", WARNING, "an ARRAY or RECORD without any sub-index", _OBJECTS)
 SUB_NUMBER = LintRule("sub-number", NOTE, "SubNumber is not the number of sub-indices in the file", _OBJECTS)
 # Objects in short form.
@@ -111,8 +111,8 @@ COMPACT_COUNT = LintRule("compact-count", NOTE, "CompactSubObj makes a sub-index
 TABLE_COUNT = LintRule("table-count", NOTE, "NrOfEntries is not the number of rows", _COMPACT)
 NO_SUB_INDEX = LintRule("no-sub-index", WARNING, "a row of a table names a sub-index that the object has not", _COMPACT)
 # The device and the lists of objects.
-DEVICE_IDENTITY = LintRule("device-identity", WARNING, "VendorNumber, ProductNumber or RevisionNumber is not what "
-                           "0x1018 holds: the device is not recognised by its file", "CiA 306, DeviceInfo")  # fmt: skip
+DEVICE_IDENTITY = LintRule("device-identity", WARNING, "VendorNumber, ProductNumber or RevisionNumber is not the "
+                           "value of 0x1018: the file does not identify the device", "CiA 306, DeviceInfo")  # fmt: skip
 NODE_ID = LintRule(
     "node-id", WARNING, "NodeID is not within 1..127, or occurs twice and differs", "CiA 306, DeviceComissioning"
 )

@@ -83,8 +83,8 @@ def _of_each_pdo(where: Where) -> Iterable[NetworkKey]:
     yield NetworkKey(where, "enabled", Kind.TRUTH, "bit 31 of the COB-ID clear")
     yield NetworkKey(
         where, "cob_id", Kind.COB_ID,
-        "CAN-ID, with bit 29 for a 29-bit one, bit 30 for no RTR, bit 31 for off; `auto`: the pre-defined one of PDO "
-        "1…4, else the next free one", 0, _U32,
+        "CAN-ID, with bit 29 for a 29-bit CAN-ID, bit 30 for no RTR, bit 31 for off; `auto`: the pre-defined CAN-ID "
+        "of PDO 1…4, else the next free CAN-ID", 0, _U32,
     )  # fmt: skip
     yield NetworkKey(where, "rtr_allowed", Kind.TRUTH, "bit 30 of the COB-ID clear")
     yield NetworkKey(where, "transmission", Kind.INTEGER, "transmission type", 0, _U8)
@@ -94,19 +94,19 @@ KEYS: tuple[NetworkKey, ...] = (
     NetworkKey(Where.FILE, "nodes", Kind.NODES, "the nodes by name; they may stand at the top level, too"),
     NetworkKey(Where.FILE, "defaults", Kind.TABLE, "keys of every node, which a node's own keys override one by one"),
     NetworkKey(Where.FILE, "links", Kind.LINKS, "which RPDOs receive which TPDO"),
-    NetworkKey(Where.FILE, "master", Kind.TABLE, "who the master is: a role, nothing of it is written"),
+    NetworkKey(Where.FILE, "master", Kind.TABLE, "the master: a role, nothing of it is written"),
     NetworkKey(Where.FILE, "options", Kind.TABLE, "dcfgen's own options"),
     NetworkKey(
         Where.OPTIONS, "heartbeat_multiplier", Kind.NUMBER,
-        "a heartbeat is late after so many times the producer's time; 3 unless said", 1, 100,
+        "a heartbeat is late after so many times the producer's time; 3 by default", 1, 100,
     ),
-    *_noted(Where.OPTIONS, "where dcfgen's output goes", "dcf_path"),
+    *_noted(Where.OPTIONS, "the folder of dcfgen's output", "dcf_path"),
     *_noted(Where.OPTIONS, "how often a master tries again", "retry_factor"),
     NetworkKey(Where.MASTER, "node_id", Kind.INTEGER, "its node-ID; 255 for none", 1, 255),
     NetworkKey(Where.MASTER, "sync_period", Kind.INTEGER, "how often it sends SYNC", 0, _U32, "µs"),
     NetworkKey(Where.MASTER, "heartbeat_producer", Kind.INTEGER, "how often it sends a heartbeat", 0, _U16, "ms"),
     NetworkKey(
-        Where.MASTER, "baudrate", Kind.INTEGER, "the bus's bit rate, for load and deadlines; unknown unless said", 1,
+        Where.MASTER, "baudrate", Kind.INTEGER, "the bus's bit rate, for load and deadlines; unknown by default", 1,
         1000, "kbit/s",
     ),
     NetworkKey(Where.MASTER, "heartbeat_multiplier", Kind.NUMBER, "as in `options`, for its own heartbeat", 1, 100),
@@ -119,12 +119,12 @@ KEYS: tuple[NetworkKey, ...] = (
     NetworkKey(Where.NODE, "dcf", Kind.TEXT, "its EDS, DCF, XDD or XDC, beside this file; `@BUS_CONFIG_PATH@` is its "
                 "folder; a simulated family's name is that one's, the whole name of a file "
                 "in the EDS library is that file"),
-    NetworkKey(Where.NODE, "eds", Kind.TEXT, "as `dcf`, where that is absent"),
+    NetworkKey(Where.NODE, "eds", Kind.TEXT, "as `dcf`, if `dcf` is absent"),
     NetworkKey(Where.NODE, "modules", Kind.MODULES,
                 "which modules of `dcf` a modular device has, in their order: numbers of [SupportedModules]; else its "
                 "module list (0x1027) says it", 1, _U16),
     NetworkKey(Where.NODE, "profile", Kind.TEXT, "its device family, a profile's name; else found by its identity"),
-    NetworkKey(Where.NODE, "identity", Kind.TABLE, "what 0x1018 must say before anything is written"),
+    NetworkKey(Where.NODE, "identity", Kind.TABLE, "the required values of 0x1018; another device is not written"),
     NetworkKey(Where.NODE, "vendor_id", Kind.INTEGER, "as `identity.vendor`; 0 is not asked for", 0, _U32),
     NetworkKey(Where.NODE, "product_code", Kind.INTEGER, "as `identity.product`; 0 is not asked for", 0, _U32),
     NetworkKey(Where.NODE, "revision_number", Kind.INTEGER, "as `identity.revision`; 0 is not asked for", 0, _U32),
@@ -146,7 +146,7 @@ KEYS: tuple[NetworkKey, ...] = (
         Where.NODE, "life_time_factor", Kind.INTEGER, "times `guard_time` is its life time", 0, _U8, "", (0x100D, 0, 1)
     ),
     NetworkKey(
-        Where.NODE, "sync_cob_id", Kind.INTEGER, "COB-ID of SYNC, with bit 30 where it sends it", 0, _U32, "",
+        Where.NODE, "sync_cob_id", Kind.INTEGER, "COB-ID of SYNC, with bit 30 if it sends SYNC", 0, _U32, "",
         (0x1005, 0, 4),
     ),
     NetworkKey(
@@ -155,23 +155,23 @@ KEYS: tuple[NetworkKey, ...] = (
     ),
     NetworkKey(Where.NODE, "time_cob_id", Kind.INTEGER, "COB-ID of the time stamp", 0, _U32, "", (0x1012, 0, 4)),
     NetworkKey(
-        Where.NODE, "error_behavior", Kind.NUMBERS, "what it does after an error, by sub-index of 0x1029", 0, _U8
+        Where.NODE, "error_behavior", Kind.NUMBERS, "its behaviour after an error, by sub-index of 0x1029", 0, _U8
     ),
-    NetworkKey(Where.NODE, "vpdo", Kind.PINS, "virtual PDOs: what each pin of a group is tied to, or `none`"),
+    NetworkKey(Where.NODE, "vpdo", Kind.PINS, "virtual PDOs: the object of each pin of a group, or `none`"),
     NetworkKey(
         Where.NODE, "physical", Kind.MEANINGS,
-        "what values of its objects mean, as `[physical]` of a profile: `6C01:02: 0.1 bar`; nothing of it is written",
+        "units of its objects, as in `[physical]` of a profile: `6C01:02: 0.1 bar`; nothing of it is written",
     ),
     NetworkKey(
         Where.NODE, "store", Kind.STORE,
-        "what is stored afterwards: true or `all`, `communication`, `application`, a sub-index of 0x1010", 1, 127,
+        "the group to store afterwards: true or `all`, `communication`, `application`, a sub-index of 0x1010", 1, 127,
     ),
     NetworkKey(Where.NODE, "prune", Kind.TRUTH, "whether enabled PDOs that are not in the file are disabled"),
     NetworkKey(
         Where.NODE, "stamp", Kind.TRUTH,
         "whether 0x1020 gets a date and time that stand for these settings, before the store; needs store: true",
     ),
-    *_noted(Where.NODE, "where dcfgen's output goes", "dcf_path"),
+    *_noted(Where.NODE, "the folder of dcfgen's output", "dcf_path"),
     *_noted(Where.NODE, "how the master watches the node", "heartbeat_multiplier", "retry_factor"),
     *_noted(
         Where.NODE, "done by dcfgen's master at start, never by dvtcli", "boot", "mandatory", "reset_communication",
@@ -194,14 +194,14 @@ KEYS: tuple[NetworkKey, ...] = (
     *_noted(Where.RPDO, _TPDO_ONLY, "inhibit_time", "sync_start"),
     *_noted(Where.RPDO, f"{_TPDO_ONLY}; event_deadline is the time of an RPDO", "event_timer"),
     NetworkKey(Where.ENTRY, "index", Kind.INTEGER, "the object's index", 0, _U16, required=True),
-    NetworkKey(Where.ENTRY, "sub_index", Kind.INTEGER, "its sub-index, 0 unless said", 0, _U8),
-    NetworkKey(Where.ENTRY, "bits", Kind.INTEGER, "its length, found out unless said", 1, 64, "bits"),
+    NetworkKey(Where.ENTRY, "sub_index", Kind.INTEGER, "its sub-index, 0 by default", 0, _U8),
+    NetworkKey(Where.ENTRY, "bits", Kind.INTEGER, "its length, found automatically by default", 1, 64, "bits"),
     NetworkKey(Where.SDO, "index", Kind.INTEGER, "the object's index", 0, _U16),
-    NetworkKey(Where.SDO, "sub_index", Kind.INTEGER, "its sub-index, 0 unless said", 0, _U8),
+    NetworkKey(Where.SDO, "sub_index", Kind.INTEGER, "its sub-index, 0 by default", 0, _U8),
     NetworkKey(Where.SDO, "object", Kind.OBJECT, "its name, or `6081:00`, instead of both"),
     NetworkKey(
         Where.SDO, "value", Kind.VALUE,
-        "what it should hold; 0 unless said, as dcfgen takes it; `$NODEID+0x80` follows the node-ID",
+        "its new value; 0 by default, as in dcfgen; `$NODEID+0x80` follows the node-ID",
     ),
     NetworkKey(Where.LINK, "from", Kind.ENDPOINT, "the TPDO", required=True),
     NetworkKey(Where.LINK, "to", Kind.ENDPOINTS, "the RPDOs that receive it", required=True),

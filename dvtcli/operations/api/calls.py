@@ -93,7 +93,7 @@ class Calls:
                 finally:
                     self._tell_what_was_noticed()
             if session.cancellation.requested:
-                raise KeyboardInterrupt("Ctrl-C came too late to stop it: it is complete, and what it did stays")
+                raise KeyboardInterrupt("Ctrl-C came too late to stop it: it is complete, and its changes stay")
         return answer_in_calls(result)
 
     def _failed(self, raised: BaseException) -> None:

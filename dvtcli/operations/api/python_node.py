@@ -418,7 +418,7 @@ class Node(ConfiguredNode):
         number("within_s", within_s, "a number of seconds, 0 or more")
         way = proof_of(prove)
         if way and if_changed:
-            raise UsageError("if_changed may store nothing, which prove could not prove: give one of them")
+            raise UsageError("if_changed may store nothing, and prove then proves nothing: give one of them")
         chosen = group_of(group)
         return self._change(
             lambda node: store_settings(

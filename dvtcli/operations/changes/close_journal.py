@@ -168,7 +168,7 @@ def _after_accepting(node: ReadableNode, journal: Journal, others: list[int]) ->
             {"node": node.node_id},
             "next: a line behind `held before` sets that back when it is typed; {} keeps what is right",
         )
-        + Hint(Action.RESET_NODE, {"node": node.node_id}, ", {} brings back what is stored")
+        + Hint(Action.RESET_NODE, {"node": node.node_id}, ", {} restores the stored values")
     ]
     if journal.nmt_state == NmtState.OPERATIONAL and node.access.state() is NmtState.PRE_OPERATIONAL:
         lines.append(
@@ -208,7 +208,7 @@ def discarded(session: SessionNodes, file: str | None) -> Facts:
     )
     said = Hint(
         Action.SHOW_PDOS,
-        why=f"the journal is kept as {verbatim(kept)}; check the node with {{}}, and set it as it should be",
+        why=f"the journal is kept as {verbatim(kept)}; check the node with {{}}, and correct its values",
     )
     text = said if kept is not None else "dry run: the journal stays"
     return Facts("recover", rows, (text,), changed_nothing=True)

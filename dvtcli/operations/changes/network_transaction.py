@@ -124,7 +124,7 @@ def all_back(
     """
     some = bool(unwritten or unread)
     who = f"node {_names(back)}" if some else "every node"
-    what = f"what was changed is as it was on {who}" if restarted or some else "every node is as it was"
+    what = f"the changes are reverted on {who}" if restarted or some else "every node is as it was"
     said = [f"{what}, read back equal"] if back or not some else []
     said += unread
     if unwritten:
@@ -133,7 +133,7 @@ def all_back(
     if look_at is not None:
         said.append(f"check the NMT state of node {look_at}")
     if restarted:
-        said.append(f"node {join_some(map(str, restarted))} restarted: what else it held in RAM only is lost")
+        said.append(f"node {join_some(map(str, restarted))} restarted: its other unstored values are lost")
     if unknown:
         said.append(f"whether node {_names(unknown)} restarted is not known: the bus is gone")
     return "; ".join(said)
@@ -284,7 +284,7 @@ class NetworkTransaction:
 
     def _report_all_rolled_back(self, fault: DvtcliError) -> None:
         back, unwritten = self._others(())
-        unread = [f"{names} was refused, and what it holds cannot be read" for names in _of_nodes(self._refused)]
+        unread = [f"{names} was refused, and its value cannot be read" for names in _of_nodes(self._refused)]
         unread += self._unsure_texts()
         restarted = [
             looked_id for looked_id, boot_ups in self._looked.items() if self._before[looked_id].restarted(boot_ups)
@@ -407,7 +407,7 @@ class NetworkTransaction:
                 raise DeviceRefused("it does not read back as it was", why=difference)
         untaken = [change.label for change in plan.changes if is_otherwise(node, change)]
         if untaken:
-            raise DeviceRefused(f"the device does not accept again what {join_some(untaken)} held")
+            raise DeviceRefused(f"the device does not accept the old values of {join_some(untaken)} again")
 
     def _forget(self, node: Node) -> None:
         """Drop the recovery data of *node* after all nodes are as before."""
@@ -429,7 +429,7 @@ class NetworkTransaction:
     def _left_written(self, node: Node, fault: BaseException, written: Sequence[_WriteOnly]) -> LeftChanged:
         """Describe acknowledged write-only values of *node*; all else was rolled back and read back equal."""
         names = join_some(dict.fromkeys(change.label for _, change in written))
-        left = self._left(node, fault, DeviceRefused(f"{names} was acknowledged, and what it held cannot be read"))
+        left = self._left(node, fault, DeviceRefused(f"{names} was acknowledged, and its old value cannot be read"))
         by_hand = "set it by hand: its value before is not known"
         ends = None if left.place is None else Hint(Action.RECOVER, why="{} ends the change then")
         left.hint = as_hint(by_hand) if ends is None else ends.after(as_hint(by_hand))

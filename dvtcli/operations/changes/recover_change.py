@@ -230,8 +230,8 @@ def _restarted(session: SessionNodes, done: list[Changed]) -> Restarted | None:
     if not again:
         return None
     return Restarted(
-        f"node {', '.join(map(str, again))} restarted after it was rolled back: what it had not stored is lost",
-        hint=Hint(Action.SHOW_PDOS, why="check its supply, then what it holds with {}")
+        f"node {', '.join(map(str, again))} restarted after it was rolled back: its unstored values are lost",
+        hint=Hint(Action.SHOW_PDOS, why="check its supply, then its values with {}")
         + Hint(Action.UNDO, {"backup": True}, "puts an automatic backup back"),
         state="unknown",
     )

@@ -76,7 +76,7 @@ def _end_stamps(session: SessionUser, stores: Stores, claims: ClaimsAtStore) -> 
         if not state.waits:
             continue
         try:
-            if end_stamp(session, claims.nodes[state.node_id], "what is not stored has no stamp"):
+            if end_stamp(session, claims.nodes[state.node_id], "a node that does not store has no stamp"):
                 ended.append(state.node_id)
         except DvtcliError as failed:
             failures.append(f"0x1020 of node {state.node_id} may say that it is stored: {failed.text}")

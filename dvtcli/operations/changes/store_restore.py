@@ -129,10 +129,10 @@ def refuse_after_restart(node: ReadableNode, boot_ups: int, signed: Signed) -> N
     """Raises DeviceRefused if *node* restarted between its last read and the store that it *signed*."""
     if node.bus.boot_ups(node.node_id) != boot_ups:
         raise DeviceRefused(
-            f"node {node.node_id} restarted just before or while it stored: what it stored was not looked at",
+            f"node {node.node_id} restarted just before or while it stored: its stored values were not read",
             node=node.node_id,
             why=f"0x{signed.place} acknowledged the store",
-            hint=Hint(Action.VERIFY, why="{}, set again what differs, then store again"),
+            hint=Hint(Action.VERIFY, why="{}, set the differences again, then store again"),
             state="unknown",
         )
 
@@ -142,12 +142,12 @@ def _refuse_lost(node: Node, signed: Signed) -> None:
     lost = node.expected.lost(node, node.pending.covered(signed.sub_index))
     if lost:
         raise DeviceRefused(
-            f"node {node.node_id} does not hold what was to be stored: {lost[0]}",
+            f"node {node.node_id} does not hold the values to be stored: {lost[0]}",
             node=node.node_id,
             why="; ".join(
                 [f"0x{signed.place} acknowledged the store, and it restarted, unheard, or alters it", *lost[1:]]
             ),
-            hint=Hint(Action.VERIFY, why="{}, set again what differs, then store again"),
+            hint=Hint(Action.VERIFY, why="{}, set the differences again, then store again"),
             state="unknown",
         )
 
@@ -203,7 +203,7 @@ def _reset(node: ReadableNode, command: NmtCommand) -> None:
 def restore_defaults(session: SessionNodes, node: Node, sub_index: int | None, *, prove: bool) -> Stored:
     """Restore the node's defaults (0x1011), active after its next reset; *prove* resets and reads it."""
     session.consent(
-        f"node {node.node_id} will lose what is set and stored, and take its defaults; restore?", node.node_id
+        f"node {node.node_id} will lose its settings and stored values, and take its defaults; restore?", node.node_id
     )
     asked, prove = prove, prove and not session.dry_run  # a twin has no defaults but those of its file
     if prove:
@@ -254,7 +254,7 @@ def _end_stamp_before(session: SessionUser, node: Node, sub_index: int | None) -
     held = held_stamp(node)
     if held is not None and held.is_own:  # a device that has no defaults keeps its stamp
         chosen(node.access, node.profile.store, RESTORE, sub_index, node.dictionary)
-        end_stamp(session, node, "what is no longer stored loses its stamp")
+        end_stamp(session, node, "a node that no longer stores loses its stamp")
 
 
 def end_stamp(session: SessionUser, node: Node, why: str) -> bool:

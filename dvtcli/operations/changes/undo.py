@@ -89,8 +89,8 @@ def _one_by_one(session: SessionNodes, things: Iterable[T], put_back: Callable[[
         again += [node_id for node_id, seen in boot_ups.items() if session.bus.boot_ups(node_id) != seen]
         if again:
             raise Restarted(
-                f"node {', '.join(map(str, again))} restarted after it was rolled back: what it had not stored is lost",
-                hint=Hint(Action.SHOW_PDOS, why="check its supply, then what it holds with {}"),
+                f"node {', '.join(map(str, again))} restarted after it was rolled back: its unstored values are lost",
+                hint=Hint(Action.SHOW_PDOS, why="check its supply, then its values with {}"),
                 state="unknown",
             )
     except DvtcliError as error:
@@ -330,7 +330,7 @@ def nothing_remembered(change_files: ChangeFiles, selected: int | None) -> Usage
         return UsageError(
             f"nothing to undo: no change of the devices that are there as node {', '.join(map(str, others))} now is "
             "remembered",
-            why="what is remembered of these node-IDs was changed on other devices (0x1018)",
+            why="the remembered changes of these node-IDs are of other devices (0x1018)",
             hint=Hint(Action.UNDO, {"node": "ID"}, "where these have other node-IDs now: {}"),
         )
     if selected is None:

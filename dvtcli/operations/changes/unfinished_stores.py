@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Stored
 
 #: What to do if a node lost its values, without a journal.
-_AGAIN = Hint(Action.APPLY, why="{} again sets what is missing, and stores it")
+_AGAIN = Hint(Action.APPLY, why="{} again sets the missing values, and stores them")
 _ALL_BACK = Hint(Action.RECOVER_ALL, why=", {} puts every node back")
 
 
@@ -61,7 +61,7 @@ def not_all_stored(transaction: Stores, journals: Sequence[Path], unstamped: Seq
         node=first,
         place=fault.place if isinstance(fault, DvtcliError) else None,
         why="; ".join(str(exception) or "interrupted" for exception in transaction.failed.values()),
-        hint=Hint(Action.FINISH_STORES, why="asks those again that have not stored").after(
+        hint=Hint(Action.FINISH_STORES, why="asks the nodes that have not stored again").after(
             brought_back_first(fault.hint if isinstance(fault, DvtcliError) else None)
         )
         + _ALL_BACK,
@@ -115,7 +115,7 @@ def only_some_stored(node_ids: Sequence[int], outcomes: Mapping[int, Stored | Ba
     )
     error.stores = WhoStored(stored, missing, unsure)
     error.details = error.stores.rows()
-    error.state_text = "what was stored stays stored"
+    error.state_text = "the stored values stay stored"
     return error
 
 
@@ -191,7 +191,7 @@ def lost_settings(name: str, transaction: Stores, lost: Sequence[BaseException])
         left.details += first.details
     left.details += beside(left, others)
     _say_who(transaction, left)
-    left.state_text = "not every node is known to hold what was planned; what was stored stays stored"
+    left.state_text = "not every node is known to hold what was planned; the stored values stay stored"
     return left
 
 

@@ -128,9 +128,7 @@ def _kept(one: ReadObject) -> KeptObject:
 
 
 def _answer(file: str, node: NodeDescription, count: int, out: Mapping[str, str]) -> Facts:
-    kept = (
-        f"{verbatim(file)}: node {node.node_id}, {plural(count, 'object')} as read just now. What differs from it: {{}}"
-    )
+    kept = f"{verbatim(file)}: node {node.node_id}, {plural(count, 'object')} as read just now. Compare: {{}}"
     said: list[Hint | str] = [Hint(Action.COMPARE, {"file": file}, kept)]
     if out:
         said.append(f"note: left out: {join_some(f'{place} ({why})' for place, why in out.items())}")

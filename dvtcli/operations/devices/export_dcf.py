@@ -136,8 +136,8 @@ def _answer(file: str, whole: WholeDevice, text: DcfText, eds: Path) -> Facts:
     node, out = whole.node, left_out(whole, text)
     others = _other_than_default(whole, text)
     written = (
-        f"{verbatim(file)}: node {node.node_id}, {plural(len(text.said), 'object')}, {len(others)} of them not as "
-        f"{verbatim(eds.name)} says by default. Look again: {{}}"
+        f"{verbatim(file)}: node {node.node_id}, {plural(len(text.said), 'object')}, {len(others)} of them "
+        f"other than the defaults of {verbatim(eds.name)}. Compare: {{}}"
     )
     said: list[Hint | str] = [Hint(Action.COMPARE, {"file": file}, written)]
     if out:

@@ -168,7 +168,7 @@ def refuse_kind(file: str) -> None:
     """Raises UsageError if *file* has no device's values by its suffix."""
     if not holds_values(file):
         raise UsageError(
-            f"{file} does not say what a device is to hold",
+            f"{file} has no values for a device",
             place=file,
             hint=Hint(
                 Action.RESTORE,

@@ -127,7 +127,7 @@ def _why_idle(known: Configuration, places: Collection[ObjectAddress]) -> str:
     never = next((why for why in whys if why not in (None, NotWritten.READ_ONLY)), None)
     if never is None and None in whys:
         return "it is written without it"
-    return f"it is not written all the same: it {never or NotWritten.READ_ONLY}"
+    return f"it is not written nevertheless: it {never or NotWritten.READ_ONLY}"
 
 
 def _included(node: NodeDescription, word: str) -> Included:

@@ -219,7 +219,7 @@ def _refuse_nothing(held: HeldDevice) -> None:
     """Raises UsageError if *held* has no value itself: equality with it would mean nothing."""
     if not _says_anything(held):
         raise UsageError(
-            f"{held.name} does not say what a device is to hold: it has no value of any object",
+            f"{held.name} has no values for a device: it has no value of any object",
             place=held.name,
             hint=Hint(Action.COMPARE, {"file": held.name})
             + Hint(Action.VERIFY, {"file": held.name}, " and {} take its defaults")
@@ -231,7 +231,7 @@ def _refuse_nothing(held: HeldDevice) -> None:
 def _nothing_compared(held: HeldDevice) -> UsageError:
     """Make the error if no node could be compared: *held* has no configuration."""
     return UsageError(
-        f"nothing compared: {held.name} says no setting of a device, only what nobody writes",
+        f"nothing compared: {held.name} has no setting that is written",
         place=held.name,
         hint=Hint(Action.BACKUP, why="is it the whole file? {} makes one now")
         + Hint(Action.GIVE, {"include": "2001"}, "names what is configuration"),

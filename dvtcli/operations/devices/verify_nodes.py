@@ -149,7 +149,7 @@ def _node_wish(node: NodePlan) -> TargetConfig:
 def _is_script(file: str) -> bool:
     if file.lower().endswith(".tcl"):
         raise UsageError(
-            f"{file}: what a Tcl script sets is not known before it runs",
+            f"{file}: the changes of a Tcl script are not known before it runs",
             place=file,
             hint=as_hint("run it at the prompt, where what it set can be compared")
             + Hint(Action.SAVE_SCRIPT, why=", or {} there and compare with that"),

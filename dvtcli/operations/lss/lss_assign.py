@@ -104,7 +104,7 @@ def _aside(left: Sequence[LssGiven], not_free: Collection[int]) -> LssGiven:
     if one is None or node_id is None:
         raise SafetyRefusal(
             f"node-ID {left[0].node_id} is in use" if one is None else "no node-ID is free to swap others with",
-            hint=Hint(Action.FIND_NODES, why="shows who is there"),
+            hint=Hint(Action.FIND_NODES, why="lists the nodes on the bus"),
         )
     return replace(one, node_id=node_id)
 

@@ -305,7 +305,7 @@ def _refuse_others(file: str, there: Collection[int]) -> None:
     if missing := [f"{name} ({node_id})" for node_id, name in wanted.items() if node_id not in there]:
         raise SafetyRefusal(
             f"not on the bus, but in {file}: {join_some(missing)}",
-            hint=Hint(Action.FIND_NODES, why="shows who is there"),
+            hint=Hint(Action.FIND_NODES, why="lists the nodes on the bus"),
         )
 
 
@@ -345,7 +345,7 @@ def _address(node_id: int, identity: Identity | None) -> LssAddress:
     told = [part for part in identity or () if part is not None]
     if len(told) != PARTS:
         raise SafetyRefusal(
-            f"node {node_id} does not tell its whole LSS address (0x1018:1..4): it would stay as it is", node=node_id,
+            f"node {node_id} has no readable LSS address (0x1018:1..4): it would stay as it is", node=node_id,
             hint="take it off the bus, and set its bit rate in its maker's way",
         )  # fmt: skip
     return LssAddress(*told)
@@ -497,7 +497,7 @@ def _way_back(bus: CanopenBus, bit_rate: int) -> int:
     before = bus.runs_at
     if before is None:
         raise SafetyRefusal(
-            f"the bit rate of {bus.name} is not known, so that there is no way back to it",
+            f"the bit rate of {bus.name} is not known, so that it could not be restored",
             hint=Hint(Action.GIVE_BIT_RATE, why="says it") + Hint(Action.LISTEN_BIT_RATE, why="listens for it"),
         )
     if before not in BIT_TIMINGS:

@@ -102,7 +102,8 @@ def selected(master: LssMaster, address: LssAddress) -> int:
     said = master.inquire()
     if said is None or said[0] != address:
         raise NoAnswer(
-            f"the node with {address} does not tell who it is", hint=Hint(Action.LSS_SCAN, why="shows who is there")
+            f"the node with {address} does not tell its identity",
+            hint=Hint(Action.LSS_SCAN, why="lists the nodes on the bus"),
         )
     return said[1]
 
@@ -237,12 +238,14 @@ def address_of(bus: CanopenBus, node_id: int) -> LssAddress:
     identity = identity_on(bus, node_id)
     if identity is None:
         raise NoAnswer(
-            f"node {node_id} does not answer", node=node_id, hint=Hint(Action.FIND_NODES, why="shows who is there")
+            f"node {node_id} does not answer",
+            node=node_id,
+            hint=Hint(Action.FIND_NODES, why="lists the nodes on the bus"),
         )
     vendor, product, revision, serial = identity
     if vendor is None or product is None or revision is None or serial is None:
         raise SafetyRefusal(
-            f"node {node_id} does not tell its whole LSS address (0x1018:1..4)", node=node_id,
+            f"node {node_id} has no readable LSS address (0x1018:1..4)", node=node_id,
             hint="without vendor, product, revision and serial number no LSS master can select it",
         )  # fmt: skip
     return LssAddress(vendor, product, revision, serial)

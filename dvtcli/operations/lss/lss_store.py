@@ -51,7 +51,7 @@ def store(master: LssMaster, given: LssGiven) -> LssGiven:
         raise SafetyRefusal(
             f"the node with {given.address} has node-ID {told_id(now)}, not {given.node_id}",
             node=given.node_id,
-            hint=Hint(Action.FIND_NODES, why="nothing was stored; {} shows who is there"),
+            hint=Hint(Action.FIND_NODES, why="nothing was stored; {} lists the nodes on the bus"),
         )
     with suppress(DeviceRefused):  # who cannot be told its own node-ID was told no other one either
         master.configure_node_id(now)  # else it keeps one that it was told and that waits for a reset

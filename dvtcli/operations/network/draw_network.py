@@ -214,7 +214,7 @@ def drawn_frames(state: NetworkState, load: NetworkLoad) -> Iterator[PictureFram
             found.setdefault((identifier, 0), frame)
     used = {identifier for identifier, _ in found}
     for identifier in hearing.keys() - used:
-        why = "nobody here sends it"
+        why = "no node here sends it"
         found[identifier, 0] = PictureFrame(
             identifier, "", None, 0, why, is_computed=False, consumers=hearing[identifier]
         )

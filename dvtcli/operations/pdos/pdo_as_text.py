@@ -51,7 +51,7 @@ def configure_from_text(
                 hint=Hint(
                     Action.EDIT_PDO,
                     {"pdo": pdo},
-                    f"{verbatim(who_else(node.guard))}: {{}} again shows what it holds now",
+                    f"{verbatim(who_else(node.guard))}: {{}} again shows its present values",
                 ),
             )
     want = PdoRequest(
@@ -68,8 +68,8 @@ def keep_text(pdo: Pdo, text: str) -> str:
     try:
         write_private(path, text)
     except (OSError, SafetyRefusal) as failed:
-        return f"what you typed cannot be kept: {failed}"
-    return f"what you typed is kept as {path}"
+        return f"your text cannot be kept: {failed}"
+    return f"your text is kept as {path}"
 
 
 def _name(node: NodeDescription, entry: PdoMappingEntry) -> str:

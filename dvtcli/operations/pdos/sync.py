@@ -37,13 +37,13 @@ def sync_frame(sdo: SdoTransport) -> Frame:
     return Frame(raw & 0x7FF, b"") if raw & 0x7FF else DEFAULT
 
 
-RULES = (Rule("sync-producer", WARNING, "`sync --check`: nobody produces SYNC", "CiA 301, 7.5.2.5 and 7.5.2.6"),)
+RULES = (Rule("sync-producer", WARNING, "`sync --check`: no node produces SYNC", "CiA 301, 7.5.2.5 and 7.5.2.6"),)
 #: The bus is recorded for two periods of the slowest node, within these limits, in seconds.
 _SHORTEST_S, _LONGEST_S = 0.1, 2.5
 
 
 def check_sync(session: SessionNodes, node_ids: Iterable[int] = ()) -> SyncCheck:
-    """Read nodes, record the bus, and warn if nobody produces SYNC; sends no SYNC.
+    """Read nodes, record the bus, and warn if no node produces SYNC; sends no SYNC.
 
     The nodes are those read so far, simulated, selected, and *node_ids*.
     """
@@ -56,7 +56,7 @@ def check_sync(session: SessionNodes, node_ids: Iterable[int] = ()) -> SyncCheck
     finding = warning(
         "sync-producer",
         "0x1005:00",
-        "nobody produces SYNC: synchronous PDOs stay silent",
+        "no node produces SYNC: synchronous PDOs stay silent",
         Hint(Action.WRITE, {"object": "1005", "value": "0x40000080"}, "makes a node the producer")
         + Hint(Action.SEND_SYNC, {"period": 20, "count": 100}, ", or {} sends SYNC from here"),
     )

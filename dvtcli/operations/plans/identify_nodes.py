@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 #: Vendor, product, revision and serial number, by their sub-indices of 0x1018.
 _IDENTITY_PARTS = range(1, 5)
-_ATTACH = "attach the device that is meant, or say in the file which one it is"
+_ATTACH = "attach the right device, or correct its identity in the file"
 
 
 @dataclass(slots=True)
@@ -137,7 +137,7 @@ def identity_errors(node: Node, wanted: ExpectedIdentity, *, force: bool) -> Ite
         if number is not None and held[name] != number:
             is_now = "none" if held[name] is None else f"0x{held[name]:08X}"
             what = f"node {node.node_id} has {name} {is_now}, not 0x{number:08X}"
-            text = f"another device than the file is about: {what}"
+            text = f"another device than the file describes: {what}"
             yield SafetyRefusal(text, node=node.node_id, hint=_ATTACH)
     try:
         refuse_unlike_file(node.node_id, node.unlike_file, force=force)

@@ -58,7 +58,7 @@ class LinkedHeartbeats:
         node_id = link.producer.node_id
         time_ms = self._period_ms(node_id, asked_ms, link.mark)
         if not time_ms:
-            text = f"node {node_id} sends no heartbeat: nobody notices when it is gone"
+            text = f"node {node_id} sends no heartbeat: no node notices its loss"
             self.say(node_id, note("link-silent", f"node {node_id}", text))
             return
         for consumer in dict.fromkeys(end.node_id for end in link.consumers):

@@ -270,7 +270,7 @@ def set_elsewhere(node: NodeDescription, place: Place) -> str:
         return f"{text} is part of {pdo.label}: `{pdo.direction}:` with `{pdo.number}:` sets it"
     login = node.profile.login
     if login is not None and place == login.passcode:
-        return f"{text} takes a passcode, and a file is no place for one: logging in asks for it"
+        return f"{text} takes a passcode, which must not be in a file: logging in asks for it"
     return ""
 
 

@@ -117,7 +117,7 @@ def not_obeyed(node: int, wanted: str | None, elsewhere: Sequence[tuple[int, str
         for state, nodes in by_state.items()
     ]
     failed = DvtcliError(
-        f"{', '.join(seen)}, not {wanted} as was asked for",
+        f"{', '.join(seen)}, not {wanted} as commanded",
         node=node or None,
         why="NMT commands are not acknowledged: it was ignored, or the node left that state again",
         hint=Hint(Action.READ, {"object": "1001"})

@@ -48,7 +48,7 @@ def judge_lost_bus(error: DvtcliError, acts: Callable[[], Sequence[str]]) -> Non
         error.state = "unknown"
         from dvtcli.domain.text import join_some
 
-        error.state_text = f"unknown: {join_some(sent)} went out before that; read back what the device holds"
+        error.state_text = f"unknown: {join_some(sent)} went out before that; read the device again"
 
 
 def read_in_vain(error: DvtcliError) -> DvtcliError:
@@ -256,7 +256,7 @@ class Opened:
     def open_network(self) -> Network:
         """Return the bus with its nodes, even under --dry-run; opened at first use. Raises BusUnavailable if lost."""
         if self._gone is not None:
-            raise BusUnavailable(self._gone, hint="what you typed was not done; type it again when the bus is back")
+            raise BusUnavailable(self._gone, hint="the line was not run; type it again when the bus is back")
         if self._network is None:
             self.require_settings()
             self.on_open()

@@ -125,7 +125,7 @@ def ended_lines(session: SessionNodes) -> list[Section]:
     sections = [(node_id, lines) for node_id, lines in found.items() if lines]
     if not sections:
         raise UsageError(
-            "nothing to save: what this session changed is as it was before",
+            "nothing to save: the changes of this session are reverted",
             hint=Hint(Action.SAVE_SCRIPT, {"history": True}, "writes each step"),
         )
     for node_id, lines in found.items():

@@ -50,12 +50,12 @@ def _read_back(path: Path, made: Path, read_back: ReadBack) -> None:
         said = ": ".join(filter(None, (failed.text, failed.why)))
         why = said.replace(str(made), str(path)).replace(made.name, path.name)
         unlike = InputFileError(
-            f"{path} is not written: what it would say cannot be read back",
+            f"{path} is not written: its content cannot be read back",
             place=str(path),
             why=why,
             hint=Hint(Action.CHECK_EDS, why="what it is made of may be at fault: {} looks at a device's file"),
         )
-        unlike.outcome = "what was there of that name stays"
+        unlike.outcome = "the earlier file of that name stays"
         raise unlike from failed
 
 

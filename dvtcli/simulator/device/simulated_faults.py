@@ -272,7 +272,7 @@ FORMS = {
     FaultKind.SLOW_STORE: Form("slow-store=S", "every store is answered after S seconds"),
     FaultKind.STORE_FAILS: Form("store-fails", "every store answers 0x06060000"),
     FaultKind.STORES_NOTHING: Form("stores-nothing", "every store is acknowledged, and nothing is stored"),
-    FaultKind.SAVES_ITSELF: Form("saves-itself", "every write is stored at once, which 0x1010 does not tell"),
+    FaultKind.SAVES_ITSELF: Form("saves-itself", "every write is stored at once, although 0x1010 does not report it"),
     FaultKind.KEEPS_RAM: Form("keeps-ram", "an NMT reset leaves RAM as it is; only a power cycle does not"),
     FaultKind.RESTORES_NOTHING: Form("restores-nothing", "every restore is acknowledged, and nothing is restored"),
     FaultKind.IGNORES_NMT: Form("ignores-nmt", "NMT start, stop and pre-operational are not obeyed; resets are"),
@@ -282,10 +282,10 @@ FORMS = {
         "emcy=CODE[:S]", "the node raises error CODE (0x3210) S seconds after each start [0]; 0: its errors are gone"
     ),
     FaultKind.BIT_RATE: Form("bit-rate=N", "the node runs at N bit/s (250000), and receives nothing else"),
-    FaultKind.NO_BIT_TIMING: Form("no-bit-timing", "LSS cannot tell it another bit rate: it refuses each"),
+    FaultKind.NO_BIT_TIMING: Form("no-bit-timing", "it refuses every other bit rate by LSS"),
     FaultKind.KEEPS_BIT_RATE: Form("keeps-bit-rate", "it takes another bit rate by LSS, and stays at the old one"),
     FaultKind.LOSES_BIT_RATE: Form(
-        "loses-bit-rate", "it takes another bit rate by LSS, and is not heard any more until it is switched off and on"
+        "loses-bit-rate", "it takes another bit rate by LSS, and is silent until it is switched off and on"
     ),
 }
 

@@ -244,7 +244,7 @@ class Hub:
                 allowed.append((connection, peer))
                 continue
             connection.close()
-            why = "nobody knows whose it is, or it has closed already" if user is None else f"it is user {user}"
+            why = "its owner is not known, or it has closed already" if user is None else f"it is user {user}"
             self._tell(f"refused client {_name(peer)}: {why}")
         return allowed
 

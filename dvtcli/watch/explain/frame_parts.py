@@ -175,7 +175,7 @@ def nmt_parts(data: bytes) -> Iterator[FramePart]:
     if len(data) > 1:
         node = data[1]
         yield cut.part(8, 8, "node-ID", "all nodes" if not node else f"node {node}" if node <= 127 else "reserved")
-    yield from cut.rest(2, "one too many: an NMT command has 2 bytes")
+    yield from cut.rest(2, "one byte too many: an NMT command has 2 bytes")
 
 
 def sync_parts(data: bytes) -> Iterator[FramePart]:
@@ -184,7 +184,7 @@ def sync_parts(data: bytes) -> Iterator[FramePart]:
     if data:
         said = str(data[0]) if data[0] in _COUNTERS else "reserved: SYNC counts from 1 to 240 at most"
         yield cut.part(0, 8, "counter", said)
-    yield from cut.rest(1, "one too many: SYNC has a counter at most")
+    yield from cut.rest(1, "one byte too many: SYNC has a counter at most")
 
 
 def time_parts(data: bytes) -> Iterator[FramePart]:
@@ -199,7 +199,7 @@ def time_parts(data: bytes) -> Iterator[FramePart]:
     yield cut.part(0, 28, "ms since midnight", clock if milliseconds < _DAY_MS else "more than a day has")
     yield cut.part(28, 4, "reserved")
     yield cut.part(32, 16, "days since 1984-01-01", at.strftime("%Y-%m-%d"))
-    yield from cut.rest(6, "one too many: TIME has 6 bytes")
+    yield from cut.rest(6, "one byte too many: TIME has 6 bytes")
 
 
 def emergency_parts(data: bytes) -> Iterator[FramePart]:
@@ -223,7 +223,7 @@ def heartbeat_parts(data: bytes) -> Iterator[FramePart]:
     words = NmtState(state).label if state in set(NmtState) else "reserved"
     yield cut.part(7, 1, "toggle bit of node guarding", "" if data[0] & 0x80 else "0 in a heartbeat")
     yield cut.part(0, 7, "NMT state", "boot-up" if data == b"\0" else words)
-    yield from cut.rest(1, "one too many: a heartbeat has 1 byte")
+    yield from cut.rest(1, "one byte too many: a heartbeat has 1 byte")
 
 
 _STANDARD_BITS, _NODE_BITS, _BYTE = 11, 7, 8

@@ -20,13 +20,15 @@ from dvtcli.watch.sdo_transfers import SdoStep
 
 LENGTH = LintRule("pdo-other-length", ERROR, "a PDO has another length than is mapped", "CiA 301, 7.4.7")
 TWO_SENDERS = LintRule(
-    "two-senders", ERROR, "two nodes seem to send one CAN-ID", "CiA 301, 7.3.5: a CAN-ID has one producer"
+    "two-senders", ERROR, "two nodes seem to send the same CAN-ID", "CiA 301, 7.3.5: a CAN-ID has one producer"
 )
 TWO_NODES = LintRule(
     "two-nodes-answer", ERROR, "an SDO request got two answers", "CiA 301, 7.3.4: a node-ID is there once"
 )
-NO_ANSWER = LintRule("sdo-no-answer", ERROR, "a node that answers SDO requests left one without", "CiA 301, 7.2.4.3")
-UNASKED = LintRule("sdo-unasked", WARNING, "an SDO answer came that nobody asked for", "CiA 301, 7.2.4.3")
+NO_ANSWER = LintRule(
+    "sdo-no-answer", ERROR, "a node that answers SDO requests did not answer a request", "CiA 301, 7.2.4.3"
+)
+UNASKED = LintRule("sdo-unasked", WARNING, "an SDO answer came without a request", "CiA 301, 7.2.4.3")
 FRAME_RULES = (LENGTH, TWO_SENDERS, TWO_NODES, NO_ANSWER, UNASKED)
 #: changes between two lengths from which two senders are likely: one change is a new mapping
 _ENOUGH = 4
@@ -160,7 +162,7 @@ class AnswerProblems:
                           "the serial numbers (0x1018:04) of both, one of them unplugged",
                           moments, node_id)  # fmt: skip
         for (node_id, _), moments in self._unasked.items():
-            text = f"node {node_id}: {plural(moments.times, 'answer')} that nobody asked for"
+            text = f"node {node_id}: {plural(moments.times, 'answer')} without a request"
             yield Problem(UNASKED, text, f"SDO client and node {node_id}",
                           "whether two nodes have this node-ID, and whether frames are missing in the recording",
                           moments, node_id)  # fmt: skip
@@ -177,7 +179,7 @@ class AnswerProblems:
 
 
 NOT_SENT = LintRule(
-    "rpdo-not-sent", WARNING, "a node in OPERATIONAL waits for an RPDO, and nobody sends it", "CiA 301, 7.2.2"
+    "rpdo-not-sent", WARNING, "a node in OPERATIONAL waits for an RPDO that no node sends", "CiA 301, 7.2.2"
 )
 RPDO_RULES = (NOT_SENT,)
 #: how long a node is in OPERATIONAL before an RPDO is missed (s)
@@ -219,7 +221,7 @@ class RpdoProblems:
             begin, end = max(operational[0], since, key=lambda moment: moment.time_s), operational[1]
             if end.time_s - begin.time_s >= _MISSED_S:
                 named = f"0x{can_id:0{8 if extended else 3}X}"
-                text = f"{pdo.label} of node {node_id} is {named}, which nobody sends"
+                text = f"{pdo.label} of node {node_id} is {named}, which no node sends"
                 look = f"who is to send {named}, and whether its TPDO is enabled and the sender in OPERATIONAL"
                 yield Problem(NOT_SENT, text, f"node {node_id} and the sender of {named}", look, Moments.at(begin),
                               node_id, f"{pdo.communication_index:04X}:01")  # fmt: skip

@@ -157,7 +157,7 @@ class NodeProblems:
         for (node_id, state), moments in self._boot_ups.items():
             was = f" in {state.label}" if state is not None else ""
             yield _of_node(BOOT_UP, node_id, f"restarted{was} without an NMT command", moments,
-                           "its supply, watchdog and firmware; what was not stored in it is lost")  # fmt: skip
+                           "its supply, watchdog and firmware; its unstored values are lost")  # fmt: skip
         for node_id, node in self._nodes.items():
             if node.gone is not None and (silent_s := end.time_s - node.gone.time_s) > _BOOT_S:
                 yield _of_node(NO_BOOT_UP, node_id, f"sends nothing in the {silent_s:.3g} s since an NMT reset",

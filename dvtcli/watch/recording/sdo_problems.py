@@ -166,7 +166,7 @@ class SdoProblems:
             places = join_some(place for place, _ in reads)
             yield Problem(
                 ABSENT, f"node {node_id} does not have what was read: {places}",
-                f"SDO client and node {node_id}", "nothing, if a tool asks what there is",
+                f"SDO client and node {node_id}", "nothing, if a tool searches for objects",
                 Moments.at(*sorted(each.first for _, each in reads)), node_id,
             )  # fmt: skip
 
@@ -197,7 +197,7 @@ def _left(node_id: int, pdo: Pdo, writes: _PdoWrites) -> Iterator[Problem]:
     if writes.last is None:
         return
     is_begun = bool(writes.entries or writes.refused or writes.count)
-    look = "what the client did after the last of these frames: was a write refused, or was it ended?"
+    look = "the client's actions after the last of these frames: was a write refused, or was it ended?"
     if writes.disabled is not None and writes.count and writes.count == writes.entries and not writes.refused:
         rule, begin, how = LEFT_OFF, writes.disabled, "was configured and left disabled"
         look = "nothing, if the PDO is to be off"

@@ -90,7 +90,7 @@ def test_a_difference_is_a_failure_too(bench: Bench, tmp_path: Path) -> None:
     (tmp_path / "inner.dvt").write_text("map tpdo2 6041 --cob-id 0x6A7\nread 5FFF\n")
     ran = atomic(bench, tmp_path, LINES[0], f"run {other}")
     assert ran.code == 1
-    assert "rolled back: what the script changed is as it was, read back equal" in ran.stderr
+    assert "rolled back: the script's changes are reverted, read back equal" in ran.stderr
     assert held(bench) == before
 
 
@@ -233,7 +233,7 @@ def test_a_line_with_dry_run_gets_a_fresh_twin() -> None:
         assert bench.run("pdo tpdo1 --dry-run --json").document["pdos"] == before["pdos"]
 
 
-@pytest.mark.parametrize(("options", "told"), [((), "what <stdin>:1 changed stays"), (("--atomic",), "rolled back")])
+@pytest.mark.parametrize(("options", "told"), [((), "the changes of <stdin>:1 stay"), (("--atomic",), "rolled back")])
 def test_a_line_that_turns_out_wrong_as_it_runs_says_in_which_state_the_device_is(
     options: tuple[str, ...], told: str
 ) -> None:
@@ -250,7 +250,7 @@ def test_a_line_that_changed_nothing_is_not_named(line: str, *, is_named: bool) 
     with Bench(("canopennode",), {"yes": True}) as bench:
         ran = bench.script(f"{line}\nmap tpdo1 9999\n")
     assert ran.code not in (0, 2, 5)
-    assert ("what test.dvt:1 changed stays" in ran.stderr) is is_named
+    assert ("the changes of test.dvt:1 stay" in ran.stderr) is is_named
     assert "unchanged by this line" in ran.stderr
 
 
@@ -260,7 +260,7 @@ def test_a_script_that_fails_behind_its_store_does_not_say_that_nothing_was_stor
     with Bench(("generic",), {"yes": True}) as bench:
         ran = bench.run(f"run {script} --atomic")
     assert ran.code == 7
-    assert "LEFT CHANGED: TPDO1 of node 1; what " in ran.stderr
+    assert "LEFT CHANGED: TPDO1 of node 1; the changes of " in ran.stderr
     assert "nothing was stored" not in ran.stderr
 
 
@@ -282,7 +282,7 @@ def test_a_start_of_all_that_one_node_does_not_obey_is_taken_back(family: str, t
         lines = ("set 1:tpdo1 --timer 70", "set 2:tpdo1 --timer 70", "nmt start all")
         ran = atomic(bench, tmp_path, *lines)
         assert ran.code == 1, ran.stderr
-        assert "node 2 is PRE-OPERATIONAL, not OPERATIONAL as was asked for" in ran.stderr
+        assert "node 2 is PRE-OPERATIONAL, not OPERATIONAL as commanded" in ran.stderr
         assert "rolled back" in ran.stderr
         assert [bench.session.node(node_id).pdos() for node_id in (1, 2)] == before
         if family == "gen4":

@@ -55,7 +55,7 @@ def test_what_was_set_before_it_is_lost_and_that_is_said(node: Restarting) -> No
         node.armed = True
         ran = one.script("set tpdo1 --sync 3")
         assert (ran.code, node.value(0x1800, 2) == b"\x03") == (6, False)
-        assert "what was not stored is lost (TPDO2)" in ran.stderr
+        assert "unstored values are lost (TPDO2)" in ran.stderr
         assert one.script("set tpdo1 --sync 3").code == 0
         assert one.run("undo").code == 0, "the change after it is held"
         assert node.value(0x1800, 2) != b"\x03"

@@ -55,7 +55,7 @@ def test_what_is_stored_of_another_pdo_is_not_switched_on(device: StrictDevice, 
     device.boot_up()
     assert now[TPDO2] == held(device)[TPDO2] != before[TPDO2]
     said = " ".join(ran.stderr.split())
-    assert "unknown: TPDO1 is as it was, read back equal; TPDO2 is not, and was left so" in said
+    assert "unknown: TPDO1 is as it was, read back equal; TPDO2 is not, and was left alone" in said
     assert "0x1801:01 was" in said
     assert "everything is as it was" not in said
 

@@ -59,7 +59,7 @@ def uploads_behind(bench: Bench, line: str, index: int) -> tuple[Ran, int]:
     [
         ("2050 1", COMMAND, "write-only: nothing can be read back"),
         ("2051 7", MODE, "write-only: nothing can be read back"),
-        ("1F51:1 1", PROGRAM, "it reads back a state, not what was written"),
+        ("1F51:1 1", PROGRAM, "it reads back a state, not the written value"),
     ],
 )
 def test_a_write_is_acknowledged_and_not_called_equal(bench: Bench, words: str, index: int, said: str) -> None:
@@ -68,7 +68,7 @@ def test_a_write_is_acknowledged_and_not_called_equal(bench: Bench, words: str, 
     assert f"1 write, acknowledged; {said}" in ran.stdout
     assert "equal" not in ran.stdout
     assert f"warning: 0x{index:04X}:0" in ran.stderr
-    assert "what was written cannot be read back" in ran.stderr
+    assert "the written value cannot be read back" in ran.stderr
 
 
 @pytest.mark.parametrize("options", ["", "--dry-run"])
@@ -148,7 +148,7 @@ def test_undo_says_that_it_stays(bench: Bench) -> None:
     assert bench.run("write 1F51:1 1").code == 0
     ran = bench.run("undo")
     assert ran.code == 2
-    assert "0x1F51:01 reads back a state: what it held is not known, it stays" in ran.stderr
+    assert "0x1F51:01 reads back a state: its old value is not known, it stays" in ran.stderr
 
 
 @pytest.mark.parametrize("line", ["write 2050 1", "write 1F51:1 1"])
@@ -161,7 +161,7 @@ def test_a_forced_undo_claims_nothing_of_it(bench: Bench, line: str, undo: str) 
         if said:
             assert (ran.document["verified"], ran.document["readable"], ran.document["writes"]) == (False, False, 0)
         else:
-            assert "NOT rolled back: what was there before is not known; nothing was written" in ran.stdout
+            assert "NOT rolled back: the earlier values are not known; nothing was written" in ran.stdout
             assert "as wanted" not in ran.stdout
 
 
@@ -175,7 +175,7 @@ def test_nor_an_undo_of_all_that_puts_others_back(bench: Bench, is_same: bool) -
         if said:
             assert (ran.document["verified"], ran.document["readable"]) == (False, False)
         else:
-            assert "2050:00 NOT rolled back: what was there before is not known" in ran.stdout
+            assert "2050:00 NOT rolled back: the earlier values are not known" in ran.stdout
             assert "As it was before" not in ran.stdout
 
 
@@ -185,7 +185,7 @@ def test_an_atomic_script_that_wrote_it_is_left_changed(bench: Bench, tmp_path: 
     script.write_text("\n".join([*lines, "write 2FFF 1"]), "utf-8")
     ran = bench.run(f"run --atomic {script}")
     assert ran.code == 7, ran
-    assert "0x2050:00 is write-only: what it held is not known, it stays" in ran.stderr
+    assert "0x2050:00 is write-only: its old value is not known, it stays" in ran.stderr
     assert "everything is as it was" not in ran.stderr
     assert "= 100 " in bench.run("read 2070").stdout
 
@@ -233,7 +233,7 @@ def test_a_control_word_with_a_busy_bit_is_acknowledged(eds: Path, tmp_path: Pat
         assert (ran.document["verified"], ran.document["readable"]) == (False, False)
         assert [finding["rule"] for finding in ran.document["findings"]] == ["write-only"]
         said = bench.run(f"write {place} 7")
-        assert "acknowledged; it reads back a state, not what was written" in said.stdout
+        assert "acknowledged; it reads back a state, not the written value" in said.stdout
         assert f"0x{place} is a control word and reads back 0x8007" in said.stderr
         assert f"{place} of node 1 only, which cannot be read back" in bench.run("verify").stderr
         assert bench.run("write 2070 9").code == 0

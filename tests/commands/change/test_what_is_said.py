@@ -42,7 +42,7 @@ def test_one_lost_frame_is_not_put_down_to_power_or_bit_rate() -> None:
     with Bench(("generic",), {"timeout": 0.1}) as bench:
         ran = bench.run("node 9")
         assert ran.code == 5
-        assert "power, node-ID, bit rate?" in ran.stderr
+        assert "check power, node-ID and bit rate" in ran.stderr
 
 
 @pytest.mark.parametrize("step", range(1, 7))

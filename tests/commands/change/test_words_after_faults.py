@@ -49,7 +49,7 @@ def test_a_node_that_restarts_instead_of_storing_is_not_told_to_store_what_is_lo
     with Bench(("generic",), {"fault": ("reset@1",), "yes": True, "profile": impatient()}) as bench:
         ran = bench.run("store")
     assert ran.code == 5
-    assert "it restarted instead: what was not stored is lost; set it again, then `dvtcli --sim generic" in ran.stderr
+    assert "it restarted instead: unstored values are lost; set them again, then `dvtcli --sim generic" in ran.stderr
 
 
 @pytest.mark.parametrize("name", ["set.dvt", "set.txt"])
@@ -59,7 +59,7 @@ def test_what_shows_what_a_restart_took_from_a_script_runs_as_it_is(tmp_path: Pa
     with Bench(("generic",), {"fault": ("reset@2",), "yes": True, "timeout": 0.2}) as bench:
         ran = bench.run(f"run {file}")
         assert ran.code == 5
-        assert "restarted: what was not stored is lost (RPDO1); see `dvtcli " in ran.stderr
+        assert "restarted: unstored values are lost (RPDO1); see `dvtcli " in ran.stderr
         command = ran.stderr.partition("; see `")[2].partition("`")[0].partition(" generic ")[2]
     with Bench(("generic",)) as anew:
         verifies = name.endswith(".dvt")

@@ -137,14 +137,14 @@ PLANTED: dict[str, tuple[Planted, str, float]] = {
                   "SYNC comes after short and long times by turns", 1.105),
     "two-heartbeats": ([*HEALTHY, *at_times(every(0.1, 1.033, 4), 0x705, "05")],
                        "node 5: its heartbeats come after short and long times by turns", 1.5),
-    "rpdo-not-sent": (HEALTHY + written_rpdo(0.3), "RPDO1 of node 5 is 0x205, which nobody sends", 0.301),
+    "rpdo-not-sent": (HEALTHY + written_rpdo(0.3), "RPDO1 of node 5 is 0x205, which no node sends", 0.301),
     "two-masters": ([*HEALTHY, (2.0, 0x605, "4018100400000000"), (2.001, 0x605, "4041600000000000"),
                       (2.002, 0x585, "4318100401000000"), (2.003, 0x585, "4B41600037060000")],
                      "node 5: 1 request within another transfer", 2.001),
     "pdo-floods": ([*HEALTHY, *at_times(every(0.001, 2.0, 2.3), 0x1A5, *(f"{n:02X}" for n in range(100)))],
                    "0x1A5 comes up to 100 times in 0.1 s", 2.0),
     "sdo-unasked": ([*HEALTHY, *read(2.0, "1018:04", "43PLACE01000000"), (2.2, 0x585, "4B41600037060000")],
-                    "node 5: 1 answer that nobody asked for", 2.2),
+                    "node 5: 1 answer without a request", 2.2),
     "error-frames": ([*HEALTHY, (2.0, 0x20000004, "0000000000000000")], "1 error frame", 2.0),
 }  # fmt: skip
 
@@ -459,7 +459,7 @@ def test_an_rpdo_of_the_network_file_is_missed_if_the_file_names_it(tmp_path: Pa
     frames = [*heartbeats(0, 4), *at_times(every(0.1, 0.05, 4), 0x3C5, "00")]
     path = recorded(tmp_path / "run.log", frames)
     done = dvtcli("check", str(path), "-d", str(tmp_path / "net.yaml"))
-    assert ("RPDO1 of node 5 is 0x205, which nobody sends" in done.stdout) is is_found, done.stdout + done.stderr
+    assert ("RPDO1 of node 5 is 0x205, which no node sends" in done.stdout) is is_found, done.stdout + done.stderr
     path = recorded(tmp_path / "sent.log", [*frames, *at_times(every(0.1, 0.05, 4), 0x205, "00" * 8)])
     done = dvtcli("check", str(path), "-d", str(tmp_path / "net.yaml"))
     assert "rpdo-not-sent" not in done.stdout

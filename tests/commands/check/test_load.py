@@ -46,7 +46,7 @@ def test_a_file_alone(nothing: Bench) -> None:
 
 def test_the_text_has_bars_and_says_what_is_assumed(nothing: Bench) -> None:
     ran = nothing.run(f"load {LINE}")
-    assert "at 500 kbit/s (assumed: -b says another one), at worst" in ran.stdout
+    assert "at 500 kbit/s (assumed: -b sets another), at worst" in ran.stdout
     assert "0x185   TPDO1         5    3  inhibit 5 ms" in ran.stdout
     assert "████████████" in ran.stdout
     assert "every frame is there before its deadline at worst" in ran.stdout

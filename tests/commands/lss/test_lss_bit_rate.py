@@ -294,7 +294,7 @@ def strange(bus: VirtualTimeBus, frame: Frame) -> None:
     [
         (Frame(0x123, b"\1"), "0x123 is heard"),
         (Frame(0x080, b""), "0x080 is heard"),
-        (Frame(0x701, b"\x7f"), "does not tell its whole LSS address"),
+        (Frame(0x701, b"\x7f"), "has no readable LSS address"),
         (Frame(0x605, b"\x40\0\x10\0\0\0\0\0"), "another master is active"),
     ],
 )
@@ -393,5 +393,5 @@ def test_a_can_link_of_linux_is_refused_with_the_lines_for_a_bus_whose_nodes_run
     setter = BitRateSetter({"interface": "socketcan", "channel": "can9"}, lambda _config: pytest.fail("opened"))
     with pytest.raises(SafetyRefusal) as caught:
         setter.require(NEW, listen_only=False)
-    assert "together with the nodes'" in str(caught.value.why)
+    assert "together with the nodes, nor restored" in str(caught.value.why)
     assert typed(caught.value.hint).startswith("where the nodes run at it already: sudo ip link set can9 down;")

@@ -36,7 +36,7 @@ def test_what_only_looks_does_not_say_that_force_sends_it(line: str, file: Path)
         assert ran.stderr.startswith(f"{file}:8:19: error: node 5: 1018:01")
         assert "not changed" not in ran.stderr
         assert "sends it" not in ran.stderr
-        assert "nothing was written; --force goes on all the same, and writes nothing" in ran.stderr
+        assert "nothing was written; --force continues nevertheless, and writes nothing" in ran.stderr
         assert bench.run(f"{line} {file} --force").code == (0 if line == "plan" else 3)
         assert "Statusword" in bench.run("pdo tpdo1").stdout
 

@@ -106,7 +106,7 @@ def test_all_are_looked_for_once_so_that_no_later_line_leaves_one_out() -> None:
         assert [one["node"] for one in bench.run("read 1000 --json").documents] == [5, 7, 9]
         assert len(nobody) == asked
         assert bench.run("scan").code == 0
-        assert len(nobody) > asked, "scan looks again"
+        assert len(nobody) > asked, "scan searches again"
 
 
 @pytest.mark.parametrize("line", ["store", "read 1017", "faults"])

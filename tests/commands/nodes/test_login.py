@@ -212,7 +212,7 @@ def test_a_line_with_a_passcode_is_not_kept(tmp_path: Path) -> None:
     try:
         terminal.wait_prompt()
         terminal.run("write 0x5000:02 17476")
-        terminal.wait("no place for one")
+        terminal.wait("must not be on a command line")
         terminal.wait_prompt()
         terminal.run("read 5000:1")
         terminal.wait("Access level indication")

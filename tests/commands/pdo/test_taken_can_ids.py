@@ -98,7 +98,7 @@ def test_another_can_id_is_taken_aloud(tmp_path: Path) -> None:
             (said,) = [one for one in ran.document["findings"] if one["rule"] == "can-id-instead"]
             assert (ran.code, said["severity"]) == (0, "note")
             assert "0x185 is already used by RPDO1 of this node: 0x680 instead" in said["text"]
-            assert said["hint"] == "--cob-id 0x185 --force takes it all the same"
+            assert said["hint"] == "--cob-id 0x185 --force accepts it nevertheless"
             assert bench.run("disable tpdo1").code == 0
             assert bench.run("set tpdo1 --cob-id 0x185").code == 0
         assert "can-id-instead" not in bench.run("map tpdo1 6000:2 --cob-id 0x690 --json").stdout

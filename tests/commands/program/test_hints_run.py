@@ -40,7 +40,7 @@ SAYING = (
     ("set tpdo1 --timer 50", "save s.dvt"),
 )
 NETWORK = "nodes: {a: {node_id: 5, tpdo: {1: {event_timer: 50}}}}\n"
-_COMMAND = re.compile(r"`(dvtcli [^`]+)`|(?:Run it|Check it|Next|Look again|What differs from it): (dvtcli .+)$", re.M)
+_COMMAND = re.compile(r"`(dvtcli [^`]+)`|(?:Run it|Check it|Next|Compare): (dvtcli .+)$", re.M)
 #: commands that end with Ctrl-C only
 _ENDLESS = re.compile(r"dvtcli .*(?:\b(?:monitor|log|gateway|bitrate)\b|--every)")
 
@@ -79,7 +79,7 @@ def test_the_hint_of_a_script_in_a_report_runs(file: str, text: str) -> None:
     Path(file).write_text(text, "utf-8")
     with Bench(("gen4",), {"yes": True}) as bench:
         ran = bench.run(f"run {file} --format junit")
-    assert "hint: `dvtcli --sim gen4 pdo --all` lists what it has" in ran.stdout, ran
+    assert "hint: `dvtcli --sim gen4 pdo --all` lists its PDOs" in ran.stdout, ran
     assert run("dvtcli --sim gen4 pdo --all", ("gen4",)).code == 0
 
 

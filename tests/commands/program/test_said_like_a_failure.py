@@ -68,7 +68,7 @@ def test_a_store_that_is_not_proved_says_that_the_test_value_was_put_back(fault:
         assert said["hint"].endswith(" store --prove power` finds out")
         assert "8 PDOs read back equal after the reset, and could be lost with the power" in said["state"]
         assert "0x1802:05 (event timer of TPDO3) is rolled back to 0, read back equal" in said["state"]
-        assert said["state"].endswith("what test.dvt:1 changed stays, read back equal")
+        assert said["state"].endswith("the changes of test.dvt:1 stay, read back equal")
 
 
 def test_a_group_that_has_no_pdos_gets_the_hint_of_the_one_that_has() -> None:
@@ -94,7 +94,7 @@ def test_a_state_that_was_not_taken_says_where_and_what_to_look_at() -> None:
         ran = bench.script("nmt preop", "nmt start")
         said = rows(ran)
         assert ran.code == 1
-        assert said["error"] == "test.dvt:2: error: node 1 is PRE-OPERATIONAL, not OPERATIONAL as was asked for"
+        assert said["error"] == "test.dvt:2: error: node 1 is PRE-OPERATIONAL, not OPERATIONAL as commanded"
         assert "not acknowledged" in said["why"]
         assert "1001" in said["hint"]
         assert said["state"].startswith("PRE-OPERATIONAL; nothing was written")
@@ -103,7 +103,7 @@ def test_a_state_that_was_not_taken_says_where_and_what_to_look_at() -> None:
 def test_all_nodes_that_did_not_obey_stand_in_one_error() -> None:
     with Bench(("generic", "generic@9"), {"fault": ("9:ignores-nmt", "1:ignores-nmt")}) as bench:
         said = rows(bench.run("nmt start all"))
-        assert said["error"] == "error: nodes 1, 9 are PRE-OPERATIONAL, not OPERATIONAL as was asked for"
+        assert said["error"] == "error: nodes 1, 9 are PRE-OPERATIONAL, not OPERATIONAL as commanded"
 
 
 @pytest.mark.parametrize(
@@ -132,7 +132,7 @@ def test_an_atomic_script_tells_the_reason_of_its_failing_line() -> None:
         ran = atomic(bench, MAP, "nmt start")
         said = rows(ran)
         assert ran.code == 1
-        assert "node 1 is PRE-OPERATIONAL, not OPERATIONAL as was asked for" in said["error"]
+        assert "node 1 is PRE-OPERATIONAL, not OPERATIONAL as commanded" in said["error"]
         assert said["state"].startswith("rolled back")
         assert bench.run("pdo tpdo1 --json").document["pdos"] == before
 

@@ -84,7 +84,7 @@ def test_what_a_tcl_script_changed_before_it_was_stopped_is_named(tmp_path: Path
     with Bench(("gen4",)) as bench:
         ran = bench.run(f"run {script} --max-seconds 1")
     assert ran.code == 4
-    assert f"state   unchanged since its last command; what {script}:1, {script}:3 changed stays" in ran.stderr
+    assert f"state   unchanged since its last command; the changes of {script}:1, {script}:3 stay" in ran.stderr
     assert "before is not" not in ran.stderr
 
 

@@ -73,7 +73,7 @@ def test_a_failing_line_says_that_what_was_done_above_stays() -> None:
         for number, wrong in enumerate(("read 5FFF", "map tpdo1 1018:1")):
             ran = bench.script(f"map tpdo1 {('606C', '6041')[number]}", wrong)
             assert ran.code == 1
-            assert "unchanged by this line; what test.dvt:1 changed stays" in ran.stderr
+            assert "unchanged by this line; the changes of test.dvt:1 stay" in ran.stderr
         assert "nothing was written" in bench.run("map tpdo1 1018:1").stderr
 
 

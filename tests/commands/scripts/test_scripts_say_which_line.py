@@ -22,7 +22,7 @@ def test_a_verify_that_differs_says_its_line() -> None:
         assert f"test.dvt:2: error: TPDO1 differs from {EDS}" in ran.stderr
         assert (
             rows(ran.stderr)["state"]
-            == "read back, nothing was written; what test.dvt:1 changed stays, read back equal"
+            == "read back, nothing was written; the changes of test.dvt:1 stay, read back equal"
         )
         assert "COB-ID" not in ran.stdout, "it ends there"
 
@@ -82,8 +82,8 @@ def test_what_earlier_lines_set_is_read_behind_the_failure(form: str) -> None:
                 differs,
             )
         else:
-            said = f", and is not as it was set: {differs[0]}" if differs else ", read back equal"
-            assert f"what test.dvt:1, test.dvt:2 changed stays{said}" in ran.stderr
+            said = f", and differ from the set values: {differs[0]}" if differs else ", read back equal"
+            assert f"the changes of test.dvt:1, test.dvt:2 stay{said}" in ran.stderr
     with Bench(("generic",)) as bench:
         ran = bench.script("set tpdo1 --timer 20", "write 6040 6", "map tpdo1 6041 5FFF")
-    assert "what test.dvt:1, test.dvt:2 changed stays; " in ran.stderr, "a controlword may change"
+    assert "the changes of test.dvt:1, test.dvt:2 stay; " in ran.stderr, "a controlword may change"

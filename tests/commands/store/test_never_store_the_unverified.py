@@ -39,7 +39,7 @@ def test_an_unrelated_verify_does_not_allow_it_again() -> None:
     )
     assert "0x08000021" in err
     assert err.count("is not stored") == 1
-    assert "set it as it should be and `dvtcli --sim gen4 pdo`, or" in err, "no other program knows what was set"
+    assert "set the right value and `dvtcli --sim gen4 pdo`, or" in err, "no other program knows what was set"
     assert any("read back" in line for line in out)
 
 
@@ -119,7 +119,7 @@ def test_a_restart_that_nobody_heard_is_seen_behind_the_store(line: str) -> None
         assert bench.run(line).code == 0
         ran = bench.run("store --json")
         assert (ran.code, ran.document["state"]) == (1, "unknown"), ran.stdout
-        assert "node 5 does not hold what was to be stored" in ran.document["text"]
+        assert "node 5 does not hold the values to be stored" in ran.document["text"]
         assert isinstance(served, Restarting)
         served.restarts = False
         assert bench.run("store").code == 6, "nor is it stored later"

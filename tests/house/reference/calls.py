@@ -47,7 +47,7 @@ CALLS = {
     "sync --check": "bus.check_sync",
 }
 _ALIKE = {"node": "the method of `Node` with that name", "bus": "the method of `Bus` with that name"}
-_NONE = "none: a program runs it as any other does, with `--json` where it wants the answer"
+_NONE = "none: run the command from your program, with `--json` for the answer"
 
 
 def by_command() -> Iterator[str]:

@@ -16,23 +16,23 @@ ROOT_CONTEXT = click.Context(REGISTRY, info_name="dvtcli")
 
 #: What each task's commands promise, for README.
 PROMISES = {
-    "Begin": "what is missing is said with the next step",
-    "Find nodes": "nothing is changed on another device than the one you mean; your own device is one TOML file",
-    "See": "raw 32-bit values are the truth, names come from the EDS; frames are decoded with what the nodes map",
-    "Change PDOs": "it is checked, written in order, read back, and rolled back if anything fails",
-    "Frames": "a frame is read bit by bit, and none is sent that was not asked for",
-    "Check and keep": "nothing is called stored or equal that was not read back",
-    "Whole devices": "one pass over everything that can be read; values are compared by what they mean",
-    "Networks": "every node gets what one file says, or none does; no consumer receives a layout that is not its own",
-    "Scripts and files": "a script is parsed before its first line runs; exit codes and JSON are fixed; Tcl works, too",
-    "Programs around": "other programs work on the same strict devices, over socketcand or a CAN link",
+    "Begin": "each check names the next step",
+    "Find nodes": "changes reach only the selected node; a TOML file describes your own device",
+    "See": "raw values with names from the EDS; frames decoded by the nodes' mappings",
+    "Change PDOs": "checked, written in order, read back, and rolled back after a failure",
+    "Frames": "every bit is explained; a question comes before frames that nodes act on",
+    "Check and keep": "nothing is called stored or equal without a read-back",
+    "Whole devices": "one pass over all readable objects; values are compared by meaning",
+    "Networks": "all nodes get the values of one file, or none; no consumer receives a layout that does not fit",
+    "Scripts and files": "a whole script is parsed before its first line runs; exit codes and JSON are stable",
+    "Programs around": "other programs use the same strict devices, over socketcand or a CAN link",
 }
 
 
 def tasks() -> Iterator[str]:
     """Every task with its commands and what they promise."""
     return table(
-        ("task", "commands", "so that"),
+        ("task", "commands", "result"),
         ((task, " ".join(code(name) for name, _ in rows), PROMISES[task]) for task, rows in task_sections()),
     )
 

@@ -16,6 +16,6 @@ def table() -> Iterator[str]:
         mine = sorted(rule for rule in EVERY_RULE if rule.severity is severity)
         yield from ("", f"## {str(severity).capitalize()}s ({len(mine)})", "")
         yield from markdown_table(
-            ("rule", "what is wrong", "source"),
+            ("rule", "finding", "source"),
             ((code(rule.name), cell(rule.sense), cell(rule.source)) for rule in mine),
         )

@@ -32,7 +32,7 @@ def numbers() -> Iterator[str]:
 def table() -> Iterator[str]:
     """What stands in `error` of `dvtcli.error/1`, with its exit code and what it means."""
     rows = [(code(kind.slug), str(kind.exit_code), plain(_sentence(kind))) for kind in kinds()]
-    wrong = "The answer, whose document stands before it, is not as it should be"
+    wrong = "The answer, in the document before it, reports a difference or a failure"
     rows.insert(0, (code(DvtcliError.slug), "the answer's", wrong))
     return markdown_table(("`error`", "exit code", "what happened"), dict.fromkeys(rows))
 

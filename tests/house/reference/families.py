@@ -29,7 +29,7 @@ def profiles() -> Iterator[str]:
 
 def _chosen_by(profile: DeviceProfile) -> str:
     if not profile.vendor_ids:
-        return "where nothing else fits" if profile.name == "generic" else "`--profile`"
+        return "if no other profile fits" if profile.name == "generic" else "`--profile`"
     vendors = ", ".join(f"0x{vendor:X}" for vendor in profile.vendor_ids)
     products = ", ".join(f"0x{product:08X}" for product in profile.product_codes)
     masks = ", ".join(f"0x{value:08X} under 0x{mask:08X}" for mask, value in _masks(profile))

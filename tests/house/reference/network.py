@@ -18,7 +18,7 @@ _PLACES = {
     Where.NODE: "A node",
     Where.TPDO: "A TPDO",
     Where.RPDO: "An RPDO",
-    Where.ENTRY: "An object of a mapping, where it is not one word",
+    Where.ENTRY: "An object of a mapping, in long form",
     Where.SDO: "An entry of `sdo`",
     Where.IDENTITY: "`identity`",
     Where.LINK: "A link",
@@ -39,11 +39,11 @@ def keys() -> Iterator[str]:
         noted = [key for key in OF[where].values() if key.noted]
         if noted:
             yield ""
-            yield f"Left alone: {'; '.join(_noted(noted))}."
+            yield f"Ignored: {'; '.join(_noted(noted))}."
 
 
 def _row(key: NetworkKey) -> tuple[str, str, str]:
-    needed = "; has to be there" if key.required else ""
+    needed = "; required" if key.required else ""
     objects = f" (0x{key.object[0]:04X})" if key.object else ""
     return code(key.name), cell(_takes(key)), cell(f"{key.sense}{objects}{needed}")
 
@@ -82,7 +82,7 @@ def schema() -> Schema:
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",
         "title": "dvtcli network file",
-        "description": "What the nodes of a CANopen network should hold. Files for dcfgen and ros2_canopen fit, too.",
+        "description": "The values of the nodes of a CANopen network. Files for dcfgen and ros2_canopen fit, too.",
         "type": "object",
         "properties": {name: _of(key) for name, key in named.items()},
         "patternProperties": {r"^\.": True},

@@ -70,7 +70,7 @@ def _outcome_lines(result: Changed, labels: str, writes: str) -> Iterator[Line]:
     if not result.altered:
         keeps, next_step = "It held that before: nothing has changed", ""
     if result.saved:
-        keeps, next_step = "By this the device keeps what is set (assumed: nobody published it)", ""
+        keeps, next_step = "By this the device stores its settings (assumed: not published)", ""
     yield [
         Cell(f"{_counted(result, labels, verb)}: {writes}, {equal}, {result.seconds:.2f} s. {others}"),
         Cell(f"{keeps}{next_step}.", "dim"),
@@ -80,7 +80,7 @@ def _outcome_lines(result: Changed, labels: str, writes: str) -> Iterator[Line]:
 def _unrestored(result: Changed) -> str:
     """Name objects that keep a new value despite the roll-back."""
     of_node = f" of node {result.node}" if result.named else ""
-    return f"{join_some(result.unrestored)}{of_node} NOT rolled back: what was there before is not known"
+    return f"{join_some(result.unrestored)}{of_node} NOT rolled back: the earlier values are not known"
 
 
 def _read_back(result: Changed) -> str:
@@ -90,7 +90,7 @@ def _read_back(result: Changed) -> str:
         return "read back equal"
     states = all(answers_with_state(int(place[:4], 16)) for place in result.unreadable)
     words = any(finding.rule == "write-only" and "control word" in finding.text for finding in result.findings)
-    why = "it reads back a state, not what was written" if states or words else "write-only: nothing can be read back"
+    why = "it reads back a state, not the written value" if states or words else "write-only: nothing can be read back"
     read = len(result.plan) - count
     return f"acknowledged; {why}" if not read else f"{read} read back equal, {count} acknowledged; {why}"
 
@@ -157,7 +157,7 @@ def stored_lines(result: Stored, _width: int) -> Iterator[Line]:
         yield f"not stored, since {result.skipped}"
         return
     if result.because:
-        yield [Cell(f"stored all the same: {result.because}", "dim")]
+        yield [Cell(f"stored nevertheless: {result.because}", "dim")]
     if result.word == "store":
         changed = ", ".join(result.changed) or ("nothing by dvtcli" if result.all_known else "not known")
         yield f'0x{result.object} <- "{word}"     changed since the last store: {changed}'

@@ -73,7 +73,7 @@ def learnt_lines(result: LearntDevice, width: int) -> Iterator[Line]:
 def _use(result: LearntDevice) -> str:
     """Say which nodes use the saved profile."""
     if result.identified:
-        return "nodes of its identity use the last one from now on; delete that file to take it back"
+        return "nodes of its identity use the last file from now on; delete it to revert this"
     name = Path(result.saved[-1]).stem
     return f"it has no vendor-ID (0x1018:01), so no node uses the last one by itself: -p {name} says which one does"
 
@@ -156,7 +156,7 @@ def _saving(result: LearntDevice) -> Iterator[str]:
             said = f"answered 0x{answer.code:08X} ({abort_text(answer.code)})" if answer.code else "accepted"
             yield f"0x{answer.probe.label}: {answer.probe.name} {said}"
     if any(answer.probe.pdo is None and answer.accepted for answer in result.answers):
-        yield "what it held when it was found is what it may come up with from now on: no reset was made to see"
+        yield "it may boot with the values that it held before: no reset was made to check"
 
 
 def _short(evidence: str) -> str:
@@ -183,7 +183,7 @@ def forecast_lines(result: LearnForecast, width: int) -> Iterator[Line]:
     if result.stores:
         yield [Cell("note: ", "yellow"), Cell(result.stores)]
     if any(probe.pdo is None for probe in result.probes):
-        yield [Cell("note: ", "yellow"), Cell("what the node holds then is what it boots with from then on")]
+        yield [Cell("note: ", "yellow"), Cell("the node boots with its values of that moment from then on")]
     yield (
         f"dry run: {result.likely} writes to node {result.node} where it answers as its family does, "
         f"{result.writes} at most, and everything rolled back; nothing was sent"

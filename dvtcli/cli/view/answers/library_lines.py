@@ -113,7 +113,7 @@ def _first_of_several(result: LibraryListing) -> Iterator[Line]:
         others = [other for other in result.rows if other.identity == row.identity and other is not row]
         if row.taken and others:
             numbers = ", ".join(str(other.number) for other in others)
-            why = "preferred" if row.preferred else "the one added last, or no DCF: `eds prefer` decides"
+            why = "preferred" if row.preferred else "the file added last, or no DCF: `eds prefer` decides"
             yield [Cell(f"  {row.number}: {row.name} is taken before {numbers} of its identity ({why})", "dim")]
 
 

@@ -30,7 +30,7 @@ def load_lines(result: NetworkLoad, width: int) -> Iterator[Line]:
     """Show a line per frame, the sum, frames that do not fit, and assumptions."""
     measured = result.measured if result.measured is not None and result.measured.seconds else None
     rate = f"{result.need.bit_rate / 1000:g} kbit/s"
-    assumed = " (assumed: -b says another one)" if result.is_assumed else ""
+    assumed = " (assumed: -b sets another)" if result.is_assumed else ""
     heard = f"; {result.bus} heard for {measured.seconds:.1f} s, {measured.count.frames} frames" if measured else ""
     yield [Cell(f"{result.file or result.bus} at {rate}{assumed}, at worst{heard}", "bold")]
     yield from _table(result, measured, width).lines(width)
@@ -151,7 +151,7 @@ def _too_often(result: NetworkLoad, measured: Measured | None) -> Iterator[Line]
         said = f"{_who(load.node, load.label)} came {measured.rate_hz(load.identifier):.1f} times a second"
         yield [Cell("too often  ", "bold"), Cell(f"{said}, {sum(rates):.1f} are computed at worst", "red")]
     if result.too_often:
-        how = f"dvtcli diff {result.file} names what a node holds otherwise" if result.file else "dvtcli check --live"
+        how = f"dvtcli diff {result.file} names the differences" if result.file else "dvtcli check --live"
         yield [Cell("      hint: ", "cyan"), Cell(f"{how}; or two nodes have one node-ID")]
 
 
@@ -166,9 +166,13 @@ def unbounded(streams: Iterable[Stream]) -> Iterator[tuple[str, str, str]]:
     """Group unbounded *streams*: names, reason, and remedy."""
     streams = list(streams)
     for why, text, hint in (
-        (NO_LIMIT, "event-driven, without inhibit time and event timer", "--inhibit NODE:tpdoN=MS tries one"),
-        (NO_SYNC, "synchronous, and nobody known here sends SYNC", "--sync MS says how often it comes"),
-        ("", "what makes it be sent is not known", "a transmission type that CiA 301 has"),
+        (
+            NO_LIMIT,
+            "event-driven, without inhibit time and event timer",
+            "--inhibit NODE:tpdoN=MS tries an inhibit time",
+        ),
+        (NO_SYNC, "synchronous, and no known node sends SYNC", "--sync MS says how often it comes"),
+        ("", "its trigger is not known", "a transmission type that CiA 301 has"),
     ):
         names = [
             _who(stream.node, stream.label)

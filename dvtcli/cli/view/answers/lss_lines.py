@@ -34,7 +34,7 @@ def found_lines(result: LssFound, width: int) -> Iterator[Line]:
         if result.free is None:
             yield [Cell("  no node-ID is free: somebody answers with each of 1 to 127", "dim")]
             return
-        yield [Cell(f"  nobody answers as node {result.free}; this gives it that node-ID:", "dim")]
+        yield [Cell(f"  no node answers as node {result.free}; this assigns that node-ID:", "dim")]
         yield [Cell(f"  lss node-id {result.free} {result.nodes[0].address}", "dim")]  # one row of 80 columns, to copy
 
 
@@ -51,9 +51,9 @@ def _nodes(result: LssFound, width: int) -> Iterator[Line]:
 
 def _summary(result: LssFound) -> str:
     if result.within is not None:
-        return "a node at least is within these ranges" if result.within else "nobody is within these ranges"
+        return "at least one node is within these ranges" if result.within else "no node is within these ranges"
     if result.action == "identify" and result.answered is None:
-        return plural(len(result.nodes), "node") + " with that LSS address" if result.nodes else "nobody has it"
+        return plural(len(result.nodes), "node") + " with that LSS address" if result.nodes else "no node has it"
     if result.nodes:
         return plural(len(result.nodes), "node") + " without a node-ID"
     if not result.answered:
@@ -77,7 +77,7 @@ def changed_lines(result: LssChanged, _width: int) -> Iterator[Line]:
         yield "every node has its node-ID, confirmed by SDO"
     if result.nodes and not all(node.stored for node in result.nodes):
         stored = "; ".join(f"lss store {node.node_id}" for node in result.nodes)
-        yield [Cell(f"  lost with the power until it is stored: {stored}", "dim")]
+        yield [Cell(f"  lost at power-off until it is stored: {stored}", "dim")]
 
 
 def _given(node: LssGiven) -> list[Cell]:
@@ -108,7 +108,7 @@ def bit_rate_lines(result: LssBitRate, _width: int) -> Iterator[Line]:
         yield [Cell(name, "bold"), Cell(f"  {node.address}"), *stored]
     yield f"{plural(len(result.nodes), 'node')} at {result.bit_rate} bit/s (before: {result.before})"
     if not all(node.stored for node in result.nodes):
-        yield [Cell("  lost with the power until it is stored: lss store NODE, for each", "dim")]
+        yield [Cell("  lost at power-off until it is stored: lss store NODE, for each", "dim")]
 
 
 def heard_rate_lines(result: BitRateFound, width: int) -> Iterator[Line]:

@@ -96,7 +96,7 @@ def node_plan_lines(file: str, node: NodePlan, width: int, *, compares: bool = F
         yield [Cell(f"  = {node.unchanged} as wanted", "dim")]
     if node.also_equal:
         more = plural(node.also_equal, "more setting")
-        yield [Cell(f"  = {more} as the file says, of those that are not written", "dim")]
+        yield [Cell(f"  = {more} equal to the file, not written", "dim")]
     if node.is_asked_nothing and not any(found.rule == "asked-nothing" for found in node.findings):
         yield [Cell("  ! ", "yellow"), Cell("the file sets nothing on it: nothing was compared")]
     if node.lacks:
@@ -209,10 +209,10 @@ def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
     yield from _untold(result.plan)
     if result.plan.lacking:
         what = " and ".join(sorted({"objects" if lacked.pdo is None else "PDOs" for lacked in result.plan.lacking}))
-        yield f"Nothing was written, and nothing of it can be: devices lack {what} of the file."
+        yield f"Nothing was written, and nothing can be: the devices lack {what} of the file."
         return
     if not result.plan.changed and result.plan.to_do:
-        yield "Every node holds what the file says, and not all of it is stored."
+        yield "Every node holds what the file says, but not everything is stored."
     elif not result.plan.changed and not result.plan.remains and not result.plan.untold:
         yield f"No difference: {_so(result.plan)}. Nothing was written."
         yield from _aside(result.plan)
@@ -220,7 +220,7 @@ def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
         yield from _load(result.need)
     if result.tells and result.plan.changed and not result.exit_code and not result.interrupted:
         count = sum(len(node.plan.unreadable) for node in result.plan.nodes)
-        yield f"No difference in what can be read; {plural(count, 'write-only value')} not compared."
+        yield f"No difference in the readable values; {plural(count, 'write-only value')} not compared."
         return
     if not result.interrupted and not result.plan.to_do:
         return

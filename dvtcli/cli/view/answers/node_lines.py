@@ -187,10 +187,10 @@ def commanded_lines(result: Commanded, _width: int) -> Iterator[Line]:
 
 def _seen(result: Commanded, state: str | None) -> list[Cell]:
     if state is None:
-        return [Cell("state not confirmed (nothing tells it: no heartbeat)", "yellow")]
+        return [Cell("state not confirmed (no heartbeat)", "yellow")]
     if result.wanted in (None, state):
         return [Cell(state, _STATE_STYLES.get(state, ""))]
-    return [Cell(state, "red"), Cell(f", not {result.wanted} as was asked for")]
+    return [Cell(state, "red"), Cell(f", not {result.wanted} as commanded")]
 
 
 def synced_lines(result: Synced, width: int) -> Iterator[Line]:

@@ -14,7 +14,7 @@ def not_on_the_bus(network: CheckedNetwork) -> NetFound:
             yield at(node), "it does not answer on the bus"
 
 
-@check("not-in-the-file", NOTE, "a node on the bus is not one of the file's", "the network file")
+@check("not-in-the-file", NOTE, "a node on the bus is not in the file", "the network file")
 def not_in_the_file(network: CheckedNetwork) -> NetFound:
     """Its frames are missing in the file's bus load and in the check of CAN-IDs."""
     for node_id in sorted(network.present or ()):

@@ -40,10 +40,10 @@ def _look(name: str, severity: Severity, network: CheckedNetwork) -> NetFound:
 #: The other rules judge a requested change, or have a network rule of their own.
 CHECKS = (
     _judged("object-exists", ERROR, "maps an object that its device does not have"),
-    _judged("direction", ERROR, "sends what cannot be read, or receives what cannot be written"),
-    _judged("mappable", ERROR, "maps what has PDOMapping=0"),
-    _judged("read-write-object", WARNING, "sends what is for RPDOs (rww)"),
-    _judged("object-for-rpdos", ERROR, "sends what is for RPDOs (rww) on a device that refuses it",
+    _judged("direction", ERROR, "sends an unreadable object, or receives a read-only object"),
+    _judged("mappable", ERROR, "maps an object with PDOMapping=0"),
+    _judged("read-write-object", WARNING, "sends an object for RPDOs (rww)"),
+    _judged("object-for-rpdos", ERROR, "sends an object for RPDOs (rww) on a device that refuses it",
             "read-write-object"),
     _judged("entry-length", ERROR, "maps another length than the object's, or none, or more than 64 bits"),
     _judged("granularity", ERROR, "maps a length that is no multiple of Granularity"),
@@ -52,6 +52,6 @@ CHECKS = (
     _judged("dummy-length", ERROR, "maps a dummy of another length than its type"),
     _judged("double-target", ERROR, "is an RPDO and maps an object twice"),
     _judged("can-id-length", ERROR, "has a CAN-ID of more than 11 bits without bit 29 (frame)"),
-    _judged("extended-id", ERROR, "has a CAN-ID of 29 bits where its device takes 11"),
-    _judged("rtr-bit", ERROR, "has bit 30 against what its family wants"),
+    _judged("extended-id", ERROR, "has a CAN-ID of 29 bits on a device that takes 11"),
+    _judged("rtr-bit", ERROR, "has the wrong bit 30 for its family"),
 )  # fmt: skip

@@ -110,7 +110,7 @@ def _streams(network: CheckedNetwork, kind: str, identifier: Identifier) -> list
     return [stream for stream in found if (stream.frame.can_id, stream.frame.extended) == identifier]
 
 
-@check("comes-too-often", WARNING, "a TPDO comes more often than what its node holds lets it",
+@check("comes-too-often", WARNING, "a TPDO comes more often than its settings allow",
        "CiA 301, 7.5.2.37: inhibit time, event timer; SYNC")  # fmt: skip
 def comes_too_often(network: CheckedNetwork) -> NetFound:
     """Another producer uses the CAN-ID, or the device ignores its configuration."""
@@ -195,7 +195,7 @@ def _often(count: int) -> str:
     return "" if count == 1 else f", {count} times"
 
 
-@check("node-id-twice", ERROR, "two nodes seem to have one node-ID", "CiA 301, 7.3.4: a node-ID is there once")
+@check("node-id-twice", ERROR, "two nodes seem to have the same node-ID", "CiA 301, 7.3.4: a node-ID is there once")
 def node_id_twice(network: CheckedNetwork) -> NetFound:
     """Both nodes answer each request, and one gets the other's configuration."""
     for node in network.nodes:
@@ -228,7 +228,7 @@ def heartbeat_not_heard(network: CheckedNetwork) -> NetFound:
             yield held(node, PRODUCER_HEARTBEAT), text
 
 
-@check("heard-not-read", ERROR, "a node is heard, and does not tell what it holds", "ours")
+@check("heard-not-read", ERROR, "a node sends frames, and cannot be read", "ours")
 def heard_not_read(network: CheckedNetwork) -> NetFound:
     """The node's PDOs are not checked."""
     for node_id in () if network.traffic is None else sorted(network.traffic.states):

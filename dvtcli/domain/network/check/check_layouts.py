@@ -19,7 +19,7 @@ _LENGTHS = "CiA 301, emergency error codes 0x8210 and 0x8220"
 _ONE_ID = "CiA 301, 7.3.5: a PDO has one CAN-ID"
 
 
-@check("rpdo-without-producer", WARNING, "nobody sends what an enabled RPDO waits for", _ONE_ID)
+@check("rpdo-without-producer", WARNING, "no node sends the frames of an enabled RPDO", _ONE_ID)
 def rpdo_without_producer(network: CheckedNetwork) -> NetFound:
     """A master may send it: silent if the file names a master."""
     if network.state.master is not None:
@@ -29,7 +29,7 @@ def rpdo_without_producer(network: CheckedNetwork) -> NetFound:
             yield at(node, pdo), f"no node here sends {config.communication.cob_id}"
 
 
-@check("tpdo-without-consumer", NOTE, "nobody receives what an enabled TPDO sends", _ONE_ID)
+@check("tpdo-without-consumer", NOTE, "no node receives an enabled TPDO", _ONE_ID)
 def tpdo_without_consumer(network: CheckedNetwork) -> NetFound:
     """A master may receive it: silent if the file names a master."""
     heard = {identifier_of(config) for _, _, config in network.rpdos}
@@ -40,7 +40,7 @@ def tpdo_without_consumer(network: CheckedNetwork) -> NetFound:
             yield at(node, pdo), f"no RPDO here takes {config.communication.cob_id}"
 
 
-@check("own-tpdo", ERROR, "an RPDO waits for what its own node sends", "a CAN node does not receive its own frames")
+@check("own-tpdo", ERROR, "an RPDO waits for a TPDO of its own node", "a CAN node does not receive its own frames")
 def own_tpdo(network: CheckedNetwork) -> NetFound:
     """The RPDO receives nothing, or frames that another node sends by mistake."""
     for node, pdo, config in network.rpdos:
@@ -49,7 +49,7 @@ def own_tpdo(network: CheckedNetwork) -> NetFound:
             yield at(node, pdo), f"{config.communication.cob_id} is sent by {sent.label} of the node itself"
 
 
-@check("frame-format", ERROR, "an RPDO waits for 11 bits of CAN-ID where 29 are sent, or the reverse",
+@check("frame-format", ERROR, "an RPDO has a CAN-ID of 11 bits, its TPDO of 29 bits, or the reverse",
        "CiA 301, 7.5.2.35: bit 29 (frame)")  # fmt: skip
 def frame_format(network: CheckedNetwork) -> NetFound:
     """The same number is another CAN-ID."""
@@ -108,7 +108,7 @@ def layout(network: CheckedNetwork) -> NetFound:
                 yield connection.spot, text
 
 
-@check("part-of-object", WARNING, "an object of an RPDO receives some bits of a longer one", _LAYOUT)
+@check("part-of-object", WARNING, "an object of an RPDO receives some bits of a longer object", _LAYOUT)
 def part_of_object(network: CheckedNetwork) -> NetFound:
     """Intended for bits of a status word, a mistake for numbers."""
     for one, heard, sent in _pairs(network):
@@ -119,7 +119,7 @@ def part_of_object(network: CheckedNetwork) -> NetFound:
             )
 
 
-@check("data-type", WARNING, "an object of an RPDO receives one of another data type", "both devices' files")
+@check("data-type", WARNING, "an object of an RPDO receives an object of another data type", "both devices' files")
 def data_type(network: CheckedNetwork) -> NetFound:
     """-1 becomes 65535, a REAL nonsense."""
     for one, heard, sent in _pairs(network):
@@ -130,14 +130,22 @@ def data_type(network: CheckedNetwork) -> NetFound:
             yield one.spot, f"{names} and receives {producer.name(sent)}, {types[1].short}, of {one.sender}"
 
 
-@check("hears-no-command", WARNING, "a controlword receives what is no command", "CiA 402-2, 8.4: it moves the machine")
+@check(
+    "hears-no-command",
+    WARNING,
+    "a controlword receives a value that is no command",
+    "CiA 402-2, 8.4: it moves the machine",
+)
 def hears_no_command(network: CheckedNetwork) -> NetFound:
     """One drive's statusword enables another drive."""
     yield from _commanded(network, controlwords=True)
 
 
 @check(
-    "hears-no-target", NOTE, "a target or an output receives what is none", "CiA 401-1, CiA 402-2: it moves the machine"
+    "hears-no-target",
+    NOTE,
+    "a target or an output receives another kind of value",
+    "CiA 401-1, CiA 402-2: it moves the machine",
 )
 def hears_no_target(network: CheckedNetwork) -> NetFound:
     """Intended for a drive that follows another drive, or a lamp that shows a switch."""
@@ -188,7 +196,7 @@ def one_object_two_writers(network: CheckedNetwork) -> NetFound:
                 yield at(node, pdo), f"{entry.object} is written by {other.label}, too"
 
 
-@check("synchronous-consumer", NOTE, "an RPDO takes over with SYNC what its TPDO sends with events",
+@check("synchronous-consumer", NOTE, "a synchronous RPDO receives an event-driven TPDO",
        "CiA 301, 7.5.2.35: transmission type")  # fmt: skip
 def synchronous_consumer(network: CheckedNetwork) -> NetFound:
     """Values act only at the next SYNC, and earlier frames before that SYNC are lost."""

@@ -167,7 +167,7 @@ def boot_time(network: CheckedNetwork) -> NetFound:
                 yield held(manager, BOOT_TIME), text
 
 
-@check("concise-dcf-form", ERROR, "what a manager is to download to a node is no concise DCF (0x1F22)", _DOWNLOAD)
+@check("concise-dcf-form", ERROR, "a manager's download for a node (0x1F22) is no concise DCF", _DOWNLOAD)
 def concise_dcf_form(network: CheckedNetwork) -> NetFound:
     """The manager configures the node not at all, or only partly."""
     for manager in _managers(network):

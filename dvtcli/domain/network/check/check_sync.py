@@ -38,7 +38,7 @@ def _without_sync(network: CheckedNetwork) -> NetFound:
         return
     listed = join_some(f"{node.node_id}:{pdo}" for node, pdo, _ in network.synchronous)
     first, pdo, _ = network.synchronous[0]
-    yield at(first, pdo), f"nobody sends SYNC, and these wait for it: {listed}"
+    yield at(first, pdo), f"no node sends SYNC, and these wait for it: {listed}"
 
 
 @check("two-syncs", ERROR, "two send SYNC", "CiA 301, 7.2.5: one producer")

@@ -85,7 +85,9 @@ def no_sub_number(text: LintedText) -> Found:
             yield entry.section.line, "no SubNumber, but sub-indices"
 
 
-@check("key-without-effect", NOTE, "an object with sub-indices has keys that only those have", "CiA 306, 4.6.3")
+@check(
+    "key-without-effect", NOTE, "an object with sub-indices has keys that only sub-indices may have", "CiA 306, 4.6.3"
+)
 def key_without_effect(text: LintedText) -> Found:
     """The key applies to none of the sub-indices."""
     for entry in text.objects:

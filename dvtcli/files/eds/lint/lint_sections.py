@@ -199,12 +199,12 @@ def granularity_zero(text: LintedText) -> Found:
             return
 
 
-@check("no-dummy-usage", NOTE, "there is no DummyUsage: nobody knows by what an RPDO may skip bits", _DUMMIES)
+@check("no-dummy-usage", NOTE, "there is no DummyUsage: the dummies of RPDOs are not known", _DUMMIES)
 def no_dummy_usage(text: LintedText) -> Found:
     """Applies to files with RPDOs only."""
     pdos = [pdo for pdo in map(Pdo.at, text.file.dictionary) if pdo is not None]
     if any(not pdo.is_tpdo for pdo in pdos):
-        yield from no_section(text, "DummyUsage", "by what an RPDO may skip bits is not known")
+        yield from no_section(text, "DummyUsage", "the dummies of RPDOs are not known")
 
 
 @check("missing-dummy", NOTE, "DummyUsage does not name all of Dummy0001 to Dummy0007", _DUMMIES)
@@ -252,7 +252,7 @@ def list_numbering(text: LintedText) -> Found:
                 break
 
 
-@check("compact-record", NOTE, "CompactSubObj of what is no ARRAY", _COMPACT)
+@check("compact-record", NOTE, "CompactSubObj of an object that is no ARRAY", _COMPACT)
 def compact_record(text: LintedText) -> Found:
     """CompactSubObj makes all sub-indices equal, unlike in a RECORD."""
     for entry in text.objects:
@@ -365,7 +365,7 @@ def no_commissioning(text: LintedText) -> Found:
         yield section.line if section else 1, "no NodeID in [DeviceComissioning]: the node of the file is not known"
 
 
-@check("commissioning-spelling", NOTE, "DeviceCommissioning with two m, where the standard has one",
+@check("commissioning-spelling", NOTE, "DeviceCommissioning with two m, the standard has one",
        f"{_COMMISSIONING}: DeviceComissioning")  # fmt: skip
 def commissioning_spelling(text: LintedText) -> Found:
     """Most tools look for the standard's spelling and miss the node-ID."""
