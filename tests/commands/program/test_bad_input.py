@@ -76,10 +76,10 @@ WRONG = [
     ("write 6040 6 --as u32", 1, "2 bytes, not 4"),
     ("write 1017 1,5s", 2, "with a decimal point: 1.5s"),
     ("write 1017 1,5", 2, "0 ms to 65535 ms"),
-    ("write 1017 1.5 s", 2, 'stands in quotes: "1.5 s"'),
+    ("write 1017 1.5 s", 2, 'a blank in quotes: "1.5 s"'),
     ('write 6040 "enable operation"', 2, "enable operation is 0x000F"),
     ("write 1001 current", 2, "no error; or the number"),
-    ("objects velocity actual", 2, 'stands in quotes: "velocity actual"'),
+    ("objects velocity actual", 2, 'a blank in quotes: "velocity actual"'),
     ("explain 999#00", 2, "is above 0x7FF"),
     ("write 6040 -1", 2, "does not fit UNSIGNED16"),
     # PDOs

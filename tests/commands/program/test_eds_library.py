@@ -242,7 +242,7 @@ def test_rivals_are_named_and_one_is_chosen() -> None:
             in bench.run("node").stderr
         )
         assert bench.run("node --json").document["nodes"][0]["eds"].endswith("_b.eds")
-        assert "2: b.eds is taken before 1, 3 of its identity (the one added last" in bench.run("eds list").stdout
+        assert "2: b.eds is taken before 1, 3 of its identity (the file added last" in bench.run("eds list").stdout
         assert bench.run("eds prefer a.eds").code == 0
         listed = bench.run("eds list --json").document["files"]
         assert [row["name"] for row in listed] == ["a.eds", "b.eds", "c.dcf"]
