@@ -8,8 +8,10 @@ from typing import Any
 
 import pytest
 
+from dvtcli.operations.plans.read_network_config import read_network_config
+from dvtcli.operations.session.simulated_nodes import read_dictionary
 from tests.prompt.conftest import Open, open_terminal
-from tests.prompt.terminal import CTRL_C, DOWN, ENTER, ESCAPE, TAB, Terminal
+from tests.prompt.terminal import CTRL_C, DOWN, ENTER, ESCAPE, F1, TAB, Terminal
 from tests.serve.served import Served, bus_words, served
 
 pytestmark = pytest.mark.drawn(4, "mapping editor")
@@ -18,6 +20,7 @@ __all__ = ["open_terminal"]
 CLEAR_LINE, UNDO, REDO, SAVE = "\x15", "\x1a", "\x19", "\x13"
 F2, F5, F10, SHIFT_TAB = "\x1bOQ", "\x1b[15~", "\x1b[21~", "\x1b[Z"
 SCRIPT = Path(__file__).parents[2] / "scripts" / "pdo_config.dvt"
+SCREENS = Path(__file__).parent / "screens"
 #: what the script maps
 WANTED = {
     1: ("606c", "6077", "6041"),
@@ -177,7 +180,7 @@ def test_leaving_with_changes_asks_and_writes_nothing(open_terminal: Open) -> No
         terminal.until(lambda: "leave without?" not in terminal.text, "the question answered")
     terminal.type(F2)
     fill(terminal, "save as", "pdos.dvt")
-    terminal.wait("pdos.dvt: a script of 1 lines")
+    terminal.wait("pdos.dvt: a script of 1 line")
     terminal.type(ESCAPE)
     terminal.wait("leave without?")
     terminal.type("y")
@@ -219,3 +222,115 @@ def test_only_ascii_where_it_is_asked_for(open_terminal: Open) -> None:
     terminal.type(TAB)
     terminal.wait("filter")
     assert terminal.text.isascii()
+
+
+def test_what_is_edited_is_saved_by_the_suffix(tmp_path: Path, open_terminal: Open) -> None:
+    terminal = edited(open_terminal, "tpdo1")
+    terminal.type(F2)
+    fill(terminal, "save as", "empty.dvt")
+    terminal.wait("nothing is changed, and a script has the changes")
+    terminal.type("d")
+    terminal.wait("8 bytes free")
+    terminal.type("a")
+    terminal.wait(" map: _")
+    map_object(terminal, "606c")
+    for file, said in (("n.yaml", "a network file with 10 PDOs"), ("n.dcf", "the node with"), ("n.dvt", "a script of")):
+        terminal.type(F2)
+        fill(terminal, "save as", file)
+        terminal.wait(f"{file}: {said}")
+    terminal.type(F2)
+    fill(terminal, "save as", "n.dvt")
+    terminal.wait("n.dvt exists; overwrite it? [y/N]")
+    terminal.type("n")
+    terminal.wait("the answer was no")
+    terminal.type(ESCAPE)
+    terminal.wait("leave without?")
+    terminal.type("y")
+    assert terminal.ended() == 0
+    dictionary = read_dictionary(tmp_path / "n.dcf")
+    mapped = [dictionary.entry(0x1A00, sub_index) for sub_index in (0, 1)]
+    assert [entry is not None and entry.value for entry in mapped] == [b"\x01", bytes.fromhex("20006c60")]
+    (node,) = read_network_config(str(tmp_path / "n.yaml")).nodes
+    assert [word.text for word in next(pdo for pdo in node.pdos if str(pdo.pdo) == "tpdo1").mapping or ()] == [
+        "velocity_actual_value"
+    ]
+    for words in (("--yes", "apply", "n.yaml"), ("-n", "1", "run", "n.dvt")):
+        (folder := tmp_path / words[-1][2:]).mkdir()
+        with served(folder, "gen4@1") as server:
+            ran = server.dvtcli(*words[:-1], str(tmp_path / words[-1]))
+            assert ran.returncode == 0, ran.stderr
+            tpdo1 = next(row for row in pdos(server) if row["pdo"] == "tpdo1")
+            assert [entry["object"] for entry in tpdo1["mapping"]] == ["606C:00"]
+
+
+def test_all_keys_are_listed(open_terminal: Open) -> None:
+    terminal = edited(open_terminal)
+    for key in ("?", F1):
+        terminal.type(key)
+        terminal.wait("KEYS", "F10, Ctrl-S", "Esc, Ctrl-C")
+        assert all(len(line) < 80 for line in terminal.lines)
+        terminal.type(ESCAPE)
+        terminal.until(lambda: "KEYS" not in terminal.text, "the keys gone")
+    terminal.type(TAB + TAB)
+    terminal.wait(" map: _")
+    terminal.type("?")
+    terminal.wait(" map: ?_")
+    terminal.type(F10)
+    terminal.wait("nothing to apply: the node holds what is shown")
+
+
+def test_what_is_applied_is_undone_at_the_prompt(open_terminal: Open) -> None:
+    terminal = open_terminal("--sim", "gen4")
+    terminal.wait_prompt()
+    terminal.run("edit tpdo1")
+    terminal.wait("EDIT node 1")
+    terminal.type("e")
+    terminal.wait("TPDO1 changed, not applied")
+    terminal.type(F10)
+    terminal.wait("TPDO1 set: 1 write, read back equal")
+    terminal.type(ESCAPE)
+    terminal.wait_prompt("sim/1 PRE-OP*> ")
+    terminal.run("undo")
+    terminal.wait("TPDO1 rolled back: 1 write")
+
+
+def test_undo_after_a_dry_run_hits_no_earlier_change(tmp_path: Path, open_terminal: Open) -> None:
+    with served(tmp_path, "gen4@1") as server:
+        assert server.dvtcli("-n", "1", "set", "tpdo2", "--timer", "70").returncode == 0
+        before = pdos(server)
+        terminal = open_terminal(*bus_words(server.port), "-n", "1", "--dry-run")
+        terminal.wait("DRY-RUN>")
+        terminal.run("edit tpdo1")
+        terminal.wait("EDIT node 1")
+        terminal.type("e")
+        terminal.wait("TPDO1 changed, not applied")
+        terminal.type(F10)
+        terminal.wait("nothing was written")
+        terminal.type(ESCAPE)
+        terminal.wait("DRY-RUN*>")
+        terminal.run("undo")
+        terminal.wait("dry run: TPDO1 would be")
+        assert pdos(server) == before
+
+
+@pytest.mark.parametrize(("columns", "rows"), [(80, 24), (120, 40)])
+def test_screens_look_as_they_did(request: pytest.FixtureRequest, open_terminal: Open, columns: int, rows: int) -> None:
+    terminal = edited(open_terminal, "tpdo2", columns=columns, rows=rows)
+    shown: list[str] = []
+
+    def keep(view: str, keys: str, *texts: str) -> None:
+        terminal.type(keys)
+        terminal.wait(*texts)
+        shown.append("\n".join([f"==== {view}", *terminal.lines]))
+
+    keep("frame", "", "FRAME OF TPDO2")
+    keep("changed", "d", "TPDO2 changed, not applied", "4 bytes free")
+    keep("objects", TAB + "606", " map: 606_", "> 606")
+    keep("too long", "c\r" + "606c\r" + SHIFT_TAB, "too many", "[")
+    keep("PDOs", SHIFT_TAB, "PDOS", "> ")
+    keep("keys", F1, "KEYS")
+    keep("leaving", ESCAPE + ESCAPE, "leave without?")
+    kept, now = SCREENS / f"{columns}x{rows}.txt", "\n".join(shown) + "\n"
+    if request.config.getoption("--update-transcripts"):
+        kept.write_text(now, encoding="utf-8")
+    assert now == kept.read_text(encoding="utf-8")

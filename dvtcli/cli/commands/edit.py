@@ -20,7 +20,8 @@ def command(session: Conversation, /, pdo: NodePdo | None) -> None:
     """Edit the PDOs of the node, beginning with PDO.
 
     PDOs, the frame of one, and the objects that it may map; Tab goes on to the next. Nothing is written before F10
-    (or Ctrl-S), which writes like map; F5 shows the plan, F2 saves a script, Ctrl-Z takes a step back, Esc leaves.
+    (or Ctrl-S), which does what map does; F5 shows the plan, F2 saves a script, a network file or a DCF, F1 lists the
+    keys, Esc leaves.
 
     \b
     edit

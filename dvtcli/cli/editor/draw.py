@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from dvtcli.cli.editor.model import PARAMETERS, EditedPdos
 from dvtcli.cli.screen.room import cut, filled
 from dvtcli.cli.screen.widgets import Cursor, Field
-from dvtcli.cli.view.lines import Cell, columns
+from dvtcli.cli.view.lines import Cell, broken, columns
 from dvtcli.domain.frame import layout
 from dvtcli.domain.mapping import MAX_PDO_BITS
 from dvtcli.domain.profile import Severity
@@ -42,8 +42,29 @@ _KEYS = (
     (("letters", "filter"), ("↑↓", "choose"), ("Enter", "map"), ("Tab", "PDOs")),
 )  # fmt: skip
 _ALWAYS = (
-    ("F5", "plan"), ("F10/^S", "apply"), ("F2", "save script"), ("^Z", "undo"), ("^Y", "redo"), ("Esc", "leave"),
+    ("F1", "keys"), ("F5", "plan"), ("F10/^S", "apply"), ("F2", "save"), ("^Z", "undo"), ("^Y", "redo"),
+    ("Esc", "leave"),
 )  # fmt: skip
+#: every key, for the list of F1
+ALL_KEYS = (
+    ("Tab, Shift-Tab", "next and previous pane: PDOs, frame, objects"),
+    ("up, down, wheel", "choose a row; a click chooses, too"),
+    ("Enter", "PDOs: to the frame; frame: edit the value; objects: map"),
+    ("a, r", "add an object behind the last; replace the chosen object"),
+    ("d, Delete", "remove the chosen object"),
+    ("<, >, left, right", "move the chosen object in the frame"),
+    ("s", "skip bits: add a dummy"),
+    ("l", "length of the chosen object in bits"),
+    ("e", "enable or disable the PDO"),
+    ("letters", "in the objects: filter by number, name or unit"),
+    ("Ctrl-Z, Ctrl-Y", "take a step back, and make it again"),
+    ("F5", "the plan, as map shows it"),
+    ("F10, Ctrl-S", "apply: write the changes as map does, then come back"),
+    ("F2", "save: .dvt a script, .yaml or .dcf the whole node"),
+    ("Esc, Ctrl-C", "leave; asks if a change is not applied"),
+)
+#: rows of the screen that a message or a finding may take
+_MESSAGE_ROWS = 3
 
 
 @dataclass(slots=True)
@@ -91,7 +112,7 @@ class EditorView:
 
 def picture(view: EditorView, width: int, height: int) -> Lines:
     """Return the whole screen: *height* lines of at most *width* columns."""
-    above, below = _head(view), _below(view)
+    above, below = _head(view, width), _below(view, width)
     room = max(1, height - len(above) - len(below))
     draw = (_pdo_lines, _frame_lines, _object_lines)
     if width >= SIDE_BY_SIDE:
@@ -136,35 +157,47 @@ def _w(text: str) -> int:
     return columns(text)
 
 
-def _head(view: EditorView) -> Lines:
+def _head(view: EditorView, width: int) -> Lines:
+    """Return the node and its state: of both, the state is never cut."""
     changed = view.pdos.changed()
     state = f"{', '.join(pdo.label for pdo in changed)} changed, not applied" if changed else "as the node holds it"
-    return [[Cell("EDIT ", "bold"), Cell(f"{view.title}  "), Cell(state, "yellow" if changed else "dim")]]
+    if columns(state) > width // 2:
+        state = f"{plural(len(changed), 'PDO')} changed, not applied"
+    title = cut([Cell("EDIT ", "bold"), Cell(view.title)], max(8, width - columns(state) - 2), plain=view.plain)
+    return [[*title, Cell("  "), Cell(state, "yellow" if changed else "dim")]]
 
 
-def _below(view: EditorView) -> Lines:
+def _below(view: EditorView, width: int) -> Lines:
     """Return what the rules say of the chosen PDO, the message, and the keys."""
-    message = [Cell(view.message, "red" if view.is_bad else "cyan")]
-    return [_rule_line(view), message, _key_line(_KEYS[view.pane]), _key_line(_ALWAYS)]
+    message = _rows(Cell(view.message, "red" if view.is_bad else "cyan"), width)
+    return [*_rows(_rule_line(view), width), *message, _key_line(_KEYS[view.pane]), _key_line(_ALWAYS)]
+
+
+def _rows(text: Cell, width: int) -> Lines:
+    """Return *text* in as many rows as it needs, at most `_MESSAGE_ROWS`; an empty text has a row, too."""
+    rows = broken(text.text, max(8, width)) or [""]
+    if len(rows) > _MESSAGE_ROWS:
+        rows = [*rows[: _MESSAGE_ROWS - 1], " ".join(row.strip() for row in rows[_MESSAGE_ROWS - 1 :])]
+    return [[Cell(row, text.style)] for row in rows]
 
 
 def _key_line(keys: Sequence[tuple[str, str]]) -> list[Cell]:
     return [cell for key, what in keys for cell in (Cell(f" {key}", "bold"), Cell(f" {what} "))]
 
 
-def _rule_line(view: EditorView) -> list[Cell]:
+def _rule_line(view: EditorView) -> Cell:
     if view.findings is None:
-        return [Cell("asking the rules...", "dim")]
+        return Cell("asking the rules...", "dim")
     if view.not_judged:
-        return [Cell(f"the rules could not be asked: {view.not_judged}", "red")]
+        return Cell(f"the rules could not be asked: {view.not_judged}", "red")
     found = view.findings.get(view.pdo, ())
     if not found:
         others = [pdo.label for pdo, findings in view.findings.items() if findings]
-        return [Cell(f"the rules also say something of {', '.join(others)}" if others else "", "yellow")]
+        return Cell(f"the rules also say something of {', '.join(others)}" if others else "", "yellow")
     first = max(found, key=lambda finding: finding.severity is Severity.ERROR)
     more = f"  (+{len(found) - 1})" if len(found) > 1 else ""
     style = "red" if first.severity is Severity.ERROR else "yellow"
-    return [Cell(f"{first.place}: {first.text} [{first.rule}]{more}", style)]
+    return Cell(f"{first.place}: {first.text} [{first.rule}]{more}", style)
 
 
 def _pdo_lines(view: EditorView, width: int, room: int) -> Lines:
@@ -243,9 +276,9 @@ def _entry_line(view: EditorView, number: int, width: int) -> list[Cell]:
     name = "(skipped)" if entry.is_dummy else named.name
     chosen = view.frame_cursor.chosen == number
     letter = "." if entry.is_dummy else _LETTERS[number % len(_LETTERS)]
-    room = max(8, width - 24 - len(named.value))
+    room = max(8, width - 25 - len(named.value))
     return [
-        Cell("> " if chosen else "  ", "cyan"), Cell(f"{letter} ", "green"), Cell(f"{where:<4}", "dim"),
+        Cell("> " if chosen else "  ", "cyan"), Cell(f"{letter} ", "green"), Cell(f"{where:<4} ", "dim"),
         Cell(f"{entry.object}/{entry.bits:<2} "), Cell(filled(name, room, plain=view.plain)),
         Cell(named.value, "yellow"),
     ]  # fmt: skip

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from prompt_toolkit.application import get_app
 from prompt_toolkit.key_binding import KeyBindings
 
-from dvtcli.cli.editor.draw import FRAME, OBJECTS, PDOS, EditorView, Named, frame_rows, pane_at, picture
+from dvtcli.cli.editor.draw import ALL_KEYS, FRAME, OBJECTS, PDOS, EditorView, Named, frame_rows, pane_at, picture
 from dvtcli.cli.editor.model import COB_ID, PARAMETERS, EditedPdos
 from dvtcli.cli.editor.object_list import ObjectList
 from dvtcli.cli.screen.beside import BesideScreen
@@ -26,7 +26,8 @@ from dvtcli.domain.rules.pdo_mapping import known_dummies
 from dvtcli.domain.shown_value import value_text
 from dvtcli.domain.text import join_some
 from dvtcli.errors import BusUnavailable, DvtcliError, UsageError
-from dvtcli.operations.pdos.edit_pdos import judge_edited, plan_edited, save_edited
+from dvtcli.operations.exchange.save_edited import save_edited
+from dvtcli.operations.pdos.edit_pdos import judge_edited, plan_edited
 from dvtcli.operations.pdos.list_pdos import last_frame
 from dvtcli.operations.values.named_objects import entry_at
 from dvtcli.operations.values.object_values import scalings_of
@@ -197,6 +198,8 @@ class Editor:
         self.say("")
         if key in _ALWAYS:
             _ALWAYS[key](self)
+        elif text == "?" and self.view.pane != OBJECTS:
+            self._help()
         elif self.view.pane == PDOS:
             self._press_pdos(key, text)
         elif self.view.pane == FRAME:
@@ -407,7 +410,7 @@ class Editor:
         """Show what `map` would write."""
         changed = self.pdos.changed()
         if not changed:
-            self.say("nothing is changed")
+            self.say("nothing to plan: the node holds what is shown")
             return
 
         def work() -> str:
@@ -435,24 +438,29 @@ class Editor:
 
     def _apply(self) -> None:
         if not self.pdos.changed():
-            self.say("nothing is changed")
+            self.say("nothing to apply: the node holds what is shown")
             return
         self._end(APPLY)
 
     def _save(self) -> None:
-        changed = self.pdos.changed()
-        if not changed:
-            self.say("nothing is changed: `save FILE --all` saves every PDO of the node")
-            return
-
         def done(file: str) -> str:
+            if not file:
+                return "a file name"
+            changed = self.pdos.changed()
+
             def work() -> str:
-                return save_edited(self._session, self.node.node_id, self.pdos.held, changed, file)
+                return save_edited(self._session, self.node, self.pdos.held, changed, file)
 
             self.beside.start("save", work)
-            return "" if file else "a file name"
+            return ""
 
-        self._ask("save as", "pdos.dvt", done)
+        self._ask("save as", "pdos.dvt", done, ".dvt a script of the changes; .yaml or .dcf the node with them")
+
+    def _help(self) -> None:
+        """Show the list of all keys."""
+        wide = max(len(key) for key, _ in ALL_KEYS)
+        lines = [[Cell(f"  {key:<{wide}}  ", "bold"), Cell(does)] for key, does in ALL_KEYS]
+        self._dialogs.append(TextDialog("KEYS", lines, "f1"))
 
     def _leave(self) -> None:
         """Leave; with changes after a question."""
@@ -478,6 +486,7 @@ class Editor:
 _ALWAYS: Mapping[str, Callable[[Editor], None]] = {
     "tab": lambda editor: editor._next_pane(1),  # noqa: SLF001
     "s-tab": lambda editor: editor._next_pane(-1),  # noqa: SLF001
+    "f1": Editor._help,  # noqa: SLF001
     "f5": Editor._plan,  # noqa: SLF001
     "f10": Editor._apply,  # noqa: SLF001
     "c-s": Editor._apply,  # noqa: SLF001

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.change_guard import who_else
@@ -11,12 +10,10 @@ from dvtcli.device.proposal import proposal
 from dvtcli.domain.hint import as_hint
 from dvtcli.domain.plan import Plan, plan_pdo
 from dvtcli.domain.rules import check_pdo
-from dvtcli.domain.script_line import change_lines
 from dvtcli.domain.text import join_some
 from dvtcli.errors import SafetyRefusal
 from dvtcli.operations.changes.change import configure, names, understood
 from dvtcli.operations.results import Changed
-from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of, script_of_lines
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -26,6 +23,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.session.session_nodes import SessionNodes
 
+#: PDOs with their configurations
 Configs = Mapping["Pdo", "PdoConfig"]
 
 
@@ -38,7 +36,7 @@ def plan_edited(session: Session, node_id: int, held: Configs, changed: Configs)
     """Return what `map` would write, tried on the node's twin; under --dry-run planned only, as the twin stays."""
     if session.dry_run:
         node = session.node(node_id)
-        plan = _plan(node_id, held, changed)
+        plan = edited_plan(node_id, held, changed)
         said = names(node, plan.changes), understood(node, plan.changes)
         findings = tuple(finding for found in judge_edited(node, held, changed).values() for finding in found)
         return Changed(node_id, plan, findings, dry_run=True, seconds=0.0, names=said[0], understood=said[1])
@@ -59,14 +57,6 @@ def apply_edited(session: SessionNodes, node: Node, held: Configs, changed: Conf
     return configure(session, node, changed)
 
 
-def save_edited(session: SessionNodes, node_id: int, held: Configs, changed: Configs, file: str) -> str:
-    """Write a script that makes the changes to *file*; returns what was written. Asks before it overwrites."""
-    path: Path = place_of(file)
-    ask_before_overwriting(session, path)
-    lines = change_lines(_plan(node_id, held, changed))
-    make_file(session, path, script_of_lines(session, node_id, lines))
-    return f"{path}: a script of {len(lines)} lines"
-
-
-def _plan(node_id: int, held: Configs, changed: Configs) -> Plan:
+def edited_plan(node_id: int, held: Configs, changed: Configs) -> Plan:
+    """Return the writes that make the *changed* PDOs of what the node *held*."""
     return Plan(node_id, tuple(plan_pdo(pdo, held[pdo], want) for pdo, want in changed.items()))
