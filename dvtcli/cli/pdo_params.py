@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -79,6 +80,16 @@ def _known_pdos(session: SessionNodes, node_id: int | None) -> list[tuple[str, s
         return f"{state}, {words}, {64 - config.bits} bits free"
 
     return [(str(pdo), text(pdo)) for pdo in node.present_known()]
+
+
+class PdoOrFile(PdoType):
+    """A PDO, or the name of a file that has a suffix."""
+
+    name = "pdo or file"
+
+    def parse(self, text: str, ctx: click.Context | None) -> Any:
+        """Return the PDO, or the name of the file."""
+        return text if Path(text).suffix else super().parse(text, ctx)
 
 
 class EditOrPdo(PdoType):

@@ -1,4 +1,4 @@
-"""Edit a node's PDOs on the full screen: map, move, set, see the rules, then write like `map`."""
+"""Edit the PDOs of a node or a file on the full screen: map, move, set, see the rules, then write like `map`."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.pdo_params import PDO, NodePdo
+from dvtcli.cli.pdo_params import NodePdo, PdoOrFile
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
 
 
 @click.command("edit", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
-@click.argument("pdo", type=PDO, required=False)
+@click.argument("what", type=PdoOrFile(), required=False, metavar="[PDO|FILE]")
 @click.pass_obj
-def command(session: Conversation, /, pdo: NodePdo | None) -> None:
-    """Edit the PDOs of the node, beginning with PDO.
+def command(session: Conversation, /, what: NodePdo | str | None) -> None:
+    """Edit the PDOs of the node, beginning with PDO, or those of a network file or a DCF without a bus.
 
     PDOs, the frame of one, and the objects that it may map; Tab goes on to the next. Nothing is written before F10
     (or Ctrl-S), which does what map does; F5 shows the plan, F2 saves a script, a network file or a DCF, F1 lists the
@@ -27,7 +27,14 @@ def command(session: Conversation, /, pdo: NodePdo | None) -> None:
     edit
     edit tpdo1
     edit 5:rpdo2
+    edit net.yaml       its nodes by their EDS or family; F10 writes the file
+    edit node5.dcf
     """
+    if isinstance(what, str):
+        from dvtcli.cli.editor.file_loop import edit_file
+
+        edit_file(session, what)
+        return
     from dvtcli.cli.editor.edit_loop import edit
 
-    edit(session, pdo)
+    edit(session, what)

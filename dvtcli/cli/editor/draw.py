@@ -56,10 +56,11 @@ ALL_KEYS = (
     ("s", "skip bits: add a dummy"),
     ("l", "length of the chosen object in bits"),
     ("e", "enable or disable the PDO"),
+    ("n", "another node of the network file"),
     ("letters", "in the objects: filter by number, name or unit"),
     ("Ctrl-Z, Ctrl-Y", "take a step back, and make it again"),
     ("F5", "the plan, as map shows it"),
-    ("F10, Ctrl-S", "apply: write the changes as map does, then come back"),
+    ("F10, Ctrl-S", "apply: write the changes as map does, or the file, then come back"),
     ("F2", "save: .dvt a script, .yaml or .dcf the whole node"),
     ("Esc, Ctrl-C", "leave; asks if a change is not applied"),
 )
@@ -98,6 +99,11 @@ class EditorView:
     message: str = ""
     is_bad: bool = False
     plain: bool = False
+    #: whether a file is edited, without a bus; and whether it has several nodes
+    of_file: bool = False
+    has_nodes: bool = False
+    #: the file's bus load and findings in a line
+    status: str = ""
 
     @property
     def pdo(self) -> Pdo:
@@ -160,9 +166,10 @@ def _w(text: str) -> int:
 def _head(view: EditorView, width: int) -> Lines:
     """Return the node and its state: of both, the state is never cut."""
     changed = view.pdos.changed()
-    state = f"{', '.join(pdo.label for pdo in changed)} changed, not applied" if changed else "as the node holds it"
+    done, held = ("written", "as the file has it") if view.of_file else ("applied", "as the node holds it")
+    state = f"{', '.join(pdo.label for pdo in changed)} changed, not {done}" if changed else held
     if columns(state) > width // 2:
-        state = f"{plural(len(changed), 'PDO')} changed, not applied"
+        state = f"{plural(len(changed), 'PDO')} changed, not {done}"
     title = cut([Cell("EDIT ", "bold"), Cell(view.title)], max(8, width - columns(state) - 2), plain=view.plain)
     return [[*title, Cell("  "), Cell(state, "yellow" if changed else "dim")]]
 
@@ -170,7 +177,10 @@ def _head(view: EditorView, width: int) -> Lines:
 def _below(view: EditorView, width: int) -> Lines:
     """Return what the rules say of the chosen PDO, the message, and the keys."""
     message = _rows(Cell(view.message, "red" if view.is_bad else "cyan"), width)
-    return [*_rows(_rule_line(view), width), *message, _key_line(_KEYS[view.pane]), _key_line(_ALWAYS)]
+    keys = [("F10/^S", "write") if view.of_file and key == "F10/^S" else (key, does) for key, does in _ALWAYS]
+    own = (*_KEYS[view.pane], *((("n", "node"),) if view.has_nodes and view.pane == PDOS else ()))
+    status = _rows(Cell(view.status, "dim"), width) if view.of_file else []
+    return [*status, *_rows(_rule_line(view), width), *message, _key_line(own), _key_line(keys)]
 
 
 def _rows(text: Cell, width: int) -> Lines:

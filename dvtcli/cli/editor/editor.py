@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from prompt_toolkit.application import get_app
 from prompt_toolkit.key_binding import KeyBindings
@@ -15,7 +15,7 @@ from dvtcli.cli.editor.object_list import ObjectList
 from dvtcli.cli.screen.beside import BesideScreen
 from dvtcli.cli.screen.full_screen import bind_all, show
 from dvtcli.cli.screen.room import cut
-from dvtcli.cli.screen.widgets import Dialog, FieldDialog, Question, TextDialog
+from dvtcli.cli.screen.widgets import Choices, Dialog, FieldDialog, Question, TextDialog
 from dvtcli.cli.view.lines import Cell, Line, broken, columns
 from dvtcli.cli.view.paint import with_hints
 from dvtcli.cli.view.renderers import remarks, text
@@ -40,20 +40,52 @@ if TYPE_CHECKING:
     from dvtcli.operations.results import Changed
 
 #: what the user left the screen for
-APPLY, LEAVE = "apply", "leave"
+APPLY, LEAVE, NODE = "apply", "leave", "node"
 #: maximum wait for the rules when the screen is left (s)
 _LEAVE_S = 10.0
 _DUMMY_HINT = "bits to skip, as 8 or 16"
 
 
-class Editor:
-    """The PDOs of *node* while they are edited; *message* stands below at first."""
+class FileOfNodes(Protocol):
+    """A file of which an editor shows a node."""
 
-    def __init__(self, session: Conversation, node: Node, chosen: Pdo | None) -> None:
-        self._session, self.node = session, node
+    @property
+    def name(self) -> str:
+        """The file as named by the user."""
+        ...
+
+    @property
+    def nodes(self) -> Sequence[tuple[int, str]]:
+        """The node-IDs with the names of their nodes."""
+        ...
+
+    def changed(self) -> Sequence[str]:
+        """The changed PDOs of all nodes, in words."""
+        ...
+
+    def judge(self, node_id: int, changed: Mapping[Pdo, PdoConfig]) -> tuple[Mapping[Pdo, Sequence[Finding]], str]:
+        """Return what the rules say of a node with its *changed* PDOs, and the state of the file in a line."""
+        ...
+
+    def save(self, session: Conversation, file: str) -> str | None:
+        """Write all as *file*; returns what was written, None if its suffix is another format's."""
+        ...
+
+
+class Editor:
+    """The PDOs of *node* while they are edited, of a *file* if they are; *chosen* is shown first."""
+
+    def __init__(self, session: Conversation, node: Node, chosen: Pdo | None, file: FileOfNodes | None = None) -> None:
+        self._session, self.node, self._file = session, node, file
         self.pdos = EditedPdos(node.pdos())
         order = list(self.pdos.held)
-        self.view = EditorView(f'node {node.node_id} "{node.title}"', self.pdos, order, plain=session.output.plain)
+        title = f'{"" if file is None else f"{file.name}  "}node {node.node_id} "{node.title}"'
+        self.view = EditorView(
+            title, self.pdos, order, plain=session.output.plain, of_file=file is not None,
+            has_nodes=file is not None and len(file.nodes) > 1,
+        )  # fmt: skip
+        #: the node chosen next, with the outcome `NODE`
+        self.next_node = node.node_id
         if chosen is not None:
             self.view.pdo_cursor.chosen = order.index(chosen)
             self.view.pane = FRAME
@@ -155,7 +187,10 @@ class Editor:
                 with self.beside.turn:
                     if self._leaving:
                         return
-                    self._found = judge_edited(self.node, self.pdos.held, changed)
+                    if self._file is None:
+                        self._found = judge_edited(self.node, self.pdos.held, changed)
+                    else:
+                        self._found, self.view.status = self._file.judge(self.node.node_id, changed)
                 self.view.not_judged = ""
             except DvtcliError as failed:
                 self.view.not_judged = error_text(failed)
@@ -200,6 +235,8 @@ class Editor:
             _ALWAYS[key](self)
         elif text == "?" and self.view.pane != OBJECTS:
             self._help()
+        elif text == "n" and self.view.has_nodes and self.view.pane != OBJECTS:
+            self._choose_node()
         elif self.view.pane == PDOS:
             self._press_pdos(key, text)
         elif self.view.pane == FRAME:
@@ -437,10 +474,29 @@ class Editor:
         return [shown] if isinstance(shown, Cell) else list(shown)
 
     def _apply(self) -> None:
-        if not self.pdos.changed():
-            self.say("nothing to apply: the node holds what is shown")
+        if not self._changes():
+            holder = "node holds" if self._file is None else "file has"
+            self.say(f"nothing to {'apply' if self._file is None else 'write'}: the {holder} what is shown")
             return
         self._end(APPLY)
+
+    def _changes(self) -> Sequence[str]:
+        """Return the changed PDOs in words, of all nodes of a file."""
+        return [pdo.label for pdo in self.pdos.changed()] if self._file is None else self._file.changed()
+
+    def _choose_node(self) -> None:
+        """Choose another node of the file."""
+        if self._file is None:
+            return
+        nodes = self._file.nodes
+
+        def done(number: int) -> None:
+            self.next_node = nodes[number][0]
+            self._end(NODE)
+
+        rows = [(str(number % 10) if number < 10 else " ", f"{node_id} {name}")
+                for number, (node_id, name) in enumerate(nodes, 1)]  # fmt: skip
+        self._dialogs.append(Choices("which node?", rows, done))
 
     def _save(self) -> None:
         def done(file: str) -> str:
@@ -449,7 +505,8 @@ class Editor:
             changed = self.pdos.changed()
 
             def work() -> str:
-                return save_edited(self._session, self.node, self.pdos.held, changed, file)
+                whole = None if self._file is None else self._file.save(self._session, file)
+                return whole or save_edited(self._session, self.node, self.pdos.held, changed, file)
 
             self.beside.start("save", work)
             return ""
@@ -464,7 +521,7 @@ class Editor:
 
     def _leave(self) -> None:
         """Leave; with changes after a question."""
-        changed = self.pdos.changed()
+        changed = self._changes()
         if not changed:
             self._end(LEAVE)
             return
@@ -473,8 +530,8 @@ class Editor:
             if answer:
                 self._end(LEAVE)
 
-        labels = join_some(pdo.label for pdo in changed)
-        self._dialogs.append(Question(f"{labels} changed and not applied: leave without?", answered))
+        done = "applied" if self._file is None else "written"
+        self._dialogs.append(Question(f"{join_some(changed)} changed and not {done}: leave without?", answered))
 
     def _end(self, outcome: str) -> None:
         self.outcome = outcome

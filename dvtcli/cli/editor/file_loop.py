@@ -1,0 +1,123 @@
+"""`edit FILE`: the screen for each of a file's nodes, and the file written after the screen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from dvtcli.cli.conversation import Conversation
+from dvtcli.cli.editor.editor import APPLY, LEAVE, Editor
+from dvtcli.cli.screen.full_screen import has_full_screen
+from dvtcli.cli.view.typed_hints import error_text
+from dvtcli.domain.text import join_some
+from dvtcli.errors import DvtcliError, SafetyRefusal
+from dvtcli.operations.exchange.edit_file import Edited, EditedFile, file_to_edit
+
+if TYPE_CHECKING:
+    from dvtcli.domain.pdo import Pdo, PdoConfig
+    from dvtcli.domain.rules import Finding
+
+
+def edit_file(session: Conversation, file: str) -> None:
+    """Show the editor of *file*'s nodes, simulated, until the user leaves; writes the file when it is applied.
+
+    Raises SafetyRefusal without a terminal, and the errors of reading the file.
+    """
+    if not has_full_screen(session):
+        raise SafetyRefusal("edit is a full screen, and there is no terminal", hint="a network file is text to edit")
+    node_id, message = None, ""
+    while True:
+        edited = file_to_edit(file)
+        message = "; ".join(filter(None, (message, *edited.notes)))
+        with _simulated(session, edited) as inner:
+            nodes = FileNodes(inner, edited)
+            editor, written = _shown(session, nodes, nodes.editor(node_id), message)
+            if not written:
+                if left := nodes.changed():
+                    session.reporter.note(f"{file}: {join_some(left)} left as it was")
+                return
+            node_id, message = editor.node.node_id, written
+
+
+@contextmanager
+def _simulated(session: Conversation, edited: EditedFile) -> Iterator[Conversation]:
+    """Give a conversation whose simulated nodes hold what *edited* says; nothing of it reaches a bus."""
+    call, options = session.output.call, session.options
+    inner = Conversation(session.output)
+    inner.base = inner.options = edited.options._replace(
+        color=options.color, ascii=options.ascii, verbose=0, quiet=options.quiet, format=options.format
+    )
+    inner.started, inner.cancellation = True, session.cancellation
+    try:
+        edited.fill(inner)
+        yield inner
+    finally:
+        inner.close()
+        session.output.call = call
+
+
+class FileNodes:
+    """The nodes of a file, simulated in *session*, each with its editor once it was chosen."""
+
+    def __init__(self, session: Conversation, edited: EditedFile) -> None:
+        self._session, self._edited = session, edited
+        self._editors: dict[int, Editor] = {}
+        self.name = edited.file
+        ids = session.open_network().simulated_ids
+        self.nodes: Sequence[tuple[int, str]] = [(node_id, session.node(node_id).title) for node_id in ids]
+
+    def editor(self, node_id: int | None) -> Editor:
+        """Return the editor of a node, None for the first."""
+        found = self.nodes[0][0] if node_id is None else node_id
+        if found not in self._editors:
+            self._editors[found] = Editor(self._session, self._session.node(found), None, self)
+        return self._editors[found]
+
+    def changed(self) -> list[str]:
+        """Return the changed PDOs of all nodes, as `5:tpdo1`."""
+        return [f"{node_id}:{pdo}" for node_id, editor in self._editors.items() for pdo in editor.pdos.changed()]
+
+    def edited(self) -> dict[int, Edited]:
+        """Return the nodes with changes."""
+        return {
+            node_id: Edited(editor.node, editor.pdos.held, changed)
+            for node_id, editor in self._editors.items()
+            if (changed := editor.pdos.changed())
+        }
+
+    def judge(self, node_id: int, changed: Mapping[Pdo, PdoConfig]) -> tuple[Mapping[Pdo, Sequence[Finding]], str]:
+        """Return what the rules say of a node with its *changed* PDOs, and the state of the file in a line."""
+        editor, edited = self.editor(node_id), self.edited()
+        judged = self._edited.judge({**edited, node_id: Edited(editor.node, editor.pdos.held, changed)})
+        return judged.findings.get(node_id, {}), judged.status
+
+    def save(self, session: Conversation, file: str) -> str | None:
+        """Write all nodes as *file*, if it is of the same format; returns what was written."""
+        if _suffix(file) != _suffix(self.name):
+            return None
+        return self._edited.write(session, self.edited(), file)
+
+
+def _suffix(file: str) -> str:
+    return file.lower().rpartition(".")[2].replace("yml", "yaml")
+
+
+def _shown(session: Conversation, nodes: FileNodes, editor: Editor, message: str) -> tuple[Editor, str]:
+    """Show editors until the user leaves, or the file is written; returns the last one, and what was written."""
+    editor.say(message)
+    while (outcome := editor.run()) != LEAVE:
+        if outcome != APPLY:
+            editor = nodes.editor(editor.next_node)
+            editor.say("")
+        elif session.dry_run:
+            editor.say(f"dry run: {join_some(nodes.changed())} would be written, nothing was")
+        else:
+            try:
+                return editor, nodes.save(session, nodes.name) or ""
+            except DvtcliError as failed:
+                if session.cancellation.requested:
+                    raise
+                session.output.error(failed)
+                editor.say(f"not written: {error_text(failed)}", bad=True)
+    return editor, ""

@@ -1,0 +1,313 @@
+"""Edit the PDOs of a network file's nodes, or of a DCF, without a bus: simulated nodes hold what the file says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.network.bus_need import bus_need
+from dvtcli.domain.network.frame_streams import streams_of
+from dvtcli.domain.network.network_config import NodeConfig, PartialPdoConfig
+from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.profile import Severity
+from dvtcli.domain.rules.finding import Finding
+from dvtcli.domain.text import join_some, plural
+from dvtcli.errors import RuleError, UsageError
+from dvtcli.files.dcf.write_dcf import Commissioned, write_dcf
+from dvtcli.files.eds.ini import MOST_BYTES
+from dvtcli.files.input_file import read_input
+from dvtcli.files.network.read_network import network_text, read_network
+from dvtcli.files.network.write_network import write_network
+from dvtcli.operations.changes.change import configure
+from dvtcli.operations.devices.read_whole_device import described
+from dvtcli.operations.exchange.export_network import SUFFIXES as NETWORK_SUFFIXES
+from dvtcli.operations.exchange.export_network import mapped_word
+from dvtcli.operations.network.check_networks import CheckOptions, judged_file
+from dvtcli.operations.network.described_network import described_network, simulation_of, words_of
+from dvtcli.operations.network.network_load import USUAL_BIT_RATE
+from dvtcli.operations.pdos.edit_pdos import Configs, edited_plan, judge_edited
+from dvtcli.operations.plans.read_network_config import read_network_config
+from dvtcli.operations.session.save_script import make_file, place_of
+from dvtcli.operations.user.options import Options
+
+if TYPE_CHECKING:
+    from dvtcli.device.node import Node
+    from dvtcli.domain.network.network_config import NetworkConfig
+    from dvtcli.domain.network.network_state import NetworkState
+    from dvtcli.domain.pdo import PdoConfig
+    from dvtcli.domain.profile import ObjectAddress
+    from dvtcli.operations.session.session import Session
+    from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
+
+#: suffixes of the files that can be edited
+FILE_SUFFIXES = (*NETWORK_SUFFIXES, ".dcf")
+
+
+@dataclass(frozen=True, slots=True)
+class Edited:
+    """The PDOs of a node as the file *held* them, and those that are *changed*."""
+
+    node: Node
+    held: Configs
+    changed: Configs
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """What the rules say of a file's nodes by node-ID and PDO, and its *status* in a line."""
+
+    findings: Mapping[int, Mapping[Pdo, tuple[Finding, ...]]]
+    status: str = ""
+
+
+class EditedFile(Protocol):
+    """A file whose PDOs are edited."""
+
+    @property
+    def file(self) -> str:
+        """The file as named by the user."""
+        ...
+
+    @property
+    def options(self) -> Options:
+        """The options of a session with simulated nodes for the file's nodes."""
+        ...
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What of the file is not edited."""
+        ...
+
+    def fill(self, session: Session) -> None:
+        """Let the simulated nodes of *session* hold what the file says."""
+        ...
+
+    def judge(self, edited: Mapping[int, Edited]) -> Judged:
+        """Return what the rules say of the file with the *edited* nodes."""
+        ...
+
+    def write(self, session: SessionUser, edited: Mapping[int, Edited], file: str) -> str:
+        """Write the file with the *edited* nodes as *file*; returns what was written. Asks before it overwrites."""
+        ...
+
+
+def file_to_edit(file: str) -> EditedFile:
+    """Read *file*, a network file or a DCF; raises UsageError for another suffix, and the errors of reading it."""
+    name = file.lower()
+    if name.endswith(NETWORK_SUFFIXES):
+        return EditedNetwork(file, read_network_config(file))
+    if name.endswith(".dcf"):
+        return EditedDcf(file)
+    raise UsageError(f"{file}: edit takes a PDO, a network file (.yaml) or a DCF (.dcf)", place=file)
+
+
+class EditedNetwork:
+    """A network file as *config*; nodes without a description are kept, and not edited."""
+
+    def __init__(self, file: str, config: NetworkConfig) -> None:
+        self.file, self._config = file, config
+        self._words = words_of(file, config)
+        if not self._words:
+            raise UsageError(
+                f"{file}: no EDS is known of its nodes, so nothing says which PDOs they have",
+                place=file,
+                hint="`dcf:` beside a node_id names one",
+            )
+
+    @property
+    def options(self) -> Options:
+        """The options that simulate the described nodes."""
+        return simulation_of(self._words, force=True)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The nodes that are not edited."""
+        others = [str(node.node_id) for node in self._config.nodes if node.node_id not in self._words]
+        return (f"no EDS is known of node {', '.join(others)}: kept as the file has it, not edited",) if others else ()
+
+    def fill(self, session: Session) -> None:
+        """Let the nodes hold the file's PDOs; raises UsageError if the file wants what cannot be made."""
+        session.bus.read_at_once()
+        try:
+            state = described_network(self.file, config=self._config)
+            for node_id in self._words:
+                _hold(session, session.node(node_id), state)
+        except RuleError as refused:
+            raise UsageError(
+                f"{self.file} wants what its nodes refuse: {refused.text}",
+                place=self.file,
+                why=refused.why,
+                hint=Hint(Action.CHECK, {"file": self.file}, "{} lists it; mend it first"),
+            ) from refused
+
+    def judge(self, edited: Mapping[int, Edited]) -> Judged:
+        """Return the findings of `check`, and the worst-case bus load."""
+        config, _remarks = self._with(edited)
+        state, found = judged_file(self.file, config, CheckOptions())
+        findings: dict[int, dict[Pdo, tuple[Finding, ...]]] = {node.node_id: {} for node in config.nodes}
+        shown = [one for one in found if not one.is_aside and one.severity != Severity.NOTE]
+        for row in shown:
+            if row.node in findings and row.pdo is not None:
+                pdo, of_node = Pdo.parse(row.pdo), findings[row.node]
+                finding = Finding(row.rule, Severity(row.severity), row.object or pdo.label, row.text)
+                of_node[pdo] = (*of_node.get(pdo, ()), finding)
+        errors = sum(row.severity == Severity.ERROR for row in shown)
+        counts = f"check: {plural(errors, 'error')}, {plural(len(shown) - errors, 'warning')}"
+        return Judged(findings, f"{_load_text(state)}; {counts}")
+
+    def write(self, session: SessionUser, edited: Mapping[int, Edited], file: str) -> str:
+        """Write all nodes; says before what of the old file is lost."""
+        path = place_of(file, "NAME.yaml")
+        config, remarks = self._with(edited)
+        text = write_network(config, "", remarks)
+        lost = list(_lost(network_text(self.file), config, read_network(text, str(path))))
+        _ask(session, path, lost)
+        make_file(session, path, text)
+        return f"{path}: {_pdos_text(edited)} written"
+
+    def _with(self, edited: Mapping[int, Edited]) -> tuple[NetworkConfig, dict[tuple[int, str], str]]:
+        """Return the file's configuration with the *edited* nodes, and remarks on new words."""
+        remarks: dict[tuple[int, str], str] = {}
+        nodes = []
+        for node in self._config.nodes:
+            new = edited.get(node.node_id)
+            nodes.append(node if new is None else _node_with(node, new, remarks))
+        return replace(self._config, nodes=tuple(nodes)), remarks
+
+
+def _hold(session: SessionNodes, node: Node, state: NetworkState) -> None:
+    """Let the simulated *node* hold its PDOs of *state*."""
+    now, wanted = node.pdos(), state.node(node.node_id)
+    changes: dict[Pdo, PdoConfig] = {}
+    for pdo, config in (wanted.pdos if wanted is not None else {}).items():
+        held = now.get(pdo)
+        if held is None:
+            continue
+        if config.communication.transmission_type is None:  # the file's EDS has no default
+            kind = held.communication.transmission_type
+            config = replace(config, communication=replace(config.communication, transmission_type=kind))  # noqa: PLW2901
+        if config != held:
+            changes[pdo] = config
+    if changes:
+        configure(session, node, changes)
+
+
+def _node_with(node: NodeConfig, edited: Edited, remarks: dict[tuple[int, str], str]) -> NodeConfig:
+    """Return *node* with the parameters that *edited* changes; the others stay as the file has them."""
+    said = {config.pdo: config for config in node.pdos}
+    words: dict[str, str] = {}
+    for pdo, config in edited.changed.items():
+        said[pdo] = _pdo_with(said.get(pdo, PartialPdoConfig(pdo)), edited, edited.held[pdo], config, words)
+    remarks |= {(node.node_id, word): text for word, text in words.items()}
+    return replace(node, pdos=tuple(said[pdo] for pdo in sorted(said)))
+
+
+def _pdo_with(
+    said: PartialPdoConfig, edited: Edited, held: PdoConfig, config: PdoConfig, words: dict[str, str]
+) -> PartialPdoConfig:
+    """Return *said* with what *config* has otherwise than *held*."""
+    before, after = held.communication, config.communication
+    changes: dict[str, object] = {}
+    if config.enabled != held.enabled:
+        changes["enabled"] = config.enabled
+    if (after.cob_id.can_id, after.cob_id.extended) != (before.cob_id.can_id, before.cob_id.extended):
+        changes |= {"cob_id": after.cob_id.can_id, "extended": after.cob_id.extended}
+        if not after.cob_id.rtr_allowed:
+            changes["rtr_allowed"] = False
+    for name in ("transmission_type", "inhibit_time", "event_timer", "sync_start_value"):
+        if getattr(after, name) != getattr(before, name):
+            changes[name] = getattr(after, name)
+    if config.mapping != held.mapping:
+        changes["mapping"] = tuple(mapped_word(edited.node, entry, words) for entry in config.mapping)
+    return replace(said, **changes)  # type: ignore[arg-type]
+
+
+def _load_text(state: NetworkState) -> str:
+    rate = state.bit_rate or USUAL_BIT_RATE
+    need = bus_need(streams_of(state), rate)
+    share = f"bus load {float(need.limited) * 100:.1f} % at {rate // 1000} kbit/s"
+    unlimited = f" and {plural(len(need.unlimited), 'unlimited frame')}" if need.total is None else ""
+    return f"{share}{'' if state.bit_rate else ' (assumed)'}{unlimited}"
+
+
+def _lost(old: str, config: NetworkConfig, written: NetworkConfig) -> Iterator[str]:
+    """Name what *config*, once *written* instead of the text *old*, has no more.
+
+    Raises UsageError if it is more than comments, keys that dvtcli does not use, and the bit rate of the master.
+    """
+    comments = sum(line.lstrip().startswith("#") or " #" in line for line in old.splitlines())
+    if comments:
+        yield plural(comments, "comment")
+    kept = {note.text for note in written.notes}
+    yield from dict.fromkeys(note.text for note in config.notes if note.text not in kept)
+    master = config.master
+    if master is not None and written.master is not None and master.bit_rate != written.master.bit_rate:
+        yield f"the bit rate, {master.bit_rate} bit/s"
+        master = replace(master, bit_rate=written.master.bit_rate)
+    if replace(config, master=master) != written:
+        names = [node.name for node, new in zip(config.nodes, written.nodes, strict=False) if node != new]
+        raise UsageError(
+            f"not written: the file would not say the same of {join_some(names) or 'its links or options'}",
+            hint="change the text of the file instead",
+        )
+
+
+def _ask(session: SessionUser, path: Path, lost: list[str]) -> None:
+    if path.exists():
+        without = f", which loses {join_some(lost)}" if lost else ""
+        session.consent(f"{path} exists; overwrite it{without}?")
+
+
+def _pdos_text(edited: Mapping[int, Edited]) -> str:
+    return join_some(f"{node_id}:{pdo}" for node_id, one in sorted(edited.items()) for pdo in one.changed)
+
+
+class EditedDcf:
+    """A DCF, whose values of PDOs are edited."""
+
+    notes: tuple[str, ...] = ()
+
+    def __init__(self, file: str) -> None:
+        self.file = file
+
+    @property
+    def options(self) -> Options:
+        """The options that simulate the DCF's device."""
+        return Options(sim=(str(Path(self.file)),), force=True)
+
+    def fill(self, session: Session) -> None:
+        """Do nothing: a simulated device holds the values of its DCF."""
+        session.bus.read_at_once()
+
+    def judge(self, edited: Mapping[int, Edited]) -> Judged:
+        """Return the findings of `map`."""
+        return Judged({node_id: judge_edited(one.node, one.held, one.changed) for node_id, one in edited.items()})
+
+    def write(self, session: SessionUser, edited: Mapping[int, Edited], file: str) -> str:
+        """Write the values that the edited PDOs come to; every other value and text of the DCF stays."""
+        path = place_of(file, "NAME.dcf")
+        data = read_input(Path(self.file), MOST_BYTES, "DCF")
+        (one,) = edited.values()
+        node_id, info = one.node.node_id, one.node.identity()
+        values: dict[ObjectAddress, bytes] = {}
+        for entry in described(one.node).entries():
+            told = replace(entry, default=None).initial(node_id)
+            if told is not None:
+                values[entry.index, entry.sub_index] = told
+        for _change, step in edited_plan(node_id, one.held, one.changed).steps_in_order():
+            values[step.index, step.sub_index] = step.after
+        device = Commissioned(
+            path.name, node_id, datetime.now().astimezone(), serial=info["serial"], revision=info["revision"]
+        )
+        text = write_dcf(data, Path(self.file).name, values, device)
+        if text.left_out:
+            out = join_some(f"{index:04X}:{sub:02X} ({why})" for (index, sub), why in text.left_out.items())
+            raise UsageError(f"{path} is not written: it cannot have {out}", place=str(path))
+        _ask(session, path, [])
+        make_file(session, path, text.data)
+        return f"{path}: {_pdos_text(edited)} written"
