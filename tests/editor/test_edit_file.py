@@ -190,3 +190,25 @@ def test_a_file_that_cannot_be_edited_is_refused(
     terminal = open_terminal("edit", name, columns=120)
     assert terminal.ended()
     assert said in " ".join(terminal.text.split())
+
+
+def test_a_tpdo_is_linked_to_an_rpdo_which_skips_what_it_does_not_receive(tmp_path: Path, open_terminal: Open) -> None:
+    terminal = opened(tmp_path, open_terminal)
+    terminal.type("L")
+    terminal.wait("TPDO1 to which RPDO?", "6:rpdo1  6040:00", "6:rpdo3  maps nothing")
+    terminal.type("3")
+    terminal.wait("6:rpdo3 maps nothing", "[link-consumer]")
+    terminal.type("L")
+    terminal.wait("TPDO1 to which RPDO?")
+    terminal.type("1")
+    terminal.wait("6:rpdo1 receives 5:tpdo1 with 0x185", "[link-command]")
+    terminal.type("n2")
+    terminal.wait("RPDO1 changed, not written")
+    terminal.row("RPDO1 ", "0x185", "6 B  6040:00 0007:00")
+    terminal.type(F2)
+    fill(terminal, "save as", "linked.yaml")
+    terminal.wait("linked.yaml: 6:rpdo1 written")
+    made = pdo_of(read_network_config(str(tmp_path / "linked.yaml")), 6, "rpdo1")
+    assert (made.cob_id, made.enabled) == (0x185, True)
+    assert [word.text for word in made.mapping or ()] == ["controlword", "0007:00/32"]
+    terminal.type(ESCAPE)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from dvtcli.cli.editor.model import PARAMETERS, EditedPdos
 from dvtcli.cli.screen.room import cut, filled
 from dvtcli.cli.screen.widgets import Cursor, Field
 from dvtcli.cli.view.lines import Cell, broken, columns
 from dvtcli.domain.frame import layout
-from dvtcli.domain.mapping import MAX_PDO_BITS
+from dvtcli.domain.mapping import MAX_PDO_BITS, SAM_MPDO
 from dvtcli.domain.profile import Severity
 from dvtcli.domain.text import plural
 
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from dvtcli.cli.editor.object_list import Offer
     from dvtcli.domain.mapping import PdoMappingEntry
     from dvtcli.domain.pdo import Pdo, PdoConfig
-    from dvtcli.domain.rules import Finding
 
 #: the panes, in the order of Tab
 PDOS, FRAME, OBJECTS = range(3)
@@ -56,7 +55,7 @@ ALL_KEYS = (
     ("s", "skip bits: add a dummy"),
     ("l", "length of the chosen object in bits"),
     ("e", "enable or disable the PDO"),
-    ("n", "another node of the network file"),
+    ("n, L", "network file: another node; let an RPDO receive this TPDO"),
     ("letters", "in the objects: filter by number, name or unit"),
     ("Ctrl-Z, Ctrl-Y", "take a step back, and make it again"),
     ("F5", "the plan, as map shows it"),
@@ -76,6 +75,30 @@ class Named:
     value: str = ""
 
 
+class Remark(Protocol):
+    """What a rule says of a PDO."""
+
+    @property
+    def rule(self) -> str:
+        """The rule's name."""
+        ...
+
+    @property
+    def severity(self) -> Severity:
+        """How strongly it is meant."""
+        ...
+
+    @property
+    def place(self) -> str:
+        """The object or the PDO."""
+        ...
+
+    @property
+    def text(self) -> str:
+        """The finding in words."""
+        ...
+
+
 @dataclass(slots=True)
 class EditorView:
     """What is shown and where the cursors stand."""
@@ -93,7 +116,7 @@ class EditorView:
     offers: Sequence[Offer] = ()
     names: Mapping[PdoMappingEntry, Named] = field(default_factory=dict)
     #: what the rules say by PDO; None while they are asked
-    findings: Mapping[Pdo, Sequence[Finding]] | None = field(default_factory=dict)
+    findings: Mapping[Pdo, Sequence[Remark]] | None = field(default_factory=dict)
     #: why the rules could not be asked, empty if they were
     not_judged: str = ""
     message: str = ""
@@ -178,7 +201,7 @@ def _below(view: EditorView, width: int) -> Lines:
     """Return what the rules say of the chosen PDO, the message, and the keys."""
     message = _rows(Cell(view.message, "red" if view.is_bad else "cyan"), width)
     keys = [("F10/^S", "write") if view.of_file and key == "F10/^S" else (key, does) for key, does in _ALWAYS]
-    own = (*_KEYS[view.pane], *((("n", "node"),) if view.has_nodes and view.pane == PDOS else ()))
+    own = (*_KEYS[view.pane], *((("n", "node"), ("L", "link")) if view.has_nodes and view.pane == PDOS else ()))
     status = _rows(Cell(view.status, "dim"), width) if view.of_file else []
     return [*status, *_rows(_rule_line(view), width), *message, _key_line(own), _key_line(keys)]
 
@@ -222,10 +245,14 @@ def _pdo_lines(view: EditorView, width: int, room: int) -> Lines:
         lines.append([
             Cell("> " if number == view.pdo_cursor.chosen else "  ", "cyan"), Cell(mark, "red" if bad else "yellow"),
             Cell(f"{pdo.label:<7} "), Cell(state, "green" if config.enabled else "dim"),
-            Cell(f" {'' if kind is None else kind:>3} {(config.bits + 7) // 8} B"),
+            Cell(f" {'' if kind is None else kind:>3} {'MPDO' if config.mpdo is not None else _size(config)}"),
             Cell(f"  {' '.join(entry.object for entry in config.mapping)}" if width > _WITH_OBJECTS else "", "dim"),
         ])  # fmt: skip
     return lines
+
+
+def _size(config: PdoConfig) -> str:
+    return f"{(config.bits + 7) // 8} B"
 
 
 def frame_rows(config: PdoConfig) -> int:
@@ -255,6 +282,9 @@ def _frame_lines(view: EditorView, width: int, room: int) -> Lines:
 def _free_line(config: PdoConfig, free: int) -> list[Cell]:
     """Return the state of the PDO, and how much of its frame is free or too much."""
     state = Cell("  enabled, " if config.enabled else "  off, ", "bold")
+    if config.mpdo is not None:
+        way = "SAM, source addressing" if config.mpdo == SAM_MPDO else "DAM, destination addressing"
+        return [state, Cell(f"multiplexed PDO ({way})", "yellow")]
     over = config.bits - MAX_PDO_BITS
     if over > 0:
         return [state, Cell(f"{plural(over, 'bit')} too many", "red")]

@@ -21,6 +21,7 @@ from dvtcli.cli.view.paint import with_hints
 from dvtcli.cli.view.renderers import remarks, text
 from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.domain.mapping import DUMMY_BITS, PdoMappingEntry, split_dummy
+from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.object_syntax import Skipped
 from dvtcli.domain.rules.pdo_mapping import known_dummies
 from dvtcli.domain.shown_value import value_text
@@ -34,9 +35,10 @@ from dvtcli.operations.values.object_values import scalings_of
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
+    from dvtcli.cli.editor.draw import Remark
     from dvtcli.device.node import Node
+    from dvtcli.domain.network.network_config import Endpoint
     from dvtcli.domain.pdo import Pdo, PdoConfig
-    from dvtcli.domain.rules import Finding
     from dvtcli.operations.results import Changed
 
 #: what the user left the screen for
@@ -63,8 +65,16 @@ class FileOfNodes(Protocol):
         """The changed PDOs of all nodes, in words."""
         ...
 
-    def judge(self, node_id: int, changed: Mapping[Pdo, PdoConfig]) -> tuple[Mapping[Pdo, Sequence[Finding]], str]:
+    def judge(self, node_id: int, changed: Mapping[Pdo, PdoConfig]) -> tuple[Mapping[Pdo, Sequence[Remark]], str]:
         """Return what the rules say of a node with its *changed* PDOs, and the state of the file in a line."""
+        ...
+
+    def consumers(self, node_id: int) -> Sequence[tuple[Endpoint, str]]:
+        """Return the RPDOs of the other nodes, each with its objects."""
+        ...
+
+    def link(self, node_id: int, pdo: Pdo, consumer: Endpoint) -> tuple[str, bool]:
+        """Let *consumer* receive the TPDO *pdo* of a node; returns what was done or refused, and whether it is bad."""
         ...
 
     def save(self, session: Conversation, file: str) -> str | None:
@@ -95,7 +105,7 @@ class Editor:
         self._happened = node.bus.happened(node.node_id)
         self._judged: dict[Pdo, PdoConfig] | None = None
         self._judge: threading.Thread | None = None
-        self._found: Mapping[Pdo, Sequence[Finding]] = {}
+        self._found: Mapping[Pdo, Sequence[Remark]] = {}
         self._fault: BaseException | None = None
         self._beside: BesideScreen | None = None
         self._leaving = False
@@ -162,7 +172,8 @@ class Editor:
         """Yield each entry of the chosen PDO with its name, and its value if the node holds that mapping."""
         view, dictionary = self.view, self.node.dictionary
         values: Mapping[PdoMappingEntry, str] = {}
-        if view.config == self.pdos.held.get(view.pdo):
+        sends = self.node.bus.nmt_state(self.node.node_id) in (None, NmtState.OPERATIONAL)
+        if sends and view.config == self.pdos.held.get(view.pdo):
             heard = last_frame(self._session, self.node, view.pdo, view.config)
             values = {} if heard is None else {
                 entry: value_text(value, self._scalings.of(entry.index, entry.sub_index), entry.bits)
@@ -237,6 +248,8 @@ class Editor:
             self._help()
         elif text == "n" and self.view.has_nodes and self.view.pane != OBJECTS:
             self._choose_node()
+        elif text == "L" and self.view.has_nodes and self.view.pane != OBJECTS:
+            self._link()
         elif self.view.pane == PDOS:
             self._press_pdos(key, text)
         elif self.view.pane == FRAME:
@@ -483,6 +496,23 @@ class Editor:
     def _changes(self) -> Sequence[str]:
         """Return the changed PDOs in words, of all nodes of a file."""
         return [pdo.label for pdo in self.pdos.changed()] if self._file is None else self._file.changed()
+
+    def _link(self) -> None:
+        """Choose an RPDO of another node, and let it receive the chosen TPDO."""
+        pdo, file = self.view.pdo, self._file
+        if file is None or not pdo.is_tpdo:
+            self.say(f"L links a TPDO to an RPDO, and {pdo.label} is an RPDO", bad=True)
+            return
+        consumers = file.consumers(self.node.node_id)
+
+        def done(number: int) -> None:
+            said, is_bad = file.link(self.node.node_id, pdo, consumers[number][0])
+            self._judged = None
+            self.say(said, bad=is_bad)
+
+        rows = [(str(number % 10) if number < 10 else " ", f"{end.node_id}:{end.pdo}  {objects}")
+                for number, (end, objects) in enumerate(consumers, 1)]  # fmt: skip
+        self._dialogs.append(Choices(f"{pdo.label} to which RPDO?", rows, done))
 
     def _choose_node(self) -> None:
         """Choose another node of the file."""

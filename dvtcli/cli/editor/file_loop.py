@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.editor.editor import APPLY, LEAVE, Editor
 from dvtcli.cli.screen.full_screen import has_full_screen
 from dvtcli.cli.view.typed_hints import error_text
+from dvtcli.domain.network.links import LinkSide, linked
+from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.text import join_some
 from dvtcli.errors import DvtcliError, SafetyRefusal
 from dvtcli.operations.exchange.edit_file import Edited, EditedFile, file_to_edit
 
 if TYPE_CHECKING:
+    from dvtcli.cli.editor.draw import Remark
     from dvtcli.domain.pdo import Pdo, PdoConfig
-    from dvtcli.domain.rules import Finding
 
 
 def edit_file(session: Conversation, file: str) -> None:
@@ -86,11 +89,41 @@ class FileNodes:
             if (changed := editor.pdos.changed())
         }
 
-    def judge(self, node_id: int, changed: Mapping[Pdo, PdoConfig]) -> tuple[Mapping[Pdo, Sequence[Finding]], str]:
+    def judge(self, node_id: int, changed: Mapping[Pdo, PdoConfig]) -> tuple[Mapping[Pdo, Sequence[Remark]], str]:
         """Return what the rules say of a node with its *changed* PDOs, and the state of the file in a line."""
         editor, edited = self.editor(node_id), self.edited()
         judged = self._edited.judge({**edited, node_id: Edited(editor.node, editor.pdos.held, changed)})
         return judged.findings.get(node_id, {}), judged.status
+
+    def consumers(self, node_id: int) -> list[tuple[Endpoint, str]]:
+        """Return the RPDOs of the other nodes, each with its objects."""
+        return [
+            (Endpoint(other_id, pdo), " ".join(entry.object for entry in config.mapping) or "maps nothing")
+            for other_id, _ in self.nodes
+            if other_id != node_id
+            for pdo, config in self.editor(other_id).pdos.now.items()
+            if not pdo.is_tpdo
+        ]
+
+    def link(self, node_id: int, pdo: Pdo, consumer: Endpoint) -> tuple[str, bool]:
+        """Let *consumer* receive the TPDO *pdo* of a node; returns what was done or refused, and whether it is bad."""
+        producer, receiver = self._side(Endpoint(node_id, pdo)), self._side(consumer)
+        made = linked(producer, receiver)
+        remarks = "; ".join(f"{finding.text} [{finding.rule}]" for finding in made.findings)
+        if not made.mapping:
+            return remarks, True
+        sent = producer.config.communication.cob_id
+        cob_id = replace(receiver.config.communication.cob_id, can_id=sent.can_id, extended=sent.extended, valid=True)
+        communication = replace(receiver.config.communication, cob_id=cob_id)
+        config = replace(receiver.config, communication=communication, mapping=made.mapping)
+        self.editor(consumer.node_id).pdos.put(consumer.pdo, config)
+        off = "" if producer.config.enabled else f"; {producer} is off"
+        said = f"{receiver} receives {producer} with {sent}{off}; n shows node {consumer.node_id}"
+        return f"{said}. {remarks}" if remarks else said, False
+
+    def _side(self, end: Endpoint) -> LinkSide:
+        editor = self.editor(end.node_id)
+        return LinkSide(end, editor.pdos.now[end.pdo], editor.node.profile, editor.node.dictionary)
 
     def save(self, session: Conversation, file: str) -> str | None:
         """Write all nodes as *file*, if it is of the same format; returns what was written."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -14,7 +14,6 @@ from dvtcli.domain.network.frame_streams import streams_of
 from dvtcli.domain.network.network_config import NodeConfig, PartialPdoConfig
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import Severity
-from dvtcli.domain.rules.finding import Finding
 from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import RuleError, UsageError
 from dvtcli.files.dcf.write_dcf import Commissioned, write_dcf
@@ -40,6 +39,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.network.network_state import NetworkState
     from dvtcli.domain.pdo import PdoConfig
     from dvtcli.domain.profile import ObjectAddress
+    from dvtcli.domain.rules import Finding
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
@@ -58,10 +58,20 @@ class Edited:
 
 
 @dataclass(frozen=True, slots=True)
+class OfPdo:
+    """What `check` says of a PDO: *rule*, *severity*, the object or the PDO as *place*, and *text*."""
+
+    rule: str
+    severity: Severity
+    place: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class Judged:
     """What the rules say of a file's nodes by node-ID and PDO, and its *status* in a line."""
 
-    findings: Mapping[int, Mapping[Pdo, tuple[Finding, ...]]]
+    findings: Mapping[int, Mapping[Pdo, Sequence[OfPdo | Finding]]]
     status: str = ""
 
 
@@ -149,12 +159,12 @@ class EditedNetwork:
         """Return the findings of `check`, and the worst-case bus load."""
         config, _remarks = self._with(edited)
         state, found = judged_file(self.file, config, CheckOptions())
-        findings: dict[int, dict[Pdo, tuple[Finding, ...]]] = {node.node_id: {} for node in config.nodes}
+        findings: dict[int, dict[Pdo, tuple[OfPdo, ...]]] = {node.node_id: {} for node in config.nodes}
         shown = [one for one in found if not one.is_aside and one.severity != Severity.NOTE]
         for row in shown:
             if row.node in findings and row.pdo is not None:
                 pdo, of_node = Pdo.parse(row.pdo), findings[row.node]
-                finding = Finding(row.rule, Severity(row.severity), row.object or pdo.label, row.text)
+                finding = OfPdo(row.rule, Severity(row.severity), row.object or pdo.label, row.text)
                 of_node[pdo] = (*of_node.get(pdo, ()), finding)
         errors = sum(row.severity == Severity.ERROR for row in shown)
         counts = f"check: {plural(errors, 'error')}, {plural(len(shown) - errors, 'warning')}"
