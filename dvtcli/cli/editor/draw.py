@@ -55,11 +55,11 @@ ALL_KEYS = (
     ("s", "skip bits: add a dummy"),
     ("l", "length of the chosen object in bits"),
     ("e", "enable or disable the PDO"),
-    ("n, L", "network file: another node; let an RPDO receive this TPDO"),
+    ("n, L", "of a file: another node; let an RPDO receive this TPDO"),
     ("letters", "in the objects: filter by number, name or unit"),
     ("Ctrl-Z, Ctrl-Y", "take a step back, and make it again"),
     ("F5", "the plan, as map shows it"),
-    ("F10, Ctrl-S", "apply: write the changes as map does, or the file, then come back"),
+    ("F10, Ctrl-S", "apply as map does, or write the file; then come back"),
     ("F2", "save: .dvt a script, .yaml or .dcf the whole node"),
     ("Esc, Ctrl-C", "leave; asks if a change is not applied"),
 )
