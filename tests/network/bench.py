@@ -15,7 +15,7 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import Frame
-from dvtcli.operations.network.network_files import applied, planned
+from dvtcli.operations.network.network_files import apply_file, plan_file
 from dvtcli.operations.results import NetworkApplied, NetworkPlanned
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
@@ -128,11 +128,11 @@ class Chain:
 
     def plan(self, file: Path = FILE, *, trust_stamp: bool = False) -> NetworkPlanned:
         with self.session() as session:
-            return planned(session, str(file), trust_stamp=trust_stamp)
+            return plan_file(session, str(file), trust_stamp=trust_stamp)
 
     def apply(self, file: Path = FILE, *, prove: str | None = None) -> NetworkApplied:
         with self.session() as session:
-            return applied(session, str(file), prove=prove)
+            return apply_file(session, str(file), prove=prove)
 
     def held(self) -> dict[int, Snapshot]:
         """What each device holds."""

@@ -10,7 +10,7 @@ import pytest
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged
 from dvtcli.operations.changes.recover_change import recover
-from dvtcli.operations.network.network_files import applied
+from dvtcli.operations.network.network_files import apply_file
 from tests.network.bench import Chain, Heard
 from tests.sample import heavy
 
@@ -130,7 +130,7 @@ def test_a_change_that_fails_before_its_first_write_is_over(home: Path, before: 
     chain.bus.left = counting.bus.requests - before
     with chain.session() as session:
         with pytest.raises(DvtcliError, match="the bus is gone"):
-            applied(session, str(path))
+            apply_file(session, str(path))
         assert session.group.id is None
 
 

@@ -15,7 +15,7 @@ from dvtcli.domain.network.network_plan import NetworkPlan
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.pdo import Pdo
 from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal
-from dvtcli.operations.network.network_files import applied, planned
+from dvtcli.operations.network.network_files import apply_file, plan_file
 from dvtcli.operations.plans.link_pdos import link_pdos
 from tests.network.bench import Chain
 from tests.network.test_many_nodes import Unheard, written
@@ -51,7 +51,7 @@ def thinking(chain: Chain, node_id: int = 6) -> Callable[[object], None]:
 
 def apply(chain: Chain, file: Path, on_plan: Callable[[NetworkPlan], None] = lambda _plan: None) -> bool:
     with chain.session() as session:
-        return bool(applied(session, str(file), on_plan=on_plan))
+        return bool(apply_file(session, str(file), on_plan=on_plan))
 
 
 def test_it_restarts_while_another_one_is_written(tmp_path: Path) -> None:
@@ -106,7 +106,7 @@ def test_a_saved_plan_of_nothing(tmp_path: Path) -> None:
     chain, file = two(tmp_path, "nodes:\n" + EQUAL)
     saved = tmp_path / "plan.json"
     with chain.session() as session:
-        planned(session, str(file), str(saved))
+        plan_file(session, str(file), str(saved))
     with pytest.raises(SafetyRefusal):
         apply(chain, saved, thinking(chain))
 
@@ -130,7 +130,7 @@ def test_a_trusted_stamp_does_not_outlive_a_restart(tmp_path: Path) -> None:
     assert apply(chain, file)
     restart = thinking(chain)
     with chain.session() as session, pytest.raises(SafetyRefusal, match="restarted"):
-        applied(session, str(file), trust_stamp=True, on_plan=restart)
+        apply_file(session, str(file), trust_stamp=True, on_plan=restart)
     with chain.session() as session:
-        done = applied(session, str(file), trust_stamp=True)
+        done = apply_file(session, str(file), trust_stamp=True)
     assert done.plan.unread == (5, 6)

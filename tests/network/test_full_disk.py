@@ -18,7 +18,7 @@ from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged, SafetyRefusa
 from dvtcli.operations.changes.change import configure
 from dvtcli.operations.changes.recover_change import recover
 from dvtcli.operations.changes.undo import undo
-from dvtcli.operations.network.network_files import applied
+from dvtcli.operations.network.network_files import apply_file
 from dvtcli.operations.plans.link_pdos import link_pdos, unlink_pdos
 from dvtcli.operations.session.session import Session
 from tests.commands.bench import Bench
@@ -91,7 +91,7 @@ def _cut(session: Session, chain: Chain) -> None:
 
     vars(chain.bus)["send_sdo"] = send_sdo
     with pytest.raises(LeftChanged):
-        applied(session, _file(chain))
+        apply_file(session, _file(chain))
     del vars(chain.bus)["send_sdo"]
 
 
@@ -99,17 +99,17 @@ def _unstored(session: Session, chain: Chain) -> None:
     """Two of three nodes refuse to store at the end of `apply`, and would not any more."""
     refuse_stores(chain, (5, 9))
     with pytest.raises(LeftChanged):
-        applied(session, _file(chain, stores=True, stamp=True))
+        apply_file(session, _file(chain, stores=True, stamp=True))
     refuse_stores(chain, ())
 
 
 JOBS = {
-    "apply": Job(lambda session, chain: applied(session, _file(chain))),
-    "apply-store": Job(lambda session, chain: applied(session, _file(chain, stores=True, stamp=True))),
-    "apply-prove": Job(lambda session, chain: applied(session, _file(chain, stores=True), prove="reset")),
+    "apply": Job(lambda session, chain: apply_file(session, _file(chain))),
+    "apply-store": Job(lambda session, chain: apply_file(session, _file(chain, stores=True, stamp=True))),
+    "apply-prove": Job(lambda session, chain: apply_file(session, _file(chain, stores=True), prove="reset")),
     "store": Job(
-        lambda session, chain: applied(session, _file(chain, stores=True), prove="reset"),
-        lambda session, chain: applied(session, _file(chain)),
+        lambda session, chain: apply_file(session, _file(chain, stores=True), prove="reset"),
+        lambda session, chain: apply_file(session, _file(chain)),
     ),
     "link": Job(_link),
     "unlink": Job(lambda session, _chain: unlink_pdos(session, PRODUCER, CONSUMERS), _link),
@@ -128,7 +128,7 @@ JOBS = {
     "script-store": Job(_script("set 1:tpdo1 --timer 40", "set 5:tpdo1 --timer 40", "node 5", "store")),
     "script-apply-store": Job(_script("set 1:tpdo2 --timer 9", "apply FILE", stores=True)),
     "undo": Job(
-        lambda session, _chain: undo(session, everything=True), lambda session, chain: applied(session, _file(chain))
+        lambda session, _chain: undo(session, everything=True), lambda session, chain: apply_file(session, _file(chain))
     ),
     "recover": Job(lambda session, _chain: recover(session), _cut, waits=True),
     "recover-stores": Job(lambda session, _chain: recover(session), _unstored, waits=True),

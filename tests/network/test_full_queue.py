@@ -17,7 +17,7 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import BusUnavailable, LeftChanged
 from dvtcli.operations.changes.change import configure
-from dvtcli.operations.network.network_files import applied
+from dvtcli.operations.network.network_files import apply_file
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
 from dvtcli.simulator.network.family_file import family_eds
@@ -66,7 +66,7 @@ def test_a_queue_that_is_full_in_the_middle_of_an_apply_is_a_wait(
             session.open_network().files.own_eds[one.node_id] = family_eds("generic")
             session.open_network().files.own_profile[one.node_id] = "generic"
         before = driver.refused
-        done = applied(session, str(file))
+        done = apply_file(session, str(file))
     assert done.plan.writes >= 2
     assert driver.refused - before > 10 * _TRIES
     assert [one.value(0x1800, 5) for one in devices] == [(40).to_bytes(2, "little")] * 2

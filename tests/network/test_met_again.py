@@ -12,7 +12,7 @@ from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import SafetyRefusal
 from dvtcli.operations.changes.change import configure
 from dvtcli.operations.devices.verify_nodes import verify
-from dvtcli.operations.network.network_files import applied
+from dvtcli.operations.network.network_files import apply_file
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
 from dvtcli.simulator.network.family_file import family_eds
@@ -45,7 +45,7 @@ def test_a_changed_node_that_stays_away_is_asked_once_a_line(tmp_path: Path) -> 
     before, back = VirtualTimeBus([away, there], simulated=False), Back([there], simulated=False)
     with Session(Options(yes=True, journal=str(tmp_path)), open_bus=lambda _options: before) as session:
         session.comes_back = True
-        applied(session, str(file))
+        apply_file(session, str(file))
         session.end_line(0)
         session.leave_bus("it is gone")
         session.take_bus(back)
@@ -115,7 +115,7 @@ def test_the_file_that_comes_late_says_what_stores_and_which_cob_ids_are_fixed(t
         node = session.node(5)
         assert node.dictionary is None
         assert not node.profile.store.sub_indices
-        applied(session, str(file))
+        apply_file(session, str(file))
         assert node.dictionary is not None
         assert node.profile.store.sub_indices[:1] == (1,)
     (backup,) = (tmp_path / "state" / "backups").glob("*.dvt")

@@ -22,7 +22,7 @@ from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, UsageError
 from dvtcli.operations.changes.recover_change import recover
 from dvtcli.operations.changes.undo import undo
 from dvtcli.operations.changes.waiting_journals import furthest, stores_of
-from dvtcli.operations.network.network_files import applied
+from dvtcli.operations.network.network_files import apply_file
 from dvtcli.operations.results import Changed, Facts
 from dvtcli.operations.user.session_user import NullReporter
 from dvtcli.simulator.device.memory import Refusal
@@ -240,7 +240,7 @@ def test_a_disk_that_is_full_between_two_stores_is_told_and_ends_the_whole(chain
     while_storing(chain, 5, full)
     with chain.session(node=None) as session:
         with pytest.raises(LeftChanged) as left:
-            applied(session, str(file(home)))
+            apply_file(session, str(file(home)))
         assert left.value.state == "left_changed"
         assert ("stored", "node 5") in left.value.details
         assert session.group.id is None

@@ -16,7 +16,7 @@ from dvtcli.domain.stamp import WhoStored
 from dvtcli.errors import InputFileError, LeftChanged, SafetyRefusal, UsageError
 from dvtcli.operations.changes.change import configure
 from dvtcli.operations.changes.recover_change import recover
-from dvtcli.operations.network.network_files import applied
+from dvtcli.operations.network.network_files import apply_file
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.session import Session
 from dvtcli.simulator.device.memory import Refusal
@@ -66,7 +66,7 @@ def refuse_stores(chain: Chain, ids: Collection[int], code: int = REFUSED) -> li
 
 def refused(chain: Chain, path: Path) -> LeftChanged:
     with chain.session(node=None) as session, pytest.raises(LeftChanged) as left:
-        applied(session, str(path))
+        apply_file(session, str(path))
     return left.value
 
 
@@ -113,7 +113,7 @@ def test_the_others_are_asked_and_it_is_finished(
     assert set(stored_types(chain).values()) == {b"\x01"}
     assert all(stamps(chain).values()) is stamp
     with chain.session(node=None) as session:
-        assert applied(session, str(file(home, stamp=stamp))).plan.writes == 0
+        assert apply_file(session, str(file(home, stamp=stamp))).plan.writes == 0
 
 
 @pytest.mark.parametrize("ids", SOME)
@@ -275,7 +275,7 @@ def test_all_that_was_interrupted_is_accepted_with_one_yes(chain: Chain, home: P
     assert list((chain.folder / "journals").glob("*.whole")) == []
     refuse_stores(chain, ())
     with chain.session(node=None) as session:
-        assert applied(session, str(file(home, stamp=False))).plan.writes == 0
+        assert apply_file(session, str(file(home, stamp=False))).plan.writes == 0
 
 
 def test_a_node_that_cannot_be_accepted_keeps_no_other_from_it(chain: Chain, home: Path) -> None:

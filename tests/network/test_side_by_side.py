@@ -13,7 +13,7 @@ import pytest
 
 from dvtcli.errors import DvtcliError, Interrupted, LeftChanged, NoAnswer
 from dvtcli.operations.exchange.import_network import import_network
-from dvtcli.operations.network.network_files import applied
+from dvtcli.operations.network.network_files import apply_file
 from dvtcli.operations.session.session import Session
 from tests.network.bench import CHAIN, FILE, Chain
 from tests.network.killed import Watched
@@ -99,7 +99,7 @@ def stopped(made: Chain, at: int, stop: Callable[[Session], None]) -> Interrupte
     with made.session() as session:
         made.bus.on_write = lambda count: stop(session) if count == at else None  # type: ignore[attr-defined]
         with pytest.raises(Interrupted) as raised:
-            applied(session, str(FILE))
+            apply_file(session, str(FILE))
     assert made.held() == before
     assert made.journals() == []
     assert raised.value.state == "rolled_back"

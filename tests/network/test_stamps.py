@@ -22,7 +22,7 @@ from dvtcli.operations.changes.change import configure
 from dvtcli.operations.changes.recover_change import recover
 from dvtcli.operations.changes.store_restore import restore_defaults, store_settings
 from dvtcli.operations.changes.undo import undo
-from dvtcli.operations.network.network_files import applied, planned
+from dvtcli.operations.network.network_files import apply_file, plan_file
 from dvtcli.operations.plans.link_pdos import link_pdos
 from dvtcli.operations.session.session import Session
 from dvtcli.simulator.device.memory import Refusal
@@ -199,7 +199,7 @@ def test_an_undo_behind_the_undo_of_a_stamped_file_is_not_refused(chain: Chain, 
     path = file(tmp_path)
     before = chain.held()
     with chain.session(node=None) as session:
-        applied(session, str(path))
+        apply_file(session, str(path))
         by_hand(session)
         assert undo(session)
         assert undo(session, everything=True)
@@ -400,7 +400,7 @@ def test_an_undo_of_everything_leaves_no_stamp(chain: Chain, tmp_path: Path) -> 
     chain.apply(file(tmp_path))
     before = chain.held()
     with chain.session(node=None) as session:
-        applied(session, str(file(tmp_path, timer=30, inhibit=40)))
+        apply_file(session, str(file(tmp_path, timer=30, inhibit=40)))
         assert undo(session, everything=True)
     assert chain.held() == before
     assert [held(chain, node_id) for node_id in NODES] == [NOTHING, NOTHING]
@@ -419,7 +419,7 @@ def test_half_of_a_link_is_not_stamped(tmp_path: Path) -> None:
     chain = Chain(tmp_path / "files", families={**NODES, 9: "generic"}, operational=False)
     path = file(tmp_path, text=LINKED.replace("links:", "  alone: {{node_id: 9}}\nlinks:"))
     with chain.session(node=(1, 9)) as session:
-        one, alone = planned(session, str(path)).plan.nodes
+        one, alone = plan_file(session, str(path)).plan.nodes
     assert (0x1020, 1) not in one.values
     assert (0x1020, 1) in alone.values
 

@@ -10,7 +10,7 @@ import pytest
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.hint import Hint
 from dvtcli.errors import Interrupted, LeftChanged
-from dvtcli.operations.network.network_files import applied
+from dvtcli.operations.network.network_files import apply_file
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.session_user import NullReporter
 from tests.network.bench import Chain
@@ -56,7 +56,7 @@ def test_one_while_all_are_looked_at_takes_everything_back(chain: Chain, home: P
 
         vars(chain.bus)["send_sdo"] = send_sdo
         with pytest.raises(Interrupted, match="before any node stored") as stopped:
-            applied(session, str(file(home)))
+            apply_file(session, str(file(home)))
     assert len(asked) >= 12, "it came while node 9 was read for the last time"
     assert (stopped.value.exit_code, stopped.value.state) == (130, "rolled_back")
     assert chain.held() == before
@@ -69,7 +69,7 @@ def test_one_while_the_first_stores_says_that_the_others_do_so_too(chain: Chain,
     with chain.session() as session:
         session.reporter = said
         while_storing(chain, 5, lambda _chain: ctrl_c(session))
-        done = applied(session, str(file(home)))
+        done = apply_file(session, str(file(home)))
     assert said.warnings == [
         "too late to stop before the stores: node 5 has stored; node 9 still stores, so that all keep the same "
         "(once more: at once)"
@@ -88,7 +88,7 @@ def test_a_second_one_says_of_each_node_whether_it_stored(chain: Chain, home: Pa
 
         while_storing(chain, 5, twice, ahead=True)
         with pytest.raises(LeftChanged) as left:
-            applied(session, str(file(home)))
+            apply_file(session, str(file(home)))
     assert left.value.text == "every node holds what was planned, and whether node 5 stored it is not known"
     assert left.value.details[:2] == [("not stored", "node 9"), ("unknown", "node 5")]
     assert left.value.details[2] == ("journals", ", ".join(map(str, chain.journals())))

@@ -18,7 +18,7 @@ from dvtcli.domain.network.concise_dcf import (
 from dvtcli.errors import RuleError, UsageError
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.operations.network.concise_network import concise_dcf
-from dvtcli.operations.network.network_files import planned
+from dvtcli.operations.network.network_files import plan_file
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
 from dvtcli.simulator.device.strict_device import StrictDevice
@@ -129,7 +129,7 @@ def test_all_of_the_file_is_meant_and_never_some() -> None:
     """What a node downloads is whole, and links to others are in it."""
     with Session(Options(sim=(manager(),), node=(4, 5))) as session:
         with pytest.raises(UsageError, match="some of them are named"):
-            planned(session, "net.yaml", manager=10)
+            plan_file(session, "net.yaml", manager=10)
         assert session.node(10).sdo.upload(0x1F22, 4) == b""
 
 

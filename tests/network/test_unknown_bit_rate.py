@@ -11,7 +11,7 @@ import pytest
 from dvtcli.domain.hint import Hint
 from dvtcli.operations.devices.verify_nodes import verify
 from dvtcli.operations.exchange.import_network import import_network
-from dvtcli.operations.network.network_files import applied, planned
+from dvtcli.operations.network.network_files import apply_file, plan_file
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
 from dvtcli.operations.user.session_user import NullReporter
@@ -37,15 +37,15 @@ def no_script(file: str, node_id: int | None = None) -> NoReturn:
 
 #: what is done with a file, as the commands of that name
 DOES: dict[str, Callable[[Session, str], object]] = {
-    "plan": planned,
-    "diff": lambda session, file: planned(session, file, tells=True),
-    "apply": applied,
+    "plan": plan_file,
+    "diff": lambda session, file: plan_file(session, file, tells=True),
+    "apply": apply_file,
     "import": lambda session, file: import_network(session, file.replace("net", "live")),
     "verify": lambda session, file: verify(session, no_script, file=file),
-    "save": lambda session, file: planned(session, file, f"{file}.json"),
+    "save": lambda session, file: plan_file(session, file, f"{file}.json"),
 }
 #: what takes a plan that was saved
-TAKES = {"saved": lambda session, file: applied(session, f"{file}.json")}
+TAKES = {"saved": lambda session, file: apply_file(session, f"{file}.json")}
 #: several lines of one session
 SEVERAL = {"all": lambda session, file: [does(session, file) for name, does in DOES.items() if name != "import"]}
 
@@ -112,10 +112,10 @@ def test_it_is_said_once_a_bus_that_was_gone_and_is_back(tmp_path: Path) -> None
     given = Options(yes=True, journal=str(tmp_path / "files"), eds="generic")
     with Session(given, told, open_bus=lambda _options: first) as session:
         session.comes_back = True
-        planned(session, str(file))
+        plan_file(session, str(file))
         session.leave_bus("it is gone")
         session.take_bus(again)
-        planned(session, str(file))
+        plan_file(session, str(file))
     assert told.notes == [NOTE]
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import RuleError
-from dvtcli.operations.network.network_files import applied, planned
+from dvtcli.operations.network.network_files import apply_file, plan_file
 from dvtcli.operations.pdos.sync import ShortFrames
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
@@ -41,7 +41,7 @@ def noted(tmp_path: Path, sender: int, can_id: int = 0x080, *, more: str = "", a
     with Session(Options(yes=True, journal=str(tmp_path / "files")), open_bus=lambda _options: bus) as session:
         for node_id in (1, 5):
             session.open_network().files.own_eds[node_id] = family_eds("generic")
-        answer = applied(session, str(file)) if apply else planned(session, str(file))
+        answer = apply_file(session, str(file)) if apply else plan_file(session, str(file))
         assert answer.document()["unknown_syncs"] == list(answer.plan.unknown_syncs)
         return answer.plan.unknown_syncs
 

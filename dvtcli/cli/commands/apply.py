@@ -62,9 +62,9 @@ def command(
     apply press.yaml --trust-stamp   read only nodes whose 0x1020 is not that of this file
     apply press.yaml --to-manager 3 --yes   node 3 downloads it to each node that boots
     """
-    from dvtcli.operations.network.network_files import applied
+    from dvtcli.operations.network.network_files import apply_file
 
     show, prove_by = partial(show_plan, ctx.obj.output), "reset" if prove else None
-    return applied(
+    return apply_file(
         ctx.obj, file, prove=prove_by, trust_stamp=trust_stamp, include=include, manager=manager, on_plan=show
     )

@@ -36,6 +36,6 @@ def command(
     diff press.dcf
     diff press.yaml --json
     """
-    from dvtcli.operations.network.network_files import planned
+    from dvtcli.operations.network.network_files import plan_file
 
-    return planned(ctx.obj, file, None, tells=True, trust_stamp=trust_stamp, include=include, manager=manager)
+    return plan_file(ctx.obj, file, None, tells=True, trust_stamp=trust_stamp, include=include, manager=manager)

@@ -53,6 +53,6 @@ def command(
     plan press.yaml --format junit   a test case for each PDO, for CI
     plan press.yaml --to-manager 3   the downloads of node 3 to each node that boots
     """
-    from dvtcli.operations.network.network_files import planned
+    from dvtcli.operations.network.network_files import plan_file
 
-    return planned(ctx.obj, file, saved, tells=tells, trust_stamp=trust_stamp, include=include, manager=manager)
+    return plan_file(ctx.obj, file, saved, tells=tells, trust_stamp=trust_stamp, include=include, manager=manager)

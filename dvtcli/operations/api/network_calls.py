@@ -103,13 +103,13 @@ class NetworkCalls:
         of the result, which has all other differences, and which `apply` refuses; SafetyRefusal if a node is another
         device than in the file.
         """
-        from dvtcli.operations.network.network_files import planned
+        from dvtcli.operations.network.network_files import plan_file
 
         chosen = str(path("file", file))
         flags(trust_stamp=trust_stamp)
         included, manager = words("include", include), _manager("to_manager", to_manager)
         return self._calls.run(
-            lambda: planned(self._session, chosen, trust_stamp=trust_stamp, include=included, manager=manager)
+            lambda: plan_file(self._session, chosen, trust_stamp=trust_stamp, include=included, manager=manager)
         )
 
     def import_network(
@@ -247,14 +247,14 @@ class NetworkCalls:
         each. A fault on a node rolls back every node; raises LeftChanged if a roll-back or a store failed,
         SafetyRefusal if a node has changed since the plan was saved.
         """
-        from dvtcli.operations.network.network_files import applied
+        from dvtcli.operations.network.network_files import apply_file
 
         chosen = str(path("file", file))
         flags(prove=prove, trust_stamp=trust_stamp)
         prove_by, included = "reset" if prove else None, words("include", include)
         manager = _manager("to_manager", to_manager)
         return self._calls.run(
-            lambda: applied(
+            lambda: apply_file(
                 self._session, chosen, prove=prove_by, trust_stamp=trust_stamp, include=included, manager=manager
             ),
             changes=True,

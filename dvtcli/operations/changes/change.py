@@ -44,7 +44,7 @@ def configure(
     applied = node.configure(wants, force=session.options.force, initial_state=initial_state)
     more = *_without_producer(session, node, applied), *_other_lengths(session, node, applied)
     applied = replace(applied, findings=(*applied.findings, *more))
-    return changed(session, node, applied, time.monotonic() - started)
+    return change_result(session, node, applied, time.monotonic() - started)
 
 
 def _without_producer(session: SessionNodes, node: NodeDescription, applied: Applied) -> Iterator[Finding]:
@@ -71,7 +71,7 @@ def _other_lengths(session: SessionNodes, node: NodeDescription, applied: Applie
             yield from filter(None, (changed_length(change, other.node_id, pdo, held) for change in changes))
 
 
-def changed(
+def change_result(
     session: SessionNodes,
     node: Node,
     applied: Applied,

@@ -10,7 +10,7 @@ from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.plan import alters
 from dvtcli.domain.text import join_some
 from dvtcli.errors import DvtcliError, InputFileError, Restarted, SafetyRefusal, UsageError, worst_of
-from dvtcli.operations.changes.change import changed
+from dvtcli.operations.changes.change import change_result
 from dvtcli.operations.changes.close_journal import accepted, discarded, nothing_to_recover, refuse_other_bus
 from dvtcli.operations.changes.waiting_journals import (
     furthest,
@@ -256,4 +256,4 @@ def _ended(session: SessionNodes, recovery: Recovery, stored: bool | None, secon
     unknown = unknown_before([journal.plan])
     findings = (*recovery.restart_findings(), *unknown)
     applied = Applied(plan, findings, not_put_back, unrestored=unrestored_objects(unknown))
-    return changed(session, node, applied, seconds, undone=True)
+    return change_result(session, node, applied, seconds, undone=True)

@@ -17,7 +17,7 @@ from dvtcli.domain.plan import Plan
 from dvtcli.domain.rules.finding import WARNING, Finding, Rule, warning
 from dvtcli.domain.script_line import backup_of, change_lines
 from dvtcli.errors import DvtcliError, NoAnswer, Restarted, SafetyRefusal, SdoAborted, SdoProtocolError, UsageError
-from dvtcli.operations.changes.change import changed
+from dvtcli.operations.changes.change import change_result
 from dvtcli.operations.results import Changed, ChangedNodes
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ def _own_undone(session: SessionNodes, node_id: int, *, everything: bool) -> Cha
     as_before = not (applied.findings or applied.not_put_back)
     forgotten = not session.dry_run and as_before and _forgotten(session, node.node_id, undone)
     seconds = time.monotonic() - started
-    return changed(session, node, applied, seconds, undone=True, lines=[] if forgotten else None)
+    return change_result(session, node, applied, seconds, undone=True, lines=[] if forgotten else None)
 
 
 def _forgotten(session: SessionNodes, node_id: int, undone: list[Plan]) -> bool:
@@ -210,7 +210,7 @@ def undo_remembered_changes(session: SessionNodes, chain: RememberedDevice, *, e
     if not everything:
         _tell_of_others(session, chain)
     applied = replace(applied, findings=(*applied.findings, *chain.findings))
-    return changed(session, node, applied, time.monotonic() - started, undone=True)
+    return change_result(session, node, applied, time.monotonic() - started, undone=True)
 
 
 def _tell_of_others(session: SessionNodes, chain: RememberedDevice) -> None:
@@ -371,7 +371,7 @@ def undo_to_backup(session: SessionNodes, rehearse: Rehearse, when: str | None =
     changes = way_to(node.observed(lambda: {pdo: node.pdo(pdo) for pdo in config.pdos}), config.pdos)
     applied = node.apply(Plan(node.node_id, changes), force=session.options.force, initial_state=initial_state)
     applied = replace(applied, not_put_back=tuple(_unlike_backup(node, said)))
-    return changed(session, node, applied, time.monotonic() - started, undone=True)
+    return change_result(session, node, applied, time.monotonic() - started, undone=True)
 
 
 def _keeper(session: SessionNodes) -> ChangeGuard:

@@ -17,7 +17,7 @@ from dvtcli.device.change.journal import combine_plans
 from dvtcli.device.change.undo_plan import UndoPlan, UndoRequest, foreseen, plan_undo, refuse_unknown
 from dvtcli.device.change.untouched_pdos import as_they_are, present_beside
 from dvtcli.domain.plan import STAMP, Change, PdoChange, Plan, ValueChange, plan_pdo
-from dvtcli.operations.changes.change import changed
+from dvtcli.operations.changes.change import change_result
 from dvtcli.operations.changes.final_verify import AlsoClaimed, NoOtherClaims, require_held
 from dvtcli.operations.changes.network_phases import apply_together, complete
 
@@ -93,7 +93,7 @@ def undo_together(session: Session, undoings: Sequence[Undoing]) -> tuple[Change
         node, back = undoing.node, backs[undoing.node.node_id]
         applied = Applied(back.plan, (*back.unknown, *undoing.findings), unrestored=back.unrestored)
         lines = undoing.forget(applied, len(back.undone))
-        done.append(changed(session, node, applied, time.monotonic() - started, undone=True, lines=lines))
+        done.append(change_result(session, node, applied, time.monotonic() - started, undone=True, lines=lines))
     return tuple(done)
 
 

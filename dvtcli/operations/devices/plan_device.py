@@ -39,7 +39,7 @@ from dvtcli.operations.devices.read_whole_device import configuration, described
 from dvtcli.operations.pdos.sync import short_frames
 from dvtcli.operations.plans.apply_network import apply_network
 from dvtcli.operations.plans.identify_nodes import identify_nodes, identity_errors
-from dvtcli.operations.plans.judge_network import checked
+from dvtcli.operations.plans.judge_network import check_plans
 from dvtcli.operations.plans.plan_network import checked_network, plans_of, with_unknown_syncs
 from dvtcli.operations.plans.resolve_names import ResolvedConfig
 from dvtcli.operations.results.failures import together
@@ -278,7 +278,7 @@ def _planned(
     if refused:
         raise together(refused)
     said = [_said(plan, nodes[plan.node_id], held, found[plan.node_id]) for plan in planned]
-    judged = checked(nodes, said, force=session.options.force)
+    judged = check_plans(nodes, said, force=session.options.force)
     return (_powered(session, plan) if len(plan.plan) else plan for plan in judged)
 
 

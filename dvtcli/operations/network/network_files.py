@@ -19,7 +19,7 @@ from dvtcli.operations.changes.possible_stores import refuse_impossible_stores
 from dvtcli.operations.devices.held_device import is_about_device
 from dvtcli.operations.network.network_load import load_after
 from dvtcli.operations.plans.chosen_nodes import tell_unknown_bit_rate
-from dvtcli.operations.plans.judge_network import checked
+from dvtcli.operations.plans.judge_network import check_plans
 from dvtcli.operations.plans.plan_network import checked_network, plan_network
 from dvtcli.operations.plans.read_network_config import read_network_config
 from dvtcli.operations.results.networks import NetworkPlanned
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 _GATEWAY_LINES = ".309"
 
 
-def planned(
+def plan_file(
     session: Session,
     file: str,
     saved: str | None = None,
@@ -80,7 +80,7 @@ def _saved_text(session: SessionNodes, answer: NetworkPlanned, saved: str) -> st
     return json.dumps(answer.document(), indent=1, default=plain_json) + "\n"
 
 
-def applied(
+def apply_file(
     session: Session,
     file: str,
     *,
@@ -190,7 +190,7 @@ def _plan_of(
     with heard_ids(session.bus) as heard:
         known = [_known(nodes[node_plan.node_id], node_plan) for node_plan in saved.nodes]
         refuse_impossible_stores(nodes, {node_plan.node_id: node_plan.store for node_plan in known})
-        plan = replace(saved, nodes=tuple(checked(nodes, known, force=session.options.force)))
+        plan = replace(saved, nodes=tuple(check_plans(nodes, known, force=session.options.force)))
         return checked_network(
             session, plan, heard, of_device=any(node_plan.needs_power_off for node_plan in plan.nodes)
         )

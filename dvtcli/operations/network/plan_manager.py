@@ -23,7 +23,7 @@ from dvtcli.operations.changes.change import names
 from dvtcli.operations.network.check_live import words_of_present
 from dvtcli.operations.network.concise_network import concise_dcfs
 from dvtcli.operations.plans.chosen_nodes import named_nodes
-from dvtcli.operations.plans.judge_network import checked
+from dvtcli.operations.plans.judge_network import check_plans
 from dvtcli.operations.plans.plan_network import value_change
 from dvtcli.operations.plans.read_network_config import read_network_config
 
@@ -77,7 +77,7 @@ def plan_manager(session: Session, file: str, manager: int) -> NetworkPlan:
     boot_ups = session.bus.boot_ups(manager)
     node.read_anew()
     planned = replace(_node_plan(session, node, mine), boot_ups=boot_ups)
-    nodes = tuple(checked({manager: node}, [planned], force=session.options.force))
+    nodes = tuple(check_plans({manager: node}, [planned], force=session.options.force))
     untold = tuple(node_config.node_id for node_config in found.untold if node_config.node_id != manager)
     return NetworkPlan(file, nodes, manager=manager, untold=untold)
 

@@ -14,7 +14,7 @@ from dvtcli.domain.profile import within
 from dvtcli.domain.rules.finding import ERROR, Rule, error
 from dvtcli.domain.rules.raw_write import parameter_size
 from dvtcli.errors import DeviceRefused, DvtcliError, RuleError, UsageError
-from dvtcli.operations.changes.change import changed
+from dvtcli.operations.changes.change import change_result
 from dvtcli.operations.changes.store_restore import restore_defaults, store_settings
 from dvtcli.operations.values.object_values import how_to_write, scaling_of, type_of, typed_bytes, value_words
 
@@ -56,7 +56,7 @@ def write_bytes(session: SessionNodes, node: Node, index: int, sub_index: int, d
     except DeviceRefused as refused:
         _in_words(node, index, sub_index, refused)
         raise
-    return changed(session, node, applied, time.monotonic() - started)
+    return change_result(session, node, applied, time.monotonic() - started)
 
 
 def _in_words(node: NodeDescription, index: int, sub_index: int, refused: DeviceRefused) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.virtual_pdos import apply, group_names, read_pins
 from dvtcli.errors import DvtcliError, UsageError
-from dvtcli.operations.changes.change import changed
+from dvtcli.operations.changes.change import change_result
 from dvtcli.operations.results import VpdoListing
 from dvtcli.operations.results.pdos import PinRow, VpdoRow
 from dvtcli.operations.values.named_objects import object_at
@@ -50,7 +50,7 @@ def tie_pin(
     applied = apply(node, changes, findings, force=session.options.force)
     tied = _NONE if value == pins.group.none else f"{value:04X}"
     line = f"vpdo {group} {pin} {tied}" if pin else f"vpdo {group} {_NONE}"
-    return changed(session, node, applied, time.monotonic() - started, lines=[line])
+    return change_result(session, node, applied, time.monotonic() - started, lines=[line])
 
 
 def _wanted(node: NodeDescription, pins: Pins, pin: int, value: int) -> tuple[list[ValueChange], list[Finding]]:

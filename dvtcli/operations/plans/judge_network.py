@@ -43,20 +43,20 @@ if TYPE_CHECKING:
 ERROR, WARNING = Severity.ERROR, Severity.WARNING
 
 
-def checked(nodes: Mapping[int, Node], planned: Iterable[NodePlan], *, force: bool) -> Iterator[NodePlan]:
+def check_plans(nodes: Mapping[int, Node], planned: Iterable[NodePlan], *, force: bool) -> Iterator[NodePlan]:
     """Judge *planned* as a whole and add the questions to ask.
 
     Raises RuleError with all errors of all nodes, and InputFileError for an invalid concise DCF (0x1F22), unless
     forced.
     """
     planned = list(planned)
-    found = judged(nodes, planned, force=force, placed=in_objects(planned))
+    found = judge_plans(nodes, planned, force=force, placed=in_objects(planned))
     if (refused := refusals(found)) and not force:
         raise together(refused)
     return iter(found)
 
 
-def judged(
+def judge_plans(
     nodes: Mapping[int, Node], planned: Iterable[NodePlan], *, force: bool, placed: Placed | None = None
 ) -> list[NodePlan]:
     """Judge *planned* as a whole; errors are added as findings, and so are the questions to ask.
@@ -223,7 +223,7 @@ def _findings(node: ReadableNode, planned: NodePlan, senders: Senders) -> Iterat
             yield from tie_findings(node, step.index, step.sub_index, step.after)
 
 
-def judged_network(
+def judge_network(
     session: Session, plan: NetworkPlan, config: NetworkConfig, log: FileLog, *, of_device: bool = False
 ) -> NetworkPlan:
     """Judge the state after *plan* by the rules of networks: errors, and warnings about what *config* names.

@@ -30,7 +30,7 @@ from dvtcli.operations.changes.possible_stores import refuse_stores_of
 from dvtcli.operations.pdos.sync import short_frames, sync_note, unknown_syncs
 from dvtcli.operations.plans.chosen_nodes import named_nodes, of_nodes, tell_unknown_bit_rate
 from dvtcli.operations.plans.identify_nodes import IdentifiedNodes, identify_nodes
-from dvtcli.operations.plans.judge_network import in_objects, judged, judged_network, placed_in, refusals
+from dvtcli.operations.plans.judge_network import in_objects, judge_network, judge_plans, placed_in, refusals
 from dvtcli.operations.plans.missing_objects import MissingObjects, refuse_lacking, without_missing
 from dvtcli.operations.plans.read_network_config import read_network_config, skipped_rules
 from dvtcli.operations.plans.resolve_links import with_links
@@ -141,7 +141,7 @@ def checked_network(session: Session, plan: NetworkPlan, heard: HeardIds, *, of_
     Raises RuleError for their errors, or if a TPDO gets a CAN-ID *heard* from an unknown sender, unless forced.
     """
     config = NetworkConfig(tuple(NodeConfig(node.name, node.node_id) for node in plan.nodes))
-    plan = judged_network(session, plan, config, FileLog(plan.file, ""), of_device=of_device)
+    plan = judge_network(session, plan, config, FileLog(plan.file, ""), of_device=of_device)
     if (refused := refusals(plan.nodes)) and not session.options.force:
         raise together(refused)
     refuse_heard(session, plan, heard, in_objects(plan.nodes))
@@ -193,7 +193,7 @@ def _plan_network_config(
     )
     plan = NetworkPlan(log.file, tuple(nodes), lacking=tuple(missing.found), torn=missing.torn)
     if of_network and all(isinstance(failure, RuleError | InputFileError) for failure in met.failures):
-        plan = judged_network(session, plan, config, log)
+        plan = judge_network(session, plan, config, log)
     if not session.options.force:
         met.failures += refusals(plan.nodes)
     if (met.failures or failures is not None) and missing.found:
@@ -249,7 +249,7 @@ def _judged(
         met.failures.append(error)
     planned = [replace(plan, findings=(*said.get(plan.node_id, ()), *plan.findings)) for plan in planned]
     if by_rules:
-        planned = judged(nodes, planned, force=session.options.force, placed=placed)
+        planned = judge_plans(nodes, planned, force=session.options.force, placed=placed)
     try:
         refuse_stores_of(nodes, config, log)
     except RuleError as refused:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from dvtcli.domain.plan import PdoChange
-from dvtcli.operations.network.network_files import planned
+from dvtcli.operations.network.network_files import plan_file
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
 from tests.process import documents, dvtcli
@@ -24,7 +24,7 @@ def changes(file: Path, *nodes: int) -> list[str]:
     """The PDOs that change, where *nodes* are named."""
     sims = ("generic@5", "generic@7", "generic@9")
     with Session(Options(sim=sims, node=nodes)) as session:
-        plan = planned(session, str(file)).plan
+        plan = plan_file(session, str(file)).plan
         made = [(one.node_id, change) for one in plan.nodes for change in one.plan.changes]
         return [f"{node_id}:{change.pdo}" for node_id, change in made if isinstance(change, PdoChange)]
 
