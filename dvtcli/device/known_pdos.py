@@ -71,7 +71,7 @@ class KnownPdos:
     #: PDOs read, and their total, while all are read
     _looked: tuple[int, int] = field(default=(0, 0), init=False)
     #: reads since the last possible change
-    memory: ReadCache = field(init=False)
+    read_cache: ReadCache = field(init=False)
     #: the wanted PDOs of this session's changes, for `verify`
     wanted: dict[Pdo, PdoConfig] = field(default_factory=dict)
     #: the requested parameters of each; the others stayed unchanged
@@ -96,7 +96,7 @@ class KnownPdos:
     _made_cob_ids: tuple[int, Mapping[Pdo, CobId]] | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
-        self.memory = ReadCache(self.bus, self.node_id, lambda: self.sdo, self._looks)
+        self.read_cache = ReadCache(self.bus, self.node_id, lambda: self.sdo, self._looks)
 
     def _looks(self, index: int, sub_index: int) -> None:
         self.on_look(ReadProgress(self.node_id, index, sub_index, *self._looked))
@@ -139,18 +139,18 @@ class KnownPdos:
     def identity(self) -> Identity:
         """The node's identity (0x1018), read once per line: at a prompt the device may have been replaced."""
         names = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
-        look = self.memory.look()
+        look = self.read_cache.look()
         return {name: read_optional(look, IDENTITY, sub_index, 4) for name, sub_index in names.items()}
 
     def upload(self, index: int, sub_index: int) -> bytes:
         """Read one object; an abort for a missing sub-index gets the hint that sub-indices are hexadecimal."""
-        self.memory.forget_one(index, sub_index)
+        self.read_cache.forget_one(index, sub_index)
         return self.known_value(index, sub_index)
 
     def known_value(self, index: int, sub_index: int) -> bytes:
         """One object, from the cache if nothing could have changed it since."""
         try:
-            return self.memory.upload(index, sub_index)
+            return self.read_cache.upload(index, sub_index)
         except SdoAborted as aborted:
             self.access.explain(aborted)
             aborted.hint = hint_for_missing(aborted, self.dictionary) or aborted.hint
@@ -162,7 +162,7 @@ class KnownPdos:
         if entry is not None and entry.bits is not None:
             return entry.bits
         try:
-            return 8 * len(self.memory.upload(index, sub_index))
+            return 8 * len(self.read_cache.upload(index, sub_index))
         except SdoAborted:
             return None
 
@@ -173,7 +173,7 @@ class KnownPdos:
     def present(self) -> list[Pdo]:
         """The PDOs of the node, TPDOs first."""
         if self._present is None:
-            self._present = present_pdos(self.memory, self.dictionary)
+            self._present = present_pdos(self.read_cache, self.dictionary)
         return self._present
 
     def pdos(self) -> dict[Pdo, PdoConfig]:
@@ -181,7 +181,7 @@ class KnownPdos:
 
         A PDO with an unreadable parameter is included and marked inconsistent.
         """
-        self.memory.forget()
+        self.read_cache.forget()
         return dict(self.known_pdos())
 
     def known_pdos(self) -> Mapping[Pdo, PdoConfig]:
@@ -194,12 +194,12 @@ class KnownPdos:
         return self._pdos
 
     def _read_pdos(self) -> dict[Pdo, PdoConfig]:
-        look = self.memory.look()
+        look = self.read_cache.look()
         return self._of_present(lambda pdo: self._read_pdo(look, pdo, WHATEVER))
 
     def _read_pdo(self, look: SdoReader, pdo: Pdo, passing: Container[int] = UNREADABLE) -> PdoConfig:
         """As `read_pdo` by a *look* at the cache, put together once for the values in it."""
-        expired, key = self.memory.expired(), (pdo, passing is WHATEVER)
+        expired, key = self.read_cache.expired(), (pdo, passing is WHATEVER)
         made = self._made.get(key)
         if made is not None and made[0] == expired:
             return made[1]
@@ -225,18 +225,18 @@ class KnownPdos:
         return self.observed(self._read_enabled)
 
     def _read_enabled(self) -> dict[Pdo, PdoConfig]:
-        cob_ids, look = self.known_cob_ids(), self.memory.look()
+        cob_ids, look = self.known_cob_ids(), self.read_cache.look()
         return {pdo: self._read_pdo(look, pdo, WHATEVER) for pdo, cob_id in cob_ids.items() if cob_id.valid}
 
     def pdo(self, pdo: Pdo) -> PdoConfig:
         """Read one PDO. Raises UsageError if the node has no such PDO."""
-        self.memory.forget_objects((pdo.communication_index, pdo.mapping_index))
+        self.read_cache.forget_objects((pdo.communication_index, pdo.mapping_index))
         return self.known_pdo(pdo)
 
     def known_pdo(self, pdo: Pdo) -> PdoConfig:
         """One PDO, from the cache if nothing could have changed it since."""
         try:
-            config = self.observed(lambda: self._read_pdo(self.memory.look(), pdo))
+            config = self.observed(lambda: self._read_pdo(self.read_cache.look(), pdo))
         except SdoAborted as aborted:
             raise no_pdo(self.node_id, pdo, self.present(), aborted) from aborted
         self._pdos[pdo] = self._shown[pdo] = config
@@ -250,8 +250,8 @@ class KnownPdos:
         return self.observed(self._read_cob_ids)
 
     def _read_cob_ids(self) -> Mapping[Pdo, CobId]:
-        pauses, look = iter([_AGAIN_S] * round(PASSING_S / _AGAIN_S)), self.memory.look()
-        expired = self.memory.expired()
+        pauses, look = iter([_AGAIN_S] * round(PASSING_S / _AGAIN_S)), self.read_cache.look()
+        expired = self.read_cache.expired()
         if self._made_cob_ids is None or self._made_cob_ids[0] != expired:
             self._made_cob_ids = expired, self._of_present(lambda pdo: self._cob_id(look, pdo, pauses))
         return self._made_cob_ids[1]
@@ -264,12 +264,12 @@ class KnownPdos:
             except SdoAborted as aborted:
                 if aborted.code in UNREADABLE:
                     raise
-                self.memory.forget_one(pdo.communication_index, 1)  # nor is anything made of the refusal kept
+                self.read_cache.forget_one(pdo.communication_index, 1)  # nor is anything made of the refusal kept
                 pause_s = next(pauses, None)
                 if pause_s is None:
                     raise
             self.bus.sleep(pause_s)
-            look = self.memory.look()
+            look = self.read_cache.look()
 
     @property
     def last_read(self) -> Mapping[Pdo, PdoConfig]:
@@ -297,7 +297,7 @@ class KnownPdos:
     def read_anew(self) -> None:
         """Expire the read cache: the next request reads the node."""
         self._pdos.clear()
-        self.memory.forget()
+        self.read_cache.forget()
 
     def mark_unknown(self) -> None:
         """Discard all known values after an unknown change: nothing is displayed until the next read."""

@@ -35,7 +35,7 @@ class Node(Changeable):
     #: commands of this session without a change, not yet reported by `undo`
     unchanged_commands: int = 0
     #: labels of losses by a restart during a change, still to be reported
-    _unsaid: tuple[str, ...] = ()
+    _unreported_losses: tuple[str, ...] = ()
     #: the difference between the device and its file; empty if none
     unlike_file: str = ""
     #: undone changes of earlier sessions
@@ -323,7 +323,7 @@ class Node(Changeable):
         except BusUnavailable:
             return ()  # a dead bus reports nothing; the caller that needs the bus reports the failure
         self._heard(boot_ups)
-        lost, self._unsaid = self._unsaid, ()
+        lost, self._unreported_losses = self._unreported_losses, ()
         return lost
 
     def _heard(self, boot_ups: int) -> None:
@@ -332,7 +332,7 @@ class Node(Changeable):
         if lost:
             self.mark_unknown()
             self.pending.lost_until = len(self.history)
-            self._unsaid += lost
+            self._unreported_losses += lost
 
     def undo(self, *, everything: bool = False, force: bool = False, rolls_back: bool = False) -> Applied:
         """Undo the last plan, or all plans, in one transaction."""

@@ -54,7 +54,7 @@ class ReadableNode(NodeDescription, Protocol):
         """The SDO channel: each read is a request."""
 
     @property
-    def memory(self) -> ReadCache:
+    def read_cache(self) -> ReadCache:
         """The reads since the last possible change."""
 
     @property

@@ -45,7 +45,7 @@ def channels_taken(nodes: Iterable[ReadableNode]) -> dict[tuple[int, bool], str]
     for node in nodes:
         if node.dictionary is not None or node.last_seen:
             with suppress(NoAnswer, SdoProtocolError):
-                found |= taken_by_channels(node.node_id, sdo_channels(node.memory.look(), node.dictionary))
+                found |= taken_by_channels(node.node_id, sdo_channels(node.read_cache.look(), node.dictionary))
     return found
 
 
@@ -55,7 +55,7 @@ def services_taken(nodes: Iterable[ReadableNode], *, without: int | None = None)
     for node in nodes:
         if node.dictionary is not None or node.last_seen:
             with suppress(NoAnswer, SdoProtocolError):
-                found |= service_ids_beside(node.memory.look(), node.node_id, node.dictionary, without=without)
+                found |= service_ids_beside(node.read_cache.look(), node.node_id, node.dictionary, without=without)
     return found
 
 
@@ -94,7 +94,7 @@ def _same_id(one: CobId, other: CobId) -> bool:
 
 
 def _producers(node: KnownPdos, *, anew: bool) -> Iterator[Producer]:
-    for pdo, cob_id in _cob_ids(node, node.sdo if anew else node.memory.look()).items():
+    for pdo, cob_id in _cob_ids(node, node.sdo if anew else node.read_cache.look()).items():
         if cob_id.valid:
             yield Producer(node.node_id, pdo, cob_id)
 
@@ -127,9 +127,9 @@ def _cob_id(node: ReadableNode, sdo: SdoReader, pdo: Pdo, known: Mapping[Pdo, Co
     except SdoAborted as aborted:
         if aborted.code in UNREADABLE:
             return known.get(pdo)
-    node.memory.forget_one(pdo.communication_index, 1)
+    node.read_cache.forget_one(pdo.communication_index, 1)
     try:
-        return read_cob_id(node.memory.look(), pdo)
+        return read_cob_id(node.read_cache.look(), pdo)
     except SdoAborted as aborted:
         if pdo not in known and aborted.code not in UNREADABLE:
             raise
@@ -161,9 +161,9 @@ class Senders:
 
     def _read_ahead(self, node: KnownPdos, *, services: bool) -> None:
         with suppress(NoAnswer, SdoAborted, SdoProtocolError):
-            sdo_channels(node.memory.look(), node.dictionary)
+            sdo_channels(node.read_cache.look(), node.dictionary)
             if services:
-                service_ids(node.memory.look(), node.node_id, node.dictionary)
+                service_ids(node.read_cache.look(), node.node_id, node.dictionary)
         tuple(self._of(node))
 
     def besides(self, node_id: int) -> tuple[Producer, ...]:

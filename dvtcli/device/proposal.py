@@ -64,7 +64,7 @@ def proposal(
     None for all present services of its neighbours.
     """
     learn = node.dictionary is None and now.mapping != want.mapping
-    lengths, absent = learnt_objects(want.mapping, node.memory.upload) if learn else ({}, {})
+    lengths, absent = learnt_objects(want.mapping, node.read_cache.upload) if learn else ({}, {})
     others, cob_ids = _others(node, pdo, together or {})
     taken = channels or (lambda: services_taken(node.neighbours()))
     cob_id = want.communication.cob_id
@@ -79,7 +79,7 @@ def proposal(
         node.profile,
         node.dictionary,
         lengths,
-        cache(lambda: {**taken(), **service_ids(node.memory.look(), node.node_id, node.dictionary)}),
+        cache(lambda: {**taken(), **service_ids(node.read_cache.look(), node.node_id, node.dictionary)}),
         cache(beside),
         cob_ids,
         absent,
@@ -141,7 +141,7 @@ def resolve(
     except ValueError as wrong:
         raise UsageError(f"{pdo.label}: {wrong}", node=node.node_id) from wrong
     if isinstance(want, PdoRequest) and want.mpdo is not None:
-        first = read_optional(node.memory, pdo.mapping_index, 1, 4)
+        first = read_optional(node.read_cache, pdo.mapping_index, 1, 4)
         config = replace(config, multiplexed=() if first is None else (PdoMappingEntry.from_raw(first),))
     return config
 

@@ -62,7 +62,7 @@ def taken_can_id_findings(node: ReadableNode, index: int, sub_index: int, data: 
     # nodes share SYNC and the time stamp, and what is a server on one node is a client on another: EMCY is one node's
     shared = None if index == EMCY else index
     taken = services_taken(node.neighbours(), without=shared)
-    taken |= service_ids_beside(node.memory, node.node_id, node.dictionary, without=index)
+    taken |= service_ids_beside(node.read_cache, node.node_id, node.dictionary, without=index)
     if index != SYNC and "SYNC" not in taken.values():
         taken[SYNC_BY_DEFAULT] = "SYNC"
     for other in enabled_pdos((*node.neighbours(), node)):
@@ -104,7 +104,7 @@ def _with_count(node: ReadableNode, pdo: Pdo, now: PdoConfig, count: int) -> Pdo
 def _entries(node: ReadableNode, pdo: Pdo, count: int) -> tuple[PdoMappingEntry, ...]:
     """The mapping entries activated by a raw *count*."""
     numbers = range(1, min(count, MAX_ENTRIES) + 1)
-    words = (read_optional(node.memory, pdo.mapping_index, number, 4) for number in numbers)
+    words = (read_optional(node.read_cache, pdo.mapping_index, number, 4) for number in numbers)
     return tuple(
         PdoMappingEntry.from_raw(word) for word in takewhile(lambda word: word is not None, words) if word is not None
     )

@@ -41,7 +41,7 @@ def _read(node: KnownPdos, sub_index: int) -> int | None:
     elif node.has_no_stamp:
         return None
     try:
-        data = node.memory.upload(STAMP, sub_index)
+        data = node.read_cache.upload(STAMP, sub_index)
     except SdoAborted as aborted:
         if aborted.code not in UNREADABLE:
             raise

@@ -63,7 +63,7 @@ def test_what_was_read_is_not_asked_for_again_until_something_happened(node: Nod
     bus.heard_boot_ups += 1
     assert timer(node) == 78
     set_timer(node, 79)
-    node.memory.clear()
+    node.read_cache.clear()
     assert timer(node) == 79
     set_timer(node, 80)
     assert node.pdos()[TPDO1].communication.event_timer == 80

@@ -220,7 +220,7 @@ def test_a_passing_refusal_in_the_cache_hides_no_cob_id(code: int) -> None:
     device.set_value(0x1800, 1, (0x181).to_bytes(4, "little"))
     node = Node(DirectBus(device, ShyOnce(device)), NODE, dictionary("generic"))
     with suppress(SdoAborted):
-        node.memory.upload(0x1800, 1)
+        node.read_cache.upload(0x1800, 1)
     assert producers([node], anew=False)[0] == Producer(NODE, TPDO1, CobId(0x181))
 
 
@@ -292,10 +292,10 @@ def test_what_was_put_together_of_values_goes_with_any_of_them() -> None:
     assert asked.known_pdos()[TPDO1] == asked.known_enabled_pdos()[TPDO1] == first
     drive.alters_itself(77)
     assert drive.timer_ms == first.communication.event_timer, "nothing that could have changed it was seen"
-    asked.memory.forget_one(*TIMER)
+    asked.read_cache.forget_one(*TIMER)
     assert drive.timer_ms == 77
     drive.alters_itself(78)
-    asked.memory.forget_objects((TPDO1.communication_index,))
+    asked.read_cache.forget_objects((TPDO1.communication_index,))
     assert (drive.timer_ms, asked.known_pdos()[TPDO1].communication.event_timer) == (78, 78)
     drive.alters_itself(79)
     asked.forget()

@@ -50,7 +50,7 @@ def run_prompt(session: Conversation) -> int:
     session.output.pager = lambda text: not session.in_script and paged(text)
     _banner(session)
     for node in session.met_nodes():
-        node.memory.clear()  # a line comes when it comes
+        node.read_cache.clear()  # a line comes when it comes
     life = Life(session, Notices())
     session.frames = life.frames
     status = Status(session, life)

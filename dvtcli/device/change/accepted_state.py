@@ -2,55 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dvtcli.device.target_config import differences
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange
-from dvtcli.domain.ports import SdoTransport
+from dvtcli.domain.plan import PdoChange, Step
 from dvtcli.domain.script_line import value_line, whole_line
 from dvtcli.domain.text import value_text
-from dvtcli.errors import DvtcliError, SafetyRefusal, SdoAborted
+from dvtcli.errors import SafetyRefusal, SdoAborted
 
 if TYPE_CHECKING:
     from dvtcli.device.change.journal import Journal
     from dvtcli.device.change.plan_document import Identity
     from dvtcli.device.node_parts import ReadableNode
-
-
-@dataclass(slots=True)
-class AcceptedSteps:
-    """The last acknowledged value of each readable object."""
-
-    _values: dict[tuple[int, int], bytes] = field(default_factory=dict)
-    #: unreadable objects
-    _unreadable: set[tuple[int, int]] = field(default_factory=set)
-
-    def took(self, step: Step, change: Change) -> None:
-        """Record that the device acknowledged *step* of *change*."""
-        place = step.index, step.sub_index
-        if isinstance(change, PdoChange) or change.is_readable:
-            self._values[place] = step.after
-        else:
-            self._unreadable.add(place)
-
-    def was_taken(self, change: ValueChange) -> bool:
-        """True if the device acknowledged *change* to an object without read access."""
-        return (change.step.index, change.step.sub_index) in self._unreadable
-
-    def still_held(self, sdo: SdoTransport) -> bool:
-        """True if every value reads back equal; false without any value or answer."""
-        try:
-            return bool(self._values) and all(self._is_held(sdo, *place) for place in self._values)
-        except DvtcliError:
-            return False
-
-    def _is_held(self, sdo: SdoTransport, index: int, sub_index: int) -> bool:
-        try:
-            return sdo.upload(index, sub_index) == self._values[index, sub_index]
-        except SdoAborted:  # an entry behind the count: it tells nothing
-            return True
 
 
 def refuse_other_device(node: ReadableNode, journal: Journal) -> None:

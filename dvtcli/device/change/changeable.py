@@ -128,7 +128,7 @@ class Changeable(KnownPdos):
         if self.restarts_at_read is None:
             return False
         try:
-            restarts, read = self.bus.restarts(self.node_id), self.memory.is_of_now()
+            restarts, read = self.bus.restarts(self.node_id), self.read_cache.is_of_now()
         except BusUnavailable:
             return False
         if self.restarts_at_read == restarts or not (told or read or failed):

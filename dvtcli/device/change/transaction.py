@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field
 
 from dvtcli.device.cancellation import Cancellation
-from dvtcli.device.change.accepted_state import AcceptedSteps
+from dvtcli.device.change.acknowledged_steps import AcknowledgedSteps
 from dvtcli.device.change.failed_change import (
     TRY_AGAIN,
     left_changed,
@@ -75,7 +75,7 @@ class Transaction:
     #: boot-ups at the read behind the plan; None: a restart does not stop the plan
     boot_ups_read: int | None = None
     _started: list[Change] = field(default_factory=list)
-    _acknowledged: AcceptedSteps = field(default_factory=AcceptedSteps)
+    _acknowledged: AcknowledgedSteps = field(default_factory=AcknowledgedSteps)
     #: altered untouched PDOs not rolled back, in words
     _left: dict[Pdo, str] = field(default_factory=dict)
     _touched: bool = False

@@ -55,7 +55,7 @@ def _capabilities(node: ReadableNode, index: int) -> tuple[dict[int, int], int]:
     found, unreadable = {}, 0
     for sub_index in _SUB_INDICES:
         try:
-            found[sub_index] = read_number(node.memory, index, sub_index, 4)
+            found[sub_index] = read_number(node.read_cache, index, sub_index, 4)
         except SdoAborted as aborted:
             if aborted.code == Abort.NO_OBJECT:
                 break

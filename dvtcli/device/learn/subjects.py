@@ -68,7 +68,7 @@ def _spare(node: ReadableNode, pdos: Mapping[Pdo, PdoConfig], heard: frozenset[i
     """Two CAN-IDs not used by a PDO of a known node, a service, or a received frame."""
     used = {config.communication.cob_id.can_id for config in pdos.values()}
     used |= {producer.cob_id.can_id for producer in producers(node.neighbours())}
-    used |= {can_id for can_id, _ in service_ids(node.memory, node.node_id, node.dictionary)} | heard
+    used |= {can_id for can_id, _ in service_ids(node.read_cache, node.node_id, node.dictionary)} | heard
     free = [can_id for can_id in FREE_POOL if can_id not in used]
     return tuple(free[-2:]) if len(free) > 1 else ()
 
@@ -157,7 +157,7 @@ def _limits(dictionary: ObjectDictionary, pdo: Pdo, node_id: int) -> dict[tuple[
 
 def _held(node: ReadableNode, index: int, sub_index: int) -> bytes | None:
     try:
-        return node.memory.upload(index, sub_index)
+        return node.read_cache.upload(index, sub_index)
     except SdoAborted as aborted:
         if aborted.code in ABSENT:
             return None
@@ -285,7 +285,7 @@ def _of_object(node: ReadableNode, index: int, sub_indices: Sequence[int]) -> It
 def _missing(node: ReadableNode, index: int, sub_index: int) -> int | None:
     """The abort code for a missing object; None if present or unreadable."""
     try:
-        node.memory.upload(index, sub_index)
+        node.read_cache.upload(index, sub_index)
     except SdoAborted as aborted:
         return aborted.code if aborted.code in ABSENT else None
     return None
@@ -296,7 +296,7 @@ def read_device(node: ReadableNode, pdos: Mapping[Pdo, PdoConfig], known: Sequen
     values = {}
     for place in TO_READ:
         with suppress(SdoAborted):  # unreadable objects are left out
-            values[place] = node.memory.upload(*place)
+            values[place] = node.read_cache.upload(*place)
     mapped = {way: [e for p, c in pdos.items() if p.direction is way for e in c.mapping] for way in Direction}
     for answers in known:
         mapped[answers.subject.pdo.direction] += answers.fits

@@ -185,7 +185,7 @@ def _places_of_enabled(node: ReadableNode, pdos: Mapping[Pdo, PdoConfig]) -> Ite
 
 def _number(node: ReadableNode, index: int) -> int | None:
     try:
-        return read_optional(node.memory, index, 0, 2)
+        return read_optional(node.read_cache, index, 0, 2)
     except SdoAborted:
         return None
 
@@ -199,7 +199,7 @@ def _heartbeats(node: ReadableNode, held: int, put: int) -> Iterator[CanaryObjec
 def _unused_entries(node: ReadableNode, pdo: Pdo, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[CanaryObject]:
     """The first entry of the empty mapping of *pdo*, filled as in another PDO of the same direction."""
     entries = (entry for other, config in pdos.items() if other.is_tpdo is pdo.is_tpdo for entry in config.mapping)
-    held = read_optional(node.memory, pdo.mapping_index, 1, 4)
+    held = read_optional(node.read_cache, pdo.mapping_index, 1, 4)
     if held is None:
         return
     for entry in islice((entry for entry in entries if entry.raw != held), MAX_ENTRIES):

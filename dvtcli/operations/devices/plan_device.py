@@ -424,7 +424,7 @@ class _Values(ToldValues):
         """Return the file's value, else the node's; raises SdoAborted if the node refuses."""
         place = index, sub_index
         data = self.held.on_node(place, entry_of(self.node.dictionary, place), self.node.node_id)
-        return self.node.memory.upload(index, sub_index) if data is None else data
+        return self.node.read_cache.upload(index, sub_index) if data is None else data
 
 
 #: reasons not even to read an object: secrets, programs, unreadable or meaningless values

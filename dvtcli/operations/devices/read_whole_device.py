@@ -105,7 +105,7 @@ def configuration(node: ReadableNode, dictionary: ObjectDictionary, included: Co
 
     def held(index: int) -> bytes | None:
         try:
-            return node.memory.upload(index, 0)
+            return node.read_cache.upload(index, 0)
         except SdoAborted:
             return None
 

@@ -53,7 +53,7 @@ def exported_node(session: SessionNodes, node: ReadableNode, held: Mapping[Pdo, 
 
     The file always names the EDS: its identity may lead to another file later, when one is added to the library.
     """
-    found = exported(node, held, node.memory, all_of(node.dictionary))
+    found = exported(node, held, node.read_cache, all_of(node.dictionary))
     dcf, modules = _dcf(session, node, path), _modules(session, node)
     return replace(found, config=replace(found.config, dcf=dcf, modules=modules, profile=session.options.profile))
 

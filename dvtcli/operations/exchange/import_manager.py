@@ -291,7 +291,7 @@ def import_manager(session: SessionNodes, file: str, manager: int) -> Facts:
         config = replace(exported.config, identity=device.identity, dcf=dcf)
         notes += _notes(config, unsaid)
         unnamed += [str(node_id)] if device.eds is None else []
-        found.append(FoundNode(replace(exported, config=config), {}, node.memory))
+        found.append(FoundNode(replace(exported, config=config), {}, node.read_cache))
     if not found:
         why = f": {'; '.join(notes)}" if notes else ""
         raise UsageError(f"node {manager} ({node.title}) downloads nothing to any node{why}", node=manager)
@@ -335,7 +335,7 @@ def _device(session: SessionNodes, manager: ReadableNode, node_id: int, path: Pa
     expected = _identity(manager, node_id)
     try:
         files = session.network.files
-        held = ExpectedIdentity(*(read_identity(files.memory(node_id), sub_index) or None for sub_index in (1, 2)))
+        held = ExpectedIdentity(*(read_identity(files.read_cache(node_id), sub_index) or None for sub_index in (1, 2)))
         if all(wanted in (None, told) for wanted, told in zip(_parts(expected), _parts(held), strict=True)):
             return _Booted(node_id, held, files.eds_path(node_id))
         notes.append(f"node {node_id} is another device than node {manager.node_id} expects (0x1F85, 0x1F86)")

@@ -331,7 +331,7 @@ def _look_ahead(session: SessionNodes, ids: Sequence[int]) -> dict[int, DvtcliEr
 
     def read(node: ReadableNode) -> None:
         with suppress(DvtcliError):
-            exported(node, node.pdos(), node.memory, all_of(node.dictionary))
+            exported(node, node.pdos(), node.read_cache, all_of(node.dictionary))
 
     for fault in session.bus.side_by_side([partial(read, node) for node in nodes]):
         raise fault
@@ -339,7 +339,7 @@ def _look_ahead(session: SessionNodes, ids: Sequence[int]) -> dict[int, DvtcliEr
 
 
 def _memory(node: ReadableNode) -> SdoReader:
-    return node.memory
+    return node.read_cache
 
 
 def _ids(session: SessionNodes, notes: list[str]) -> Iterator[int]:

@@ -113,7 +113,7 @@ def unknown_syncs(frames: ShortFrames, nodes: Iterable[ReadableNode]) -> tuple[i
     held: list[int] = []
     for node in nodes:
         with suppress(NoAnswer, SdoAborted, SdoProtocolError):  # who is silent explains nothing
-            held.append(read_optional(node.memory, _SYNC_ID, 0, 4) or 0)
+            held.append(read_optional(node.read_cache, _SYNC_ID, 0, 4) or 0)
     explained = {value & _CAN_ID for value in held if value & _PRODUCES}
     meant = {_USUAL, *(value & _CAN_ID for value in held)}
     return tuple(sorted(strange & meant - explained))

@@ -211,7 +211,7 @@ def refuse_stale(node: ReadableNode, planned: NodePlan, changes: Collection[Chan
     """
     if node.identity() != planned.identity:
         raise _stale(node, "is another device than the plan is for")
-    look = node.memory.look()
+    look = node.read_cache.look()
     for change in changes:
         difference = first_difference(look, change, wanted_before=True)  # empty when the claim was made
         if difference:

@@ -93,7 +93,7 @@ def _ask_all(session: SessionNodes, ids: Sequence[int]) -> dict[int, DvtcliError
             if met is not None:
                 met.read_anew()
             for sub_index in _IDENTITY_PARTS:
-                read_identity(network.files.memory(node_id) if met is None else met.memory, sub_index)
+                read_identity(network.files.read_cache(node_id) if met is None else met.read_cache, sub_index)
         except (NoAnswer, SdoProtocolError) as failed:
             silent[node_id] = failed
 

@@ -108,7 +108,7 @@ def _no_watches(
     session: SessionNodes, node: ReadableNode, ends: Sequence[Endpoint], producer: int
 ) -> tuple[HeartbeatWatch, ...]:
     """Stop consuming the heartbeat of *producer* if *ends* are all its links with *node*."""
-    if not watched_ms(heartbeat_slots(node.memory), producer):
+    if not watched_ms(heartbeat_slots(node.read_cache), producer):
         return ()
     cob_ids = session.node(producer).known_cob_ids()
     sent = {(cob_id.can_id, cob_id.extended) for pdo, cob_id in cob_ids.items() if pdo.is_tpdo and cob_id.valid}

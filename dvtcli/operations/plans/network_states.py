@@ -71,12 +71,12 @@ def node_state(node: ReadableNode, *, for_rules: bool = False, only_enabled: boo
     """
     pdos = dict(node.known_enabled_pdos() if only_enabled else node.known_pdos())
     places = (*TIMING, *(JUDGED if for_rules else ()))
-    numbers = node.observed(lambda: dict(_numbers(node.memory.look(), places, {CONSUMER_HEARTBEAT: 4})))
+    numbers = node.observed(lambda: dict(_numbers(node.read_cache.look(), places, {CONSUMER_HEARTBEAT: 4})))
     if for_rules:
         if (NMT_STARTUP, 0) in numbers:  # a node without it is no NMT master, and cannot become one
-            numbers |= node.observed(lambda: dict(_numbers(node.memory.look(), ((BOOT_TIME, 0, 4),), _OF_MASTER)))
-        numbers |= node.observed(lambda: sdo_channels(node.memory.look(), node.dictionary))
-    downloads = node.observed(lambda: dict(_downloads(node.memory))) if numbers.get((NMT_STARTUP, 0)) else {}
+            numbers |= node.observed(lambda: dict(_numbers(node.read_cache.look(), ((BOOT_TIME, 0, 4),), _OF_MASTER)))
+        numbers |= node.observed(lambda: sdo_channels(node.read_cache.look(), node.dictionary))
+    downloads = node.observed(lambda: dict(_downloads(node.read_cache))) if numbers.get((NMT_STARTUP, 0)) else {}
     return NodeState(node.node_id, "", pdos, numbers, node.dictionary, node.profile, node.title, downloads=downloads)
 
 
@@ -104,7 +104,10 @@ def states_beside(session: SessionNodes, read: Collection[int]) -> list[NodeStat
             cob_ids = node.known_cob_ids().items()
             pdos = {pdo: PdoConfig(PdoCommunicationParameter(cob_id), ()) for pdo, cob_id in cob_ids}
             services = ((index, 0, 4) for index in (SYNC_COB_ID, SYNC_PERIOD, TIME_COB_ID, EMCY_COB_ID))
-            numbers = {**dict(_numbers(node.memory, services, {})), **sdo_channels(node.memory, node.dictionary)}
+            numbers = {
+                **dict(_numbers(node.read_cache, services, {})),
+                **sdo_channels(node.read_cache, node.dictionary),
+            }
             found.append(NodeState(node_id, "", pdos, numbers, node.dictionary, node.profile, node.title))
     return found
 

@@ -398,7 +398,7 @@ def _period_kept(
     overflow, period = (SYNC_OVERFLOW, 0), (SYNC_PERIOD, 0)
     if period in resolved.values or held.get(overflow) == resolved.values.get(overflow):
         return {}
-    number = node.observed(lambda: read_optional(node.memory, *period, 4))
+    number = node.observed(lambda: read_optional(node.read_cache, *period, 4))
     return {period: number.to_bytes(4, "little")} if number else {}
 
 

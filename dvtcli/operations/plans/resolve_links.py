@@ -69,9 +69,9 @@ class LinkedHeartbeats:
         node = self.nodes[node_id]
         if asked_ms is None:
             said = [*self._producers.get(node_id, ()), *_node(self.before, node_id).objects]
-            return _configured_ms(said, heartbeat_ms(node.memory) or 0)
+            return _configured_ms(said, heartbeat_ms(node.read_cache) or 0)
         place = f"node {node_id}"
-        if heartbeat_ms(node.memory) is None:
+        if heartbeat_ms(node.read_cache) is None:
             text = f"node {node_id} has no 0x1017: it cannot send a heartbeat"
             self.say(
                 node_id,
@@ -79,7 +79,7 @@ class LinkedHeartbeats:
                     "link-no-heartbeat", place, text, hint=Hint(Action.GIVE, {"heartbeat": False}, "leaves it alone")
                 ),
             )
-        elif is_guarded(node.memory):
+        elif is_guarded(node.read_cache):
             text = f"node {node_id} is guarded (0x100C and 0x100D are not 0), which excludes a heartbeat"
             self.say(
                 node_id,
@@ -95,7 +95,7 @@ class LinkedHeartbeats:
         if any(watch.producer == producer for watch in _node(self.before, consumer).watches):
             return  # somebody said how long
         if consumer not in self._slots:
-            held = heartbeat_slots(self.nodes[consumer].memory)
+            held = heartbeat_slots(self.nodes[consumer].read_cache)
             said = _said_slots(_node(self.before, consumer).values)
             self._slots[consumer] = held | {sub: value for sub, value in said.items() if sub in held}
         slots = self._slots[consumer]
@@ -229,7 +229,7 @@ class _Linking:
     def _used(self, link: LinkConfig, producer: LinkSide) -> Iterator[tuple[int, bool]]:
         """Yield every used CAN-ID, and whether it is a 29-bit identifier."""
         for node in self.known:
-            yield from service_ids(node.memory, node.node_id, node.dictionary)
+            yield from service_ids(node.read_cache, node.node_id, node.dictionary)
             for pdo, cob_id in node.known_cob_ids().items():
                 end = Endpoint(node.node_id, pdo)
                 config = self._pdos.get(end)

@@ -296,8 +296,8 @@ def _watches(
     if not config.watches:
         return ()
     wanted: dict[int, ResolvedValue] = {}
-    count = read_optional(node.memory, _CONSUMER_HEARTBEAT, 0, 1) or 0
-    held = {sub: read_optional(node.memory, _CONSUMER_HEARTBEAT, sub, 4) for sub in range(1, count + 1)}
+    count = read_optional(node.read_cache, _CONSUMER_HEARTBEAT, 0, 1) or 0
+    held = {sub: read_optional(node.read_cache, _CONSUMER_HEARTBEAT, sub, 4) for sub in range(1, count + 1)}
     mine = {
         said_value.place[1]: int.from_bytes(said_value.data, "little")
         for said_value in said

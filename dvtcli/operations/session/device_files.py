@@ -120,7 +120,7 @@ class DeviceFiles:
     #: remarks already made about files and the bus
     _said: set[str] = field(default_factory=set)
 
-    def memory(self, node_id: int) -> ReadCache:
+    def read_cache(self, node_id: int) -> ReadCache:
         """Return the cached reader for a node's identity."""
         return self._memories.setdefault(node_id, ReadCache(self.bus, node_id, lambda: self.bus.sdo(node_id)))
 
@@ -145,7 +145,7 @@ class DeviceFiles:
         """Describe how the node differs from the device of *dictionary*, if the user chose the file."""
         if dictionary is None or not (self.options.eds or node_id in self.own_eds):
             return ""
-        vendor, product = (read_identity(self.memory(node_id), sub) for sub in (1, 2))
+        vendor, product = (read_identity(self.read_cache(node_id), sub) for sub in (1, 2))
         return unlike_file(node_id, dictionary, (vendor, product))
 
     def dictionary(self, node_id: int) -> ObjectDictionary | None:
@@ -178,7 +178,7 @@ class DeviceFiles:
         """Return the module list (0x1027) of a node; None where nobody needs it, or it cannot be read."""
         described = read_dictionary(path).info.modules
         is_asked = described.supported and not described.connected and self._chosen_modules(node_id) is None
-        return read_modules(self.memory(node_id)) if is_asked else None
+        return read_modules(self.read_cache(node_id)) if is_asked else None
 
     def _unlike_modules(self, node_id: int, path: Path) -> str:
         """Describe how the modules by the file or the user differ from the node's own list; empty if they do not."""
@@ -186,7 +186,7 @@ class DeviceFiles:
         dictionary = read_dictionary(path, chosen)
         if not dictionary.info.modules.connected:
             return ""
-        attached = read_modules(self.memory(node_id))
+        attached = read_modules(self.read_cache(node_id))
         name = path.name if chosen is None else "what was chosen"
         return dictionary.info.modules.unlike(attached, name, node_id)
 
@@ -232,7 +232,7 @@ class DeviceFiles:
             if simulated.node_id == node_id:
                 return FileChoice(simulated.eds, SIMULATED)
 
-        return found_file(said or self.memory(node_id))
+        return found_file(said or self.read_cache(node_id))
 
     def remark(self, node_id: int) -> tuple[str, bool]:
         """Return a remark about the node's file, and whether it is a warning; once for all its nodes.
@@ -269,7 +269,7 @@ class DeviceFiles:
                 return load_folder_profile(simulated.folder)
             if simulated.node_id == node_id and simulated.family in profile_names():
                 return self._simulated_profile(node_id, simulated.family)
-        vendor, product = (read_identity(self.memory(node_id), sub) for sub in (1, 2))
+        vendor, product = (read_identity(self.read_cache(node_id), sub) for sub in (1, 2))
         if not vendor:  # a device that does not say who it is (0 is nobody's number): its file does
             return profile_of(self.dictionary(node_id))
         return profile_for_identity(vendor, product or 0)

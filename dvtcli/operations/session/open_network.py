@@ -149,7 +149,7 @@ class Network:
                 consent_anew=lambda question: (self.consent_anew or self.consent)(question, node_id),
             )  # fmt: skip
             node.boot_ups_at_contact, node.restarts_at_read = boot_ups, restarts
-            node.memory.learn(self.files.memory(node_id))
+            node.read_cache.learn(self.files.read_cache(node_id))
             self._remark(node_id)
             if node.unlike_file:
                 self.warn(

@@ -204,7 +204,7 @@ class Session(Opened):
                     if node.end_of_line(failed=bool(code)):
                         self.reporter.warning(f"node {node.node_id} restarted since it was read before")
                     node.kept_by_itself.clear()
-                    node.memory.clear()
+                    node.read_cache.clear()
                     node.let_go()
         if failures:
             raise failures[0]

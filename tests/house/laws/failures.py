@@ -49,7 +49,7 @@ MAY_LEAVE_UNSAID = {
     "cli/prompt/completer.py": "the same",
     "cli/prompt/full_line.py": "the same",
     "cli/prompt/status.py": "the menu says less; the next command says why",
-    "device/change/accepted_state.py": "who does not answer is not known to hold what it took",
+    "device/change/acknowledged_steps.py": "who does not answer is not known to hold what it took",
     "operations/changes/change.py": "nobody knows: the store itself will say",
     "operations/exchange/import_network.py": "read ahead: it is said where it is needed",
     "operations/plans/plan_network.py": "the same",
