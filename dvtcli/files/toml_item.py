@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
@@ -96,6 +97,11 @@ class Item:
         """The last key of the path."""
         return self.path[-1]
 
+    @property
+    def shown(self) -> str:
+        """The value as TOML writes it: `true`, not `True`."""
+        return repr(self.value) if isinstance(self.value, str) else json.dumps(self.value, default=str)
+
     def fail(self, text: str, hint: str | None = None) -> NoReturn:
         """Raise InputFileError with the line of the nearest key on the way to this value."""
         path = self.path
@@ -107,7 +113,7 @@ class Item:
     def items(self) -> list[Item]:
         """Return a table's members, each with its place."""
         if not isinstance(self.value, dict):
-            self.fail(f"must be a table, not {self.value!r}")
+            self.fail(f"must be a table, not {self.shown}")
         return [replace(self, value=value, path=(*self.path, key)) for key, value in self.value.items()]
 
     def table(self, schema: Mapping[str, Callable[[Item], object]], required: Iterable[str] = ()) -> dict[str, Any]:
@@ -125,14 +131,14 @@ class Item:
 def string(item: Item) -> str:
     """Read a text that is not blank."""
     if not isinstance(item.value, str) or not item.value.strip():
-        item.fail(f"must be a text, not {item.value!r}")
+        item.fail(f"must be a text, not {item.shown}")
     return item.value
 
 
 def boolean(item: Item) -> bool:
     """`true` or `false`."""
     if not isinstance(item.value, bool):
-        item.fail(f"must be true or false, not {item.value!r}")
+        item.fail(f"must be true or false, not {item.shown}")
     return item.value
 
 
@@ -141,7 +147,7 @@ def integer(low: int, high: int) -> Callable[[Item], int]:
 
     def read(item: Item) -> int:
         if not isinstance(item.value, int) or isinstance(item.value, bool):
-            item.fail(f"must be a whole number, not {item.value!r}")
+            item.fail(f"must be a whole number, not {item.shown}")
         if not low <= item.value <= high:
             item.fail(f"{item.value} is not within {low}..{high}")
         return item.value
@@ -152,7 +158,7 @@ def integer(low: int, high: int) -> Callable[[Item], int]:
 def seconds(item: Item) -> float:
     """A time-out in seconds, above 0 and up to 600."""
     if not isinstance(item.value, int | float) or isinstance(item.value, bool):
-        item.fail(f"must be a number of seconds, not {item.value!r}")
+        item.fail(f"must be a number of seconds, not {item.shown}")
     if not 0 < item.value <= 600:
         item.fail(f"{item.value} s is not within 0..600")
     return float(item.value)
@@ -161,7 +167,7 @@ def seconds(item: Item) -> float:
 def members(item: Item) -> list[Item]:
     """A list's members, each at the list's place."""
     if not isinstance(item.value, list):
-        item.fail(f"must be a list, not {item.value!r}")
+        item.fail(f"must be a list, not {item.shown}")
     return [replace(item, value=value) for value in item.value]
 
 
@@ -176,7 +182,7 @@ def pair(high: int) -> Callable[[Item], Range]:
     def read(item: Item) -> Range:
         numbers = integers(0, high)(item)
         if len(numbers) != 2:
-            item.fail(f"must be a pair of numbers, not {item.value!r}")
+            item.fail(f"must be a pair of numbers, not {item.shown}")
         return numbers[0], numbers[1]
 
     return read
@@ -205,7 +211,7 @@ def one_of(choices: type[_Choice]) -> Callable[[Item], _Choice]:
     def read(item: Item) -> _Choice:
         words = [choice.value for choice in choices]
         if item.value not in words:
-            item.fail(f"must be {alternatives(words)}, not {item.value!r}", suggest(str(item.value), words))
+            item.fail(f"must be {alternatives(words)}, not {item.shown}", suggest(str(item.value), words))
         return choices(item.value)
 
     return read
@@ -226,7 +232,7 @@ def object_address(item: Item) -> tuple[int, int]:
     """Read index and sub-index of an object, written `6C01:01`."""
     match = re.fullmatch(r"([0-9A-F]{4}):([0-9A-F]{2})", item.value) if isinstance(item.value, str) else None
     if not match:
-        item.fail(f"must be an object such as '6C01:01', not {item.value!r}")
+        item.fail(f"must be an object such as '6C01:01', not {item.shown}")
     return int(match[1], 16), int(match[2], 16)
 
 

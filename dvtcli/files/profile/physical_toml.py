@@ -46,7 +46,7 @@ def _meaning(item: Item) -> ScalingRule:
 def _fraction(item: Item) -> Fraction:
     """Read a number, or a text like `1/256`."""
     if isinstance(item.value, bool) or not isinstance(item.value, int | float | str):
-        item.fail(f"must be a number, or a text such as '1/256', not {item.value!r}")
+        item.fail(f"must be a number, or a text such as '1/256', not {item.shown}")
     try:
         return parse_factor(str(item.value))
     except ValueError as wrong:

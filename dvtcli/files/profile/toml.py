@@ -101,14 +101,14 @@ def _over(base: Any, given: Any) -> Any:
 
 def _base(item: Item) -> DeviceProfile:
     if item.value not in builtin_names():
-        item.fail(f"no built-in profile is called {item.value!r}", suggest(str(item.value), builtin_names()))
+        item.fail(f"no built-in profile is called {item.shown}", suggest(str(item.value), builtin_names()))
     path = builtin_path(str(item.value))
     return read_profile(path.read_text(encoding="utf-8"), f"{path.parent.name}/{path.name}")
 
 
 def _name(item: Item) -> str:
     if not re.fullmatch(r"[a-z][a-z0-9_-]*", string(item)):
-        item.fail(f"{item.value!r} is not a profile name; use small letters, digits, - and _")
+        item.fail(f"{item.shown} is not a profile name; use small letters, digits, - and _")
     return string(item)
 
 
@@ -125,7 +125,7 @@ def _severity(item: Item) -> Severity | None:
         return None
     words = [*(severity.value for severity in Severity), _FINE]
     if item.value not in words:
-        item.fail(f"must be {alternatives(words)}, not {item.value!r}", suggest(str(item.value), words))
+        item.fail(f"must be {alternatives(words)}, not {item.shown}", suggest(str(item.value), words))
     return Severity(item.value)
 
 

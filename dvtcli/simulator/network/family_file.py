@@ -83,7 +83,7 @@ def _error_list(item: Item) -> ErrorList:
 
 def _plant(item: Item) -> str:
     if string(item) != _PLANT:
-        item.fail(f"must be {_PLANT}, not {item.value!r}")
+        item.fail(f"must be {_PLANT}, not {item.shown}")
     return _PLANT
 
 
@@ -104,7 +104,7 @@ def _types(item: Item) -> tuple[tuple[int, int, int], ...]:
     for member in members(item):
         numbers = integers(0, 0xFFFF_FFFF)(member)
         if len(numbers) != 3 or not numbers[0] <= numbers[1] <= 255:
-            item.fail(f"must be a first and a last type and an abort code, not {member.value!r}")
+            item.fail(f"must be a first and a last type and an abort code, not {member.shown}")
         found.append((numbers[0], numbers[1], numbers[2]))
     return tuple(found)
 
@@ -124,7 +124,7 @@ def _place(item: Item) -> tuple[int, int]:
 def _boot_state(item: Item) -> NmtState:
     words = [state.name for state in NmtState]
     if item.value not in words:
-        item.fail(f"must be {alternatives(words)}, not {item.value!r}", suggest(str(item.value), words))
+        item.fail(f"must be {alternatives(words)}, not {item.shown}", suggest(str(item.value), words))
     return NmtState[str(item.value)]
 
 
