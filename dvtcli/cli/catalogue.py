@@ -81,6 +81,7 @@ COMMANDS: dict[str, dict[str, str]] = {
         "run": "Run a script: every line is parsed before the first line runs.",
         "tcl": "Run a line of Tcl with the DVT's words; alone, at the prompt, all lines until `exit`.",
         "save": "Save this session's changes as a script.",
+        "alias": "List, set or remove your own words for lines of the prompt.",
         "require": "Stop a script before any write if the node is another device, or its power stage is on.",
         "check": "Check network files, a running network, or recordings: CAN-IDs, layouts, SYNC, heartbeats, load.",
         "export": "Write a node's configuration to a file: a network file, a DCF, an XDC, a DBC file.",

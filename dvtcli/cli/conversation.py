@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -142,6 +142,8 @@ class Conversation(Session):
         self.tcl: TypedTcl | None = None
         #: the user's aliases, with their expansions
         self.aliases: dict[str, str] = {}
+        #: lines typed before, the newest last
+        self.recent_lines: Callable[[], Sequence[str]] = tuple
         #: whether this is a rehearsal for another conversation, which reports bus events
         self._is_stage = False
 

@@ -11,6 +11,7 @@ import click
 from click.shell_completion import CompletionItem, ShellComplete, add_completion_class, get_completion_class
 
 from dvtcli.cli.global_options import taken
+from dvtcli.cli.preferred_objects import preferred_objects
 from dvtcli.domain.mapping import DUMMY_BITS, MAX_PDO_BITS
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, normalised
 from dvtcli.domain.object_syntax import parse_object
@@ -41,7 +42,7 @@ def object_items(ctx: click.Context, incomplete: str, *, mapped: bool) -> list[C
     chosen = ctx.params.get("pdo")
     for dictionary, profile in _dictionaries(ctx, session, getattr(chosen, "node_id", None)):
         room = _room(ctx, dictionary, profile) if mapped else None
-        items = _items(dictionary, profile.aliases, room, incomplete)
+        items = _items(dictionary, profile.aliases, room, incomplete, preferred_objects(session, dictionary, profile))
         if items:
             return items[:MOST]
     return []
@@ -73,18 +74,22 @@ def _laid_over_files(given: dict[str, Any]) -> Options:
 
 
 def _items(
-    dictionary: ObjectDictionary, aliases: Mapping[str, str], room: Room | None, incomplete: str
+    dictionary: ObjectDictionary,
+    aliases: Mapping[str, str],
+    room: Room | None,
+    incomplete: str,
+    preferred: Mapping[ObjectAddress, int],
 ) -> list[CompletionItem]:
     named = dict(_alias_items(dictionary, aliases, room, incomplete))
     items = list(named.values())
+    if room is not None:
+        items += room.dummies(incomplete)
     prefix = "0x" if incomplete.lower().startswith("0x") else ""
-    for number, _, entry in _ranked(_rows(dictionary), incomplete):
+    for number, _, entry in _ranked(_rows(dictionary), incomplete, preferred):
         if number not in named and (room is None or room.takes(entry)):
             items.append(CompletionItem(f"{prefix}{number.upper()}", help=_help(dictionary, entry, room)))
             if len(items) >= MOST:
                 break
-    if room is not None:
-        items += room.dummies(incomplete)
     return items
 
 
@@ -123,7 +128,10 @@ class Room:
         lengths = {
             bits for index, bits in DUMMY_BITS.items() if bits <= self.left and (usable is None or index in usable)
         }
-        words = [(f"dummy/{bits}", f"skip {bits} bit{'' if bits == 1 else 's'}") for bits in sorted(lengths)]
+        words = [
+            (f"dummy/{bits}", f"skip {bits} bit{'' if bits == 1 else 's'}")
+            for bits in sorted(lengths, key=lambda bits: (bits % 8 != 0, bits))
+        ]
         return [CompletionItem(word, help=text) for word, text in words if word.startswith(incomplete.lower())]
 
 
@@ -174,8 +182,8 @@ def _help(dictionary: ObjectDictionary, entry: OdEntry, room: Room | None) -> st
     return f"{name}  {kind} {entry.access}" + (f"  {share}" if share else "")
 
 
-def _ranked(rows: list[Row], incomplete: str) -> Iterator[Row]:
-    """Return *rows* matching *incomplete*, best first: by number, name, a word of the name, a part.
+def _ranked(rows: list[Row], incomplete: str, preferred: Mapping[ObjectAddress, int]) -> Iterator[Row]:
+    """Return *rows* matching *incomplete*, best first: beginnings of numbers and names, *preferred* objects, parts.
 
     A text with `0x` matches numbers only.
     """
@@ -183,25 +191,36 @@ def _ranked(rows: list[Row], incomplete: str) -> Iterator[Row]:
     wanted = incomplete.lower().removeprefix("0x")
     name = normalised(incomplete)
     found: set[int] = set()
-    for matches in _matchers(wanted, "" if by_number else name):
-        for number, row in enumerate(rows):
-            if number not in found and matches(row):
-                found.add(number)
-                yield row
+
+    def matching(matches: Callable[[Row], bool]) -> list[Row]:
+        new = [number for number, row in enumerate(rows) if number not in found and matches(row)]
+        found.update(new)
+        return sorted((rows[number] for number in new), key=lambda row: _preference(row, preferred))
+
+    beginnings, parts = _matchers(wanted, "" if by_number else name)
+    for matches in beginnings:
+        yield from matching(matches)
+    others = [row for matches in parts for row in matching(matches)]
+    yield from sorted(others, key=lambda row: _preference(row, preferred))
     if not found and not by_number and len(name) >= SCATTERED:
         letters = re.compile("".join(f"[^{re.escape(char)}]*{re.escape(char)}" for char in name))
         yield from (row for row in rows if letters.match(row[1]))
 
 
-def _matchers(wanted: str, name: str) -> Iterator[Callable[[Row], bool]]:
-    yield lambda row: row[0].startswith(wanted)
+def _preference(row: Row, preferred: Mapping[ObjectAddress, int]) -> int:
+    """Return the place of an entry among the *preferred*, behind all of them for others."""
+    return preferred.get((row[2].index, row[2].sub_index), len(preferred))
+
+
+def _matchers(wanted: str, name: str) -> tuple[list[Callable[[Row], bool]], list[Callable[[Row], bool]]]:
+    """Return what matches beginnings, and what matches parts, of a number *wanted* or a *name*."""
+    beginnings: list[Callable[[Row], bool]] = [lambda row: row[0].startswith(wanted)]
     if ":" in wanted:  # 6C01:1 is 6C01:01
-        yield lambda row: row[0].replace(":0", ":").startswith(wanted)
+        beginnings.append(lambda row: row[0].replace(":0", ":").startswith(wanted))
     if not name:
-        return
-    yield lambda row: row[1].startswith(name)
-    yield lambda row: f"_{name}" in row[1] or f".{name}" in row[1]
-    yield lambda row: name in row[1]
+        return beginnings, []
+    beginnings += [lambda row: row[1] == name, lambda row: row[1].startswith(name)]
+    return beginnings, [lambda row: f"_{name}" in row[1] or f".{name}" in row[1], lambda row: name in row[1]]
 
 
 #: The last dictionaries that were completed from, each with its rows: looking them through must not rebuild them.

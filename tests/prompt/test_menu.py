@@ -51,6 +51,22 @@ def test_objects_are_found_by_number_then_name_then_a_word_of_it(session: Conver
     assert words(session, "read nothing_is_called_so") == []
 
 
+def test_a_drives_usual_objects_come_first_and_dummies_before_parts_of_names(session: Conversation) -> None:
+    assert words(session, "map tpdo1 ")[:3] == ["6041:00", "6040:00", "606C:00"]
+    assert words(session, "map rpdo1 ")[0] == "6040:00"
+    assert words(session, "map rpdo1 dum")[0] == "dummy/8"
+    assert words(session, "read 60")[:2] == ["6041:00", "6040:00"]
+
+
+def test_what_the_user_types_often_comes_before_what_devices_of_the_kind_map(session: Conversation) -> None:
+    session.recent_lines = lambda: ["read 1018:1", "map tpdo1 606C,6077/16", "read 6077", "# 9999", "read 5:zz"]
+    assert words(session, "map tpdo1 ")[:3] == ["6077:00", "606C:00", "6041:00"]
+    assert words(session, "read 1018:0")[0] == "1018:01"
+    session.recent_lines = tuple
+    assert words(session, "read 1018:0")[0] == "1018:00"
+    assert words(session, "read velocity_a")[0] == "606C:00"  # what begins so, before any other
+
+
 def test_options_come_with_the_commands_own_first(session: Conversation) -> None:
     found = words(session, "map tpdo1 6041 --")
     assert found.index("--cob-id") < found.index("--dry-run")

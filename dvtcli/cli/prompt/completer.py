@@ -31,10 +31,14 @@ class LineCompleter(Completer):
         self._session = session
         self._paths = PathCompleter(expanduser=True)
         # Summaries are read from the commands' files once: a menu is drawn with every key.
-        self._commands = {name: summary(name) for name in command_names()}
-        self._commands |= {word: f"alias of: {text}" for word, text in session.aliases.items()}
+        self._own = {name: summary(name) for name in command_names()}
         self._words = {name: f"{word.summary}: {word.grammar}" for name, word in WORDS.items()}
         self._global = list(_global_items())
+
+    @property
+    def _commands(self) -> dict[str, str]:
+        """Return the first words of lines, with their descriptions; `alias` adds some."""
+        return self._own | {word: f"alias of: {text}" for word, text in self._session.aliases.items()}
 
     def get_completions(self, document: Document, complete_event: CompleteEvent) -> Iterable[Completion]:
         """Return completions of the word before the cursor."""

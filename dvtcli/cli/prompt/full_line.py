@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Container
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -186,9 +186,10 @@ _HEXADECIMAL = re.compile(r"0x[0-9a-f]+(:[0-9a-fx]+)?|[0-9a-f]{4}(:[0-9a-f]{1,2}
 class LineLexer(Lexer):
     """Styles the words of a line; *aliases* are known as commands are. While *is_plain*() nothing is styled."""
 
-    def __init__(self, aliases: Iterable[str], is_plain: Callable[[], bool] = lambda: False) -> None:
+    def __init__(self, aliases: Container[str], is_plain: Callable[[], bool] = lambda: False) -> None:
         self._is_plain = is_plain
-        self._commands = frozenset({*command_names(), *aliases})
+        self._aliases = aliases
+        self._commands = frozenset(command_names())
 
     def lex_document(self, document: Document) -> Callable[[int], StyleAndTextTuples]:
         """Return the styled words of each line of *document*."""
@@ -212,7 +213,7 @@ class LineLexer(Lexer):
         if word.isspace():
             return ""
         if first:
-            return "class:command" if word in self._commands else "class:unknown"
+            return "class:command" if word in self._commands or word in self._aliases else "class:unknown"
         if word.startswith("--") or word in ("|", ">", ">>"):
             return "class:option"
         return "class:number" if _HEXADECIMAL.fullmatch(word) else ""
@@ -249,9 +250,11 @@ def prompt_session(session: Conversation, status: Status, show_help: Callable[[s
     def is_secret(line: str) -> bool:
         return session.is_secret(expanded(line, session.aliases))
 
+    history = open_history(session.output, is_secret)
+    session.recent_lines = history.get_strings
     prompt: PromptSession[str] = PromptSession(
         message=status.prompt,
-        history=open_history(session.output, is_secret),
+        history=history,
         auto_suggest=AutoSuggestFromHistory(),
         completer=LineCompleter(session),
         complete_in_thread=True,

@@ -1,0 +1,86 @@
+"""List, set or remove your own words for lines of the prompt."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from dvtcli.cli.command import DvtCommand, Effect
+from dvtcli.cli.params import TEXT
+from dvtcli.errors import UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from dvtcli.cli.conversation import Conversation
+    from dvtcli.operations.results import Facts
+
+
+@click.command(
+    "alias",
+    cls=DvtCommand,
+    short_help=__doc__,
+    effect=Effect.READS,
+    context_settings={"allow_interspersed_args": False},
+)
+@click.argument("words", type=TEXT, nargs=-1, metavar="[NAME = [LINE]]")
+@click.pass_obj
+def command(session: Conversation, /, words: tuple[str, ...]) -> Facts:
+    """List the aliases of the prompt, or set NAME to the beginning of a LINE, or remove NAME.
+
+    They are kept in [aliases] of your own settings file. Options come before NAME. A LINE with | or > stands in quotes.
+
+    \b
+    alias
+    alias v = read velocity_actual_value
+    alias fast = map tpdo1 6041 606C --sync 1
+    alias on = "pdo --all | grep -v off"
+    alias v =                  remove it
+    """
+    from dvtcli.cli.aliases import usable_aliases
+    from dvtcli.operations.user.settings import Settings
+    from dvtcli.operations.user.user_aliases import list_aliases, set_alias
+
+    if not words:
+        return list_aliases(session.settings, usable_aliases(session.settings))
+    name, line = _name_and_line(words)
+    _require_usable(session, name, line)
+    answer = set_alias(name, line, dry_run=session.dry_run)
+    if session.at_prompt:
+        settings = Settings()
+        settings.read_files()
+        session.aliases.clear()
+        session.aliases.update(usable_aliases(settings))
+    return answer
+
+
+def _name_and_line(words: Sequence[str]) -> tuple[str, str | None]:
+    """Split `NAME = LINE`, also without blanks at the sign; the line is None if empty. Raises UsageError otherwise."""
+    from dvtcli.cli.prompt.line import quoted
+
+    name, sign, first = words[0].partition("=")
+    rest = [first, *words[1:]] if first else list(words[1:])
+    if not sign:
+        if not rest or not rest[0].startswith("="):
+            raise click.UsageError("an alias is set by: alias NAME = LINE, and removed by: alias NAME =")
+        rest = [rest[0][1:], *rest[1:]] if rest[0] != "=" else rest[1:]
+    if not rest:
+        return name, None
+    return name, rest[0] if len(rest) == 1 else " ".join(map(quoted, rest))
+
+
+def _require_usable(session: Conversation, name: str, line: str | None) -> None:
+    """Raise UsageError for the name of a command, a line without a command, or a line that may have a passcode."""
+    from dvtcli.cli.catalogue import command_names, meant, unknown_command
+    from dvtcli.cli.registry import REGISTRY
+
+    if line is None:
+        return
+    if name.lower() in command_names():
+        raise UsageError(f"{name!r} is a command already", hint="give the alias another name")
+    first = meant(line.split()[:2])[0] if line.strip() else ""
+    if first != "tcl" and REGISTRY.get_command(click.Context(REGISTRY), first) is None:
+        raise UsageError(unknown_command(first))
+    if session.is_secret(line):
+        raise UsageError("a line that may have a passcode is not kept")
