@@ -56,7 +56,6 @@ def test_an_alias_is_removed_and_a_dry_run_keeps_it() -> None:
     ("written", "said"),
     [
         ("alias read = pdo", "is a command already"),
-        ("alias v = raed 6041", "did you mean 'read'?"),
         ("alias v", "alias NAME = LINE"),
         ("alias v read", "alias NAME = LINE"),
         ("alias v/w = pdo", "is not one word"),

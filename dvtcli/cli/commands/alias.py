@@ -71,16 +71,12 @@ def _name_and_line(words: Sequence[str]) -> tuple[str, str | None]:
 
 
 def _require_usable(session: Conversation, name: str, line: str | None) -> None:
-    """Raise UsageError for the name of a command, a line without a command, or a line that may have a passcode."""
-    from dvtcli.cli.catalogue import command_names, meant, unknown_command
-    from dvtcli.cli.registry import REGISTRY
+    """Raise UsageError for the name of a command, or a line that may have a passcode."""
+    from dvtcli.cli.catalogue import command_names
 
     if line is None:
         return
     if name.lower() in command_names():
         raise UsageError(f"{name!r} is a command already", hint="give the alias another name")
-    first = meant(line.split()[:2])[0] if line.strip() else ""
-    if first != "tcl" and REGISTRY.get_command(click.Context(REGISTRY), first) is None:
-        raise UsageError(unknown_command(first))
     if session.is_secret(line):
         raise UsageError("a line that may have a passcode is not kept")
