@@ -55,7 +55,7 @@ COMMANDS: dict[str, dict[str, str]] = {
     "Check and keep": {
         "verify": "Read PDOs back and compare with this session's values, or with a FILE; --frame checks a real frame.",
         "sync": "Send SYNC messages and show the frames that answer, or find the SYNC producer.",
-        "store": "Store the node's values, so that they survive a power cycle (0x1010 'save').",
+        "store": 'Store the node\'s values, so that they survive a power cycle (0x1010 "save").',
         "restore": 'Restore the node\'s defaults (0x1011 "load").',
         "undo": "Undo the last change or all of this session's, or restore an automatic backup.",
         "recover": "Finish an interrupted change: roll back to the old configuration in its journal, or close the "
