@@ -22,15 +22,15 @@ if TYPE_CHECKING:
 @click.argument("pdo", type=PDO)
 @pdo_options
 @click.option("--mpdo", type=click.Choice(["sam", "dam"]),
-              help="Make it a multiplexed PDO (source or destination address mode).")  # fmt: skip
+              help="Make it a multiplexed PDO: SAM or DAM.")  # fmt: skip
 @click.pass_obj
 def command(session: Session, /, pdo: NodePdo, mpdo: str | None, **options: Any) -> Changed:
-    """Set communication parameters of PDO and leave its mapping alone, unless --mpdo says otherwise.
+    """Set communication parameters of PDO; only --mpdo changes its mapping.
 
     \b
     set tpdo1 --timer 100             one write, the PDO stays enabled
     set tpdo2 --cob-id 0x201 --sync 1
-    set tpdo3 --mpdo sam --event      multiplexed: the objects of the scanner list (0x1FA0)
+    set tpdo3 --mpdo sam --event      multiplexed, by the scanner list (0x1FA0)
     """
     asked = replace(request(options, enabled=None), mpdo=None if mpdo is None else MPDO_COUNTS[mpdo])
     if asked == PdoRequest():
