@@ -44,7 +44,7 @@ COMMANDS: dict[str, dict[str, str]] = {
     },
     "Change PDOs": {
         "map": "Map objects into a PDO: check, disable, write, enable, read back; roll back on failure.",
-        "edit": "Edit the PDOs of a node or a file on the full screen: map, move, set, see the rules, then write like `map`.",
+        "edit": "Edit the PDOs of a node or a file on the full screen, see the rules, then write like `map`.",
         "set": "Set communication parameters of a PDO: COB-ID, transmission type, inhibit time, event timer.",
         "enable": "Enable PDOs: clear bit 31 of their COB-IDs.",
         "disable": "Disable PDOs: set bit 31 of their COB-IDs; the mapping stays.",

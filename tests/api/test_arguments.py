@@ -167,7 +167,7 @@ TOLD: dict[str, tuple[Callable[[], object], str, list[str]]] = {
         "node 1 refused step 3 of 6 of TPDO1", ["state: rolled_back"],
     ),
     "silent": (
-        lambda: dvtcli.simulate("gen4").node(5).pdos(), "node 5", ["`bus.scan()` shows who does", "state: unchanged"]
+        lambda: dvtcli.simulate("gen4").node(5).pdos(), "node 5", ["`bus.scan()` lists the nodes", "state: unchanged"]
     ),
 }  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""Edit the PDOs of a node or a file on the full screen: map, move, set, see the rules, then write like `map`."""
+"""Edit the PDOs of a node or a file on the full screen, see the rules, then write like `map`."""
 
 from __future__ import annotations
 

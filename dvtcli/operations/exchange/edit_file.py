@@ -126,7 +126,7 @@ class EditedNetwork:
             raise UsageError(
                 f"{file}: no EDS is known of its nodes, so nothing says which PDOs they have",
                 place=file,
-                hint="`dcf:` beside a node_id names one",
+                hint="dcf: beside a node_id names one",
             )
 
     @property
