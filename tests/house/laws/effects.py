@@ -27,7 +27,7 @@ MAY_READ_AND_SEND: dict[str, dict[str, str]] = {
     "verify": {"operations/pdos/look_at_frames.py": "the same, and the NMT state goes back to what it was"},
 }
 #: what carries plans out by a method of the node, which imports do not show
-_CARRIES_OUT = ("operations/changes/change.py", "changed")
+_CARRIES_OUT = ("operations/changes/change.py", "change_result")
 _ROOM = "cli/commands/"
 
 

@@ -44,7 +44,6 @@ MAY_CATCH_ALL = {
 #: where any failure of ours is left unsaid, with why
 MAY_LEAVE_UNSAID = {
     "cli/conversation.py": "a script's failure is told; of what its earlier lines set nothing is claimed then",
-    "cli/corrected_line.py": "a line whose file cannot be read is no correction; the error of the typed line is said",
     "cli/name_completion.py": "nothing is offered; it is said once the line is run",
     "cli/prompt/completer.py": "the same",
     "cli/prompt/full_line.py": "the same",
