@@ -45,6 +45,8 @@ _NEAR = 0.7
 _SHORT = 3
 #: an object's name this near (0…1) is meant, if the next name is farther by _APART
 _SAME_NAME, _APART = 0.85, 0.05
+#: options that answer a question or lift a rule: only who types them means them
+_NEVER_ADDED = frozenset({"--yes", "--force"})
 #: the file that a line without one may be meant for
 _FILES = {"save": "session.dvt"}
 
@@ -58,6 +60,8 @@ def with_correction(
     """
     error = wrong if isinstance(wrong, UsageError) else usage_error(wrong)
     line = corrected(words, session)
+    if line is not None and session.is_secret(prompt_line(line)):
+        return error  # a passcode is not repeated
     if line is not None and in_file:
         error.hint = f"did you mean `{prompt_line(line)}`?"
     elif line is not None:
@@ -206,7 +210,7 @@ def _options(command: click.Command) -> dict[str, str]:
         for param in reversed(command.params)
         if isinstance(param, click.Option) and (param.name or "").removeprefix(PREFIX) not in START_ONLY
         for option in (*param.opts, *param.secondary_opts)
-        if option.startswith("--")
+        if option.startswith("--") and option not in _NEVER_ADDED
     }
 
 

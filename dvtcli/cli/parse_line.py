@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
 
 
-def parse(words: Sequence[str], session: Conversation) -> click.Context:
+def parse(words: Sequence[str], session: Conversation, *, in_file: bool = False) -> click.Context:
     """Find and parse a line's command without running it. Raises usage errors."""
     root = click.Context(REGISTRY, info_name="", obj=session)
     if words[0] == PROGRAM:
-        words = without_program(words, session)
+        words = without_program(words, session, in_file=in_file)
     name, *args = meant(words)
     if name.startswith("-"):
         if name in ("-n", "--node"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,9 +12,11 @@ from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.corrected_line import corrected
 from dvtcli.cli.lexer import split
 from dvtcli.cli.parse_line import parse
+from dvtcli.cli.prompt.key_bindings import _SEEN_S
 from dvtcli.cli.view.output import Output
 from dvtcli.domain.hint import Action, Hint
 from tests.commands.bench import Bench
+from tests.process import dvtcli
 from tests.prompt.conftest import Open
 from tests.prompt.terminal import CTRL_C, ENTER, Terminal
 
@@ -94,6 +97,7 @@ def test_the_corrected_line_stands_at_the_prompt_and_enter_runs_it(gen4: Termina
     gen4.run("set tpdo1 timer 100")
     gen4.until(lambda: gen4.cursor_line == "sim/1 PRE-OP> set tpdo1 --timer 100", "the corrected line")
     gen4.wait("corrected, Enter runs it: Got unexpected extra arguments (timer 100)")
+    time.sleep(2 * _SEEN_S)
     gen4.type(ENTER)
     gen4.wait("TPDO1 set: 1 write")
     gen4.wait_prompt("sim/1 PRE-OP*> ")
@@ -117,6 +121,37 @@ def test_enters_that_come_together_run_no_line_that_nobody_saw(gen4: Terminal) -
     assert "TPDO1 set" not in gen4.text
     gen4.type(CTRL_C)
     gen4.wait_prompt()
+
+
+def test_a_second_enter_of_habit_runs_no_line_that_nobody_saw(gen4: Terminal) -> None:
+    gen4.type(f"set tpdo1 timer 100{ENTER}")
+    time.sleep(_SEEN_S / 3)
+    gen4.type(ENTER)
+    gen4.type(" ")
+    gen4.until(lambda: gen4.cursor_line.rstrip() == "sim/1 PRE-OP> set tpdo1 --timer 100", "the corrected line still")
+    assert "TPDO1 set" not in gen4.text
+    gen4.type(CTRL_C)
+    gen4.wait_prompt()
+
+
+@pytest.mark.parametrize("typed", ["undo yes", "yundo yes", "restore all forse", "map tpdo1 6041 forced"])
+def test_no_correction_answers_a_question_or_lifts_a_rule(session: Conversation, typed: str) -> None:
+    found = corrected(split(typed), session)
+    assert found is None or not {"--yes", "--force"} & set(found)
+
+
+def test_a_passcode_is_in_no_correction(tmp_path: Path) -> None:
+    (tmp_path / "p.dvt").write_text("wrte 5000:2 4711\n")
+    done = dvtcli("--sim", "gen4", "--json", "run", str(tmp_path / "p.dvt"))
+    assert (done.returncode, "4711" in done.stdout + done.stderr) == (2, False), done
+
+
+@pytest.mark.parametrize("line", ["dvtcli -n 1 set tpdo1 --timer 123", "dvtcli --sim gen4@1 set tpdo1 --timer 51"])
+def test_a_line_of_a_shell_in_a_script_names_no_bus_and_no_node(tmp_path: Path, line: str) -> None:
+    """A script is parsed before its lines select nodes."""
+    (tmp_path / "a.dvt").write_text(f"node 2\n{line}\n")
+    done = dvtcli("--sim", "gen4@1", "--sim", "gen4@2", "-n", "1", "run", str(tmp_path / "a.dvt"))
+    assert (done.returncode, "leave out what stands before the command" in done.stderr) == (2, True), done
 
 
 def test_a_line_of_a_shell_runs_at_the_prompt_if_bus_and_node_are_the_same(open_terminal: Open) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from time import monotonic
 
 from prompt_toolkit.application import get_app, run_in_terminal
 from prompt_toolkit.document import Document
@@ -11,6 +13,9 @@ from prompt_toolkit.filters import Condition, completion_is_selected, has_comple
 from prompt_toolkit.key_binding import KeyBindings, KeyPressEvent
 
 from dvtcli.cli.prompt.line import last_line, typed
+
+#: how long a corrected line is shown before Enter runs it (s): who presses Enter twice by habit has not seen it
+_SEEN_S = 0.5
 
 
 class ThrownAway(Exception):
@@ -32,17 +37,27 @@ def _continued() -> bool:
     return document.is_cursor_at_the_end and document.text.endswith("\\")
 
 
+@dataclass(slots=True)
+class _Correction:
+    """The last corrected *line*, and when it was shown (s, monotonic)."""
+
+    line: str = ""
+    shown_s: float = 0.0
+
+
 def bindings(show_help: Callable[[str], None]) -> KeyBindings:
     """Return the additional keys; *show_help* prints help for the line so far."""
-    keys = KeyBindings()
+    keys, correction = KeyBindings(), _Correction()
 
     @keys.add("enter", filter=has_focus(DEFAULT_BUFFER))
     def _run(event: KeyPressEvent) -> None:
         """Run the line; one that cannot be read is replaced by the corrected line, which the next Enter runs.
 
-        Not if more was typed already: a second Enter would run a line that nobody saw.
+        Not if more was typed already, and not within `_SEEN_S`: a second Enter would run a line that nobody saw.
         """
         buffer = event.current_buffer
+        if buffer.text == correction.line and monotonic() - correction.shown_s < _SEEN_S:
+            return
         buffer.validate_and_handle()
         refused = buffer.validation_error
         corrected: str | None = getattr(refused, "line", None)
@@ -50,6 +65,7 @@ def bindings(show_help: Callable[[str], None]) -> KeyBindings:
             buffer.save_to_undo_stack()
             buffer.document = Document(corrected)
             buffer.validation_error = refused
+            correction.line, correction.shown_s = corrected, monotonic()
 
     @keys.add("enter", filter=has_completions & completion_is_selected)
     def _accept(event: KeyPressEvent) -> None:

@@ -12,7 +12,7 @@ from dvtcli.cli.catalogue import command_names
 from dvtcli.cli.lexer import split
 from dvtcli.cli.run_line import boundary, run_words
 from dvtcli.cli.view.lines import Cell, Line
-from dvtcli.cli.view.typed_ahead import as_lines, thrown_away, typed_ahead
+from dvtcli.cli.view.typed_ahead import MOST, as_lines, thrown_away, typed_ahead
 from dvtcli.errors import DvtcliError
 
 if TYPE_CHECKING:
@@ -120,11 +120,11 @@ class Prompt:
             return ""
         self._has_run = False
         keys = "".join([*kept, self._reader.left_over(), typed_ahead(sys.stdin)])
-        if not self._reader.edits:
+        lines = as_lines(keys) if self._reader.edits else ""
+        if not lines and (not self._reader.edits or len(keys) > MOST):
             if said := thrown_away(keys):
                 output.warning(said)
             return ""
-        lines = as_lines(keys)
         if lines:
             output.note("what was typed meanwhile stands on the line; Enter runs it")
         return lines

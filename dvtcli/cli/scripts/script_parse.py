@@ -182,7 +182,7 @@ def _parsed(line: ScriptLine, session: Conversation, source: str) -> click.Conte
 def _parsed_as_asked(line: ScriptLine, session: Conversation) -> click.Context:
     """Parse the line; with --json on the line, its error is a document."""
     try:
-        return parse(line.words, session)
+        return parse(line.words, session, in_file=True)
     except (click.ClickException, DvtcliError):
         if "--json" in line.words:
             session.output.format = "json"  # until the error is shown: then the session settles

@@ -13,7 +13,7 @@ _ERASES = "\x7f\b"
 #: Ctrl-U and Ctrl-C: the line is given up
 _CLEARS = "\x15\x03"
 #: longer text was not typed
-_MOST = 4000
+MOST = 4000
 
 
 def typed_ahead(stream: TextIO) -> str:
@@ -22,7 +22,10 @@ def typed_ahead(stream: TextIO) -> str:
 
 
 def as_lines(keys: str) -> str:
-    """Return the lines that *keys* make, without the end of the last line and without keys that are no letters."""
+    """Return the lines that *keys* make, without the end of the last line and without keys that are no letters.
+
+    Empty if they are longer than a person types: a part would be another line.
+    """
     lines = [""]
     for key in _SEQUENCE.sub("", keys).replace("\r\n", "\n"):
         if key in "\r\n":
@@ -35,7 +38,8 @@ def as_lines(keys: str) -> str:
             lines[-1] += " "
         elif key.isprintable():
             lines[-1] += key
-    return "\n".join(line for line in lines if line.strip())[:_MOST]
+    text = "\n".join(line for line in lines if line.strip())
+    return text if len(text) <= MOST else ""
 
 
 def thrown_away(keys: str) -> str | None:

@@ -109,12 +109,17 @@ def _write_findings(dictionary: ObjectDictionary, index: int, sub_index: int, da
         yield error("limits", place, f"{value} is below the limit {entry.low:g} of {where}", Abort.VALUE_LOW)
 
 
+#: what is due after a write to the objects that end the configuration of SRDOs (EN 50325-5)
+_DUE_AFTER = {0x13FF: "0x13FE = 0xA5 is due again", 0x13FE: "0xA5 makes it valid, any other value invalid"}
+
+
 def safety_findings(index: int, sub_index: int) -> tuple[Finding, ...]:
     """The warning about a write to *index*:*sub_index* if it configures SRDOs."""
     if index not in SAFETY:
         return ()
     place = f"0x{index:04X}:{sub_index:02X}"
-    text = f"{place} belongs to the safety configuration: its signature (0x13FF) and 0x13FE = 0xA5 are due again"
+    due = _DUE_AFTER.get(index, "its signature (0x13FF) and 0x13FE = 0xA5 are due again")
+    text = f"{place} belongs to the safety configuration: {due}"
     hint = "the device may send no SRDO until then, and whoever approves the machine has to know"
     return (warning("safety-configuration", place, text, hint),)
 
