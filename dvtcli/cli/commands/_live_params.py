@@ -133,7 +133,7 @@ def _number(text: str, what: str, most: float) -> float:
 
 
 class FrameFilterType(CanopenType):
-    """A filter of frames in the syntax of `domain.frame_filter`."""
+    """A filter of frames in the syntax of `domain.typed_frame`."""
 
     name = "frames"
 

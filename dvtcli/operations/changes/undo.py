@@ -351,7 +351,7 @@ def undo_to_backup(session: SessionNodes, rehearse: Rehearse, when: str | None =
 
     *rehearse* evaluates the backup, which is a script. Raises UsageError with the available backups if none fits.
     """
-    guard = _keeper(session)
+    guard = _change_guard(session)
     node = session.node(guard.node_id)
     initial_state = node.begin_change()
     file = _backup_file(guard, node, when, force=session.options.force)
@@ -374,7 +374,7 @@ def undo_to_backup(session: SessionNodes, rehearse: Rehearse, when: str | None =
     return change_result(session, node, applied, time.monotonic() - started, undone=True)
 
 
-def _keeper(session: SessionNodes) -> ChangeGuard:
+def _change_guard(session: SessionNodes) -> ChangeGuard:
     """Return the guard of the selected node's files, or of the node last changed on this bus."""
     network = session.open_network()
     node_id = session.selected_id()

@@ -122,7 +122,7 @@ def plan_device(session: Session, file: str, options: DeviceOptions | None = Non
 
 
 def wanted_alone(node: Node, held: HeldDevice) -> TargetConfig | None:
-    """Return the unjudged wishes of *held* for *node*, read again; None if it has no value.
+    """Return the unjudged configuration in *held* for *node*, read again; None if it has no value.
 
     Raises SafetyRefusal if the file is for another product.
     """
@@ -438,7 +438,7 @@ _NOT_READ = frozenset(
 
 @dataclass(slots=True)
 class DeviceFileConfig:
-    """The wishes of a file for a node (*resolved*), and values not written (*left_out*, by object, with reasons).
+    """The configuration of a node in a file (*resolved*), and values not written (*left_out*, by object, with reasons).
 
     Left out are differing values and unreadable ones.
     """
@@ -459,7 +459,7 @@ class DeviceFileConfig:
 def config_of_file(
     node: Node, held: HeldDevice, included: Collection[Included] = (), *, names_makers: bool = False
 ) -> DeviceFileConfig:
-    """Compute the wishes of *held* for *node*: the file's own values, not defaults.
+    """Compute the configuration of *node* in *held*: the file's own values, not defaults.
 
     *included* is configuration by the user's choice. *names_makers*: the file itself includes the maker's objects that
     no PDO can map. Raises UsageError if the node's objects are unknown.

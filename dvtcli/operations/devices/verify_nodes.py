@@ -98,7 +98,7 @@ def _lines(node: NodePlan) -> dict[str, int]:
 def _wishes(
     session: Session, rehearse: Rehearse, file: str | None
 ) -> tuple[dict[int, TargetConfig], NetworkPlan | None]:
-    """Return the wishes for each node, by a network file, a script or this session; and the network file's plan."""
+    """Return the target of each node, by a network file, a script or this session; and the network file's plan."""
     if file is not None:
         return _network_wishes(session, file) if _is_network(file) else (rehearse(file), None)
     return _session_targets(session), None
@@ -119,7 +119,7 @@ def _session_targets(session: SessionNodes) -> dict[int, TargetConfig]:
 def _device_wishes(
     session: SessionNodes, pdos: Sequence[NodePdo], file: str
 ) -> tuple[list[NodePdo], dict[int, TargetConfig]]:
-    """Return *pdos* with their nodes, and the wishes of these nodes by a *file* about a device."""
+    """Return *pdos* with their nodes, and the targets of these nodes by a *file* about a device."""
     named = {node_id for node_id, _ in pdos if node_id is not None}
     if named and any(node_id is None for node_id, _ in pdos):
         named.add(session.node_id())  # a PDO without a node is the selected one's
@@ -140,7 +140,7 @@ def _network_wishes(session: Session, file: str) -> tuple[dict[int, TargetConfig
 
 
 def _node_wish(node: NodePlan) -> TargetConfig:
-    """The wishes of a network file for a node: what is write-only is named, not compared."""
+    """The target of a node in a network file; write-only objects are named, not compared."""
     unreadable = tuple(change.label for change in node.plan.unreadable)
     values = {place: data for place, data in node.values.items() if object_text(*place) not in unreadable}
     return TargetConfig(dict(node.wanted), values, unreadable=unreadable)
@@ -258,7 +258,7 @@ def _judge(node: Node, target: TargetConfig, *, differs: bool) -> None:
 
 
 def _device_config(session: SessionUser, node: Node, held: HeldDevice) -> TargetConfig:
-    """Return the wishes of a DCF, an XDC or a backup for this node, or an EDS's default PDOs.
+    """Return the configuration in a DCF, an XDC or a backup for this node, or an EDS's default PDOs.
 
     Raises SafetyRefusal if the file is for another product.
     """

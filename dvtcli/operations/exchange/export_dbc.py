@@ -129,7 +129,7 @@ def _signal_comment(field: Field, kind: DataType | None, name: str, meaning: Sca
     return f"{what}; {bits}" if bits else what
 
 
-#: how a DBC file is without any wishes
+#: the options of a DBC file if none are given
 PLAIN = DbcOptions()
 #: maximum length of a CAN frame (bits)
 _MOST_BITS = 64

@@ -236,7 +236,7 @@ def _shown(found: NetworkFinding, log: FileLog) -> NetworkFinding:
 
 
 def _nothing_asked(config: NetworkConfig, state: NetworkState, names: Collection[str]) -> Iterator[NetworkFinding]:
-    """Warn about each node without wishes and description: no plan covers it."""
+    """Warn about each node without configuration and description: no plan covers it."""
     from dvtcli.domain.rules.finding import warning
     from dvtcli.operations.plans.plan_network import ASKS_NOTHING
 

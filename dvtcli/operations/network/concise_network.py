@@ -79,7 +79,7 @@ def concise_dcf(file: str, node: str | int | None = None, reporter: Reporter | N
     """Make the concise DCF of a node of the network *file*, by name or node-ID; None for its only node.
 
     Undescribed nodes and their links are left out. Raises UsageError if *node* is unknown or undescribed, or the file
-    cannot be read; InputFileError with all its errors, RuleError if its wishes cannot be made.
+    cannot be read; InputFileError with all its errors, RuleError if its configuration cannot be made.
     """
     read = read_network_config(file)
     chosen = _chosen(file, read, node)

@@ -89,7 +89,7 @@ def described_network(
 
     A node is described by its `dcf`, else its `profile`'s family, else the family or library file of its identity (`eds
     add`), else *on_bus* by its node-ID; an undescribed node has only the file's values. Raises InputFileError with all
-    errors of the file, RuleError if its wishes cannot be made. *with_links* False leaves out the links.
+    errors of the file, RuleError if its configuration cannot be made. *with_links* False leaves out the links.
     """
     read = config or read_network_config(file)
     read = read if with_links else replace(read, links=())

@@ -158,7 +158,7 @@ class LinkedConfig:
 
 
 def with_links(nodes: Mapping[int, Node], known: Iterable[Node], config: NetworkConfig) -> LinkedConfig:
-    """Resolve the links of *config* into PDOs, CAN-IDs and heartbeats; *nodes* are those of the wish.
+    """Resolve the links of *config* into PDOs, CAN-IDs and heartbeats; *nodes* are those of *config*.
 
     A new CAN-ID is free on all *known* nodes, which are read. Raises RuleError with every link that cannot be made.
     """
@@ -273,7 +273,7 @@ class _Linking:
         self._set(end, cob_id, None if stays else mapping)
 
     def _set(self, end: Endpoint, cob_id: CobId, mapping: tuple[FileWord, ...] | None) -> None:
-        """Set CAN-ID and mapping (None: unchanged) of the PDO at *end*, enabled unless the wish disables it."""
+        """Set CAN-ID and mapping (None: unchanged) of the PDO at *end*, enabled unless the configuration disables it."""
         config = self._pdos.get(end, PartialPdoConfig(end.pdo))
         enabled = True if config.enabled is None else config.enabled
         mapping = config.mapping if mapping is None else mapping

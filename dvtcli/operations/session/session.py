@@ -27,7 +27,7 @@ class Rehearse(Protocol):
     """Evaluates a script on twins, starting with *node_id* selected."""
 
     def __call__(self, file: str, node_id: int | None = None) -> dict[int, TargetConfig]:
-        """Return the wishes of the script *file* by node-ID; errors of a line have FILE:LINE."""
+        """Return the configuration that the script *file* makes, by node-ID; errors of a line have FILE:LINE."""
 
 
 class Record:

@@ -48,7 +48,7 @@ class ChangeFiles:
 
     def guard(self, node_id: int, dictionary: ObjectDictionary | None) -> ChangeGuard:
         """Return lock, backup and journal of a node; reports an interrupted change, or missing files."""
-        guard = self._keeper(node_id, dictionary)
+        guard = self._change_guard(node_id, dictionary)
         needed = (guard.lock.folder, guard.journals.folder, self.folder / "backups")
         refused = next(filter(None, map(unusable, needed)), None)
         if refused is not None and refused.text not in self._said:
@@ -88,7 +88,7 @@ class ChangeFiles:
 
         return told
 
-    def _keeper(self, node_id: int, dictionary: ObjectDictionary | None) -> ChangeGuard:
+    def _change_guard(self, node_id: int, dictionary: ObjectDictionary | None) -> ChangeGuard:
         locks = state_folder(None) / "locks"
         fixed = self.is_fixed(dictionary)
         guard = ChangeGuard(self.folder, locks, self.bus, node_id, self.say, fixed, self.warn, self.doing, self.group)
