@@ -155,3 +155,16 @@ def test_what_does_not_fit_stands_last_with_its_reason() -> None:
         assert {offer.reason for offer in offers if offer.reason} >= {"16 bits, 8 are free", "not mappable"}
         assert all((offer.listed.entry.bits or 1) <= 8 for offer in offers if not offer.reason)
     assert "TPDO only" in {offer.reason for offer in objects.offers("606c", tpdo=False, bits_left=64)}
+
+
+@pytest.mark.parametrize(
+    ("typed", "can_id", "extended"),
+    [("0x182", 0x182, False), ("0x82", 0x82, False), ("0x00000182", 0x182, True), ("0x18000182", 0x18000182, True),
+     ("0x800", 0x800, True)],
+)  # fmt: skip
+@pytest.mark.parametrize("was", [CobId(0x181), CobId(0x18000181, extended=True)])
+def test_a_can_id_has_29_bits_if_it_is_written_so(was: CobId, typed: str, can_id: int, *, extended: bool) -> None:
+    config = PdoConfig(PdoCommunicationParameter(was, 255, 0, 0), (STATUS,))
+    cob_id = PARAMETERS[0].set(config, typed).communication.cob_id
+    assert (cob_id.can_id, cob_id.extended) == (can_id, extended)
+    assert PARAMETERS[0].set(config, str(was)) == config

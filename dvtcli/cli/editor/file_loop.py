@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.editor.editor import APPLY, LEAVE, Editor
+from dvtcli.cli.screen.beside import in_a_line
 from dvtcli.cli.screen.full_screen import has_full_screen
-from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.domain.network.links import LinkSide, linked
 from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.text import join_some
 from dvtcli.errors import DvtcliError, SafetyRefusal
-from dvtcli.operations.exchange.edit_file import Edited, EditedFile, file_to_edit
+from dvtcli.operations.exchange.edit_file import Edited, EditedFile, file_to_edit, refuse_other_values
 
 if TYPE_CHECKING:
     from dvtcli.cli.editor.draw import Remark
@@ -33,7 +33,7 @@ def edit_file(session: Conversation, file: str) -> None:
     while True:
         edited = file_to_edit(file)
         message = "; ".join(filter(None, (message, *edited.notes)))
-        with _simulated(session, edited) as inner:
+        with simulated_nodes(session, edited) as inner:
             nodes = FileNodes(inner, edited)
             editor, written = _shown(session, nodes, nodes.editor(node_id), message)
             if not written:
@@ -44,7 +44,7 @@ def edit_file(session: Conversation, file: str) -> None:
 
 
 @contextmanager
-def _simulated(session: Conversation, edited: EditedFile) -> Iterator[Conversation]:
+def simulated_nodes(session: Conversation, edited: EditedFile) -> Iterator[Conversation]:
     """Give a conversation whose simulated nodes hold what *edited* says; nothing of it reaches a bus."""
     call, options = session.output.call, session.options
     inner = Conversation(session.output)
@@ -126,8 +126,12 @@ class FileNodes:
         return LinkSide(end, editor.pdos.now[end.pdo], editor.node.profile, editor.node.dictionary)
 
     def save(self, session: Conversation, file: str) -> str | None:
-        """Write all nodes as *file*, if it is of the same format; returns what was written."""
+        """Write all nodes as *file*, if it is of the same format; returns what was written.
+
+        Raises UsageError for a DCF or XDC of another kind of file.
+        """
         if _suffix(file) != _suffix(self.name):
+            refuse_other_values(self.name, file)
             return None
         return self._edited.write(session, self.edited(), file)
 
@@ -152,5 +156,5 @@ def _shown(session: Conversation, nodes: FileNodes, editor: Editor, message: str
                 if session.cancellation.requested:
                     raise
                 session.output.error(failed)
-                editor.say(f"not written: {error_text(failed)}", bad=True)
+                editor.say(f"not written: {in_a_line(session, failed)}", bad=True)
     return editor, ""

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeVar
 
-from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.cob_id import HIGHEST_BASE_CAN_ID, CobId
 from dvtcli.domain.mapping import MAX_PDO_BITS, PdoMappingEntry
 from dvtcli.domain.object_syntax import parse_cob_id
 from dvtcli.domain.pdo import PdoCommunicationParameter, PdoConfig, transmission_type_text
@@ -39,8 +39,10 @@ def _cob_id_text(_pdo: Pdo, config: PdoConfig) -> str:
 
 
 def _set_cob_id(config: PdoConfig, text: str) -> PdoConfig:
+    """Set the CAN-ID; it has 29 bits if it is higher than 0x7FF, or written with more than three digits."""
     cob_id, held = parse_cob_id(text), config.communication.cob_id
-    return _with(config, cob_id=CobId(cob_id, held.valid, held.rtr_allowed, held.extended or cob_id > 0x7FF))
+    extended = cob_id > HIGHEST_BASE_CAN_ID or len(text) > len("0x7FF")
+    return _with(config, cob_id=CobId(cob_id, held.valid, held.rtr_allowed, extended))
 
 
 def _type_text(pdo: Pdo, config: PdoConfig) -> str:

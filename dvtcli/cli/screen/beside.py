@@ -60,7 +60,7 @@ class BesideScreen:
                 if text := work():
                     self.say(text)
         except DvtcliError as failed:
-            self.say(_in_a_line(self._session, failed), bad=True)
+            self.say(in_a_line(self._session, failed), bad=True)
         except BaseException as failed:  # noqa: BLE001 - nobody sees what ends a thread: `news` raises it
             self._failure = failed
         finally:
@@ -146,7 +146,7 @@ class BesideScreen:
         self._outer.traffic(frame, sent=sent, secret=secret)
 
 
-def _in_a_line(session: Conversation, failed: DvtcliError) -> str:
+def in_a_line(session: Conversation, failed: DvtcliError) -> str:
     """Return *failed* with its reason and hint on one line."""
     words = [error_text(failed), failed.why or "", session.output.hints().text(failed.hint) if failed.hint else ""]
     return "; ".join(word for word in words if word)

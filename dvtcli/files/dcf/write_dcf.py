@@ -229,7 +229,7 @@ def write_dcf(data: bytes, source: str, values: Mapping[Place, bytes], device: C
     if *values* have none. Raises InputFileError if *data* is no EDS or DCF, or no value can be written.
     """
     eds = parse_eds(data, source)
-    writer = _Writer(eds, EditedText(data), values, device.node_id)
+    writer = DcfWriter(eds, EditedText(data), values, device.node_id)
     for index in eds.layout.objects:
         writer.write_object(index)
     writer.left_out |= write_missing(eds, writer.text, values)
@@ -254,7 +254,7 @@ def refuse_unlike_values(made: ObjectDictionary, values: Mapping[Place, bytes], 
 
 
 @dataclass(slots=True)
-class _Writer:
+class DcfWriter:
     """Writes values into *text*, the text of *eds*."""
 
     eds: EdsFile

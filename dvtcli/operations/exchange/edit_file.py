@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -15,14 +16,17 @@ from dvtcli.domain.network.network_config import NodeConfig, PartialPdoConfig
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import Severity
 from dvtcli.domain.text import join_some, plural
-from dvtcli.errors import RuleError, UsageError
-from dvtcli.files.dcf.write_dcf import Commissioned, write_dcf
+from dvtcli.errors import DeviceRefused, RuleError, UsageError
+from dvtcli.files.dcf.change_values import change_values
+from dvtcli.files.device_file import VALUE_SUFFIXES
 from dvtcli.files.eds.ini import MOST_BYTES
 from dvtcli.files.input_file import read_input
-from dvtcli.files.network.read_network import network_text, read_network
+from dvtcli.files.network.file_log import FileLog
+from dvtcli.files.network.read_network import MOST_BYTES as MOST_OF_NETWORK
+from dvtcli.files.network.read_network import read_network
 from dvtcli.files.network.write_network import write_network
+from dvtcli.files.network.yaml_tree import Branch, read_tree
 from dvtcli.operations.changes.change import configure
-from dvtcli.operations.devices.read_whole_device import described
 from dvtcli.operations.exchange.export_network import SUFFIXES as NETWORK_SUFFIXES
 from dvtcli.operations.exchange.export_network import mapped_word
 from dvtcli.operations.network.check_networks import CheckOptions, judged_file
@@ -44,6 +48,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
 
+_COMMENT = re.compile(r"(?:^|\s)#")
 #: suffixes of the files that can be edited
 FILE_SUFFIXES = (*NETWORK_SUFFIXES, ".dcf")
 
@@ -110,17 +115,87 @@ def file_to_edit(file: str) -> EditedFile:
     """Read *file*, a network file or a DCF; raises UsageError for another suffix, and the errors of reading it."""
     name = file.lower()
     if name.endswith(NETWORK_SUFFIXES):
-        return EditedNetwork(file, read_network_config(file))
+        return EditedNetwork(OpenedFile(file, MOST_OF_NETWORK, "network file"), read_network_config(file))
     if name.endswith(".dcf"):
-        return EditedDcf(file)
+        return EditedDcf(OpenedFile(file, MOST_BYTES, "DCF"))
     raise UsageError(f"{file}: edit takes a PDO, a network file (.yaml) or a DCF (.dcf)", place=file)
+
+
+def refuse_other_values(edited: str, file: str) -> None:
+    """Raise UsageError if *file* is a DCF or XDC, and *edited* is another kind of file.
+
+    Of the other objects a simulated node has its own values, not those of a device.
+    """
+    if not file.lower().endswith(VALUE_SUFFIXES):
+        return
+    if edited.lower().endswith(".dcf"):
+        hint = Hint(Action.CONVERT, {"file": edited, "target": file}, "{} makes an XDC of the saved DCF")
+    else:
+        hint = Hint(Action.EXPORT, {"file": file}, "{} reads it from the device, once the network file is applied")
+    raise UsageError(
+        f"{file} is not written: it has the values of a whole device, and {edited} has only those that it names",
+        place=file,
+        hint=hint,
+    )
+
+
+class OpenedFile:
+    """A file with its *data* when it was opened; raises UsageError if it cannot be read, InputFileError as no *kind*.
+
+    *most_bytes* is the maximum size.
+    """
+
+    def __init__(self, file: str, most_bytes: int, kind: str) -> None:
+        self.file, self._most_bytes, self._kind = file, most_bytes, kind
+        self.data = self._held = self._read()
+
+    def _read(self) -> bytes:
+        try:
+            return read_input(Path(self.file), self._most_bytes, self._kind)
+        except OSError as failed:
+            raise UsageError(f"{self.file}: {failed.strerror or failed}", place=self.file) from failed
+
+    def is_at(self, path: Path) -> bool:
+        """Whether *path* is this file."""
+        # Path.exists raises OSError for a name that is too long
+        return os.path.exists(path) and os.path.exists(self.file) and os.path.samefile(path, self.file)  # noqa: PTH110, PTH121
+
+    def replace(self, session: SessionUser, path: Path, content: bytes, lost: Sequence[str] = ()) -> None:
+        """Write *content* as *path*, after a question that names what is *lost* if it exists.
+
+        Raises UsageError if *path* is this file, and another program wrote it.
+        """
+        self._refuse_written(path)
+        if os.path.exists(path):  # noqa: PTH110
+            without = f", which loses {join_some(lost)}" if lost else ""
+            session.consent(f"{path} exists; overwrite it{without}?")
+            self._refuse_written(path)
+        make_file(session, path, content)
+        if self.is_at(path):
+            self._held = content
+
+    def copy(self, session: SessionUser, path: Path) -> str:
+        """Write the file as it was opened as *path*; returns what was done."""
+        if self.is_at(path):
+            return f"nothing to write: {path} has what is shown"
+        self.replace(session, path, self.data)
+        return f"{path}: a copy of {self.file}, nothing is changed"
+
+    def _refuse_written(self, path: Path) -> None:
+        if self.is_at(path) and self._read() != self._held:
+            raise UsageError(
+                f"{path} changed meanwhile and is kept",
+                place=str(path),
+                hint="F2 saves under another name",
+            )
 
 
 class EditedNetwork:
     """A network file as *config*; nodes without a description are kept, and not edited."""
 
-    def __init__(self, file: str, config: NetworkConfig) -> None:
-        self.file, self._config = file, config
+    def __init__(self, opened: OpenedFile, config: NetworkConfig) -> None:
+        self._opened, self._config = opened, config
+        self.file = file = opened.file
         self._words = words_of(file, config)
         if not self._words:
             raise UsageError(
@@ -147,10 +222,13 @@ class EditedNetwork:
             state = described_network(self.file, config=self._config)
             for node_id in self._words:
                 _hold(session, session.node(node_id), state)
-        except RuleError as refused:
+        except (RuleError, DeviceRefused) as refused:
+            node = "its nodes refuse" if refused.node is None else f"node {refused.node} refuses"
             raise UsageError(
-                f"{self.file} wants what its nodes refuse: {refused.text}",
+                f"{self.file} wants what {node}: {refused.text}; the node is simulated, no device was touched",
+                node=refused.node,
                 place=self.file,
+                abort=refused.abort,
                 why=refused.why,
                 hint=Hint(Action.CHECK, {"file": self.file}, "{} lists it; mend it first"),
             ) from refused
@@ -173,11 +251,14 @@ class EditedNetwork:
     def write(self, session: SessionUser, edited: Mapping[int, Edited], file: str) -> str:
         """Write all nodes; says before what of the old file is lost."""
         path = place_of(file, "NAME.yaml")
+        if not edited:
+            return self._opened.copy(session, path)
         config, remarks = self._with(edited)
-        text = write_network(config, "", remarks)
-        lost = list(_lost(network_text(self.file), config, read_network(text, str(path))))
-        _ask(session, path, lost)
-        make_file(session, path, text)
+        in_order = replace(config, nodes=tuple(sorted(config.nodes, key=lambda node: node.mark)))
+        text = write_network(in_order, "", remarks)
+        old = self._opened.data.decode("utf-8-sig")
+        lost = list(_lost(old, config, read_network(text, str(path))))
+        self._opened.replace(session, path, text.encode(), lost)
         return f"{path}: {_pdos_text(edited)} written"
 
     def _with(self, edited: Mapping[int, Edited]) -> tuple[NetworkConfig, dict[tuple[int, str], str]]:
@@ -214,7 +295,8 @@ def _node_with(node: NodeConfig, edited: Edited, remarks: dict[tuple[int, str], 
     for pdo, config in edited.changed.items():
         said[pdo] = _pdo_with(said.get(pdo, PartialPdoConfig(pdo)), edited, edited.held[pdo], config, words)
     remarks |= {(node.node_id, word): text for word, text in words.items()}
-    return replace(node, pdos=tuple(said[pdo] for pdo in sorted(said)))
+    order = sorted(said, key=lambda pdo: (not pdo.is_tpdo, pdo.number))  # that of the reader
+    return replace(node, pdos=tuple(said[pdo] for pdo in order))
 
 
 def _pdo_with(
@@ -250,9 +332,12 @@ def _lost(old: str, config: NetworkConfig, written: NetworkConfig) -> Iterator[s
 
     Raises UsageError if it is more than comments, keys that dvtcli does not use, and the bit rate of the master.
     """
-    comments = sum(line.lstrip().startswith("#") or " #" in line for line in old.splitlines())
+    comments = sum(_COMMENT.search(line) is not None for line in old.splitlines())
     if comments:
         yield plural(comments, "comment")
+    tree = read_tree(old, FileLog("", old))
+    if isinstance(tree, Branch) and "defaults" in tree.items:
+        yield "the section `defaults`, which is copied into each node"
     kept = {note.text for note in written.notes}
     yield from dict.fromkeys(note.text for note in config.notes if note.text not in kept)
     master = config.master
@@ -267,12 +352,6 @@ def _lost(old: str, config: NetworkConfig, written: NetworkConfig) -> Iterator[s
         )
 
 
-def _ask(session: SessionUser, path: Path, lost: list[str]) -> None:
-    if path.exists():
-        without = f", which loses {join_some(lost)}" if lost else ""
-        session.consent(f"{path} exists; overwrite it{without}?")
-
-
 def _pdos_text(edited: Mapping[int, Edited]) -> str:
     return join_some(f"{node_id}:{pdo}" for node_id, one in sorted(edited.items()) for pdo in one.changed)
 
@@ -282,8 +361,8 @@ class EditedDcf:
 
     notes: tuple[str, ...] = ()
 
-    def __init__(self, file: str) -> None:
-        self.file = file
+    def __init__(self, opened: OpenedFile) -> None:
+        self._opened, self.file = opened, opened.file
 
     @property
     def options(self) -> Options:
@@ -301,23 +380,15 @@ class EditedDcf:
     def write(self, session: SessionUser, edited: Mapping[int, Edited], file: str) -> str:
         """Write the values that the edited PDOs come to; every other value and text of the DCF stays."""
         path = place_of(file, "NAME.dcf")
-        data = read_input(Path(self.file), MOST_BYTES, "DCF")
-        (one,) = edited.values()
-        node_id, info = one.node.node_id, one.node.identity()
+        if not edited:
+            return self._opened.copy(session, path)
         values: dict[ObjectAddress, bytes] = {}
-        for entry in described(one.node).entries():
-            told = replace(entry, default=None).initial(node_id)
-            if told is not None:
-                values[entry.index, entry.sub_index] = told
-        for _change, step in edited_plan(node_id, one.held, one.changed).steps_in_order():
+        ((node_id, node),) = edited.items()
+        for _change, step in edited_plan(node_id, node.held, node.changed).steps_in_order():
             values[step.index, step.sub_index] = step.after
-        device = Commissioned(
-            path.name, node_id, datetime.now().astimezone(), serial=info["serial"], revision=info["revision"]
-        )
-        text = write_dcf(data, Path(self.file).name, values, device)
+        text = change_values(self._opened.data, Path(self.file).name, values, node_id)
         if text.left_out:
             out = join_some(f"{index:04X}:{sub:02X} ({why})" for (index, sub), why in text.left_out.items())
             raise UsageError(f"{path} is not written: it cannot have {out}", place=str(path))
-        _ask(session, path, [])
-        make_file(session, path, text.data)
+        self._opened.replace(session, path, text.data)
         return f"{path}: {_pdos_text(edited)} written"
