@@ -273,7 +273,7 @@ class _Linking:
         self._set(end, cob_id, None if stays else mapping)
 
     def _set(self, end: Endpoint, cob_id: CobId, mapping: tuple[FileWord, ...] | None) -> None:
-        """Set CAN-ID and mapping (None: unchanged) of the PDO at *end*, enabled unless the configuration disables it."""
+        """Set CAN-ID and mapping (None: unchanged) of the PDO at *end*; it is enabled unless disabled."""
         config = self._pdos.get(end, PartialPdoConfig(end.pdo))
         enabled = True if config.enabled is None else config.enabled
         mapping = config.mapping if mapping is None else mapping
