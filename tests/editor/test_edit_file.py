@@ -107,6 +107,28 @@ def test_nodes_of_a_network_file_are_edited_and_everything_else_is_kept(tmp_path
     )
 
 
+def test_f10_keeps_what_another_program_wrote_and_names_the_way_out(tmp_path: Path, open_terminal: Open) -> None:
+    terminal = opened(tmp_path, open_terminal)
+    terminal.type("e")
+    terminal.wait("TPDO1 changed, not written")
+    theirs = PLAIN.replace("heartbeat_producer: 500", "heartbeat_producer: 900")
+    (tmp_path / "net.yaml").write_text(theirs, encoding="utf-8")
+    terminal.type(F10)
+    terminal.wait("not written: net.yaml changed meanwhile and is kept; F2 saves under another name")
+    terminal.type(F2)
+    fill(terminal, "save as", "node.dcf")
+    terminal.wait("node.dcf is not written")
+    terminal.type(F2)
+    fill(terminal, "save as", "mine.yaml")
+    terminal.wait("mine.yaml: 5:tpdo1 written")
+    terminal.type(ESCAPE)
+    terminal.wait("leave without?")
+    terminal.type("y")
+    assert terminal.ended() == 0
+    assert (tmp_path / "net.yaml").read_text(encoding="utf-8") == theirs
+    assert not (tmp_path / "node.dcf").exists()
+
+
 def test_findings_of_check_and_the_bus_load_are_shown_while_one_edits(tmp_path: Path, open_terminal: Open) -> None:
     terminal = opened(tmp_path, open_terminal)
     other_node(terminal, "2", 6)

@@ -192,7 +192,7 @@ def test_a_file_with_what_a_node_refuses_names_both_and_says_that_no_device_was_
     file = network(tmp_path, "nodes:\n  a:\n    node_id: 7\n    dcf: gen4\n    tpdo:\n      3: {mapping: [1018:01]}\n")
     with pytest.raises(UsageError) as refused, unedited(file):
         pass
-    assert f"{file} wants what node 7 refuses" in refused.value.text
+    assert f"{file} cannot be edited: node 7 refused" in refused.value.text
     assert "no device was touched" in refused.value.text
     assert refused.value.node == 7
 

@@ -223,9 +223,10 @@ class EditedNetwork:
             for node_id in self._words:
                 _hold(session, session.node(node_id), state)
         except (RuleError, DeviceRefused) as refused:
-            node = "its nodes refuse" if refused.node is None else f"node {refused.node} refuses"
+            is_named = refused.node is None or f"node {refused.node} " in refused.text
+            said = refused.text if is_named else f"node {refused.node}: {refused.text}"
             raise UsageError(
-                f"{self.file} wants what {node}: {refused.text}; the node is simulated, no device was touched",
+                f"{self.file} cannot be edited: {said}; its nodes are simulated, no device was touched",
                 node=refused.node,
                 place=self.file,
                 abort=refused.abort,
