@@ -310,7 +310,7 @@ def _doubt(node: ReadableNode, held: HeldDevice) -> str:
 
 
 def pdo_of_file(
-    node: Node, held: HeldDevice, known: Configuration, pdo: Pdo, now: PdoConfig, left_out: dict[str, LeftOut]
+    node: ReadableNode, held: HeldDevice, known: Configuration, pdo: Pdo, now: PdoConfig, left_out: dict[str, LeftOut]
 ) -> PdoConfig | None:
     """Compute the wanted *pdo* of *node* from *held* and its state *now*; None if incomplete in the file.
 
@@ -324,7 +324,7 @@ def pdo_of_file(
 
 
 def _wanted(
-    node: Node, held: HeldDevice, known: Configuration, pdo: Pdo, now: PdoConfig, left_out: dict[str, LeftOut]
+    node: ReadableNode, held: HeldDevice, known: Configuration, pdo: Pdo, now: PdoConfig, left_out: dict[str, LeftOut]
 ) -> PdoConfig | None:
     """Compute the wanted PDO, whether enabling is allowed or not."""
     said = _file_config(node, held, pdo)
@@ -349,7 +349,7 @@ def _wanted(
 
 
 def _wanted_mpdo(
-    node: Node, known: Configuration, pdo: Pdo, now: PdoConfig, said: PdoConfig, left_out: dict[str, LeftOut]
+    node: ReadableNode, known: Configuration, pdo: Pdo, now: PdoConfig, said: PdoConfig, left_out: dict[str, LeftOut]
 ) -> PdoConfig:
     """Compute the wanted multiplexed PDO: the count of *said*, and its entry unless that is 0."""
     communication = _communication(node, known, pdo, now, said, left_out)
@@ -362,7 +362,7 @@ def _wanted_mpdo(
     return PdoConfig(communication, (), said.mpdo, unread=now.lacking, multiplexed=entries)
 
 
-def _file_config(node: Node, held: HeldDevice, pdo: Pdo) -> PdoConfig | None:
+def _file_config(node: ReadableNode, held: HeldDevice, pdo: Pdo) -> PdoConfig | None:
     try:
         return read_pdo(_Values(held, node), pdo)
     except SdoAborted:
@@ -418,7 +418,7 @@ class _Values(ToldValues):
     """The values of *held*, else of the node, readable like a node."""
 
     held: HeldDevice
-    node: Node
+    node: ReadableNode
 
     def told(self, index: int, sub_index: int) -> bytes:
         """Return the file's value, else the node's; raises SdoAborted if the node refuses."""
@@ -491,7 +491,7 @@ def _of_maker(dictionary: ObjectDictionary, held: HeldDevice) -> Iterator[Object
             yield place
 
 
-def _pdos(node: Node, held: HeldDevice, known: Configuration, found: DeviceFileConfig) -> dict[Pdo, PdoConfig]:
+def _pdos(node: ReadableNode, held: HeldDevice, known: Configuration, found: DeviceFileConfig) -> dict[Pdo, PdoConfig]:
     """Compute the wanted PDOs of the file."""
     said = {pdo for place in held.objects.keys() - held.assumed if (pdo := Pdo.at(place[0])) is not None}
     wanted: dict[Pdo, PdoConfig] = {}
