@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import traceback
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 
 import dvtcli
 from dvtcli import errors
+from dvtcli.operations.api.arguments import PdoOptions
 from dvtcli.testing import Serve, serve
 from tests.process import PATIENCE_S
 
@@ -22,7 +24,10 @@ WRONG: dict[str, tuple[Callable[[Any], object], str]] = {
     "frame": (lambda node: node.verify(frame="yes"), "frame='yes': "),
     "no object": (lambda node: node.map("tpdo1", None), "objects: None: "),
     "half an object": (lambda node: node.map("tpdo1", 1.5), "objects: 1.5: "),
-    "a list": (lambda node: node.map("tpdo1", ["6041"]), r"objects: \['6041'\]: "),
+    "a list": (lambda node: node.map("tpdo1", ["6041", "606C"]), r"objects: \['6041', '606C'\]: give objects one by"),
+    "a list of tuples": (lambda node: node.map("tpdo1", [(0x6041, 0)]), r"objects: \[\(24641, 0\)\]: give objects"),
+    "a tuple of objects": (lambda node: node.map("tpdo1", ("6041", "606C")), r"objects: \(.+\): give objects one by"),
+    "objects by name": (lambda node: node.map("tpdo1", objects=["6041"]), "objects=…: give objects one by one"),
     "a long tuple": (lambda node: node.map("tpdo1", (1, 2, 3, 4)), r"objects: \(1, 2, 3, 4\): "),
     "a tuple of words": (lambda node: node.map("tpdo1", ("6041", 0)), r"objects: \('6041', 0\): "),
     "a short tuple": (lambda node: node.read((0x6041,)), r"object_=\(24641,\): "),
@@ -39,6 +44,9 @@ WRONG: dict[str, tuple[Callable[[Any], object], str]] = {
     "extended": (lambda node: node.set("tpdo1", extended="no"), "extended='no': "),
     "sync": (lambda node: node.set("tpdo1", sync=True), "sync=True: "),
     "COB-ID": (lambda node: node.set("tpdo1", cob_id=1.5), "cob_id=1.5: "),
+    "COB-ID as text": (lambda node: node.set("tpdo1", cob_id="0x201"), "cob_id='0x201': .+ an int, cob_id=0x201;"),
+    "COB-ID as number": (lambda node: node.map("tpdo1", "6041", cob_id="513"), "cob_id='513': .+ an int, cob_id=513;"),
+    "COB-ID as word": (lambda node: node.set("tpdo1", cob_id="Auto"), "cob_id='Auto': a CAN-ID is an int; or 'auto'"),
     "a number for a PDO": (lambda node: node.pdo(1), "pdo=1: "),
     "numbers for PDOs": (lambda node: node.disable(1), "pdo=1: "),
     "group": (lambda node: node.store([]), r"group=\[\]: "),
@@ -104,9 +112,65 @@ def test_what_is_none_stays_as_it_is() -> None:
     with dvtcli.simulate("gen4") as bus:
         node = bus.node()
         before = node.pdo("tpdo1").config.communication
-        node.set("tpdo1", timer_ms=100, rtr=None, cob_id=None, event=None)  # type: ignore[typeddict-item]
+        node.set("tpdo1", timer_ms=100, rtr=None, cob_id=None, event=None)
         after = node.pdo("tpdo1").config.communication
         assert (after.event_timer, after.cob_id) == (100, before.cob_id)
+
+
+#: a wrong name -> the option that is meant
+NEAR = {
+    "timer": "timer_ms",
+    "timr_ms": "timer_ms",
+    "cobid": "cob_id",
+    "inhibit_time": "inhibit_ms",
+    "enable": "enabled",
+}
+
+
+@pytest.mark.parametrize(("name", "meant"), NEAR.items())
+def test_a_wrong_name_of_an_option_has_the_nearest_as_hint(name: str, meant: str) -> None:
+    with dvtcli.simulate("gen4") as bus:
+        node: Any = bus.node()
+        for call in (lambda **named: node.map("tpdo1", "6041", **named), lambda **named: node.set("tpdo1", **named)):
+            with pytest.raises(
+                errors.UsageError, match=f"^'{name}' is nothing that a PDO has; it has cob_id, "
+            ) as raised:
+                call(**{name: 1})
+            assert raised.value.hint == f"did you mean {meant}?"
+            with pytest.raises(errors.UsageError) as raised:
+                call(zzz=1)
+            assert raised.value.hint is None
+
+
+@pytest.mark.parametrize("call", [dvtcli.Node.map, dvtcli.Node.set])
+def test_a_signature_lists_the_options_of_a_pdo_and_the_docstring_tells_of_each(call: Callable[..., object]) -> None:
+    parameters = inspect.signature(call).parameters
+    options = {name: one for name, one in parameters.items() if name in PdoOptions.__annotations__}
+    kinds = {name: kind.__forward_arg__ for name, kind in PdoOptions.__annotations__.items()}
+    assert {name: one.annotation for name, one in options.items()} == kinds
+    assert {one.kind for one in options.values()} == {inspect.Parameter.KEYWORD_ONLY}
+    assert {name: one.default for name, one in options.items() if one.default is not None} == (
+        {"enabled": True} if call is dvtcli.Node.map else {}
+    )
+    assert not any(one.kind is one.VAR_KEYWORD for one in parameters.values())
+    described = inspect.getdoc(call) or ""
+    assert [name for name in options if f"*{name}*" not in described] == []
+
+
+def test_what_a_map_is_not_asked_for_stays_and_enabled_none_keeps_a_pdo_disabled() -> None:
+    with dvtcli.simulate("gen4") as bus:
+        node = bus.node()
+        node.disable("tpdo1")
+        before = node.pdo("tpdo1").config.communication
+        node.map("tpdo1", "6041", enabled=None)
+        assert node.pdo("tpdo1").config.communication == before
+        node.map("tpdo1", "6041", cob_id="keep")
+        assert node.pdo("tpdo1").config.enabled
+
+
+def test_nothing_but_none_is_nothing_to_set() -> None:
+    with dvtcli.simulate("gen4") as bus, pytest.raises(errors.UsageError, match=r"^nothing to set: "):
+        bus.node().set("tpdo1", timer_ms=None, cob_id=None)
 
 
 def test_a_node_that_was_started_is_not_listed_without_heartbeat() -> None:

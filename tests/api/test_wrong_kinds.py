@@ -27,6 +27,8 @@ NEEDED: dict[str, Any] = {
 }  # fmt: skip
 #: what a call is not left to take its time with
 QUICK: dict[str, Any] = {"for_s": 0.001, "answer_s": 0.001, "wait_s": 0.005, "count": 1, "compare": "no"}
+#: an option without which a call has nothing to do
+USEFUL: dict[str, dict[str, Any]] = {"set": {"timer_ms": 100}}
 #: `*objects` and the like, of which calls want one
 SOME: dict[str, tuple[Any, ...]] = {
     "objects": ("6041",), "nodes": ("gen4",), "frames": ("185#10",), "consumers": ("1:rpdo1",), "pdos": ("tpdo1",),
@@ -71,7 +73,7 @@ def test_only_documented_errors_come_out(
 def with_odd(function: Callable[..., Any], argument: str, odd: Any) -> Any:
     """What *function* answers where *argument* is *odd*, and all others are as they should be."""
     given: list[Any] = []
-    named: dict[str, Any] = {}
+    named: dict[str, Any] = dict(USEFUL.get(function.__name__, {}))
     for name, one in inspect.signature(function).parameters.items():
         if one.kind is one.VAR_POSITIONAL:
             given += [odd] if name == argument else SOME.get(name, ())

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
+from functools import wraps
 from reprlib import repr as short
-from typing import TYPE_CHECKING, Literal, TypedDict
+from typing import TYPE_CHECKING, Literal, ParamSpec, TypedDict, TypeVar
 
 from dvtcli.domain.datatypes import BY_SHORT_NAME, DataType, Kind, Value
 from dvtcli.domain.nmt import NmtCommand
@@ -19,44 +22,48 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.scaling import Scaling
 
+P = ParamSpec("P")
+T = TypeVar("T")
+
 #: An object: a name of the EDS or an alias (`statusword`), `6C01:1`, an index, or index and sub-index.
 Object = str | int | tuple[int, int]
 #: A mapping entry: an object, `6C01:1/16` or `dummy/16`, or index, sub-index and length in bits.
 Entry = Object | tuple[int, int, int]
 
 
-class PdoOptions(TypedDict, total=False):
-    """Options of `Node.map` and `Node.set` besides the mapping; omitted options stay unchanged."""
+class PdoOptions(TypedDict):
+    """Options of `Node.map` and `Node.set` besides the mapping; None leaves a parameter unchanged."""
 
-    #: CAN-ID, `"auto"` or `"keep"`
-    cob_id: int | Literal["auto", "keep"]
+    #: CAN-ID, 1…0x7FF, with `extended` up to 0x1FFFFFFF; `"auto"` or `"keep"`
+    cob_id: int | Literal["auto", "keep"] | None
     #: 0…255
-    transmission_type: int
+    transmission_type: int | None
     #: on every N-th SYNC, 1…240: a transmission type by another name
-    sync: int
+    sync: int | None
     #: event-driven: transmission type 255
-    event: bool
-    #: inhibit time in ms, in steps of 0.1
-    inhibit_ms: float
-    #: event timer in ms; 0 is off
-    timer_ms: float
+    event: bool | None
+    #: inhibit time in ms, 0…6553.5 in steps of 0.1; 0 is off
+    inhibit_ms: float | None
+    #: event timer in ms, 0…65535 in steps of 1; 0 is off
+    timer_ms: float | None
     #: SYNC start value, 0…240
-    sync_start: int
+    sync_start: int | None
     #: bit 30 of the COB-ID: whether the PDO may be asked for by RTR
-    rtr: bool
+    rtr: bool | None
     #: a 29-bit CAN-ID
-    extended: bool
+    extended: bool | None
     #: whether the PDO exists on the bus afterwards
-    enabled: bool
+    enabled: bool | None
 
 
 #: A group of 0x1010 and 0x1011, by name or sub-index.
 Group = Literal["all", "communication", "application"] | int
 _GROUPS = {"all": 1, "communication": 2, "application": 3}
-_KINDS = ("transmission_type", "sync", "event")
-_FLAGS = ("event", "rtr", "extended", "enabled")
+_KINDS: tuple[Literal["transmission_type", "sync", "event"], ...] = ("transmission_type", "sync", "event")
+_FLAGS: tuple[Literal["event", "rtr", "extended", "enabled"], ...] = ("event", "rtr", "extended", "enabled")
 _AN_OBJECT = "a name of the EDS, '6C01:1', 0x6041 or (0x6C01, 1)"
 _AN_ENTRY = f"{_AN_OBJECT}, (0x6C01, 1, 16) or 'dummy/16'"
+_ONE_BY_ONE = "give objects one by one, map('tpdo1', '6041', '606C'), or a list with a star, map('tpdo1', *objects)"
 
 
 def pdo_of(pdo: str | Pdo) -> Pdo:
@@ -85,10 +92,17 @@ def _numbers(object_: object, most: int) -> bool:
     )
 
 
+def _words(entry: object) -> bool:
+    """Tell whether *entry* is a tuple of texts: several objects in place of one."""
+    return isinstance(entry, tuple) and entry != () and all(isinstance(item, str) for item in entry)
+
+
 def entry_of(node: Node, entry: Entry) -> MappedObject | Skipped:
     """Return a mapping entry; raises UsageError as `object_of`."""
     if isinstance(entry, str):
         return entry_at(node, entry)
+    if isinstance(entry, list) or _words(entry):
+        raise UsageError(f"objects: {short(entry)}: {_ONE_BY_ONE}")
     if not _numbers(entry, 3):
         raise UsageError(f"objects: {short(entry)}: {_AN_ENTRY}")
     if isinstance(entry, tuple) and len(entry) == 3:
@@ -144,44 +158,68 @@ def proof_of(prove: object) -> str | None:
     return ("power" if prove == "power" else "reset") if prove else None
 
 
-def request(options: PdoOptions, *, enabled: bool | None) -> PdoRequest:
-    """Make the request of *options*; *enabled* is the default for enabling. Raises UsageError for invalid options."""
-    unknown = options.keys() - PdoOptions.__annotations__.keys()
-    if unknown:
-        raise UsageError(
-            f"{sorted(unknown)[0]!r} is nothing that a PDO has; it has {', '.join(PdoOptions.__annotations__)}"
-        )
-    for name, value in options.items():
-        if name in _FLAGS and value is not None:
+def known_names(method: Callable[P, T]) -> Callable[P, T]:
+    """Make another keyword argument than *method* has a UsageError with the nearest name."""
+    code = method.__code__
+    known = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+
+    @wraps(method)
+    def checked(*args: P.args, **named: P.kwargs) -> T:
+        for name in named:
+            if name not in known:
+                raise _unknown(name)
+        return method(*args, **named)
+
+    return checked
+
+
+def _unknown(name: str) -> UsageError:
+    from difflib import get_close_matches
+
+    if name == "objects":
+        return UsageError(f"objects=…: {_ONE_BY_ONE}")
+    options = list(PdoOptions.__annotations__)
+    near = get_close_matches(name, options, n=1)
+    return UsageError(
+        f"{name!r} is nothing that a PDO has; it has {', '.join(options)}",
+        hint=f"did you mean {near[0]}?" if near else None,
+    )
+
+
+def request(options: PdoOptions) -> PdoRequest:
+    """Make the request of *options*; raises UsageError if they are invalid."""
+    for name in _FLAGS:
+        if (value := options[name]) is not None:
             flag(name, value)
-    if sum(name in options for name in _KINDS) > 1:
+    if sum(options[name] is not None for name in _KINDS) > 1:
         raise UsageError("transmission_type, sync and event exclude each other: give one")
     return PdoRequest(
-        cob_id=_cob_id(options.get("cob_id")),
+        cob_id=_cob_id(options["cob_id"]),
         transmission_type=_transmission_type(options),
-        inhibit_time=_counts("inhibit_ms", options.get("inhibit_ms"), 100),
-        event_timer=_counts("timer_ms", options.get("timer_ms"), 1000),
-        sync_start_value=_optional("sync_start", options.get("sync_start"), "a SYNC start value", 240),
-        rtr_allowed=options.get("rtr"),
-        extended=options.get("extended") or False,
-        enabled=options.get("enabled", enabled),
+        inhibit_time=_counts("inhibit_ms", options["inhibit_ms"], 100),
+        event_timer=_counts("timer_ms", options["timer_ms"], 1000),
+        sync_start_value=_optional("sync_start", options["sync_start"], "a SYNC start value", 240),
+        rtr_allowed=options["rtr"],
+        extended=options["extended"] or False,
+        enabled=options["enabled"],
     )
 
 
 def _transmission_type(options: PdoOptions) -> int | None:
-    if options.get("event"):
+    if options["event"]:
         return 255
-    if (syncs := options.get("sync")) is not None:
+    if (syncs := options["sync"]) is not None:
         return whole("sync", syncs, "a number of SYNCs", 240, low=1)
-    return _optional("transmission_type", options.get("transmission_type"), "a transmission type", 255)
+    return _optional("transmission_type", options["transmission_type"], "a transmission type", 255)
 
 
 def _cob_id(asked: int | Literal["auto", "keep"] | None) -> int | Literal["auto", "keep"] | None:
-    if isinstance(asked, str):
-        if asked not in ("auto", "keep"):
-            raise UsageError(f"cob_id={asked!r}: a CAN-ID, 'auto' or 'keep'")
-        return asked
-    return _optional("cob_id", asked, "a CAN-ID", 0x1FFF_FFFF)
+    if not isinstance(asked, str):
+        return _optional("cob_id", asked, "a CAN-ID", 0x1FFF_FFFF)
+    if asked not in ("auto", "keep"):
+        number_of = f", cob_id={asked}" if re.fullmatch(r"0x[0-9a-fA-F]+|[1-9][0-9]*", asked) else ""
+        raise UsageError(f"cob_id={short(asked)}: a CAN-ID is an int{number_of}; or 'auto' or 'keep'")
+    return asked
 
 
 def _optional(name: str, value: int | None, what: str, high: int) -> int | None:

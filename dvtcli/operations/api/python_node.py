@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal, TypeVar, Unpack
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 from dvtcli.domain.request import Cleared, Switched
 from dvtcli.errors import UsageError
@@ -16,6 +16,7 @@ from dvtcli.operations.api.arguments import (
     bytes_of,
     entry_of,
     group_of,
+    known_names,
     nmt_command_of,
     object_of,
     pdo_of,
@@ -263,18 +264,44 @@ class ConfiguredNode(ReadNode):
 
         return self._change(write, yes=yes, force=force)
 
-    def map(
+    @known_names
+    def map(  # noqa: PLR0913 - every option of a PDO by its name
         self,
         pdo: str | Pdo,
         *objects: Entry,
+        cob_id: int | Literal["auto", "keep"] | None = None,
+        transmission_type: int | None = None,
+        sync: int | None = None,
+        event: bool | None = None,
+        inhibit_ms: float | None = None,
+        timer_ms: float | None = None,
+        sync_start: int | None = None,
+        rtr: bool | None = None,
+        extended: bool | None = None,
+        enabled: bool | None = True,
         yes: bool = False,
         force: bool = False,
-        **options: Unpack[PdoOptions],
     ) -> Changed:
-        """Map *objects* into a PDO, in frame order, and enable it: as the command `map`."""
+        """Map *objects* into a PDO, in frame order, and enable it: as the command `map`.
+
+        Options that are None stay unchanged:
+
+        - *cob_id*: the CAN-ID, 1…0x7FF, with *extended* up to 0x1FFFFFFF; `"auto"` or `"keep"`
+        - *transmission_type*: 0…255; or in its place *sync*: on every N-th SYNC, 1…240; or *event*: event-driven (255)
+        - *inhibit_ms*: the inhibit time in ms, 0…6553.5 in steps of 0.1; 0 is off
+        - *timer_ms*: the event timer in ms, 0…65535 in steps of 1; 0 is off
+        - *sync_start*: the SYNC start value, 0…240
+        - *rtr*: whether the PDO may be asked for by RTR (bit 30 of the COB-ID)
+        - *extended*: the CAN-ID has 29 bits
+        - *enabled*: whether the PDO exists on the bus afterwards, as it does by default
+        """
         from dvtcli.operations.changes.change import configure
 
-        asked, wanted = request(options, enabled=True), pdo_of(pdo)
+        options = PdoOptions(
+            cob_id=cob_id, transmission_type=transmission_type, sync=sync, event=event, inhibit_ms=inhibit_ms,
+            timer_ms=timer_ms, sync_start=sync_start, rtr=rtr, extended=extended, enabled=enabled,
+        )  # fmt: skip
+        asked, wanted = request(options), pdo_of(pdo)
 
         def work(node: DeviceNode) -> Changed:
             mapped = tuple(entry_of(node, wanted_object) for wanted_object in objects)
@@ -284,13 +311,46 @@ class ConfiguredNode(ReadNode):
             raise UsageError("which objects? 'statusword', '6C01:1', …")
         return self._change(work, yes=yes, force=force)
 
-    def set(self, pdo: str | Pdo, *, yes: bool = False, force: bool = False, **options: Unpack[PdoOptions]) -> Changed:
-        """Set communication parameters of a PDO without its mapping, like the command `set`."""
+    @known_names
+    def set(  # noqa: PLR0913 - as for map
+        self,
+        pdo: str | Pdo,
+        *,
+        cob_id: int | Literal["auto", "keep"] | None = None,
+        transmission_type: int | None = None,
+        sync: int | None = None,
+        event: bool | None = None,
+        inhibit_ms: float | None = None,
+        timer_ms: float | None = None,
+        sync_start: int | None = None,
+        rtr: bool | None = None,
+        extended: bool | None = None,
+        enabled: bool | None = None,
+        yes: bool = False,
+        force: bool = False,
+    ) -> Changed:
+        """Set communication parameters of a PDO without its mapping, like the command `set`.
+
+        Options that are None stay unchanged:
+
+        - *cob_id*: the CAN-ID, 1…0x7FF, with *extended* up to 0x1FFFFFFF; `"auto"` or `"keep"`
+        - *transmission_type*: 0…255; or in its place *sync*: on every N-th SYNC, 1…240; or *event*: event-driven (255)
+        - *inhibit_ms*: the inhibit time in ms, 0…6553.5 in steps of 0.1; 0 is off
+        - *timer_ms*: the event timer in ms, 0…65535 in steps of 1; 0 is off
+        - *sync_start*: the SYNC start value, 0…240
+        - *rtr*: whether the PDO may be asked for by RTR (bit 30 of the COB-ID)
+        - *extended*: the CAN-ID has 29 bits
+        - *enabled*: whether the PDO exists on the bus afterwards
+        """
         from dvtcli.operations.changes.change import configure
 
-        if not options:
+        options = PdoOptions(
+            cob_id=cob_id, transmission_type=transmission_type, sync=sync, event=event, inhibit_ms=inhibit_ms,
+            timer_ms=timer_ms, sync_start=sync_start, rtr=rtr, extended=extended, enabled=enabled,
+        )  # fmt: skip
+        if all(value is None for value in options.values()):
             raise UsageError("nothing to set: give transmission_type, timer_ms, cob_id, …")
-        asked, wanted = request(options, enabled=None), pdo_of(pdo)
+        asked, wanted = request(options), pdo_of(pdo)
         return self._change(lambda node: configure(self._calls.session, node, {wanted: asked}), yes=yes, force=force)
 
     def enable(self, *pdos: str | Pdo, yes: bool = False, force: bool = False) -> Changed:
