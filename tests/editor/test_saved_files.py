@@ -206,6 +206,21 @@ def test_the_question_names_the_defaults_and_each_comment(tmp_path: Path) -> Non
     ]
 
 
+@pytest.mark.parametrize(
+    ("text", "lost"),
+    [
+        (".common: &c {dcf: gen4}\nnodes:\n  a: {<<: *c, node_id: 1}\n", "1 reference to anchors, copied out in full"),
+        ("nodes:\n  a: {node_id: 1, dcf: &f gen4}\n  b: {node_id: 2, dcf: *f}\n  c: {node_id: 3, dcf: *f}\n",
+         "2 references to anchors, copied out in full"),
+    ],
+)  # fmt: skip
+def test_the_question_names_aliases(tmp_path: Path, text: str, lost: str) -> None:
+    file = network(tmp_path, text)
+    with edited(file) as (session, nodes):
+        nodes.save(session, str(file))
+    assert session.questions == [f"{file} exists; overwrite it, which loses {lost}?"]
+
+
 def test_the_nodes_keep_their_order(tmp_path: Path) -> None:
     file = network(tmp_path)
     with edited(file) as (session, nodes):

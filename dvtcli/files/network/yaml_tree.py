@@ -111,6 +111,16 @@ def _general_tree(text: str, log: FileLog) -> Tree | None:
     return None
 
 
+def count_aliases(text: str) -> int:
+    """Count the aliases (`*NAME`) of *text*, valid YAML."""
+    if "*" not in text:
+        return 0
+    from ruamel.yaml import YAML
+    from ruamel.yaml.tokens import AliasToken
+
+    return sum(isinstance(token, AliasToken) for token in YAML(typ="safe", pure=True).scan(text))
+
+
 @lru_cache(maxsize=4)
 def _composed(text: str) -> Node | None:
     """ruamel's node of *text*, which nobody changes: `plan`, `apply` and `verify` of a session read the same file."""

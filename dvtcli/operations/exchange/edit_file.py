@@ -25,7 +25,7 @@ from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.read_network import MOST_BYTES as MOST_OF_NETWORK
 from dvtcli.files.network.read_network import read_network
 from dvtcli.files.network.write_network import write_network
-from dvtcli.files.network.yaml_tree import Branch, read_tree
+from dvtcli.files.network.yaml_tree import Branch, count_aliases, read_tree
 from dvtcli.operations.changes.change import configure
 from dvtcli.operations.exchange.export_network import SUFFIXES as NETWORK_SUFFIXES
 from dvtcli.operations.exchange.export_network import mapped_word
@@ -339,6 +339,9 @@ def _lost(old: str, config: NetworkConfig, written: NetworkConfig) -> Iterator[s
     tree = read_tree(old, FileLog("", old))
     if isinstance(tree, Branch) and "defaults" in tree.items:
         yield "the section `defaults`, which is copied into each node"
+    aliases = count_aliases(old)
+    if aliases:
+        yield f"{plural(aliases, 'reference')} to anchors, copied out in full"
     kept = {note.text for note in written.notes}
     yield from dict.fromkeys(note.text for note in config.notes if note.text not in kept)
     master = config.master
