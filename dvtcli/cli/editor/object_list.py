@@ -20,7 +20,7 @@ _SHORT_SUB = re.compile(r"^([0-9a-f]{4}):([0-9a-f])$")
 
 
 @dataclass(frozen=True, slots=True)
-class Listed:
+class MappableRow:
     """An object with its name and its unit; *search* is what the filter looks at, *taken* by direction of a PDO."""
 
     entry: OdEntry
@@ -34,7 +34,7 @@ class Listed:
 class Offer:
     """An object in the list, and why it cannot be mapped; empty if it can."""
 
-    listed: Listed
+    listed: MappableRow
     reason: str = ""
 
 
@@ -42,7 +42,7 @@ class ObjectList:
     """All objects of *dictionary*, looked at once."""
 
     def __init__(self, dictionary: ObjectDictionary | None, profile: DeviceProfile, scalings: ObjectScalings) -> None:
-        self._listed: list[Listed] = []
+        self._listed: list[MappableRow] = []
         if dictionary is not None:
             self._listed = [_listed(dictionary, profile, scalings, entry) for entry in dictionary.entries()]
         #: each object, its offer if it can be mapped, and if it cannot, into an RPDO and into a TPDO
@@ -75,14 +75,14 @@ class ObjectList:
         return [*numbers, *names, *others, *too_long, *refused]
 
 
-def _listed(dictionary: ObjectDictionary, profile: DeviceProfile, scalings: ObjectScalings, entry: OdEntry) -> Listed:
+def _listed(dictionary: ObjectDictionary, profile: DeviceProfile, scalings: ObjectScalings, entry: OdEntry) -> MappableRow:
     name = dictionary.display_name(entry.index, entry.sub_index)
     unit = scalings.of(entry.index, entry.sub_index).unit
     search = f"{normalised(entry.object)} {normalised(name)} {unit.lower()}"
     rpdo, tpdo = (is_taken(profile, dictionary, entry, tpdo=way) for way in (False, True))
-    return Listed(entry, name, unit, search, (rpdo, tpdo))
+    return MappableRow(entry, name, unit, search, (rpdo, tpdo))
 
 
-def _refused(listed: Listed, tpdo: int) -> Offer:
+def _refused(listed: MappableRow, tpdo: int) -> Offer:
     other = "RPDO only" if tpdo else "TPDO only"
     return Offer(listed, other if listed.taken[not tpdo] else "not mappable")
