@@ -84,9 +84,9 @@ def dvtcli_nodes() -> tuple[str, ...]:
 
 
 @pytest.fixture
-def dvtcli_bus(dvtcli_nodes: tuple[str, ...], dvtcli_simulate: Simulate) -> Bus:
-    """A bus with the nodes of `dvtcli_nodes`, in this process."""
-    return dvtcli_simulate(*dvtcli_nodes)
+def dvtcli_bus(dvtcli_nodes: tuple[str, ...] | str, dvtcli_simulate: Simulate) -> Bus:
+    """A bus with the nodes of `dvtcli_nodes`, in this process; a text is one node."""
+    return dvtcli_simulate(*((dvtcli_nodes,) if isinstance(dvtcli_nodes, str) else dvtcli_nodes))
 
 
 @pytest.fixture

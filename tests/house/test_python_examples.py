@@ -56,6 +56,19 @@ def test_programs_run(code: str, tmp_path: Path, request: pytest.FixtureRequest)
     run([sys.executable, "-c", code], tmp_path)
 
 
+#: `dvtcli_nodes` as a text, which is one node and not its letters
+_ONE_NODE = """
+import pytest
+
+@pytest.fixture
+def dvtcli_nodes():
+    return "gen4@5"
+
+def test_it_is_the_node(dvtcli_node):
+    assert dvtcli_node.node_id == 5
+"""
+
+
 @heavy
 @pytest.mark.long
 def test_tests_pass_with_the_fixtures(tmp_path: Path) -> None:
@@ -63,8 +76,9 @@ def test_tests_pass_with_the_fixtures(tmp_path: Path) -> None:
     assert {title for title, _ in files} >= {"conftest.py"}
     for title, code in files:
         (tmp_path / title).write_text(code, encoding="utf-8")
+    (tmp_path / "test_one_node.py").write_text(_ONE_NODE, encoding="utf-8")
     said = run([sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "."], tmp_path)
-    assert re.search(r"\b[2-9] passed", said), said
+    assert re.search(r"\b[3-9] passed", said), said
 
 
 def run(words: list[str], folder: Path) -> str:
