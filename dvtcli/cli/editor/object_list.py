@@ -75,7 +75,9 @@ class ObjectList:
         return [*numbers, *names, *others, *too_long, *refused]
 
 
-def _listed(dictionary: ObjectDictionary, profile: DeviceProfile, scalings: ObjectScalings, entry: OdEntry) -> MappableRow:
+def _listed(
+    dictionary: ObjectDictionary, profile: DeviceProfile, scalings: ObjectScalings, entry: OdEntry
+) -> MappableRow:
     name = dictionary.display_name(entry.index, entry.sub_index)
     unit = scalings.of(entry.index, entry.sub_index).unit
     search = f"{normalised(entry.object)} {normalised(name)} {unit.lower()}"
