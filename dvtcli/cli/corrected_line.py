@@ -14,7 +14,7 @@ from dvtcli.cli.catalogue import command_names, meant, nearest_command
 from dvtcli.cli.dvt.words import WORDS
 from dvtcli.cli.global_options import PREFIX
 from dvtcli.cli.parse_line import parse
-from dvtcli.cli.pasted_line import PROGRAM, without_program
+from dvtcli.cli.pasted_line import SHELL_WORDS, without_program
 from dvtcli.cli.pdo_params import PdoType
 from dvtcli.cli.registry import REGISTRY
 from dvtcli.cli.view.typed_hints import prompt_line
@@ -74,7 +74,7 @@ def corrected(words: Sequence[str], session: Conversation) -> list[str] | None:
     if not words or len(words) > _MOST_WORDS or _ANSWERED_AT_ONCE & set(words):
         return None
     first = list(words)
-    if first[0] == PROGRAM:
+    if first[0] in SHELL_WORDS:
         try:
             first = without_program(first, session)
         except click.UsageError:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.catalogue import meant, unknown_command
-from dvtcli.cli.pasted_line import PROGRAM, without_program
+from dvtcli.cli.pasted_line import SHELL_WORDS, without_program
 from dvtcli.cli.registry import REGISTRY
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def parse(words: Sequence[str], session: Conversation, *, in_file: bool = False) -> click.Context:
     """Find and parse a line's command without running it. Raises usage errors."""
     root = click.Context(REGISTRY, info_name="", obj=session)
-    if words[0] == PROGRAM:
+    if words[0] in SHELL_WORDS:
         words = without_program(words, session, in_file=in_file)
     name, *args = meant(words)
     if name.startswith("-"):

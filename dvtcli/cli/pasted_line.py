@@ -9,19 +9,22 @@ import click
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
+    from dvtcli.cli.view.typed_hints import TypedCall
 
 #: the name of the program, as shells have it
 PROGRAM = "dvtcli"
+#: how a shell's line begins: with the program, or with the prompt before it, as in documentation
+SHELL_WORDS = (PROGRAM, "$")
 
 
 def without_program(words: Sequence[str], session: Conversation, *, in_file: bool = False) -> list[str]:
-    """Return the command in a shell's line: `dvtcli -n 5 store` is `store` if node 5 is selected.
+    """Return the command in a shell's line: `dvtcli -n 5 store` and `$ dvtcli …` are `store` if node 5 is selected.
 
     Options before the command are left out if they are the bus of this call, all of it, and the selected node. Raises
     UsageError for others, which mean another bus or another node, and for any if *in_file*: a script is parsed before
     its lines select nodes.
     """
-    rest = list(words[1:])
+    rest = list(words[2 if tuple(words[:2]) == ("$", PROGRAM) else 1 :])
     if in_file and rest and rest[0].startswith("-"):
         raise click.UsageError(
             f"{rest[0]} stands before the command, and a script runs on the bus and the node of its own lines: "
@@ -35,7 +38,7 @@ def without_program(words: Sequence[str], session: Conversation, *, in_file: boo
     while rest and rest[0].startswith("-"):
         if tuple(rest[:2]) not in known:
             raise click.UsageError(
-                f"{' '.join(rest[:2])} was chosen when dvtcli started, and is another here: "
+                f"this session runs on {_where(call)}; {' '.join(rest[:2])} is given when dvtcli starts: "
                 "run the line in a shell, or leave out what stands before the command"
             )
         said.add(tuple(rest[:2]))
@@ -46,3 +49,9 @@ def without_program(words: Sequence[str], session: Conversation, *, in_file: boo
     if not rest:
         raise click.UsageError("dvtcli runs already: a command comes here; help lists them")
     return rest
+
+
+def _where(call: TypedCall) -> str:
+    """Return bus and node of *call* as typed."""
+    node = () if call.selected is None else ("-n", str(call.selected))
+    return " ".join((*call.bus, *node)) or "the bus of its settings"

@@ -40,6 +40,8 @@ class Node(Changeable):
     unlike_file: str = ""
     #: undone changes of earlier sessions
     undone_earlier: int = 0
+    #: whether a change of this session was undone
+    undid_own: bool = False
 
     def configure(
         self, wants: Mapping[Pdo, AnyPdoRequest], *, force: bool = False, initial_state: InitialState | None = None
@@ -126,7 +128,7 @@ class Node(Changeable):
         self.history, self.undone_earlier, self.said = before.history, before.undone_earlier, before.said
         self.wanted, self.wanted_values = before.wanted, before.wanted_values
         self.unreadable_values = before.unreadable_values
-        self.unchanged_commands = before.unchanged_commands
+        self.unchanged_commands, self.undid_own = before.unchanged_commands, before.undid_own
         self.pending, self.expected = before.pending, before.expected
 
     def look_after_gap(self) -> tuple[str, ...]:
@@ -345,7 +347,7 @@ class Node(Changeable):
 
     def was_undone(self, applied: Applied, count: int) -> None:
         """Record that *applied* undid the newest *count* plans of this session."""
-        self.history = self.history[: len(self.history) - count]
+        self.history, self.undid_own = self.history[: len(self.history) - count], True
         for _ in range(count):
             del self.order[max(number for number, node_id in enumerate(self.order) if node_id == self.node_id)]
         if self.guard is not None:

@@ -162,14 +162,16 @@ _SAID_BY_SET: dict[Action, Mapping[str, object]] = {
 def hinting_at_set(findings: Iterable[Finding], pdo: Pdo, *, enables: bool) -> Iterator[Finding]:
     """*findings* about *pdo* for a command without PDO parameters: their hints set these with `SET_PDO`.
 
-    With *enables* the command was to enable the PDO, so the hint adds this step.
+    With *enables* the command was to enable the PDO, so the hint adds this step. No hint is to leave the PDO off.
     """
     then = Hint(Action.ENABLE, {"pdo": pdo}, ", then {}")
     for finding in findings:
-        hint = finding.hint
-        if isinstance(hint, Hint) and any(step.action in _SAID_BY_SET for step in hint):
-            steps = [_by_set(step, pdo) for step in hint] + ([then] if enables else [])
-            hint = reduce(Hint.__add__, (replace(step, then=None) for step in steps))
+        hint: Hint | str | None = finding.hint
+        if isinstance(hint, Hint):
+            steps = [_by_set(step, pdo) for step in hint if step.action is not Action.LEAVE_OFF]
+            if enables and any(step.action in _SAID_BY_SET for step in hint):
+                steps.append(then)
+            hint = reduce(Hint.__add__, (replace(step, then=None) for step in steps)) if steps else None
         yield replace(finding, hint=hint)
 
 

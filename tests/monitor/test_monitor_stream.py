@@ -13,7 +13,7 @@ from tests.serve.served import bus_words, own_environment, served, wait_for
 
 
 def test_a_frame_is_a_document_with_its_signals() -> None:
-    done = dvtcli("--sim", "gen4", stdin="nmt start\nmonitor --duration 1\n")
+    done = dvtcli("--sim", "gen4", stdin="nmt start\nmonitor --for 1\n")
     assert done.returncode == 0, done.stderr
     found = documents("\n".join(line for line in done.stdout.splitlines() if line.startswith("{")))
     assert {one["schema"] for one in found} == {"dvtcli.frame/1"}

@@ -96,7 +96,7 @@ def test_a_file_that_exists_is_not_offered(
 def test_the_corrected_line_stands_at_the_prompt_and_enter_runs_it(gen4: Terminal) -> None:
     gen4.run("set tpdo1 timer 100")
     gen4.until(lambda: gen4.cursor_line == "sim/1 PRE-OP> set tpdo1 --timer 100", "the corrected line")
-    gen4.wait("corrected, Enter runs it: Got unexpected extra arguments (timer 100)")
+    gen4.wait("corrected to `set tpdo1 --timer 100`, Enter runs it; before: Got unexpected", "arguments (timer 100)")
     time.sleep(2 * _SEEN_S)
     gen4.type(ENTER)
     gen4.wait("TPDO1 set: 1 write")
@@ -160,7 +160,30 @@ def test_a_line_of_a_shell_runs_at_the_prompt_if_bus_and_node_are_the_same(open_
     terminal.run("dvtcli --sim gen4@5 -n 5 read 1018:1")
     terminal.wait("0x0000001E")
     terminal.run("dvtcli -n 9 store")
-    terminal.wait("-n 9 was chosen when dvtcli started")
+    terminal.wait("this session runs on --sim gen4@5 -n 5; -n 9 is given when dvtcli starts")
+
+
+@pytest.mark.parametrize("line", ["$ dvtcli --sim gen4 -n 1 read 1018:1", "$ dvtcli read 1018:1", "$ read 1018:1"])
+def test_a_line_copied_with_the_shells_prompt_runs(line: str) -> None:
+    with Bench() as bench:
+        ran = bench.run(line)
+        assert (ran.code, "0x0000001E" in ran.stdout) == (0, True), ran
+
+
+@pytest.mark.parametrize("words", ["-i socketcan -c can0", "--sim tmcm", "-n 9"])
+def test_a_line_of_a_shell_about_something_else_says_what_this_session_runs_on(words: str) -> None:
+    with Bench() as bench:
+        ran = bench.run(f"$ dvtcli {words} store")
+        first = " ".join(words.split()[:2])
+        assert ran.code == 2
+        assert f"this session runs on --sim gen4 -n 1; {first} is given when dvtcli starts: " in ran.stderr
+
+
+@pytest.mark.parametrize("line", ["$", "$ dvtcli", "dvtcli"])
+def test_a_line_without_a_command_is_refused(line: str) -> None:
+    with Bench() as bench:
+        ran = bench.script(line)
+        assert (ran.code, "a command comes here" in ran.stderr) == (2, True)
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
 from tests.small_eds import plain
 
-AS_BEFORE = "As it was before: dvtcli stored nothing of it in between."
+AS_BEFORE = "As before the change, which dvtcli did not store."
 IN_RAM = "In RAM only: `store` keeps it."
 
 

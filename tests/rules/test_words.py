@@ -47,6 +47,20 @@ def test_too_many_bits_are_counted_and_the_last_object_is_named() -> None:
     assert typed(finding.hint) == "16 bits too many: drop 6041:00, or put it into another PDO"
 
 
+@pytest.mark.parametrize(
+    ("raw", "hint"),
+    [
+        (
+            [0x6041_0010, 0x606C_0020, 0x6077_0010, 0x6C01_0110, 0x6C01_0210],
+            "32 bits too many: drop 6C01:01 and 6C01:02",
+        ),
+        ([STATUSWORD] * 4 + [0x6060_0008] * 3, "24 bits too many: drop 6060:00, 6060:00 and 6060:00"),
+    ],
+)
+def test_as_many_objects_are_named_as_must_go(raw: list[int], hint: str) -> None:
+    assert typed(found(mapping(TPDO1, *raw), "pdo-length").hint) == f"{hint}, or put them into another PDO"
+
+
 def test_what_cannot_be_mapped_says_for_what() -> None:
     assert found(mapping(RPDO1, STATUSWORD), "direction").text.endswith("it cannot be an RPDO's target")
     write_only = changed(0x6040, access=Access.WO)

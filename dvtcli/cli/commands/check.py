@@ -85,7 +85,7 @@ def command(
             )  # fmt: skip
             return check_recordings(session, files, options)
     if dbc is not None:
-        raise UsageError("-d is of a recording", hint="name network files without it")
+        raise UsageError("-d goes with a recording only", hint="network files are named without -d")
     from dvtcli.operations.network.check_networks import CheckOptions, check_networks
 
     as_findings = live or session.output.format in SPECIAL_FORMATS  # so that the rest is looked at, too

@@ -30,7 +30,8 @@ if TYPE_CHECKING:
     help="CAN-ID:MASK in hex, repeatable; with --decode also TEXT: signals with TEXT in their names.",
 )  # fmt: skip
 @only_option
-@click.option("--duration", type=DurationType(), metavar="TIME", help="End after TIME (300ms, 5s, 2min).")
+@click.option("--duration", "--for", "duration", type=DurationType(), metavar="TIME",
+              help="End after TIME (300ms, 5s, 2min).")  # fmt: skip
 @click.option("--decode", is_flag=True, help="Record values: .csv, .jsonl, or .parquet for many machines.")
 @parquet_options
 @click.option(

@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 )
 @click.option("--filter", "wanted", type=TEXT, metavar="TEXT", help="Only frames and signals with TEXT in their names.")
 @only_option
-@click.option("--duration", type=DurationType(), metavar="TIME", help="End after TIME (300ms, 5s, 2min).")
+@click.option("--duration", "--for", "duration", type=DurationType(), metavar="TIME",
+              help="End after TIME (300ms, 5s, 2min).")  # fmt: skip
 @click.option("--changes", is_flag=True, help="Only frames whose data changed.")
 @click.pass_obj
 def command(

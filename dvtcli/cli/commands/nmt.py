@@ -9,7 +9,9 @@ import click
 
 from dvtcli.cli.command import DvtCommand, Effect, Final
 from dvtcli.cli.params import CanopenType, NumberType
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtCommand
+from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Commanded
@@ -48,4 +50,9 @@ def command(session: Session, /, command_: str, node_id: int | None) -> Commande
     """
     from dvtcli.operations.nodes.command_nmt import command_nmt
 
+    if node_id is None and session.selected_id() is None and (session.base.nodes or session.base.every_node):
+        raise UsageError(
+            f"nmt {command_} takes one node or `all`, and -n names several",
+            hint=Hint(Action.CORRECT, {"words": ("nmt", command_, "all")}, "{} commands all nodes on the bus"),
+        )
     return command_nmt(session, _WORDS[command_], node_id)

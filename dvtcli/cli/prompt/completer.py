@@ -14,7 +14,7 @@ from dvtcli.cli.catalogue import command_names, summary, with_a_swap
 from dvtcli.cli.dvt.words import WORDS
 from dvtcli.cli.global_options import PREFIX, global_options
 from dvtcli.cli.name_completion import safe_items
-from dvtcli.cli.pasted_line import PROGRAM
+from dvtcli.cli.pasted_line import SHELL_WORDS
 from dvtcli.cli.prompt.line import TypedLine, cut, last_line, quoted, typed
 from dvtcli.cli.registry import REGISTRY
 from dvtcli.errors import DvtcliError
@@ -64,7 +64,7 @@ class LineCompleter(Completer):
             moved = len(command) + len(destination.sign)
             return line and TypedLine([], line.incomplete, line.start + moved), destination.sign
         line = typed(before)
-        if line is not None and line.words[:1] == [PROGRAM]:
+        while line is not None and line.words and line.words[0] in SHELL_WORDS:
             line = TypedLine(line.words[1:], line.incomplete, line.start)
         if line is not None and line.words and line.words[0] in self._session.aliases:
             words = typed(self._session.aliases[line.words[0]] + " ")

@@ -50,10 +50,6 @@ _INVALID = re.compile(r"^Invalid value for [^:]*: ")
 _ANSWERED_AT_ONCE = frozenset({"-h", "--help", "--version"})
 
 
-#: What is said of a line that was corrected.
-_CORRECTED = "corrected, Enter runs it"
-
-
 class Refused(ValidationError):
     """An invalid line; *rest* is the part of the message beyond prompt_toolkit's single row.
 
@@ -61,7 +57,7 @@ class Refused(ValidationError):
     """
 
     def __init__(self, place: int, text: str, columns: int, line: str | None = None) -> None:
-        said = text if line is None else f"{_CORRECTED}: {text}"
+        said = text if line is None else f"corrected to `{line}`, Enter runs it; before: {text}"
         first, *more = wrapped([Cell(safe(said))], columns)
         super().__init__(place, _text(first).rstrip())
         self.rest = " ".join(_text(line) for line in more)

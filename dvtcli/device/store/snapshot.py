@@ -49,7 +49,7 @@ class Snapshot:
                     unread[place] = aborted.text
         if commands:
             names = join_some(f"0x{index:04X}:{sub:02X}" for index, sub in commands)
-            notes += (f"not compared: {names}, since a command or a target is no setting",)
+            notes += (f"not compared: {names}, since a command or a target is not a setting",)
         blind = [f"0x{index:04X}:{sub:02X} {why_unreadable(index)}" for index, sub in node.unreadable_values]
         notes += (f"not compared: {join_some(blind)}",) if blind else ()
         return cls(node.pdos(), values, notes, unread)

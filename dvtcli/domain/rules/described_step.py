@@ -76,9 +76,8 @@ def _step_findings(proposal: Proposal, dictionary: ObjectDictionary, entry: OdEn
 
 def _fixed_hint(step: Step) -> Hint | str:
     if step.sub_index == COB_ID:
-        return Hint(
-            Action.LEAVE_OFF,
-            why="this device fixes it: what needs the PDO off or on cannot be changed; {} leaves one off",
+        return Hint(None, why="this device fixes it: what needs the PDO off or on cannot be changed") + Hint(
+            Action.LEAVE_OFF, why="leaves one off"
         )
     return "this device fixes it; leave the option out"
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import count
 
 from dvtcli.domain.abort import Abort
@@ -140,8 +140,15 @@ def _size_findings(proposal: Proposal) -> Iterator[Finding]:
             place,
             f"{proposal.pdo.label} would need {want.bits} bits, a PDO holds {MAX_PDO_BITS}: {parts} = {want.bits}",
             Abort.PDO_LENGTH,
-            f"{over} bits too many: drop {want.mapping[-1].object}, or put it into another PDO",
+            f"{over} bits too many: {_to_drop(want.mapping, over)} into another PDO",
         )
+
+
+def _to_drop(mapping: Sequence[PdoMappingEntry], over: int) -> str:
+    """Name the last objects of *mapping* that have *over* bits or more together: `drop …, or put it`."""
+    first = next(at for at in reversed(range(len(mapping))) if sum(entry.bits for entry in mapping[at:]) >= over)
+    *others, last = (str(entry.object) for entry in mapping[first:])
+    return f"drop {', '.join(others)} and {last}, or put them" if others else f"drop {last}, or put it"
 
 
 def _count_findings(proposal: Proposal) -> Iterator[Finding]:

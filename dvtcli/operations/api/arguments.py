@@ -181,7 +181,7 @@ def _unknown(name: str) -> UsageError:
     options = list(PdoOptions.__annotations__)
     near = get_close_matches(name, options, n=1)
     return UsageError(
-        f"{name!r} is nothing that a PDO has; it has {', '.join(options)}",
+        f"{name!r} is not a parameter of a PDO; these are: {', '.join(options)}",
         hint=f"did you mean {near[0]}?" if near else None,
     )
 

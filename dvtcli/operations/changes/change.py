@@ -118,7 +118,7 @@ def keep_words(node: Node, plan: Plan) -> Hint | str:
     if not any(policy.needed_for(step.index) for step in plan.steps):
         return ""
     if all(is_standard_command(step.index, _described(node, step)) for step in plan.steps):
-        return "a command or a target is no setting"
+        return "a command or a target is not a setting to store"
     if policy.instead:
         return f"to keep it, {policy.instead}"
     if node.dictionary is None or not any(node.dictionary.entry(_STORE, index) for index in policy.sub_indices):

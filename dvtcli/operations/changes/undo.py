@@ -161,7 +161,7 @@ def remembered(session: SessionNodes, *, everything: bool) -> list[RememberedDev
     """
     selected, change_files = session.selected_id(), session.open_network().change_files
     if change_files is None:
-        raise _nothing_kept(session.node_id())
+        raise _nothing_kept(session.node(session.node_id()))
     if not everything:
         _refuse_in_vain(session.network.nodes.values())
     chains = _chains(session, change_files, selected, only_newest=not everything)
@@ -175,7 +175,7 @@ def remembered_of(session: SessionNodes, node_id: int, *, everything: bool) -> R
     """Find remembered changes of earlier processes on a node; raises UsageError if there is none."""
     change_files = session.open_network().change_files
     if change_files is None:
-        raise _nothing_kept(node_id)
+        raise _nothing_kept(session.node(node_id))
     if not everything:
         _refuse_in_vain([session.node(node_id)])
     chain = _chain(session, node_id, node_id)
@@ -196,8 +196,10 @@ def _refuse_in_vain(nodes: Iterable[Node]) -> None:
             )
 
 
-def _nothing_kept(node_id: int) -> UsageError:
-    return UsageError("nothing to undo: this session changed nothing on the node", node=node_id)
+def _nothing_kept(node: Node) -> UsageError:
+    """Make the error if there is nothing to undo on *node*, whose changes are remembered by this session only."""
+    done = "every change of this session is undone" if node.undid_own else "this session changed nothing on the node"
+    return UsageError(f"nothing to undo: {done}", node=node.node_id)
 
 
 def undo_remembered_changes(session: SessionNodes, chain: RememberedDevice, *, everything: bool) -> Changed:

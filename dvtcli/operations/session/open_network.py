@@ -154,7 +154,8 @@ class Network:
             if node.unlike_file:
                 self.warn(
                     Hint(
-                        Action.FORCE, why=f"{verbatim(node.unlike_file)}: what it says may not be so; changes need {{}}"
+                        Action.FORCE,
+                        why=f"{verbatim(node.unlike_file)}: the file may be wrong about this node; changes need {{}}",
                     )
                 )
             if self.comes_back:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple, TypeVar
 
 from dvtcli.domain.lint.lint_rule import LintRule
@@ -37,6 +38,11 @@ class Moments:
         """Make them of *moments*, in order."""
         return cls(moments[0], moments[-1], len(moments), [moment.number for moment in moments[:_MOST_FRAMES]])
 
+    def joined(self, other: Moments) -> Moments:
+        """Make them of these and *other*, which may overlap in time."""
+        numbers = sorted({*self.numbers, *other.numbers})[:_MOST_FRAMES]
+        return Moments(min(self.first, other.first), max(self.last, other.last), self.times + other.times, numbers)
+
     def add(self, moment: Moment) -> None:
         """Add a later *moment*."""
         self.last = moment
@@ -64,6 +70,16 @@ class Problem:
     def order(self) -> tuple[int, int, int]:
         """A sort key: the worst first, what follows from others behind them, then by time."""
         return _FROM_BAD.index(str(self.rule.severity)), _FOLLOWS.get(self.rule.name, 0), self.moments.first.number
+
+
+def joined(problems: Iterable[Problem]) -> Iterator[Problem]:
+    """Iterate over *problems*, those that differ only in their moments joined to a single one."""
+    found: dict[tuple[str, str, str, str, int | None, str], Problem] = {}
+    for problem in problems:
+        key = problem.rule.name, problem.text, problem.parties, problem.look, problem.node, problem.object
+        same = found.get(key)
+        found[key] = problem if same is None else replace(same, moments=same.moments.joined(problem.moments))
+    yield from found.values()
 
 
 class TimesOf(dict[K, Moments]):

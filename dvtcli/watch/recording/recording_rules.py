@@ -20,7 +20,7 @@ from dvtcli.watch.recording.frame_problems import (
 )
 from dvtcli.watch.recording.master_problems import MASTER_RULES, MasterProblems
 from dvtcli.watch.recording.node_problems import NODE_RULES, NodeProblems
-from dvtcli.watch.recording.problems import Moment, Problem, TimesOf
+from dvtcli.watch.recording.problems import Moment, Problem, TimesOf, joined
 from dvtcli.watch.recording.sdo_problems import SDO_RULES, SdoProblems
 from dvtcli.watch.recording.stream_problems import STREAM_RULES, StreamProblems
 from dvtcli.watch.sdo_servers import SDO_SERVERS, server_layouts
@@ -137,7 +137,10 @@ class RecordingCheck:
         self._errors.note(Moment(number, time_s), "")
 
     def problems(self) -> Iterator[Problem]:
-        """Return the problems in the frames so far."""
+        """Return the problems in the frames so far, each once with all its moments."""
+        return joined(self._problems())
+
+    def _problems(self) -> Iterator[Problem]:
         if self._last is not None:
             yield from self._sdo.problems()
             yield from self._nodes.problems(self._last)

@@ -77,6 +77,16 @@ def test_a_makers_own_way_to_save_is_nothing_to_undo() -> None:
         assert "nothing to undo" in undone.stderr
 
 
+@pytest.mark.parametrize("again", ["undo", "undo --all"])
+def test_changes_that_are_undone_were_changes(again: str) -> None:
+    with Bench() as bench:
+        assert "this session changed nothing on the node" in bench.run(again).stderr
+        for line in ("set tpdo1 --timer 100", "store", "undo"):
+            assert bench.run(line).code == 0
+        undone = bench.run(again)
+        assert (undone.code, "nothing to undo: every change of this session is undone" in undone.stderr) == (2, True)
+
+
 def test_a_node_of_this_process_has_no_backup_which_does_not_say_that_nothing_was_changed() -> None:
     with Bench() as bench:
         assert bench.run("set tpdo1 --timer 100").code == 0

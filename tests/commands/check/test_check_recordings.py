@@ -465,6 +465,24 @@ def test_an_rpdo_of_the_network_file_is_missed_if_the_file_names_it(tmp_path: Pa
     assert "rpdo-not-sent" not in done.stdout
 
 
+def test_an_emergency_that_comes_again_and_again_is_one_finding(tmp_path: Path) -> None:
+    """With the number of its messages, the first and the last time, and the frames; another code is another one."""
+    again = [
+        frame for number in range(21)
+        for frame in ((number / 10 + 0.501, 0x085, "1082010000000000"), (number / 10 + 0.502, 0x085, "00" * 8))
+    ]  # fmt: skip
+    other = [(3.001, 0x085, "1081010000000000"), (3.002, 0x085, "00" * 8)]
+    path = recorded(tmp_path / "run.log", [*again, *other])
+    (report,) = documents(dvtcli("check", str(path), "--json").stdout)[0]["files"]
+    many, single = report["findings"]
+    assert ("0x8210" in many["text"], many["times"], many["frames"]) == (True, 21, list(range(1, 20, 2)))
+    assert many["first"][-10:] < many["last"][-10:]
+    assert ("0x8110" in single["text"], single["times"], single["frames"]) == (True, 1, [43])
+    shown = dvtcli("check", str(path)).stdout
+    assert shown.count("EMCY 0x8210") == 1
+    assert re.search(r"21 times, at 0\.000 s to 2\.000 s", shown), shown
+
+
 def test_names_and_mappings_are_of_the_eds(tmp_path: Path) -> None:
     path = recorded(tmp_path / "run.log", [*heartbeats(0, 2), *write(1.0, "1017:00", "6400", "22000008"), *pdos(0, 2)])
     done = dvtcli("--eds", "gen4", "-n", "5", "check", str(path), "--json")
@@ -503,7 +521,7 @@ def test_reports_for_ci(tmp_path: Path) -> None:
     (["absent.log"], 2, "No such file"),
     (["run.log", "net.yaml"], 2, "run.log is a recording"),
     (["run.log", "--rule", "no-such"], 2, "no rule 'no-such' about recordings"),
-    (["net.yaml", "-d", "net.yaml"], 2, "-d is of a recording"),
+    (["net.yaml", "-d", "net.yaml"], 2, "-d goes with a recording only"),
     (["run.log", "--live"], 2, "--live is of the bus"),
 ])  # fmt: skip
 def test_what_cannot_be_checked_is_said(tmp_path: Path, words: list[str], code: int, says: str) -> None:

@@ -85,6 +85,18 @@ def test_lines_that_are_about_one_node_refuse_several() -> None:
                 assert (ran.code, "several nodes, and this is about one" in ran.stderr) == (2, True), line
 
 
+@pytest.mark.parametrize("named", [(1, 7), "all"])
+@pytest.mark.parametrize("word", ["start", "stop", "reset-node"])
+def test_an_nmt_command_to_several_nodes_names_the_line_to_all(named: object, word: str) -> None:
+    with Bench(NODES, {"node": named, "yes": True}) as bench:
+        ran = bench.run(f"nmt {word}")
+        assert (ran.code, ran.stderr.splitlines()[0]) == (
+            2, f"error: nmt {word} takes one node or `all`, and -n names several",
+        )  # fmt: skip
+        assert f"nmt {word} all` commands all nodes on the bus" in ran.stderr
+        assert bench.run(f"nmt {word} all").code == 0
+
+
 def test_all_are_those_that_a_scan_finds() -> None:
     bus = VirtualTimeBus([simulated_device(one) for one in simulated_nodes(("generic@5", "tmcm@7"))], simulated=False)
     with Bench((), {"sim": (), "node": "all"}, bus) as bench:

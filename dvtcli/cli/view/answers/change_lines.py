@@ -65,7 +65,7 @@ def _outcome_lines(result: Changed, labels: str, writes: str) -> Iterator[Line]:
         verb, equal = "NOT undone completely", "which alone were read back equal"
     keeps = f"In RAM only: {typed(result.keep)}" if result.volatile else "The device keeps it by itself"
     if result.as_before and result.volatile:
-        keeps = "As it was before: dvtcli stored nothing of it in between"
+        keeps = "As before the change, which dvtcli did not store"
     next_step = "" if result.undone or result.unknown_before or not result.remembered else ", `undo` reverts it"
     if not result.altered:
         keeps, next_step = "It held that before: nothing has changed", ""
