@@ -133,7 +133,7 @@ def test_a_wrong_name_of_an_option_has_the_nearest_as_hint(name: str, meant: str
         node: Any = bus.node()
         for call in (lambda **named: node.map("tpdo1", "6041", **named), lambda **named: node.set("tpdo1", **named)):
             with pytest.raises(
-                errors.UsageError, match=f"^'{name}' is nothing that a PDO has; it has cob_id, "
+                errors.UsageError, match=f"^'{name}' is not a parameter of a PDO; these are: cob_id, "
             ) as raised:
                 call(**{name: 1})
             assert raised.value.hint == f"did you mean {meant}?"
