@@ -157,7 +157,7 @@ def test_the_traceback_of_a_bug_is_the_users_alone(tmp_path: Path) -> None:
     program = (
         "import sys\nfrom dvtcli.cli.view.output import Output\nfrom dvtcli.cli.conversation import Conversation\n"
     )
-    program += "from dvtcli.cli.boundary import guarded\nsys.exit(guarded(Conversation(Output()), lambda: 1 / 0))\n"
+    program += "from dvtcli.cli.boundary import exit_code_of\nsys.exit(exit_code_of(Conversation(Output()), lambda: 1 / 0))\n"
     for state in ("state-home", "link"):
         ran = subprocess.run(
             [sys.executable, "-c", program], capture_output=True, encoding="utf-8", umask=0,
@@ -256,7 +256,7 @@ def test_a_file_in_the_place_of_program_notes_tells_of_no_download(tmp_path: Pat
 def test_a_bug_before_the_bus_is_open_says_that_nothing_was_sent(tmp_path: Path) -> None:
     program = (
         "import sys\nfrom dvtcli.cli.view.output import Output\nfrom dvtcli.cli.conversation import Conversation\n"
-        "from dvtcli.cli.boundary import guarded\nsys.exit(guarded(Conversation(Output()), lambda: 1 / 0))\n"
+        "from dvtcli.cli.boundary import exit_code_of\nsys.exit(exit_code_of(Conversation(Output()), lambda: 1 / 0))\n"
     )
     ran = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, encoding="utf-8", env=own_environment(tmp_path),
