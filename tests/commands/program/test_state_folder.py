@@ -157,7 +157,8 @@ def test_the_traceback_of_a_bug_is_the_users_alone(tmp_path: Path) -> None:
     program = (
         "import sys\nfrom dvtcli.cli.view.output import Output\nfrom dvtcli.cli.conversation import Conversation\n"
     )
-    program += "from dvtcli.cli.boundary import exit_code_of\nsys.exit(exit_code_of(Conversation(Output()), lambda: 1 / 0))\n"
+    program += "from dvtcli.cli.boundary import exit_code_of\n"
+    program += "sys.exit(exit_code_of(Conversation(Output()), lambda: 1 / 0))\n"
     for state in ("state-home", "link"):
         ran = subprocess.run(
             [sys.executable, "-c", program], capture_output=True, encoding="utf-8", umask=0,
