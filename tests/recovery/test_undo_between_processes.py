@@ -355,7 +355,7 @@ def test_a_change_that_was_overtaken_does_not_block_those_before_it(bench: Bench
     for words in (("undo",), ("undo", "--all")):
         code, stdout, _ = bench.run(*words, "--json")
         assert code == 6
-        assert "undo --force` goes back" in json.loads(stdout)["hint"]
+        assert "undo --force`" in json.loads(stdout)["hint"]
     assert bench.run("undo", "--force")[0] == 0
     assert bench.pdos() == first
     assert bench.run("undo")[0] == 0
