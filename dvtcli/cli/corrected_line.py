@@ -38,7 +38,7 @@ _ANSWERED_AT_ONCE = frozenset({"-h", "--help", "--version"})
 _LIKE_A_PDO = re.compile(r"((?:\d{1,3}:)?)([A-Za-z]{3,5})[-_]?(\d{1,3})")
 #: the message about a name with blanks
 _ONE_NAME = re.compile("'([^']+)' is one name")
-_WAYS = ("tpdo", "rpdo")
+_DIRECTIONS = ("tpdo", "rpdo")
 #: options this near (0…1) to a typed one are meant
 _NEAR = 0.7
 #: so few letters are near to too many words
@@ -166,7 +166,7 @@ def _with_pdo(args: list[str]) -> Iterator[list[str]]:
             if like is None or (text == word and _is_pdo(word)):
                 continue
             letters = like[2].lower()
-            near = [letters] if letters in _WAYS else [way for way in _WAYS if _one_edit(letters, way)]
+            near = [letters] if letters in _DIRECTIONS else [way for way in _DIRECTIONS if _one_edit(letters, way)]
             if len(near) == 1:
                 yield [*args[:at], f"{like[1]}{near[0]}{int(like[3])}", *args[end:]]
 

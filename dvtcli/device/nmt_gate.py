@@ -165,7 +165,7 @@ class Gate:
     @property
     def question(self) -> str:
         """The question to the user before the node leaves OPERATIONAL."""
-        return f"node {self.access.node_id} is OPERATIONAL and must be PRE-OPERATIONAL for this; go there and back?"
+        return f"node {self.access.node_id} is OPERATIONAL; take it to PRE-OPERATIONAL for this change, and back?"
 
     def enter_agreed(self) -> None:
         """Enter PRE-OPERATIONAL regardless of the profile, after the user agreed."""

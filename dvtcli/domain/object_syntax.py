@@ -13,6 +13,8 @@ _OBJECT = re.compile(r"(?:0[xX])?([0-9A-Fa-f]{4})[hH]?(?:[:.](?:0[xX])?([0-9A-Fa
 _WRONG_NUMBER = re.compile(r"0[xX][0-9A-Fa-f]+(?::.*)?|[0-9A-Fa-f]+:[0-9A-Fa-fxX]*")
 #: Decimal sub-index, as in some manuals: `0x2005-13` is 2005:0D.
 _DECIMAL_SUB = re.compile(r"(?:0[xX])?([0-9A-Fa-f]{4})-([0-9]{1,3})(?:/[0-9]{1,3})?")
+#: hexadecimal sub-index that may be meant decimal: `2005.13`
+_DOTTED_SUB = re.compile(r"(?:0[xX])?([0-9A-Fa-f]{4})[hH]?\.([1-9][0-9])(?:/[0-9]{1,3})?")
 #: CAN-IDs of PDOs in the pre-defined connection set (CiA 301, 7.3.5)
 PDO_CAN_IDS = 0x181, 0x57F
 _BITS = re.compile(r"[0-9]{1,3}")
@@ -69,7 +71,10 @@ def has_sub_index(text: str) -> bool:
 
 
 def notation_note(text: str) -> str | None:
-    """A note for an object with a decimal sub-index, as in some manuals: `0x2005-13`."""
+    """A note for an object whose sub-index some manuals write otherwise: `0x2005-13` is decimal, `2005.13` is not."""
+    dotted = _DOTTED_SUB.fullmatch(text)
+    if dotted is not None:
+        return f"{text}: the sub-index after . is hexadecimal; this is {dotted[1].upper()}:{dotted[2]}"
     decimal = _DECIMAL_SUB.fullmatch(text)
     if decimal is None or int(decimal[2]) > 0xFF:
         return None

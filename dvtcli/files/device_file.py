@@ -78,7 +78,6 @@ def must_be_whole(read: EdsFile | XddFile) -> None:
 
 def must_not_be_cut(read: EdsFile | XddFile) -> None:
     """Raise InputFileError if *read* ends before the last object in its lists: the file is cut short."""
-
     if isinstance(read, EdsFile) and (lacks := read.lacks_to_its_end):
         source = read.dictionary.source
         hint = Hint(Action.CHECK_EDS, {"file": source}, "get the whole file; {} names each of them")

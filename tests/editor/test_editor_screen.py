@@ -325,9 +325,9 @@ def test_screens_look_as_they_did(request: pytest.FixtureRequest, open_terminal:
 
     keep("frame", "", "FRAME OF TPDO2")
     keep("changed", "d", "TPDO2 changed, not applied", "4 bytes free")
-    keep("objects", TAB + "606", " map: 606_", "> 606")
-    keep("too long", "c\r" + "606c\r" + SHIFT_TAB, "too many", "[")
-    keep("PDOs", SHIFT_TAB, "PDOS", "> ")
+    keep("objects", TAB + "606", " map: 606_", "> 606", "Tab PDOs")
+    keep("too long", "c\r" + "606c\r" + SHIFT_TAB, "too many", "[", "Tab objects")
+    keep("PDOs", SHIFT_TAB, "PDOS", "> ", "Tab frame")
     keep("keys", F1, "KEYS")
     keep("leaving", ESCAPE + ESCAPE, "leave without?")
     kept, now = SCREENS / f"{columns}x{rows}.txt", "\n".join(shown) + "\n"

@@ -128,7 +128,6 @@ class StrictSdoClient(Dialogue):
 
     def _upload_blocks(self, index: int, sub_index: int) -> bytes | None:
         """Read an object by a block upload; None if it fails and segments may work."""
-
         try:
             return BlockUpload(self, MOST_BYTES).run(index, sub_index)
         except SdoAborted as refused:

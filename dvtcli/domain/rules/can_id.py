@@ -16,8 +16,8 @@ from dvtcli.domain.services import OFF, PRODUCES, SRDOS, SYNC_BY_DEFAULT, taken_
 _ANOTHER = Hint(Action.SELECT_CAN_ID, why="take another CAN-ID, or {}")
 _OR_FREE = Hint(Action.SELECT_CAN_ID, why=", or {}")
 RULES = (
-    Rule("can-id-length", ERROR, "more than 11 bits without --extended", "CiA 301, 7.5.2.35: bit 29 (frame)",
-         (Abort.VALUE_RANGE,)),
+    Rule("can-id-length", ERROR, "more than 11 bits, and no 29-bit CAN-ID is requested",
+         "CiA 301, 7.5.2.35: bit 29 (frame)", (Abort.VALUE_RANGE,)),
     Rule("can-id-restricted", ERROR, "the CAN-ID, of a PDO, SYNC or EMCY, is one that CiA 301 restricts",
          "CiA 301, 7.3.5",
          (Abort.VALUE_RANGE,)),

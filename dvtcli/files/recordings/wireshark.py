@@ -28,7 +28,6 @@ class PcapFormat(RecordingFormat):
 
     def reader(self, source: Any) -> Iterator[can.Message]:
         """Iterate over frames among the packets; the first bytes tell pcap from pcapng."""
-
         return read_capture(source)
 
 
@@ -42,7 +41,6 @@ class PcapngFormat(PcapFormat):
 
     def writer(self, path: Path, *, append: bool, most_bytes: int) -> Any:  # noqa: ARG002 - it declares neither
         """Return a writer of one interface's frames to *path*."""
-
         return PcapngWriter(path)
 
 

@@ -108,7 +108,6 @@ def change_result(
 
 def _is_as_stored(node: Node, applied: Applied) -> bool:
     """Tell whether no store by dvtcli took another value than *applied* rolled back to."""
-
     return not may_be_unstored(node, [change.label for change in applied.plan.changes if alters(change)])
 
 

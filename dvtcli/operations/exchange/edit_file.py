@@ -55,7 +55,7 @@ FILE_SUFFIXES = (*NETWORK_SUFFIXES, ".dcf")
 
 @dataclass(frozen=True, slots=True)
 class Edited:
-    """The PDOs of a node as the file *held* them, and those that are *changed*."""
+    """The PDOs of *node* as the file *held* them, and the *changed* PDOs."""
 
     node: Node
     held: Configs
@@ -63,8 +63,8 @@ class Edited:
 
 
 @dataclass(frozen=True, slots=True)
-class OfPdo:
-    """What `check` says of a PDO: *rule*, *severity*, the object or the PDO as *place*, and *text*."""
+class PdoFinding:
+    """A finding of `check` about a PDO: *rule*, *severity*, *place* (the object, else the PDO) and *text*."""
 
     rule: str
     severity: Severity
@@ -74,9 +74,9 @@ class OfPdo:
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """What the rules say of a file's nodes by node-ID and PDO, and its *status* in a line."""
+    """The findings of the rules by node-ID and PDO, and the *status* of the file in one line."""
 
-    findings: Mapping[int, Mapping[Pdo, Sequence[OfPdo | Finding]]]
+    findings: Mapping[int, Mapping[Pdo, Sequence[PdoFinding | Finding]]]
     status: str = ""
 
 
@@ -95,19 +95,19 @@ class EditedFile(Protocol):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What of the file is not edited."""
+        """The parts of the file that are not edited, a line each."""
         ...
 
     def fill(self, session: Session) -> None:
-        """Let the simulated nodes of *session* hold what the file says."""
+        """Set the simulated nodes of *session* to the values in the file."""
         ...
 
     def judge(self, edited: Mapping[int, Edited]) -> Judged:
-        """Return what the rules say of the file with the *edited* nodes."""
+        """Return the findings of the rules about the file with the *edited* nodes."""
         ...
 
     def write(self, session: SessionUser, edited: Mapping[int, Edited], file: str) -> str:
-        """Write the file with the *edited* nodes as *file*; returns what was written. Asks before it overwrites."""
+        """Write the file with the *edited* nodes as *file*, after a question if it exists; returns the result."""
         ...
 
 
@@ -124,7 +124,7 @@ def file_to_edit(file: str) -> EditedFile:
 def refuse_other_values(edited: str, file: str) -> None:
     """Raise UsageError if *file* is a DCF or XDC, and *edited* is another kind of file.
 
-    Of the other objects a simulated node has its own values, not those of a device.
+    A simulated node has values of its own for the objects that the file does not name.
     """
     if not file.lower().endswith(VALUE_SUFFIXES):
         return
@@ -140,9 +140,9 @@ def refuse_other_values(edited: str, file: str) -> None:
 
 
 class OpenedFile:
-    """A file with its *data* when it was opened; raises UsageError if it cannot be read, InputFileError as no *kind*.
+    """A file of *kind* with its *data* at opening, at most *most_bytes* long.
 
-    *most_bytes* is the maximum size.
+    Raises UsageError if it cannot be read, InputFileError if it is longer or no regular file.
     """
 
     def __init__(self, file: str, most_bytes: int, kind: str) -> None:
@@ -161,7 +161,7 @@ class OpenedFile:
         return os.path.exists(path) and os.path.exists(self.file) and os.path.samefile(path, self.file)  # noqa: PTH110, PTH121
 
     def replace(self, session: SessionUser, path: Path, content: bytes, lost: Sequence[str] = ()) -> None:
-        """Write *content* as *path*, after a question that names what is *lost* if it exists.
+        """Write *content* as *path*; if it exists, after a question that names the *lost* parts.
 
         Raises UsageError if *path* is this file, and another program wrote it.
         """
@@ -175,7 +175,7 @@ class OpenedFile:
             self._held = content
 
     def copy(self, session: SessionUser, path: Path) -> str:
-        """Write the file as it was opened as *path*; returns what was done."""
+        """Write the bytes read at opening as *path*; returns the result in words."""
         if self.is_at(path):
             return f"nothing to write: {path} has what is shown"
         self.replace(session, path, self.data)
@@ -216,7 +216,7 @@ class EditedNetwork:
         return (f"no EDS is known of node {', '.join(others)}: kept as the file has it, not edited",) if others else ()
 
     def fill(self, session: Session) -> None:
-        """Let the nodes hold the file's PDOs; raises UsageError if the file wants what cannot be made."""
+        """Set the nodes to the PDOs in the file; raises UsageError if a rule or a simulated node refuses them."""
         session.bus.read_at_once()
         try:
             state = described_network(self.file, config=self._config)
@@ -238,19 +238,19 @@ class EditedNetwork:
         """Return the findings of `check`, and the worst-case bus load."""
         config, _remarks = self._with(edited)
         state, found = judged_file(self.file, config, CheckOptions())
-        findings: dict[int, dict[Pdo, tuple[OfPdo, ...]]] = {node.node_id: {} for node in config.nodes}
-        shown = [one for one in found if not one.is_aside and one.severity != Severity.NOTE]
+        findings: dict[int, dict[Pdo, tuple[PdoFinding, ...]]] = {node.node_id: {} for node in config.nodes}
+        shown = [row for row in found if not row.is_aside and row.severity != Severity.NOTE]
         for row in shown:
             if row.node in findings and row.pdo is not None:
                 pdo, of_node = Pdo.parse(row.pdo), findings[row.node]
-                finding = OfPdo(row.rule, Severity(row.severity), row.object or pdo.label, row.text)
+                finding = PdoFinding(row.rule, Severity(row.severity), row.object or pdo.label, row.text)
                 of_node[pdo] = (*of_node.get(pdo, ()), finding)
         errors = sum(row.severity == Severity.ERROR for row in shown)
         counts = f"check: {plural(errors, 'error')}, {plural(len(shown) - errors, 'warning')}"
         return Judged(findings, f"{_load_text(state)}; {counts}")
 
     def write(self, session: SessionUser, edited: Mapping[int, Edited], file: str) -> str:
-        """Write all nodes; says before what of the old file is lost."""
+        """Write all nodes, after a question that names the parts of the old file that are lost."""
         path = place_of(file, "NAME.yaml")
         if not edited:
             return self._opened.copy(session, path)
@@ -273,7 +273,7 @@ class EditedNetwork:
 
 
 def _hold(session: SessionNodes, node: Node, state: NetworkState) -> None:
-    """Let the simulated *node* hold its PDOs of *state*."""
+    """Set the simulated *node* to its PDOs in *state*."""
     now, wanted = node.pdos(), state.node(node.node_id)
     changes: dict[Pdo, PdoConfig] = {}
     for pdo, config in (wanted.pdos if wanted is not None else {}).items():
@@ -303,7 +303,7 @@ def _node_with(node: NodeConfig, edited: Edited, remarks: dict[tuple[int, str], 
 def _pdo_with(
     said: PartialPdoConfig, edited: Edited, held: PdoConfig, config: PdoConfig, words: dict[str, str]
 ) -> PartialPdoConfig:
-    """Return *said* with what *config* has otherwise than *held*."""
+    """Return *said* with the parameters of *config* that differ from *held*."""
     before, after = held.communication, config.communication
     changes: dict[str, object] = {}
     if config.enabled != held.enabled:
@@ -329,7 +329,7 @@ def _load_text(state: NetworkState) -> str:
 
 
 def _lost(old: str, config: NetworkConfig, written: NetworkConfig) -> Iterator[str]:
-    """Name what *config*, once *written* instead of the text *old*, has no more.
+    """Name the parts of the text *old* that the new file, read back as *written*, has no more.
 
     Raises UsageError if it is more than comments, keys that dvtcli does not use, and the bit rate of the master.
     """
@@ -357,11 +357,11 @@ def _lost(old: str, config: NetworkConfig, written: NetworkConfig) -> Iterator[s
 
 
 def _pdos_text(edited: Mapping[int, Edited]) -> str:
-    return join_some(f"{node_id}:{pdo}" for node_id, one in sorted(edited.items()) for pdo in one.changed)
+    return join_some(f"{node_id}:{pdo}" for node_id, node in sorted(edited.items()) for pdo in node.changed)
 
 
 class EditedDcf:
-    """A DCF, whose values of PDOs are edited."""
+    """A DCF; its values of PDOs are edited."""
 
     notes: tuple[str, ...] = ()
 
@@ -379,10 +379,10 @@ class EditedDcf:
 
     def judge(self, edited: Mapping[int, Edited]) -> Judged:
         """Return the findings of `map`."""
-        return Judged({node_id: judge_edited(one.node, one.held, one.changed) for node_id, one in edited.items()})
+        return Judged({node_id: judge_edited(node.node, node.held, node.changed) for node_id, node in edited.items()})
 
     def write(self, session: SessionUser, edited: Mapping[int, Edited], file: str) -> str:
-        """Write the values that the edited PDOs come to; every other value and text of the DCF stays."""
+        """Write the values of the edited PDOs; every other byte of the DCF stays."""
         path = place_of(file, "NAME.dcf")
         if not edited:
             return self._opened.copy(session, path)

@@ -135,7 +135,6 @@ class DcfExport(ExportFormat):
 
     def write(self, session: Session, file: str, wanted: ExportRequest) -> Facts:
         """Write it by `export_dcf`."""
-
         return export_dcf(session, file, wanted.node_id, twice=wanted.twice)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.profile import StepKind, step_kind
 from dvtcli.files.profile.library import load_profile
 from tests.commands.bench import Bench
@@ -43,6 +44,22 @@ def test_a_refusal_brings_the_maker_s_hint(family: str, line: str, hint: str) ->
         document = bench.run(f"{line} --json").document
         assert document["error"] == "device_refused"
         assert hint in document["hint"]
+
+
+@pytest.mark.parametrize(("typed", "is_noted"), [("2005.10", True), ("2005.1", False), ("2005.0D", False)])
+def test_a_sub_index_after_a_dot_that_may_be_meant_decimal_is_noted(typed: str, is_noted: bool) -> None:
+    with Bench(("roboteq",)) as bench:
+        ran = bench.run(f"read {typed}")
+    assert ("the sub-index after . is hexadecimal; this is 2005:10" in ran.stderr) == is_noted, ran
+
+
+def test_the_question_before_a_node_leaves_operational_claims_no_need() -> None:
+    with Bench(("gen4",)) as bench:
+        assert bench.run("nmt start --yes").code == 0
+        ran = bench.run("write 6040 6")
+        assert ran.code == 6, ran
+        assert "take it to PRE-OPERATIONAL for this change, and back?" in ran.stdout + ran.stderr
+        assert bench.session.node().access.state() is NmtState.OPERATIONAL
 
 
 def test_a_decimal_sub_index_is_taken_with_a_note() -> None:
