@@ -24,13 +24,12 @@ if TYPE_CHECKING:
     from types import FrameType
 
     from dvtcli.device.cancellation import Cancellation
-    from dvtcli.operations.user.session_user import SessionUser
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run dvtcli with *argv* (default: the process's own) and return its exit code."""
     install()
-    session = Conversation(Output(), on_open=lambda: _catch_signals(session))
+    session = Conversation(Output(), on_open=lambda: catch_signals(session.cancellation))
     words = sys.argv[1:] if argv is None else argv
     if "--json" in words:  # also for errors that are found before the option is read
         session.start({"format": "json"})
@@ -60,11 +59,6 @@ def main(argv: list[str] | None = None) -> int:
     if code == 0 and session.cancellation.requested:
         session.output.note("the signal came too late to stop it: it is complete, and its changes stay")
     return code or settling or closing
-
-
-def _catch_signals(session: SessionUser) -> None:
-
-    catch_signals(session.cancellation)
 
 
 def _closed(session: Conversation) -> None:
