@@ -6,8 +6,10 @@ block. Treat its output as untrusted.
 
 from __future__ import annotations
 
+import io
 import os
 import re
+import select
 import signal
 import subprocess
 import sys
@@ -15,11 +17,14 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from typing import IO, Self
+from typing import IO, TYPE_CHECKING, Self
 
 from dvtcli.errors import DvtcliError
 from dvtcli.files.bounded_child import NO_MEMORY
 from dvtcli.interpreter import python_words
+
+if TYPE_CHECKING:
+    from _typeshed import WriteableBuffer
 
 #: `sys.path` is passed as arguments: the child imports the same modules, and nothing from its folder.
 _BOOT = "import sys; sys.path[:] = sys.argv[1:]; from {} import main; main()"
@@ -32,6 +37,8 @@ _OWN_GROUP: int = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
 #: A process with a closed pipe is about to end; it is killed after this time (s).
 _END_S = 2.0
 _MOST_SAID = 4_000
+#: Python runs a signal's handler between two waits (s): a signal just before a read would wait for the read's end.
+_WAIT_S = 0.1
 
 
 def child_command(module: str) -> list[str]:
@@ -47,6 +54,9 @@ class BoundedProcess:
 
     def __init__(self, command: Sequence[str], purpose: str) -> None:
         self._process = _started(command, purpose)
+        assert self._process.stdout is not None  # noqa: S101 - for the type checker
+        #: the pipe from the process's output; a signal's handler runs while it is read
+        self.stdout = io.BufferedReader(_WaitedFor(self._process.stdout))
         self.is_late = False
         #: deadline (monotonic s) for an awaited answer, None if none is awaited
         self._until_s: float | None = None
@@ -62,7 +72,7 @@ class BoundedProcess:
         self._over.set()
         self._process.kill()
         self._process.wait()
-        for stream in (self._process.stdin, self._process.stdout, self._process.stderr):
+        for stream in (self._process.stdin, self.stdout, self._process.stderr):
             assert stream is not None  # noqa: S101 - for the type checker
             with suppress(OSError):  # what could not be written is for nobody any more
                 stream.close()
@@ -73,12 +83,6 @@ class BoundedProcess:
         """The pipe to the process's input."""
         assert self._process.stdin is not None  # noqa: S101 - for the type checker
         return self._process.stdin
-
-    @property
-    def stdout(self) -> IO[bytes]:
-        """The pipe from the process's output."""
-        assert self._process.stdout is not None  # noqa: S101 - for the type checker
-        return self._process.stdout
 
     @contextmanager
     def within(self, seconds: float) -> Iterator[None]:
@@ -113,6 +117,31 @@ class BoundedProcess:
         said = self._process.stderr.read(_MOST_SAID).decode("utf-8", "replace").strip()
         how = f"it ended with {code}" if code >= 0 else f"it was killed by {_signal_name(-code)}"
         return code == NO_MEMORY or _PANIC.search(said) is not None, f"{how}: {said}" if said else how
+
+
+class _WaitedFor(io.RawIOBase):
+    """*pipe*, read only once it has data or has ended, so that a signal is obeyed while nothing comes."""
+
+    def __init__(self, pipe: IO[bytes]) -> None:
+        self._pipe = pipe
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: WriteableBuffer) -> int:
+        """Wait for data, and read what fits into *buffer*; 0 at the end."""
+        # On Windows a pipe cannot be waited for so, and a signal waits for the read.
+        while sys.platform != "win32" and not select.select([self._pipe], [], [], _WAIT_S)[0]:
+            pass
+        with memoryview(buffer).cast("B") as view:
+            data = os.read(self._pipe.fileno(), len(view))
+            view[: len(data)] = data
+        return len(data)
+
+    def close(self) -> None:
+        """Close the pipe."""
+        self._pipe.close()
+        super().close()
 
 
 def _started(command: Sequence[str], purpose: str) -> subprocess.Popen[bytes]:
