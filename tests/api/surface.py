@@ -16,7 +16,7 @@ from typing import Any
 import dvtcli
 from dvtcli import errors, results, testing
 from dvtcli.operations.api import arguments
-from tests.house.reference.api import as_called
+from tests.documentation.reference.api import as_called
 
 FROZEN = Path(__file__).with_name("surface.txt")
 REWRITE = "python -m tests.api.surface"

@@ -10,9 +10,9 @@ import pytest
 
 from dvtcli import testing
 from dvtcli.cli.catalogue import command_names
-from tests.house.pages import text
-from tests.house.reference.calls import CALLS, FORMS, OWNERS, call
-from tests.house.reference.commands import command
+from tests.documentation.pages import text
+from tests.documentation.reference.calls import CALLS, FORMS, OWNERS, call
+from tests.documentation.reference.commands import command
 
 #: calls that are no command's: a program's own affairs
 NO_COMMAND = {"bus.close", "bus.dry_run", "dvtcli.connect", "node.canopen", "node.record"}
@@ -70,4 +70,4 @@ def test_no_call_is_forgotten() -> None:
         if not name.startswith("_")
     }
     told = {call(name) for name in command_names()} | {one for one in calls if f"`{one}(" in section()}
-    assert calls - told == NO_COMMAND, "tests/house/reference/calls.toml: say which command does it"
+    assert calls - told == NO_COMMAND, "tests/documentation/reference/calls.toml: say which command does it"

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.documentation.pages import text as page
 from tests.fleet.ansible import BINARIES, Fleet
-from tests.house.pages import text as page
 from tests.process import PATIENCE_S, environment
 from tests.serve.served import Served, bus_words, own_environment, served
 

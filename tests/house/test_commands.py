@@ -17,7 +17,7 @@ from dvtcli.cli.parse_line import parse
 from dvtcli.cli.registry import REGISTRY
 from dvtcli.cli.view.output import Output
 from dvtcli.operations import results
-from tests.house.reference.documents import RUNS, annotated
+from tests.documentation.reference.documents import RUNS, annotated
 from tests.house.source import PACKAGE, modules
 
 #: what does the work

@@ -16,7 +16,7 @@ from zipfile import ZipFile
 import pytest
 
 from dvtcli import __version__
-from tests.house.pages import text
+from tests.documentation.pages import text
 from tests.lowest import lower_bounds, wanted
 from tests.process import ROOT, dvtcli, environment
 

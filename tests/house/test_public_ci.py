@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from ruamel.yaml import YAML
 
-from tests.house.pages import text
+from tests.documentation.pages import text
 from tests.surroundings import ROOT
 
 COMMANDS = re.findall(r"^```sh\n([^\n]*)\n```$", text("README.md"), re.M)[:2]

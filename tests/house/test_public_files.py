@@ -15,7 +15,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from dvtcli.cli.catalogue import command_names
-from tests.house.pages import text
+from tests.documentation.pages import text
 from tests.process import ROOT, environment
 
 FORMS = sorted((ROOT / ".github/ISSUE_TEMPLATE").glob("*.yml"))
@@ -73,7 +73,7 @@ def test_hooks_before_a_commit_are_cis_checks() -> None:
     (repository,) = read(ROOT / ".pre-commit-config.yaml")["repos"]
     assert repository["repo"] == "local"
     entries = {hook["entry"].removeprefix(".venv/bin/") for hook in repository["hooks"]}
-    assert entries == {"ruff check --fix", "ruff format", "mypy --strict", "python -m tests.house.reference"}
+    assert entries == {"ruff check --fix", "ruff format", "mypy --strict", "python -m tests.documentation.reference"}
     assert all(hook["language"] == "system" for hook in repository["hooks"])
 
 

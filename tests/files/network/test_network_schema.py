@@ -15,11 +15,11 @@ from dvtcli.errors import InputFileError
 from dvtcli.files.network.network_keys import KEYS, NetworkKey, Where
 from dvtcli.files.network.read_network import read_network
 from dvtcli.files.network.write_network import write_network
+from tests.documentation.reference import REWRITE
+from tests.documentation.reference.network import SCHEMA_FILES, schema_text
 from tests.files.network.key_fixtures import FIXTURES, in_node
 from tests.files.network.test_read_network import TREES
 from tests.files.network.test_write_network import networks
-from tests.house.reference import REWRITE
-from tests.house.reference.network import SCHEMA_FILES, schema_text
 from tests.process import ROOT
 
 jsonschema = pytest.importorskip("jsonschema", reason="pip install -e '.[test]' brings it")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from tests.house.reference import DOCS, pages
+from tests.documentation.reference import DOCS, pages
 from tests.surroundings import ROOT
 
 #: a session at a shell, which is run

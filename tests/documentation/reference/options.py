@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import click
 
-from tests.house.reference.commands import ROOT_CONTEXT
-from tests.house.reference.markdown import code, plain
-from tests.house.reference.markdown import table as markdown_table
-from tests.house.reference.product import ALIASES, PASSCODE, PREFIX, REGISTRY, START_ONLY, USERS_OWN
+from tests.documentation.reference.commands import ROOT_CONTEXT
+from tests.documentation.reference.markdown import code, plain
+from tests.documentation.reference.markdown import table as markdown_table
+from tests.documentation.reference.product import ALIASES, PASSCODE, PREFIX, REGISTRY, START_ONLY, USERS_OWN
 
 
 def options() -> list[tuple[str, click.Option]]:

@@ -13,9 +13,9 @@ from pathlib import Path
 import click
 
 import dvtcli
-from tests.house.reference.commands import command
-from tests.house.reference.markdown import code, table
-from tests.house.reference.product import task_sections
+from tests.documentation.reference.commands import command
+from tests.documentation.reference.markdown import code, table
+from tests.documentation.reference.product import task_sections
 
 #: a form of a command, in Markdown -> its calls
 FORMS: dict[str, str] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))

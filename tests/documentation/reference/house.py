@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from tests.documentation.reference.markdown import code, table
 from tests.house.draw import ROOMS, House, svg
 from tests.house.laws.askers import ASKED_BY
 from tests.house.laws.senders import MAY_SEND
-from tests.house.reference.markdown import code, table
 from tests.house.source import PACKAGE
 from tests.surroundings import ROOT
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import dvtcli
 from dvtcli import results, testing
-from tests.house.reference.markdown import cell, code, fenced, table
+from tests.documentation.reference.markdown import cell, code, fenced, table
 
 
 def calls() -> Iterator[str]:

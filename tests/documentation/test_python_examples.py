@@ -13,7 +13,7 @@ import pytest
 
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.testing import dvtcli_serve, dvtcli_state
-from tests.house.pages import PAGES, text
+from tests.documentation.pages import PAGES, text
 from tests.process import PATIENCE_S, ROOT
 from tests.sample import heavy
 

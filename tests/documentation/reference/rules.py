@@ -6,9 +6,9 @@ import ast
 from collections.abc import Iterator
 from importlib import import_module
 
-from tests.house.reference.markdown import cell, code
-from tests.house.reference.markdown import table as markdown_table
-from tests.house.reference.product import Rule
+from tests.documentation.reference.markdown import cell, code
+from tests.documentation.reference.markdown import table as markdown_table
+from tests.documentation.reference.product import Rule
 from tests.house.source import PACKAGE, Module, modules
 
 

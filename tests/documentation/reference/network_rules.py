@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from dvtcli.domain.network.check.network_rules import NETWORK_RULES
 from dvtcli.domain.profile import Severity
 from dvtcli.operations.network.check_networks import FILE_RULES
-from tests.house.reference.markdown import cell, code
-from tests.house.reference.markdown import table as markdown_table
+from tests.documentation.reference.markdown import cell, code
+from tests.documentation.reference.markdown import table as markdown_table
 
 
 def table() -> Iterator[str]:

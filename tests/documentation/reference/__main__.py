@@ -1,12 +1,12 @@
-"""`python -m tests.house.reference`: rewrite every generated part of README and the documentation."""
+"""`python -m tests.documentation.reference`: rewrite every generated part of README and the documentation."""
 
 from __future__ import annotations
 
-from tests.house.reference import pages, rewritten
-from tests.house.reference.house import DRAWING, drawing
-from tests.house.reference.network import SCHEMA_FILES, schema_text
-from tests.house.reference.sample_report import SAMPLE, sample_report
-from tests.house.reference.screens import picture, pictured
+from tests.documentation.reference import pages, rewritten
+from tests.documentation.reference.house import DRAWING, drawing
+from tests.documentation.reference.network import SCHEMA_FILES, schema_text
+from tests.documentation.reference.sample_report import SAMPLE, sample_report
+from tests.documentation.reference.screens import picture, pictured
 from tests.surroundings import ROOT
 
 for page in pages():

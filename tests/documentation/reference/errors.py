@@ -7,9 +7,9 @@ import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
-from tests.house.reference.markdown import cell, code, plain
-from tests.house.reference.markdown import table as markdown_table
-from tests.house.reference.product import DvtcliError
+from tests.documentation.reference.markdown import cell, code, plain
+from tests.documentation.reference.markdown import table as markdown_table
+from tests.documentation.reference.product import DvtcliError
 
 
 def kinds() -> list[type[DvtcliError]]:

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 
 import click
 
-from tests.house.reference.markdown import code, fenced, plain, table
-from tests.house.reference.product import REGISTRY, WORDS, task_sections
+from tests.documentation.reference.markdown import code, fenced, plain, table
+from tests.documentation.reference.product import REGISTRY, WORDS, task_sections
 
 ROOT_CONTEXT = click.Context(REGISTRY, info_name="dvtcli")
 

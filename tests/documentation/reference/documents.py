@@ -21,9 +21,9 @@ from dvtcli.cli.catalogue import command_names
 from dvtcli.operations import results
 from tests.commands.frames.test_recording_commands import ramp
 from tests.console import workplace
-from tests.house.reference.commands import examples
-from tests.house.reference.markdown import cell, code, fenced, table
-from tests.house.reference.product import family_eds, split
+from tests.documentation.reference.commands import examples
+from tests.documentation.reference.markdown import cell, code, fenced, table
+from tests.documentation.reference.product import family_eds, split
 from tests.house.source import PACKAGE, modules
 from tests.process import environment, run
 from tests.surroundings import ROOT
@@ -33,7 +33,7 @@ DECLARED: dict[str, dict[str, Any]] = tomllib.loads((HERE / "documents.toml").re
 SENSES: dict[str, Any] = tomllib.loads((HERE / "fields.toml").read_text("utf-8"))
 Document = dict[str, Any]
 _LONGEST = 60
-_OWN_RUN = "a run of its own stands in tests/house/reference/documents.toml where a command's first example does not do"
+_OWN_RUN = "where a command's first example does not do, documents.toml has a run of its own"
 _SCHEMA = re.compile(r'"schema": "(dvtcli\.[a-z-]+/\d+)"')
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 
 from dvtcli.cli.catalogue import command_names
-from tests.house.pages import CONSOLE, text
-from tests.house.reference import REWRITE
-from tests.house.reference.screens import PICTURED
+from tests.documentation.pages import CONSOLE, text
+from tests.documentation.reference import REWRITE
+from tests.documentation.reference.screens import PICTURED
 
 README = "README.md"
 MOST_BYTES = 8_192

@@ -1,6 +1,6 @@
 """The way of a command through the code: each function from the command's own to the first SDO download or upload.
 
-`python -m tests.house.reference.walks FILE WORDS…` runs one command and prints its walk as JSON.
+`python -m tests.documentation.reference.walks FILE WORDS…` runs one command and prints its walk as JSON.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from types import FrameType
 from typing import Any
 
 from dvtcli.cli.main import main
-from tests.house.reference.markdown import code, table
+from tests.documentation.reference.markdown import code, table
 from tests.house.source import PACKAGE
 from tests.surroundings import ROOT, homes
 
@@ -48,7 +48,7 @@ def walk(words: list[str], end: str) -> list[tuple[str, str]]:
         (place / "net.yaml").write_text(_NETWORK, encoding="utf-8")
         kept = place / "walk.json"
         ran = subprocess.run(
-            [sys.executable, "-m", "tests.house.reference.walks", str(kept), end, *words],
+            [sys.executable, "-m", "tests.documentation.reference.walks", str(kept), end, *words],
             cwd=place,
             env={"PATH": "", "PYTHONPATH": str(ROOT), **homes(place / "home")},
             capture_output=True,

@@ -1,4 +1,6 @@
-"""The documentation's reference, made from the code: `python -m tests.house.reference` rewrites what is generated.
+"""The documentation's reference, made from the code.
+
+`python -m tests.documentation.reference` rewrites what is generated.
 
 A page in `docs/`, or README, holds a generated part between two comments; the rest of the page is written by hand:
 
@@ -20,7 +22,7 @@ from pathlib import Path
 from tests.surroundings import ROOT
 
 DOCS = ROOT / "docs"
-REWRITE = "python -m tests.house.reference"
+REWRITE = "python -m tests.documentation.reference"
 #: the name of a part -> `module:function` in this room
 PARTS = {
     "tasks": "commands:tasks",

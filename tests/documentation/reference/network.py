@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from dvtcli.files.network.network_keys import KEYS, OF, STORE_WORDS, Kind, NetworkKey, Where
-from tests.house.reference.markdown import cell, code, table
+from tests.documentation.reference.markdown import cell, code, table
 from tests.surroundings import ROOT
 
 #: where the schema is published: in the package, and beside its page

@@ -1,7 +1,7 @@
 """README and the documentation are true: their screens are what commands print, their tables are what the code has.
 
-`pytest tests/house --update-transcripts` rewrites the sessions; `python -m tests.house.reference` pictures and what is
-generated.
+`pytest tests/documentation --update-transcripts` rewrites the sessions; `python -m tests.documentation.reference`
+rewrites pictures and what is generated.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ import dvtcli
 from dvtcli import errors, results, testing
 from dvtcli.simulator.network.family_file import family_names, load_family
 from tests.console import commands, compare, rewritten, workplace
-from tests.house.pages import CONSOLE, DOCS, PAGES, anchors, first_column, links, section, text
-from tests.house.reference import REWRITE, pages
-from tests.house.reference.sample_report import SAMPLE, sample_report
-from tests.house.reference.screens import PICTURES, picture, pictured
+from tests.documentation.pages import CONSOLE, DOCS, PAGES, anchors, first_column, links, section, text
+from tests.documentation.reference import REWRITE, pages
+from tests.documentation.reference.sample_report import SAMPLE, sample_report
+from tests.documentation.reference.screens import PICTURES, picture, pictured
 from tests.house.source import PACKAGE
 from tests.process import ROOT, SCRIPTS
 

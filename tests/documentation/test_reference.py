@@ -1,4 +1,4 @@
-"""What is generated in the documentation is what the code has; `python -m tests.house.reference` rewrites it."""
+"""What is generated in the documentation is what the code has."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import pytest
 
 from dvtcli.cli.catalogue import command_names
 from dvtcli.operations.user.options import Options
-from tests.house.pages import PAGES, text
-from tests.house.reference import PARTS, REWRITE, names, rewritten
-from tests.house.reference.documents import RUNS, SENSES, paths, schemas, sense
-from tests.house.reference.house import DRAWING, drawing
+from tests.documentation.pages import PAGES, text
+from tests.documentation.reference import PARTS, REWRITE, names, rewritten
+from tests.documentation.reference.documents import RUNS, SENSES, paths, schemas, sense
+from tests.documentation.reference.house import DRAWING, drawing
 from tests.process import ROOT
 
 generated = pytest.mark.parametrize("page", [page for page in PAGES if any(names(text(page)))])
@@ -44,7 +44,7 @@ def test_every_command_and_option_has_its_place() -> None:
 
 
 def test_every_schema_has_its_run() -> None:
-    where = "tests/house/reference/documents.toml"
+    where = "tests/documentation/reference/documents.toml"
     without, gone = schemas() - RUNS.keys(), RUNS.keys() - schemas()
     assert not without, f"no command is annotated with the answer of {without}: say in {where} who answers it, by a run"
     assert not gone, f"nothing answers {gone} any more: it goes out of {where}"

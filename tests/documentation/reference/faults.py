@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from tests.house.reference.markdown import code, plain, table
-from tests.house.reference.product import FAULT_FORMS, SIGNAL_FORMS
+from tests.documentation.reference.markdown import code, plain, table
+from tests.documentation.reference.product import FAULT_FORMS, SIGNAL_FORMS
 
 #: what each shape does; a period is `2s`, `500ms`, `1min` or a number of seconds
 SHAPES = {
@@ -27,5 +27,5 @@ def faults() -> Iterator[str]:
 def signals() -> Iterator[str]:
     """Each shape as it is written, and what it does."""
     forms = SIGNAL_FORMS
-    assert forms.keys() == SHAPES.keys(), "say in tests/house/reference/faults.py what each shape does"
+    assert forms.keys() == SHAPES.keys(), "say in tests/documentation/reference/faults.py what each shape does"
     return table(("shape", "the object"), ((code(forms[name]), plain(sense)) for name, sense in SHAPES.items()))

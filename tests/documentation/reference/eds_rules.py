@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 from dvtcli.domain.profile import Severity
 from dvtcli.files.device_lint import EVERY_RULE
-from tests.house.reference.markdown import cell, code
-from tests.house.reference.markdown import table as markdown_table
+from tests.documentation.reference.markdown import cell, code
+from tests.documentation.reference.markdown import table as markdown_table
 
 
 def table() -> Iterator[str]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterator
 
-from tests.house.reference.markdown import code, fenced, plain, table
-from tests.house.reference.product import (
+from tests.documentation.reference.markdown import code, fenced, plain, table
+from tests.documentation.reference.product import (
     SIMULATED,
     DeviceProfile,
     builtin_names,
