@@ -1,10 +1,9 @@
-"""The product has nothing that only its tests use, and needs no package that it does not import."""
+"""The product has nothing that only its tests use."""
 
 from __future__ import annotations
 
 import ast
 import re
-import tomllib
 from collections import Counter
 from collections.abc import Iterator
 
@@ -12,16 +11,13 @@ import pytest
 
 from dvtcli import Bus, Node, results, testing
 from tests.house.draw import nodes
-from tests.house.laws.source_tree import SourceTree, dotted, imported
-from tests.process import ROOT
+from tests.house.laws.source_tree import SourceTree, dotted
 
 pytestmark = pytest.mark.together
 
 HOUSE = SourceTree.of_the_package()
 #: what programs of others use
 PUBLIC = {*vars(Bus), *vars(Node), *results.__all__, *testing.__all__}
-#: distribution -> the package that it brings, where that has another name
-BRINGS = {"python-can": "can", "prompt-toolkit": "prompt_toolkit", "ruamel.yaml": "ruamel"}
 
 
 def defined() -> Iterator[tuple[str, str]]:
@@ -54,10 +50,3 @@ def test_everything_is_used_by_the_product_itself() -> None:
         "nothing in dvtcli uses it. New? Call it, or put it where its like is found: a recording's format into its "
         "file's FORMATS, a result's text into its `renderer`. What only tests use goes to them, the rest goes"
     )
-
-
-def test_every_dependency_is_imported() -> None:
-    needed = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"]
-    names = {re.split(r"[<>=~! ]", word)[0] for word in needed}
-    packages = {name.partition(".")[0] for _, tree in HOUSE for node in nodes(tree) for name in imported(node)}
-    assert {BRINGS.get(name, name) for name in names} <= packages

@@ -1,4 +1,4 @@
-"""`python -m tests.lowest`: the lower bounds of all dependencies as constraints, for `pip install -c`."""
+"""`python -m tests.packaging.lowest`: the lower bounds of all dependencies as constraints, for `pip install -c`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`python -m tests.installs WHEEL SDIST PYTHON...`: install each into fresh environments, and try what was installed.
+"""`python -m tests.packaging.installs WHEEL SDIST PYTHON...`: install each into fresh environments, and try it.
 
 Prints a table in Markdown: what was installed how, seconds, size, and if README's first command, `doctor` and
 `tour` at a terminal ended with 0. `--frozen PROGRAM` (repeatable) tries programs that `scripts/freeze.py` made.
@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 
 import pexpect
 
-from tests.lowest import lower_bounds, wanted
+from tests.packaging.lowest import lower_bounds, wanted
 from tests.surroundings import ROOT, clean_environment, homes
 
 _TOUR_S = 120

@@ -17,9 +17,13 @@ import pytest
 
 from dvtcli import __version__
 from tests.documentation.pages import text
-from tests.lowest import lower_bounds, wanted
+from tests.house.draw import nodes
+from tests.house.laws.source_tree import SourceTree, imported
+from tests.packaging.lowest import lower_bounds, wanted
 from tests.process import ROOT, dvtcli, environment
 
+#: distribution -> the package that it brings, where that has another name
+BRINGS = {"python-can": "can", "prompt-toolkit": "prompt_toolkit", "ruamel.yaml": "ruamel"}
 PROJECT = tomllib.loads(text("pyproject.toml"))["project"]
 #: file of the wheel's data folder -> what prints it
 SHARED = {
@@ -106,3 +110,10 @@ def test_each_dependency_has_a_lower_bound_and_each_upper_bound_a_reason() -> No
     assert bounded
     for requirement in bounded:
         assert re.search(rf'"{re.escape(requirement)}",  # \w', text("pyproject.toml")), requirement
+
+
+@pytest.mark.together
+def test_every_dependency_is_imported() -> None:
+    names = {re.split(r"[<>=~! ]", word)[0] for word in PROJECT["dependencies"]}
+    modules = {name for _, tree in SourceTree.of_the_package() for node in nodes(tree) for name in imported(node)}
+    assert {BRINGS.get(name, name) for name in names} <= {name.partition(".")[0] for name in modules}
