@@ -14,8 +14,9 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-from tests import branches, costs, process, sample
-from tests.compiled import compile_share
+from tests import process
+from tests.harness import branches, costs, sample
+from tests.harness.compiled import compile_share
 from tests.surroundings import Places, clean_environment, own_ground, own_place, set_environment
 
 #: a machine under load is slow, and no less right for it

@@ -13,7 +13,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from tests.forked import Forked, Fresh
+from tests.harness.forked import Forked, Fresh
 from tests.surroundings import ROOT, clean_environment
 
 SCRIPTS = ROOT / "scripts"

@@ -10,7 +10,7 @@ import dvtcli
 from dvtcli import errors
 from dvtcli.results import SyncCheck
 from tests.commands.bench import Bench
-from tests.sample import heavy
+from tests.harness.sample import heavy
 
 
 def test_who_produces_sync_is_what_the_command_says() -> None:

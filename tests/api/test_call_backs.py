@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 import dvtcli
+from tests.harness.sample import heavy
 from tests.posix import needs_signals
 from tests.process import PATIENCE_S, environment
-from tests.sample import heavy
 
 #: A network whose nodes hold something else than its file says.
 _NETWORK = """

@@ -29,9 +29,9 @@ from dvtcli.results import Changed, Message, Pdo, Progress, Synced
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.testing import Serve
 from tests.commands.bench import Bench
+from tests.harness.sample import heavy
 from tests.posix import SIGKILL
 from tests.process import PATIENCE_S, environment
-from tests.sample import heavy
 
 
 def test_a_map_answers_what_the_command_answers() -> None:

@@ -14,9 +14,9 @@ import pytest
 import dvtcli
 from dvtcli import errors
 from dvtcli.simulator.network.family_file import family_eds
+from tests.harness.sample import heavy
 from tests.posix import needs_signals
 from tests.process import PATIENCE_S
-from tests.sample import heavy
 
 
 @pytest.fixture(autouse=True)

@@ -10,7 +10,7 @@ import dvtcli
 from dvtcli.errors import InputFileError, SafetyRefusal, UsageError
 from dvtcli.files.network.read_network import read_network_file
 from dvtcli.simulator.network.family_file import family_eds
-from tests.sample import heavy
+from tests.harness.sample import heavy
 
 WRONG = "[DeviceInfo]\nVendorNumber=0x1E\n[1000]\nParameterName=Device type\nDataType=0x0007\nDefaultValue=none\n"
 

@@ -10,7 +10,7 @@ import pytest
 import dvtcli
 from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.results import LearnForecast, LearntDevice
-from tests.sample import heavy
+from tests.harness.sample import heavy
 
 
 def held(node: dvtcli.Node) -> list[object]:

@@ -9,8 +9,8 @@ import pytest
 
 import dvtcli
 from dvtcli.errors import SafetyRefusal, UsageError
+from tests.harness.sample import heavy
 from tests.process import ROOT
-from tests.sample import heavy
 
 
 @heavy

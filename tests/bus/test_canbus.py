@@ -15,8 +15,8 @@ from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import BootUp, Emergency, Frame, NodeEvent, StateChange
 from dvtcli.errors import BusUnavailable, DvtcliError, UsageError
 from tests.bus.scripted import NODE, Server, Steps, frame, message, well_behaved
+from tests.harness.sample import heavy
 from tests.process import PATIENCE_S
-from tests.sample import heavy
 
 Serve = Callable[..., tuple[CanBus, Server]]
 

@@ -18,9 +18,9 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.in_process_bus import simulate
 from dvtcli.simulator.network.twin_bus import TwinBus
 from tests.bus.devices import device, dictionary
+from tests.harness.sample import heavy
 from tests.house.laws.source_tree import SourceTree
 from tests.process import PATIENCE_S
-from tests.sample import heavy
 from tests.serve.served import wait_for
 from tests.served_nodes import ServedNodes
 from tests.virtual_time import VirtualTimeBus

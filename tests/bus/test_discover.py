@@ -11,7 +11,7 @@ import pytest
 
 from dvtcli.bus.discover import FoundInterface, adapters, find_interfaces, serial_ports
 from dvtcli.bus.opening import open_bus
-from tests.sample import heavy
+from tests.harness.sample import heavy
 
 _NUMBERS = count(1)
 

@@ -33,8 +33,8 @@ from dvtcli.simulator.network.in_process_bus import simulate
 from tests.bus import line_gateway
 from tests.bus.devices import device
 from tests.bus.test_contract import Contract
+from tests.harness.sample import heavy
 from tests.process import PATIENCE_S
-from tests.sample import heavy
 from tests.surroundings import ROOT
 
 TPDO1 = Pdo(Direction.TPDO, 1)

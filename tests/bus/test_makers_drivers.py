@@ -23,7 +23,7 @@ import can
 import pytest
 
 from tests.commands.bus import device
-from tests.forked import Fresh
+from tests.harness.forked import Fresh
 from tests.process import PATIENCE_S, Ran, environment, run
 from tests.serve.served import wait_for
 from tests.served_nodes import ServedNodes

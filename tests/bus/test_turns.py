@@ -20,8 +20,8 @@ from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.in_process_bus import simulate
 from tests.commands.bus import device
+from tests.harness.sample import heavy
 from tests.process import PATIENCE_S
-from tests.sample import heavy
 from tests.virtual_time import ANSWER_S, VirtualTimeBus
 
 IDS = (1, 2, 3)

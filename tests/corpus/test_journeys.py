@@ -8,7 +8,7 @@ import pytest
 
 from tests.corpus.journey import travel
 from tests.corpus.oddities import ODDITIES, OddFile, odd_files
-from tests.sample import heavy, turn
+from tests.harness.sample import heavy, turn
 
 #: Of all ways to change a PDO, each one is taken on every so many PDOs.
 SHARE = 5

@@ -18,8 +18,8 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import GENERIC, StorePolicy
 from dvtcli.domain.proof import POWER, RESET_NODE, Proof
 from dvtcli.errors import DeviceRefused, NoAnswer
+from tests.harness.sample import heavy
 from tests.laws.bench import NODE, DirectBus, booted, dictionary, profile
-from tests.sample import heavy
 
 TPDO1 = Pdo.parse("tpdo1")
 HEARTBEAT = (0x1017, 0)

@@ -14,8 +14,8 @@ import pytest
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.testing import dvtcli_serve, dvtcli_state
 from tests.documentation.pages import PAGES, text
+from tests.harness.sample import heavy
 from tests.process import PATIENCE_S, ROOT
-from tests.sample import heavy
 
 __all__ = ["dvtcli_serve", "dvtcli_state"]
 

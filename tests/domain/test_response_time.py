@@ -12,7 +12,7 @@ from dvtcli.domain.network.frame_streams import TimedFrame, response_times, util
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.network.wire import Wire
 from tests.domain.critical_instant import by_hand
-from tests.sample import turn
+from tests.harness.sample import turn
 
 _DATA_BYTES = [1, 2, 1, 2, 1, 2, 6, 1, 2, 2, 1, 4, 1, 1, 3, 1, 1]
 _PERIODS_MS = [50, 5, 5, 5, 5, 5, 10, 10, 10, 10, 100, 100, 100, 100, 1000, 1000, 1000]

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from dvtcli.domain.network.network_plan import phases
 from dvtcli.domain.plan import Plan, Step, ValueChange
 from dvtcli.domain.stamp import Stamp
-from tests.sample import heavy
+from tests.harness.sample import heavy
 
 DAY_MS = 24 * 60 * 60 * 1000
 DATES, TIMES = st.integers(0, 0xFFFF_FFFF), st.integers(0, 0xFFFF_FFFF)

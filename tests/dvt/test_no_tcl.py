@@ -7,8 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from tests.harness.sample import heavy
 from tests.process import PATIENCE_S, ROOT, environment
-from tests.sample import heavy
 
 
 @heavy

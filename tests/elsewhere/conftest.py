@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.sample import part
+from tests.harness.sample import part
 
 _HERE = Path(__file__).parent
 

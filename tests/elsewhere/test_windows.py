@@ -18,10 +18,10 @@ import pytest
 from dvtcli.cli.lexer import split
 from dvtcli.cli.prompt.line import cut
 from tests.elsewhere.running import WINDOWS, Ran, run, start, variables
+from tests.harness.sample import heavy
 from tests.process import ROOT, SCRIPTS
 from tests.prompt.terminal import Terminal
 from tests.prompt.wire import Wire
-from tests.sample import heavy
 from tests.serve.served import bus_words, wait_for
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the double stands on Linux")

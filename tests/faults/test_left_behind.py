@@ -11,8 +11,8 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.commands.bench import Bench, Ran, beside
 from tests.faults.matrix import _held
+from tests.harness.sample import heavy
 from tests.network.bench import device
-from tests.sample import heavy
 
 FILE = """nodes:
   first: {node_id: 5, tpdo: {1: {transmission: 1, mapping: [6041, 6064]}}, rpdo: {1: {cob_id: 0x305}}}

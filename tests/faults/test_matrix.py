@@ -6,7 +6,7 @@ import pytest
 
 from tests.faults.matrix import NEW, OLD, RECOVERED, TOLD, UNNOTICED, Cell, cells_of, groups, outcome
 from tests.faults.sequences import AT_READ, FAMILIES, FAULTS, LASTING, Start
-from tests.sample import heavy, part
+from tests.harness.sample import heavy, part
 
 #: faults for each sequence in a long run
 MANY = 12

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from dvtcli.errors import InputFileError
 from dvtcli.files.recordings.read_recording import read_recorded
 from tests.commands.bench import Bench
+from tests.harness.sample import heavy
 from tests.process import PATIENCE_S, environment
-from tests.sample import heavy
 
 TEXT = (".asc", ".log", ".trc")
 #: what stands in the place of a frame, and is none

@@ -22,8 +22,8 @@ from dvtcli.files.recordings.read_recording import read_recorded, read_recording
 from dvtcli.files.recordings.recorder import Recorder
 from dvtcli.files.recordings.recording_format import RecordingFormat
 from tests.files.recordings import APPENDABLE, BEGIN_S, FORMATS, ROTATING, frames
+from tests.harness.sample import heavy
 from tests.house.source import PACKAGE
-from tests.sample import heavy
 
 #: formats that can be written here: .mf4 where asammdf is installed
 WRITABLE = [suffix for suffix in FORMATS if suffix != ".mf4" or find_spec("asammdf")]

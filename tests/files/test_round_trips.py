@@ -25,9 +25,9 @@ from dvtcli.files.device_file import DEVICE_SUFFIXES, read_device_file
 from tests.commands.bench import Bench
 from tests.corpus.oddities import ODDITIES, odd_files
 from tests.corpus.round_trips import WAYS, round_trip, travelled
+from tests.harness.sample import heavy
 from tests.house.source import PACKAGE
 from tests.real_files import real_files
-from tests.sample import heavy
 from tests.small_xdd import COMMISSIONING, OBJECTS, variable, xdd
 
 FAMILIES = sorted(PACKAGE.glob("families/*/*.eds"))

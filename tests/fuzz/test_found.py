@@ -24,7 +24,7 @@ from dvtcli.operations.user.settings import File
 from dvtcli.operations.user.settings_search import SettingsFile
 from tests.commands.bench import Bench
 from tests.fuzz.server import NODE, HostileLink
-from tests.sample import heavy
+from tests.harness.sample import heavy
 
 
 @pytest.mark.parametrize(

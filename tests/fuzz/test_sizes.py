@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.device.change.journal import SCHEMA
-from tests.sample import part
+from tests.harness.sample import part
 
 resource = pytest.importorskip("resource", reason="limits of a process are set this way on POSIX only")
 

@@ -14,7 +14,7 @@ from dvtcli.domain.gateway.requests import Request, Write, parse_request
 from tests.commands.bench import Bench
 from tests.domain.gateway.requests import INDEXES, SUB_INDEXES, data_of_type
 from tests.gateway.networks import FAMILIES, everything, network_file, options
-from tests.sample import heavy
+from tests.harness.sample import heavy
 
 NET = """\
 nodes:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from tests.sample import part
+from tests.harness.sample import part
 
 
 def some(metafunc: pytest.Metafunc, names: str, cells: Sequence[object], share: float = 1) -> None:

@@ -14,11 +14,11 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family, load_family_folder
 from tests.commands.bench import Ran
 from tests.commands.bus import device
+from tests.harness.sample import heavy
 from tests.learn.questions import Question, put
 from tests.learn.test_learnt_families import booted, differing
 from tests.learn.test_put_back import values
 from tests.learn.virtual import VirtualWire
-from tests.sample import heavy
 from tests.small_eds import U16, communication, plain, var
 
 EDS = family_eds("generic")

@@ -12,10 +12,10 @@ from dvtcli.domain.pdo import Direction
 from dvtcli.simulator.device.pdo_guard import CHECKS
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
+from tests.harness.sample import heavy
 from tests.laws.bench import dictionary
 from tests.learn.cells import some
 from tests.learn.virtual import VirtualWire
-from tests.sample import heavy
 
 NO = 0x0602_0000
 FAMILIES = ("canopennode", "generic", "lely")

@@ -17,8 +17,8 @@ from dvtcli.simulator.device.memory import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
 from tests.commands.bench import Bench, Ran
+from tests.harness.sample import heavy
 from tests.learn.virtual import VirtualWire
-from tests.sample import heavy
 from tests.small_eds import Eds, plain, var
 
 #: data types by length in bits, of more than one kind where there is one

@@ -13,11 +13,11 @@ from dvtcli.files.eds.reader import read_eds
 from dvtcli.files.profile.library import load_folder_profile
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family, load_family_folder
+from tests.harness.sample import heavy
 from tests.learn.questions import Question, put
 from tests.learn.test_learnt_families import booted
 from tests.learn.test_put_back import values
 from tests.learn.virtual import VirtualWire, own
-from tests.sample import heavy
 
 EDS = family_eds("generic")
 PDOS, MAPPINGS = (0x1400, 0x1BFF), (0x1600, 0x17FF)

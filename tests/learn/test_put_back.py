@@ -15,8 +15,8 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
 from tests.commands.bench import Bench
 from tests.commands.bus import device
+from tests.harness.sample import heavy
 from tests.learn.virtual import VirtualWire
-from tests.sample import heavy
 from tests.small_eds import U8, communication, plain, var
 
 #: With its 5th download the node alters TPDO1, which is not asked.

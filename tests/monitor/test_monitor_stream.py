@@ -7,8 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from tests.harness.sample import heavy
 from tests.process import PATIENCE_S, documents, dvtcli, start
-from tests.sample import heavy
 from tests.serve.served import bus_words, own_environment, served, wait_for
 
 

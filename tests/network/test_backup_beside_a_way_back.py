@@ -8,8 +8,8 @@ import pytest
 
 from dvtcli.errors import DeviceRefused
 from tests.commands.bench import Bench
+from tests.harness.sample import heavy
 from tests.network.bench import Chain
-from tests.sample import heavy
 
 PART = "  tpdo: {2: {mapping: [6041, 606C]}, 1: {event_timer: 70}}\n"
 

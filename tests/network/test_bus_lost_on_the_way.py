@@ -11,8 +11,8 @@ from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged
 from dvtcli.operations.changes.recover_change import recover
 from dvtcli.operations.network.network_files import apply_file
+from tests.harness.sample import heavy
 from tests.network.bench import Chain, Heard
-from tests.sample import heavy
 
 PART = "  heartbeat_producer: 300\n  tpdo: {2: {mapping: [6041, 606C]}, 1: {event_timer: 70}}\n"
 

@@ -15,8 +15,8 @@ from dvtcli.errors import UsageError
 from dvtcli.operations.user.options import checked
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
+from tests.harness.sample import heavy
 from tests.laws.bench import dictionary
-from tests.sample import heavy
 from tests.wire_timed_bus import WireTimedBus
 
 OPERATIONAL, PRE_OPERATIONAL = b"\x05", b"\x7f"

@@ -17,9 +17,9 @@ from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench, Ran
+from tests.harness.sample import heavy, part
 from tests.network.bench import device
 from tests.network.test_read_together import sampled
-from tests.sample import heavy, part
 from tests.surroundings import HOMES
 from tests.virtual_time import VirtualTimeBus
 

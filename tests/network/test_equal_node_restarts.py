@@ -17,9 +17,9 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal
 from dvtcli.operations.network.network_files import apply_file, plan_file
 from dvtcli.operations.plans.link_pdos import link_pdos
+from tests.harness.sample import heavy
 from tests.network.bench import Chain
 from tests.network.test_many_nodes import Unheard, written
-from tests.sample import heavy
 
 #: node 6 holds it in RAM only, as `device` makes it
 EQUAL = "  equal: {node_id: 6, tpdo: {1: {event_timer: 33}}}\n"

@@ -13,8 +13,8 @@ import pytest
 from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.commands.bench import Bench, Ran, beside
 from tests.faults.matrix import snapshot, stored_pdos
+from tests.harness.sample import heavy
 from tests.network.bench import device
-from tests.sample import heavy
 
 #: what the device alters when a PDO of it is enabled, as `--fault` writes it: another PDO, and a single object
 ALTERED = ["1801:2:0x05", "1801:5:0x0063", "1017:0:0x0123"]

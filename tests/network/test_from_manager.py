@@ -14,7 +14,7 @@ from dvtcli.domain.pdo import Direction, Pdo
 from dvtcli.errors import UsageError
 from dvtcli.files.network.read_network import read_network_file
 from tests.commands.bench import Bench
-from tests.sample import heavy
+from tests.harness.sample import heavy
 from tests.small_eds import U8, U32, Eds, communication, plain, var
 
 VENDOR, PRODUCT = 0x1234, 0x55

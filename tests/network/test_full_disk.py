@@ -22,10 +22,10 @@ from dvtcli.operations.network.network_files import apply_file
 from dvtcli.operations.plans.link_pdos import link_pdos, unlink_pdos
 from dvtcli.operations.session.session import Session
 from tests.commands.bench import Bench
+from tests.harness.sample import part
 from tests.network.bench import CHAIN, Chain
 from tests.network.test_network_faults import OPERATIONAL
 from tests.network.test_refused_stores import refuse_stores
-from tests.sample import part
 from tests.small_disk import empty, fill, filled_at, on_small_disk
 from tests.surroundings import HOMES
 

@@ -22,7 +22,7 @@ from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
 from dvtcli.simulator.network.family_file import family_eds
 from tests.bus.devices import device
-from tests.sample import heavy
+from tests.harness.sample import heavy
 from tests.served_nodes import ServedNodes
 from tests.surroundings import HOMES
 

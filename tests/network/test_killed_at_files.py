@@ -18,10 +18,10 @@ import pytest
 
 from dvtcli.operations.changes.recover_change import recover
 from tests.faults.matrix import Snapshot
+from tests.harness.sample import heavy, part
 from tests.network.bench import Chain, Heard
 from tests.network.killed import Watched, afterwards, in_own_process
 from tests.network.test_network_faults import OPERATIONAL, STEPS, storing
-from tests.sample import heavy, part
 from tests.surroundings import HOMES
 
 _listeners: list[Callable[[Path], None]] = []

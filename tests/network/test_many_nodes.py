@@ -13,10 +13,10 @@ from dvtcli.errors import DvtcliError, LeftChanged
 from dvtcli.operations.changes.recover_change import recover
 from dvtcli.simulator.network.station import SimulatedNode
 from examples.many_nodes import network
+from tests.harness.sample import heavy, part, turn
 from tests.network.bench import Chain, Heard
 from tests.network.killed import afterwards
 from tests.network.test_network_faults import FAULTS
-from tests.sample import heavy, part, turn
 from tests.surroundings import HOMES
 from tests.virtual_time import VirtualTimeBus
 

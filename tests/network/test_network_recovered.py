@@ -11,10 +11,10 @@ import pytest
 from dvtcli.errors import DvtcliError
 from dvtcli.operations.changes.recover_change import recover
 from dvtcli.operations.changes.undo import undo
+from tests.harness.sample import heavy, part
 from tests.network.bench import Chain, Heard
 from tests.network.killed import Watched, afterwards
 from tests.network.test_network_faults import OPERATIONAL, STEPS, ideal
-from tests.sample import heavy, part
 
 
 @pytest.mark.counted

@@ -16,8 +16,8 @@ from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench, Ran
+from tests.harness.sample import part
 from tests.network.bench import device
-from tests.sample import part
 from tests.surroundings import HOMES
 from tests.virtual_time import VirtualTimeBus
 

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from dvtcli.domain.pdo import Pdo
+from tests.harness.sample import heavy
 from tests.network.bench import Chain
 from tests.network.test_many_nodes import Unheard, many
-from tests.sample import heavy
 
 PDOS = [Pdo.parse(f"{direction}{number}") for direction in ("tpdo", "rpdo") for number in range(1, 5)]
 

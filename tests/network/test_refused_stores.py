@@ -184,7 +184,7 @@ def test_a_node_that_only_stores_and_holds_the_stamp_already_is_no_other(
 @pytest.mark.parametrize("stamp", [True, False])
 def test_finish_may_end_at_every_write(chain: Chain, home: Path, pytestconfig: pytest.Config, *, stamp: bool) -> None:
     """Killed at any of its writes, `recover --finish` is begun again, or everything goes back."""
-    from tests.sample import part
+    from tests.harness.sample import part
 
     before = types(chain)
     refuse_stores(chain, (5, 9))

@@ -15,10 +15,10 @@ from dvtcli.errors import DvtcliError, Interrupted, LeftChanged, NoAnswer
 from dvtcli.operations.exchange.import_network import import_network
 from dvtcli.operations.network.network_files import apply_file
 from dvtcli.operations.session.session import Session
+from tests.harness.sample import heavy, part
 from tests.network.bench import CHAIN, FILE, Chain
 from tests.network.killed import Watched
 from tests.network.test_network_faults import FAULTS, STEPS, ideal
-from tests.sample import heavy, part
 
 
 class OneByOne(Watched):

@@ -26,9 +26,9 @@ from dvtcli.operations.network.network_files import apply_file, plan_file
 from dvtcli.operations.plans.link_pdos import link_pdos
 from dvtcli.operations.session.session import Session
 from dvtcli.simulator.device.memory import Refusal
+from tests.harness.sample import part
 from tests.network.bench import Chain
 from tests.network.killed import Watched, afterwards
-from tests.sample import part
 from tests.surroundings import HOMES
 
 pytestmark = pytest.mark.drawn(10, "stamps")

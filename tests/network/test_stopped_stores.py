@@ -13,10 +13,10 @@ from dvtcli.errors import Interrupted, LeftChanged
 from dvtcli.operations.network.network_files import apply_file
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.session_user import NullReporter
+from tests.harness.sample import heavy
 from tests.network.bench import Chain
 from tests.network.killed import Watched
 from tests.network.test_network_stores import TYPE, file, stored_type, types, while_storing
-from tests.sample import heavy
 
 
 @dataclass

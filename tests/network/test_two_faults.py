@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from dvtcli.errors import DvtcliError, LeftChanged
+from tests.harness.sample import heavy, turn
 from tests.network.bench import CHAIN, Chain
 from tests.network.drawn_cells import JOBS, draw, outcome, own_folder
 from tests.network.test_network_faults import FAULTS, ideal
-from tests.sample import heavy, turn
 
 
 def drawn(lot: random.Random) -> list[str]:

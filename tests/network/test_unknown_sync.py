@@ -13,8 +13,8 @@ from dvtcli.operations.pdos.sync import ShortFrames
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
 from dvtcli.simulator.network.family_file import family_eds
+from tests.harness.sample import heavy
 from tests.network.bench import device
-from tests.sample import heavy
 from tests.surroundings import HOMES
 from tests.virtual_time import VirtualTimeBus
 

@@ -10,7 +10,7 @@ import pytest
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.operations.session.whole_file import write_whole
 from tests.commands.bench import Bench
-from tests.sample import heavy
+from tests.harness.sample import heavy
 from tests.small_eds import U16, plain, var
 
 

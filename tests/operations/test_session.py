@@ -19,7 +19,7 @@ from dvtcli.operations.pdos.pdo_as_text import configure_from_text, pdo_as_text
 from dvtcli.operations.results.bus_events import BusEvent
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options, options_of
-from tests.sample import heavy
+from tests.harness.sample import heavy
 
 TPDO3 = Pdo(Direction.TPDO, 3)
 

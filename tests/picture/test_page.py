@@ -37,8 +37,8 @@ from dvtcli.files.picture.graphviz import graphviz
 from dvtcli.files.picture.page import frame_cards, page
 from dvtcli.files.picture.wiring import alone, clipped_name, wiring
 from tests.commands.bench import Bench
+from tests.harness.sample import heavy
 from tests.process import ROOT
-from tests.sample import heavy
 
 LINE = ROOT / "examples" / "line.yaml"
 VOID = {"meta", "link", "br"}

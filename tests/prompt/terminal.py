@@ -16,7 +16,7 @@ import pytest
 from pexpect.fdpexpect import fdspawn
 
 from tests import process
-from tests.forked import Forked
+from tests.harness.forked import Forked
 from tests.posix import NO_TERMINAL
 from tests.process import environment as clean
 from tests.process import start

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from dvtcli.simulator.network.family_file import family_eds
+from tests.harness.sample import heavy
 from tests.prompt.conftest import Open
 from tests.prompt.terminal import CTRL_C, Terminal
-from tests.sample import heavy
 from tests.serve.served import bus_words, served
 
 NETWORK = """\

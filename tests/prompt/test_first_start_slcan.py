@@ -21,10 +21,10 @@ import pytest
 
 from tests.bus.slcan_adapter import SlcanAdapter
 from tests.commands.bus import device
+from tests.harness.sample import heavy
 from tests.process import PATIENCE_S, documents, environment
 from tests.prompt.conftest import Open
 from tests.prompt.terminal import CTRL_D
-from tests.sample import heavy
 from tests.served_nodes import ServedNodes
 
 #: in a mount namespace of its own: a /dev with all that there was, and ttyACM0; then what is given

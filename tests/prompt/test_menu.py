@@ -19,7 +19,7 @@ from dvtcli.domain.mapping import DUMMY_BITS
 from dvtcli.domain.rules.mapped_object import is_taken
 from dvtcli.domain.rules.pdo_mapping import known_dummies
 from dvtcli.simulator.network.family_file import family_names
-from tests.sample import heavy
+from tests.harness.sample import heavy
 
 
 @pytest.fixture

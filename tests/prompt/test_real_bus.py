@@ -9,10 +9,10 @@ from contextlib import contextmanager
 
 import pytest
 
+from tests.harness.sample import heavy
 from tests.prompt.conftest import Open
 from tests.prompt.terminal import CTRL_C, CTRL_D, PATIENCE_S, Terminal
 from tests.prompt.wire import Wire
-from tests.sample import heavy
 from tests.serve.served import bus_words
 
 PRE_OPERATIONAL, OPERATIONAL = b"\x7f", b"\x05"

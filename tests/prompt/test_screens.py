@@ -14,10 +14,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.harness.sample import part
 from tests.prompt.conftest import Open
 from tests.prompt.terminal import CTRL_C, CTRL_D, CTRL_R, PATIENCE_S, Terminal
 from tests.prompt.wire import Wire
-from tests.sample import part
 from tests.serve.served import bus_words
 
 SCREENS = Path(__file__).parent / "screens"

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.harness.sample import heavy
 from tests.prompt.conftest import Open
 from tests.prompt.terminal import ENTER, Terminal
-from tests.sample import heavy
 
 PROGRAM = bytes(range(256)) * 8
 

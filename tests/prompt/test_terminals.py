@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.harness.sample import heavy
 from tests.prompt.conftest import Open
 from tests.prompt.terminal import CTRL_C, CTRL_D, ENTER
-from tests.sample import heavy
 
 
 def test_a_narrow_terminal_shows_what_matters_most_whole(open_terminal: Open) -> None:

@@ -9,7 +9,7 @@ from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.simulator.device.strict_device import StrictDevice
 from tests import process
-from tests.forked import Forked
+from tests.harness.forked import Forked
 from tests.process import PATIENCE_S
 from tests.prompt.wire import Wire
 from tests.serve.served import bus_words

@@ -16,8 +16,8 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.bus.devices import device
 from tests.commands.bench import Bench, beside
 from tests.commands.change.test_second_try import stricter
+from tests.harness.sample import heavy
 from tests.process import dvtcli
-from tests.sample import heavy
 from tests.surroundings import HOMES, kept_in
 
 KEPT = Path(__file__).parent / "kept_november_2026"

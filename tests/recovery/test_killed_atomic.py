@@ -13,8 +13,8 @@ import can
 import canopen
 import pytest
 
+from tests.harness.sample import heavy
 from tests.posix import SIGKILL
-from tests.sample import heavy
 from tests.serve.killing import Killable, killable
 from tests.serve.served import state_folder
 

@@ -18,7 +18,7 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
-from tests.sample import heavy
+from tests.harness.sample import heavy
 
 
 @pytest.fixture(autouse=True)

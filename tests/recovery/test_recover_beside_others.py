@@ -16,7 +16,7 @@ from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
 from tests.commands.network.test_verify_restarts import Restarting, restarting
-from tests.sample import heavy
+from tests.harness.sample import heavy
 
 TPDO1 = Pdo.parse("tpdo1")
 

@@ -21,10 +21,10 @@ import canopen
 import pytest
 
 from tests import process
+from tests.harness.sample import heavy
 from tests.posix import SIGHUP
 from tests.process import PATIENCE_S, environment
 from tests.recovery.bench import MAP, STEPS, Bench
-from tests.sample import heavy
 from tests.serve.served import wait_for
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")

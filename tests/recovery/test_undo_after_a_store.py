@@ -10,8 +10,8 @@ import pytest
 
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
+from tests.harness.sample import heavy
 from tests.process import PATIENCE_S
-from tests.sample import heavy
 
 
 @pytest.fixture(autouse=True)

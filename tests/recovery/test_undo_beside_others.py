@@ -11,7 +11,7 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
-from tests.sample import heavy
+from tests.harness.sample import heavy
 
 
 def elsewhere(wire: Wire, *lines: str) -> None:

@@ -6,8 +6,8 @@ import pytest
 
 from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.commands.bench import Bench, Ran
+from tests.harness.sample import heavy
 from tests.lss_nodes import address_of, unconfigured
-from tests.sample import heavy
 from tests.virtual_time import VirtualTimeBus
 
 TIMER = (0x1800, 5)

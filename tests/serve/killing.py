@@ -17,7 +17,7 @@ from select import select
 
 import can
 
-from tests.forked import Forked
+from tests.harness.forked import Forked
 from tests.posix import SIGKILL
 from tests.process import PATIENCE_S, start
 from tests.serve.served import Served, bus_words, own_environment, served

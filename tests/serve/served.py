@@ -14,7 +14,7 @@ from pathlib import Path
 
 import can
 
-from tests.forked import Forked
+from tests.harness.forked import Forked
 from tests.process import PATIENCE_S, Ran, environment, run, start
 
 #: how long a node may take to answer on a busy machine (s): a test of one that is silent says how long it waits

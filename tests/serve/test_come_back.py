@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.forked import Forked
+from tests.harness.forked import Forked
 from tests.process import PATIENCE_S, documents, start
 from tests.serve.served import Served, bus_words, own_environment, served, wait_for
 

@@ -15,8 +15,8 @@ from pathlib import Path
 import can
 import pytest
 
+from tests.harness.sample import heavy
 from tests.process import dvtcli
-from tests.sample import heavy
 from tests.serve.served import PATIENCE_S, Served, own_environment, raw_client, received, served, wait_for
 
 QUESTION = can.Message(arbitration_id=0x601, data=bytes.fromhex("4018100100000000"), is_extended_id=False)

@@ -25,7 +25,7 @@ from dvtcli.simulator.network.hub_client import LOOK_S, Client
 from dvtcli.simulator.network.shared_bus import Server
 from dvtcli.simulator.network.station import stations
 from dvtcli.simulator.network.wire import Wire
-from tests.sample import heavy
+from tests.harness.sample import heavy
 from tests.serve.served import PATIENCE_S, raw_client, received, wait_for
 
 STALL_S = 1.5

@@ -15,8 +15,8 @@ import dvtcli
 from dvtcli.domain.ports import Frame
 from dvtcli.operations.results.loads import Measured
 from dvtcli.watch.statistics import FrameCount
+from tests.harness.sample import heavy
 from tests.process import PATIENCE_S
-from tests.sample import heavy
 from tests.serve.served import ANSWER_S, Served, served
 
 BIT_RATE, SYNC_MS, SYNCS = 125_000, 10, 120

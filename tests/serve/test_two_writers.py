@@ -14,7 +14,7 @@ import pytest
 
 from dvtcli.simulator.network.family_file import family_eds
 from tests import process
-from tests.forked import Forked
+from tests.harness.forked import Forked
 from tests.serve.served import PATIENCE_S, Served, bus_words, own_environment, served
 
 EVENT_TIMER, INHIBIT_TIME, TYPE = (0x1800, 5), (0x1800, 3), (0x1800, 2)

@@ -11,8 +11,8 @@ import pytest
 from can.interfaces.virtual import VirtualBus
 
 from dvtcli.simulator.device.sdo_server import SdoServer
+from tests.harness.sample import heavy
 from tests.process import PATIENCE_S
-from tests.sample import heavy
 from tests.served_nodes import ServedNodes
 from tests.simulator.bench import Client, booted
 

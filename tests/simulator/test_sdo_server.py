@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from dvtcli.simulator.device.strict_device import StrictDevice
-from tests.sample import heavy
+from tests.harness.sample import heavy
 from tests.simulator.bench import Aborted, Client, booted
 
 

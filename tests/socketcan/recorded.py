@@ -16,7 +16,7 @@ from typing import Any
 
 import can
 
-from tests.forked import Forked
+from tests.harness.forked import Forked
 from tests.process import PATIENCE_S, documents, start
 from tests.serve.served import own_environment, wait_for
 

@@ -10,7 +10,7 @@ import pytest
 
 from dvtcli.bus.kernel_links import kernel_links
 from tests.commands.bus import device
-from tests.forked import Forked
+from tests.harness.forked import Forked
 from tests.process import PATIENCE_S, documents, start
 from tests.prompt.conftest import Open, open_terminal
 from tests.serve.served import own_environment, wait_for

@@ -13,7 +13,7 @@ import pytest
 from dvtcli.simulator.device.simulated_faults import read_faults
 from tests.commands.bench import Bench
 from tests.commands.bus import device
-from tests.forked import Forked
+from tests.harness.forked import Forked
 from tests.process import PATIENCE_S, start
 from tests.serve.served import own_environment
 from tests.served_nodes import ServedNodes

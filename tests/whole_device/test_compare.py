@@ -18,8 +18,8 @@ from dvtcli.files.whole_device_file import read_whole_device
 from dvtcli.operations.devices.backup_device import backup_device
 from tests.bus.devices import unknown
 from tests.commands.bench import Bench
+from tests.harness.sample import heavy
 from tests.real_files import real_files
-from tests.sample import heavy
 from tests.small_eds import U16, U32, plain, var
 from tests.virtual_time import VirtualTimeBus
 from tests.whole_device.test_export_dcf import FAMILIES, odd

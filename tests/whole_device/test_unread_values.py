@@ -9,7 +9,7 @@ import pytest
 import dvtcli
 from dvtcli.operations.devices.held_device import held_by
 from tests.commands.bench import Bench
-from tests.sample import heavy
+from tests.harness.sample import heavy
 from tests.small_eds import U16, Section, var
 from tests.whole_device.test_apply_file import made
 from tests.whole_device.test_lost_values import COMMANDS, described

@@ -14,8 +14,8 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.commands.bench import Bench, Ran
 from tests.commands.bus import Wire, device
+from tests.harness.sample import heavy
 from tests.process import dvtcli
-from tests.sample import heavy
 
 LINES = ("map tpdo1 606C --cob-id 0x6A1", "write 1017 700", "map 2:tpdo2 6041 --cob-id 0x6A2", "set tpdo1 --timer 70")
 

@@ -10,7 +10,7 @@ from dvtcli.domain.nmt import NmtState
 from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench, Ran
 from tests.commands.bus import Wire, device
-from tests.sample import heavy
+from tests.harness.sample import heavy
 
 SCRIPT = [
     "map tpdo1 606C 6041 --cob-id auto --sync 1",

@@ -16,8 +16,8 @@ from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.commands.bench import Bench, Ran
+from tests.harness.sample import heavy
 from tests.laws.bench import DirectSdo, booted, dictionary
-from tests.sample import heavy
 from tests.virtual_time import VirtualTimeBus
 
 TPDO1, TPDO2 = Pdo.parse("tpdo1"), Pdo.parse("tpdo2")

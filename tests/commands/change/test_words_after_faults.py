@@ -9,7 +9,7 @@ import pytest
 from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.commands.bench import Bench, beside, impatient
 from tests.commands.bus import device
-from tests.sample import heavy
+from tests.harness.sample import heavy
 
 MAP = "map tpdo1 6041 606C"
 

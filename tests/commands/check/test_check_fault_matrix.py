@@ -15,8 +15,8 @@ from dvtcli.watch.decoder import Decoder
 from dvtcli.watch.recording.recording_rules import RecordingCheck
 from tests.faults.matrix import Cell, Run, cells_of, groups
 from tests.faults.sequences import FAULTS, SEQUENCES, UNHEARD
+from tests.harness.sample import heavy
 from tests.laws.bench import NODE
-from tests.sample import heavy
 
 #: cells that are drawn, and of how many of them (share) the fault is to be the first finding
 CELLS, WANTED = 100, 0.95

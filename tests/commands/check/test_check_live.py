@@ -14,9 +14,9 @@ from dvtcli.operations.network.check_networks import CheckOptions
 from dvtcli.operations.session.simulated_nodes import simulated_device, simulated_nodes
 from dvtcli.watch.recording.recording_rules import RECORDING_RULES
 from tests.commands.bench import Bench
+from tests.harness.sample import heavy
 from tests.network_check.planted import concise
 from tests.process import ROOT
-from tests.sample import heavy
 from tests.small_eds import U8, U16, U32, plain, var
 from tests.virtual_time import VirtualTimeBus
 

@@ -10,8 +10,8 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from tests.commands.bench import Bench
+from tests.harness.sample import heavy
 from tests.process import ROOT
-from tests.sample import heavy
 
 LINE, FAULTY = ROOT / "examples" / "line.yaml", ROOT / "examples" / "faulty.yaml"
 

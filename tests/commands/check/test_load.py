@@ -15,8 +15,8 @@ from dvtcli.operations.network.network_load import LoadOptions, load_after, netw
 from dvtcli.operations.plans.plan_network import plan_network
 from dvtcli.operations.session.simulated_nodes import simulated_device, simulated_nodes
 from tests.commands.bench import Bench, Ran
+from tests.harness.sample import heavy
 from tests.process import ROOT
-from tests.sample import heavy
 from tests.virtual_time import VirtualTimeBus
 
 LINE = ROOT / "examples" / "line.yaml"

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.commands.bench import Bench, Ran
-from tests.sample import heavy
+from tests.harness.sample import heavy
 from tests.small_eds import communication, mapping, plain
 
 JUDGES = ("check", "plan", "diff", "apply", "verify")

@@ -10,7 +10,7 @@ import pytest
 
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
-from tests.sample import heavy
+from tests.harness.sample import heavy
 
 NODES = (1, 5, 40)
 #: nothing is waited for: who is silent is not heard in three seconds either

@@ -21,8 +21,8 @@ from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.watch.service import service_of
 from tests.commands.bench import Bench
 from tests.files.recordings import BEGIN_S, frames
+from tests.harness.sample import heavy
 from tests.process import dvtcli
-from tests.sample import heavy
 from tests.virtual_time import VirtualTimeBus
 
 #: words that filters are made of, with what they mean, said another way

@@ -14,7 +14,7 @@ from dvtcli.cli.run_line import boundary
 from dvtcli.files.user_folders import user_folder
 from dvtcli.operations.frames.last_exchange import keep_exchange
 from tests.commands.bench import Bench
-from tests.sample import heavy
+from tests.harness.sample import heavy
 
 
 def test_a_write_is_shown_with_its_answers() -> None:

@@ -15,7 +15,7 @@ from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.bus.devices import device as small_device
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
-from tests.sample import heavy
+from tests.harness.sample import heavy
 from tests.virtual_time import VirtualTimeBus
 
 

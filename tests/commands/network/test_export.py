@@ -12,7 +12,7 @@ from dvtcli.files.network.read_network import read_network_file
 from dvtcli.operations.values.named_objects import entry_at
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
-from tests.sample import heavy
+from tests.harness.sample import heavy
 
 
 def exported(bench: Bench, file: Path) -> NodeConfig:

@@ -11,8 +11,8 @@ import pytest
 from dvtcli.files.network.read_network import read_network_file
 from tests.bus.devices import unknown
 from tests.commands.bench import Bench
+from tests.harness.sample import heavy
 from tests.house.source import PACKAGE
-from tests.sample import heavy
 from tests.virtual_time import VirtualTimeBus
 
 PAIRS = [("gen4", "tmcm"), ("roboteq", "espac"), ("lely", "gen4"), ("canopennode", "generic")]

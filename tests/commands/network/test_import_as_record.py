@@ -10,7 +10,7 @@ import pytest
 from dvtcli.errors import SdoAborted
 from dvtcli.files.network.read_network import read_network_file
 from tests.commands.bench import Bench
-from tests.sample import heavy
+from tests.harness.sample import heavy
 
 #: what somebody could write: of each object its size in bytes, and which bits of it become others
 SERVICES = {

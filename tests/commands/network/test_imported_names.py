@@ -15,7 +15,7 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_names
 from tests.commands.bench import Bench
 from tests.commands.bus import device
-from tests.sample import heavy
+from tests.harness.sample import heavy
 from tests.small_eds import U8, plain, var
 from tests.virtual_time import VirtualTimeBus
 

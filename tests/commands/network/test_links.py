@@ -12,8 +12,8 @@ import pytest
 import dvtcli
 from dvtcli.errors import UsageError
 from tests.commands.bench import Bench
+from tests.harness.sample import heavy
 from tests.house.source import PACKAGE
-from tests.sample import heavy
 
 #: gen4 can skip and watch a heartbeat, tmcm neither.
 NODES = ("gen4@1", "tmcm@5", "generic@6")

@@ -7,7 +7,7 @@ from pathlib import Path
 from tests.bus.devices import unknown
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
-from tests.sample import heavy
+from tests.harness.sample import heavy
 
 FILE = "nodes:\n  one:\n    node_id: 1\n{more}    tpdo: {{1: {{mapping: [velocity_actual_value]}}}}\n"
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.commands.bench import Bench
-from tests.sample import heavy
+from tests.harness.sample import heavy
 
 FILE = """
 nodes:

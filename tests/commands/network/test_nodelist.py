@@ -13,7 +13,7 @@ from dvtcli.files.network.read_network import read_network_file
 from dvtcli.files.nodelist import ListedNode, Nodelist, nodelist_text, read_nodelist
 from tests.bus.devices import unknown
 from tests.commands.bench import Bench
-from tests.sample import heavy
+from tests.harness.sample import heavy
 from tests.small_eds import U8, U16, U32, Eds, Section, plain, var
 from tests.virtual_time import VirtualTimeBus
 

@@ -8,7 +8,7 @@ import pytest
 
 from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench
-from tests.sample import heavy
+from tests.harness.sample import heavy
 from tests.small_eds import plain
 
 TWO = ("generic@1", "generic@3")

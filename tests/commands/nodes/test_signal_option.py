@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.commands.bench import Bench, Ran
-from tests.sample import heavy
+from tests.harness.sample import heavy
 
 
 def run(line: str, *signals: str, sim: tuple[str, ...] = ("gen4",), node: int | None = None) -> Ran:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.commands.bench import Bench
-from tests.sample import heavy
+from tests.harness.sample import heavy
 
 
 @pytest.mark.parametrize(("text", "seconds"), [("20ms", 0.02), ("0.02", 0.02), ("2e-2", 0.02), (".02s", 0.02)])

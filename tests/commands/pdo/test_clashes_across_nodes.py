@@ -8,7 +8,7 @@ import pytest
 
 from tests.commands.bench import Bench, beside
 from tests.commands.bus import Wire, device
-from tests.sample import heavy
+from tests.harness.sample import heavy
 
 TWO = ("generic@1", "generic@3")
 

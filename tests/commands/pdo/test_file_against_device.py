@@ -13,7 +13,7 @@ from dvtcli.files.eds.reader import parse_eds
 from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
-from tests.sample import heavy
+from tests.harness.sample import heavy
 
 
 @pytest.fixture(autouse=True)

@@ -9,7 +9,7 @@ import pytest
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.operations.session.simulated_nodes import simulated_device, simulated_nodes
 from tests.commands.bench import Bench, beside
-from tests.sample import heavy
+from tests.harness.sample import heavy
 from tests.small_eds import U16, U32, communication, plain, var
 from tests.virtual_time import VirtualTimeBus
 

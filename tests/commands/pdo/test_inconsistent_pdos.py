@@ -15,7 +15,7 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
 from tests.commands.bench import Bench, Ran
 from tests.commands.bus import Wire
-from tests.sample import heavy
+from tests.harness.sample import heavy
 from tests.small_eds import INPUTS, U32, Eds, communication, mapping, plain, var
 
 FIRST = INPUTS << 16 | 0x0108

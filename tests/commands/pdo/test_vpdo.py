@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.commands.bench import Bench
-from tests.sample import heavy
+from tests.harness.sample import heavy
 
 #: Sevcon PDO Fundamentals rev 2, 2.2, the stand-alone traction controller: what the objects hold in the end
 TRACTION = {

@@ -12,10 +12,10 @@ from pathlib import Path
 import pytest
 
 from dvtcli.simulator.network.family_file import family_eds
+from tests.harness.sample import heavy
 from tests.posix import needs_shell
 from tests.process import PATIENCE_S, ROOT, documents, dvtcli, environment, run
 from tests.prompt.terminal import CTRL_C, TAB, Terminal
-from tests.sample import heavy
 
 
 def completed(folder: Path, words: list[str], **variables: str) -> list[str]:

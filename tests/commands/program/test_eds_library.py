@@ -27,9 +27,9 @@ from dvtcli.simulator.network.family_file import family_eds
 from tests.bus.devices import unknown
 from tests.commands.bench import Bench
 from tests.commands.bus import device
+from tests.harness.sample import heavy
 from tests.opened_files import opened_files
 from tests.real_files import real_files
-from tests.sample import heavy
 from tests.small_eds import plain
 from tests.virtual_time import VirtualTimeBus
 

@@ -10,7 +10,7 @@ import pytest
 from dvtcli.operations.session.simulated_nodes import simulated_device, simulated_nodes
 from tests.commands.bench import Bench, Ran
 from tests.commands.program.test_lost_behind_acts import CutBus
-from tests.sample import part
+from tests.harness.sample import part
 
 
 def lost(line: str, left: int, *, dry_run: bool) -> tuple[CutBus, Ran]:

@@ -19,8 +19,8 @@ from dvtcli.operations.results import LearntDevice
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
 from dvtcli.operations.user.session_user import NullReporter
+from tests.harness.sample import heavy
 from tests.posix import NO_TERMINAL
-from tests.sample import heavy
 
 pty = pytest.importorskip("pty", reason=NO_TERMINAL)
 

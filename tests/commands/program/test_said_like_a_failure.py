@@ -7,7 +7,7 @@ import pytest
 from dvtcli.cli.run_line import boundary
 from dvtcli.cli.scripts.script import run_script
 from tests.commands.bench import Bench, Ran
-from tests.sample import heavy
+from tests.harness.sample import heavy
 
 MAP = "map tpdo1 6064 606C"
 

@@ -14,8 +14,8 @@ from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.bus.devices import unknown
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire
+from tests.harness.sample import heavy
 from tests.process import documents, environment, run
-from tests.sample import heavy
 
 
 def test_verify_does_not_call_its_rehearsal_a_dry_run(tmp_path: Path) -> None:

@@ -11,8 +11,8 @@ import pytest
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench, beside
+from tests.harness.sample import heavy
 from tests.process import PATIENCE_S, ROOT, environment
-from tests.sample import heavy
 from tests.simulator.bench import booted
 
 UNCHANGED = "  state   unchanged: nothing was written\n"

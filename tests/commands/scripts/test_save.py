@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire, device
-from tests.sample import heavy
+from tests.harness.sample import heavy
 
 TRIALS = [
     "map tpdo1 606C --sync 1",

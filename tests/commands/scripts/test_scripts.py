@@ -8,7 +8,7 @@ import pytest
 
 from dvtcli.domain.ports import Frame
 from tests.commands.bench import Bench
-from tests.sample import heavy
+from tests.harness.sample import heavy
 
 
 def test_a_malformed_line_stops_the_script_before_its_first_line() -> None:

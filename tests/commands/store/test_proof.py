@@ -22,7 +22,7 @@ from dvtcli.simulator.network.family_file import family_eds
 from tests.bus.devices import unknown
 from tests.commands.bench import Bench, Ran, beside
 from tests.commands.bus import Wire, device
-from tests.sample import heavy
+from tests.harness.sample import heavy
 
 MAP = "map tpdo1 6064 606C"
 #: how the generic drive's first TPDO is delivered, and how `MAP` leaves it

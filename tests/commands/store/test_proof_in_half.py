@@ -14,7 +14,7 @@ from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.bus.devices import unknown_dictionary
 from tests.commands.bench import Bench
 from tests.commands.bus import Wire
-from tests.sample import heavy
+from tests.harness.sample import heavy
 from tests.small_eds import U32, communication, plain, var
 
 NOT_NOW, COUNT, TIMER = 0x08000022, (0x1A00, 0), (0x1800, 5)

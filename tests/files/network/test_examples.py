@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from tests.commands.bench import Bench
+from tests.harness.sample import heavy
 from tests.process import ROOT
-from tests.sample import heavy
 
 #: which simulated nodes an example is about
 NODES = {

@@ -2,7 +2,7 @@
 
 A mark stands where a way begins: at both ends of an `if`, in and after a loop, at each `case`, at an `except`, at each
 function. They are put in when the code is compiled, so that nothing is traced: a trace function sees each line of
-libraries and tests, too, which takes thrice the processor time of the whole run. `house.branches` reports.
+libraries and tests, too, which takes thrice the processor time of the whole run. `branch_report` reports.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""What each test takes of the processors: `pytest --costs FOLDER` measures it, `python -m tests.costs FOLDER` shows it.
+"""What each test takes of the processors: `pytest --costs FOLDER` measures it.
 
-With `--write` the tests that take much go to `tests/heavy.txt`, of which `sample.py` takes a part by lot: a fifth of a
-second, or a tenth for each of several cases. What a run did not take stays there as it was, unless it is gone. Only for
-Linux, which says what other processes take.
+`python -m tests.harness.costs FOLDER` shows it. With `--write` the tests that take much go to `heavy.txt`, of which
+`sample.py` takes a part by lot: a fifth of a second, or a tenth for each of several cases. What a run did not take
+stays there as it was, unless it is gone. Only for Linux, which says what other processes take.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from typing import TypeVar
 
 import pytest
 
-from tests.costs import heavy_tests
+from tests.harness.costs import heavy_tests
 
 One = TypeVar("One")
 

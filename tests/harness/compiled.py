@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from tests import branches
+from tests.harness import branches
 from tests.surroundings import ROOT
 
 

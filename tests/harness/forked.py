@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import IO
 
 #: what the process that the others are forked from reads; __main__ too, or each of them would read pytest's
-_PRELOADED = ["__main__", "tests.forked", "tests.forked_from"]
+_PRELOADED = ["__main__", "tests.harness.forked", "tests.harness.forked_from"]
 #: a process's end is told once: multiprocessing is asked by one thread at a time, also by each start, which asks of all
 _ONE_AT_A_TIME = threading.Lock()
 

@@ -1,4 +1,4 @@
-"""Ways that the tests in their own process went, per room: `python -m tests.house.branches FOLDER [FILE…]`.
+"""Ways that the tests in their own process went, per room: `python -m tests.harness.branch_report FOLDER [FILE…]`.
 
 FOLDER is that of `pytest --branches FOLDER`; of each FILE (`device/node.py`) it names the ways that nobody went. A test
 that runs dvtcli as a process of its own counts nothing here. Knows no bound: the numbers are there to be read.
@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-from tests.branches import PACKAGE, Way, marked
+from tests.harness.branches import PACKAGE, Way, marked
 from tests.house.draw import ROOMS, room_of
 
 

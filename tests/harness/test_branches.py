@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.branches import marked
-from tests.house.branches import gone, left, rooms, runners
+from tests.harness.branch_report import gone, left, rooms, runners
+from tests.harness.branches import marked
+from tests.harness.sample import heavy
 from tests.process import ROOT, environment
-from tests.sample import heavy
 
 CODE = '''
 def f(x: int, parts: list[int]) -> object:

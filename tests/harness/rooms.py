@@ -1,4 +1,4 @@
-"""`python -m tests.house.rooms [ROOM…] [OPTION…]`: each room's tests by themselves: how many, CPU and time, in a table.
+"""`python -m tests.harness.rooms [ROOM…] [OPTION…]`: each room's tests by themselves: how many, CPU and time.
 
 CPU is that of all processes that the tests started (user and system); on a busy machine it means more than the time.
 Options are pytest's. Exit code 1 where a room fails.

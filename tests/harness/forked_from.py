@@ -9,7 +9,7 @@ from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # this tree, wherever another one is installed
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # this tree, wherever another one is installed
 sys.dont_write_bytecode = False  # what is compiled here need not be again for the next one
 
 #: what libraries import in a function

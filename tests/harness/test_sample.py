@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from tests.costs import is_there, takes_much
-from tests.sample import CASES, LESS, left_out, mark_many, mark_quick, share_of
+from tests.harness.costs import is_there, takes_much
+from tests.harness.sample import CASES, LESS, left_out, mark_many, mark_quick, share_of
 
 
 @pytest.fixture
@@ -144,9 +144,9 @@ def test_of_the_rest_one_case_in_so_many_runs_on_average(pytestconfig: pytest.Co
 
 
 def test_what_is_gone_takes_nothing() -> None:
-    assert is_there("tests/house/test_sample.py::test_what_is_gone_takes_nothing")
-    assert not is_there("tests/house/test_sample.py::test_what_is_gone")
-    assert not is_there("tests/house/test_samples.py::test_what_is_gone_takes_nothing")
+    assert is_there("tests/harness/test_sample.py::test_what_is_gone_takes_nothing")
+    assert not is_there("tests/harness/test_sample.py::test_what_is_gone")
+    assert not is_there("tests/harness/test_samples.py::test_what_is_gone_takes_nothing")
 
 
 def test_what_is_much_depends_on_how_many_cases_there_are() -> None:
