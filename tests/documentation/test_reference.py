@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import inspect
 import json
+import re
 from collections import Counter
+from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
 
 from dvtcli.cli.catalogue import command_names
+from dvtcli.operations import results
 from dvtcli.operations.user.options import Options
 from tests.documentation.pages import PAGES, text
 from tests.documentation.reference import PARTS, REWRITE, names, rewritten
-from tests.documentation.reference.documents import RUNS, SENSES, paths, schemas, sense
-from tests.documentation.reference.house import DRAWING, drawing
+from tests.documentation.reference.documents import RUNS, SENSES, annotated, paths, schemas, sense
+from tests.documentation.reference.house import DRAWING, drawing, svg
+from tests.house.draw import ROOMS, House
 from tests.process import ROOT
 
 generated = pytest.mark.parametrize("page", [page for page in PAGES if any(names(text(page)))])
@@ -28,6 +34,14 @@ def test_what_is_generated_is_what_the_code_has(page: str) -> None:
 def test_the_drawing_shows_the_imports_that_there_are() -> None:
     assert DRAWING.read_text("utf-8") == drawing(), f"{DRAWING.name} is not what the code has now: {REWRITE}"
     assert f"]({DRAWING.name})" in (DRAWING.parent / "architecture.md").read_text("utf-8")
+
+
+def test_the_drawing_shows_every_room_and_what_runs_against_the_order(tmp_path: Path) -> None:
+    texts = {"domain/pdo.py": "import dvtcli.device.node", "device/node.py": "import dvtcli.domain.pdo"}
+    drawn = ElementTree.fromstring(svg(House(tmp_path / "dvtcli", texts)))  # noqa: S314 - our own text
+    space = "{http://www.w3.org/2000/svg}"
+    assert {text.text for text in drawn.iter(f"{space}text")} >= set(ROOMS)
+    assert [path.get("stroke") for path in drawn.iter(f"{space}path")] == ["#78909c", "#c62828"]
 
 
 def test_every_part_stands_in_one_page() -> None:
@@ -48,6 +62,14 @@ def test_every_schema_has_its_run() -> None:
     without, gone = schemas() - RUNS.keys(), RUNS.keys() - schemas()
     assert not without, f"no command is annotated with the answer of {without}: say in {where} who answers it, by a run"
     assert not gone, f"nothing answers {gone} any more: it goes out of {where}"
+
+
+@pytest.mark.parametrize("name", command_names())
+def test_the_reference_of_a_document_names_the_commands_that_answer_it(name: str) -> None:
+    for answer in annotated(name) - {"int", "None", "Facts", "ChangedNodes", "ComparedNodes"}:
+        found = re.findall(r'"schema": "(dvtcli\.[a-z-]+/\d+)"', inspect.getsource(getattr(results, answer)))
+        assert len(found) == 1, f'the document of {answer} says its schema once: {{"schema": "dvtcli.{name}/1", …}}'
+        assert f"`{name}" in RUNS[found[0]]["from"], f"name `{name}` in documents.toml, where {found[0]} comes from"
 
 
 def test_no_field_is_explained_that_no_document_has() -> None:

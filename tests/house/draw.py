@@ -1,8 +1,8 @@
 """The house as its own code draws it: rooms, their order, every import between files, and what runs against the order.
 
-`python -m tests.house.draw` prints it, `--svg FILE` draws it too, `--package DIR` looks at another copy. Knows no law:
-`laws` judges. Counted are imports at the top, in functions and for the type checker, and every module that a
-string names (`import_module("dvtcli.x")`, `f"dvtcli.x.{name}"`, `python -m`): who imports by name imports.
+`python -m tests.house.draw` prints it, `--package DIR` looks at another copy. Counted are imports at the top, in
+functions and for the type checker, and every module that a string names (`import_module("dvtcli.x")`,
+`f"dvtcli.x.{name}"`, `python -m`): who imports by name imports.
 """
 
 from __future__ import annotations
@@ -285,59 +285,13 @@ def text(house: House) -> Iterator[str]:
     yield from (f"  {len(circle)} files: {', '.join(circle)}" for circle in circles)
 
 
-_WIDTH, _BOX, _STEP, _HIGH = 860, 380, 78, 50
-
-
-def svg(house: House, *, counted: bool = True) -> str:
-    """The house as a drawing, its roof at the top: arrows in the order on the right, others in red on the left.
-
-    Without *counted* it says no numbers: so it changes only where an arrow comes or goes.
-    """
-    sizes = Counter(map(room_of, house.files))
-    rooms = [*[room for room in sizes if room not in ROOMS], *reversed(ROOMS)]
-    top = {room: 20 + _STEP * place for place, room in enumerate(rooms)}
-    left = (_WIDTH - _BOX) // 2
-    parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {20 + _STEP * len(rooms)}" '
-        'font-family="sans-serif">',
-        f'<rect width="{_WIDTH}" height="{20 + _STEP * len(rooms)}" fill="#fff"/>',
-    ]
-    for (source, target), count in sorted(Counter(arrow.rooms for arrow in house.arrows).items()):
-        if source != target:
-            against = _floor(target) > _floor(source)
-            edge, way = (left, -1) if against else (left + _BOX, 1)
-            begin, end = top[source] + _HIGH * 0.65, top[target] + _HIGH * 0.35
-            bow = edge + way * (24 + 17 * abs(rooms.index(source) - rooms.index(target)))
-            colour = "#c62828" if against else "#78909c"
-            wide, many = (min(1 + count / 25, 5), f": {count}") if counted else (2, "")
-            parts.append(
-                f'<path d="M{edge},{begin} C{bow},{begin} {bow},{end} {edge},{end}" fill="none" stroke="{colour}" '
-                f'stroke-width="{wide:.1f}" opacity="0.7"><title>{source} imports {target}{many}'
-                f'</title></path><circle cx="{edge}" cy="{end}" r="3" fill="{colour}"/>'
-            )
-    for room in rooms:
-        about = ROOMS.get(room, "in no table")
-        files = f"{sizes[room] or 'no'} files" if counted else ""
-        parts += [
-            f'<rect x="{left}" y="{top[room]}" width="{_BOX}" height="{_HIGH}" rx="6" fill="#eceff1" '
-            'stroke="#455a64"/>',
-            f'<text x="{left + 12}" y="{top[room] + 21}" font-size="15" font-weight="bold">{room}</text>',
-            f'<text x="{left + _BOX - 12}" y="{top[room] + 21}" font-size="12" text-anchor="end">{files}</text>',
-            f'<text x="{left + 12}" y="{top[room] + 40}" font-size="12" fill="#37474f">{about}</text>',
-        ]
-    return "\n".join([*parts, "</svg>\n"])
-
-
 def main(words: list[str] | None = None) -> int:
     """Draw what was asked for; 1 where an arrow runs against the order or files stand in a circle."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--package", type=Path, default=PACKAGE)
-    parser.add_argument("--svg", type=Path, help="also draw it into this file")
     asked = parser.parse_args(words)
     house = House(asked.package)
     print("\n".join(text(house)))
-    if asked.svg is not None:
-        asked.svg.write_text(svg(house), encoding="utf-8")
     return int(bool(house.outward() or house.circles()))
 
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from xml.etree import ElementTree
 
 import pytest
 
-from tests.house.draw import ROOMS, House, main, svg
+from tests.house.draw import House, main
 
 pytestmark = pytest.mark.together
 
@@ -78,13 +77,3 @@ def test_a_circle_inside_a_room_is_found_through_a_lazy_and_a_type_only_import(t
 def test_a_room_in_no_table_may_be_imported_by_none(tmp_path: Path) -> None:
     package = built(tmp_path, domain__pdo="from dvtcli import elsewhere", elsewhere="")
     assert [arrow.target for arrow in House(package).outward()] == ["elsewhere.py"]
-
-
-def test_the_svg_shows_every_room_and_arrow_between_rooms(tmp_path: Path) -> None:
-    package = built(tmp_path, domain__pdo="import dvtcli.device.node", device__node="import dvtcli.domain.pdo")
-    assert main(["--package", str(package), "--svg", str(tmp_path / "house.svg")]) == 1
-    drawn = ElementTree.fromstring((tmp_path / "house.svg").read_text("utf-8"))  # noqa: S314 - our own text
-    assert svg(House(package)) == (tmp_path / "house.svg").read_text("utf-8")
-    space = "{http://www.w3.org/2000/svg}"
-    assert {text.text for text in drawn.iter(f"{space}text")} >= set(ROOMS)
-    assert [path.get("stroke") for path in drawn.iter(f"{space}path")] == ["#78909c", "#c62828"]

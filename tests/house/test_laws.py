@@ -13,7 +13,6 @@ from tests.house.draw import nodes
 from tests.house.laws import LAWS
 from tests.house.laws.askers import ASKED_BY, HARMLESS, is_sender
 from tests.house.laws.breaks import BREAKS
-from tests.house.laws.breaks.unnoticed import UNNOTICED
 from tests.house.laws.breaks.way import Break
 from tests.house.laws.effects import MAY_READ_AND_SEND
 from tests.house.laws.failures import INNER
@@ -37,16 +36,6 @@ def test_it_bites(way: Break) -> None:
     broken = HOUSE.altered(way.file, with_text(HOUSE.texts.get(way.file, '"""New."""\n'), way.text))
     found = list(LAWS[way.law](broken if way.law in WHOLE else broken.only(way.file)))
     assert any(way.file in said for said in found), found
-
-
-@pytest.mark.drawn(8)
-@pytest.mark.parametrize("way", UNNOTICED, ids=lambda way: f"{way.law}-{way.file}")
-def test_what_passes_is_said(way: Break) -> None:
-    """Who mends a law so that it notices one takes it from here to the others."""
-    assert UNNOTICED[way]
-    broken = HOUSE.altered(way.file, with_text(HOUSE.texts.get(way.file, '"""New."""\n'), way.text))
-    found = LAWS[way.law](broken if way.law in WHOLE else broken.only(way.file))
-    assert not any(way.file in said for said in found), "it is noticed now: put it beside the others in breaks/"
 
 
 def with_text(source: str, text: str) -> str:

@@ -1,4 +1,4 @@
-"""Ways to break each law, at least three a law, in a file a theme; `unnoticed` has those that pass, with why.
+"""Ways to break each law, at least three a law, in a file a theme.
 
 A way is a line put into a file, or a new file, that a check must notice.
 """
