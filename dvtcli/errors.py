@@ -24,8 +24,7 @@ The number is the exit code.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 if TYPE_CHECKING:
     from dvtcli.domain.file_complaint import FileComplaint
@@ -264,8 +263,7 @@ def stopped_node(node_id: int) -> SafetyRefusal:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class LeftObject:
+class LeftObject(NamedTuple):
     """A difference of node *node_id* from before: *label* is its PDO or object, *place* the object (`1800:05`).
 
     *place* is None if the PDO could not be read; *holds* and *before* are None if unknown. *text* is the difference in

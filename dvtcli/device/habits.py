@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.change.private_file import write_private
@@ -27,8 +27,7 @@ _MOST_TIMES = 1_000_000
 Parameter = tuple[Direction, int]
 
 
-@dataclass(frozen=True, slots=True)
-class Habit:
+class Habit(NamedTuple):
     """The device aborted a write to *parameter* of an enabled PDO with *abort*, and took it with the PDO disabled.
 
     Without a *parameter*: aborted any PDO write while OPERATIONAL, and took it in PRE-OPERATIONAL.

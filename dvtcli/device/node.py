@@ -359,7 +359,6 @@ class Node(Changeable):
 
     def undo_plans(self, asked: UndoRequest) -> tuple[Applied, int]:
         """Undo the changes in *asked* and return the number of plans. Raises the errors of `plan_undo`."""
-        from dataclasses import replace
 
         from dvtcli.device.change.undo_plan import foreseen, plan_undo, put_back_findings, undo_plan_of
 
@@ -378,7 +377,7 @@ class Node(Changeable):
                 raise
             plan = self.observed(lambda: undo_plan_of(self, back.undone, as_taken=True, rolls_back=asked.rolls_back))
             applied = self.apply(plan, back.unknown, kept=False, initial_state=initial_state)
-            applied = replace(applied, not_put_back=put_back_findings(foreseen(back.undone)))
+            applied = applied._replace(not_put_back=put_back_findings(foreseen(back.undone)))
         if others and self.bus.boot_ups(self.node_id) == boot_ups:  # otherwise the restart is reported: it cleared RAM
             self._roll_back_side_effects(applied.plan, others)
             if self.bus.boot_ups(self.node_id) != boot_ups:
@@ -386,7 +385,7 @@ class Node(Changeable):
 
                 look_again(self, applied.plan, initial_state)
         self.undone_earlier += not asked.own
-        return replace(applied, unrestored=back.unrestored), len(back.undone)
+        return applied._replace(unrestored=back.unrestored), len(back.undone)
 
     def _beside(self, plan: Plan) -> tuple[PdoChange, ...]:
         """The PDOs not written by *plan*, as last read, each as a change to its present values."""

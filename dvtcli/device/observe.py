@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import NamedTuple, Protocol, TypeVar
 
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtState
@@ -30,8 +29,7 @@ class RebootMonitor(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True)
-class RestartCounter:
+class RestartCounter(NamedTuple):
     """The boot-ups and disturbances of *node_id* as seen by *bus*."""
 
     bus: CanopenBus
@@ -46,8 +44,7 @@ class RestartCounter:
         return self.bus.disturbance_count(self.node_id)
 
 
-@dataclass(frozen=True, slots=True)
-class InitialState:
+class InitialState(NamedTuple):
     """A node before the planning of a change: its NMT state (None if unknown), and the bus's counters.
 
     *boot_ups* and *disturbance_count* are the bus's counts. With *ignores_restarts* the change proceeds even if the

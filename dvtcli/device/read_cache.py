@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from dvtcli.device.read_pdos import IDENTITY
 from dvtcli.domain.ports import CanopenBus, SdoReader
@@ -123,8 +123,7 @@ class ReadCache:
             self.clear()
 
 
-@dataclass(frozen=True, slots=True)
-class CacheLook:
+class CacheLook(NamedTuple):
     """A view of *cache* (`ReadCache.look`)."""
 
     cache: ReadCache

@@ -7,7 +7,6 @@ significant bit first. Callers supply the data types.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from dvtcli.domain.datatypes import DataType, Kind, Value
@@ -17,8 +16,7 @@ from dvtcli.domain.mapping import PdoMappingEntry
 TypeOf = Callable[[PdoMappingEntry], DataType | None]
 
 
-@dataclass(frozen=True, slots=True)
-class Field:
+class Field(NamedTuple):
     """Position of an entry in the frame: *start_bit* counts from the least significant bit of byte 0."""
 
     start_bit: int

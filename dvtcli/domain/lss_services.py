@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 #: CAN-IDs of the LSS master's requests and of the slaves' answers
 REQUEST_ID, ANSWER_ID = 0x7E5, 0x7E4
@@ -47,8 +48,7 @@ class LssAddress:
         return " ".join(f"{name}=0x{number:X}" for name, number in zip(names, self.parts, strict=True))
 
 
-@dataclass(frozen=True, slots=True)
-class LssRanges:
+class LssRanges(NamedTuple):
     """Nodes of one product with revision and serial number in ranges (lowest, highest)."""
 
     vendor: int

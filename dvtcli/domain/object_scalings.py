@@ -42,8 +42,7 @@ class ObjectRange(NamedTuple):
         return (self.last - self.first + 1) * (self.last_sub - self.first_sub + 1)
 
 
-@dataclass(frozen=True, slots=True)
-class ScalingRule:
+class ScalingRule(NamedTuple):
     """A physical meaning for some objects.
 
     With *numbered*, the bits of sub-index k are called `NAME n`, counted from sub-index 1 with *per* bits each.

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
@@ -56,8 +57,7 @@ class Step:
         return f"0x{value:08X}" if len(data) == 4 else str(value) if len(data) <= 2 else hex_preview(data)
 
 
-@dataclass(frozen=True, slots=True)
-class PdoChange:
+class PdoChange(NamedTuple):
     """A PDO change from *before* to *after*, with its steps.
 
     *back* is the configuration to restore if the device refuses *before*, None if no refusal is expected.
@@ -79,8 +79,7 @@ class PdoChange:
         return plan_pdo(self.pdo, self.after, self.before)
 
 
-@dataclass(frozen=True, slots=True)
-class ValueChange:
+class ValueChange(NamedTuple):
     """A change of one object by itself, in one step, also of a single object of a PDO.
 
     A stamp changes to a new stamp by way of 0, the COB-ID of a service in use by way of an inactive COB-ID.

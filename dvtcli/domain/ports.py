@@ -7,21 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from dvtcli.domain.nmt import NmtCommand, NmtState
 
 
-@dataclass(frozen=True, slots=True)
-class BootUp:
+class BootUp(NamedTuple):
     """Boot-up message of a node (CiA 301, 7.2.8.3.3)."""
 
     node_id: int
     timestamp_s: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class StateChange:
+class StateChange(NamedTuple):
     """A heartbeat with another state than *before*; *before* is None if unknown."""
 
     node_id: int
@@ -30,8 +28,7 @@ class StateChange:
     timestamp_s: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Emergency:
+class Emergency(NamedTuple):
     """An emergency message: *code* (CiA 301, table 26), *register* (0x1001) and five manufacturer-specific bytes."""
 
     node_id: int

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.domain.pdo import Direction, Pdo
 
@@ -68,8 +68,7 @@ class StorePolicy:
         return self.covers[0] <= index <= self.covers[1]
 
 
-@dataclass(frozen=True, slots=True)
-class LoginPolicy:
+class LoginPolicy(NamedTuple):
     """Login to a device: write *user_id* (u16), then *passcode* (u16), read *level* (u8) back.
 
     *needed* is the level for writes to the indices in *covers*, *highest* the highest level; 0 is logged
@@ -139,16 +138,14 @@ class FaultList:
     code: ObjectAddress
 
 
-@dataclass(frozen=True, slots=True)
-class KnownFault:
+class KnownFault(NamedTuple):
     """Meaning of a family's error code; *remedy* is empty if unknown."""
 
     text: str
     remedy: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class MappingAdvice:
+class MappingAdvice(NamedTuple):
     """Why the objects from index *first* to *last* should not feed a TPDO."""
 
     first: int

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 #: one sub-index per program, 1..254
 PROGRAM_DATA, PROGRAM_CONTROL, SOFTWARE_IDENTIFICATION, FLASH_STATUS = 0x1F50, 0x1F51, 0x1F56, 0x1F57
@@ -23,8 +23,7 @@ _FLASH_ERRORS = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class FlashStatus:
+class FlashStatus(NamedTuple):
     """The flash status object (u32): bit 0 at work, bits 1..7 the last error; other bits are manufacturer-specific."""
 
     raw: int

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import reduce
 from itertools import islice
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from dvtcli.domain.cob_id import HIGHEST_BASE_CAN_ID, CobId
 from dvtcli.domain.hint import Action, Hint
@@ -53,8 +53,7 @@ class PdoRequest:
         return tuple((word.index, word.sub_index) for word in words)
 
 
-@dataclass(frozen=True, slots=True)
-class Switched:
+class Switched(NamedTuple):
     """Request of `enable` and `disable`: bit 31 of the COB-ID only."""
 
     enabled: bool

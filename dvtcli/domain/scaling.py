@@ -26,8 +26,7 @@ _WITH_RAW = re.compile(r"(?P<word>.*)\((?P<raw>-?(?:[0-9]{1,40}|0[xX][0-9a-fA-F]
 _LEFT_OUT = re.compile(r"(?:[\s_,;:'\"()\[\]]|(?<=[^\W\d_])-(?=[^\W\d_]))+")
 
 
-@dataclass(frozen=True, slots=True)
-class State:
+class State(NamedTuple):
     """A word for all raw values with *bits* under *mask*."""
 
     mask: int

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
 from datetime import date, timedelta
+from typing import NamedTuple
 
 
-@dataclass(frozen=True, slots=True)
-class WhoStored:
+class WhoStored(NamedTuple):
     """Node-IDs that *stored*, that did not, and with *unknown* result.
 
     *not_held*: nodes that acknowledged their store, but then did not hold the planned values.
@@ -46,8 +45,7 @@ _FIRST_DAY, _LAST_DAY = 65_536, 2_900_000
 _PRIME, _QUOTIENTS = 9_973, 8_663
 
 
-@dataclass(frozen=True, slots=True)
-class Stamp:
+class Stamp(NamedTuple):
     """Value of 0x1020: *days* since 1 January 1984, *ms* after midnight; both 0 for no stamp."""
 
     days: int

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from dvtcli.domain.datatypes import U8, U16, U32, VISIBLE_STRING, DataType
 from dvtcli.domain.mpdo_lists import DISPATCHER_LISTS, SCANNER_LISTS
@@ -57,8 +57,7 @@ def standard_name(index: int, sub_index: int) -> str:
     return names[sub_index - 1] if 1 <= sub_index <= len(names) else ""
 
 
-@dataclass(frozen=True, slots=True)
-class StandardEntry:
+class StandardEntry(NamedTuple):
     """Data type and access of a sub-index in CiA 301; *access* is None if the standard leaves a choice."""
 
     data_type: DataType

@@ -6,9 +6,8 @@ import json
 import re
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Any, NoReturn, TypeVar
+from typing import Any, NamedTuple, NoReturn, TypeVar
 
 from dvtcli.domain.profile import Range
 from dvtcli.errors import InputFileError
@@ -83,8 +82,7 @@ def read_toml(text: str, source: str) -> Item:
     return Item(content, (), source, lines)
 
 
-@dataclass(frozen=True, slots=True)
-class Item:
+class Item(NamedTuple):
     """A value with its place in the file: *path* of keys, *lines* of all keys."""
 
     value: object
@@ -114,7 +112,7 @@ class Item:
         """Return a table's members, each with its place."""
         if not isinstance(self.value, dict):
             self.fail(f"must be a table, not {self.shown}")
-        return [replace(self, value=value, path=(*self.path, key)) for key, value in self.value.items()]
+        return [self._replace(value=value, path=(*self.path, key)) for key, value in self.value.items()]
 
     def table(self, schema: Mapping[str, Callable[[Item], object]], required: Iterable[str] = ()) -> dict[str, Any]:
         """The values of a table by key, each read by *schema*'s function; unknown and missing keys are errors."""
@@ -168,7 +166,7 @@ def members(item: Item) -> list[Item]:
     """A list's members, each at the list's place."""
     if not isinstance(item.value, list):
         item.fail(f"must be a list, not {item.shown}")
-    return [replace(item, value=value) for value in item.value]
+    return [item._replace(value=value) for value in item.value]
 
 
 def integers(low: int, high: int) -> Callable[[Item], tuple[int, ...]]:

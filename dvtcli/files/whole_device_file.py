@@ -13,7 +13,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from dvtcli.errors import InputFileError
 from dvtcli.files.input_file import json_line, read_input
@@ -27,8 +27,7 @@ _TEXT = "{} does not say what a device held"
 _IDENTITY = ("vendor", "product", "revision", "serial")
 
 
-@dataclass(frozen=True, slots=True)
-class KeptObject:
+class KeptObject(NamedTuple):
     """An object: its *data*, or *why* it is unknown; *type_name* is the short name of its type, empty if unknown."""
 
     data: bytes | None = None

@@ -104,7 +104,7 @@ def node(node_id: int, /, **changes: Any) -> Change:
 
     def changed(state: NetworkState) -> NetworkState:
         nodes = (replace(one, **changes) if one.node_id == node_id else one for one in state.nodes)
-        return replace(state, nodes=tuple(nodes))
+        return state._replace(nodes=tuple(nodes))
 
     return changed
 
@@ -153,7 +153,7 @@ def also(*changes: Change) -> Change:
 
 def master(**role: Any) -> Change:
     """A master is named."""
-    return lambda state: replace(state, master=MasterRole(**role))
+    return lambda state: state._replace(master=MasterRole(**role))
 
 
 def same(state: NetworkState) -> NetworkState:

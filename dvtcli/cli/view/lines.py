@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from dvtcli.domain.text import safe
 
@@ -18,8 +18,7 @@ MAX_WIDTH = 100
 _LEAST = 8
 
 
-@dataclass(frozen=True, slots=True)
-class Cell:
+class Cell(NamedTuple):
     """A text with a style (a click colour name, or `bold`/`dim`); made safe on output."""
 
     text: str

@@ -6,7 +6,7 @@ import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from dvtcli.domain.hint import Action, Hint, filled, sentence
 
@@ -149,8 +149,7 @@ PLACEHOLDER = re.compile(
 )
 
 
-@dataclass(frozen=True, slots=True)
-class TypedCall:
+class TypedCall(NamedTuple):
     """The call before a hint: its bus options, its `-n` options, and the selected node.
 
     *alone*: the next command is typed at a shell, not at the prompt. *script*: the file of the executed lines.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from dvtcli.domain.plan import Plan
 from dvtcli.domain.rules import errors_in
@@ -10,8 +10,7 @@ from dvtcli.domain.rules.finding import Finding
 from dvtcli.errors import RuleError
 
 
-@dataclass(frozen=True, slots=True)
-class Applied:
+class Applied(NamedTuple):
     """A plan that the device took, with the findings of the rules.
 
     *unreadable* are objects of the plan without read access: acknowledged, but not verified. *not_put_back* describes

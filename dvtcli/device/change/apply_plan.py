@@ -377,5 +377,5 @@ def _errors(node: ReadableNode, change: PdoChange, now: PdoConfig, want: PdoConf
 
 def _with_off(plan: Plan, change: PdoChange) -> Plan:
     """*plan* with the PDO of *change* disabled before its first write."""
-    off = replace(plan_pdo(change.pdo, change.before, change.after, off=True), back=change.back)
+    off = plan_pdo(change.pdo, change.before, change.after, off=True)._replace(back=change.back)
     return replace(plan, changes=tuple(off if planned is change else planned for planned in plan.changes))

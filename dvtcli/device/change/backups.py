@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from dvtcli.device.change.private_file import file_name
 from dvtcli.domain.pdo import Pdo, PdoConfig
@@ -13,8 +13,7 @@ from dvtcli.domain.plan import PdoChange, plan_pdo
 from dvtcli.domain.script_line import REMARKS, identity_line, serial_line
 
 
-@dataclass(frozen=True, slots=True)
-class Backup:
+class Backup(NamedTuple):
     """A backup file with its time stamp in UTC, like `20261122T041120.123456Z`."""
 
     path: Path

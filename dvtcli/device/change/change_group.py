@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from dvtcli.device.change.plan_document import Identity
     from dvtcli.domain.plan import Change
 
 
-@dataclass(frozen=True, slots=True)
-class Storing:
+class Storing(NamedTuple):
     """A store at the end of a change group, after all changes are verified.
 
     *group* is the argument of `store`. *is_begun*: the command may have been sent. *is_done*: the node acknowledged.
@@ -36,8 +35,7 @@ class Storing:
         return not (self.is_done or self.is_accepted)
 
 
-@dataclass(frozen=True, slots=True)
-class GroupMember:
+class GroupMember(NamedTuple):
     """The change group of a journal: id and name of the group (None and empty: a change by itself).
 
     *entries* are the ids for `undo`; *final* is the script line begun last, which no undo reverts. *asked* are the PDOs

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from itertools import takewhile
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from dvtcli.device.change.journal import MOST_BYTES
 from dvtcli.device.change.lock import WAIT_S, lock_within
@@ -29,8 +29,7 @@ SCHEMA = "dvtcli.past/1"
 MOST_NUMBER = 10**18
 
 
-@dataclass(frozen=True, slots=True)
-class ChangeHistoryEntry:
+class ChangeHistoryEntry(NamedTuple):
     """A verified change: its *plan*, time (ISO 8601, UTC), bus and device.
 
     *selected* is the node-ID given to dvtcli, whichever node was changed; None for none. *stored* are the labels taken
@@ -236,7 +235,7 @@ class ChangeHistory:
         path, taken = self.path(node_id, identity), frozenset(labels)
         if not taken or not path.exists():
             return
-        entries = [replace(entry, stored=entry.stored | taken & entry.labels) for entry in self._sound(path)]
+        entries = [entry._replace(stored=entry.stored | taken & entry.labels) for entry in self._sound(path)]
         try:
             self._write(path, [entry for entry in entries if not (entry.undoes and entry.stored >= entry.labels)])
         except (OSError, SafetyRefusal) as failed:
@@ -251,7 +250,7 @@ class ChangeHistory:
         if not names or not path.exists():
             return
         entries = [
-            replace(entry, maybe_stored=entry.labels) if entry.id in names else entry for entry in self._sound(path)
+            entry._replace(maybe_stored=entry.labels) if entry.id in names else entry for entry in self._sound(path)
         ]
         try:
             self._write(path, entries)

@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from dvtcli.device.change.change_group import ChangeGroup, GroupMember, Storing
 from dvtcli.device.change.plan_document import (
@@ -137,8 +137,7 @@ class Journal:
         return list(self.part.asked) or [change.label for change in self.plan.changes]
 
 
-@dataclass(frozen=True, slots=True)
-class Journals:
+class Journals(NamedTuple):
     """The journals of one *folder* for the bus called *bus*."""
 
     folder: Path
@@ -399,7 +398,7 @@ class JournalContents:
         if self.part.group_id != group.id or not self.is_begun:
             self.made, self.nmt_state, self.part = [], nmt_state, GroupMember(group.id, group.name)
         entry, tests = os.urandom(16).hex(), plan.changes if is_test else ()
-        self.part = replace(self.part, entries=(*self.part.entries, entry), asked=asked, tests=tests)
+        self.part = self.part._replace(entries=(*self.part.entries, entry), asked=asked, tests=tests)
         self.in_hand = plan
         return entry
 
@@ -424,7 +423,7 @@ class JournalContents:
         """Drop the temporary change of a proof after its roll-back."""
         if self.part.tests:
             self.made = [plan for plan in self.made if plan.changes != self.part.tests]
-            self.part = replace(self.part, tests=())
+            self.part = self.part._replace(tests=())
 
     @property
     def plan(self) -> Plan:
@@ -481,6 +480,6 @@ def _counts(change: Change, pdos: dict[Pdo, PdoChange]) -> bool:
 def _joined(first: Change, last: Change) -> Change:
     if isinstance(first, PdoChange):
         assert isinstance(last, PdoChange)  # noqa: S101 - one key, one kind
-        return replace(last, before=first.before, back=first.back)
+        return last._replace(before=first.before, back=first.back)
     assert isinstance(last, ValueChange)  # noqa: S101
     return ValueChange(replace(last.step, before=first.step.before))

@@ -6,8 +6,7 @@ Reads only; a missing answer is reported as unknown.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.device.change.roll_back import held_otherwise
 from dvtcli.device.observe import MAX_READS, RebootMonitor
@@ -23,8 +22,7 @@ if TYPE_CHECKING:
 _RESTARTS = f"the node restarted, or lost an answer, each of {MAX_READS} times that it was read"
 
 
-@dataclass(frozen=True, slots=True)
-class Guarded:
+class Guarded(NamedTuple):
     """The values of *node_id* that must be as before *changes*, read through *sdo*.
 
     *beside*, possibly incomplete, is reported only if different.

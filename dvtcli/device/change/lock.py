@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import IO
+from typing import IO, NamedTuple
 
 from dvtcli.device.change.private_file import check_folder, file_name, open_private, private_folder, to_disk
 from dvtcli.errors import SafetyRefusal
@@ -39,8 +39,7 @@ class LockHolder:
         return f"process {self.process}, {ran}{self.since[11:19] or '?'} UTC"
 
 
-@dataclass(frozen=True, slots=True)
-class _LockNote:
+class _LockNote(NamedTuple):
     """The content of the lock file: present or last holder, journal in progress, and last writer."""
 
     holder: LockHolder

@@ -191,7 +191,7 @@ class OwnJournal:
         *equal* are the nodes that matched already: neither changed nor stored.
         """
         if self._contents.is_begun:
-            self._contents.part = replace(self._contents.part, final=line, stores=stores, equal=equal)
+            self._contents.part = self._contents.part._replace(final=line, stores=stores, equal=equal)
             if line:
                 with self._files("kept"):
                     self._write()

@@ -5,7 +5,6 @@ Reading checks every part, as the file may be damaged.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 from dvtcli.domain.cob_id import CobId
@@ -78,7 +77,7 @@ def read_change(document: Any) -> Change:
         pdo = Pdo.parse(str(document["pdo"]))
         before, after = (_config(document.get(key)) for key in ("before", "after"))
         back = None if document.get("back") is None else _config(document["back"])
-        change: PdoChange = replace(plan_pdo(pdo, before, after), back=back)
+        change: PdoChange = plan_pdo(pdo, before, after)._replace(back=back)
         return change
     return _value(document)
 

@@ -100,7 +100,7 @@ def roll_back_once(sdo: SdoTransport, changes: Sequence[Change], *, settles: boo
     for change in changes:
         difference = first_difference(sdo, change, wanted_before=True)
         if difference and isinstance(change, PdoChange) and change.back is not None:
-            difference = first_difference(sdo, replace(change, after=change.back))
+            difference = first_difference(sdo, change._replace(after=change.back))
             otherwise.append(change)
         if difference:
             raise DeviceRefused(f"{change.label} does not read back as it was", place=change.label, why=difference)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.device.change.change_guard import who_else
 from dvtcli.device.stamped import is_stamp, stamp_back
@@ -87,8 +87,7 @@ class UndoRequest:
     is_part_of_group: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class UndoPlan:
+class UndoPlan(NamedTuple):
     """The *plan* from a node's present values to the values before the plans *undone* (oldest first).
 
     *unknown* warns of objects that stay because their former value is unknown.
@@ -282,7 +281,7 @@ def _foreseen(node: NodeDescription, change: Change) -> tuple[Change, Finding | 
         return change, None
     back = Proposal(node.node_id, change.pdo, change.after, change.before, {}, node.profile, node.dictionary)
     found = way_back(back)
-    return (change, None) if found is None else (replace(change, back=found[0]), found[1])
+    return (change, None) if found is None else (change._replace(back=found[0]), found[1])
 
 
 def put_back_findings(changes: Iterable[Change]) -> tuple[Finding, ...]:

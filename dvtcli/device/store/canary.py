@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, islice
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.device.change.apply_plan import apply_plan
 from dvtcli.device.change.failed_change import BUS_BACK, left_open
@@ -48,8 +48,7 @@ _NAMES = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class CanaryParameter:
+class CanaryParameter(NamedTuple):
     """One parameter of a PDO, from *before* to *after*.
 
     If *is_on* (the PDO is enabled), the change requires PRE-OPERATIONAL, when no PDO is sent.
@@ -97,8 +96,7 @@ class CanaryParameter:
         return {**pdos, self.pdo: replace(held, communication=replace(held.communication, **{self.field: value}))}
 
 
-@dataclass(frozen=True, slots=True)
-class CanaryObject:
+class CanaryObject(NamedTuple):
     """An object outside active PDOs, called *name*, with the old and the new value in *step*."""
 
     step: Step
@@ -180,7 +178,7 @@ def _places_of_enabled(node: ReadableNode, pdos: Mapping[Pdo, PdoConfig]) -> Ite
     off = (_taken_off(node, pdo, config) for pdo, config in on)
     types = (islice(_allowed(node, pdo, config, *kind), 1) for pdo, config in on)
     for place in chain.from_iterable(chain(timers, off, types)):
-        yield replace(place, is_on=True)
+        yield place._replace(is_on=True)
 
 
 def _number(node: ReadableNode, index: int) -> int | None:

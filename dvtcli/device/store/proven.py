@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.device.described_node import Defaults
 from dvtcli.device.quirks.standard_channel import in_standard_order
@@ -35,8 +35,7 @@ RESTORE_ALL = Hint(Action.PROVE_RESTORE, {"what": "all"}, "takes and compares th
 AGAIN = as_hint("once more: what refuses to be read for a moment is read then")
 
 
-@dataclass(frozen=True, slots=True)
-class Restart:
+class Restart(NamedTuple):
     """A way to clear the RAM of a node, *by* a method of `domain.proof`; *run* returns after the boot-up message."""
 
     by: str
@@ -305,8 +304,7 @@ def _unread_before(before: PdoConfig, after: PdoConfig) -> Iterator[str]:
             yield f"0x{index:04X}:{sub_index:02X} could not be read before"
 
 
-@dataclass(frozen=True, slots=True)
-class AgainstDefaults:
+class AgainstDefaults(NamedTuple):
     """The number of PDOs or objects with a default in the file, the differing values in words, and *untold*.
 
     *untold* are PDOs and objects not compared, since the file has no default or the node returned no value.

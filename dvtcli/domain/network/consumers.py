@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.network.network_plan import NodePlan
@@ -23,8 +23,7 @@ RULES = (
 Id = tuple[int, bool]
 
 
-@dataclass(frozen=True, slots=True)
-class Sent:
+class Sent(NamedTuple):
     """The TPDO *pdo* in its final state, and whether *plan* *changes* it."""
 
     plan: NodePlan

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import accumulate, groupby
 from math import lcm
+from typing import NamedTuple
 
 from dvtcli.domain.bus_load import arbitration, most_frame_bits
 from dvtcli.domain.frame import byte_length
@@ -40,8 +41,7 @@ EMCY_US, TIME_US = 1_000_000, 1_000_000
 NO_LIMIT, NO_SYNC = "any event", "unknown SYNC"
 
 
-@dataclass(frozen=True, slots=True)
-class Stream:
+class Stream(NamedTuple):
     """A recurring frame: *kind* is `tpdo`, `rpdo`, `sync`, `heartbeat`, `guarding`, `emcy` or `time`.
 
     *label* names it, *node* is its sender. *why* explains its period, or why it has none. *deadline_us* counts from the
@@ -67,7 +67,7 @@ class Stream:
     def late(self, jitter_us: Time) -> Stream:
         """The same stream, handed over up to *jitter_us* late."""
         deadline = self.deadline_us if self.window_us is None else self.window_us + jitter_us
-        return replace(self, frame=replace(self.frame, jitter_us=jitter_us), deadline_us=deadline)
+        return self._replace(frame=self.frame._replace(jitter_us=jitter_us), deadline_us=deadline)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,8 +79,7 @@ class WhatIf:
     inhibit: dict[Endpoint, int] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
-class Streams:
+class Streams(NamedTuple):
     """All streams, and the assumptions (*assumed*), each a sentence."""
 
     streams: tuple[Stream, ...]
@@ -291,8 +290,7 @@ MOST_INSTANCES = 10_000
 _US_A_SECOND = 1_000_000
 
 
-@dataclass(frozen=True, slots=True)
-class TimedFrame:
+class TimedFrame(NamedTuple):
     """A recurring frame, at most once per *period_us* (µs); None if unlimited.
 
     *jitter_us* is the maximum delay of its hand-over to the controller. *data_bytes* is 0..8.
@@ -361,8 +359,7 @@ def _rate(frame: TimedFrame) -> Fraction:
     return Fraction(0) if frame.period_us is None else Fraction(_US_A_SECOND) / frame.period_us
 
 
-@dataclass(frozen=True, slots=True)
-class _Load:
+class _Load(NamedTuple):
     """A frame's load: its *cost* per *period*, up to *jitter* late, all in units."""
 
     cost: int
@@ -370,8 +367,7 @@ class _Load:
     jitter: int
 
 
-@dataclass(frozen=True, slots=True)
-class _Wire:
+class _Wire(NamedTuple):
     """The units in which times are whole numbers: units per µs (*unit*) and per bit (*bit*)."""
 
     unit: int

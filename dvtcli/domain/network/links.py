@@ -5,8 +5,8 @@ Each consumer object is placed at the producer's bits for it. Pure."""
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import chain
+from typing import NamedTuple
 
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import DataType
@@ -49,8 +49,7 @@ def free_can_id(producer: Endpoint, used: Collection[int]) -> int | None:
 Configs = Mapping[int, Mapping[Pdo, PdoConfig]]
 
 
-@dataclass(frozen=True, slots=True)
-class FoundLinks:
+class FoundLinks(NamedTuple):
     """The *links* found, and RPDOs whose layout is *unlike* the TPDO's: consumer and producer."""
 
     links: tuple[LinkConfig, ...]
@@ -112,8 +111,7 @@ RULES = (
 MOVES = frozenset({"link-command", "link-target"})
 
 
-@dataclass(frozen=True, slots=True)
-class LinkSide:
+class LinkSide(NamedTuple):
     """An end of a link: the PDO's final configuration, and the device's profile and dictionary."""
 
     end: Endpoint
@@ -139,8 +137,7 @@ class LinkSide:
         return self.dictionary.entry(entry.index, entry.sub_index) if self.dictionary else None
 
 
-@dataclass(frozen=True, slots=True)
-class Linked:
+class Linked(NamedTuple):
     """Mapping for the consumer, and findings; empty if an error is among *findings*."""
 
     mapping: tuple[PdoMappingEntry, ...]

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from dvtcli.domain.object_syntax import parse_object
 from dvtcli.domain.pdo import Pdo
@@ -84,8 +84,7 @@ class ObjectConfig:
     mark: Mark = field(default=NOWHERE, compare=False)
 
 
-@dataclass(frozen=True, slots=True)
-class ValueConfig:
+class ValueConfig(NamedTuple):
     """Requested value, as typed, of an object of any type."""
 
     object: FileWord
@@ -188,8 +187,7 @@ class MasterRole:
     mark: Mark = field(default=NOWHERE, compare=False)
 
 
-@dataclass(frozen=True, slots=True)
-class Endpoint:
+class Endpoint(NamedTuple):
     """A PDO of a node: `5:tpdo1`."""
 
     node_id: int
@@ -215,8 +213,7 @@ class LinkConfig:
         return (self.producer, *self.consumers)
 
 
-@dataclass(frozen=True, slots=True)
-class FileNote:
+class FileNote(NamedTuple):
     """A remark on a legal but unused part of a file; *mark* is its first place, *times* its frequency."""
 
     text: str

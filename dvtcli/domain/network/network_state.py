@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.network.network_config import NOWHERE, Endpoint, LinkConfig, Mark, MasterRole
@@ -152,8 +153,7 @@ def identifier_text(identifier: Identifier) -> str:
     return can_id_text(identifier[0], extended=identifier[1])
 
 
-@dataclass(frozen=True, slots=True)
-class NetworkState:
+class NetworkState(NamedTuple):
     """Nodes by node-ID, the master if a file names it, and a file's requested links.
 
     *file* is the source, empty if nodes were read. *untold* are nodes without known contents.

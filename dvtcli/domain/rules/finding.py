@@ -56,8 +56,7 @@ class Finding:
         return Pdo.parse(tail) if head.isdecimal() and tail[1:4] == "pdo" else None
 
 
-@dataclass(frozen=True, slots=True)
-class Producer:
+class Producer(NamedTuple):
     """An enabled TPDO of another node."""
 
     node_id: int

@@ -6,6 +6,7 @@ Reads the keys of CiA 306, 4.6.3, and the common private keys `Unit` and `Factor
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from dvtcli.domain.datatypes import DATA_TYPES, U8, DataType, Kind
 from dvtcli.domain.object_dictionary import Access, OdEntry
@@ -65,8 +66,7 @@ class EntryPlace:
         return f"{self.index:04X}:{self.sub_index:02X}" if self.of_many else f"{self.index:04X}"
 
 
-@dataclass(frozen=True, slots=True)
-class _Limits:
+class _Limits(NamedTuple):
     low: int | float | None = None
     low_relative: bool = False
     high: int | float | None = None

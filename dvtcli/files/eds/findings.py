@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, LintRule
 from dvtcli.domain.profile import Severity
 
 
-@dataclass(frozen=True, slots=True)
-class EdsFinding:
+class EdsFinding(NamedTuple):
     """An oddity of a file: *line* (from 1), severity, *rule* by its short name, and *text* with the reader's reaction.
 
     *text* quotes the file unchanged; a view must make control characters harmless. *object* is the object concerned in

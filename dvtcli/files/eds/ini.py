@@ -9,7 +9,6 @@ from __future__ import annotations
 import codecs
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import accumulate
 from typing import NamedTuple
 
@@ -44,8 +43,7 @@ class IniSection(NamedTuple):
 Values = dict[str, IniValue]
 
 
-@dataclass(frozen=True, slots=True)
-class IniText:
+class IniText(NamedTuple):
     """A whole file: *sections* in order, *preamble* before the first section, and the encoding.
 
     *mixed_line_ends*: some lines do not end with *newline*.

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 import re
 import struct
-from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 from dvtcli.domain.datatypes import DataType, Kind, parse_number
 from dvtcli.files.eds.findings import BAD_NUMBER, LEADING_ZERO, ODD_VALUE, Findings
@@ -23,8 +23,7 @@ _REMEMBERED = 4096
 _TEXT_KINDS = (Kind.VISIBLE_STRING, Kind.UNICODE_STRING)
 
 
-@dataclass(frozen=True, slots=True)
-class EncodedValue:
+class EncodedValue(NamedTuple):
     """A value's bytes for node-ID 0; *relative*: the node-ID is added. *remark* is empty or an oddity."""
 
     data: bytes

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 from dvtcli.domain.cob_id import HIGHEST_BASE_CAN_ID, CobId
 from dvtcli.domain.network.network_config import (
@@ -132,8 +132,7 @@ _ERROR_BEHAVIOUR = 0x1029
 NONE = "none"
 
 
-@dataclass(frozen=True, slots=True)
-class Surroundings:
+class Surroundings(NamedTuple):
     """The context of a node's keys: node-IDs by name, the master, and its heartbeat multiplier."""
 
     node_ids: Mapping[str, int]

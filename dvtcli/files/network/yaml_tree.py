@@ -5,9 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.domain.network.network_config import Mark
 
@@ -17,8 +16,7 @@ if TYPE_CHECKING:
     from dvtcli.files.network.file_log import FileLog
 
 
-@dataclass(frozen=True, slots=True)
-class Leaf:
+class Leaf(NamedTuple):
     """A value: its *text*, and its *kind*: int, float, bool, null or str (also for quoted values)."""
 
     mark: Mark
@@ -31,16 +29,14 @@ class Leaf:
         return self.kind == "null"
 
 
-@dataclass(frozen=True, slots=True)
-class YamlList:
+class YamlList(NamedTuple):
     """A list."""
 
     mark: Mark
     items: tuple[Tree, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Branch:
+class Branch(NamedTuple):
     """A mapping: by the text of each key, the key itself and its value."""
 
     mark: Mark

@@ -9,9 +9,9 @@ import os
 import re
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 from dvtcli.domain.object_dictionary import ObjectDictionary, normalised
 from dvtcli.domain.object_scalings import Standard
@@ -27,8 +27,7 @@ from dvtcli.files.user_folders import file_state, user_folder
 _HEADER = re.compile(r"\s*\[+(?!\[)([^\]]+)\]+\s*(?:#.*)?")
 
 
-@dataclass(frozen=True, slots=True)
-class Reason:
+class Reason(NamedTuple):
     """A key (with its tables, `store.timeout_s`), its value as written, and why; *line* is from 1.
 
     *reason* is the comment behind the value, else the comment above the table; empty if none.

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from fractions import Fraction
+from typing import NamedTuple
 
 from dvtcli.domain.scaling import parse_offset, parse_scale
 from dvtcli.files.eds.findings import Findings
@@ -26,8 +26,7 @@ _LONGEST = 40
 _DEFAULT_ACCESS = "ro"
 
 
-@dataclass(frozen=True, slots=True)
-class Parameter:
+class Parameter(NamedTuple):
     """A *parameter* of the file: its *element*, and the *template* for missing parts."""
 
     element: XmlElement

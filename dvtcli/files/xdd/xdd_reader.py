@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
+from typing import NamedTuple
 
 from dvtcli.domain.object_dictionary import Commissioning, DeviceInfo, ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.errors import InputFileError
@@ -101,8 +102,7 @@ def number_of(element: XmlElement, attribute: str, highest: int, findings: Findi
     return None
 
 
-@dataclass(frozen=True, slots=True)
-class _XddObject:
+class _XddObject(NamedTuple):
     """An object or sub-object: its *element*, and the referenced *parameter*."""
 
     element: XmlElement

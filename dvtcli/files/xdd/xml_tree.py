@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import NoReturn
+from typing import NamedTuple, NoReturn
 from xml.parsers import expat
 
 from dvtcli.errors import InputFileError
@@ -57,8 +57,7 @@ class XmlElement:
         return "" if found is None else found.text.strip()
 
 
-@dataclass(frozen=True, slots=True)
-class XmlTree:
+class XmlTree(NamedTuple):
     """A whole file: *root*, the root's namespace, and the types named by its elements (`xsi:type`)."""
 
     root: XmlElement

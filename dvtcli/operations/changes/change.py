@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.device.store.unstored import last_unstored
@@ -43,7 +42,7 @@ def configure(
     started = time.monotonic()
     applied = node.configure(wants, force=session.options.force, initial_state=initial_state)
     more = *_without_producer(session, node, applied), *_other_lengths(session, node, applied)
-    applied = replace(applied, findings=(*applied.findings, *more))
+    applied = applied._replace(findings=(*applied.findings, *more))
     return change_result(session, node, applied, time.monotonic() - started)
 
 

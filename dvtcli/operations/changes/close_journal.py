@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -149,11 +148,11 @@ def _hand_on_stores(node: Node, journal: Journal, together: Sequence[Journal]) -
         return
     journals = Journals(journal.path.parent, journal.bus)
     stores = tuple(
-        replace(store, is_accepted=True) if store.node_id == node.node_id else store for store in part.stores
+        store._replace(is_accepted=True) if store.node_id == node.node_id else store for store in part.stores
     )
     for other in together:
         if other.path != journal.path and other.part.stores != stores:
-            told = replace(other.part, final=part.final, stores=stores, equal=part.equal)
+            told = other.part._replace(final=part.final, stores=stores, equal=part.equal)
             with journal_files(journals, other.plan.node_id, "kept"):
                 journals.write(other.plan, other.identity, other.nmt_state, told)
     if stored_before(journal, together) is not False and node.guard is not None:

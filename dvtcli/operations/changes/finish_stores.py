@@ -176,7 +176,7 @@ def _wanted(journal: Journal) -> tuple[Change, ...]:
 def _without(change: Change, test: Change) -> Change:
     """Remove *test* from the end of *change*."""
     if isinstance(change, PdoChange):
-        return replace(change, after=test.before) if isinstance(test, PdoChange) else change
+        return change._replace(after=test.before) if isinstance(test, PdoChange) else change
     before = change.step.before if isinstance(test, PdoChange) else test.step.before
     return ValueChange(replace(change.step, after=before or b""))
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.failed_change import BUS_BACK, beside, not_rolled_back
@@ -106,7 +106,7 @@ def is_otherwise(node: ReadableNode, change: Change) -> bool:
         return False
     if first_difference(node.sdo, change, wanted_before=True) is None:
         return False
-    return first_difference(node.sdo, replace(change, after=change.back)) is None
+    return first_difference(node.sdo, change._replace(after=change.back)) is None
 
 
 def all_back(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -106,7 +105,7 @@ def store_each(
             if stores.lost or not isinstance(fault, DeviceRefused):
                 raise
             if fault.state != "unknown":
-                stores.states[one.node_id] = replace(stores.states[one.node_id], is_refused=True)
+                stores.states[one.node_id] = stores.states[one.node_id]._replace(is_refused=True)
 
     jobs = [partial(store, state) for state in states if state.waits]
     faults = one_by_one(jobs)  # not side by side: wherever this ends, nobody knows of one node at most
@@ -140,7 +139,7 @@ def _store_one(
     journals: Sequence[OwnJournal],
     prove: str | None,
 ) -> None:
-    stores.states[one.node_id] = one = replace(one, is_begun=True, is_refused=False)
+    stores.states[one.node_id] = one = one._replace(is_begun=True, is_refused=False)
     states = tuple(stores.states.values())
     for journal in _to_note(journals, one.node_id):
         journal.final(_final(name, states, one), states, stores.equal)
@@ -158,7 +157,7 @@ def _store_one(
     except (SafetyRefusal, LeftChanged) as other:  # another device, or what tested the store is left on it
         stores.lost = [other, *(exception for exception in stores.lost if exception is not other)]
         raise
-    stores.states[one.node_id] = replace(one, is_done=True)
+    stores.states[one.node_id] = one._replace(is_done=True)
     _say_too_late(session, stores)
 
 

@@ -211,7 +211,7 @@ def undo_remembered_changes(session: SessionNodes, chain: RememberedDevice, *, e
     _forget(session, chain, applied, count)
     if not everything:
         _tell_of_others(session, chain)
-    applied = replace(applied, findings=(*applied.findings, *chain.findings))
+    applied = applied._replace(findings=(*applied.findings, *chain.findings))
     return change_result(session, node, applied, time.monotonic() - started, undone=True)
 
 
@@ -372,7 +372,7 @@ def undo_to_backup(session: SessionNodes, rehearse: Rehearse, when: str | None =
         )
     changes = way_to(node.observed(lambda: {pdo: node.pdo(pdo) for pdo in config.pdos}), config.pdos)
     applied = node.apply(Plan(node.node_id, changes), force=session.options.force, initial_state=initial_state)
-    applied = replace(applied, not_put_back=tuple(_unlike_backup(node, said)))
+    applied = applied._replace(not_put_back=tuple(_unlike_backup(node, said)))
     return change_result(session, node, applied, time.monotonic() - started, undone=True)
 
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import re
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -36,9 +35,9 @@ def furthest(journals: Sequence[Journal]) -> GroupMember:
     part = max((journal.part for journal in journals), key=lambda part: (len(part.stores), *_progress(part)))
     open_ids = {journal.plan.node_id for journal in journals}
     stores = tuple(
-        replace(store, is_accepted=store.is_accepted and store.node_id not in open_ids) for store in part.stores
+        store._replace(is_accepted=store.is_accepted and store.node_id not in open_ids) for store in part.stores
     )
-    return replace(part, stores=stores)
+    return part._replace(stores=stores)
 
 
 def _progress(part: GroupMember) -> tuple[int, int, int]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.device.described_node import ToldValues
 from dvtcli.device.read_pdos import IDENTITY, read_modules
@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 _COB_ID_FLAGS, _COB_ID_BYTES = 0xE000_0000, 4
 
 
-@dataclass(frozen=True, slots=True)
-class HeldDevice:
+class HeldDevice(NamedTuple):
     """The values of a device in a file *name*: *objects* by address, of node *node_id* (None: not given).
 
     *identity* has the numbers of 0x1018, None if not given; *dictionary* describes the objects, if known.

@@ -261,7 +261,7 @@ def _with_live(state: NetworkState, live: NetworkState) -> NetworkState:
     nodes = [_one_with_live(node, live.node(node.node_id)) for node in state.nodes]
     managers = [node for node in live.nodes if state.node(node.node_id) is None and node.number(NMT_STARTUP)]
     ordered = sorted([*nodes, *managers], key=lambda live_node: live_node.node_id)
-    return replace(state, nodes=tuple(ordered), untold=())
+    return state._replace(nodes=tuple(ordered), untold=())
 
 
 def _one_with_live(node: NodeState, live: NodeState | None) -> NodeState:

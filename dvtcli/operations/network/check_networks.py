@@ -216,7 +216,7 @@ def judged_file(
 
     rules, failures, log = chosen_rules(options), list[DvtcliError](), FileLog(file, network_text(file))
     state = described_network(file, reporter, for_rules=True, on_bus=on_bus, config=config, failures=failures)
-    state = replace(state, links=()) if failures else state
+    state = state._replace(links=()) if failures else state
     names = {rule.name for rule in rules}
     found = [finding for failed in failures for finding in _refused(config, failed, names)]
     found += (_of_change(state, node.node_id, said) for node in state.nodes for said in node.said if said.rule in names)

@@ -107,7 +107,7 @@ def described_network(
     untold = [node for node in config.nodes if node.node_id not in words]
     nodes = sorted([*met, *map(told_state, untold)], key=lambda node_state: node_state.node_id)
     ids = tuple(node.node_id for node in untold)
-    return with_link_marks(replace(state, nodes=tuple(nodes), untold=ids), read.links)
+    return with_link_marks(state._replace(nodes=tuple(nodes), untold=ids), read.links)
 
 
 def described_pdos(file: str, config: NetworkConfig) -> NetworkState:
@@ -272,7 +272,7 @@ def _simulated(
         plan = _planned(session, config, FileLog(file, network_text(file)), failures, by_rules=for_rules)
         nodes = [session.node(node.node_id) for node in config.nodes]
         state = network_state(nodes, for_rules=for_rules)
-        state = replace(state, nodes=tuple(map(_without_unknown_types, state.nodes)))
+        state = state._replace(nodes=tuple(map(_without_unknown_types, state.nodes)))
         return network_after(state, plan, config)
 
 

@@ -338,7 +338,7 @@ def _of_nodes(
             f"no node answers on {session.wire.name}: there is nothing to draw",
             hint=Hint(Action.FIND_NODES, why="is it the right bus, and are its nodes on? {} asks every node-ID"),
         )
-    state = replace(state, nodes=tuple(replace(node, name=names.get(node.node_id, "")) for node in state.nodes))
+    state = state._replace(nodes=tuple(replace(node, name=names.get(node.node_id, "")) for node in state.nodes))
     told = options.bit_rate or session.wire.bitrate or session.options.bitrate
     network = CheckedNetwork(state, told, traffic)
     found = list(findings_of(network, chosen_rules(CheckOptions())))

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.heard_traffic import HeardTraffic
@@ -22,8 +21,7 @@ _OF_ONE_NODE = (range(0x081, 0x100), range(0x181, 0x200), range(0x281, 0x300), r
                 range(0x481, 0x500), range(0x581, 0x600), range(0x701, 0x780))  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class Listened:
+class Listened(NamedTuple):
     """The time of recording (*seconds*), and damaged or lost frames."""
 
     seconds: float = 0.0

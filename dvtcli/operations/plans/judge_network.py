@@ -259,7 +259,7 @@ def judge_network(
     network = CheckedNetwork(state, bit_rate or state.bit_rate)
     findings = network_findings(network, {rule.name for rule in NETWORK_RULES})
     if beside := states_beside(session, read):
-        network = replace(network, state=replace(state, nodes=(*beside, *state.nodes)))
+        network = replace(network, state=state._replace(nodes=(*beside, *state.nodes)))
         more = (more_found for more_found in network_findings(network, OF_COB_IDS) if more_found[1].node_id in read)
         findings = chain(findings, more)
     for rule, spot, text in findings:

@@ -160,8 +160,8 @@ def network_after(state: NetworkState, plan: NetworkPlan, config: NetworkConfig 
     configured = {node.node_id: node for node in config.nodes} if config else {}
     nodes = (_node_after(node, planned.get(node.node_id), configured.get(node.node_id)) for node in state.nodes)
     links = () if config is None else config.links
-    return replace(
-        state, nodes=tuple(nodes), master=None if config is None else config.master, links=links, file=plan.file
+    return state._replace(
+        nodes=tuple(nodes), master=None if config is None else config.master, links=links, file=plan.file
     )
 
 
@@ -185,7 +185,7 @@ def with_link_marks(state: NetworkState, links: Sequence[LinkConfig]) -> Network
     for node in state.nodes:
         linked = {end.pdo: link.mark for link in links for end in link.ends if end.node_id == node.node_id}
         nodes.append(replace(node, marks={**linked, **node.marks}) if linked else node)
-    return replace(state, nodes=tuple(nodes))
+    return state._replace(nodes=tuple(nodes))
 
 
 def with_config(state: NodeState, config: NodeConfig) -> NodeState:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.device.heartbeat_slots import heartbeat_ms, heartbeat_slots, is_guarded
 from dvtcli.device.proposal import resolve, untyped_lengths
@@ -149,8 +149,7 @@ RULES = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class LinkedConfig:
+class LinkedConfig(NamedTuple):
     """A *config* with its links resolved, and findings by node-ID."""
 
     config: NetworkConfig

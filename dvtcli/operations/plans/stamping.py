@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from dvtcli.device.stamped import ended_stamp, held_stamp, stamp_changes
 from dvtcli.device.store.unstored import is_remembered
@@ -98,8 +97,7 @@ _PLACE = f"0x{STAMP:04X}"
 _COMMUNICATION = range(0x1000, 0x2000)
 
 
-@dataclass(frozen=True, slots=True)
-class Stamping:
+class Stamping(NamedTuple):
     """A plan's part about a node's stamp: wanted objects, their changes, findings."""
 
     values: Mapping[tuple[int, int], bytes]

@@ -10,7 +10,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -112,7 +112,7 @@ def serving(
     devices = [simulated_device(node) for node in nodes]
     keep = _keeper(wanted.state, nodes, devices, warn)
     nodes = tuple(
-        replace(served_node, node_id=device.node_id) for served_node, device in zip(nodes, devices, strict=True)
+        served_node._replace(node_id=device.node_id) for served_node, device in zip(nodes, devices, strict=True)
     )
     _warn_of_doubles(devices, wanted, warn)
     faults = _faults(options, nodes)

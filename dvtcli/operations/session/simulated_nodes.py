@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import UNCONFIGURED
@@ -48,8 +48,7 @@ def _of_file(path: Path) -> Iterator[str]:
 SIMULATED = "simulated from it"
 
 
-@dataclass(frozen=True, slots=True)
-class Simulated:
+class Simulated(NamedTuple):
     """A `--sim`: node-ID (255: none yet), family (None for a file), dictionary file.
 
     *folder* has the user's own family, as `learn` writes it; the family is named after it.
@@ -79,8 +78,7 @@ class Simulated:
         return f"{what} without a node-ID" if self.node_id == UNCONFIGURED else f"node {self.node_id} {what}"
 
 
-@dataclass(frozen=True, slots=True)
-class FileChoice:
+class FileChoice(NamedTuple):
     """The file at *path*, *why* it was chosen, and a *note*, if any.
 
     *doubtful*: by the note, it may describe another device.
@@ -167,7 +165,7 @@ def _with_modules(nodes: list[Simulated], words: tuple[str, ...]) -> Iterator[Si
         if chosen is not None and (is_own or len(nodes) == 1 or node.dictionary.info.modules.supported):
             read_dictionary(node.eds, chosen)
             modular += 1
-            yield replace(node, modules=chosen)
+            yield node._replace(modules=chosen)
         else:
             yield node
     if not modular:

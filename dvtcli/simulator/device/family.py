@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import NamedTuple
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtState
@@ -36,8 +37,7 @@ class PinCopy:
     bitwise: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class MotorCopy:
+class MotorCopy(NamedTuple):
     """The virtual PDOs of the motors: *down* copies selected:sub → profile object, *up* the other way."""
 
     selector: int

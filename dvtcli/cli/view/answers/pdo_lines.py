@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from dvtcli.cli.view.lines import Cell, Line, Table, clipped, columns
 from dvtcli.domain.frame import layout
@@ -223,8 +223,7 @@ def _last_frame(last: LastFrame) -> Iterator[Line]:
 _MARGIN, _LEAST = 7, 9
 
 
-@dataclass(frozen=True, slots=True)
-class Box:
+class Box(NamedTuple):
     """A run of whole bytes with one label; *fields* are the sub-byte parts, if any."""
 
     first: int

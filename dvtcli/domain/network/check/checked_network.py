@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 from dvtcli.domain.lint.described import blank
 from dvtcli.domain.network.bus_need import BusNeed, bus_need
@@ -58,8 +59,7 @@ class NetSpot:
 NetFound = Iterator[tuple[NetSpot, str]]
 
 
-@dataclass(frozen=True, slots=True)
-class PdoConnection:
+class PdoConnection(NamedTuple):
     """An RPDO that receives a TPDO: consumer first."""
 
     consumer: NodeState

@@ -6,7 +6,7 @@ Findings of the reader are in `EdsFile.findings`.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 from dvtcli.domain.object_dictionary import ObjectDictionary
@@ -41,7 +41,7 @@ def named(finding: EdsFinding, shown: str, dictionary: ObjectDictionary) -> EdsF
         shown, sub_index = f"{index}:00", "00"
     entry = None if held is None or not sub_index else held.entries.get(int(sub_index, 16))
     kind = "" if entry is None or entry.data_type is None else f" {entry.data_type.name}"
-    return replace(finding, object=shown, text=f"{shown}{kind}: {finding.text}")
+    return finding._replace(object=shown, text=f"{shown}{kind}: {finding.text}")
 
 
 #: Results of a rule: line (from 1) and text.
