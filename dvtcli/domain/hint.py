@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import Any, NamedTuple
+from typing import Any
 
 
 class Action(Enum):
@@ -199,7 +199,8 @@ def _placed(why: str, action: str) -> str:
     return _BRACES.sub(lambda found: said[found[0]], why).rstrip()
 
 
-class NextStep(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class NextStep:
     """The `next` field of a document: the first runnable step of *hint*, in words."""
 
     hint: Hint

@@ -11,9 +11,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import InputFileError
-from dvtcli.files.carried_over import kept
 from dvtcli.files.eds.reader import EdsFile
-from dvtcli.files.file_info import file_info
 from dvtcli.files.input_file import read_input_head
 
 if TYPE_CHECKING:
@@ -122,6 +120,9 @@ def _looks_like_xml(first: bytes, name: str) -> bool:
 
 def connected_file(path: Path, modules: Sequence[int]) -> bytes:
     """Return the EDS or DCF at *path* with *modules* connected, and the sections of their objects."""
+    from dvtcli.files.carried_over import kept
+    from dvtcli.files.file_info import file_info
+
     read = read_device_file(path, modules)
     keeps = kept(read, of_a_node=True) if isinstance(read, EdsFile) else None
     return device_file_bytes(read.dictionary, path.name, f"made from {path.name}", None, file_info(read), keeps)

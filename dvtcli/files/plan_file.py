@@ -9,7 +9,6 @@ import json
 from pathlib import Path
 from typing import Any
 
-from dvtcli.device.change.journal import MOST_BYTES
 from dvtcli.device.change.plan_document import MOST_CHANGES, read_change, read_identity, read_number, read_plan
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_plan import LeftOut, NetworkPlan, NodePlan
@@ -29,6 +28,8 @@ def is_network_plan(path: Path) -> bool:
 
 def read_network_plan(path: Path) -> NetworkPlan:
     """Read the plan in *path*. Raises InputFileError if malformed, OSError if unreadable."""
+    from dvtcli.device.change.journal import MOST_BYTES
+
     data = read_input(path, 127 * MOST_BYTES, "plan")
     try:
         document = json.loads(data)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +36,7 @@ PLAN = Plan(
         plan_pdo(Pdo.parse("rpdo512"), BARE, FULL),
         ValueChange(Step(0xFFFF, 0xFF, b"\1\2", b"\3\4", "write")),
         ValueChange(Step(0x2000, 0, None, b"", "write")),
-        replace(plan_pdo(Pdo.parse("tpdo3"), ODD, BARE), back=HALF),
+        plan_pdo(Pdo.parse("tpdo3"), ODD, BARE)._replace(back=HALF),
     ),
 )
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.access_level import level_finding
 from dvtcli.device.change.applied import refuse
-from dvtcli.device.change.change_guard import who_else
 from dvtcli.device.store.pending import CHANGE
 from dvtcli.device.target_config import differences, value_differences
 from dvtcli.domain.hint import Action, Hint
@@ -95,6 +94,8 @@ def require_storable(node: Changeable, *, force: bool = False, confirm: bool = T
             )
     refuse(level_finding(node.access), "nothing was stored or restored", node.node_id, force=force)
     if confirm and not force:
+        from dvtcli.device.change.change_guard import who_else
+
         node.expected.require(node, who_else(node.guard))
     if confirm and node.guard is not None:
         node.storing_identity = node.identity()  # no request after the store is needed

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Iterator, Mapping
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.network.network_plan import NodePlan
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import PdoChange
 from dvtcli.domain.rules.finding import WARNING, Finding, Producer, Rule, warning
+
+if TYPE_CHECKING:
+    from dvtcli.domain.network.network_plan import NodePlan
 
 RULES = (
     Rule("consumer-length", WARNING, "an RPDO of a network maps another length than the TPDO that it receives",

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
-from dvtcli.domain.file_complaint import FileComplaint
-from dvtcli.domain.object_scalings import ScaledValue
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import STAMP, Change, Plan, Step, ValueChange, disables, needs_rtr_first, plan_pdo
 from dvtcli.domain.rules.finding import Finding
+
+if TYPE_CHECKING:
+    from dvtcli.domain.file_complaint import FileComplaint
+    from dvtcli.domain.object_scalings import ScaledValue
 
 Identity = dict[str, int | None]
 

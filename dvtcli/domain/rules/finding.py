@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.file_complaint import FileComplaint
 from dvtcli.domain.hint import Hint
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.profile import DeviceProfile, Severity
+
+if TYPE_CHECKING:
+    from dvtcli.domain.file_complaint import FileComplaint
 
 ERROR = (Severity.ERROR,)
 WARNING = (Severity.WARNING,)

@@ -13,7 +13,6 @@ from dvtcli.domain.process_data import is_standard_command
 from dvtcli.domain.rules.producer import producer_findings, sent_by
 from dvtcli.domain.script_line import change_lines
 from dvtcli.errors import DeviceRefused, DvtcliError
-from dvtcli.operations.results import Changed
 
 if TYPE_CHECKING:
     from dvtcli.device.change.applied import Applied
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.plan import Change, Plan, Step
     from dvtcli.domain.request import AnyPdoRequest
     from dvtcli.domain.rules.finding import Finding
+    from dvtcli.operations.results import Changed
     from dvtcli.operations.session.session_nodes import SessionNodes
 
 #: "store parameters" (CiA 301, 7.5.2.13)
@@ -80,6 +80,8 @@ def change_result(
     lines: list[str] | None = None,
 ) -> Changed:
     """Make the result of an applied plan; records changes as script *lines* (None: the plan's own)."""
+    from dvtcli.operations.results import Changed
+
     saved = any(node.saves((step.index, step.sub_index)) for step in applied.plan.steps)
     if (saved or any(map(alters, applied.plan.changes))) and not session.dry_run:
         session.record.add(node.node_id, change_lines(applied.plan) if lines is None else lines)

@@ -17,11 +17,11 @@ from dvtcli.errors import UsageError
 from dvtcli.files.eds.written_values import same_value
 from dvtcli.files.whole_device_file import KeptObject
 from dvtcli.operations.devices.export_dcf import why_unread
+from dvtcli.operations.devices.file_kinds import holds_values
 from dvtcli.operations.devices.held_device import (
     HeldDevice,
     KeptIdentity,
     held_by,
-    holds_values,
     node_of_file,
     selected_nodes,
     told_of,

@@ -1,4 +1,4 @@
-"""A device's file (DCF, EDS, XDD, XDC, backup): its kind by its suffix, its values, and the nodes it is for."""
+"""A device's file (DCF, EDS, XDD, XDC, backup): its values, and the nodes it is for."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from dvtcli.domain.abort import Abort
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import SdoAborted, UsageError
 from dvtcli.files.whole_device_file import SUFFIX, KeptObject, read_whole_device
+from dvtcli.operations.devices.file_kinds import holds_values
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode
@@ -148,19 +149,6 @@ def _said(entry: OdEntry, node_id: int | None) -> bytes | None:
         return None
     relative = entry.value_relative if entry.value is not None else entry.default_relative
     return None if relative and node_id is None else entry.initial(node_id or 0)
-
-
-_HOLDS, _DESCRIBES = (".dcf", ".xdc", ".jsonl"), (".eds", ".xdd")
-
-
-def is_about_device(file: str) -> bool:
-    """Tell whether *file* is about a device, and not about a network."""
-    return file.lower().endswith((*_HOLDS, *_DESCRIBES))
-
-
-def holds_values(file: str) -> bool:
-    """Tell whether *file* has a device's values: a DCF, an XDC or a backup's JSON lines."""
-    return file.lower().endswith(_HOLDS)
 
 
 def refuse_kind(file: str) -> None:

@@ -17,9 +17,9 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.text import join_some
 from dvtcli.errors import UsageError
 from dvtcli.files.input_file import read_input_head
+from dvtcli.operations.devices.file_kinds import holds_values
 from dvtcli.operations.devices.held_device import (
     HeldDevice,
-    holds_values,
     node_of_file,
     selected_nodes,
     told_of,

@@ -16,14 +16,13 @@ from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.plan_file import is_network_plan, read_network_plan
 from dvtcli.operations.changes.change import names, understood
 from dvtcli.operations.changes.possible_stores import refuse_impossible_stores
-from dvtcli.operations.devices.held_device import is_about_device
-from dvtcli.operations.network.network_load import load_after
+from dvtcli.operations.devices.file_kinds import is_about_device
+from dvtcli.operations.network.load_after import load_after
 from dvtcli.operations.plans.chosen_nodes import tell_unknown_bit_rate
 from dvtcli.operations.plans.judge_network import check_plans
 from dvtcli.operations.plans.plan_network import checked_network, plan_network
 from dvtcli.operations.plans.read_network_config import read_network_config
 from dvtcli.operations.results.networks import NetworkPlanned
-from dvtcli.operations.session.save_script import make_file
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -66,6 +65,8 @@ def plan_file(
     interrupted = (node_id for node_id, guard in guards.items() if guard is not None and guard.open_journal())
     answer = NetworkPlanned(plan, tells, saved or "", need, tuple(interrupted))
     if saved is not None:
+        from dvtcli.operations.session.save_script import make_file
+
         read_back = None if saved.lower().endswith(_GATEWAY_LINES) else read_network_plan
         make_file(session, Path(saved), _saved_text(session, answer, saved), read_back)
     return answer

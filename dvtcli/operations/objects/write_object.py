@@ -9,14 +9,13 @@ from dvtcli.device.store.store_parameters import RESTORE, SIGNATURES, STORE
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_state import CONCISE_DCF
-from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import within
 from dvtcli.domain.rules.finding import ERROR, Rule, error
-from dvtcli.domain.rules.raw_write import parameter_size
-from dvtcli.errors import DeviceRefused, DvtcliError, RuleError, UsageError
+from dvtcli.errors import DeviceRefused, RuleError, UsageError
 from dvtcli.operations.changes.change import change_result
 from dvtcli.operations.changes.store_restore import restore_defaults, store_settings
-from dvtcli.operations.values.object_values import how_to_write, scaling_of, type_of, typed_bytes, value_words
+from dvtcli.operations.values.object_values import how_to_write, scaling_of, typed_bytes, value_words
+from dvtcli.operations.values.write_type import object_type
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -93,31 +92,10 @@ def _is_known(node: NodeDescription, index: int, sub_index: int) -> bool:
     return entry is not None and entry.data_type is not None
 
 
-def object_type(node: ReadableNode, index: int, sub_index: int) -> DataType:
-    """Return the type for writing; raises DvtcliError with a hint if unreadable and unknown."""
-    return type_of(node, index, sub_index, _size(node, index, sub_index))
-
-
 def refuse_signature(node: NodeDescription, index: int) -> None:
     """Raises UsageError for 0x1010 and 0x1011, which accept only a signature."""
     if index in SIGNATURES:
         raise UsageError(f"0x{index:04X} takes a signature: use store() or restore()", node=node.node_id)
-
-
-def _size(node: ReadableNode, index: int, sub_index: int) -> int:
-    """Return the object's length in bytes, 0 for a type without fixed length; raises as reading it, with a hint."""
-    if Pdo.at(index) is not None:
-        return parameter_size(index, sub_index) or 4
-    entry = node.dictionary.entry(index, sub_index) if node.dictionary else None
-    if entry is not None and entry.data_type is not None:
-        return entry.data_type.size or 0
-    try:
-        return len(node.upload(index, sub_index))
-    except DvtcliError as failed:
-        failed.hint = failed.hint or Hint(
-            Action.GIVE, {"as_type": "TYPE"}, "says how to write an object that cannot be read"
-        )
-        raise
 
 
 def _is_signature(index: int, value: str) -> bool:

@@ -13,12 +13,12 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.rules.finding import WARNING, Rule, warning
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
-from dvtcli.operations.results import SyncCheck, SyncSource
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.ports import CanopenBus, SdoTransport
+    from dvtcli.operations.results import SyncCheck, SyncSource
     from dvtcli.operations.session.session_nodes import SessionNodes
 
 #: the default SYNC (CiA 301, 7.5.2.5)
@@ -47,6 +47,8 @@ def check_sync(session: SessionNodes, node_ids: Iterable[int] = ()) -> SyncCheck
 
     The nodes are those read so far, simulated, selected, and *node_ids*.
     """
+    from dvtcli.operations.results import SyncCheck
+
     sources = tuple(_source(node) for node in _nodes(session, node_ids))
     periods = [source.period_us for source in sources if source.period_us]
     listen_s = min(_LONGEST_S, max(_SHORTEST_S, 2e-6 * max(periods, default=0)))
@@ -71,6 +73,8 @@ def _nodes(session: SessionNodes, besides: Iterable[int]) -> list[Node]:
 
 
 def _source(node: ReadableNode) -> SyncSource:
+    from dvtcli.operations.results import SyncSource
+
     return SyncSource(node.node_id, read_optional(node.sdo, 0x1005, 0, 4), read_optional(node.sdo, 0x1006, 0, 4))
 
 

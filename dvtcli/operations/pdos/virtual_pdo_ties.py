@@ -6,11 +6,11 @@ import time
 from typing import TYPE_CHECKING
 
 from dvtcli.device.virtual_pdos import apply, group_names, read_pins
-from dvtcli.errors import DvtcliError, UsageError
+from dvtcli.errors import DvtcliError
 from dvtcli.operations.changes.change import change_result
 from dvtcli.operations.results import VpdoListing
 from dvtcli.operations.results.pdos import PinRow, VpdoRow
-from dvtcli.operations.values.named_objects import object_at
+from dvtcli.operations.values.named_objects import object_index, tied_name
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
@@ -61,21 +61,6 @@ def _wanted(node: NodeDescription, pins: Pins, pin: int, value: int) -> tuple[li
         have = f"it has 1…{len(pins.values)}" if pins.values else "it has none"
         raise DvtcliError(f"node {node.node_id} has no {pins.name} pin {pin}: {have}", node=node.node_id)
     return list(pins.tie(pin, value, tied_name(node, value))), list(pins.findings(pin, value, node.dictionary))
-
-
-def object_index(node: NodeDescription, text: str) -> int:
-    """Return the index of the object *text* for a pin; raises UsageError if it is none, or a sub-index."""
-    index, sub_index = object_at(node, text)
-    if sub_index:
-        raise UsageError(f"a pin is tied to a whole object: {index:04X}, without a sub-index", node=node.node_id)
-    return index
-
-
-def tied_name(node: NodeDescription, index: int) -> str:
-    """Name an object by the EDS, else by the profile."""
-    if node.dictionary is not None and index in node.dictionary:
-        return node.dictionary[index].name
-    return next((alias for alias, place in node.profile.aliases.items() if place == f"{index:04X}:00"), "")
 
 
 def _listing(node: ReadableNode, names: list[str], said: str = "") -> VpdoListing:

@@ -33,7 +33,6 @@ from dvtcli.operations.plans.identify_nodes import IdentifiedNodes, identify_nod
 from dvtcli.operations.plans.judge_network import in_objects, judge_network, judge_plans, placed_in, refusals
 from dvtcli.operations.plans.missing_objects import MissingObjects, refuse_lacking, without_missing
 from dvtcli.operations.plans.read_network_config import read_network_config, skipped_rules
-from dvtcli.operations.plans.resolve_links import with_links
 from dvtcli.operations.plans.resolve_names import ResolvedConfig, resolve_node_config
 from dvtcli.operations.plans.stamping import stamping, stamps_of, trusted
 from dvtcli.operations.results.failures import missing_error, together
@@ -235,6 +234,8 @@ def _judged(
     stamps, placed = stamps_of(nodes, config), placed_in(config, log)
     try:
         if config.links:
+            from dvtcli.operations.plans.resolve_links import with_links
+
             found = with_links(nodes, _known(session, nodes), config)
             config, said = found.config, found.findings
     except RuleError as refused:

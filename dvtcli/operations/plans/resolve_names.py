@@ -26,10 +26,9 @@ from dvtcli.domain.rules.entry_length import length_findings
 from dvtcli.domain.rules.mapped_object import object_findings
 from dvtcli.domain.text import join_some
 from dvtcli.errors import DvtcliError, SdoAborted, UsageError
-from dvtcli.operations.objects.write_object import object_type
-from dvtcli.operations.pdos.virtual_pdo_ties import object_index, tied_name
-from dvtcli.operations.values.named_objects import entry_at, object_at
+from dvtcli.operations.values.named_objects import entry_at, object_at, object_index, tied_name
 from dvtcli.operations.values.object_values import scaling_of, typed_bytes
+from dvtcli.operations.values.write_type import object_type
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import NodeDescription, ReadableNode

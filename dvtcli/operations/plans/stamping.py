@@ -15,8 +15,7 @@ from dvtcli.domain.plan import STAMP, ValueChange
 from dvtcli.domain.rules.finding import NOTE, Rule, note
 from dvtcli.domain.stamp import DATE, TIME, Stamp
 from dvtcli.errors import UsageError
-from dvtcli.operations.pdos.virtual_pdo_ties import object_index
-from dvtcli.operations.values.named_objects import entry_at, object_at
+from dvtcli.operations.values.named_objects import entry_at, object_at, object_index
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

@@ -10,12 +10,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.proof import RESTART_NAMES, Proof
 from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import DvtcliError, RuleError
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.network_plan import MissingObject
+    from dvtcli.domain.proof import Proof
     from dvtcli.domain.rules import Finding
 
 
@@ -26,6 +26,8 @@ def not_proved(node: int, word: str, proof: Proof) -> DvtcliError:
     failed.why, failed.hint, failed.state = proof.unproved, proof.hint, "unknown"
     failed.state_text = _state(word, proof)
     if proof.differences:
+        from dvtcli.domain.proof import RESTART_NAMES
+
         differing = join_some(proof.differing)
         verb = "differs" if len(proof.differing) == 1 else "differ"
         failed.why = f"after the {RESTART_NAMES[proof.by]} {differing} {verb} from {proof.against}"
@@ -47,6 +49,8 @@ def _verdict(word: str, proof: Proof) -> str:
 
 def _state(word: str, proof: Proof) -> str:
     """Describe the node's values read after the restart."""
+    from dvtcli.domain.proof import RESTART_NAMES
+
     restart = RESTART_NAMES[proof.by]
     put_back = f"; {proof.put_back}" if proof.put_back else ""
     if proof.differences:

@@ -11,7 +11,6 @@ from dvtcli.domain.network.network_plan import LeftOut, NetworkPlan, NodePlan
 from dvtcli.domain.pdo import parameter_text
 from dvtcli.domain.plan import PdoChange, ValueChange
 from dvtcli.operations.results.documents import CASES, Answer, Document, finding_document, hex_bytes, lacking_documents
-from dvtcli.operations.results.loads import need_document
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.bus_need import BusNeed
@@ -75,6 +74,8 @@ class NetworkPlanned(Answer):
 
     def document(self) -> Document:
         """`dvtcli.plan/1`: saved by `plan -o`, read by `apply`."""
+        from dvtcli.operations.results.loads import need_document
+
         plan = self.plan
         return {
             "schema": "dvtcli.plan/1",

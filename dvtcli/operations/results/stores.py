@@ -20,7 +20,7 @@ class Stored(Answer):
     was requested, which a dry run cannot do.
     """
 
-    renderer: ClassVar = "change_lines:stored_lines"
+    renderer: ClassVar = "store_lines:stored_lines"
 
     node: int
     object: str

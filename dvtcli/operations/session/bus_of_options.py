@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Protocol, TypeVar
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.errors import BusUnavailable, UsageError
-from dvtcli.operations.results.bus_events import BusEvent
 from dvtcli.operations.session.simulated_nodes import (
     Simulated,
     file_or_family,
@@ -22,6 +21,7 @@ from dvtcli.operations.session.simulated_nodes import (
 from dvtcli.operations.user.options import Options
 
 if TYPE_CHECKING:
+    from dvtcli.operations.results.bus_events import BusEvent
     from dvtcli.simulator.device.simulated_faults import Fault
     from dvtcli.simulator.device.strict_device import StrictDevice
     from dvtcli.simulator.network.signals import SimulatedSignal
@@ -102,11 +102,13 @@ def listening_bus(options: Options, bit_rate: int, *, listen_only: bool) -> Cano
 
 
 B = TypeVar("B")
-Tell = Callable[[BusEvent], None]
+Tell = Callable[["BusEvent"], None]
 
 
 def gone(name: str, failed: BusUnavailable) -> BusEvent:
     """Make the event of the bus *name* that *failed*."""
+    from dvtcli.operations.results.bus_events import BusEvent
+
     reason = failed.why or failed.text
     return BusEvent(name, time(), f"{reason}; {failed.hint}" if failed.hint else reason)
 
@@ -129,6 +131,7 @@ def waited_for(
 ) -> B | None:
     """Call *opened*() until it succeeds after the bus *name* has *failed*; None as soon as *stopping*()."""
     from dvtcli.bus.waiting import wait_for_bus
+    from dvtcli.operations.results.bus_events import BusEvent
 
     began_s = monotonic()
     reporter(gone(name, failed))

@@ -27,6 +27,21 @@ def object_at(node: NodeDescription, text: str) -> tuple[int, int]:
     return _resolved(resolve_object, text, node)
 
 
+def object_index(node: NodeDescription, text: str) -> int:
+    """Return the index of the object *text* for a pin; raises UsageError if it is none, or a sub-index."""
+    index, sub_index = object_at(node, text)
+    if sub_index:
+        raise UsageError(f"a pin is tied to a whole object: {index:04X}, without a sub-index", node=node.node_id)
+    return index
+
+
+def tied_name(node: NodeDescription, index: int) -> str:
+    """Name an object by the EDS, else by the profile."""
+    if node.dictionary is not None and index in node.dictionary:
+        return node.dictionary[index].name
+    return next((alias for alias, place in node.profile.aliases.items() if place == f"{index:04X}:00"), "")
+
+
 def means_whole(node: NodeDescription, text: str) -> bool:
     """Tell whether *text* names a record or array without a sub-index: `1018`, not `1018:0`.
 

@@ -10,7 +10,6 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_scalings import NOTHING, ObjectScalings, ScaledValue
 from dvtcli.domain.text import hex_preview
 from dvtcli.errors import SdoProtocolError
-from dvtcli.operations.results.values import ValueRead
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -20,6 +19,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.object_scalings import Rules
     from dvtcli.domain.profile import DeviceProfile
     from dvtcli.domain.scaling import Scaling
+    from dvtcli.operations.results.values import ValueRead
 
 #: Strings at the same place in every device (CiA 301, 7.5.2.8 ff.).
 _STRINGS = frozenset({0x1008, 0x1009, 0x100A})
@@ -73,6 +73,8 @@ def value_result(
     node: NodeDescription, index: int, sub_index: int, data: bytes, asked: DataType | None, *, written: bool = False
 ) -> ValueRead:
     """The answer for an object that holds *data*; *asked* is a type the user named."""
+    from dvtcli.operations.results.values import ValueRead
+
     kind = asked or type_of(node, index, sub_index, len(data))
     if asked is None and kind.size is not None and kind.size != len(data):
         kind = BY_SHORT_NAME[_BY_SIZE.get(len(data), "os")]  # the device disagrees with its file: show what it sent

@@ -12,11 +12,11 @@ from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.plant import NEVER, Source
 from dvtcli.simulator.device.sdo_server import SdoServer
-from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 
 if TYPE_CHECKING:
     from dvtcli.simulator.device.faulty import FaultyReply, FaultyServer
+    from dvtcli.simulator.device.simulated_faults import Fault
     from dvtcli.simulator.network.signals import SimulatedSignal
 
 NMT_CAN_ID, SDO_REQUEST, SDO_RESPONSE = 0x000, 0x600, 0x580

@@ -1,4 +1,4 @@
-"""The text of a network plan, of its application, and of a network's check."""
+"""The text of a network plan, and of its application."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from dvtcli.cli.view.answers.check_lines import STYLES
-from dvtcli.cli.view.error_lines import source_lines
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.configuration import NotWritten
@@ -18,57 +16,12 @@ from dvtcli.domain.plan import STAMP, PdoChange, Step
 from dvtcli.domain.rules import errors_in
 from dvtcli.domain.shown_value import step_text
 from dvtcli.domain.text import join_some, plural
-from dvtcli.operations.results.checked_files import SEVERITIES
 from dvtcli.operations.results.networks import action, differing, parameter_texts
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.bus_need import BusNeed
     from dvtcli.domain.network.network_plan import LeftOut, NetworkPlan, NodePlan
-    from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkReport, NetworksChecked
     from dvtcli.operations.results.networks import NetworkApplied, NetworkPlanned
-
-
-def check_lines(result: NetworksChecked, _width: int) -> Iterator[Line]:
-    """Findings with their places, the worst first, and a line for each file."""
-    for report in result.reports:
-        for line, column, times, text in report.notes:
-            more = f" ({times} times)" if times > 1 else ""
-            yield f"{report.path}:{line}:{column}: note: {text}{more}"
-        for severity in SEVERITIES:
-            for finding in report.findings:
-                if finding.severity == severity:
-                    yield _finding(report, finding)
-                    yield from (
-                        () if finding.complaint is None or severity == "note" else source_lines(finding.complaint)
-                    )
-        yield _sum(report)
-
-
-def _finding(report: NetworkReport, found: NetworkFinding) -> Line:
-    place = f"{report.path}:{found.line}:{found.column}: " if found.column else f"{report.path}: "
-    return [
-        Cell(place),
-        Cell(f"{found.severity}: ", STYLES[found.severity]),
-        Cell(f"{found.text} "),
-        Cell(f"[{found.rule}]", "dim"),
-    ]
-
-
-def _sum(report: NetworkReport) -> Line:
-    pdos = sum(count for _, _, count in report.nodes)
-    links = f", {plural(report.links, 'link')}" if report.links else ""
-    counted = report.count()
-    found = ", ".join(plural(counted[severity], severity) for severity in SEVERITIES if counted[severity])
-    if report.unread:
-        return f"{report.path}: not checked; {found}"
-    if report.bus:
-        return f"{report.path} against {report.bus}: {plural(len(report.nodes), 'node')}; {found or 'no error'}"
-    if report.said:
-        found = f"{found + ', and ' if found else ''}{report.said} as said of the file"
-    heard = "" if report.heard is None else f", heard {report.heard[0]:.1f} s, {plural(report.heard[1], 'frame')}"
-    nodes = plural(len(report.nodes), "node")
-    folded = f"; {report.folded} more about PDOs that it does not name (--all shows them)" if report.folded else ""
-    return f"{report.path}: {nodes}, {plural(pdos, 'PDO')}{links}{heard}; {found or 'no error'}{folded}"
 
 
 #: maximum number of lines for settings that differ and are not written

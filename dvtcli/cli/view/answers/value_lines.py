@@ -9,7 +9,6 @@ from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.shown_value import MOST_SHOWN, value_text
 from dvtcli.operations.results.values import EntryUnread, ObjectListing, RecordRead, ValueRead
-from dvtcli.watch.statistics import spark
 
 if TYPE_CHECKING:
     from dvtcli.operations.results.values import ValuesRead, ValuesWatched
@@ -92,6 +91,8 @@ def values_lines(result: ValuesRead, width: int) -> Iterator[Line]:
 
 def watched_lines(result: ValuesWatched, width: int) -> Iterator[Line]:
     """Show minimum, maximum and last value of each object, and a graph of the last values."""
+    from dvtcli.watch.statistics import spark
+
     header = ("NODE", "OBJECT", "NAME", "READ", "MIN", "MAX", "LAST", "TREND")
     table = Table(header, right=frozenset({3, 4, 5, 6}), shrink=2)
     for course in result.courses:
