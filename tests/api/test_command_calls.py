@@ -19,7 +19,7 @@ NO_COMMAND = {"bus.close", "bus.dry_run", "dvtcli.connect", "node.canopen", "nod
 
 
 def section() -> str:
-    return text("docs/reference/python.md").partition("## Commands and calls")[2].partition("\n## ")[0]
+    return text("docs/how-to/python.md").partition("## Commands and calls")[2].partition("\n## ")[0]
 
 
 @pytest.mark.parametrize("form", CALLS)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from tests.documentation.reference import DOCS, pages
+from tests.documentation.reference import BUILT, DOCS, pages, rewritten
 from tests.surroundings import ROOT
 
 #: a session at a shell, which is run
@@ -16,6 +16,11 @@ PAGES = [page.relative_to(ROOT).as_posix() for page in pages()]
 def text(page: str) -> str:
     """A page by its path from the root: `docs/tutorial.md`."""
     return (ROOT / page).read_text("utf-8")
+
+
+def built(page: str) -> str:
+    """A page of `docs/reference/` that is not kept, as it is built now."""
+    return rewritten(BUILT[DOCS / "reference" / page].read_text("utf-8"))
 
 
 def section(page: str, title: str) -> str:
@@ -35,9 +40,13 @@ def first_column(table: str) -> list[str]:
 
 def links(page: str) -> list[tuple[Path, str]]:
     """The files that a page links to, each with its anchor."""
-    outside_code = re.sub(r"^```.*?^```$|`[^`\n]*`", "", text(page), flags=re.M | re.S)
+    return links_of(text(page), ROOT / page)
+
+
+def links_of(written: str, here: Path) -> list[tuple[Path, str]]:
+    """The files that the text *written* in the page *here* links to, each with its anchor."""
+    outside_code = re.sub(r"^```.*?^```$|`[^`\n]*`", "", written, flags=re.M | re.S)
     found = re.findall(r"\]\(([^)#\s]*)(?:#([^)\s]*))?\)", outside_code)
-    here = ROOT / page
     return [((here.parent / path).resolve() if path else here, anchor) for path, anchor in found if "://" not in path]
 
 
@@ -47,4 +56,16 @@ def anchors(page: Path) -> set[str]:
     return {re.sub(r"[^\w -]", "", head).strip().lower().replace(" ", "-") for head in heads}
 
 
-__all__ = ["CONSOLE", "DOCS", "PAGES", "anchors", "first_column", "links", "section", "text"]
+__all__ = [
+    "BUILT",
+    "CONSOLE",
+    "DOCS",
+    "PAGES",
+    "anchors",
+    "built",
+    "first_column",
+    "links",
+    "links_of",
+    "section",
+    "text",
+]

@@ -12,12 +12,14 @@ from xml.etree import ElementTree
 
 import pytest
 
+import dvtcli
 from dvtcli.cli.catalogue import command_names
 from dvtcli.operations import results
 from dvtcli.operations.user.options import Options
-from tests.documentation.pages import PAGES, text
+from tests.documentation.pages import BUILT, DOCS, PAGES, built, links_of, text
 from tests.documentation.reference import PARTS, REWRITE, names, rewritten
 from tests.documentation.reference.documents import RUNS, SENSES, annotated, paths, schemas, sense
+from tests.documentation.reference.documents import document as section
 from tests.documentation.reference.house import DRAWING, drawing, svg
 from tests.house.draw import ROOMS, House
 from tests.process import ROOT
@@ -45,7 +47,8 @@ def test_the_drawing_shows_every_room_and_what_runs_against_the_order(tmp_path: 
 
 
 def test_every_part_stands_in_one_page() -> None:
-    assert Counter(name for page in PAGES for name in names(text(page))) == Counter(PARTS.keys())
+    texts = [*map(text, PAGES), *(around.read_text("utf-8") for around in BUILT.values())]
+    assert Counter(name for written in texts for name in names(written)) == Counter(PARTS.keys())
 
 
 def test_every_command_and_option_has_its_place() -> None:
@@ -72,6 +75,30 @@ def test_the_reference_of_a_document_names_the_commands_that_answer_it(name: str
         assert f"`{name}" in RUNS[found[0]]["from"], f"name `{name}` in documents.toml, where {found[0]} comes from"
 
 
+@pytest.mark.drawn(8)
+@pytest.mark.parametrize("schema", RUNS)
+def test_every_field_of_a_document_is_described(schema: str) -> None:
+    lines = section(schema)
+    assert lines[0] == f"## {schema}"
+    rows = [line.strip("| ").split(" | ") for line in lines if line.startswith("| `")]
+    assert all(len(row) == 3 and row[2].strip() for row in rows)
+    assert bool(rows) != ("why_not" in RUNS[schema])
+    page = DOCS / "reference" / "json.md"
+    assert {path for path, _ in links_of("\n".join(lines), page)} <= {page, *DOCS.rglob("*.md")}
+
+
+def test_every_name_of_the_python_api_is_described() -> None:
+    page = built("python.md")
+    described = {*re.findall(r"^###+ (\S+)\n\n(?:```text\n[^`]*```\n\n)?`?\w", page, re.M)}
+    names = {f"dvtcli.{name}" for name in dvtcli.__all__ if inspect.isfunction(getattr(dvtcli, name))}
+    kinds = {kind.__name__: kind for kind in (dvtcli.Bus, dvtcli.Node, dvtcli.Lss)}
+    own = {f"{name}.{member}" for name, kind in kinds.items() for member in dir(kind) if not member.startswith("_")}
+    answers = {f"results.{name}" for name in dvtcli.results.__all__}
+    assert described >= names | kinds.keys() | own | answers
+    for path, _ in links_of(page, DOCS / "reference" / "python.md"):
+        assert path.is_file() or path in BUILT, path
+
+
 def test_no_field_is_explained_that_no_document_has() -> None:
     assert {schema for schema, own in SENSES.items() if isinstance(own, dict)} <= set(RUNS)
 
@@ -85,7 +112,7 @@ def documents() -> list[dict[str, Any]]:
 @pytest.mark.parametrize("document", documents(), ids=lambda document: document["schema"])
 def test_documents_of_transcripts_have_the_fields_that_are_listed(document: dict[str, Any]) -> None:
     schema = document["schema"]
-    shown = text("docs/reference/json.md").partition(f"\n## {schema}\n")[2].partition("\n## ")[0]
+    shown = "\n".join(["", *section(schema)])
     finding = "findings[]."
     for path, _ in paths(document):
         if path != "schema" and not path.startswith(finding):

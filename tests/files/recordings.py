@@ -8,13 +8,12 @@ from hypothesis import strategies as st
 
 from dvtcli.domain.ports import Frame
 from dvtcli.files.recordings.formats import written
+from tests.small_recording import BEGIN_S
 
 #: suffixes of all formats that are written, and of those that can do more
 FORMATS = tuple(written())
 APPENDABLE = tuple(suffix for suffix, one in written().items() if one.appends)
 ROTATING = tuple(suffix for suffix, one in written().items() if one.rotates)
-#: 2023-11-14, in seconds since 1970
-BEGIN_S = 1_700_000_000.0
 
 
 def frames(*, remote: bool = True) -> st.SearchStrategy[list[Frame]]:

@@ -1,6 +1,6 @@
 """The results of commands, which have their own JSON documents; `view` turns them into text.
 
-Field names of documents are stable (docs/reference/json.md). Modules are imported at first use of a name: a command
+Field names of documents are stable (docs/how-to/json.md). Modules are imported at first use of a name: a command
 needs two or three.
 """
 

@@ -24,11 +24,11 @@ from dvtcli.files.values.value_file import WholeFile, read_values, write_file
 from dvtcli.files.values.value_parts import Rotation, ValueParts, finish_parts, next_part
 from dvtcli.files.values.value_rows import ParquetForm, stream_of
 from dvtcli.watch.table import SignalRows
-from tests.commands.frames.test_recording_commands import ramp
 from tests.files.recordings import BEGIN_S
 from tests.files.test_value_files import layouts_of
 from tests.process import PATIENCE_S, documents, dvtcli
 from tests.serve.served import Served, bus_words, own_environment, served, wait_for
+from tests.small_recording import ramp
 
 pytestmark = [pytest.mark.needs("pyarrow"), pytest.mark.drawn(6, "killed recordings")]
 

@@ -15,7 +15,6 @@ import can
 import pytest
 
 from dvtcli.cli.view.typed_hints import typed
-from dvtcli.domain.ports import Frame
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.dbc import read_dbc
 from dvtcli.files.extras import extra
@@ -26,6 +25,7 @@ from tests.commands.bench import Bench
 from tests.files.recordings import APPENDABLE, BEGIN_S, FORMATS, ROTATING
 from tests.process import PATIENCE_S, documents, dvtcli, environment, run
 from tests.serve.served import bus_words, own_environment, served, wait_for
+from tests.small_recording import ramp, velocity
 
 pytestmark = pytest.mark.drawn(8, "recording commands")
 
@@ -37,19 +37,6 @@ BO_ 641 Motion: 8 Drive
  SG_ Speed : 0|32@1- (0.5,0) [0|0] "rpm" Vector__XXX
  SG_ Torque : 32|16@1- (0.1,0) [0|0] "%" Vector__XXX
 """
-
-
-def velocity(value: int, at_s: float) -> Frame:
-    """TPDO2 of a Gen4 as node 1 sends it: velocity, torque, battery current."""
-    data = value.to_bytes(4, "little", signed=True) + (120).to_bytes(2, "little") + b"\x88\xff"
-    return Frame(0x281, data, timestamp_s=BEGIN_S + at_s)
-
-
-def ramp(path: Path, count: int = 50) -> Path:
-    with Recorder(path) as recorder:
-        for n in range(count):
-            recorder.write(velocity(10 * n - 100, n / 10))
-    return path
 
 
 @pytest.mark.parametrize("name", ["log", "decode"])

@@ -10,11 +10,11 @@ from typing import IO
 import pytest
 
 from dvtcli.files.values.value_file import read_values
-from tests.commands.frames.test_recording_commands import ramp
 from tests.files.test_value_files import of_parquet
 from tests.process import PATIENCE_S, dvtcli
 from tests.serve.served import own_environment, wait_for
 from tests.small_disk import fill, on_small_disk
+from tests.small_recording import ramp
 
 pytestmark = [pytest.mark.drawn(6, "unfinished values")]
 FORMS = [pytest.param(suffix, marks=of_parquet(suffix)) for suffix in (".csv", ".jsonl", ".parquet")]

@@ -17,10 +17,11 @@ from dvtcli.cli.catalogue import command_names
 from dvtcli.cli.lexer import split
 from dvtcli.simulator.network.family_file import family_eds
 from tests.commands.bench import Bench
-from tests.commands.frames.test_recording_commands import DBC, ramp
+from tests.commands.frames.test_recording_commands import DBC
 from tests.house.test_commands import examples
 from tests.process import PATIENCE_S, ROOT, dvtcli, environment, start
 from tests.small_eds import plain, var
+from tests.small_recording import ramp
 from tests.surroundings import HOMES
 
 NEEDS: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("help_examples.toml").read_text("utf-8"))

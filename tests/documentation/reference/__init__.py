@@ -8,6 +8,7 @@ A page in `docs/`, or README, holds a generated part between two comments; the r
     …
     <!-- end of generated -->
 
+Two pages are long and nothing but generated: they are not kept, and `built/` has what stands around their parts.
 `PARTS` has the function for each name. The product never imports this.
 """
 
@@ -34,6 +35,7 @@ PARTS = {
     "errors": "errors:table",
     "exit-codes": "errors:numbers",
     "documents": "documents:every_document",
+    "schemas": "documents:every_schema",
     "rules": "rules:table",
     "eds-rules": "eds_rules:table",
     "network-rules": "network_rules:table",
@@ -56,9 +58,13 @@ PARTS = {
 _PART = re.compile(r"(<!-- generated: ([a-z-]+) -->\n).*?(<!-- end of generated -->)", re.S)
 
 
+#: a page that is not kept -> the text around its parts
+BUILT = {DOCS / "reference" / path.name: path for path in (Path(__file__).parent / "built").glob("*.md")}
+
+
 def pages() -> list[Path]:
-    """README and every page of the documentation."""
-    return [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
+    """README and every page of the documentation that is kept."""
+    return [ROOT / "README.md", *sorted({*DOCS.rglob("*.md")} - BUILT.keys())]
 
 
 def names(text: str) -> Iterator[str]:

@@ -1,8 +1,8 @@
-"""`python -m tests.documentation.reference`: rewrite every generated part of README and the documentation."""
+"""`python -m tests.documentation.reference`: rewrite all that is generated of README and the documentation."""
 
 from __future__ import annotations
 
-from tests.documentation.reference import pages, rewritten
+from tests.documentation.reference import BUILT, pages, rewritten
 from tests.documentation.reference.house import DRAWING, drawing
 from tests.documentation.reference.network import SCHEMA_FILES, schema_text
 from tests.documentation.reference.sample_report import SAMPLE, sample_report
@@ -15,6 +15,10 @@ for page in pages():
     if after != before:
         page.write_text(after, encoding="utf-8")
         print(f"{page.relative_to(ROOT)} rewritten")
+
+for page, around in BUILT.items():
+    page.write_text(rewritten(around.read_text("utf-8")), encoding="utf-8")
+    print(f"{page.relative_to(ROOT)} written")
 
 for path in SCHEMA_FILES:
     if not path.exists() or path.read_text("utf-8") != schema_text():

@@ -19,13 +19,13 @@ from typing import Any
 
 from dvtcli.cli.catalogue import command_names
 from dvtcli.operations import results
-from tests.commands.frames.test_recording_commands import ramp
 from tests.console import workplace
 from tests.documentation.reference.commands import examples
 from tests.documentation.reference.markdown import cell, code, fenced, table
 from tests.documentation.reference.product import family_eds, split
 from tests.house.source import PACKAGE, modules
 from tests.process import environment, run
+from tests.small_recording import ramp
 from tests.surroundings import ROOT
 
 HERE = Path(__file__).parent
@@ -77,23 +77,29 @@ def runs() -> dict[str, dict[str, Any]]:
 RUNS = runs()
 
 
+def every_schema() -> Iterator[str]:
+    """Each schema with the commands that answer it."""
+    return table(("document", "from"), ((code(schema), how["from"]) for schema, how in RUNS.items()))
+
+
 def every_document() -> Iterator[str]:
-    """A section for each schema: who answers it, an example, its fields."""
-    shown = {schema: how for schema, how in RUNS.items() if "why_not" not in how}
+    """A section for each schema, by four runs at a time."""
     with ThreadPoolExecutor(4) as several:
-        documents = dict(zip(shown, several.map(example, shown.values()), strict=True))
-    for schema, how in RUNS.items():
-        yield from ("", f"## {schema}", "", f"From {how['from']}.", "")
-        if "why_not" in how:
-            yield f"No example: {how['why_not']}."
-            continue
-        document = documents[schema]
-        assert document["schema"] == schema, f"{_OWN_RUN}: {how['run']} answers {document}, not {schema}"
-        yield from fenced("text", _typed(how))
-        yield ""
-        yield from fenced("json", json.dumps(_shown(document, how), indent=2, ensure_ascii=False).splitlines())
-        yield ""
-        yield from table(("field", "is", "means"), _fields(schema, document))
+        for section in several.map(document, RUNS):
+            yield from ("", *section)
+
+
+def document(schema: str) -> list[str]:
+    """The section of a *schema*: who answers it, an example, its fields."""
+    how = RUNS[schema]
+    head = [f"## {schema}", "", f"From {how['from']}.", ""]
+    if "why_not" in how:
+        return [*head, f"No example: {how['why_not']}."]
+    answer = example(how)
+    assert answer["schema"] == schema, f"{_OWN_RUN}: {how['run']} answers {answer}, not {schema}"
+    shown = json.dumps(_shown(answer, how), indent=2, ensure_ascii=False).splitlines()
+    fields = table(("field", "is", "means"), _fields(schema, answer))
+    return [*head, *fenced("text", _typed(how)), "", *fenced("json", shown), "", *fields]
 
 
 def _typed(how: Document) -> Iterator[str]:
