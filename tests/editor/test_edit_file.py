@@ -155,7 +155,7 @@ def test_a_network_file_is_saved_under_another_name_and_a_dry_run_writes_none(
     terminal.wait("dry run: 5:tpdo1 would be written, nothing was")
     terminal.type(F2)
     fill(terminal, "save as", "new.yaml")
-    terminal.wait("new.yaml: 5:tpdo1 written")
+    terminal.wait("new.yaml: 5:tpdo1 written; dry run: only this file was written")
     terminal.type(ESCAPE)
     terminal.wait("leave without?")
     terminal.type("y")
@@ -198,6 +198,8 @@ def test_a_dcf_is_edited_and_only_its_pdos_change(tmp_path: Path, open_terminal:
     ("name", "text", "said"),
     [
         ("a.txt", "", "edit takes a PDO, a network file (.yaml) or a DCF (.dcf)"),
+        ("a.eds", "", "eds convert a.eds a.dcf` makes a DCF, which can be edited"),
+        ("a.XDC", "", "eds convert a.XDC a.dcf` makes a DCF, which can be edited"),
         ("a.yaml", "nodes: {a: {node_id: 5, tpdo: {1: {cob_id: 0x1B7}}}}", "no EDS is known of its nodes"),
         ("a.yaml", "nodes: {a: {node_id: 5, dcf: gen4, tpdo: {1: {mapping: [1018:01]}}}}", "not mappable"),
         ("gone.yaml", None, "No such file"),

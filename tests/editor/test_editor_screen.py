@@ -287,7 +287,7 @@ def test_what_is_applied_is_undone_at_the_prompt(open_terminal: Open) -> None:
     terminal.type("e")
     terminal.wait("TPDO1 changed, not applied")
     terminal.type(F10)
-    terminal.wait("TPDO1 set: 1 write, read back equal")
+    terminal.wait("TPDO1 set: 1 write, read back equal. In RAM only: `store` keeps it")
     terminal.type(ESCAPE)
     terminal.wait_prompt("sim/1 PRE-OP*> ")
     terminal.run("undo")

@@ -58,6 +58,15 @@ def test_a_drives_usual_objects_come_first_and_dummies_before_parts_of_names(ses
     assert words(session, "read 60")[:2] == ["6041:00", "6040:00"]
 
 
+def test_a_drive_with_a_position_is_offered_it_after_the_velocity() -> None:
+    session = Conversation(Output())
+    session.start({"sim": ("generic",)})
+    session.started = True
+    session.node()
+    assert words(session, "map tpdo1 ")[:3] == ["6041:00", "606C:00", "6064:00"]  # its 6040 is for RPDOs only
+    session.close()
+
+
 def test_what_the_user_types_often_comes_before_what_devices_of_the_kind_map(session: Conversation) -> None:
     session.recent_lines = lambda: ["read 1018:1", "map tpdo1 606C,6077/16", "read 6077", "# 9999", "read 5:zz"]
     assert words(session, "map tpdo1 ")[:3] == ["6077:00", "606C:00", "6041:00"]

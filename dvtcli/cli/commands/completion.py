@@ -41,5 +41,7 @@ def command(ctx: click.Context, /, shell: str) -> Facts:
 
         raise click.UsageError(f"click {version('click')} completes in no {shell}; newer ones do: pip install -U click")
     script = found(root(ctx), {}, "dvtcli", "_DVTCLI_COMPLETE").source()
+    if shell == "fish":
+        script = script.replace("complete --no-files", "complete --no-files --keep-order")  # the usual objects first
     lines = [*script.splitlines(), *([_BASH_WORDS] if shell == "bash" else [])]
     return Facts("completion", (("shell", shell), ("script", "\n".join(lines))), tuple(lines))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.cli.editor.editor import APPLY, Editor
 from dvtcli.cli.screen.full_screen import has_full_screen
+from dvtcli.cli.view.answers.change_lines import kept_text
 from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.text import plural
@@ -66,4 +67,4 @@ def _said(result: Changed, changed: Collection[Pdo]) -> str:
     labels = ", ".join(pdo.label for pdo in changed)
     if result.dry_run:
         return f"dry run: {labels} would be set with {plural(len(result.plan), 'write')}, nothing was written"
-    return f"{labels} set: {plural(len(result.plan), 'write')}, read back equal"
+    return f"{labels} set: {plural(len(result.plan), 'write')}, read back equal. {kept_text(result)}"

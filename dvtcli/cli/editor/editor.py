@@ -61,6 +61,11 @@ class FileOfNodes(Protocol):
         """The node-IDs with the names of their nodes."""
         ...
 
+    @property
+    def dry_run(self) -> bool:
+        """Whether the file stays as it is, and only files that the user names are written."""
+        ...
+
     def changed(self) -> Sequence[str]:
         """The changed PDOs of all nodes, in words."""
         ...
@@ -536,7 +541,9 @@ class Editor:
 
             def work() -> str:
                 whole = None if self._file is None else self._file.save(self._session, file)
-                return whole or save_edited(self._session, self.node, self.pdos.held, changed, file)
+                said = whole or save_edited(self._session, self.node, self.pdos.held, changed, file)
+                is_dry = self._session.dry_run if self._file is None else self._file.dry_run
+                return f"{said}; dry run: only this file was written" if is_dry else said
 
             self.beside.start("save", work)
             return ""

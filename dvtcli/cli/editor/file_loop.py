@@ -34,7 +34,7 @@ def edit_file(session: Conversation, file: str) -> None:
         edited = file_to_edit(file)
         message = "; ".join(filter(None, (message, *edited.notes)))
         with simulated_nodes(session, edited) as inner:
-            nodes = FileNodes(inner, edited)
+            nodes = FileNodes(inner, edited, dry_run=session.dry_run)
             editor, written = _shown(session, nodes, nodes.editor(node_id), message)
             if not written:
                 if left := nodes.changed():
@@ -63,8 +63,8 @@ def simulated_nodes(session: Conversation, edited: EditedFile) -> Iterator[Conve
 class FileNodes:
     """The nodes of a file, simulated in *session*, each with its editor once it was chosen."""
 
-    def __init__(self, session: Conversation, edited: EditedFile) -> None:
-        self._session, self._edited = session, edited
+    def __init__(self, session: Conversation, edited: EditedFile, *, dry_run: bool = False) -> None:
+        self._session, self._edited, self.dry_run = session, edited, dry_run
         self._editors: dict[int, Editor] = {}
         self.name = edited.file
         ids = session.open_network().simulated_ids
@@ -147,7 +147,7 @@ def _shown(session: Conversation, nodes: FileNodes, editor: Editor, message: str
         if outcome != APPLY:
             editor = nodes.editor(editor.next_node)
             editor.say("")
-        elif session.dry_run:
+        elif nodes.dry_run:
             editor.say(f"dry run: {join_some(nodes.changed())} would be written, nothing was")
         else:
             try:

@@ -49,8 +49,8 @@ if TYPE_CHECKING:
     from dvtcli.operations.user.session_user import SessionUser
 
 _COMMENT = re.compile(r"(?:^|\s)#")
-#: suffixes of the files that can be edited
-FILE_SUFFIXES = (*NETWORK_SUFFIXES, ".dcf")
+#: suffixes of the files of which `eds convert` makes a DCF
+_CONVERTED = (".eds", ".xdd", ".xdc")
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +118,17 @@ def file_to_edit(file: str) -> EditedFile:
         return EditedNetwork(OpenedFile(file, MOST_OF_NETWORK, "network file"), read_network_config(file))
     if name.endswith(".dcf"):
         return EditedDcf(OpenedFile(file, MOST_BYTES, "DCF"))
-    raise UsageError(f"{file}: edit takes a PDO, a network file (.yaml) or a DCF (.dcf)", place=file)
+    raise UsageError(
+        f"{file}: edit takes a PDO, a network file (.yaml) or a DCF (.dcf)",
+        place=file,
+        hint=_as_dcf(file) if name.endswith(_CONVERTED) else None,
+    )
+
+
+def _as_dcf(file: str) -> Hint:
+    """Return the conversion of *file* to a DCF, which can be edited."""
+    dcf = f"{file.rpartition('.')[0] or 'NAME'}.dcf"
+    return Hint(Action.CONVERT, {"file": file, "target": dcf}, "{} makes a DCF, which can be edited")
 
 
 def refuse_other_values(edited: str, file: str) -> None:

@@ -113,7 +113,22 @@ def test_fish_completes(program: Path) -> None:
     done = subprocess.run(
         ["fish", "-c", line], capture_output=True, encoding="utf-8", env=environ, timeout=PATIENCE_S, check=True
     )
-    assert done.stdout.startswith("606C:00")
+    assert done.stdout.startswith("606C:00\tVelocity actual value")
+
+
+@heavy
+@needs_shell
+@pytest.mark.skipif(shutil.which("fish") is None, reason="no fish")
+def test_tab_in_a_real_fish_shows_names_with_the_usual_objects_first(program: Path) -> None:
+    terminal = shell(program, ["fish", "--no-config"], "dvtcli completion fish | source; echo re'ady'")
+    try:
+        terminal.wait("ready")
+        terminal.type("dvtcli --sim gen4 map tpdo1 60" + TAB)
+        terminal.wait("6041:00", "(Statusword")
+        offered = terminal.text.partition("map tpdo1 60")[2]
+        assert offered.index("6041:00") < offered.index("6040:00") < offered.index("606C:00") < offered.index("6071:00")
+    finally:
+        terminal.close()
 
 
 @pytest.mark.skipif(shutil.which("zsh") is None, reason="no zsh")

@@ -60,18 +60,22 @@ def _outcome_lines(result: Changed, labels: str, writes: str) -> Iterator[Line]:
     others = (f"{_unrestored(result)}. " if result.unrestored else "") + _others(result)
     if result.not_put_back:
         verb, equal = "NOT undone completely", "which alone were read back equal"
-    keeps = f"In RAM only: {typed(result.keep)}" if result.volatile else "The device keeps it by itself"
-    if result.as_before and result.volatile:
-        keeps = "As before the change, which dvtcli did not store"
-    next_step = "" if result.undone or result.unknown_before or not result.remembered else ", `undo` reverts it"
-    if not result.altered:
-        keeps, next_step = "It held that before: nothing has changed", ""
-    if result.saved:
-        keeps, next_step = "By this the device stores its settings (assumed: not published)", ""
+    is_final = result.undone or result.unknown_before or not result.remembered or not result.altered or result.saved
     yield [
         Cell(f"{_counted(result, labels, verb)}: {writes}, {equal}, {result.seconds:.2f} s. {others}"),
-        Cell(f"{keeps}{next_step}.", "dim"),
+        Cell(f"{kept_text(result)}{'' if is_final else ', `undo` reverts it'}.", "dim"),
     ]
+
+
+def kept_text(result: Changed) -> str:
+    """Say whether the device keeps the change without power, and what stores it if not."""
+    if result.saved:
+        return "By this the device stores its settings (assumed: not published)"
+    if not result.altered:
+        return "It held that before: nothing has changed"
+    if not result.volatile:
+        return "The device keeps it by itself"
+    return "As before the change, which dvtcli did not store" if result.as_before else f"In RAM only: {typed(result.keep)}"
 
 
 def _unrestored(result: Changed) -> str:
