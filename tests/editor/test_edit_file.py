@@ -11,7 +11,7 @@ import pytest
 from dvtcli.domain.network.network_config import FileWord, NetworkConfig, PartialPdoConfig
 from dvtcli.domain.pdo import Pdo
 from dvtcli.operations.plans.read_network_config import read_network_config
-from tests.editor.test_editor_screen import CLEAR_LINE, F2, F5, F10, fill
+from tests.editor.test_editor_screen import CLEAR_LINE, F2, F5, F10, compare, fill
 from tests.process import run
 from tests.prompt.conftest import Open, open_terminal
 from tests.prompt.terminal import DOWN, ENTER, ESCAPE, TAB, Terminal
@@ -220,10 +220,6 @@ def test_a_tpdo_is_linked_to_an_rpdo_which_skips_what_it_does_not_receive(tmp_pa
     terminal = opened(tmp_path, open_terminal)
     terminal.type("L")
     terminal.wait("TPDO1 to which RPDO?", "6:rpdo1  6040:00", "6:rpdo3  maps nothing")
-    terminal.type("3")
-    terminal.wait("6:rpdo3 maps nothing", "[link-consumer]")
-    terminal.type("L")
-    terminal.wait("TPDO1 to which RPDO?")
     terminal.type("1")
     terminal.wait("6:rpdo1 receives 5:tpdo1 with 0x185", "[link-command]")
     terminal.type("n2")
@@ -236,3 +232,70 @@ def test_a_tpdo_is_linked_to_an_rpdo_which_skips_what_it_does_not_receive(tmp_pa
     assert (made.cob_id, made.enabled) == (0x185, True)
     assert [word.text for word in made.mapping or ()] == ["controlword", "0007:00/32"]
     terminal.type(ESCAPE)
+
+
+def test_an_empty_rpdo_is_linked_to_the_objects_that_one_chooses(tmp_path: Path, open_terminal: Open) -> None:
+    terminal = opened(tmp_path, open_terminal, columns=120, rows=40)
+    terminal.type("L3")
+    terminal.wait('which object of node 6 receives 6041:00 "Statusword", 16 bits?', "s  skip it")
+    terminal.type("s")
+    terminal.wait(
+        'which object of node 6 receives 606C:00 "Velocity actual value", 32 bits?', '60FF:00 "Target velocity"'
+    )
+    terminal.type("s")
+    terminal.wait("not linked: 6:rpdo3 maps nothing, and no object of its node was chosen")
+    terminal.type("L3")
+    terminal.wait("receives 6041:00")
+    terminal.type("s")
+    terminal.wait("receives 606C:00")
+    terminal.type(DOWN * 5)
+    terminal.row("> ", '60FF:00 "Target velocity"')
+    terminal.type(ENTER)
+    terminal.wait("6:rpdo3 receives 5:tpdo1 with 0x185", "[link-target]")
+    terminal.type("n2")
+    terminal.row("RPDO3 ", "0x185", "6 B")
+    terminal.type(F2)
+    fill(terminal, "save as", "linked.yaml")
+    terminal.wait("linked.yaml: 6:rpdo3 written")
+    made = pdo_of(read_network_config(str(tmp_path / "linked.yaml")), 6, "rpdo3")
+    assert [word.text for word in made.mapping or ()] == ["0006:00/16", "target_velocity"]
+
+
+@pytest.mark.parametrize("answer", ["y", "n"])
+def test_a_link_offers_a_heartbeat_consumer_if_the_file_has_the_heartbeat(
+    tmp_path: Path, open_terminal: Open, answer: str
+) -> None:
+    terminal = opened(tmp_path, open_terminal)
+    other_node(terminal, "2", 6)
+    terminal.type("L1")
+    terminal.wait("node 5 does not watch the heartbeat of node 6: add it, 1250 ms? [y/N]")
+    terminal.type(answer)
+    terminal.wait("5:rpdo1 receives 6:tpdo1")
+    terminal.type(F2)
+    fill(terminal, "save as", "linked.yaml")
+    terminal.wait("linked.yaml: 5:rpdo1", "written")
+    (drive, *_) = read_network_config(str(tmp_path / "linked.yaml")).nodes
+    assert [(watch.producer, watch.time_ms) for watch in drive.watches] == ([(6, 1250)] if answer == "y" else [])
+
+
+@pytest.mark.parametrize(("columns", "rows"), [(80, 24), (120, 40)])
+def test_screens_of_a_network_file_look_as_they_did(
+    request: pytest.FixtureRequest, tmp_path: Path, open_terminal: Open, columns: int, rows: int
+) -> None:
+    terminal = opened(tmp_path, open_terminal, columns=columns, rows=rows)
+    shown: list[str] = []
+
+    def keep(view: str, keys: str, *texts: str) -> None:
+        terminal.type(keys)
+        terminal.wait(*texts)
+        shown.append("\n".join([f"==== {view}", *terminal.lines]))
+
+    keep("as opened", "", "no EDS is known of node 7", "> ")
+    keep("which RPDO", "L", "TPDO1 to which RPDO?", "6:rpdo5")
+    keep("which object", "3", "which object of node 6 receives 6041:00", "skip it")
+    keep("linked", ESCAPE + "L1", "6:rpdo1 receives 5:tpdo1", "check: 0 errors", "2 warnings")
+    keep("which node", "n", "which node?", "6 Gen4")
+    keep("other node", "2", "node 6 ", "RPDO1 changed, not written", "check: 0 errors", "2 warnings")
+    keep("save", F2, "save as: pdos.dvt_", "Esc no")
+    keep("leaving", ESCAPE + ESCAPE, "6:rpdo1 changed and not written: leave without?")
+    compare(request, f"file_{columns}x{rows}.txt", shown)

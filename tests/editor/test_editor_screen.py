@@ -313,6 +313,14 @@ def test_undo_after_a_dry_run_hits_no_earlier_change(tmp_path: Path, open_termin
         assert pdos(server) == before
 
 
+def compare(request: pytest.FixtureRequest, name: str, shown: list[str]) -> None:
+    """Compare the screens *shown* with the kept ones, or keep them if asked to."""
+    kept, now = SCREENS / name, "\n".join(shown) + "\n"
+    if request.config.getoption("--update-transcripts"):
+        kept.write_text(now, encoding="utf-8")
+    assert now == kept.read_text(encoding="utf-8")
+
+
 @pytest.mark.parametrize(("columns", "rows"), [(80, 24), (120, 40)])
 def test_screens_look_as_they_did(request: pytest.FixtureRequest, open_terminal: Open, columns: int, rows: int) -> None:
     terminal = edited(open_terminal, "tpdo2", columns=columns, rows=rows)
@@ -329,8 +337,8 @@ def test_screens_look_as_they_did(request: pytest.FixtureRequest, open_terminal:
     keep("too long", "c\r" + "606c\r" + SHIFT_TAB, "too many", "[", "Tab objects")
     keep("PDOs", SHIFT_TAB, "PDOS", "> ", "Tab frame")
     keep("keys", F1, "KEYS")
+    keep("save", ESCAPE + F2, "save as: pdos.dvt_", "Esc no")
+    terminal.type(ESCAPE + UNDO)
+    keep("plan", F5, "PLAN", "0x1A01:00")
     keep("leaving", ESCAPE + ESCAPE, "leave without?")
-    kept, now = SCREENS / f"{columns}x{rows}.txt", "\n".join(shown) + "\n"
-    if request.config.getoption("--update-transcripts"):
-        kept.write_text(now, encoding="utf-8")
-    assert now == kept.read_text(encoding="utf-8")
+    compare(request, f"{columns}x{rows}.txt", shown)

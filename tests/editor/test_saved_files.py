@@ -14,6 +14,7 @@ from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.editor.file_loop import FileNodes, simulated_nodes
 from dvtcli.cli.screen.beside import in_a_line
 from dvtcli.cli.view.output import Output
+from dvtcli.domain.network.network_config import Endpoint, LinkConfig, PartialPdoConfig
 from dvtcli.domain.pdo import Pdo
 from dvtcli.errors import UsageError
 from dvtcli.files.network.read_network import read_network_file
@@ -233,3 +234,102 @@ def test_the_nodes_keep_their_order(tmp_path: Path) -> None:
 def test_other_examples_do_not_open(name: str) -> None:
     with pytest.raises(UsageError, match="no EDS is known of its nodes"):
         file_to_edit(str(EXAMPLES / name))
+
+
+LINKED = """nodes:
+  a:
+    node_id: 1
+    dcf: gen4
+    heartbeat_producer: 700
+    tpdo:
+      1: {mapping: [6041:00, 606C:00]}
+  b:
+    node_id: 2
+    dcf: gen4
+links:
+  - {from: a:tpdo2, to: b:rpdo2, heartbeat: false}
+"""
+
+
+def end(text: str) -> Endpoint:
+    node_id, pdo = text.split(":")
+    return Endpoint(int(node_id), Pdo.parse(pdo))
+
+
+def rpdo1(file: Path) -> PartialPdoConfig | None:
+    node = next(node for node in read_network_file(file).nodes if node.node_id == 2)
+    return next((config for config in node.pdos if config.pdo == Pdo.parse("rpdo1")), None)
+
+
+def test_a_link_is_written_in_the_files_way(tmp_path: Path) -> None:
+    file = network(tmp_path, LINKED)
+    with unedited(file) as (session, nodes):
+        said, is_bad = nodes.link(end("1:tpdo1"), end("2:rpdo1"), {})
+        assert said.startswith("2:rpdo1 receives 1:tpdo1 with 0x181; kept in links; n shows node 2"), said
+        assert not is_bad
+        assert nodes.offered_watch_ms(end("2:rpdo1")) is None, "the link sets it up"
+        assert "check: 0 errors" in nodes.judge(1, {})[1]
+        shown = nodes.editor(2).pdos.now[Pdo.parse("rpdo1")]
+        assert nodes.save(session, str(file)) == f"{file}: 2:rpdo1, link 1:tpdo1 to 2:rpdo1 written"
+    assert read_network_file(file).links == (
+        LinkConfig(end("1:tpdo2"), (end("2:rpdo2"),), False),
+        LinkConfig(end("1:tpdo1"), (end("2:rpdo1"),)),
+    )
+    made = rpdo1(file)
+    assert made is not None
+    assert (made.cob_id, made.enabled) == (None, None), "the link gives them"
+    assert [word.text for word in made.mapping or ()] == ["controlword", "0007:00/32"]
+    with unedited(file) as (_session, nodes):
+        assert nodes.editor(2).pdos.now[Pdo.parse("rpdo1")] == shown
+        nodes.link(end("1:tpdo1"), end("2:rpdo1"), {})
+        assert nodes.changed() == [], "the file has that link"
+
+
+def test_an_rpdo_leaves_its_link_for_another(tmp_path: Path) -> None:
+    file = network(tmp_path, LINKED)
+    with unedited(file) as (session, nodes):
+        said, is_bad = nodes.link(end("1:tpdo1"), end("2:rpdo2"), {})
+        assert "kept in links, instead of that from 1:tpdo2" in said
+        assert not is_bad
+        nodes.save(session, str(file))
+    assert read_network_file(file).links == (LinkConfig(end("1:tpdo1"), (end("2:rpdo2"),)),)
+
+
+def test_a_link_is_gone_once_its_rpdo_is_as_before(tmp_path: Path) -> None:
+    with unedited(network(tmp_path, LINKED)) as (_session, nodes):
+        nodes.link(end("1:tpdo1"), end("2:rpdo1"), {})
+        assert nodes.changed() == ["2:rpdo1", "link 1:tpdo1 to 2:rpdo1"]
+        nodes.editor(2).pdos.undo()
+        assert nodes.changed() == []
+
+
+def test_a_link_alone_is_a_change(tmp_path: Path) -> None:
+    received = "    rpdo:\n      1: {cob_id: 0x181, enabled: true, mapping: [6040:00, dummy/32]}\nlinks:"
+    file = network(tmp_path, LINKED.replace("links:", received))
+    before = rpdo1(file)
+    with unedited(file) as (session, nodes):
+        nodes.link(end("1:tpdo1"), end("2:rpdo1"), {})
+        assert nodes.changed() == ["link 1:tpdo1 to 2:rpdo1"]
+        assert nodes.save(session, str(file)) == f"{file}: link 1:tpdo1 to 2:rpdo1 written"
+    assert len(read_network_file(file).links) == 2
+    assert rpdo1(file) == before
+
+
+@pytest.mark.parametrize(
+    ("of_a", "of_b", "offered"),
+    [
+        ("heartbeat_producer: 700", "prune: false", 2100),
+        ("heartbeat_producer: 0", "prune: false", None),
+        ("prune: false", "heartbeat_producer: 700", None),
+        ("heartbeat_producer: 700", "heartbeat_consumer: {a: 900}", None),
+        ("heartbeat_producer: 65535", "prune: false", None),
+    ],
+)
+def test_a_heartbeat_consumer_is_offered_for_a_heartbeat_that_nobody_watches(
+    tmp_path: Path, of_a: str, of_b: str, offered: int | None
+) -> None:
+    text = f"nodes:\n  a: {{node_id: 1, dcf: gen4, {of_a}}}\n  b: {{node_id: 2, dcf: gen4, {of_b}}}\n"
+    with unedited(network(tmp_path, text)) as (_session, nodes):
+        nodes.link(end("1:tpdo1"), end("2:rpdo1"), {})
+        assert nodes.offered_watch_ms(end("2:rpdo1")) == offered
+        assert nodes.changed() == ["2:rpdo1"]

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from prompt_toolkit.application import get_app
 from prompt_toolkit.key_binding import KeyBindings
 
 from dvtcli.cli.editor.draw import ALL_KEYS, FRAME, OBJECTS, PDOS, EditorView, Named, frame_rows, pane_at, picture
+from dvtcli.cli.editor.link_dialogs import LinkDialogs
 from dvtcli.cli.editor.model import COB_ID, PARAMETERS, EditedPdos
 from dvtcli.cli.editor.object_list import ObjectList
 from dvtcli.cli.screen.beside import BesideScreen
@@ -21,6 +22,7 @@ from dvtcli.cli.view.paint import with_hints
 from dvtcli.cli.view.renderers import remarks, text
 from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.domain.mapping import DUMMY_BITS, PdoMappingEntry, split_dummy
+from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.object_syntax import Skipped
 from dvtcli.domain.rules.pdo_mapping import known_dummies
@@ -36,8 +38,8 @@ from dvtcli.operations.values.object_values import scalings_of
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.cli.editor.draw import Remark
+    from dvtcli.cli.editor.file_of_nodes import FileOfNodes
     from dvtcli.device.node import Node
-    from dvtcli.domain.network.network_config import Endpoint
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.operations.results import Changed
 
@@ -46,45 +48,6 @@ APPLY, LEAVE, NODE = "apply", "leave", "node"
 #: maximum wait for the rules when the screen is left (s)
 _LEAVE_S = 10.0
 _DUMMY_HINT = "bits to skip, as 8 or 16"
-
-
-class FileOfNodes(Protocol):
-    """A file of which an editor shows a node."""
-
-    @property
-    def name(self) -> str:
-        """The file as named by the user."""
-        ...
-
-    @property
-    def nodes(self) -> Sequence[tuple[int, str]]:
-        """The node-IDs with the names of their nodes."""
-        ...
-
-    @property
-    def dry_run(self) -> bool:
-        """Whether the file stays as it is, and only files that the user names are written."""
-        ...
-
-    def changed(self) -> Sequence[str]:
-        """The changed PDOs of all nodes, in words."""
-        ...
-
-    def judge(self, node_id: int, changed: Mapping[Pdo, PdoConfig]) -> tuple[Mapping[Pdo, Sequence[Remark]], str]:
-        """Return what the rules say of a node with its *changed* PDOs, and the state of the file in a line."""
-        ...
-
-    def consumers(self, node_id: int) -> Sequence[tuple[Endpoint, str]]:
-        """Return the RPDOs of the other nodes, each with its objects."""
-        ...
-
-    def link(self, node_id: int, pdo: Pdo, consumer: Endpoint) -> tuple[str, bool]:
-        """Let *consumer* receive the TPDO *pdo* of a node; returns what was done or refused, and whether it is bad."""
-        ...
-
-    def save(self, session: Conversation, file: str) -> str | None:
-        """Write all as *file*; returns what was written, None if its suffix is another format's."""
-        ...
 
 
 class Editor:
@@ -508,16 +471,12 @@ class Editor:
         if file is None or not pdo.is_tpdo:
             self.say(f"L links a TPDO to an RPDO, and {pdo.label} is an RPDO", bad=True)
             return
-        consumers = file.consumers(self.node.node_id)
 
-        def done(number: int) -> None:
-            said, is_bad = file.link(self.node.node_id, pdo, consumers[number][0])
+        def made(said: str, is_bad: bool) -> None:
             self._judged = None
             self.say(said, bad=is_bad)
 
-        rows = [(str(number % 10) if number < 10 else " ", f"{end.node_id}:{end.pdo}  {objects}")
-                for number, (end, objects) in enumerate(consumers, 1)]  # fmt: skip
-        self._dialogs.append(Choices(f"{pdo.label} to which RPDO?", rows, done))
+        LinkDialogs(file, Endpoint(self.node.node_id, pdo), self._dialogs.append, made).choose_consumer()
 
     def _choose_node(self) -> None:
         """Choose another node of the file."""

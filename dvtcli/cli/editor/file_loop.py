@@ -11,15 +11,25 @@ from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.editor.editor import APPLY, LEAVE, Editor
 from dvtcli.cli.screen.beside import in_a_line
 from dvtcli.cli.screen.full_screen import has_full_screen
-from dvtcli.domain.network.links import LinkSide, linked
+from dvtcli.device.heartbeat_slots import heartbeat_slots
+from dvtcli.domain.network.links import LinkSide, agrees, linked, placed_mapping, receivers
 from dvtcli.domain.network.network_config import Endpoint
-from dvtcli.domain.text import join_some
+from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import DvtcliError, SafetyRefusal
-from dvtcli.operations.exchange.edit_file import Edited, EditedFile, file_to_edit, refuse_other_values
+from dvtcli.operations.exchange.edit_file import (
+    Edited,
+    EditedFile,
+    EditedLink,
+    Edits,
+    file_to_edit,
+    refuse_other_values,
+)
 
 if TYPE_CHECKING:
     from dvtcli.cli.editor.draw import Remark
+    from dvtcli.domain.mapping import PdoMappingEntry
     from dvtcli.domain.pdo import Pdo, PdoConfig
+    from dvtcli.domain.rules import Finding
 
 
 def edit_file(session: Conversation, file: str) -> None:
@@ -66,6 +76,7 @@ class FileNodes:
     def __init__(self, session: Conversation, edited: EditedFile, *, dry_run: bool = False) -> None:
         self._session, self._edited, self.dry_run = session, edited, dry_run
         self._editors: dict[int, Editor] = {}
+        self._links: dict[Endpoint, EditedLink] = {}
         self.name = edited.file
         ids = session.open_network().simulated_ids
         self.nodes: Sequence[tuple[int, str]] = [(node_id, session.node(node_id).title) for node_id in ids]
@@ -78,21 +89,31 @@ class FileNodes:
         return self._editors[found]
 
     def changed(self) -> list[str]:
-        """Return the changed PDOs of all nodes, as `5:tpdo1`."""
-        return [f"{node_id}:{pdo}" for node_id, editor in self._editors.items() for pdo in editor.pdos.changed()]
+        """Return the changed PDOs of all nodes, as `5:tpdo1`, and the new links."""
+        pdos = [f"{node_id}:{pdo}" for node_id, editor in self._editors.items() for pdo in editor.pdos.changed()]
+        return [*pdos, *map(str, self.edits().links)]
 
-    def edited(self) -> dict[int, Edited]:
-        """Return the nodes with changes."""
-        return {
+    def edits(self) -> Edits:
+        """Return the nodes with changes, and the links that still stand and that the file lacks."""
+        nodes = {
             node_id: Edited(editor.node, editor.pdos.held, changed)
             for node_id, editor in self._editors.items()
             if (changed := editor.pdos.changed())
         }
+        links = [link for link in list(self._links.values()) if self._stands(link) and self._edited.lacks(link)]
+        return Edits(nodes, links)
+
+    def _stands(self, link: EditedLink) -> bool:
+        """Tell whether the RPDO of *link* receives its TPDO: neither was undone or edited away."""
+        sent, received = self._side(link.producer).config, self._side(link.consumer).config
+        ids = [(pdo.communication.cob_id.can_id, pdo.communication.cob_id.extended) for pdo in (sent, received)]
+        return received.enabled and ids[0] == ids[1] and agrees(sent.mapping, received.mapping)
 
     def judge(self, node_id: int, changed: Mapping[Pdo, PdoConfig]) -> tuple[Mapping[Pdo, Sequence[Remark]], str]:
         """Return what the rules say of a node with its *changed* PDOs, and the state of the file in a line."""
-        editor, edited = self.editor(node_id), self.edited()
-        judged = self._edited.judge({**edited, node_id: Edited(editor.node, editor.pdos.held, changed)})
+        editor, edits = self.editor(node_id), self.edits()
+        nodes = {**edits.nodes, node_id: Edited(editor.node, editor.pdos.held, changed)}
+        judged = self._edited.judge(replace(edits, nodes=nodes))
         return judged.findings.get(node_id, {}), judged.status
 
     def consumers(self, node_id: int) -> list[tuple[Endpoint, str]]:
@@ -105,11 +126,26 @@ class FileNodes:
             if not pdo.is_tpdo
         ]
 
-    def link(self, node_id: int, pdo: Pdo, consumer: Endpoint) -> tuple[str, bool]:
-        """Let *consumer* receive the TPDO *pdo* of a node; returns what was done or refused, and whether it is bad."""
-        producer, receiver = self._side(Endpoint(node_id, pdo)), self._side(consumer)
+    def receivers(self, producer: Endpoint, consumer: Endpoint) -> list[tuple[PdoMappingEntry, list[PdoMappingEntry]]]:
+        """Return each object of *producer* with the objects that can receive it, if *consumer* maps none; else none."""
+        sending, receiving = self._side(producer), self._side(consumer)
+        if any(not entry.is_dummy for entry in receiving.config.mapping) or receiving.config.mpdo is not None:
+            return []
+        return [(sent, receivers(sending, sent, receiving)) for sent in sending.config.mapping]
+
+    def link(self, from_: Endpoint, consumer: Endpoint, placed: Mapping[int, PdoMappingEntry]) -> tuple[str, bool]:
+        """Let *consumer* receive the TPDO *from_*; returns what was done or refused, and whether it is bad.
+
+        *placed* are the objects that receive the TPDO's, by number, for an RPDO that maps none.
+        """
+        producer, receiver = self._side(from_), self._side(consumer)
+        if placed:
+            mapping, refused = placed_mapping(producer, receiver, placed)
+            if refused:
+                return _remarks(refused), True
+            receiver = replace(receiver, config=replace(receiver.config, mapping=mapping))
         made = linked(producer, receiver)
-        remarks = "; ".join(f"{finding.text} [{finding.rule}]" for finding in made.findings)
+        remarks = _remarks(made.findings)
         if not made.mapping:
             return remarks, True
         sent = producer.config.communication.cob_id
@@ -117,9 +153,24 @@ class FileNodes:
         communication = replace(receiver.config.communication, cob_id=cob_id)
         config = replace(receiver.config, communication=communication, mapping=made.mapping)
         self.editor(consumer.node_id).pdos.put(consumer.pdo, config)
+        self._links[consumer] = link = EditedLink(from_, consumer)
+        note = self._edited.link_note(link)
         off = "" if producer.config.enabled else f"; {producer} is off"
-        said = f"{receiver} receives {producer} with {sent}{off}; n shows node {consumer.node_id}"
+        said = f"{receiver} receives {producer} with {sent}{off}{note and f'; {note}'}; n shows node {consumer.node_id}"
         return f"{said}. {remarks}" if remarks else said, False
+
+    def offered_watch_ms(self, consumer: Endpoint) -> int | None:
+        """Return a time for which the node of the linked *consumer* may watch the producer's heartbeat, else None."""
+        slots = heartbeat_slots(self.editor(consumer.node_id).node.read_cache)
+        return self._edited.offered_watch_ms(self._links[consumer], slots)
+
+    def object_text(self, end: Endpoint, entry: PdoMappingEntry) -> str:
+        """Return *entry* of the node of *end* with its name."""
+        return f"{self._side(end).name(entry)}, {plural(entry.bits, 'bit')}"
+
+    def watch(self, consumer: Endpoint, time_ms: int) -> None:
+        """Write a heartbeat consumer of *time_ms* with the link to *consumer*."""
+        self._links[consumer] = replace(self._links[consumer], watch_ms=time_ms)
 
     def _side(self, end: Endpoint) -> LinkSide:
         editor = self.editor(end.node_id)
@@ -133,7 +184,11 @@ class FileNodes:
         if _suffix(file) != _suffix(self.name):
             refuse_other_values(self.name, file)
             return None
-        return self._edited.write(session, self.edited(), file)
+        return self._edited.write(session, self.edits(), file)
+
+
+def _remarks(findings: Sequence[Finding]) -> str:
+    return "; ".join(f"{finding.text} [{finding.rule}]" for finding in findings)
 
 
 def _suffix(file: str) -> str:

@@ -19,7 +19,7 @@ from dvtcli.domain.process_data import commanded_by_other, is_controlword
 from dvtcli.domain.profile import DeviceProfile, Severity
 from dvtcli.domain.rules.can_id import FREE_POOL, restricted_use
 from dvtcli.domain.rules.finding import ERROR, NOTE, WARNING, Finding, Proposal, Rule, error, note, warning
-from dvtcli.domain.rules.mapped_object import object_findings
+from dvtcli.domain.rules.mapped_object import is_taken, object_findings
 from dvtcli.domain.rules.pdo_mapping import known_dummies
 from dvtcli.domain.text import join_some
 
@@ -239,7 +239,7 @@ def _placed(producer: LinkSide, consumer: LinkSide) -> tuple[tuple[PdoMappingEnt
     if first != last:
         number = next(one for one, pair in enumerate(zip(first, last, strict=True)) if pair[0] != pair[1])
         return (), (_ambiguous(producer, consumer, objects[number], [sent[first[number]], sent[last[number]]]),)
-    return _filled(producer, consumer, dict(zip(first, objects, strict=True)))
+    return placed_mapping(producer, consumer, dict(zip(first, objects, strict=True)))
 
 
 def _is_alike(producer: LinkSide, sent: PdoMappingEntry, consumer: LinkSide, heard: PdoMappingEntry) -> bool:
@@ -299,8 +299,21 @@ def _ambiguous(producer: LinkSide, consumer: LinkSide, heard: PdoMappingEntry, s
     return error("link-place", str(consumer), text, hint=hint)
 
 
-def _filled(
-    producer: LinkSide, consumer: LinkSide, placed: dict[int, PdoMappingEntry]
+def receivers(producer: LinkSide, sent: PdoMappingEntry, consumer: LinkSide) -> list[PdoMappingEntry]:
+    """The objects of *consumer* that can receive *sent* of *producer*: the same index first, then the same type."""
+    dictionary = consumer.dictionary
+    entries = () if dictionary is None else dictionary.entries()
+    fit = [
+        PdoMappingEntry(entry.index, entry.sub_index, sent.bits)
+        for entry in entries
+        if dictionary is not None and entry.bits == sent.bits
+        and is_taken(consumer.profile, dictionary, entry, tpdo=False)
+    ]  # fmt: skip
+    return sorted(fit, key=lambda entry: (entry.index != sent.index, not _is_alike(producer, sent, consumer, entry)))
+
+
+def placed_mapping(
+    producer: LinkSide, consumer: LinkSide, placed: Mapping[int, PdoMappingEntry]
 ) -> tuple[tuple[PdoMappingEntry, ...], tuple[Finding, ...]]:
     """The mapping of objects *placed* at the producer's entries, by number, with dummies for the other entries."""
     usable = known_dummies(consumer.dictionary, consumer.profile)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Protocol
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.bus_need import bus_need
 from dvtcli.domain.network.frame_streams import streams_of
-from dvtcli.domain.network.network_config import NodeConfig, PartialPdoConfig
+from dvtcli.domain.network.heartbeats import MISSED, watch_time_ms
+from dvtcli.domain.network.network_config import Endpoint, HeartbeatWatch, LinkConfig, NodeConfig, PartialPdoConfig
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import Severity
 from dvtcli.domain.text import join_some, plural
@@ -63,6 +64,34 @@ class Edited:
 
 
 @dataclass(frozen=True, slots=True)
+class EditedLink:
+    """A link made in the editor; *watch_ms* is the heartbeat consumer time written with it, None for none."""
+
+    producer: Endpoint
+    consumer: Endpoint
+    watch_ms: int | None = None
+
+    def __str__(self) -> str:
+        return f"link {self.producer.node_id}:{self.producer.pdo} to {self.consumer.node_id}:{self.consumer.pdo}"
+
+
+@dataclass(frozen=True, slots=True)
+class Edits:
+    """The changed *nodes* of a file by node-ID, and the *links* that it does not have yet."""
+
+    nodes: Mapping[int, Edited]
+    links: Sequence[EditedLink] = ()
+
+    def __str__(self) -> str:
+        pdos = [f"{node_id}:{pdo}" for node_id, node in sorted(self.nodes.items()) for pdo in node.changed]
+        return join_some([*pdos, *map(str, self.links)])
+
+    def __bool__(self) -> bool:
+        """Tell whether anything is changed."""
+        return bool(self.nodes or self.links)
+
+
+@dataclass(frozen=True, slots=True)
 class PdoFinding:
     """A finding of `check` about a PDO: *rule*, *severity*, *place* (the object, else the PDO) and *text*."""
 
@@ -102,12 +131,27 @@ class EditedFile(Protocol):
         """Set the simulated nodes of *session* to the values in the file."""
         ...
 
-    def judge(self, edited: Mapping[int, Edited]) -> Judged:
-        """Return the findings of the rules about the file with the *edited* nodes."""
+    def lacks(self, link: EditedLink) -> bool:
+        """Tell whether the file is written with an entry of its own for *link*."""
         ...
 
-    def write(self, session: SessionUser, edited: Mapping[int, Edited], file: str) -> str:
-        """Write the file with the *edited* nodes as *file*, after a question if it exists; returns the result."""
+    def link_note(self, link: EditedLink) -> str:
+        """Say as what the file keeps *link*, and which link ends by it; empty for PDOs alone."""
+        ...
+
+    def offered_watch_ms(self, link: EditedLink, slots: Mapping[int, int]) -> int | None:
+        """Return a time for which the consumer of *link* may watch the producer's heartbeat; None if nothing asks it.
+
+        *slots* are the entries of the consumer's 0x1016.
+        """
+        ...
+
+    def judge(self, edits: Edits) -> Judged:
+        """Return the findings of the rules about the file with *edits*."""
+        ...
+
+    def write(self, session: SessionUser, edits: Edits, file: str) -> str:
+        """Write the file with *edits* as *file*, after a question if it exists; returns the result."""
         ...
 
 
@@ -244,9 +288,35 @@ class EditedNetwork:
                 hint=Hint(Action.CHECK, {"file": self.file}, "{} lists it; mend it first"),
             ) from refused
 
-    def judge(self, edited: Mapping[int, Edited]) -> Judged:
+    def lacks(self, link: EditedLink) -> bool:
+        """Tell whether *link* is new to the section `links`, or comes with a heartbeat consumer."""
+        if not self._config.links:
+            return link.watch_ms is not None
+        return not any(link.producer == old.producer and link.consumer in old.consumers for old in self._config.links)
+
+    def link_note(self, link: EditedLink) -> str:
+        """Say that *link* stands in the section `links`, if there is one, and in whose place."""
+        if not self._config.links:
+            return ""
+        others = [old.producer for old in self._config.links if link.consumer in old.consumers]
+        instead = [f"{end.node_id}:{end.pdo}" for end in others if end != link.producer]
+        return f"kept in links{f', instead of that from {join_some(instead)}' if instead else ''}"
+
+    def offered_watch_ms(self, link: EditedLink, slots: Mapping[int, int]) -> int | None:
+        """Return a time if the file has the producer's heartbeat; in a file with `links` the link sets it up."""
+        config = self._config
+        nodes = {node.node_id: node for node in config.nodes}
+        producer, consumer = nodes[link.producer.node_id], nodes[link.consumer.node_id]
+        sent = [made.data for made in producer.objects if made.key == "heartbeat_producer"]
+        period_ms = int.from_bytes(sent[-1], "little") if sent else 0
+        is_watched = any(watch.producer == producer.node_id for watch in consumer.watches)
+        if config.links or not period_ms or is_watched or len(consumer.watches) >= len(slots):
+            return None
+        return watch_time_ms(period_ms, MISSED if config.multiplier is None else config.multiplier)
+
+    def judge(self, edits: Edits) -> Judged:
         """Return the findings of `check`, and the worst-case bus load."""
-        config, _remarks = self._with(edited)
+        config, _remarks = self._with(edits)
         state, found = judged_file(self.file, config, CheckOptions())
         findings: dict[int, dict[Pdo, tuple[PdoFinding, ...]]] = {node.node_id: {} for node in config.nodes}
         shown = [row for row in found if not row.is_aside and row.severity != Severity.NOTE]
@@ -259,27 +329,51 @@ class EditedNetwork:
         counts = f"check: {plural(errors, 'error')}, {plural(len(shown) - errors, 'warning')}"
         return Judged(findings, f"{_load_text(state)}; {counts}")
 
-    def write(self, session: SessionUser, edited: Mapping[int, Edited], file: str) -> str:
+    def write(self, session: SessionUser, edits: Edits, file: str) -> str:
         """Write all nodes, after a question that names the parts of the old file that are lost."""
         path = place_of(file, "NAME.yaml")
-        if not edited:
+        if not edits:
             return self._opened.copy(session, path)
-        config, remarks = self._with(edited)
+        config, remarks = self._with(edits)
         in_order = replace(config, nodes=tuple(sorted(config.nodes, key=lambda node: node.mark)))
         text = write_network(in_order, "", remarks)
         old = self._opened.data.decode("utf-8-sig")
         lost = list(_lost(old, config, read_network(text, str(path))))
         self._opened.replace(session, path, text.encode(), lost)
-        return f"{path}: {_pdos_text(edited)} written"
+        return f"{path}: {edits} written"
 
-    def _with(self, edited: Mapping[int, Edited]) -> tuple[NetworkConfig, dict[tuple[int, str], str]]:
-        """Return the file's configuration with the *edited* nodes, and remarks on new words."""
+    def _with(self, edits: Edits) -> tuple[NetworkConfig, dict[tuple[int, str], str]]:
+        """Return the file's configuration with *edits*, and remarks on new words."""
         remarks: dict[tuple[int, str], str] = {}
+        has_links = bool(self._config.links)
+        linked = {link.consumer for link in edits.links} if has_links else set()
         nodes = []
         for node in self._config.nodes:
-            new = edited.get(node.node_id)
-            nodes.append(node if new is None else _node_with(node, new, remarks))
-        return replace(self._config, nodes=tuple(nodes)), remarks
+            new = edits.nodes.get(node.node_id)
+            made = node if new is None else _node_with(node, new, remarks, linked)
+            nodes.append(made if has_links else _watching(made, edits.links))
+        links = _links_with(self._config.links, edits.links) if has_links else ()
+        return replace(self._config, nodes=tuple(nodes), links=links), remarks
+
+
+def _links_with(links: Sequence[LinkConfig], new: Sequence[EditedLink]) -> tuple[LinkConfig, ...]:
+    """Return *links* with the *new* links: an RPDO receives one TPDO, a TPDO has one entry."""
+    moved = {link.consumer for link in new}
+    kept = {link.producer: tuple(end for end in link.consumers if end not in moved) for link in links}
+    for link in new:
+        kept[link.producer] = (*kept.get(link.producer, ()), link.consumer)
+    heartbeats = {link.producer: link.heartbeat for link in links}
+    return tuple(LinkConfig(end, consumers, heartbeats.get(end)) for end, consumers in kept.items() if consumers)
+
+
+def _watching(node: NodeConfig, links: Sequence[EditedLink]) -> NodeConfig:
+    """Return *node* with a heartbeat consumer for each of *links* that it receives and that has a time."""
+    watches = {
+        link.producer.node_id: HeartbeatWatch(link.producer.node_id, link.watch_ms)
+        for link in links
+        if link.consumer.node_id == node.node_id and link.watch_ms is not None
+    }
+    return replace(node, watches=(*node.watches, *watches.values()))
 
 
 def _hold(session: SessionNodes, node: Node, state: NetworkState) -> None:
@@ -299,15 +393,31 @@ def _hold(session: SessionNodes, node: Node, state: NetworkState) -> None:
         configure(session, node, changes)
 
 
-def _node_with(node: NodeConfig, edited: Edited, remarks: dict[tuple[int, str], str]) -> NodeConfig:
-    """Return *node* with the parameters that *edited* changes; the others stay as the file has them."""
+def _node_with(
+    node: NodeConfig, edited: Edited, remarks: dict[tuple[int, str], str], linked: Collection[Endpoint]
+) -> NodeConfig:
+    """Return *node* with the parameters that *edited* changes; the others stay as the file has them.
+
+    The RPDOs of *linked* have what their link gives from it, unless the file says otherwise.
+    """
     said = {config.pdo: config for config in node.pdos}
     words: dict[str, str] = {}
     for pdo, config in edited.changed.items():
-        said[pdo] = _pdo_with(said.get(pdo, PartialPdoConfig(pdo)), edited, edited.held[pdo], config, words)
+        old = said.get(pdo, PartialPdoConfig(pdo))
+        new = _pdo_with(old, edited, edited.held[pdo], config, words)
+        said[pdo] = _without_link(old, new) if Endpoint(node.node_id, pdo) in linked else new
     remarks |= {(node.node_id, word): text for word, text in words.items()}
     order = sorted(said, key=lambda pdo: (not pdo.is_tpdo, pdo.number))  # that of the reader
     return replace(node, pdos=tuple(said[pdo] for pdo in order))
+
+
+def _without_link(old: PartialPdoConfig, new: PartialPdoConfig) -> PartialPdoConfig:
+    """Return *new* without the CAN-ID and `enabled`, which a link gives, unless *old* has them."""
+    if old.enabled is None:
+        new = replace(new, enabled=None)
+    if isinstance(old.cob_id, int):
+        return new
+    return replace(new, cob_id=old.cob_id, extended=old.extended, rtr_allowed=old.rtr_allowed)
 
 
 def _pdo_with(
@@ -366,10 +476,6 @@ def _lost(old: str, config: NetworkConfig, written: NetworkConfig) -> Iterator[s
         )
 
 
-def _pdos_text(edited: Mapping[int, Edited]) -> str:
-    return join_some(f"{node_id}:{pdo}" for node_id, node in sorted(edited.items()) for pdo in node.changed)
-
-
 class EditedDcf:
     """A DCF; its values of PDOs are edited."""
 
@@ -387,17 +493,30 @@ class EditedDcf:
         """Do nothing: a simulated device holds the values of its DCF."""
         session.bus.read_at_once()
 
-    def judge(self, edited: Mapping[int, Edited]) -> Judged:
-        """Return the findings of `map`."""
-        return Judged({node_id: judge_edited(node.node, node.held, node.changed) for node_id, node in edited.items()})
+    def lacks(self, _link: EditedLink) -> bool:
+        """Return False: a DCF has no links."""
+        return False
 
-    def write(self, session: SessionUser, edited: Mapping[int, Edited], file: str) -> str:
+    def link_note(self, _link: EditedLink) -> str:
+        """Return nothing: a DCF has no links."""
+        return ""
+
+    def offered_watch_ms(self, _link: EditedLink, _slots: Mapping[int, int]) -> int | None:
+        """Return None: a DCF has no links."""
+        return None
+
+    def judge(self, edits: Edits) -> Judged:
+        """Return the findings of `map`."""
+        findings = {id_: judge_edited(node.node, node.held, node.changed) for id_, node in edits.nodes.items()}
+        return Judged(findings)
+
+    def write(self, session: SessionUser, edits: Edits, file: str) -> str:
         """Write the values of the edited PDOs; every other byte of the DCF stays."""
         path = place_of(file, "NAME.dcf")
-        if not edited:
+        if not edits:
             return self._opened.copy(session, path)
         values: dict[ObjectAddress, bytes] = {}
-        ((node_id, node),) = edited.items()
+        ((node_id, node),) = edits.nodes.items()
         for _change, step in edited_plan(node_id, node.held, node.changed).steps_in_order():
             values[step.index, step.sub_index] = step.after
         text = change_values(self._opened.data, Path(self.file).name, values, node_id)
@@ -405,4 +524,4 @@ class EditedDcf:
             out = join_some(f"{index:04X}:{sub:02X} ({why})" for (index, sub), why in text.left_out.items())
             raise UsageError(f"{path} is not written: it cannot have {out}", place=str(path))
         self._opened.replace(session, path, text.data)
-        return f"{path}: {_pdos_text(edited)} written"
+        return f"{path}: {edits} written"

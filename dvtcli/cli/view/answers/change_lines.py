@@ -75,7 +75,9 @@ def kept_text(result: Changed) -> str:
         return "It held that before: nothing has changed"
     if not result.volatile:
         return "The device keeps it by itself"
-    return "As before the change, which dvtcli did not store" if result.as_before else f"In RAM only: {typed(result.keep)}"
+    return (
+        "As before the change, which dvtcli did not store" if result.as_before else f"In RAM only: {typed(result.keep)}"
+    )
 
 
 def _unrestored(result: Changed) -> str:
