@@ -143,7 +143,8 @@ class FileNodes:
             mapping, refused = placed_mapping(producer, receiver, placed)
             if refused:
                 return _remarks(refused), True
-            receiver = replace(receiver, config=replace(receiver.config, mapping=mapping))
+            config = replace(receiver.config, mapping=mapping)
+            receiver = LinkSide(consumer, config, receiver.profile, receiver.dictionary)
         made = linked(producer, receiver)
         remarks = _remarks(made.findings)
         if not made.mapping:
