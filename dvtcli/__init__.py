@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from dvtcli import errors, results
     from dvtcli.operations.api.checks import check_eds, convert
     from dvtcli.operations.api.device_library import add_eds, eds_library, profile, profiles
+    from dvtcli.operations.api.network_calls import report
     from dvtcli.operations.api.open_bus import connect, simulate
     from dvtcli.operations.api.python_bus import Bus
     from dvtcli.operations.api.python_lss import Lss
     from dvtcli.operations.api.python_node import Node
-    from dvtcli.operations.api.reported import report
 
 __all__ = [
     "Bus",
@@ -51,7 +51,7 @@ _FROM = {
     "eds_library": "operations.api.device_library",
     "profile": "operations.api.device_library",
     "profiles": "operations.api.device_library",
-    "report": "operations.api.reported",
+    "report": "operations.api.network_calls",
     "simulate": "operations.api.open_bus",
     "Node": "operations.api.python_node",
 }

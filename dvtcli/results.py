@@ -1,6 +1,6 @@
 """The result types of the Python API, for type hints and `isinstance`. Contains no code."""
 
-from dvtcli.device.change.progress import Progress
+from dvtcli.device.change.applied import Progress
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.lss_services import LssAddress
 from dvtcli.domain.mapping import PdoMappingEntry
@@ -9,7 +9,7 @@ from dvtcli.domain.plan import Plan, Step
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.proof import Proof
 from dvtcli.domain.rules import Finding
-from dvtcli.operations.api.told import Message
+from dvtcli.operations.api.calls import Message
 from dvtcli.operations.results.changes import Changed
 from dvtcli.operations.results.checked_files import FileFinding, FileReport, FileReports, FileRule
 from dvtcli.operations.results.checked_networks import NetworksChecked

@@ -18,10 +18,10 @@ import pytest
 from dvtcli.operations.api.open_bus import ServedBus, serve, simulate
 
 if TYPE_CHECKING:
-    from dvtcli.device.change.progress import Progress
+    from dvtcli.device.change.applied import Progress
+    from dvtcli.operations.api.calls import Message
     from dvtcli.operations.api.python_bus import Bus
     from dvtcli.operations.api.python_node import Node
-    from dvtcli.operations.api.told import Message
 
 __all__ = [
     "Serve",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.catalogue import meant, unknown_command
-from dvtcli.cli.pasted_line import SHELL_WORDS, without_program
+from dvtcli.cli.lexer import SHELL_WORDS, without_program
 from dvtcli.cli.registry import REGISTRY
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ from dvtcli.domain.text import join_some, plural
 from dvtcli.files.eds import findings
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import IniSection, section_values
-from dvtcli.files.eds.layout import OBJECT_LISTS, object_place
 from dvtcli.files.eds.reader import EdsFile
+from dvtcli.files.eds.sections import OBJECT_LISTS, object_place
 from dvtcli.files.eds.writer import KeptText
 from dvtcli.files.xdd import xdd_rules
 from dvtcli.files.xdd.xdd_reader import OWN_CHARACTERISTICS, characteristic

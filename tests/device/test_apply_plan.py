@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from dvtcli.cli.view.typed_hints import typed
+from dvtcli.device.change.applied import Progress
 from dvtcli.device.change.apply_plan import apply_plan
 from dvtcli.device.change.change_guard import ChangeGuard
 from dvtcli.device.change.failed_change import BRING_BACK
-from dvtcli.device.change.progress import Progress
 from dvtcli.device.node import Node
 from dvtcli.device.observe import InitialState
 from dvtcli.device.store.pending import CHANGE

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from dvtcli.cli.view.typed_hints import typed
-from dvtcli.device.change.accepted_state import accepted_states, refuse_other_device
 from dvtcli.device.change.journal import Journal
 from dvtcli.device.change.plan_document import Identity
+from dvtcli.device.change.recovery import accepted_states, refuse_other_device
 from dvtcli.device.node import Node
 from dvtcli.device.store.pending import CHANGE, VERIFY
 from dvtcli.domain.pdo import Pdo, PdoConfig

@@ -12,7 +12,7 @@ from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import GENERIC
 from dvtcli.errors import DeviceRefused
-from dvtcli.simulator.device.reversed import ReversedDevice
+from dvtcli.simulator.device.strict_device import ReversedDevice
 from dvtcli.simulator.network.family_file import load_family
 from dvtcli.simulator.network.twin_bus import TwinBus
 from tests.device.test_reading_and_storing import Table

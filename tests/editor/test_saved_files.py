@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.cli.conversation import Conversation
-from dvtcli.cli.editor.file_loop import FileNodes, simulated_nodes
+from dvtcli.cli.editor.edit_loop import FileNodes, simulated_nodes
 from dvtcli.cli.screen.beside import in_a_line
 from dvtcli.cli.view.output import Output
 from dvtcli.domain.network.network_config import Endpoint, LinkConfig, PartialPdoConfig

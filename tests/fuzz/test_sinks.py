@@ -47,13 +47,13 @@ from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntr
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files import dbc_text, learnt_folder
 from dvtcli.files.dcf.write_dcf import Commissioned, write_dcf
-from dvtcli.files.device_library.stored_files import folder as library_folder
-from dvtcli.files.device_library.stored_files import stored_place
+from dvtcli.files.device_library import folder as library_folder
+from dvtcli.files.device_library import stored_place
 from dvtcli.files.eds.writer import eds_text
 from dvtcli.files.nodelist import ListedNode, Nodelist, nodelist_text
 from dvtcli.files.picture import wiring
-from dvtcli.files.picture.graphviz import graphviz
 from dvtcli.files.picture.page import page
+from dvtcli.files.picture.wiring import graphviz
 from dvtcli.files.values.text_values import csv_text
 from dvtcli.operations.known_devices.learn_device import refuse_name
 from dvtcli.operations.results import Facts, FileFinding, FileReport, FileRule

@@ -7,7 +7,7 @@ import re
 from tests.house.source import PACKAGE
 
 #: the function itself, and the words of another program's protocol
-_MAY = ("domain/cob_id.py", "simulator/network/socketcand.py")
+_MAY = ("domain/cob_id.py", "simulator/network/hub_client.py")
 _THREE_DIGITS = re.compile(r"\{[^{}]*\b(can_id|identifier|cob_id|sync|emcy|time|address)\b[^{}]*:03[xX]\}")
 
 

@@ -31,8 +31,8 @@ def test_nothing_is_evaluated_or_given_to_a_shell() -> None:
 #: files that open others than `files/input_file.py` does -> what they open
 MAY_OPEN = {
     "files/settings_file.py": "the user's own settings, to change them",
-    "files/family_folder.py": "the package's own data",
-    "files/device_library/match.py": "dvtcli's own notes, and its own library of files that were read before",
+    "files/user_folders.py": "the package's own data",
+    "files/device_library.py": "dvtcli's own notes, and its own library of files that were read before",
     "files/picture/page.py": "the package's own templates",
     "files/picture/wiring.py": "the package's own templates",
     "files/profile/library.py": "the package's own data",

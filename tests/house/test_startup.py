@@ -83,7 +83,7 @@ def test_the_linter_is_imported_by_eds_check_only(tmp_path: Path) -> None:
     ):
         linter = {name for name in loaded(*words) if name.startswith(("dvtcli.domain.lint.", "dvtcli.files.eds.lint."))}
         assert linter <= {"dvtcli.domain.lint.lint_rule"}
-    assert "dvtcli.files.eds.lint.linter" in loaded("eds", "check", str(tmp_path / "own.eds"))
+    assert "dvtcli.files.device_lint" in loaded("eds", "check", str(tmp_path / "own.eds"))
 
 
 def test_a_command_imports_no_prompt_and_no_other_command() -> None:

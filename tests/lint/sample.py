@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from dvtcli.files.device_lint import RULES, lint
 from dvtcli.files.eds.findings import EdsFinding
-from dvtcli.files.eds.lint.linter import RULES, lint
 from dvtcli.files.eds.reader import parse_eds
 
 NAME = "pump.eds"

@@ -6,7 +6,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from dvtcli.errors import InputFileError
-from dvtcli.files.eds.lint.linter import RULES, lint
+from dvtcli.files.device_lint import RULES, lint
 from dvtcli.files.eds.reader import parse_eds
 from tests.lint.sample import HEAD, NAME, STANDARD, found, listed, pdo, record, var
 

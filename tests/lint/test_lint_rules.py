@@ -6,8 +6,8 @@ from collections import Counter
 
 import pytest
 
+from dvtcli.files.device_lint import RULES
 from dvtcli.files.eds.findings import EdsFinding
-from dvtcli.files.eds.lint.linter import RULES
 from tests.lint.planted import DCF, OTHERS, PLANTED, Planted, in_section
 from tests.lint.sample import NAME, SOUND, found, record
 

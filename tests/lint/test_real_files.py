@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.files.eds.lint.linter import lint
+from dvtcli.files.device_lint import lint
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.network.family_file import family_eds, family_names
 from tests.lint.sample import EVERY

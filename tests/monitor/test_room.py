@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from dvtcli.cli.monitor.monitor_state import Moment, View
 from dvtcli.cli.monitor.screen import picture
 from dvtcli.cli.monitor.watch import Board, watch_picture
-from dvtcli.cli.screen.room import cut, filled, least_and_most
+from dvtcli.cli.screen.widgets import cut, filled, least_and_most
 from dvtcli.cli.view.lines import Cell
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame

@@ -23,7 +23,7 @@ from dvtcli.files.dbc import read_dbc
 from dvtcli.files.dbc_text import dbc_bytes
 from dvtcli.files.values.text_values import csv_text
 from dvtcli.operations.exchange.export_dbc import network_messages
-from dvtcli.operations.frames.frame_answer import frame_seen
+from dvtcli.operations.frames.explain_frame import frame_seen
 from dvtcli.watch.decoder import Decoder, pdo_layouts
 from dvtcli.watch.table import SignalRows
 

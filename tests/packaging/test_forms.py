@@ -17,7 +17,7 @@ from zipfile import ZIP_DEFLATED, ZipFile
 import pytest
 
 from dvtcli.cli.help.guide import TOPICS
-from dvtcli.files.family_folder import family_files
+from dvtcli.files.user_folders import family_files
 from tests.house.source import PACKAGE
 from tests.process import environment
 

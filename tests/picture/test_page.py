@@ -33,9 +33,8 @@ from dvtcli.domain.network.picture import (
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.scaling import Scaling
 from dvtcli.errors import SafetyRefusal, UsageError
-from dvtcli.files.picture.graphviz import graphviz
 from dvtcli.files.picture.page import frame_cards, page
-from dvtcli.files.picture.wiring import alone, clipped_name, wiring
+from dvtcli.files.picture.wiring import alone, clipped_name, graphviz, wiring
 from tests.commands.bench import Bench
 from tests.harness.sample import heavy
 from tests.process import ROOT

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dvtcli.domain.ports import Frame
-from dvtcli.simulator.network.socketcand import LONGEST, Requests, RubbishError, opened_bus, sent_frame, told_frame
+from dvtcli.simulator.network.hub_client import LONGEST, Requests, RubbishError, opened_bus, sent_frame, told_frame
 
 data_frames = st.one_of(
     st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8)),

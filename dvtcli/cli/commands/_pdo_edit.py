@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.errors import DvtcliError, InputFileError, RuleError, SafetyRefusal, UsageError
-from dvtcli.operations.pdos.pdo_as_text import configure_from_text, keep_text, pdo_as_text
+from dvtcli.operations.pdos.edit_pdos import configure_from_text, keep_text, pdo_as_text
 from dvtcli.operations.results import Facts
 
 if TYPE_CHECKING:

@@ -31,7 +31,7 @@ def command(session: Conversation, /, what: NodePdo | str | None) -> None:
     edit node5.dcf
     """
     if isinstance(what, str):
-        from dvtcli.cli.editor.file_loop import edit_file
+        from dvtcli.cli.editor.edit_loop import edit_file
 
         edit_file(session, what)
         return

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import click
 from click.shell_completion import CompletionItem
 
-from dvtcli.cli.catalogue import command_names, summary, unknown_command
+from dvtcli.cli.catalogue import command_names, summary, task_sections, unknown_command
 from dvtcli.cli.command import DvtCommand, Effect
+from dvtcli.cli.help.guide import TOPICS, topic
 from dvtcli.cli.params import TextType
 from dvtcli.cli.runner_interface import root
 
@@ -23,7 +26,6 @@ class HelpTopic(TextType):
 
     def shell_complete(self, _ctx: click.Context, _param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         """Offer commands and topics with their one-line texts."""
-        from dvtcli.cli.help.guide import TOPICS, topic
 
         rows = [(name, summary(name)) for name in command_names()]
         rows += [(name, topic(name).splitlines()[0]) for name in TOPICS]
@@ -48,7 +50,6 @@ def command(ctx: click.Context, /, name: str | None, everything: bool, manual_pa
     from dvtcli.operations.results import Facts
 
     if manual_page:
-        from dvtcli.cli.commands._manual import manual
         from dvtcli.version import __version__
 
         page = manual(root(ctx), __version__)
@@ -73,7 +74,6 @@ def _usable(ctx: click.Context) -> dict[str, str]:
 
 def _subject(ctx: click.Context, name: str) -> str:
     """Return the help of a command, else the text of a topic, or the expansion of an alias."""
-    from dvtcli.cli.help.guide import TOPICS, topic
 
     found = root(ctx).get_command(ctx, name)
     if found is not None:
@@ -84,3 +84,55 @@ def _subject(ctx: click.Context, name: str) -> str:
     if name in aliases:
         return f"{name}  at the prompt, an alias of: {aliases[name]}"
     raise click.UsageError(unknown_command(name, TOPICS), ctx)
+
+
+def manual(program: click.Group, version: str) -> list[str]:
+    """Return the lines of dvtcli(1), for *program* with all its commands."""
+    root = click.Context(program, info_name="dvtcli")
+    lines = [f'.TH DVTCLI 1 "" "dvtcli {version}" "User Commands"', ".SH NAME"]
+    lines += [
+        r"dvtcli \- configure the PDOs of CANopen devices",
+        ".SH SYNOPSIS",
+        r"\fBdvtcli\fR [OPTIONS] [COMMAND ...]",
+    ]
+    lines += [".SH DESCRIPTION", *_plain(inspect.cleandoc(program.help or ""))]
+    lines += [".SH OPTIONS", *_options(program, root)]
+    for task, rows in task_sections():
+        lines.append(f'.SH "{_escaped(task.upper())}"')
+        for name, _ in rows:
+            lines += _command(program, root, name)
+    for name in TOPICS:
+        title, *rest = topic(name).splitlines()
+        lines += [f'.SH "{_escaped(title.upper())}"', ".nf", *_plain("\n".join(rest), paragraphs=False), ".fi"]
+    return lines
+
+
+def _command(program: click.Group, root: click.Context, name: str) -> Iterator[str]:
+    found = program.get_command(root, name)
+    assert found is not None  # noqa: S101 - the name is the registry's own
+    ctx = click.Context(found, info_name=name)
+    pieces = " ".join(found.collect_usage_pieces(ctx)).replace("[OPTIONS] ", "").replace("[OPTIONS]", "")
+    yield f".SS {_escaped(f'{name} {pieces}'.strip())}"
+    prose, _, examples = inspect.cleandoc(found.help or "").partition("\b\n")
+    yield from _plain(prose.strip())
+    if examples:
+        yield from (".PP", ".nf", *_plain(examples.replace("\b\n", ""), paragraphs=False), ".fi")
+    yield from _options(found, ctx)
+
+
+def _options(found: click.Command, ctx: click.Context) -> Iterator[str]:
+    for option in found.get_params(ctx):
+        record = option.get_help_record(ctx)
+        if record is not None:
+            yield from (".TP", rf"\fB{_escaped(record[0])}\fR", _escaped(record[1]))
+
+
+def _plain(text: str, *, paragraphs: bool = True) -> Iterator[str]:
+    for line in text.splitlines():
+        yield _escaped(line) if line.strip() or not paragraphs else ".PP"
+
+
+def _escaped(text: str) -> str:
+    """Escape *text* for roff, so that no line is a request."""
+    text = text.replace("\\", r"\e").replace("-", r"\-").replace("'", r"\(aq").replace("\u2026", "...")
+    return rf"\&{text}" if text.startswith(".") else text

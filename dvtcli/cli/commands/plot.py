@@ -48,7 +48,7 @@ def command(
     from dvtcli.operations.results import Plotted
 
     if output is not None:
-        from dvtcli.cli.monitor.chart import check_chart
+        from dvtcli.cli.monitor.graph import check_chart
 
         check_chart(Path(output))
     found, span_s = recorded_tracks(session, Path(file), signals, nodes, dbc)
@@ -59,7 +59,7 @@ def command(
 
 
 def _draw(session: SessionUser, path: Path, found: list[Track], span_s: tuple[float, float]) -> None:
-    from dvtcli.cli.monitor.chart import draw_chart
+    from dvtcli.cli.monitor.graph import draw_chart
 
     if os.path.exists(path):  # noqa: PTH110 - Path.exists raises OSError for a name that is too long
         session.consent(f"{path} exists; overwrite it?")

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
 from dvtcli.cli.editor.model import PARAMETERS, EditedPdos
-from dvtcli.cli.screen.room import cut, filled
-from dvtcli.cli.screen.widgets import Cursor, Field
+from dvtcli.cli.screen.widgets import Cursor, Field, cut, filled
 from dvtcli.cli.view.lines import Cell, broken, columns
 from dvtcli.domain.frame import layout
 from dvtcli.domain.mapping import MAX_PDO_BITS, SAM_MPDO

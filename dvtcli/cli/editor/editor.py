@@ -15,8 +15,7 @@ from dvtcli.cli.editor.model import COB_ID, PARAMETERS, EditedPdos
 from dvtcli.cli.editor.object_list import ObjectList
 from dvtcli.cli.screen.beside import BesideScreen
 from dvtcli.cli.screen.full_screen import bind_all, show
-from dvtcli.cli.screen.room import cut
-from dvtcli.cli.screen.widgets import Choices, Dialog, FieldDialog, Question, TextDialog
+from dvtcli.cli.screen.widgets import Choices, Dialog, FieldDialog, Question, TextDialog, cut
 from dvtcli.cli.view.lines import Cell, Line, broken, columns
 from dvtcli.cli.view.paint import with_hints
 from dvtcli.cli.view.renderers import remarks, text
@@ -29,7 +28,7 @@ from dvtcli.domain.rules.pdo_mapping import known_dummies
 from dvtcli.domain.shown_value import value_text
 from dvtcli.domain.text import join_some
 from dvtcli.errors import BusUnavailable, DvtcliError, UsageError
-from dvtcli.operations.exchange.save_edited import save_edited
+from dvtcli.operations.exchange.edit_file import save_edited
 from dvtcli.operations.pdos.edit_pdos import judge_edited, plan_edited
 from dvtcli.operations.pdos.list_pdos import last_frame
 from dvtcli.operations.values.named_objects import entry_at

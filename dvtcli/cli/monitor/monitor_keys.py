@@ -16,7 +16,7 @@ from dvtcli.cli.monitor.monitor_state import GRAPH, PICTURE, RAW, TABLE, Moment,
 from dvtcli.cli.monitor.screen import chosen_row, chosen_signals, picture, signal_at
 from dvtcli.cli.monitor.signal_lines import Lines
 from dvtcli.cli.screen.full_screen import GoneBus, MappingReader, bind, bind_all, bind_leaving, show
-from dvtcli.cli.screen.room import cut
+from dvtcli.cli.screen.widgets import cut
 from dvtcli.errors import BusUnavailable
 from dvtcli.operations.frames.transmit_rows import KEYS
 from dvtcli.operations.network.described_nodes import described_nodes

@@ -16,7 +16,7 @@ from dvtcli.cli.monitor.signal_lines import (
     value_of,
     with_more,
 )
-from dvtcli.cli.screen.room import cut, wide
+from dvtcli.cli.screen.widgets import cut, wide
 from dvtcli.cli.view.lines import Cell, clipped, columns
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.text import plural

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from dvtcli.cli.monitor.monitor_state import Moment, View
-from dvtcli.cli.screen.room import filled, least_and_most
+from dvtcli.cli.screen.widgets import filled, least_and_most
 from dvtcli.cli.view.answers.pdo_lines import cell_width, picture
 from dvtcli.cli.view.lines import Cell, clipped, columns
 from dvtcli.domain.cob_id import CobId

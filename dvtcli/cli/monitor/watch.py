@@ -17,7 +17,7 @@ from dvtcli.cli.monitor.monitor_state import GRAPH, TABLE, Moment, View
 from dvtcli.cli.monitor.screen import GRAPH_S, head_line, scrolled
 from dvtcli.cli.monitor.signal_lines import FRESH_S, Lines, age, levels, value_of, with_more
 from dvtcli.cli.screen.full_screen import LEAVE_S, GoneBus, MappingReader, bind, bind_leaving, show
-from dvtcli.cli.screen.room import cut, filled
+from dvtcli.cli.screen.widgets import cut, filled
 from dvtcli.cli.view.lines import Cell
 from dvtcli.domain.abort import abort_text
 from dvtcli.domain.cob_id import can_id_text

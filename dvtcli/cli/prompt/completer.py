@@ -13,8 +13,8 @@ from prompt_toolkit.document import Document
 from dvtcli.cli.catalogue import command_names, summary, with_a_swap
 from dvtcli.cli.dvt.words import WORDS
 from dvtcli.cli.global_options import PREFIX, global_options
+from dvtcli.cli.lexer import SHELL_WORDS
 from dvtcli.cli.name_completion import safe_items
-from dvtcli.cli.pasted_line import SHELL_WORDS
 from dvtcli.cli.prompt.line import TypedLine, cut, last_line, quoted, typed
 from dvtcli.cli.registry import REGISTRY
 from dvtcli.errors import DvtcliError

@@ -1,10 +1,11 @@
-"""The outcome of an applied plan, and the refusal of a plan that the rules forbid."""
+"""The progress of work on a node, the outcome of an applied plan, and the refusal of a plan."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
-from dvtcli.domain.plan import Plan
+from dvtcli.domain.plan import Plan, Step
 from dvtcli.domain.rules import errors_in
 from dvtcli.domain.rules.finding import Finding
 from dvtcli.errors import RuleError
@@ -30,3 +31,13 @@ def refuse(findings: tuple[Finding, ...], text: str, node_id: int, *, force: boo
     stopping = errors_in(findings)
     if stopping and not (force and can_force):
         raise RuleError(f"{text}: {stopping[0].text}", stopping, node=node_id, can_force=can_force)
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """*node* took *step*, number *done* of *total*; until the last is read back, all may be rolled back."""
+
+    node: int
+    done: int
+    total: int
+    step: Step

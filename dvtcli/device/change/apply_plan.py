@@ -8,6 +8,7 @@ from functools import partial
 from itertools import count
 from typing import TYPE_CHECKING
 
+from dvtcli.device.change.applied import Progress
 from dvtcli.device.change.failed_change import (
     TRY_AGAIN,
     end_change,
@@ -19,7 +20,6 @@ from dvtcli.device.change.failed_change import (
     restore_nmt_state,
     return_to_state,
 )
-from dvtcli.device.change.progress import Progress
 from dvtcli.device.change.roll_back import first_difference
 from dvtcli.device.change.transaction import Transaction
 from dvtcli.device.change.untouched_pdos import (

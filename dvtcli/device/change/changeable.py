@@ -17,9 +17,9 @@ from dvtcli.domain.profile import PreOperational
 from dvtcli.errors import BusUnavailable
 
 if TYPE_CHECKING:
+    from dvtcli.device.change.applied import Progress
     from dvtcli.device.change.change_guard import ChangeGuard
     from dvtcli.device.change.plan_document import Identity
-    from dvtcli.device.change.progress import Progress
     from dvtcli.device.habits import Habits
 
 

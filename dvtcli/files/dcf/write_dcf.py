@@ -15,9 +15,9 @@ from dvtcli.files.dcf.device_keys import write_device_keys
 from dvtcli.files.dcf.edited_text import EditedText
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import IniValue, Values, section_values
-from dvtcli.files.eds.layout import OBJECT_LISTS, EdsLayout, ObjectSections, Parts
 from dvtcli.files.eds.numbers import number_key, read_number, without_comment
 from dvtcli.files.eds.reader import EdsFile, parse_eds
+from dvtcli.files.eds.sections import OBJECT_LISTS, EdsLayout, ObjectSections, Parts
 from dvtcli.files.eds.writer import object_sections
 from dvtcli.files.eds.written_values import is_text, same_value, text_of
 

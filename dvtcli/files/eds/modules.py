@@ -17,8 +17,8 @@ from dvtcli.domain.object_dictionary import Access, Modules, ObjectType, OdEntry
 from dvtcli.files.eds.entry import EntryPlace, read_entry
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import Values, section_values, split_sections
-from dvtcli.files.eds.layout import EdsLayout, ObjectSections, Parts
 from dvtcli.files.eds.numbers import number_key, read_number, text_key, without_comment
+from dvtcli.files.eds.sections import EdsLayout, ObjectSections, Parts
 
 Build = Callable[[], OdObject]
 #: numbers of modules: 0x1027 has 16 bits for each

@@ -15,7 +15,6 @@ from dvtcli.domain.datatypes import U8
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.domain.standard_objects import PDO_COMMUNICATION, PDO_MAPPING, is_pdo_mapping, standard_entry
 from dvtcli.errors import InputFileError
-from dvtcli.files.eds.device_sections import check_lists, read_device_info
 from dvtcli.files.eds.entry import EntryPlace, read_entry, read_value
 from dvtcli.files.eds.findings import (
     BAD_LINE,
@@ -35,9 +34,18 @@ from dvtcli.files.eds.findings import (
     Findings,
 )
 from dvtcli.files.eds.ini import MOST_BYTES, IniText, IniValue, Values, section_values, split_sections, too_much
-from dvtcli.files.eds.layout import EdsLayout, ObjectSections, Parts, lay_out, report_repeated, report_stray
 from dvtcli.files.eds.modules import connected_modules, module_objects, modules_of, with_modules
 from dvtcli.files.eds.numbers import number_key, quoted, read_number, text_key
+from dvtcli.files.eds.sections import (
+    EdsLayout,
+    ObjectSections,
+    Parts,
+    check_lists,
+    lay_out,
+    read_device_info,
+    report_repeated,
+    report_stray,
+)
 from dvtcli.files.input_file import read_input_head
 
 _PARAMETER_NAMES = (

@@ -17,12 +17,10 @@ from dvtcli.domain.object_dictionary import ObjectDictionary, normalised
 from dvtcli.domain.object_scalings import Standard
 from dvtcli.domain.profile import GENERIC, DeviceProfile, ObjectAddress
 from dvtcli.errors import InputFileError, UsageError
-from dvtcli.files.family_folder import family_path
 from dvtcli.files.input_file import read_input
-from dvtcli.files.profile.physical_toml import physical_rules
-from dvtcli.files.profile.toml import builtin_names, builtin_path, may_be_of, read_profile
+from dvtcli.files.profile.toml import builtin_names, builtin_path, may_be_of, physical_rules, read_profile
 from dvtcli.files.toml_item import Item, Schema, integer, read_toml, string, suggest
-from dvtcli.files.user_folders import file_state, user_folder
+from dvtcli.files.user_folders import family_path, file_state, user_folder
 
 _HEADER = re.compile(r"\s*\[+(?!\[)([^\]]+)\]+\s*(?:#.*)?")
 

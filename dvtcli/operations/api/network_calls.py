@@ -10,15 +10,16 @@ from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.times import counts
 from dvtcli.errors import UsageError
+from dvtcli.operations.api.called_hints import errors_in_calls
 from dvtcli.operations.api.checks import flags, number, path, whole, word, words, wrong
 from dvtcli.operations.network.network_load import LoadOptions
-from dvtcli.operations.user.options import BIT_RATES
+from dvtcli.operations.user.options import BIT_RATES, Options
 
 if TYPE_CHECKING:
     from dvtcli.operations.api.calls import Calls
+    from dvtcli.operations.network.draw_network import PictureOptions
     from dvtcli.operations.results import NetworkApplied, NetworkLoad, NetworkPlanned, NetworksChecked
     from dvtcli.operations.session.session import Session
-
 
 _END = "a TPDO of a node, such as '5:tpdo3' or 'drive:tpdo3', and its inhibit time in ms"
 
@@ -199,7 +200,6 @@ class NetworkCalls:
         Returns remarks. Overwriting needs *yes*. Raises NoAnswer if no node answers; UsageError for another suffix, or
         if *target* cannot be written.
         """
-        from dvtcli.operations.api.reported import picture_options
         from dvtcli.operations.network.draw_network import draw_network
 
         chosen, other = str(path("target", target)), None if file is None else str(path("file", file))
@@ -306,3 +306,38 @@ class NetworkCalls:
 
 def _manager(name: str, manager: int | None) -> int | None:
     return None if manager is None else whole(name, manager, "a node-ID", 127, low=1)
+
+
+def report(
+    target: str | Path, file: str | Path, *, title: str | None = None, bit_rate: int | None = None, yes: bool = False
+) -> tuple[str, ...]:
+    """Draw the network *file* to *target*: a page (.html), or its wiring alone (.svg, .dot); needs no bus.
+
+    *title* is its heading (None: the file's name); *bit_rate* (bit/s) is the bus's. Returns remarks. Overwriting needs
+    *yes*. Raises InputFileError with all errors of *file*; UsageError for another suffix, or if *target* cannot be
+    written.
+    """
+    from dvtcli.operations.network.draw_network import draw_network
+    from dvtcli.operations.session.session import Session
+
+    chosen, source, options = (
+        str(path("target", target)),
+        str(path("file", file)),
+        picture_options(title, bit_rate, None),
+    )
+    with errors_in_calls(), Session(Options(yes=yes)) as session:
+        done = draw_network(session, chosen, source, options)
+    return tuple(dict(done.rows)["notes"])
+
+
+def picture_options(title: str | None, bit_rate: int | None, for_s: float | None) -> PictureOptions:
+    """How a program wants a picture, checked; UsageError for a wrong argument."""
+    from dvtcli.operations.network.draw_network import PictureOptions
+
+    if title is not None:
+        word("title", title, "what stands at the top of the page")
+    if bit_rate is not None:
+        whole("bit_rate", bit_rate, "a bit rate (bit/s)", BIT_RATES[-1], low=BIT_RATES[0])
+    if for_s is not None:
+        number("for_s", for_s, "a number of seconds, 0…3600", high=3600)
+    return PictureOptions(title, bit_rate, for_s)

@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 from dvtcli.bus.turns import in_callers_thread
 from dvtcli.errors import UsageError
 from dvtcli.operations.api.called_hints import errors_in_calls
+from dvtcli.operations.api.calls import LOG, Message, Told
 from dvtcli.operations.api.checks import call_back, path, seconds, whole, word, words, wrong
 from dvtcli.operations.api.python_bus import Bus
-from dvtcli.operations.api.told import LOG, Message, Told
 from dvtcli.operations.session.serve import LOOPBACK, ServeRequest, serving
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import BIT_RATES, options_of
 
 if TYPE_CHECKING:
-    from dvtcli.device.change.progress import Progress
+    from dvtcli.device.change.applied import Progress
 
 
 def connect(

@@ -101,7 +101,7 @@ def _first_of(refused: Sequence[DvtcliError], done: Sequence[str]) -> DvtcliErro
 
 def _accepted(session: SessionNodes, path: Path) -> tuple[tuple[tuple[str, Any], ...], tuple[Hint | str, ...]]:
     """Close the journal at *path* with its device's present values; returns fields and lines of the result."""
-    from dvtcli.device.change.accepted_state import accepted_states, refuse_other_device
+    from dvtcli.device.change.recovery import accepted_states, refuse_other_device
     from dvtcli.device.store.pending import CHANGE
 
     journal = read_journal(path)

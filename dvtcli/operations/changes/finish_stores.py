@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.accepted_state import refuse_other_device
+from dvtcli.device.change.recovery import refuse_other_device
 from dvtcli.device.stamped import held_stamp, is_stamp, stamp_changes
 from dvtcli.device.store.canary import holds_test, roll_back_test
 from dvtcli.domain.hint import Action, Hint, verbatim

@@ -25,7 +25,7 @@ from dvtcli.operations.changes.network_transaction import NetworkTransaction
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
-    from dvtcli.device.change.progress import Progress
+    from dvtcli.device.change.applied import Progress
     from dvtcli.device.node import Node
     from dvtcli.device.observe import InitialState
     from dvtcli.domain.rules import Finding

@@ -19,14 +19,16 @@ from dvtcli.files.whole_device_file import KeptObject
 from dvtcli.operations.devices.export_dcf import why_unread
 from dvtcli.operations.devices.file_kinds import holds_values
 from dvtcli.operations.devices.held_device import (
+    DifferenceKind,
     HeldDevice,
     KeptIdentity,
+    entry_of,
     held_by,
+    kind_of,
     node_of_file,
     selected_nodes,
     told_of,
 )
-from dvtcli.operations.devices.included import DifferenceKind, entry_of, kind_of
 from dvtcli.operations.devices.read_whole_device import configuration, read_entries
 from dvtcli.operations.results.comparisons import ObjectDifference, WholeCompared
 from dvtcli.operations.values.object_values import scalings_of

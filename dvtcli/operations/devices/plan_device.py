@@ -26,7 +26,12 @@ from dvtcli.domain.rules.pdo_mapping import enables_nothing
 from dvtcli.errors import SafetyRefusal, SdoAborted, UsageError
 from dvtcli.files.eds.written_values import same_value
 from dvtcli.operations.devices.held_device import (
+    Included,
+    entry_of,
     held_by,
+    idle,
+    included_of,
+    is_setting,
     node_of_file,
     refuse_kind,
     selected_alone,
@@ -34,7 +39,6 @@ from dvtcli.operations.devices.held_device import (
     told_of,
     unlike_modules,
 )
-from dvtcli.operations.devices.included import Included, entry_of, idle, included_of, is_setting
 from dvtcli.operations.devices.read_whole_device import configuration, described
 from dvtcli.operations.pdos.sync import short_frames
 from dvtcli.operations.plans.apply_network import apply_network

@@ -34,7 +34,7 @@ _TRIED_BYTES = 60_000
 
 def library_check() -> Check:
     """Check the EDS library: number of files, folder."""
-    from dvtcli.files.device_library.stored_files import folder, stored_files
+    from dvtcli.files.device_library import folder, stored_files
 
     count = len(stored_files())
     return Check("EDS files", "ok", f"{count} in {folder()}{': eds list shows them' if count else ''}")

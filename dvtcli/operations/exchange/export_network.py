@@ -29,7 +29,7 @@ from dvtcli.domain.object_syntax import MappedObject, resolve_entry
 from dvtcli.domain.profile import BitPolicy
 from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import SdoAborted, UsageError
-from dvtcli.files.device_library.stored_files import stored_path
+from dvtcli.files.device_library import stored_path
 from dvtcli.files.network.network_keys import OF, Where
 from dvtcli.files.network.write_network import write_network
 from dvtcli.operations.plans.resolve_names import following

@@ -35,7 +35,7 @@ from dvtcli.operations.exchange.export_network import (
 )
 from dvtcli.operations.exchange.written_network import FoundNode, write_found
 from dvtcli.operations.nodes.find_nodes import find_nodes
-from dvtcli.operations.plans.chosen_nodes import tell_unknown_bit_rate
+from dvtcli.operations.plans.read_network_config import tell_unknown_bit_rate
 from dvtcli.operations.session.save_script import ask_before_overwriting
 from dvtcli.operations.session.simulated_nodes import read_dictionary
 

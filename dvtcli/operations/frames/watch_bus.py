@@ -9,7 +9,7 @@ from time import monotonic
 from typing import TYPE_CHECKING
 
 from dvtcli.errors import BusUnavailable
-from dvtcli.operations.frames.frame_answer import frame_seen
+from dvtcli.operations.frames.explain_frame import frame_seen
 from dvtcli.operations.frames.layouts import live_decoder, live_decoders, open_wire
 from dvtcli.operations.network.described_nodes import described_nodes
 from dvtcli.operations.session.steady_listener import SteadyListener

@@ -14,22 +14,20 @@ from dvtcli.domain.object_dictionary import ERASED, DeviceInfo
 from dvtcli.domain.text import plural
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 from dvtcli.files.device_file import DEVICE_SUFFIXES, must_be_whole, parse_device_file
-from dvtcli.files.device_library.match import (
+from dvtcli.files.device_library import (
     FileDescription,
     KnownFile,
+    StoredFile,
     about_place,
     first_of,
-    note_about,
-    remembered,
-    taken_of,
-)
-from dvtcli.files.device_library.stored_files import (
-    StoredFile,
     folder,
     identity_word,
+    note_about,
+    remembered,
     stored_file,
     stored_files,
     stored_place,
+    taken_of,
 )
 from dvtcli.files.eds.ini import MOST_BYTES
 from dvtcli.files.input_file import read_input_head

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.domain.network.network_plan import NetworkPlan
     from dvtcli.domain.object_dictionary import ObjectDictionary
-    from dvtcli.files.device_library.match import Match
+    from dvtcli.files.device_library import Match
     from dvtcli.operations.user.session_user import Reporter
 
 
@@ -349,8 +349,7 @@ def unknown_names(file: str, config: NetworkConfig, known: Collection[int] = ())
 
 def library_match(file: str, node: NodeConfig) -> Match | None:
     """Find the library file for *node* by its identity; None if *file* names another, or there is none."""
-    from dvtcli.files.device_library.match import match
-    from dvtcli.files.device_library.stored_files import stored_files
+    from dvtcli.files.device_library import match, stored_files
 
     vendor, product = node.identity.vendor, node.identity.product
     if vendor is None or product is None or _chosen_word(file, node) is not None:

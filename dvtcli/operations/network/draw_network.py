@@ -88,7 +88,7 @@ def drawn(picture: NetworkPicture, path: PurePath) -> bytes:
 
         return alone(wiring(picture))
     if suffix in (".dot", ".gv"):
-        from dvtcli.files.picture.graphviz import graphviz
+        from dvtcli.files.picture.wiring import graphviz
 
         return graphviz(picture)
     from dvtcli.files.picture.page import page

@@ -22,10 +22,9 @@ from dvtcli.errors import SdoAborted, UsageError
 from dvtcli.operations.changes.change import names
 from dvtcli.operations.network.check_live import words_of_present
 from dvtcli.operations.network.concise_network import concise_dcfs
-from dvtcli.operations.plans.chosen_nodes import named_nodes
 from dvtcli.operations.plans.judge_network import check_plans
 from dvtcli.operations.plans.plan_network import value_change
-from dvtcli.operations.plans.read_network_config import read_network_config
+from dvtcli.operations.plans.read_network_config import named_nodes, read_network_config
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import NodeDescription, ReadableNode

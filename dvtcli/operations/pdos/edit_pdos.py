@@ -3,23 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.change_guard import who_else
+from dvtcli.device.change.private_file import write_private
 from dvtcli.device.proposal import proposal
-from dvtcli.domain.hint import as_hint
+from dvtcli.domain.hint import Action, Hint, as_hint, verbatim
 from dvtcli.domain.plan import Plan, plan_pdo
+from dvtcli.domain.request import PdoRequest
 from dvtcli.domain.rules import check_pdo
 from dvtcli.domain.text import join_some
-from dvtcli.errors import SafetyRefusal
+from dvtcli.errors import SafetyRefusal, UsageError
+from dvtcli.files.pdo_yaml import MappingWord, read_pdo_yaml, write_pdo_yaml, wrong_at
 from dvtcli.operations.changes.change import configure, names, understood
 from dvtcli.operations.results import Changed
+from dvtcli.operations.user.change_files import state_folder
+from dvtcli.operations.values.named_objects import entry_at
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
-    from dvtcli.device.node_parts import ReadableNode
+    from dvtcli.device.node_parts import NodeDescription, ReadableNode
+    from dvtcli.domain.mapping import PdoMappingEntry
+    from dvtcli.domain.object_syntax import MappedObject, Skipped
     from dvtcli.domain.pdo import Pdo, PdoConfig
-    from dvtcli.domain.rules import Finding
+    from dvtcli.domain.rules.finding import Finding
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.session.session_nodes import SessionNodes
 
@@ -60,3 +68,65 @@ def apply_edited(session: SessionNodes, node: Node, held: Configs, changed: Conf
 def edited_plan(node_id: int, held: Configs, changed: Configs) -> Plan:
     """Return the writes that make the *changed* PDOs of what the node *held*."""
     return Plan(node_id, tuple(plan_pdo(pdo, held[pdo], want) for pdo, want in changed.items()))
+
+
+def pdo_as_text(session: SessionNodes, pdo: Pdo, node_id: int | None = None) -> str:
+    """Return *pdo* of the node with *node_id* (None: the selected node) as YAML; raises UsageError for an MPDO."""
+    node = session.node(node_id)
+    config = node.pdo(pdo)
+    if config.mpdo is not None:
+        raise UsageError(f"{pdo.label} is a multiplexed PDO, which has no mapping to edit", node=node.node_id)
+    names = [_name(node, entry) for entry in config.mapping]
+    return write_pdo_yaml(pdo, config, names, f'node {node.node_id} "{node.title}"')
+
+
+def configure_from_text(
+    session: SessionNodes, pdo: Pdo, text: str, node_id: int | None = None, *, seen: str | None = None
+) -> Changed:
+    """Configure *pdo* by *text*, like `map`; raises UsageError or InputFileError with the faulty line.
+
+    *seen* is the text before editing: raises SafetyRefusal if the node differs from it by now.
+    """
+    node, asked = session.node(node_id), read_pdo_yaml(text, pdo)
+    if seen is not None:
+        node.begin_change()
+        if pdo_as_text(session, pdo, node_id) != seen:
+            raise SafetyRefusal(
+                f"{pdo.label} of node {node.node_id} is not what it was when the editor was opened",
+                node=node.node_id,
+                hint=Hint(
+                    Action.EDIT_PDO,
+                    {"pdo": pdo},
+                    f"{verbatim(who_else(node.guard))}: {{}} again shows its present values",
+                ),
+            )
+    want = PdoRequest(
+        asked.cob_id, asked.transmission_type, asked.inhibit_time, asked.event_timer, asked.sync_start_value,
+        asked.rtr_allowed, asked.extended, asked.enabled,
+        objects=None if asked.mapping is None else tuple(_resolved(word, node) for word in asked.mapping),
+    )  # fmt: skip
+    return configure(session, node, {pdo: want})
+
+
+def keep_text(pdo: Pdo, text: str) -> str:
+    """Save an edited *text* that was not applied; returns where, or why not."""
+    path = state_folder(None) / "edited" / f"{pdo}-{datetime.now(UTC).strftime('%Y%m%dT%H%M%S.%fZ')}.yaml"
+    try:
+        write_private(path, text)
+    except (OSError, SafetyRefusal) as failed:
+        return f"your text cannot be kept: {failed}"
+    return f"your text is kept as {path}"
+
+
+def _name(node: NodeDescription, entry: PdoMappingEntry) -> str:
+    known = node.dictionary is not None and not entry.is_dummy
+    return node.dictionary.display_name(entry.index, entry.sub_index) if known and node.dictionary else ""
+
+
+def _resolved(word: MappingWord, node: NodeDescription) -> MappedObject | Skipped:
+    try:
+        return entry_at(node, word.text)
+    except UsageError as wrong:
+        error = wrong_at(word.line, wrong.text)
+        error.hint = wrong.hint
+        raise error from wrong

@@ -23,7 +23,7 @@ from dvtcli.domain.profile import Severity
 from dvtcli.domain.rules import check_pdo, errors_in
 from dvtcli.domain.rules.finding import Finding, finding_of
 from dvtcli.errors import RuleError
-from dvtcli.operations.plans.chosen_nodes import named_nodes
+from dvtcli.operations.plans.read_network_config import named_nodes
 from dvtcli.operations.results.failures import together
 
 if TYPE_CHECKING:

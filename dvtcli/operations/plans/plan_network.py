@@ -28,11 +28,16 @@ from dvtcli.files.network.read_network import network_text
 from dvtcli.operations.changes.change import names, understood
 from dvtcli.operations.changes.possible_stores import refuse_stores_of
 from dvtcli.operations.pdos.sync import short_frames, sync_note, unknown_syncs
-from dvtcli.operations.plans.chosen_nodes import named_nodes, of_nodes, tell_unknown_bit_rate
 from dvtcli.operations.plans.identify_nodes import IdentifiedNodes, identify_nodes
 from dvtcli.operations.plans.judge_network import in_objects, judge_network, judge_plans, placed_in, refusals
 from dvtcli.operations.plans.missing_objects import MissingObjects, refuse_lacking, without_missing
-from dvtcli.operations.plans.read_network_config import read_network_config, skipped_rules
+from dvtcli.operations.plans.read_network_config import (
+    named_nodes,
+    of_nodes,
+    read_network_config,
+    skipped_rules,
+    tell_unknown_bit_rate,
+)
 from dvtcli.operations.plans.resolve_names import ResolvedConfig, resolve_node_config
 from dvtcli.operations.plans.stamping import stamping, stamps_of, trusted
 from dvtcli.operations.results.failures import missing_error, together

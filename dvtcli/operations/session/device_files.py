@@ -35,7 +35,7 @@ from dvtcli.operations.session.simulated_nodes import (
 from dvtcli.operations.user.options import Options, modules_of_node
 
 if TYPE_CHECKING:
-    from dvtcli.files.device_library.match import Match
+    from dvtcli.files.device_library import Match
 
 #: revision and serial number, as sub-indices of 0x1018
 _TOLD = (3, 4)
@@ -43,14 +43,14 @@ _TOLD = (3, 4)
 
 def found_file(node: SdoReader) -> FileChoice | None:
     """Find the file for *node* by its identity; None if unknown."""
-    from dvtcli.files.device_library.stored_files import stored_files
+    from dvtcli.files.device_library import match, stored_files
 
     files = stored_files()
     vendor, product = (read_identity(node, sub) for sub in (1, 2))
     if vendor is None or product is None:
         return None
     if any((file.vendor_id, file.product_code) == (vendor, product) for file in files):
-        from dvtcli.files.device_library.match import match
+        from dvtcli.files.device_library import match, stored_files
 
         found = match(files, vendor, product, read_identity(node, 3))
         if found is not None:

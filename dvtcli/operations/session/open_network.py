@@ -19,9 +19,9 @@ from dvtcli.errors import NoAnswer, SafetyRefusal, SdoAborted, SdoProtocolError,
 from dvtcli.operations.session.device_files import DeviceFiles
 
 if TYPE_CHECKING:
+    from dvtcli.device.change.applied import Progress
     from dvtcli.device.change.change_group import ChangeGroup
     from dvtcli.device.change.plan_document import Identity
-    from dvtcli.device.change.progress import Progress
     from dvtcli.domain.nmt import NmtState
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.plan import Plan

@@ -319,7 +319,7 @@ def read_dictionary(path: Path, modules: tuple[int, ...] | None = None) -> Objec
             hint=Hint(Action.GIVE_EDS, why="takes the path of an EDS, DCF, XDD or XDC, or a simulated family"),
         ) from failed
     except InputFileError as wrong:
-        from dvtcli.files.device_library.stored_files import folder
+        from dvtcli.files.device_library import folder
 
         if not wrong.hint and path.parent == folder():
             wrong.hint = Hint(

@@ -10,8 +10,7 @@ from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.plan import Plan
 from dvtcli.operations.session.open_network import Network
 from dvtcli.operations.session.simulated_nodes import family_named, learnt_family
-from dvtcli.simulator.device.reversed import ReversedDevice
-from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.device.strict_device import ReversedDevice, StrictDevice
 from dvtcli.simulator.network.twin_bus import TwinBus
 
 if TYPE_CHECKING:

@@ -19,7 +19,6 @@ from dvtcli.domain.pdo import Direction
 from dvtcli.domain.profile import BitPolicy
 from dvtcli.errors import InputFileError
 from dvtcli.files.device_file import DEVICE_SUFFIXES
-from dvtcli.files.family_folder import families_with, family_path
 from dvtcli.files.input_file import read_input
 from dvtcli.files.toml_item import (
     Item,
@@ -38,6 +37,7 @@ from dvtcli.files.toml_item import (
     string,
     suggest,
 )
+from dvtcli.files.user_folders import families_with, family_path
 from dvtcli.simulator.device.family import GENERIC, ErrorList, Family, Login, MotorCopy, PinCopy
 from dvtcli.simulator.device.pdo_guard import CHECKS
 

@@ -13,8 +13,7 @@ from dvtcli.domain.ports import CanopenBus, Frame
 from dvtcli.errors import BusUnavailable
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.hub import Hub
-from dvtcli.simulator.network.hub_client import Client
-from dvtcli.simulator.network.socketcand import told_frame
+from dvtcli.simulator.network.hub_client import Client, told_frame
 from dvtcli.simulator.network.station import SDO_RESPONSE, Roster, SimulatedNode
 from dvtcli.simulator.network.wire import Wire
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from dvtcli.device.change.progress import Progress
+from dvtcli.device.change.applied import Progress
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.strict_device import StrictDevice

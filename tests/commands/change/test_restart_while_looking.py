@@ -7,7 +7,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from dvtcli.device.change.progress import Progress
+from dvtcli.device.change.applied import Progress
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dvtcli.device.change.progress import Progress
+from dvtcli.device.change.applied import Progress
 from dvtcli.domain.nmt import NmtCommand
 from tests.commands.bench import Bench
 

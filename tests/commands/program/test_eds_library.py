@@ -19,8 +19,7 @@ import dvtcli
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.errors import InputFileError
 from dvtcli.files.device_file import read_device_file
-from dvtcli.files.device_library.match import match
-from dvtcli.files.device_library.stored_files import StoredFile, folder, stored_files, stored_place
+from dvtcli.files.device_library import StoredFile, folder, match, stored_files, stored_place
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds
@@ -510,7 +509,7 @@ def test_every_real_file_is_found_by_its_own_identity_or_named(pytestconfig: pyt
 
 
 def _own_find(path: Path) -> StoredFile:
-    from dvtcli.files.device_library.stored_files import stored_files
+    from dvtcli.files.device_library import match, stored_files
 
     info = read_device_file(path).dictionary.info
     found = match(stored_files(), info.vendor_id or 0, info.product_code or 0, info.revision_number)

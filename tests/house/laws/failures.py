@@ -48,7 +48,7 @@ MAY_LEAVE_UNSAID = {
     "cli/prompt/completer.py": "the same",
     "cli/prompt/full_line.py": "the same",
     "cli/prompt/status.py": "the menu says less; the next command says why",
-    "device/change/acknowledged_steps.py": "who does not answer is not known to hold what it took",
+    "device/change/transaction.py": "who does not answer is not known to hold what it took",
     "operations/changes/change.py": "nobody knows: the store itself will say",
     "operations/exchange/import_network.py": "read ahead: it is said where it is needed",
     "operations/plans/plan_network.py": "the same",
@@ -61,7 +61,7 @@ INNER = {
     "files/network/yaml_tree.py:OtherYamlError",
     "files/recordings/recorded_lines.py:LostLineError", "files/recordings/recorded_lines.py:NoFrameError",
     "domain/gateway/gateway_answers.py:GatewayRequestError",  # a client's line, which gets an answer
-    "simulator/network/socketcand.py:RubbishError", "simulator/network/signals.py:RowsError",
+    "simulator/network/hub_client.py:RubbishError", "simulator/network/signals.py:RowsError",
     "simulator/device/memory.py:Refusal", "cli/dvt/tcl_safe.py:Exit", "cli/dvt/tcl_run.py:Late",
     "cli/dvt/tcl_calls.py:Ended", "cli/dvt/tcl_wire.py:WireError", "cli/dvt/tcl_wire.py:Gone",
     "cli/prompt/key_bindings.py:ThrownAway", "cli/prompt/full_line.py:Refused", "cli/view/streams.py:ReaderLeft",

@@ -38,7 +38,7 @@ DOORS: dict[str, tuple[str, ...]] = {
         "cli/prompt/redirect.py",
         "cli/view/typed_hints.py",  # how Windows takes words apart
     ),
-    "logging": ("bus/can_message.py", "operations/api/told.py"),
+    "logging": ("bus/can_message.py", "operations/api/calls.py"),
     "traceback": ("cli/crash.py",),
     "warnings": ("cli/passcode.py",),
     "signal": (
@@ -50,7 +50,7 @@ DOORS: dict[str, tuple[str, ...]] = {
         "operations/api/calls.py",
     ),
     "urllib": ("cli/view/reports/sarif_lines.py",),  # its `parse`
-    "tkinter": ("cli/dvt/tcl_interp.py",),
+    "tkinter": ("cli/dvt/tcl_safe.py",),
     "winreg": ("bus/discover.py",),
     "getpass": ("cli/passcode.py",),
     # whether a maker's library can be loaded, in a process of its own

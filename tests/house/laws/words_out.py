@@ -18,7 +18,7 @@ MAY_PRINT = {
     "__main__.py": "streams that are closed are given to nobody",
     "cli/boundary.py": "a stream that nobody reads any more is silenced",
     "cli/crash.py": "the report of a bug, into a file",
-    "operations/api/told.py": "the log of the Python API",
+    "operations/api/calls.py": "the log of the Python API",
     "cli/passcode.py": "asks for what must not be seen",
     "cli/prompt/first_start.py": "asks at a terminal how to go on",
     "cli/prompt/terminal.py": "the prompt, and what would be printed over it",

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.text import plural
-from dvtcli.files.device_library.stored_files import identity_word
+from dvtcli.files.device_library import identity_word
 from dvtcli.operations.results.library_files import (
     ADDED,
     REFUSED,

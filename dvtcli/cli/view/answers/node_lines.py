@@ -123,7 +123,7 @@ def _shared(room: int, name: int, file: int) -> tuple[int, int]:
 
 def _known_by(row: NodeRow) -> Cell:
     """Return the file that names the node's objects, after the profile with its rules."""
-    from dvtcli.files.device_library.stored_files import label_of
+    from dvtcli.files.device_library import label_of
 
     if not row.source and not row.profile:
         return Cell("-")

@@ -13,8 +13,8 @@ from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.text import join_some
 from dvtcli.files.eds.findings import EdsFinding, Findings
 from dvtcli.files.eds.ini import IniSection, IniValue, Values, section_values
-from dvtcli.files.eds.layout import object_place
 from dvtcli.files.eds.reader import EdsFile
+from dvtcli.files.eds.sections import object_place
 
 
 def no_section(text: LintedText, name: str, lost: str) -> Found:
