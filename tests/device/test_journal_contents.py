@@ -41,7 +41,7 @@ def test_the_first_value_and_the_last_one_count() -> None:
 
 def test_what_the_first_one_is_put_back_to_counts() -> None:
     plans = [timed(TPDO1, 0, 5), timed(TPDO1, 5, 9)]
-    first = Plan(NODE, tuple(replace(one, back=at(TPDO1, 1)) for one in plans[0].changes))  # type: ignore[type-var]
+    first = Plan(NODE, tuple(one._replace(back=at(TPDO1, 1)) for one in plans[0].changes))  # type: ignore[call-arg]
     (change,) = combine_plans(NODE, [first, plans[1]]).changes
     assert change.back == at(TPDO1, 1)  # type: ignore[union-attr]
 

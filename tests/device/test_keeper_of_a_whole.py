@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -336,7 +335,7 @@ def test_all_that_a_prepared_journal_says_later_needs_no_more_space(keep: Keep) 
         part(one, 0x2000)
         part(one, 0x2001)
         for done in (False, True):
-            one.own_journal.final(ENDS.final, tuple(replace(store, is_done=done) for store in ENDS.stores))
+            one.own_journal.final(ENDS.final, tuple(store._replace(is_done=done) for store in ENDS.stores))
             assert [store.is_done for store in journal(one).part.stores] == [done]
         one.own_journal.note(plan(5, 0x2002))
     assert (one.own_journal.path.stat().st_ino, one.own_journal.path.stat().st_size) == (inode, size)

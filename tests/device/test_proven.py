@@ -151,7 +151,7 @@ def test_what_cannot_be_proved_is_refused_ahead_of_the_store() -> None:
         prepare_proof(bench.node, held, 1, restart)
     assert "lets nothing be changed harmlessly" in (caught.value.why or "")
     assert "store --prove power" in typed(caught.value.hint)
-    assert prepare_proof(bench.node, held, 1, replace(restart, by=POWER)) is None
+    assert prepare_proof(bench.node, held, 1, restart._replace(by=POWER)) is None
 
 
 @pytest.mark.parametrize("family", ["generic", "gen4"])

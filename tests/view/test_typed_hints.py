@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import shlex
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -72,7 +71,7 @@ def test_what_compares_with_what_was_set_runs_in_a_program_of_its_own() -> None:
     bus = "dvtcli -i socketcan -c 'can 0' -n 8"
     assert typed(hint) == "see `-n 8 verify`"
     assert TypedHints(lambda: SHELL).text(hint) == f"see `{bus} pdo`"
-    assert TypedHints(lambda: replace(SHELL, script="s.dvt")).text(hint) == f"see `{bus} verify s.dvt`"
+    assert TypedHints(lambda: SHELL._replace(script="s.dvt")).text(hint) == f"see `{bus} verify s.dvt`"
     of_a_file = Hint(Action.VERIFY, {"file": "h.dcf"})
     assert TypedHints(lambda: SHELL).text(of_a_file) == "`dvtcli -i socketcan -c 'can 0' -n 5 verify h.dcf`"
 
