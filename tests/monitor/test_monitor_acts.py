@@ -12,7 +12,9 @@ import pytest
 
 from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.monitor.actions import Actions
+from dvtcli.cli.monitor.transmit_list import TransmitEntry, TransmitList
 from dvtcli.cli.view.output import Output
+from dvtcli.operations.frames.transmit_rows import transmit_row
 from dvtcli.operations.frames.watch_bus import watching
 from dvtcli.watch.decoder import Decoder
 from tests.monitor.test_monitor_screen import SIZES, leave, started
@@ -41,7 +43,30 @@ def fill(terminal: Terminal, label: str, text: str) -> None:
     terminal.type(ENTER)
 
 
-def test_nmt_starts_the_node_without_a_question(open_terminal: Open) -> None:
+@pytest.mark.parametrize(
+    ("letter", "asked", "done"),
+    [
+        ("s", "goes to OPERATIONAL, and a machine may move; send it?", "nmt start: node 1 OPERATIONAL"),
+        ("p", "goes to PRE-OPERATIONAL: PDOs end, and a machine may stop; send it?",
+         "nmt preop: node 1 PRE-OPERATIONAL"),
+        ("t", "goes to STOPPED, and a machine may stop; send it?", "nmt stop: node 1 STOPPED"),
+        ("r", "goes through a restart: unstored values are lost, and a motor may be released; send it?",
+         "nmt reset-node: node 1 PRE-OPERATIONAL"),
+    ],
+)  # fmt: skip
+def test_nmt_is_asked_about_as_send_asks(open_terminal: Open, letter: str, asked: str, done: str) -> None:
+    terminal = in_pre_operational(open_terminal, columns=120)
+    for answer in ("n", "y"):
+        terminal.type("n")
+        terminal.wait("NMT to node 1 Gen4")
+        terminal.type(letter)
+        terminal.wait(asked)
+        assert done not in terminal.text
+        terminal.type(answer)
+        terminal.wait("not done: the answer was no" if answer == "n" else done)
+
+
+def test_nmt_starts_the_node(open_terminal: Open) -> None:
     terminal = in_pre_operational(open_terminal)
     terminal.type("n")
     terminal.wait("NMT to node 1 Gen4", "s  start", "c  reset-comm")
@@ -51,6 +76,8 @@ def test_nmt_starts_the_node_without_a_question(open_terminal: Open) -> None:
     terminal.type("n")
     terminal.wait("NMT to node 1 Gen4")
     terminal.type("s")
+    terminal.wait("and a machine may move; send")
+    terminal.type("y")
     terminal.wait("nmt start: node 1 OPERATIONAL", "0x281 TPDO2 node 1")
 
 
@@ -277,6 +304,8 @@ def test_nmt_reaches_a_node_without_signals_and_all_nodes(open_terminal: Open) -
     terminal.type(RIGHT)
     terminal.wait("NMT to node 2 ")
     terminal.type("s")
+    terminal.wait("node 2 goes to OPERATIONAL, and a machine may move; send it?")
+    terminal.type("y")
     terminal.wait("nmt start: node 2 OPERATIONAL")
     terminal.type("n")
     terminal.wait("NMT to node 2 ")  # its signal is chosen now
@@ -307,6 +336,41 @@ def test_a_row_is_judged_when_it_is_typed(open_terminal: Open) -> None:
         terminal.type(ESCAPE)
         terminal.until(lambda: "TRANSMIT" not in terminal.text, "the list gone")
     assert "0x7A0 " not in terminal.lines[3]
+
+
+def test_the_reason_of_a_refused_row_is_read_whole_on_a_narrow_screen(open_terminal: Open) -> None:
+    terminal = in_pre_operational(open_terminal)
+    terminal.type("xa")
+    fill(terminal, "add", "rpdo1 6040=0x10000")
+
+    def below_the_list() -> str:
+        lines = terminal.lines
+        at = next((number for number, line in enumerate(lines) if line.endswith("refused")), len(lines))
+        return " ".join(" ".join(lines[at + 1 : -1]).split())
+
+    terminal.until(
+        lambda: "RPDO1 of node 1 is off, or multiplexed: it has no frame of values; `" in below_the_list(), "the reason"
+    )
+    terminal.type("a")
+    fill(terminal, "add", "7A0#1027")
+    terminal.wait("TRANSMIT (2 rows)")
+    terminal.until(lambda: "multiplexed" not in " ".join(terminal.lines[-4:]), "the other row, which is not refused")
+
+
+@pytest.mark.parametrize("columns", [40, 80, 120])
+def test_a_reason_is_shown_to_its_end(columns: int) -> None:
+    reason = "the frame was not taken: " + "word " * 30 + "end"
+    session = Conversation(Output())
+    session.start({"sim": ("gen4",), "yes": True})
+    with session, watching(session) as watched:
+        actions = Actions(session, watched, lambda _address: None, Decoder().layout)
+        rows = [TransmitEntry(transmit_row("7A0#1027"), refused=reason)]
+        acts = actions._send, actions._cyclic, actions._keep, actions._check
+        lines = TransmitList(rows, actions.dialogs.append, *acts).lines(columns, 20)
+        actions.leave()
+    shown = ["".join(cell.text for cell in line) for line in lines]
+    assert reason in " ".join(" ".join(shown).split())
+    assert all(len(line) <= columns for line in shown[2:-1])
 
 
 def test_a_click_chooses_a_signal_and_a_row_of_a_dialog(open_terminal: Open) -> None:

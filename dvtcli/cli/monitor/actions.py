@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.monitor.transmit_list import Sending, TransmitEntry, TransmitList
-from dvtcli.cli.screen.beside import BesideScreen
+from dvtcli.cli.screen.beside import BesideScreen, in_a_line
 from dvtcli.cli.screen.widgets import Choices, Dialog, FieldDialog
 from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.domain.cob_id import can_id_text
@@ -16,7 +16,7 @@ from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.text import join_some
 from dvtcli.errors import DvtcliError, SafetyRefusal
 from dvtcli.operations.frames.put_on_bus import put_on_bus
-from dvtcli.operations.frames.send_frames import agree_to_send
+from dvtcli.operations.frames.send_frames import agree_to_send, frame_to_send
 from dvtcli.operations.frames.transmit_rows import TransmitRow, frame_of, is_sdo_request, keep_rows, kept_rows
 from dvtcli.operations.nodes.command_nmt import command_nmt
 from dvtcli.operations.pdos.sync import DEFAULT, sync_frame
@@ -123,7 +123,10 @@ class Actions:
         self.dialogs.append(NmtDialog(node_id, names, self._command))
 
     def _command(self, command: NmtCommand, node_id: int) -> None:
+        frame = frame_to_send(f"000#{command:02X}{node_id:02X}")
+
         def work() -> str:
+            agree_to_send(self._session, [frame], "", self._watched.nodes, self._watched.dbc)
             result = command_nmt(self._session, command, node_id)
             if result.failure is not None:
                 raise result.failure
@@ -200,15 +203,30 @@ class Actions:
         def work() -> str:
             frame = frame_of(self._session, row, self._last)
             layout = self._layout(frame)
-            for doubt in doubts(frame, layout):
+            found = list(doubts(frame, layout))
+            for doubt in found:
                 self.beside.say(f"{row.frame}: {doubt}", bad=True)
+            listed.refused = "; ".join(found)
             if layout.service.kind == "other":
                 can_id = can_id_text(frame.can_id, extended=frame.extended)
                 return f"{row.frame}: no node that was read uses CAN-ID {can_id}"
             return ""
 
         if not self.beside.doing:  # else it is judged when it is sent
-            self.beside.start(f"check {row.frame}", work, is_check=True)
+            self.beside.start(f"check {row.frame}", self._with_reason(listed, work), is_check=True)
+
+    def _with_reason(self, listed: TransmitEntry, work: Callable[[], str]) -> Callable[[], str]:
+        """Return *work*, which keeps the reason in *listed* if it is refused."""
+
+        def run() -> str:
+            listed.refused = ""
+            try:
+                return work()
+            except DvtcliError as failed:
+                listed.refused = in_a_line(self._session, failed)
+                raise
+
+        return run
 
     def _send(self, listed: TransmitEntry) -> None:
         row = listed.row
@@ -224,7 +242,7 @@ class Actions:
                     raise outcome.failure
             return ""
 
-        self.beside.start(f"send {row.frame}", work)
+        self.beside.start(f"send {row.frame}", self._with_reason(listed, work))
 
     def _cyclic(self, listed: TransmitEntry) -> None:
         if listed.is_going:
@@ -249,7 +267,7 @@ class Actions:
                     raise
             return ""
 
-        self.beside.start(f"send {row.frame}", work)
+        self.beside.start(f"send {row.frame}", self._with_reason(listed, work))
 
     def _keep(self) -> None:
         try:

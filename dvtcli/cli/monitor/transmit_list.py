@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.screen.widgets import Cursor, Dialog, FieldDialog
-from dvtcli.cli.view.lines import Cell, clipped
+from dvtcli.cli.view.lines import Cell, broken, clipped
 from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.domain.text import plural
@@ -28,11 +28,12 @@ _KEYS = (("a", "add"), ("Enter", "edit"), ("s", "send once"), ("c", "cyclic"), (
 
 @dataclass(slots=True)
 class TransmitEntry:
-    """A row of the list, with its cyclic sending if it was started, and the frames sent once."""
+    """A row of the list, with its cyclic sending if it was started, the frames sent once, and why it was refused."""
 
     row: TransmitRow
     sending: Sending | None = None
     once: int = 0
+    refused: str = ""
 
     @property
     def is_going(self) -> bool:
@@ -54,7 +55,16 @@ class TransmitEntry:
         """What it does, and a style."""
         if self.is_going:
             return "being sent", "green"
-        return (f"ended: {self.sending.ended}", "red") if self.sending is not None and self.sending.ended else ("", "")
+        return ("ended" if self._ended else "refused", "red") if self.reason else ("", "")
+
+    @property
+    def reason(self) -> str:
+        """Why it ended by itself, or was refused; empty if neither happened."""
+        return self._ended or self.refused
+
+    @property
+    def _ended(self) -> str:
+        return "" if self.sending is None else self.sending.ended
 
 
 class TransmitList:
@@ -130,7 +140,8 @@ class TransmitList:
 
     def lines(self, width: int, height: int) -> list[list[Cell]]:
         """Return the rows that fit, below a head, above the keys."""
-        room = max(1, min(_MOST, height - 3))
+        reasons = self._reasons(width)[: max(0, height - 3)]
+        room = max(1, min(_MOST, height - 3 - len(reasons)))
         frame = max(12, width - 44)
         title = f"TRANSMIT ({plural(len(self._rows), 'row')})"
         head = f"  {'KEY':<4}{title:<{frame}} {'EVERY':>9} {'SENT':>7}  STATE"
@@ -147,7 +158,12 @@ class TransmitList:
                 Cell(f"{clipped(row.frame, frame):<{frame}} {period:>9} {listed.sent:>7}  "), Cell(state, style),
             ])  # fmt: skip
         keys = [cell for key, what in _KEYS for cell in (Cell(f" {key}", "bold"), Cell(f" {what} "))]
-        return [*lines, keys]
+        return [*lines, *reasons, keys]
+
+    def _reasons(self, width: int) -> list[list[Cell]]:
+        """Return why the chosen row was refused or ended, in as many lines as that takes."""
+        reason = self._rows[self._cursor.chosen].reason if self._cursor.chosen < len(self._rows) else ""
+        return [[Cell(f"  {line}", "red")] for line in broken(reason, max(8, width - 2))] if reason else []
 
 
 #: maximum wait for the end of a sending (s)

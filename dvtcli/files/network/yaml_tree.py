@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from dvtcli.domain.network.network_config import Mark
 
 if TYPE_CHECKING:
+    from ruamel.yaml import YAML
     from ruamel.yaml.nodes import MappingNode, Node, ScalarNode
 
     from dvtcli.files.network.file_log import FileLog
@@ -62,6 +63,8 @@ MOST_CHARACTERS = 1_000_000
 MOST_ENTRIES = 80_000
 #: values in all, those counted that aliases repeat
 MOST_VALUES = 400_000
+#: white space in a line, and the begin of a comment or an end of the line
+_BLANKS, _BEHIND_BLANKS = " \t", "#\n\r\0\x85\u2028\u2029"
 _TAG = "tag:yaml.org,2002:"
 _TYPES = {"int", "float", "bool", "null", "str"}
 
@@ -111,18 +114,38 @@ def count_aliases(text: str) -> int:
     """Count the aliases (`*NAME`) of *text*, valid YAML."""
     if "*" not in text:
         return 0
-    from ruamel.yaml import YAML
     from ruamel.yaml.tokens import AliasToken
 
-    return sum(isinstance(token, AliasToken) for token in YAML(typ="safe", pure=True).scan(text))
+    return sum(isinstance(token, AliasToken) for token in _yaml().scan(text))
+
+
+def _yaml() -> YAML:
+    """Make ruamel's reader, which takes tabs in front of a comment or the end of a line, too (YAML 1.2, 6.6)."""
+    from ruamel.yaml import YAML
+    from ruamel.yaml.scanner import Scanner
+
+    class TabScanner(Scanner):
+        def scan_to_next_token(self) -> None:
+            """Go on to the next token."""
+            super().scan_to_next_token()
+            while self.reader.peek() == "\t":
+                blanks = 1
+                while self.reader.peek(blanks) in _BLANKS:
+                    blanks += 1
+                if self.reader.peek(blanks) not in _BEHIND_BLANKS:
+                    return  # a token: its tab is an error
+                self.reader.forward(blanks)
+                super().scan_to_next_token()
+
+    yaml = YAML(typ="safe", pure=True)
+    yaml.Scanner = TabScanner
+    return yaml
 
 
 @lru_cache(maxsize=4)
 def _composed(text: str) -> Node | None:
     """ruamel's node of *text*, which nobody changes: `plan`, `apply` and `verify` of a session read the same file."""
-    from ruamel.yaml import YAML
-
-    yaml = YAML(typ="safe", pure=True)
+    yaml = _yaml()
     yaml.composer.warn_double_anchors = False  # YAML 1.2, 3.2.2.2: an anchor may be set again
     root: Node | None = yaml.compose(text)
     return root

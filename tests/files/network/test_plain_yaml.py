@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from dvtcli.errors import InputFileError
 from dvtcli.files.network.file_log import FileLog
-from dvtcli.files.network.yaml_tree import OtherYamlError, PlainYaml, Tree, _general_tree, read_tree
+from dvtcli.files.network.yaml_tree import Branch, Leaf, OtherYamlError, PlainYaml, Tree, _general_tree, read_tree
 from examples.many_nodes import network
 from tests.surroundings import ROOT
 
@@ -111,3 +111,28 @@ def test_network_files_of_the_documentation_are_plain() -> None:
     pages = [*ROOT.glob("docs/**/*.md"), ROOT / "README.md"]
     blocks = [block for page in pages for block in re.findall(r"```yaml\n(.*?)```", page.read_text("utf-8"), re.DOTALL)]
     assert sum(map(agree, blocks)) >= len(blocks) / 2
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a: 1\t# c\n", "a: 1 \t # c\n", "a:\t# c\n  b: 2\n", "a: 'x'\t# c\n", "\t# c\na: 1\n", "a: {b: 1}\t# c\n",
+        "a: [1,\t# c\n 2]\n", "- 1\t# c\n- x y\t# c\n", "a: 1\n \t# c\n\t\nb: 2\t\n", "---\t# c\na: 1\n", "a: 1\t#",
+        "a: &x 1\t# c\nb: *x\t# c\n", "a: x\n  y\t# c\n", "a: 1\t# c\td\r\n",
+    ],
+)  # fmt: skip
+def test_a_tab_in_front_of_a_comment_or_the_end_of_a_line_is_white_space(text: str) -> None:
+    """YAML 1.2, 6.6: a comment is behind white space, of which a tab is a part."""
+    tree, complaints = _heard(text, read_tree)
+    assert tree is not None
+    assert not complaints
+    assert tree == general(text.replace("\t", " "))[0]
+
+
+def test_a_tab_in_quotes_is_a_letter_and_one_that_indents_is_refused() -> None:
+    tree, complaints = _heard('a: "x\t# y"\t# c\n', read_tree)
+    assert isinstance(tree, Branch)
+    assert isinstance(value := tree.items["a"][1], Leaf)
+    assert (value.text, complaints) == ("x\t# y", [])
+    for text in ("a:\n\tb: 1\n", "\ta: 1\n", "a: 1\n\tb: 2\n"):
+        assert "no YAML" in _heard(text, read_tree)[1][0], text
