@@ -45,7 +45,7 @@ def command(
 
     At a terminal it is a full screen, with its keys at the bottom; else one dvtcli.frame/1 document a line. It reads
     the mappings by SDO upload, once, at the start, and again with m. Only keys send: n NMT, y SYNC, x a transmit
-    list, asked about as nmt and send ask. A node that does not answer shows its frames as bytes. If the bus is gone,
+    list, asked about as send asks. A node that does not answer shows its frames as bytes. If the bus is gone,
     monitor waits for it, says so, and reads the mappings again; --no-reconnect ends with 5.
 
     \b

@@ -38,6 +38,7 @@ PARTS = {
     "schemas": "documents:every_schema",
     "rules": "rules:table",
     "eds-rules": "eds_rules:table",
+    "eds-keys": "eds_keys:keys",
     "network-rules": "network_rules:table",
     "recording-rules": "recording_rules:table",
     "network-keys": "network:keys",

@@ -11,12 +11,13 @@ from dvtcli.files.eds.ini import IniValue
 from dvtcli.files.eds.lint.linted_text import Found, LintedText, is_head
 
 _RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
-_OBJECT = ("ParameterName", "ObjectType", "DataType", "AccessType", "DefaultValue", "PDOMapping", "LowLimit",
+#: keys of an object and of a sub-index
+OBJECT_KEYS = ("ParameterName", "ObjectType", "DataType", "AccessType", "DefaultValue", "PDOMapping", "LowLimit",
            "HighLimit", "SubNumber", "CompactSubObj", "ObjFlags", "ParameterValue", "Denotation", "UploadFile",
            "DownloadFile", "ParamRefd", "SRDOMapping", "InvertedSRAD", "Unit", "Factor", "Description")  # fmt: skip
 #: All keys of a section in their spelling, also those of EN 50325-5 (SRDOs). Unit, Factor and Description are common
 #: but not standard.
-_KEYS = {
+KEYS = {
     "fileinfo": ("FileName", "FileVersion", "FileRevision", "EDSVersion", "Description", "CreationTime",
                  "CreationDate", "CreatedBy", "ModificationTime", "ModificationDate", "ModifiedBy", "LastEDS"),
     "deviceinfo": ("VendorName", "VendorNumber", "ProductName", "ProductNumber", "RevisionNumber", "OrderCode",
@@ -27,7 +28,7 @@ _KEYS = {
     "devicecomissioning": ("NodeID", "NodeName", "NodeRefd", "Baudrate", "NetNumber", "NetworkName", "NetRefd",
                            "CANopenManager", "LSS_SerialNumber"),
 }  # fmt: skip
-_SECTIONS = {
+SECTIONS = {
     name.lower(): name
     for name in ("FileInfo", "DeviceInfo", "DummyUsage", "Comments", "DeviceComissioning", "MandatoryObjects",
                  "OptionalObjects", "ManufacturerObjects", "SupportedModules", "ConnectedModules", "StandardDataTypes",
@@ -66,9 +67,9 @@ def misspelt_section(text: LintedText) -> Found:
     """The intended section is missing."""
     for section in text.file.layout.stray[:_MOST_LOOKED_UP]:
         name = section.name.replace(" ", "").lower()
-        near = get_close_matches(name, _SECTIONS, 1, 0.8) if len(name) <= _LONGEST else []
+        near = get_close_matches(name, SECTIONS, 1, 0.8) if len(name) <= _LONGEST else []
         if near:
-            yield section.line, f"[{section.name}] is not known; is [{_SECTIONS[near[0]]}] meant?"
+            yield section.line, f"[{section.name}] is not known; is [{SECTIONS[near[0]]}] meant?"
         elif _NEARLY_OBJECT.fullmatch(name):
             yield section.line, f"[{section.name}] is no object; one is [XXXX] or [XXXXsubYY] in hexadecimal"
 
@@ -101,7 +102,7 @@ def key_without_effect(text: LintedText) -> Found:
 def unknown_keys(text: LintedText) -> Iterator[tuple[IniValue, str]]:
     """Iterate over values of unknown keys, each with the most similar known key, or an empty text."""
     seen: dict[tuple[str, str], str] = {}
-    sections = [(name, text.values(name).items()) for name in _KEYS]
+    sections = [(name, text.values(name).items()) for name in KEYS]
     for name, values in [*sections, *(("", entry.values.items()) for entry in text.objects)]:
         known = _LOWER[name]
         for key, value in values:
@@ -118,5 +119,5 @@ def _nearest(key: str, known: Collection[str]) -> str:
     return _SPELLED[near[0]] if is_same_number else ""
 
 
-_LOWER = {name: frozenset(key.lower() for key in keys) for name, keys in {**_KEYS, "": _OBJECT}.items()}
-_SPELLED = {key.lower(): key for keys in (*_KEYS.values(), _OBJECT) for key in keys}
+_LOWER = {name: frozenset(key.lower() for key in keys) for name, keys in {**KEYS, "": OBJECT_KEYS}.items()}
+_SPELLED = {key.lower(): key for keys in (*KEYS.values(), OBJECT_KEYS) for key in keys}

@@ -1,0 +1,38 @@
+"""The keys of EDS and DCF files, from the tables of `eds check`, with their meanings from `eds_keys.toml`."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+
+from dvtcli.files.eds.lint.lint_keys import KEYS, OBJECT_KEYS, SECTIONS
+from tests.documentation.reference.markdown import cell, code, table
+
+MEANINGS: Mapping[str, Mapping[str, str]] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
+#: bit rates share a line
+_RATE = re.compile(r"(?<=^BaudRate_)\d+$")
+
+
+def keys() -> Iterator[str]:
+    """A table of keys for each section, then the sections."""
+    for name, found in KEYS.items():
+        yield from _keys(f"[{SECTIONS[name]}]", name, found)
+    yield from _keys("An object: [1234], [1234sub5]", "object", OBJECT_KEYS)
+    yield from ("", "## Sections", "")
+    yield from table(
+        ("section", "means"), ((code(f"[{name}]"), _meaning("sections", name)) for name in SECTIONS.values())
+    )
+
+
+def _keys(title: str, name: str, found: Iterable[str]) -> Iterator[str]:
+    yield from ("", f"## {title}", "")
+    lines = dict.fromkeys(_RATE.sub("N", key) for key in found)
+    yield from table(("key", "means"), ((code(key), _meaning(name, key)) for key in lines))
+
+
+def _meaning(section: str, key: str) -> str:
+    """The meaning of *key*; an AssertionError names what `eds_keys.toml` lacks."""
+    assert key in MEANINGS[section], f"eds_keys.toml does not say what {key} of {section} means"
+    return cell(MEANINGS[section][key])
