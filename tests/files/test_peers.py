@@ -108,6 +108,17 @@ def test_peers_open_what_is_made_of_the_files_of_families(path: Path, tmp_path: 
 
 
 @pytest.mark.needs("dcf")
+@pytest.mark.parametrize("family", ["gen4", "generic"])
+def test_a_file_without_units_gets_none_that_dcfgen_would_refuse(family: str, tmp_path: Path) -> None:
+    lines = (PACKAGE / "families" / family / f"{family}.eds").read_bytes().splitlines(keepends=True)
+    path = tmp_path / "bare.eds"
+    path.write_bytes(b"".join(line for line in lines if not line.startswith((b"Unit=", b"Factor="))))
+    assert dcfgen_refuses(b"".join(lines), "whole.eds", tmp_path) is not None
+    assert dcfgen_refuses(path.read_bytes(), path.name, tmp_path) is None
+    assert newly_refused(path, tmp_path) == {}
+
+
+@pytest.mark.needs("dcf")
 @pytest.mark.drawn(3)
 @pytest.mark.parametrize("number", range(len(ODDITIES)))
 def test_peers_open_what_is_made_of_odd_files(number: int, tmp_path: Path) -> None:
