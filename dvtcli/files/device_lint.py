@@ -59,7 +59,7 @@ def _said(text: str, before: int) -> tuple[int, int]:
     return (first, first + len(said) - 1) if said else (0, 0)
 
 
-TEXT_CHECKS: list[RuleCheck[LintedText, int]] = checks_of(lint_sections, lint_keys, lint_sections)
+TEXT_CHECKS: list[RuleCheck[LintedText, int]] = checks_of(lint_sections, lint_keys)
 DEVICE_CHECKS: list[RuleCheck[DescribedDevice, Spot]] = [
     *lint_pdos.CHECKS,
     *checks_of(lint_pdos, lint_standard, lint_objects),

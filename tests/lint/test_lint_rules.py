@@ -115,3 +115,8 @@ def test_a_finding_names_object_and_type() -> None:
 def test_a_bit_rate_that_the_standard_lacks_is_no_slip_of_the_pen() -> None:
     text = SOUND.replace("BaudRate_125=", "BaudRate_100=1\nBaudRate_125=")
     assert [(one.rule, one.text) for one in found(text)] == [("unknown-key", "BaudRate_100 is not known")]
+
+
+def test_no_rule_is_asked_twice() -> None:
+    names = [rule.name for rule in RULES]
+    assert sorted(set(names)) == sorted(names)
