@@ -13,6 +13,7 @@ from dvtcli.operations.session.simulated_nodes import read_dictionary
 from tests.prompt.conftest import Open, open_terminal
 from tests.prompt.terminal import CTRL_C, DOWN, ENTER, ESCAPE, F1, TAB, Terminal
 from tests.serve.served import Served, bus_words, served
+from tests.small_eds import U32, Eds, var
 
 pytestmark = pytest.mark.drawn(4, "mapping editor")
 
@@ -214,6 +215,18 @@ def test_without_a_terminal_it_is_refused(tmp_path: Path) -> None:
     with served(tmp_path, "gen4@1") as server:
         ran = server.dvtcli("-n", "1", "edit")
     assert (ran.returncode, "there is no terminal" in ran.stderr) == (6, True)
+
+
+def test_a_node_without_a_pdo_is_refused(tmp_path: Path, open_terminal: Open) -> None:
+    device = Eds()
+    device.variable(0x1000, var("Device type", U32, 0, "ro"))
+    device.variable(0x2000, var("Speed", U32, 0, mapping=1))
+    (tmp_path / "bare.eds").write_text(device.text(), encoding="utf-8")
+    (tmp_path / "bare.yaml").write_text("nodes: {a: {node_id: 1, dcf: bare.eds}}\n", encoding="utf-8")
+    for words in (("--sim", "bare.eds", "edit"), ("edit", "bare.yaml")):
+        terminal = open_terminal(*words, columns=120)
+        assert terminal.ended() == 2
+        assert "has no PDO to edit" in terminal.text
 
 
 def test_only_ascii_where_it_is_asked_for(open_terminal: Open) -> None:

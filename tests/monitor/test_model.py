@@ -22,7 +22,7 @@ from dvtcli.cli.monitor.monitor_state import GRAPH, PICTURE, RAW, Moment, View
 from dvtcli.cli.monitor.screen import picture, signal_at
 from dvtcli.cli.monitor.signal_lines import age
 from dvtcli.cli.monitor.transmit_list import TransmitEntry, TransmitList
-from dvtcli.cli.screen.widgets import Dialog, FieldDialog, Question
+from dvtcli.cli.screen.widgets import Choices, Dialog, FieldDialog, Question
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_scalings import ObjectRange, ObjectScalings
@@ -516,3 +516,11 @@ def test_a_graph_of_ranges_is_that_of_all_samples(
     ranges = track.ranges(span_s, slots(width, plain=plain))
     assert drawn(ranges) == drawn(track.points())
     assert len(ranges) <= len(samples)
+
+
+@pytest.mark.parametrize(("text", "chosen"), [("1", [0]), ("s", [1]), (" ", []), ("x", [])])
+def test_a_letter_chooses_its_row_and_a_blank_none(text: str, chosen: list[int]) -> None:
+    done: list[int] = []
+    choices = Choices("which?", [("1", "first"), ("s", "second"), (" ", "third")], done.append)
+    assert choices.press(text, text) is not bool(chosen)
+    assert done == chosen

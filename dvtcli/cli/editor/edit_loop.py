@@ -32,6 +32,7 @@ from dvtcli.operations.pdos.edit_pdos import apply_edited
 if TYPE_CHECKING:
     from dvtcli.cli.editor.draw import Remark
     from dvtcli.cli.pdo_params import NodePdo
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.mapping import PdoMappingEntry
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.rules.finding import Finding
@@ -51,12 +52,7 @@ def edit(session: Conversation, pdo: NodePdo | None) -> None:
         raise SafetyRefusal("edit is a full screen, and there is no terminal", hint="map and set do the same in lines")
     session.keep_frames()
     node = session.node(None if pdo is None else pdo.node_id)
-    chosen = None if pdo is None else pdo.pdo
-    if chosen is not None and chosen not in node.pdos():
-        raise UsageError(
-            f"node {node.node_id} has no {chosen.label}", hint=Hint(Action.SHOW_PDOS, why="shows those that it has")
-        )
-    editor = Editor(session, node, chosen)
+    editor = Editor(session, node, _shown_first(node, pdo))
     while editor.run() == APPLY:
         changed = editor.pdos.changed()
         try:
@@ -78,6 +74,17 @@ def edit(session: Conversation, pdo: NodePdo | None) -> None:
             editor.say(f"{editor.view.message}; {note}", bad=True)
     if left := editor.pdos.changed():
         session.reporter.note(f"{', '.join(pdo.label for pdo in left)} left as it was")
+
+
+def _shown_first(node: ReadableNode, pdo: NodePdo | None) -> Pdo | None:
+    """Return the PDO to show first; raises UsageError if *node* lacks it, or has no PDO at all."""
+    if not node.pdos():
+        raise UsageError(f"node {node.node_id} has no PDO to edit", node=node.node_id)
+    if pdo is not None and pdo.pdo not in node.pdos():
+        raise UsageError(
+            f"node {node.node_id} has no {pdo.pdo.label}", hint=Hint(Action.SHOW_PDOS, why="shows those that it has")
+        )
+    return None if pdo is None else pdo.pdo
 
 
 def _said(result: Changed, changed: Collection[Pdo]) -> str:
@@ -133,8 +140,10 @@ class FileNodes:
         self._editors: dict[int, Editor] = {}
         self._links: dict[Endpoint, EditedLink] = {}
         self.name = edited.file
-        ids = session.open_network().simulated_ids
-        self.nodes: Sequence[tuple[int, str]] = [(node_id, session.node(node_id).title) for node_id in ids]
+        nodes = [session.node(node_id) for node_id in session.open_network().simulated_ids]
+        self.nodes: Sequence[tuple[int, str]] = [(node.node_id, node.title) for node in nodes if node.pdos()]
+        if not self.nodes:
+            raise UsageError(f"{edited.file} has no PDO to edit", place=edited.file)
 
     def editor(self, node_id: int | None) -> Editor:
         """Return the editor of a node, None for the first."""

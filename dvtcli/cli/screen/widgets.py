@@ -144,7 +144,7 @@ class Cursor:
 
 
 class Choices:
-    """Asks which of *rows*, each with its letter and text; *done* gets the number of the chosen row."""
+    """Asks which of *rows*, each with its letter (a blank: none) and text; *done* gets the number of the chosen row."""
 
     def __init__(self, title: str, rows: Sequence[tuple[str, str]], done: Callable[[int], None]) -> None:
         self._title, self._rows, self._done = title, rows, done
@@ -155,7 +155,7 @@ class Choices:
         if key in ("escape", "c-c"):
             return False
         letters = [letter for letter, _ in self._rows]
-        if key == "enter" or (text and text in letters):
+        if key == "enter" or (text.strip() and text in letters):
             self._done(self._cursor.chosen if key == "enter" else letters.index(text))
             return False
         self._cursor.press(key, len(self._rows))
