@@ -116,15 +116,23 @@ def test_fish_completes(program: Path) -> None:
     assert done.stdout.startswith("606C:00\tVelocity actual value")
 
 
+_FISH = ["fish", "--no-config"], "dvtcli completion fish | source; echo re'ady'"
+_ZSH = ["zsh", "-f"], "autoload -U compinit; compinit -u -D; eval \"$(dvtcli completion zsh)\"; echo re'ady'"
+
+
 @heavy
 @needs_shell
-@pytest.mark.skipif(shutil.which("fish") is None, reason="no fish")
-def test_tab_in_a_real_fish_shows_names_with_the_usual_objects_first(program: Path) -> None:
-    terminal = shell(program, ["fish", "--no-config"], "dvtcli completion fish | source; echo re'ady'")
+@pytest.mark.parametrize(("words", "start", "described"), [(*_FISH, "(Statusword"), (*_ZSH, "-- Statusword")])
+def test_tab_in_a_real_shell_shows_names_with_the_usual_objects_first(
+    program: Path, words: list[str], start: str, described: str
+) -> None:
+    if shutil.which(words[0]) is None:
+        pytest.skip(f"no {words[0]}")
+    terminal = shell(program, words, start)
     try:
         terminal.wait("ready")
         terminal.type("dvtcli --sim gen4 map tpdo1 60" + TAB)
-        terminal.wait("6041:00", "(Statusword")
+        terminal.wait("6041:00", described)
         offered = terminal.text.partition("map tpdo1 60")[2]
         assert offered.index("6041:00") < offered.index("6040:00") < offered.index("606C:00") < offered.index("6071:00")
     finally:
