@@ -8,7 +8,7 @@ from dvtcli.domain.lss_services import ANSWER_ID, LssAddress
 from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.strict_device import StrictDevice
-from tests.commands.bus import device
+from tests.cli.commands.bus import device
 from tests.virtual_time import ANSWER_S, VirtualTimeBus
 
 #: what becomes of the Nth answer of a slave: the frames that arrive in its place, each with its delay (s)

@@ -9,7 +9,7 @@ import pytest
 import dvtcli
 from dvtcli import errors
 from dvtcli.results import SyncCheck
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.harness.sample import heavy
 
 

@@ -28,7 +28,7 @@ from dvtcli.operations.results import NetworkApplied
 from dvtcli.results import Changed, Message, Pdo, Progress, Synced
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.testing import Serve
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.harness.sample import heavy
 from tests.posix import SIGKILL
 from tests.process import PATIENCE_S, environment

@@ -27,7 +27,7 @@ import canopen
 
 from dvtcli.bus.opening import open_bus
 from dvtcli.bus.waiting import wait_for_bus
-from tests.commands.bus import device
+from tests.cli.commands.bus import device
 from tests.process import environment
 from tests.served_nodes import ServedNodes
 from tests.socketcan.conftest import tool

@@ -40,13 +40,13 @@ MODULES = ("dvtcli/domain/plan.py", "dvtcli/domain/rules/*", "dvtcli/device/*", 
 #: the tests of the files' own rooms, and those that look from further away
 NEAR = ("tests/device", "tests/rules", "tests/domain", "tests/bus", "tests/fuzz/test_found.py")
 WIDE = (
-    "tests/laws", "tests/simulator/test_twin.py", "tests/commands", "tests/transcripts", "tests/scripts",
+    "tests/laws", "tests/simulator/test_twin.py", "tests/cli/commands", "tests/transcripts", "tests/scripts",
     "tests/recovery", "tests/faults", "tests/serve",
 )  # fmt: skip
 #: of a baseline: how many mutants, of which files, and tests of which only the quick ones are taken
 BASELINE, BASELINE_MODULES = 300, ("dvtcli/domain/*", "dvtcli/device/*")
 _SUBJECTS = ("tests/network_check", "tests/lint", "tests/network", "tests/whole_device", "tests/gateway", "tests/files")
-QUICK = ("-m", "quick", *WIDE, *_SUBJECTS, "tests/learn", "tests/dvt", "tests/operations", "tests/view")
+QUICK = ("-m", "quick", *WIDE, *_SUBJECTS, "tests/learn", "tests/cli/dvt", "tests/operations", "tests/cli/view")
 
 
 def record(to: Path, modules: Sequence[str], tests: Sequence[str]) -> None:

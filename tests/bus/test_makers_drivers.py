@@ -22,7 +22,7 @@ from typing import Any
 import can
 import pytest
 
-from tests.commands.bus import device
+from tests.cli.commands.bus import device
 from tests.harness.forked import Fresh
 from tests.process import PATIENCE_S, Ran, environment, run
 from tests.serve.served import wait_for

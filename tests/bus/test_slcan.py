@@ -22,8 +22,8 @@ from dvtcli.operations.results.bus_events import BusEvent
 from dvtcli.operations.session.steady_listener import come_back
 from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.bus.slcan_adapter import Line, SlcanAdapter
-from tests.commands.bench import Bench
-from tests.commands.bus import device
+from tests.cli.commands.bench import Bench
+from tests.cli.commands.bus import device
 from tests.lss_nodes import unconfigured
 from tests.process import PATIENCE_S, dvtcli, start
 from tests.serve.served import own_environment, wait_for

@@ -19,7 +19,7 @@ from dvtcli.errors import BusUnavailable, NoAnswer
 from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.in_process_bus import simulate
-from tests.commands.bus import device
+from tests.cli.commands.bus import device
 from tests.harness.sample import heavy
 from tests.process import PATIENCE_S
 from tests.virtual_time import ANSWER_S, VirtualTimeBus

@@ -14,7 +14,7 @@ from dvtcli.bus.python_can import LEAST_BIT_RATE
 from dvtcli.bus.sdo.sdo_link import ANSWER_ID, DEFAULT_TIMEOUT_S, REQUEST_ID
 from dvtcli.domain.bus_load import frame_bits
 from dvtcli.domain.ports import Frame
-from tests.commands.bus import device
+from tests.cli.commands.bus import device
 from tests.harness.sample import heavy
 from tests.wire_timed_bus import WireTimedBus
 

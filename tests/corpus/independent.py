@@ -11,7 +11,7 @@ from canopen.sdo.client import SdoClient
 
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.network.in_process_bus import InProcessBus
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 
 #: What is read of each PDO: these sub-indices of its communication parameter, and as many entries as its count says.
 _SUB_INDICES = (1, 2, 3, 5, 6)

@@ -19,7 +19,7 @@ from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Direction, Pdo
 from dvtcli.domain.ports import Frame
 from dvtcli.files.device_file import read_device_file
-from tests.commands.bench import Bench, Ran
+from tests.cli.commands.bench import Bench, Ran
 from tests.corpus.independent import Independent, RawPdo
 
 RIGHT, REFUSED, WRONG = "right", "refused", "wrong"

@@ -11,7 +11,7 @@ from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
 from dvtcli.domain.pdo import Direction, Pdo
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.rules.mapped_object import FEEDS_TPDO, TAKES_RPDO
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.real_files import real_files
 
 _INITIATE_DOWNLOAD = 1

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.real_files import real_files
 from tests.small_eds import communication, mapping, plain
 

@@ -13,7 +13,7 @@ from dvtcli.errors import NoAnswer
 from dvtcli.files.eds.reader import parse_eds
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
-from tests.commands.nodes.test_nmt import guarded
+from tests.cli.commands.nodes.test_nmt import guarded
 from tests.laws.bench import NODE, booted, dictionary, profile
 from tests.virtual_time import VirtualTimeBus
 

@@ -10,7 +10,7 @@ import pytest
 
 from dvtcli.cli.catalogue import TASKS, command_names, fill_rows, summary, task_sections
 from dvtcli.cli.help.guide import TOPICS, overview, topic
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.process import dvtcli
 
 every_topic = pytest.mark.parametrize("name", TOPICS)

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.cli.prompt.wire import Wire
 from tests.elsewhere.running import MACOS, run
-from tests.prompt.wire import Wire
 from tests.serve.served import bus_words
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the double stands on Linux")

@@ -17,11 +17,11 @@ import pytest
 
 from dvtcli.cli.lexer import split
 from dvtcli.cli.prompt.line import cut
+from tests.cli.prompt.terminal import Terminal
+from tests.cli.prompt.wire import Wire
 from tests.elsewhere.running import WINDOWS, Ran, run, start, variables
 from tests.harness.sample import heavy
 from tests.process import ROOT, SCRIPTS
-from tests.prompt.terminal import Terminal
-from tests.prompt.wire import Wire
 from tests.serve.served import bus_words, wait_for
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the double stands on Linux")

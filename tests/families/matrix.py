@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from dvtcli.simulator.network.family_file import family_names
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 
 #: The notes' worked examples, and what lies just inside and just outside of what families allow.
 CONFIGURATIONS = {

@@ -9,7 +9,7 @@ import pytest
 
 from dvtcli.domain.pdo import Pdo
 from dvtcli.simulator.device.strict_device import StrictDevice
-from tests.commands.bench import Bench, Ran, beside
+from tests.cli.commands.bench import Bench, Ran, beside
 from tests.faults.matrix import _held
 from tests.harness.sample import heavy
 from tests.network.bench import device

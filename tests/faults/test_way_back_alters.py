@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.commands.bench import Bench, beside
+from tests.cli.commands.bench import Bench, beside
 from tests.faults.matrix import Snapshot, snapshot
 from tests.network.bench import device
 

@@ -13,7 +13,7 @@ from dvtcli.files.eds.reader import parse_eds
 from dvtcli.operations.session.simulated_nodes import read_dictionary, simulated_device, simulated_nodes
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.strict_device import StrictDevice
-from tests.commands.bench import Bench, beside
+from tests.cli.commands.bench import Bench, beside
 from tests.files.test_modules import FIXED, IN, MODULES, OUT
 from tests.process import dvtcli
 from tests.small_eds import U8, U16, plain, var

@@ -18,7 +18,7 @@ from dvtcli.watch.decoder import Decoder
 from dvtcli.watch.seen import FrameStore
 from dvtcli.watch.table import all_columns
 from dvtcli.watch.tracks import fill, find_tracks
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.process import documents
 
 HEAD = 'VERSION ""\n\nBU_: A\n\n'

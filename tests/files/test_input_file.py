@@ -16,7 +16,7 @@ from dvtcli.files.dbc import read_dbc
 from dvtcli.files.input_file import forget_pipes, open_input, read_input, read_input_head
 from dvtcli.files.recordings.read_recording import read_recorded
 from dvtcli.files.recordings.recorded_lines import MOST_CHARACTERS
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.process import dvtcli
 
 #: what reads a file that somebody may have made -> the suffix by which it is taken for one

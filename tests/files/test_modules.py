@@ -8,7 +8,7 @@ import pytest
 
 from dvtcli.domain.object_dictionary import Access, ObjectType
 from dvtcli.files.eds.reader import parse_eds
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.small_eds import U8, plain, var
 
 IN, OUT, FIXED = 0x6100, 0x6300, 0x2206

@@ -14,7 +14,7 @@ import pytest
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.recordings.read_recording import read_recorded, read_recording
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.process import dvtcli
 
 BEGIN_S = 1_700_000_000.0

@@ -22,7 +22,7 @@ from dvtcli.operations.frames.layouts import live_decoder
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.watch.decoder import Decoder
 from dvtcli.watch.heard_objects import HeardObjects
-from tests.commands.bench import Bench, Ran
+from tests.cli.commands.bench import Bench, Ran
 
 NODE = 5
 Place = tuple[int, int]

@@ -22,7 +22,7 @@ from dvtcli.domain.object_dictionary import (
     OdObject,
 )
 from dvtcli.files.device_file import DEVICE_SUFFIXES, read_device_file
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.corpus.oddities import ODDITIES, odd_files
 from tests.corpus.round_trips import WAYS, round_trip, travelled
 from tests.harness.sample import heavy

@@ -22,7 +22,7 @@ from dvtcli.files.profile.toml import read_profile
 from dvtcli.operations.results import ValueRead
 from dvtcli.operations.user.settings import File
 from dvtcli.operations.user.settings_search import SettingsFile
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.fuzz.server import NODE, HostileLink
 from tests.harness.sample import heavy
 

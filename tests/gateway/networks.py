@@ -7,7 +7,7 @@ from pathlib import Path
 from hypothesis import strategies as st
 
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 
 FAMILIES = ("gen4", "generic", "espac", "tmcm")
 

@@ -20,7 +20,7 @@ from dvtcli.operations.gateway.serve_gateway import gateway
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
 from dvtcli.simulator.network.family_file import family_eds
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.gateway.clients import BridgedNode, Client, Heard, served
 from tests.gateway.networks import FAMILIES, everything, network_file, options
 from tests.process import PATIENCE_S

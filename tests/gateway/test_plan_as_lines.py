@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from dvtcli.domain.gateway.line_words import TYPES
 from dvtcli.domain.gateway.requests import Request, Write, parse_request
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.domain.gateway.requests import INDEXES, SUB_INDEXES, data_of_type
 from tests.gateway.networks import FAMILIES, everything, network_file, options
 from tests.harness.sample import heavy

@@ -21,7 +21,7 @@ from dvtcli.operations.gateway.serve_gateway import gateway, listen_address, ser
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
-from tests.commands.program.settings_bench import STRANGER, WHY_NOT, as_user
+from tests.cli.commands.program.settings_bench import STRANGER, WHY_NOT, as_user
 from tests.gateway.clients import Client, Heard, served
 from tests.process import PATIENCE_S, documents, environment, start
 from tests.serve.served import wait_for

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from platformdirs import user_cache_dir, user_config_dir, user_data_dir, user_state_dir
 
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.process import dvtcli, environment
 from tests.surroundings import Places
 

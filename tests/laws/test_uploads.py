@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.domain.pdo import Pdo
-from tests.prompt.wire import Wire
+from tests.cli.prompt.wire import Wire
 from tests.recovery.bench import Bench
 from tests.serve.served import served
 

@@ -19,7 +19,7 @@ from dvtcli.domain.plan import Plan, Step, ValueChange
 from dvtcli.domain.value_order import altering
 from dvtcli.errors import DvtcliError, SdoAborted
 from dvtcli.files.eds.reader import read_eds
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.laws.bench import (
     NODE,
     DirectSdo,

@@ -15,8 +15,8 @@ from dvtcli.operations.session.simulated_nodes import simulated_device, simulate
 from dvtcli.simulator.device.pdo_guard import CHECKS
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
-from tests.commands.bench import Bench, Ran
-from tests.commands.bus import device
+from tests.cli.commands.bench import Bench, Ran
+from tests.cli.commands.bus import device
 from tests.laws.bench import dictionary
 from tests.learn.cells import some
 from tests.learn.virtual import VirtualWire

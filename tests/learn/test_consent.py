@@ -14,8 +14,8 @@ from dvtcli.domain.ports import Frame
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
-from tests.commands.bench import Bench
-from tests.commands.bus import device
+from tests.cli.commands.bench import Bench
+from tests.cli.commands.bus import device
 from tests.learn.cells import some
 from tests.learn.virtual import VirtualWire, own
 

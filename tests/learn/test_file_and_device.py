@@ -12,8 +12,8 @@ from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family, load_family_folder
-from tests.commands.bench import Ran
-from tests.commands.bus import device
+from tests.cli.commands.bench import Ran
+from tests.cli.commands.bus import device
 from tests.harness.sample import heavy
 from tests.learn.questions import Question, put
 from tests.learn.test_learnt_families import booted, differing

@@ -11,7 +11,7 @@ from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family, load_family_folder
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.learn.cells import some
 from tests.learn.questions import put, questions
 from tests.learn.virtual import own

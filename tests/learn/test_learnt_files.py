@@ -8,7 +8,7 @@ import pytest
 
 from dvtcli.operations.session.simulated_nodes import simulated_device, simulated_nodes
 from dvtcli.simulator.network.family_file import family_eds, load_family_folder
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.harness.sample import part
 from tests.learn.test_learnt_families import differing, dump
 from tests.real_files import real_files

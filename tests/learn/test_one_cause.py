@@ -16,7 +16,7 @@ from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.memory import Refusal
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
-from tests.commands.bench import Bench, Ran
+from tests.cli.commands.bench import Bench, Ran
 from tests.harness.sample import heavy
 from tests.learn.virtual import VirtualWire
 from tests.small_eds import Eds, plain, var

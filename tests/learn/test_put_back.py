@@ -13,8 +13,8 @@ from dvtcli.domain.stamp import Stamp
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
-from tests.commands.bench import Bench
-from tests.commands.bus import device
+from tests.cli.commands.bench import Bench
+from tests.cli.commands.bus import device
 from tests.harness.sample import heavy
 from tests.learn.virtual import VirtualWire
 from tests.small_eds import U8, communication, plain, var

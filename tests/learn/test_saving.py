@@ -22,7 +22,7 @@ from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family, load_family_folder
-from tests.commands.bench import Ran
+from tests.cli.commands.bench import Ran
 from tests.harness.sample import heavy
 from tests.learn.questions import Question, put
 from tests.learn.test_consent import sent

@@ -12,8 +12,8 @@ from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family, load_family_folder
 from tests.bus.devices import unknown, unknown_dictionary
-from tests.commands.bench import Bench
-from tests.commands.bus import Wire
+from tests.cli.commands.bench import Bench
+from tests.cli.commands.bus import Wire
 from tests.learn.cells import some
 from tests.learn.questions import put, questions
 from tests.learn.virtual import VirtualWire, own

@@ -10,8 +10,8 @@ from dvtcli.files.profile.library import profile_names
 from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds
-from tests.commands.bench import Bench
-from tests.commands.bus import device
+from tests.cli.commands.bench import Bench
+from tests.cli.commands.bus import device
 from tests.virtual_time import VirtualTimeBus
 
 

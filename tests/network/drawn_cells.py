@@ -30,7 +30,7 @@ from dvtcli.simulator.device.simulated_faults import Fault
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
 from dvtcli.simulator.network.station import SimulatedNode
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.laws.bench import dictionary
 from tests.network.wire_record import WireRecord
 from tests.surroundings import homes

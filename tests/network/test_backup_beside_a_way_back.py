@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.errors import DeviceRefused
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.harness.sample import heavy
 from tests.network.bench import Chain
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from dvtcli.domain.network.concise_dcf import ConciseEntry, concise_bytes, concise_entries, read_concise_dcf
 from dvtcli.operations.network.concise_network import concise_dcf
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.small_eds import plain, var
 
 #: Every shape of record: a parameter of one, two, four and eight bytes, a PDO that was on, one that was off, one that

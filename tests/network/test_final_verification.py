@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.simulator.device.strict_device import StrictDevice
-from tests.commands.bench import Bench, Ran, beside
+from tests.cli.commands.bench import Bench, Ran, beside
 from tests.faults.matrix import snapshot, stored_pdos
 from tests.harness.sample import heavy
 from tests.network.bench import device

@@ -13,7 +13,7 @@ from dvtcli.domain.network.network_config import ExpectedIdentity, FileWord
 from dvtcli.domain.pdo import Direction, Pdo
 from dvtcli.errors import UsageError
 from dvtcli.files.network.read_network import read_network_file
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.harness.sample import heavy
 from tests.small_eds import U8, U32, Eds, communication, plain, var
 

@@ -21,7 +21,7 @@ from dvtcli.operations.changes.undo import undo
 from dvtcli.operations.network.network_files import apply_file
 from dvtcli.operations.plans.link_pdos import link_pdos, unlink_pdos
 from dvtcli.operations.session.session import Session
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.harness.sample import part
 from tests.network.bench import CHAIN, Chain
 from tests.network.test_network_faults import OPERATIONAL

@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from dvtcli.domain.hint import Action
-from tests.commands.bench import Bench, Ran
-from tests.commands.program.hint_promises import INTERRUPTED
+from tests.cli.commands.bench import Bench, Ran
+from tests.cli.commands.program.hint_promises import INTERRUPTED
 from tests.network.bench import Chain
 from tests.network.killed import Watched, afterwards
 from tests.network.test_network_stores import TYPE, file, types, while_storing

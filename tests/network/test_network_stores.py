@@ -26,7 +26,7 @@ from dvtcli.operations.network.network_files import apply_file
 from dvtcli.operations.results import Changed, Facts
 from dvtcli.operations.user.session_user import NullReporter
 from dvtcli.simulator.device.memory import Refusal
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.journals import journal_document
 from tests.network.bench import Chain
 from tests.network.killed import Watched, afterwards

@@ -15,7 +15,7 @@ from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds
-from tests.commands.bench import Bench, Ran
+from tests.cli.commands.bench import Bench, Ran
 from tests.harness.sample import part
 from tests.network.bench import device
 from tests.surroundings import HOMES

@@ -14,7 +14,7 @@ from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.network.bench import device
 from tests.network.test_read_together import Reset, own_home, sampled
 

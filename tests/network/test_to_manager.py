@@ -24,7 +24,7 @@ from dvtcli.operations.user.options import Options
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
 from tests.bus.devices import unknown
-from tests.commands.bench import Bench, beside
+from tests.cli.commands.bench import Bench, beside
 from tests.harness.sample import heavy
 from tests.small_eds import plain, var
 

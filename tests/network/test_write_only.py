@@ -9,7 +9,7 @@ import pytest
 
 from dvtcli.files.device_file import device_file_bytes, parse_device_file
 from dvtcli.operations.network.concise_network import concise_dcf, read_concise_file
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.small_eds import U8, U16, U32, plain, var
 
 FILE = """a:

@@ -9,7 +9,7 @@ import pytest
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
-from tests.commands.bench import Bench, beside
+from tests.cli.commands.bench import Bench, beside
 from tests.small_eds import U8, U16, plain, var
 
 #: a readable value on node 5, a write-only value on node 6; and both on node 6

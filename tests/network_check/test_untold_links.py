@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.operations.network.described_network import described_network
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 
 FILE = """
 nodes:

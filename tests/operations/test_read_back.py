@@ -9,7 +9,7 @@ import pytest
 
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.operations.session.whole_file import write_whole
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.harness.sample import heavy
 from tests.small_eds import U16, plain, var
 

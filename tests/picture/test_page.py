@@ -35,7 +35,7 @@ from dvtcli.domain.scaling import Scaling
 from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.files.picture.page import frame_cards, page
 from dvtcli.files.picture.wiring import alone, clipped_name, graphviz, wiring
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.harness.sample import heavy
 from tests.process import ROOT
 

@@ -9,9 +9,9 @@ from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.simulator.device.strict_device import StrictDevice
 from tests import process
+from tests.cli.prompt.wire import Wire
 from tests.harness.forked import Forked
 from tests.process import PATIENCE_S
-from tests.prompt.wire import Wire
 from tests.serve.served import bus_words
 
 MAP = ("map", "tpdo1", "6C01:1", "606C", "6041", "--cob-id", "0x201", "--sync", "1")

@@ -14,8 +14,8 @@ import pytest
 
 from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.bus.devices import device
-from tests.commands.bench import Bench, beside
-from tests.commands.change.test_second_try import stricter
+from tests.cli.commands.bench import Bench, beside
+from tests.cli.commands.change.test_second_try import stricter
 from tests.harness.sample import heavy
 from tests.process import dvtcli
 from tests.surroundings import HOMES, kept_in

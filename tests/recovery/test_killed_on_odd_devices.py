@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.prompt.wire import Wire
+from tests.cli.prompt.wire import Wire
 from tests.recovery.bench import Bench
 from tests.small_eds import INPUTS, Eds, communication, mapping, plain
 

@@ -16,8 +16,8 @@ from dvtcli.files.eds.reader import read_eds
 from dvtcli.files.user_folders import user_folder
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
-from tests.commands.bench import Bench
-from tests.commands.bus import Wire, device
+from tests.cli.commands.bench import Bench
+from tests.cli.commands.bus import Wire, device
 from tests.harness.sample import heavy
 
 

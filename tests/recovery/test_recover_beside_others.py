@@ -13,9 +13,9 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Plan, plan_pdo
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.network.family_file import family_eds, load_family
-from tests.commands.bench import Bench
-from tests.commands.bus import Wire, device
-from tests.commands.network.test_verify_restarts import Restarting, restarting
+from tests.cli.commands.bench import Bench
+from tests.cli.commands.bus import Wire, device
+from tests.cli.commands.network.test_verify_restarts import Restarting, restarting
 from tests.harness.sample import heavy
 
 TPDO1 = Pdo.parse("tpdo1")

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from tests.commands.bench import Bench
-from tests.commands.bus import Wire, device
+from tests.cli.commands.bench import Bench
+from tests.cli.commands.bus import Wire, device
 from tests.harness.sample import heavy
 from tests.process import PATIENCE_S
 

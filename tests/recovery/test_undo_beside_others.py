@@ -9,8 +9,8 @@ import pytest
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo
-from tests.commands.bench import Bench
-from tests.commands.bus import Wire, device
+from tests.cli.commands.bench import Bench
+from tests.cli.commands.bus import Wire, device
 from tests.harness.sample import heavy
 
 

@@ -17,8 +17,8 @@ from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Plan, Step, ValueChange
 from dvtcli.files.user_folders import user_folder
-from tests.commands.bench import Bench as Lines
-from tests.commands.bus import Wire, device
+from tests.cli.commands.bench import Bench as Lines
+from tests.cli.commands.bus import Wire, device
 from tests.recovery.bench import MAP, Bench
 from tests.serve.served import served
 

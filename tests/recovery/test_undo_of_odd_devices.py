@@ -8,7 +8,7 @@ from pathlib import Path
 from can import Message
 
 import dvtcli
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.process import PATIENCE_S
 from tests.serve.served import served
 from tests.small_eds import INPUTS, communication, mapping, plain

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from dvtcli.simulator.device.strict_device import StrictDevice
-from tests.commands.bench import Bench, Ran
+from tests.cli.commands.bench import Bench, Ran
 from tests.harness.sample import heavy
 from tests.lss_nodes import address_of, unconfigured
 from tests.virtual_time import VirtualTimeBus

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from dvtcli.files.user_folders import user_folder
-from tests.commands.bench import Bench, beside
-from tests.commands.bus import device
+from tests.cli.commands.bench import Bench, beside
+from tests.cli.commands.bus import device
 
 
 @pytest.fixture

@@ -9,8 +9,8 @@ import pytest
 from dvtcli.files.eds.reader import parse_eds
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
-from tests.commands.bench import Bench
-from tests.commands.bus import Wire, device
+from tests.cli.commands.bench import Bench
+from tests.cli.commands.bus import Wire, device
 from tests.small_eds import plain
 
 AS_BEFORE = "As before the change, which dvtcli did not store."

@@ -12,9 +12,9 @@ import canopen
 import pytest
 
 from dvtcli.simulator.network.family_file import family_eds
+from tests.cli.prompt.terminal import Terminal
 from tests.harness.sample import heavy
 from tests.process import documents
-from tests.prompt.terminal import Terminal
 from tests.serve.served import PATIENCE_S, Served, served, wait_for
 
 #: an object of the generic node that takes a text of any length

@@ -7,7 +7,7 @@ import pytest
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.strict_device import StrictDevice
-from tests.commands.nodes.test_nmt import guarded
+from tests.cli.commands.nodes.test_nmt import guarded
 from tests.simulator.bench import booted
 
 REQUEST = Frame(0x701, b"", remote=True)

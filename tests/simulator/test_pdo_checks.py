@@ -11,7 +11,7 @@ from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.pdo_guard import CHECKS
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family_folder, read_family
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.simulator.bench import Aborted, Client
 
 #: TPDO1 of the generic family is valid with one entry; TPDO3 and RPDO3 are off, and emptied.

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.station import Roster, SimulatedNode, stations
-from tests.commands.bus import device
+from tests.cli.commands.bus import device
 
 IDS = (1, 2, 3)
 #: SYNC, EMCY, PDOs, SDOs, heartbeats, LSS, and what nobody knows

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from dvtcli.bus.kernel_links import kernel_links
-from tests.commands.bus import device
+from tests.cli.commands.bus import device
+from tests.cli.prompt.conftest import Open, open_terminal
 from tests.harness.forked import Forked
 from tests.process import PATIENCE_S, documents, start
-from tests.prompt.conftest import Open, open_terminal
 from tests.serve.served import own_environment, wait_for
 from tests.socketcan.conftest import ANSWER_S, PAIRS, ip, on
 

@@ -11,8 +11,8 @@ import can
 import pytest
 
 from dvtcli.simulator.device.simulated_faults import read_faults
-from tests.commands.bench import Bench
-from tests.commands.bus import device
+from tests.cli.commands.bench import Bench
+from tests.cli.commands.bus import device
 from tests.harness.forked import Forked
 from tests.process import PATIENCE_S, start
 from tests.serve.served import own_environment

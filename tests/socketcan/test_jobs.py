@@ -7,8 +7,8 @@ from pathlib import Path
 import can
 import pytest
 
-from tests.commands.bench import Bench
-from tests.commands.bus import device
+from tests.cli.commands.bench import Bench
+from tests.cli.commands.bus import device
 from tests.process import PATIENCE_S, dvtcli, start
 from tests.serve.served import own_environment
 from tests.socketcan.conftest import ANSWER_S, PAIRS, on, tool

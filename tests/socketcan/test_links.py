@@ -16,8 +16,8 @@ from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable
 from tests.bus.devices import device
-from tests.commands.bench import Bench
-from tests.commands.bus import device as family_device
+from tests.cli.commands.bench import Bench
+from tests.cli.commands.bus import device as family_device
 from tests.process import PATIENCE_S
 from tests.socketcan.conftest import ANSWER_S, PAIRS, ip, on, tool
 

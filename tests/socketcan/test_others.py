@@ -16,8 +16,8 @@ from dvtcli.bus.python_can import CanBus
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.network.family_file import family_eds
 from tests.bus.devices import device
-from tests.commands.bench import Bench
-from tests.commands.bus import device as family_device
+from tests.cli.commands.bench import Bench
+from tests.cli.commands.bus import device as family_device
 from tests.process import PATIENCE_S, start
 from tests.serve.served import own_environment, wait_for
 from tests.socketcan.conftest import ANSWER_S, ip, on, tool

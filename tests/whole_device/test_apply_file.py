@@ -17,7 +17,7 @@ from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.object_dictionary import OdEntry
 from dvtcli.domain.pdo import Pdo
 from dvtcli.files.profile.toml import builtin_path
-from tests.commands.bench import Bench, Ran
+from tests.cli.commands.bench import Bench, Ran
 from tests.small_eds import U16, U32, communication, plain, var
 from tests.whole_device.test_export_dcf import FAMILIES, odd
 

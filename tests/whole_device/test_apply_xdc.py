@@ -11,7 +11,7 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from tests.bus.devices import dictionary
-from tests.commands.bench import Bench, beside
+from tests.cli.commands.bench import Bench, beside
 from tests.simulator.bench import booted
 from tests.whole_device.test_apply_file import EVERYTHING, _lines, run_or_force
 from tests.whole_device.test_export_dcf import FAMILIES

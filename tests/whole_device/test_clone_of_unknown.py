@@ -8,7 +8,7 @@ import pytest
 
 import dvtcli
 from dvtcli.errors import SafetyRefusal
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.small_eds import plain
 
 HEARTBEAT = (0x1017, 0)

@@ -17,7 +17,7 @@ from dvtcli.files.eds.reader import read_eds
 from dvtcli.files.whole_device_file import read_whole_device
 from dvtcli.operations.devices.backup_device import backup_device
 from tests.bus.devices import unknown
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.harness.sample import heavy
 from tests.real_files import real_files
 from tests.small_eds import U16, U32, plain, var

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.small_eds import U16, U32, Eds, var
 from tests.whole_device.test_apply_file import made
 

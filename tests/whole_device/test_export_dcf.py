@@ -17,7 +17,7 @@ from dvtcli.operations.devices.export_dcf import export_dcf
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
 from dvtcli.operations.user.session_user import NullReporter
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.small_eds import U8, U16, U32, plain, var
 
 FAMILIES = sorted(path.stem for path in builtin_path("generic").parent.parent.glob("*/*.eds"))

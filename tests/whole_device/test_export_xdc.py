@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.files.device_file import read_device_file
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.harness.sample import heavy
 from tests.whole_device.test_export_dcf import FAMILIES, odd
 

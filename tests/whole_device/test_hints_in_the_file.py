@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 
 #: what is wrong: a PDO's COB-ID -> what is hinted at, and the COB-ID, and that of another PDO, by which it is right
 WRONG = {

@@ -15,7 +15,7 @@ from dvtcli.domain.datatypes import DATA_TYPES, DataType, Kind
 from dvtcli.errors import InputFileError
 from dvtcli.files.device_file import device_file_bytes, parse_device_file
 from dvtcli.operations.devices.held_device import held_by
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.small_eds import U8, U16, U32, Eds, Section, mapping, plain, var
 
 #: takes a file for what a device is to hold

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.simulator.device.strict_device import StrictDevice
-from tests.commands.bench import Bench, beside
+from tests.cli.commands.bench import Bench, beside
 from tests.harness.sample import heavy
 from tests.simulator.bench import booted
 from tests.whole_device.test_apply_file import made

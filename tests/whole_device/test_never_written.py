@@ -11,7 +11,7 @@ import pytest
 
 from dvtcli.domain.object_dictionary import OdEntry
 from dvtcli.domain.ports import Frame
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.gateway.clients import Client, served
 from tests.whole_device.test_export_dcf import FAMILIES
 

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.small_eds import U16, U32, Section, plain, var
 from tests.whole_device.test_apply_file import made
 from tests.whole_device.test_export_dcf import FAMILIES

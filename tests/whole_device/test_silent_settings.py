@@ -17,7 +17,7 @@ from dvtcli.domain.object_dictionary import OdEntry
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import SdoTransport
 from dvtcli.errors import SdoAborted
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.harness.sample import heavy
 from tests.small_eds import U16, U32, communication, mapping, plain, var
 from tests.whole_device.test_export_dcf import FAMILIES

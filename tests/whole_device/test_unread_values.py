@@ -8,7 +8,7 @@ import pytest
 
 import dvtcli
 from dvtcli.operations.devices.held_device import held_by
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.harness.sample import heavy
 from tests.small_eds import U16, Section, var
 from tests.whole_device.test_apply_file import made

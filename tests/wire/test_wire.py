@@ -13,7 +13,7 @@ import pytest
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.simulated_faults import Fault
 from tests.bus.devices import device, unknown
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.virtual_time import VirtualTimeBus
 from tests.wire.frames import by_node
 from tests.wire.jobs import FILES, JOBS, Job

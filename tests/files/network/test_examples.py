@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.commands.bench import Bench
+from tests.cli.commands.bench import Bench
 from tests.harness.sample import heavy
 from tests.process import ROOT
 

@@ -1,0 +1,110 @@
+"""`check`: everything that is wrong in network files at once, as a person and as a program reads it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.cli.commands.bench import Bench
+
+WRONG = """\
+nodes:
+  drive:
+    node_id: 1
+    tpdo:
+      1:
+        event_timer: 100
+        inhibt_time: 10
+      600: {}
+"""
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    with Bench(()) as bench:
+        yield bench
+
+
+def test_every_error_has_its_line_and_a_caret(bench: Bench, tmp_path: Path) -> None:
+    file = tmp_path / "press.yaml"
+    file.write_text(WRONG, "utf-8")
+    ran = bench.run(f"check {file}")
+    assert (ran.code, ran.stdout) == (4, "")
+    assert ran.stderr.splitlines() == [
+        f"{file}:7:9: error: unknown key 'inhibt_time' in TPDO1 of node drive, did you mean 'inhibit_time'?",
+        "    6 |         event_timer: 100",
+        "    7 |         inhibt_time: 10",
+        "      |         ^^^^^^^^^^^",
+        f"{file}:8:7: error: '600' is no PDO number: 1…512",
+        "    7 |         inhibt_time: 10",
+        "    8 |       600: {}",
+        "      |       ^^^",
+        "2 errors. Nothing was sent.",
+    ]
+
+
+def test_what_is_wrong_with_one_file_keeps_no_other_from_being_checked(bench: Bench, tmp_path: Path) -> None:
+    texts = {"a": WRONG, "b": "a: {node_id: 1}\n", "c": "a: {node_id: 0}\n"}
+    for name, text in texts.items():
+        (tmp_path / f"{name}.yaml").write_text(text, "utf-8")
+    (tmp_path / "e.yaml").write_bytes(b"\xff")
+    files = " ".join(str(tmp_path / f"{name}.yaml") for name in "abcde")
+    ran = bench.run(f"check {files} --json")
+    found = {
+        Path(one["file"]).stem: [(each["line"], each["column"], each["rule"]) for each in one["findings"]]
+        for one in ran.document["files"]
+    }
+    assert ran.code == 4
+    assert found["a"] == [(7, 9, "network-file"), (8, 7, "network-file")]
+    assert found["b"] == [(1, 1, "asked-nothing")]
+    assert [found["c"], found["d"], found["e"]] == [
+        [(1, 14, "network-file")], [(1, None, "network-file")], [(1, None, "network-file")],
+    ]  # fmt: skip
+    text = bench.run(f"check {files}")
+    assert text.stderr == ""
+    assert "      |         ^^^^^^^^^^^\n" in text.stdout
+    assert f"{tmp_path / 'b.yaml'}: 1 node, 0 PDOs; 1 warning\n" in text.stdout
+    assert f"{tmp_path / 'e.yaml'}: not checked; 1 error\n" in text.stdout
+
+
+def test_a_file_that_is_not_there_is_in_the_formats_for_ci(bench: Bench, tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text("a: {node_id: 1}\n", "utf-8")
+    for others in ("", f"{tmp_path / 'a.yaml'} "):
+        ran = bench.run(f"check {others}none.yaml --format github")
+        assert ran.code == 2
+        assert "::error file=none.yaml,line=1,title=network-file::No such file or directory" in ran.stdout
+    assert 'failures="1"' in bench.run("check none.yaml --format junit").stdout
+    assert bench.run("check none.yaml --format sarif").code == 2
+
+
+def test_a_long_line_is_shown_around_its_caret(bench: Bench, tmp_path: Path) -> None:
+    file = tmp_path / "press.yaml"
+    file.write_text(f'a: {{node_id: 1, x: "{"ä" * 200}", \t prune: 1}}\n', "utf-8")
+    lines = bench.run(f"check {file}").stderr.splitlines()
+    assert len(lines[1]) <= 100
+    assert lines[1][lines[2].index("^")] == "1"
+
+
+def test_no_file_and_no_text_are_said(bench: Bench, tmp_path: Path) -> None:
+    assert bench.run(f"check {tmp_path / 'none.yaml'}").code == 2
+    (tmp_path / "x.yaml").write_bytes(b"\xff")
+    ran = bench.run(f"check {tmp_path / 'x.yaml'}")
+    assert (ran.code, "not UTF-8" in ran.stderr) == (4, True)
+
+
+def test_what_a_file_holds_is_said_with_its_notes(bench: Bench, tmp_path: Path) -> None:
+    file = tmp_path / "bus.yml"
+    heartbeats = "heartbeat_producer: 1000, driver: x"
+    file.write_text(f"a: {{node_id: 1, {heartbeats}}}\nb: {{node_id: 2, {heartbeats}}}\n", "utf-8")
+    ran = bench.run(f"check {file}")
+    assert ran.code == 0
+    assert ran.stdout.splitlines() == [
+        f"{file}:1:43: note: driver is left alone: a key of another tool (2 times)",
+        f"{file}:1:1: note: no EDS is known of nodes 1, 2: rules that need an EDS were skipped; `dcf:` beside the "
+        "node_id names one",
+        f"{file}: note: the bit rate is not known: load and deadlines were not checked; give a bit rate (bit/s) "
+        "[unknown-bit-rate]",
+        f"{file}: 2 nodes, 0 PDOs; 1 note",
+    ]

@@ -1,0 +1,99 @@
+"""`decode` and `plot` of a recording by nothing but what SDO transfers in it say of mappings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.cli.commands.bench import Bench
+
+#: TPDO1 of node 5 is read: COB-ID, count, 6041:00 of 16 bits
+READ = ("585#4300180185010000", "585#4F001A0001000000", "585#43001A0110004160")
+#: a master sets TPDO1 of node 6: off, 6064:00 of 32 bits, on with 0x1A0
+SET = (
+    "606#2300180186010080", "586#6000180100000000", "606#2F001A0000000000", "586#60001A0000000000",
+    "606#23001A0120006460", "586#60001A0100000000", "606#2F001A0001000000", "586#60001A0000000000",
+    "606#23001801A0010000", "586#6000180100000000",
+)  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def _ground(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def record(*frames: str, channels: tuple[str, ...] = ("can0",)) -> None:
+    lines = (f"({number}.000000) {channels[number % len(channels)]} {one}\n" for number, one in enumerate(frames))
+    Path("run.log").write_text("".join(lines), "ascii")
+
+
+def run(words: str, **options: object) -> tuple[str, str]:
+    with Bench((), options) as bench:
+        ran = bench.run(words)
+        assert ran.code == 0, ran
+        return ran.stdout, ran.stderr
+
+
+def test_frames_are_decoded_by_the_mapping_in_the_recording() -> None:
+    record(*READ, *SET, "185#3712", "1A0#D2040000")
+    out, said = run("decode run.log")
+    last, before = out.splitlines()[-1], out.splitlines()[-2]
+    assert "6041:00=" in before
+    assert "6064:00=1234" in last
+    assert "by the SDO transfers in run.log itself: TPDO1 of node 5, TPDO1 of node 6" in said
+    table = run("decode run.log --csv")[0].splitlines()
+    assert "TPDO1 node 5 6041:00" in table[0]
+    assert table[-1].endswith(",1234")
+    assert "6064" in run("plot run.log 6064")[0]
+
+
+def test_a_mapping_that_changed_meanwhile_decodes_nothing() -> None:
+    record(*READ, "185#3712", "585#43001A0108006060", "185#0300")
+    out, said = run("decode run.log")
+    assert "=" not in out.splitlines()[-1]
+    assert "TPDO1 of node 5 was set otherwise before: what its frames carry depends on when: they stay bytes" in said
+
+
+def test_frames_from_before_a_download_are_not_read_by_what_it_sets() -> None:
+    record("1A0#E8030000", *SET, "1A0#D2040000")
+    out, said = run("decode run.log")
+    assert "=" not in out.splitlines()[0] + out.splitlines()[-1]
+    assert "TPDO1 of node 6 was set after the first of its frames, and what these carry is not known" in said
+
+
+STARTS = "706#00"
+
+
+def test_frames_of_a_node_that_started_anew_are_not_read_by_what_is_set_afterwards() -> None:
+    record(*SET, "1A0#D2040000", STARTS, "1A0#E8030000", *SET)
+    out, said = run("decode run.log")
+    assert "6064:00=" not in out
+    assert "TPDO1 of node 6 was set after the first of its frames" in said
+
+
+@pytest.mark.parametrize("between", [(STARTS,), ("1A0#E8030000",), (STARTS, *SET, STARTS)])
+def test_what_is_set_again_before_a_frame_comes_is_known(between: tuple[str, ...]) -> None:
+    record(*SET, "1A0#E8030000", *between, *SET, "1A0#D2040000")
+    out, said = run("decode run.log")
+    assert "6064:00=1234" in out.splitlines()[-1]
+    assert "warning" not in said
+
+
+def test_frames_from_before_an_upload_are_read_by_what_it_says() -> None:
+    record("185#3712", *READ, "605#2B00180564000000", "585#6000180500000000", "185#3712")
+    lines = run("decode run.log")[0].splitlines()
+    assert ("6041:00=" in lines[0], "6041:00=" in lines[-1]) == (True, True)
+
+
+@pytest.mark.parametrize("frames", [("185#3712",), READ[:2], (*READ, *SET)])
+def test_where_nothing_is_said_frames_stay_bytes(frames: tuple[str, ...]) -> None:
+    record(*frames, "185#3712", channels=("can0", "can1") if len(frames) > 3 else ("can0",))
+    out, _ = run("decode run.log")
+    assert "37 12" in out.splitlines()[-1]
+    assert "=" not in out.splitlines()[-1]
+
+
+def test_a_file_that_somebody_names_goes_before_it() -> None:
+    record(*READ, "185#3712")
+    assert "by the SDO transfers" not in run("decode run.log", eds="gen4")[1]

@@ -1,0 +1,131 @@
+"""One recording says the same whichever way it is read: decode, --json, CSV, Parquet, and the monitor in a pipe."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from dvtcli.domain.typed_frame import READ_KINDS, frame_text, typed_frame
+from dvtcli.operations.frames.watch_bus import stream, watching
+from tests.cli.commands.bench import Bench
+from tests.cli.monitor.test_sdo_transfers import by_blocks, in_segments
+
+BEGIN_S = 1_700_000_000
+_values = st.binary(min_size=1, max_size=30)
+
+
+def _hexed(can_id: int, data: bytes) -> str:
+    return f"{can_id:03X}#{data.hex().upper()}"
+
+
+def _transfer(frames: Any) -> list[str]:
+    return [_hexed(0x605 if request else 0x585, data) for request, data in frames]
+
+
+#: frames of a node that is not there, 5, and TPDO2 of the simulated node 1: nobody answers any of them
+single = st.one_of(
+    st.builds(lambda data: _hexed(0x281, data), st.binary(min_size=8, max_size=8)),
+    st.builds(lambda command: _hexed(0x000, bytes([command, 5])), st.sampled_from([1, 2, 0x80, 0x81, 0x82, 0x33])),
+    st.builds(lambda data: _hexed(0x085, data), st.binary(min_size=2, max_size=8)),
+    st.builds(lambda state: _hexed(0x705, bytes([state])), st.sampled_from([0, 4, 5, 0x7F, 0x85, 9])),
+    st.builds(lambda data: _hexed(0x100, data), st.binary(min_size=4, max_size=6)),
+    st.builds(lambda data: _hexed(0x585, data), st.binary(min_size=8, max_size=8)),
+    st.builds(lambda data: _hexed(0x605, data), st.binary(min_size=6, max_size=8)),
+    st.builds(lambda data: _hexed(0x7E4, data), st.binary(min_size=8, max_size=8)),
+    st.sampled_from(["080#", "080#07", "705#R", "6FF#10"]),
+)
+frames_of_a_bus = st.lists(
+    st.one_of(
+        single.map(lambda frame: [frame]),
+        st.builds(lambda value, way: _transfer(in_segments(value, is_write=way)), _values, st.booleans()),
+        st.builds(lambda value, way: _transfer(by_blocks(value, 4, iter(()), is_write=way)), _values, st.booleans()),
+    ),
+    min_size=1, max_size=6,
+).map(lambda parts: [frame for part in parts for frame in part])  # fmt: skip
+
+
+def facts(document: dict[str, Any]) -> tuple[Any, ...]:
+    """What a document says, but when."""
+    return tuple(document[key] for key in ("cob_id", "data", "what", "text", "fields", "signals", "node"))
+
+
+def monitored(bench: Bench, frames: list[str]) -> list[dict[str, Any]]:
+    """What the monitor in a pipe gives of *frames*, put on the bus meanwhile."""
+    found: list[dict[str, Any]] = []
+    with watching(bench.session, (1,)) as watched:
+        for frame in frames:
+            sent = typed_frame(frame)
+            bench.session.wire.send(sent)
+        stream(watched, lambda seen: found.extend(each.document() for each in seen), duration_s=0.12)
+    return [document for document in found if document["cob_id"] != 0x701]
+
+
+@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(frames=frames_of_a_bus)
+def test_a_recording_says_the_same_every_way(tmp_path: Path, frames: list[str]) -> None:
+    pytest.importorskip("pyarrow")
+    import pyarrow.parquet
+
+    log, table = tmp_path / "run.log", tmp_path / "run.parquet"
+    log.write_text("".join(f"({BEGIN_S + n}.000000) can0 {frame}\n" for n, frame in enumerate(frames)), "ascii")
+    with Bench(("gen4",), in_real_time=True) as bench:
+        documents = [json.loads(line) for line in bench.run(f"decode {log} --json").stdout.splitlines()]
+        lines = bench.run(f"decode {log}").stdout.splitlines()
+        rows = list(csv.reader(io.StringIO(bench.run(f"decode {log} --csv").stdout)))[1:]
+        assert bench.run(f"decode {log} -o {table} --yes").code == 0
+        live = monitored(bench, frames)
+    assert [frame_text(typed_frame(frame)) for frame in frames] == [
+        f"{one['cob_id']:03X}#{'R' if one['remote'] else one['data'].replace(' ', '')}" for one in documents
+    ]
+    assert [facts(one) for one in live] == [facts(one) for one in documents]
+    for line, document in zip(lines, documents, strict=True):
+        assert line.endswith(document["text"])
+        assert all(f"{name}=" in line for name in document["signals"])
+    told = [one for one in documents if one["text"] or one["signals"]]
+    assert [row[0] for row in rows] == [one["time"] for one in told]
+    for row, document in zip(rows, told, strict=True):
+        assert row[1].endswith(f": {document['text']}" if document["text"] else "TPDO2 node 1")
+        assert len([cell for cell in row[2:] if cell]) == len(document["signals"])
+    in_words = [row for row in pyarrow.parquet.read_table(table).to_pylist() if row["name"] in READ_KINDS]
+    assert [(row["text"], row["name"], row["object"], row["node"]) for row in in_words] == [
+        (one["text"], one["what"], one["fields"].get("object") or None, one["node"]) for one in told if one["text"]
+    ]
+
+
+@pytest.mark.parametrize(
+    ("only", "kept"),
+    [
+        ("emcy", ["085#2030810000000000"]),
+        ("sdo-abort,nmt", ["000#8005", "585#8060600030000906"]),
+        ("sdo", ["605#2F60600008000000", "585#8060600030000906"]),
+        ("heartbeat", ["705#00", "705#05"]),
+        ("boot-up", ["705#00"]),
+        ("pdo", ["281#0000000000000000"]),
+    ],
+)
+def test_only_thins_out_every_way(only: str, kept: list[str], tmp_path: Path) -> None:
+    frames = [
+        "000#8005", "605#2F60600008000000", "585#8060600030000906", "085#2030810000000000", "705#00", "705#05",
+        "281#0000000000000000",
+    ]  # fmt: skip
+    log, jsonl = tmp_path / "run.log", tmp_path / "run.jsonl"
+    log.write_text("".join(f"({BEGIN_S + n}.000000) can0 {frame}\n" for n, frame in enumerate(frames)), "ascii")
+    with Bench(("gen4",)) as bench:
+        found = [json.loads(line) for line in bench.run(f"decode {log} --json --only {only}").stdout.splitlines()]
+        rows = bench.run(f"decode {log} --csv --only {only}").stdout.splitlines()[1:]
+        assert bench.run(f"decode {log} -o {jsonl} --only {only}").code == 0
+    assert [f"{one['cob_id']:03X}#{one['data'].replace(' ', '')}" for one in found] == kept
+    assert len(rows) == len(kept)
+    assert [facts(json.loads(line)) for line in jsonl.read_text("utf-8").splitlines()] == [facts(one) for one in found]
+
+
+def test_a_kind_that_there_is_not_is_a_usage_error() -> None:
+    ran = Bench(()).run("decode run.log --only pdos")
+    assert (ran.code, "'pdos' is no kind of frames; there are pdo, mpdo" in ran.stderr) == (2, True)

@@ -1,0 +1,44 @@
+"""Every format that `export` has is told by its help, writes a file, and says what is not in it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from dvtcli.operations.exchange.export_file import ExportFormat, export_formats
+from tests.cli.commands.bench import Bench
+from tests.process import documents, dvtcli
+
+PLACE = "dvtcli/cli/commands/export.py"
+
+
+def test_help_names_every_format() -> None:
+    told = dvtcli("help", "export").stdout
+    silent = {one.suffixes[0] for one in export_formats().values() if one.suffixes[0] not in told}
+    assert not silent, f"name {' '.join(sorted(silent))} in the help in {PLACE}"
+
+
+@pytest.mark.parametrize("suffix", export_formats())
+def test_it_writes_what_a_node_holds(tmp_path: Path, suffix: str) -> None:
+    file = tmp_path / f"node{suffix}"
+    ran = dvtcli("--sim", "gen4", "--json", "export", str(file))
+    assert ran.returncode == 0, ran
+    assert file.stat().st_size > 100
+    (said,) = documents(ran.stdout)
+    assert said["file"] == str(file)
+    assert {"left_out", "notes"} & said.keys(), f"the answer of {suffix} lacks the row left_out"
+
+
+def test_a_format_lacks_no_suffix() -> None:
+    with pytest.raises(TypeError, match=r"Nameless lacks a line such as suffixes = \(\"\.yaml\",\)"):
+
+        class Nameless(ExportFormat):
+            """One that nobody finds."""
+
+
+def test_a_suffix_that_is_no_format_is_said_with_all_that_are(tmp_path: Path) -> None:
+    with Bench(("gen4@1",)) as bench:
+        ran = bench.run(f"export {tmp_path / 'y.foo'}")
+    assert (ran.code, "what format is that?" in ran.stderr) == (2, True)
+    assert all(suffix in ran.stderr for suffix in (".yaml", ".dcf", ".xdc", ".cpj", ".dbc"))

@@ -1,0 +1,186 @@
+"""`import`: what was imported reads back, and plans empty; links are found; files are never overwritten unasked."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from dvtcli.files.network.read_network import read_network_file
+from tests.bus.devices import unknown
+from tests.cli.commands.bench import Bench
+from tests.harness.sample import heavy
+from tests.house.source import PACKAGE
+from tests.virtual_time import VirtualTimeBus
+
+PAIRS = [("gen4", "tmcm"), ("roboteq", "espac"), ("lely", "gen4"), ("canopennode", "generic")]
+
+
+@heavy
+@pytest.mark.parametrize("pair", PAIRS)
+def test_what_was_imported_plans_empty(pair: tuple[str, str], tmp_path: Path) -> None:
+    file = tmp_path / "net.yaml"
+    with Bench((f"{pair[0]}@3", f"{pair[1]}@7")) as bench:
+        ran = bench.run(f"import {file} --json")
+        assert (ran.code, [one["node"] for one in ran.document["nodes"]]) == (0, [3, 7])
+        config = read_network_file(file)
+        assert [len(node.pdos) for node in config.nodes] == [one["pdos"] for one in ran.document["nodes"]]
+        for node in config.nodes:
+            told = bench.session.node(node.node_id).identity()
+            assert (node.identity.vendor or 0, node.identity.product or 0) == (told["vendor"], told["product"])
+        planned = bench.run(f"plan {file} --exit-code --json")
+        assert (planned.code, planned.document["writes"]) == (0, 0), planned
+
+
+@heavy
+def test_links_are_found_and_plan_empty(tmp_path: Path) -> None:
+    file = tmp_path / "net.yaml"
+    with Bench(("gen4@1", "tmcm@5", "generic@6")) as bench:
+        for line in ("map 1:tpdo1 6041 606C", "map 5:rpdo2 6040 60FF --off", "map 6:rpdo1 60FF --off",
+                     "link 1:tpdo1 5:rpdo2 --no-heartbeat", "link 1:tpdo1 6:rpdo1",
+                     "set 6:rpdo2 --cob-id 0x281"):  # fmt: skip
+            assert bench.run(line).code == 0, line
+        ran = bench.run(f"import {file} --json")
+        assert ran.document["links"] == 1
+        assert any(
+            "6:rpdo2 receives 1:tpdo2, and their layouts differ: no link" in note for note in ran.document["notes"]
+        )
+        assert bench.run(f"plan {file} --exit-code").code == 0
+    (link,) = read_network_file(file).links
+    assert [(end.node_id, str(end.pdo)) for end in (link.producer, *link.consumers)] == [
+        (1, "tpdo1"), (5, "rpdo2"), (6, "rpdo1"),
+    ]  # fmt: skip
+    assert link.heartbeat is False  # node 5 does not watch
+
+
+def test_one_node_of_several(tmp_path: Path) -> None:
+    with Bench(("gen4@1", "tmcm@5"), {"node": 5}) as bench:
+        ran = bench.run(f"import {tmp_path / 'net.yaml'} --json")
+        assert [one["node"] for one in ran.document["nodes"]] == [5]
+    with Bench(("gen4@1",), {"node": 9}) as bench:
+        assert bench.run(f"import {tmp_path / 'none.yaml'}").code == 5
+        assert not (tmp_path / "none.yaml").exists()
+
+
+SET = (
+    "map 1:tpdo1 6041 606C", "map 6:rpdo1 60FF --off", "link 1:tpdo1 6:rpdo1 --heartbeat 250",
+    "write 1:1005 0x40000080 --as u32", "write 1:1006 5000 --as u32",
+)  # fmt: skip
+
+
+@heavy
+def test_heartbeat_and_sync_are_imported_and_carried_out_elsewhere(tmp_path: Path) -> None:
+    file = tmp_path / "net.yaml"
+    with Bench(("gen4@1", "generic@6")) as bench:
+        for line in SET:
+            node, _, word = line.partition(" ")[2].partition(":")
+            words = f"write {word}" if line.startswith("write") else line
+            assert not line.startswith("write") or bench.run(f"node {node}").code == 0
+            assert bench.run(words).code == 0, line
+        assert bench.run(f"import {file}").code == 0
+        assert bench.run(f"plan {file} --exit-code").code == 0
+    drive, other = read_network_file(file).nodes
+    said = {one.key: int.from_bytes(one.data, "little") for one in drive.objects}
+    assert said == {"heartbeat_producer": 250, "sync_cob_id": 0x40000080, "sync_period": 5000}
+    assert [(one.producer, one.time_ms) for one in other.watches] == [(1, 750)]
+    assert "    sync_period: 5000\n" in file.read_text("utf-8")
+    with Bench(("gen4@1", "generic@6"), {"yes": True}) as fresh:
+        assert fresh.run(f"diff {file}").code == 3
+        assert fresh.run(f"apply {file}").code == 0
+        assert fresh.run(f"diff {file}").code == 0
+
+
+@heavy
+def test_some_nodes_of_a_network(tmp_path: Path) -> None:
+    nodes, file = ("gen4@1", "tmcm@5", "generic@6"), tmp_path / "net.yaml"
+    with Bench(nodes, {"node": (1, 6)}) as bench:
+        ran = bench.run(f"import {file} --json")
+        assert [one["node"] for one in ran.document["nodes"]] == [1, 6]
+        ran = bench.run("map tpdo1 6041")
+        assert (ran.code, "-n 1,6: several nodes" in ran.stderr) == (2, True)
+    links = "links: [{from: a:tpdo1, to: b:rpdo1, heartbeat: false}]\n"
+    file.write_text("a: {node_id: 1}\nb: {node_id: 5}\nc: {node_id: 6}\nd: {node_id: 9}\n" + links)
+    with Bench(nodes, {"node": (1, 6), "yes": True}) as bench:
+        for line in ("plan", "diff", "apply"):
+            ran = bench.run(f"{line} {file}")
+            assert ran.code == 0, ran.stderr
+            assert "1 link of" in ran.stderr
+    with Bench(nodes, {"node": (1, 7)}) as bench:
+        ran = bench.run(f"plan {file}")
+        assert (ran.code, "has no node 7" in ran.stderr) == (2, True)
+
+
+def test_the_profile_that_was_chosen_is_in_the_file(tmp_path: Path) -> None:
+    file = tmp_path / "net.yaml"
+    with Bench(("generic@3",), {"profile": "canopennode"}) as bench:
+        assert bench.run(f"import {file}").code == 0
+    assert read_network_file(file).nodes[0].profile == "canopennode"
+
+
+def test_nodes_without_an_eds_are_one_note(tmp_path: Path) -> None:
+    bus = VirtualTimeBus([unknown(1), unknown(5)], simulated=False)
+    with Bench((), {"node": (1, 5), "journal": str(tmp_path)}, bus) as bench:
+        notes = bench.run(f"import {tmp_path / 'net.yaml'} --json").document["notes"]
+    assert [note.partition(":")[0] for note in notes] == ["node 1, 5"]
+
+
+def test_a_folder_of_files_needs_no_bus(tmp_path: Path) -> None:
+    folder, file = tmp_path / "eds", tmp_path / "net.yaml"
+    folder.mkdir()
+    for family in ("gen4", "tmcm"):
+        shutil.copy(PACKAGE / "families" / family / f"{family}.eds", folder)
+    text = (folder / "tmcm.eds").read_text("latin-1")
+    (folder / "tmcm.eds").unlink()
+    (folder / "motor.dcf").write_text(f"{text}\n[DeviceCommissioning]\nNodeID=0x01\n", "latin-1")
+    with Bench(()) as bench:
+        ran = bench.run(f"import {file} {folder} --json")
+        assert ran.code == 0, ran
+        assert [(one["node"], one["name"]) for one in ran.document["nodes"]] == [(1, "tmcm_1"), (2, "gen4_2")]
+        assert ran.document["notes"] == ["gen4.eds names no node-ID of its own: it is node 2"]
+        assert not bench.session.is_open
+        assert bench.run(f"import {file} {tmp_path / 'none'}").code == 6  # the file is there by now
+        assert bench.run(f"import {tmp_path / 'b.yaml'} {tmp_path / 'none'}").code == 2
+    config = read_network_file(file)
+    assert [node.dcf.text if node.dcf else "" for node in config.nodes] == ["eds/motor.dcf", "eds/gen4.eds"]
+    with Bench(("tmcm@1", "gen4@2")) as bench:
+        planned = bench.run(f"plan {file} --exit-code --json")
+        assert (planned.code, planned.document["writes"]) == (0, 0), planned
+
+
+def test_a_file_is_overwritten_with_consent_only(tmp_path: Path) -> None:
+    file = tmp_path / "net.yaml"
+    file.write_text("mine", "utf-8")
+    with Bench(("gen4",)) as bench:
+        assert bench.run(f"import {file}").code == 6
+        assert file.read_text("utf-8") == "mine"
+        assert bench.run(f"import {file} --yes").code == 0
+        assert bench.run(f"import {tmp_path / 'net.dcf'}").code == 2
+
+
+def test_a_network_without_nodes_is_no_answer(tmp_path: Path) -> None:
+    with Bench((), {"interface": "virtual", "channel": "nobody", "timeout": 0.05}) as bench:
+        assert bench.run(f"import {tmp_path / 'net.yaml'}").code == 5
+        assert not (tmp_path / "net.yaml").exists()
+
+
+@heavy
+def test_what_check_finds_in_the_new_file_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("eds").mkdir()
+    eds = PACKAGE / "families" / "generic" / "generic.eds"
+    text = eds.read_text("utf-8")
+    enabled = re.sub(r"(?i)=\$NODEID\s*\+\s*0x(40000)?180\b", "=0x181", text)
+    assert enabled != text
+    for node_id in (1, 2):
+        Path(f"eds/{node_id}.eds").write_text(enabled, "utf-8")
+    with Bench(()) as bench:
+        ran = bench.run("import net.yaml eds")
+        checked = bench.run("check net.yaml --json")
+        errors = checked.document["files"][0]["count"]["error"]
+        assert (ran.code, checked.code, errors > 0) == (0, 4, True), ran
+        assert f"{errors} error{'s' * (errors > 1)}, to be mended first: dvtcli check net.yaml" in ran.stdout
+        assert bench.run("import net.yaml eds --json --yes").document["errors"] == errors
+    with Bench(("gen4@1",)) as bench:
+        assert "Check it: dvtcli check live.yaml" in bench.run("import live.yaml").stdout

@@ -1,0 +1,96 @@
+"""The mapping editor when something goes wrong: another size, a killed process, a lost bus; and live values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import can
+import pytest
+
+from dvtcli.cli.editor.draw import FRAME, EditorView, picture
+from dvtcli.cli.editor.model import EditedPdos
+from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+from tests.cli.editor.test_editor_screen import F10, edited, pdos
+from tests.cli.prompt.conftest import Open, open_terminal
+from tests.cli.prompt.terminal import ESCAPE, Terminal
+from tests.posix import SIGKILL
+from tests.serve.killing import CutOff, Victim, killable
+from tests.serve.served import bus_words, own_environment
+
+pytestmark = pytest.mark.drawn(2, "mapping editor")
+
+__all__ = ["open_terminal"]
+
+
+@dataclass
+class AtTerminal(Victim):
+    """A dvtcli at a terminal that is killed at a frame."""
+
+    terminal: Terminal = field(kw_only=True)
+
+    def kill(self) -> None:
+        """Kill it."""
+        self.terminal.child.kill(SIGKILL)
+
+
+def is_download(message: can.Message) -> bool:
+    return message.arbitration_id == 0x601 and message.data[0] & 0xE0 == 0x20
+
+
+def state_of(folder: Path) -> dict[str, str]:
+    return {name: own_environment(folder)[name] for name in ("XDG_STATE_HOME", "LOCALAPPDATA")}
+
+
+@pytest.mark.parametrize("is_killed", [True, False])
+def test_a_change_cut_short_is_recovered(tmp_path: Path, open_terminal: Open, is_killed: bool) -> None:
+    with killable(tmp_path, "gen4@1") as server:
+        before = pdos(server)
+        terminal = open_terminal(*bus_words(server.port), "-n", "1", "edit", "tpdo2", environment=state_of(tmp_path))
+        terminal.wait("FRAME OF TPDO2", "606C:00/32")
+        terminal.type("d")
+        terminal.wait("TPDO2 changed, not applied", "4 bytes free")
+        terminal.until(lambda: "asking the rules" not in terminal.text, "the rules asked")
+        victim = AtTerminal(3, is_download, terminal=terminal) if is_killed else CutOff(3, is_download)
+        server.door.victim = victim
+        terminal.type(F10)
+        code = terminal.ended()
+        server.door.victim = None
+        assert code in ((None, 137) if is_killed else (5, 7)), terminal.text
+        assert pdos(server) != before
+        assert server.dvtcli("-n", "1", "--yes", "recover").returncode == 0
+        assert pdos(server) == before
+
+
+def test_another_size_of_the_terminal_shows_one_pane_or_all(open_terminal: Open) -> None:
+    terminal = edited(open_terminal, "tpdo2")
+    terminal.resize(120, 40)
+    terminal.wait("PDOS", "FRAME OF TPDO2", "OBJECTS")
+    terminal.resize(80, 24)
+    terminal.until(lambda: "FRAME OF TPDO2" in terminal.text and "OBJECTS" not in terminal.text, "one pane")
+    assert all(len(line) <= 80 for line in terminal.lines)
+
+
+def test_values_of_received_frames_stand_beside_their_objects(open_terminal: Open) -> None:
+    terminal = open_terminal("--sim", "gen4")
+    terminal.wait_prompt()
+    terminal.run("nmt start")
+    terminal.wait("OPERATIONAL")
+    terminal.run("edit tpdo2")
+    terminal.wait("FRAME OF TPDO2")
+    terminal.row("606C:00/32", "Velocity actual value", "rpm")
+    terminal.type("d")
+    terminal.wait("TPDO2 changed, not applied")
+    terminal.until(lambda: " A" not in terminal.row("5100:02/16"), "no values of another layout")
+    terminal.type(ESCAPE)
+
+
+@pytest.mark.parametrize(("mpdo", "way"), [(0xFE, "SAM"), (0xFF, "DAM")])
+def test_a_multiplexed_pdo_is_shown_as_such(mpdo: int, way: str) -> None:
+    tpdo1 = Pdo.parse("tpdo1")
+    config = PdoConfig(PdoCommunicationParameter(CobId(0x181), 255, 0, 0), (), mpdo=mpdo)
+    view = EditorView("node 1", EditedPdos({tpdo1: config}), [tpdo1], pane=FRAME)
+    text = "\n".join("".join(cell.text for cell in line) for line in picture(view, 80, 24))
+    assert f"multiplexed PDO ({way}," in text
+    assert "free" not in text
