@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from tests.network.killed import in_own_process
+from tests.operations.network.killed import in_own_process
 
 _CLONE_NEWNS, _CLONE_NEWUSER, _MS_REC, _MS_PRIVATE = 0x0002_0000, 0x1000_0000, 0x4000, 0x4_0000
 _CANNOT = "cannot mount"

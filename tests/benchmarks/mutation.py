@@ -45,7 +45,14 @@ WIDE = (
 )  # fmt: skip
 #: of a baseline: how many mutants, of which files, and tests of which only the quick ones are taken
 BASELINE, BASELINE_MODULES = 300, ("dvtcli/domain/*", "dvtcli/device/*")
-_SUBJECTS = ("tests/network_check", "tests/lint", "tests/network", "tests/whole_device", "tests/gateway", "tests/files")
+_SUBJECTS = (
+    "tests/network_check",
+    "tests/lint",
+    "tests/operations/network",
+    "tests/operations/devices",
+    "tests/operations/gateway",
+    "tests/files",
+)
 QUICK = ("-m", "quick", *WIDE, *_SUBJECTS, "tests/learn", "tests/cli/dvt", "tests/operations", "tests/cli/view")
 
 

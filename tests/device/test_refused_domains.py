@@ -8,7 +8,7 @@ import pytest
 
 from dvtcli.errors import DeviceRefused
 from dvtcli.simulator.device.memory import Refusal
-from tests.network.bench import Chain
+from tests.operations.network.bench import Chain
 from tests.surroundings import HOMES
 
 DOMAIN = (0x2002, 0)

@@ -12,7 +12,7 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.cli.commands.bench import Bench, Ran, beside
 from tests.faults.matrix import _held
 from tests.harness.sample import heavy
-from tests.network.bench import device
+from tests.operations.network.bench import device
 
 FILE = """nodes:
   first: {node_id: 5, tpdo: {1: {transmission: 1, mapping: [6041, 6064]}}, rpdo: {1: {cob_id: 0x305}}}

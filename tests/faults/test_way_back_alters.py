@@ -13,7 +13,7 @@ import pytest
 
 from tests.cli.commands.bench import Bench, beside
 from tests.faults.matrix import Snapshot, snapshot
-from tests.network.bench import device
+from tests.operations.network.bench import device
 
 FIVE, NINE = 5, 9
 #: another PDO of the node, as the device makes it: its transmission type, its event timer, its COB-ID, its mapping

@@ -17,7 +17,7 @@ from dvtcli.operations.changes.recover_change import recover
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.session import Session
 from dvtcli.simulator.device.memory import Refusal
-from tests.network.bench import Chain
+from tests.operations.network.bench import Chain
 from tests.surroundings import HOMES
 
 PLACES = [(0x1017, 0), (0x1006, 0), (0x1007, 0)]

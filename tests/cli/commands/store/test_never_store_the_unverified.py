@@ -8,7 +8,7 @@ import pytest
 
 from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.cli.commands.bench import Bench, beside
-from tests.network.bench import device
+from tests.operations.network.bench import device
 from tests.process import dvtcli
 
 

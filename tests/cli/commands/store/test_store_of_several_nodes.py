@@ -8,7 +8,7 @@ import pytest
 
 from tests.cli.commands.bench import Bench, beside
 from tests.faults.matrix import stored_pdos
-from tests.network.bench import device
+from tests.operations.network.bench import device
 
 LINES = ["set 5:tpdo1 --timer 250", "map 9:tpdo1 6041 606C"]
 
