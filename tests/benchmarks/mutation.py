@@ -38,7 +38,7 @@ from tests.benchmarks.mutators import Mutant, mutants  # noqa: E402
 EXPLAINED = Path(__file__).with_name("mutation_explained.toml")
 MODULES = ("dvtcli/domain/plan.py", "dvtcli/domain/rules/*", "dvtcli/device/*", "dvtcli/bus/sdo/*")
 #: the tests of the files' own rooms, and those that look from further away
-NEAR = ("tests/device", "tests/rules", "tests/domain", "tests/bus", "tests/fuzz/test_found.py")
+NEAR = ("tests/device", "tests/domain/rules", "tests/domain", "tests/bus", "tests/fuzz/test_found.py")
 WIDE = (
     "tests/laws", "tests/simulator/test_twin.py", "tests/cli/commands", "tests/transcripts", "tests/scripts",
     "tests/recovery", "tests/faults", "tests/serve",
@@ -46,8 +46,8 @@ WIDE = (
 #: of a baseline: how many mutants, of which files, and tests of which only the quick ones are taken
 BASELINE, BASELINE_MODULES = 300, ("dvtcli/domain/*", "dvtcli/device/*")
 _SUBJECTS = (
-    "tests/network_check",
-    "tests/lint",
+    "tests/domain/network_check",
+    "tests/files/lint",
     "tests/operations/network",
     "tests/operations/devices",
     "tests/operations/gateway",

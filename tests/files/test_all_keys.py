@@ -9,7 +9,7 @@ import pytest
 from dvtcli.domain.standard_objects import standard_name
 from dvtcli.files.eds.reader import parse_eds, read_eds
 from tests.cli.commands.bench import Bench
-from tests.lint.sample import COMMISSIONED, SOUND, found
+from tests.files.lint.sample import COMMISSIONED, SOUND, found
 
 #: What a file may have beside its dictionary.
 SECTIONS = """

@@ -14,7 +14,7 @@ from dvtcli.watch.decoder import Decoder
 from dvtcli.watch.heartbeats import GRACE_S, PERIODS, Heartbeats
 from dvtcli.watch.seen import FrameStore
 from dvtcli.watch.statistics import GRACE_S as ROW_GRACE_S
-from tests.network_check.planted import SOUND, CheckedNetwork, hears
+from tests.domain.network_check.planted import SOUND, CheckedNetwork, hears
 
 NODE = 5
 BEGIN_S = 100.0

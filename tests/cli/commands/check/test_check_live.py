@@ -14,8 +14,8 @@ from dvtcli.operations.network.check_networks import CheckOptions
 from dvtcli.operations.session.simulated_nodes import simulated_device, simulated_nodes
 from dvtcli.watch.recording.recording_rules import RECORDING_RULES
 from tests.cli.commands.bench import Bench
+from tests.domain.network_check.planted import concise
 from tests.harness.sample import heavy
-from tests.network_check.planted import concise
 from tests.process import ROOT
 from tests.small_eds import U8, U16, U32, plain, var
 from tests.virtual_time import VirtualTimeBus

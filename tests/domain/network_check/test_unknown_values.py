@@ -10,7 +10,7 @@ import pytest
 from dvtcli.domain.network.check.check_bus import CHECKS_OF_BIT_RATE
 from dvtcli.domain.network.check.network_rules import NETWORK_RULES, network_findings
 from tests.cli.commands.bench import Bench
-from tests.network_check.planted import PLANTED, Planted
+from tests.domain.network_check.planted import PLANTED, Planted
 from tests.small_eds import U32, Eds, communication, plain, var
 
 ALL = {rule.name for rule in NETWORK_RULES}

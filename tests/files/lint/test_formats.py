@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from tests.lint.sample import SOUND, line_of
+from tests.files.lint.sample import SOUND, line_of
 from tests.process import Ran, run
 
 FAULTY = (

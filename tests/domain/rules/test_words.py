@@ -15,8 +15,8 @@ from dvtcli.domain.profile import GENERIC, Severity
 from dvtcli.domain.rules import Finding, Proposal, check_pdo
 from dvtcli.domain.rules.mapped_object import decimal_hint, missing_object
 from dvtcli.domain.rules.raw_write import ParameterWrite, length_findings, parameter_findings, write_findings
+from tests.domain.rules.test_edges import RPDO1, TPDO1, proposal
 from tests.laws.bench import dictionary
-from tests.rules.test_edges import RPDO1, TPDO1, proposal
 
 RPDO2 = Pdo.parse("rpdo2")
 GENERIC_FILE = dictionary("generic")

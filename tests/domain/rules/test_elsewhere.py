@@ -13,8 +13,8 @@ from dvtcli.domain.profile import Severity
 from dvtcli.domain.rules import Proposal, check_pdo
 from dvtcli.domain.rules.can_id import automatic_can_id
 from dvtcli.domain.rules.finding import Producer
+from tests.domain.rules.test_edges import RPDO1, TPDO1, TPDO2, proposal
 from tests.laws.bench import NODE
-from tests.rules.test_edges import RPDO1, TPDO1, TPDO2, proposal
 
 OTHER = 5
 #: the default of TPDO2 of node 5

@@ -14,7 +14,7 @@ from dvtcli.domain.pdo import PdoConfig
 from dvtcli.domain.profile import GENERIC, Severity
 from dvtcli.domain.rules import Proposal, check_pdo
 from dvtcli.domain.rules.no_way_back import put_back_finding, way_back
-from tests.rules.test_edges import TPDO1, parameter, proposal
+from tests.domain.rules.test_edges import TPDO1, parameter, proposal
 
 STATUSWORD, NOWHERE = PdoMappingEntry(0x6041, 0, 16), PdoMappingEntry(0x5FFF, 0, 16)
 

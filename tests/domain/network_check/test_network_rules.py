@@ -12,8 +12,7 @@ from dvtcli.domain.network.check.checked_network import CheckedNetwork
 from dvtcli.domain.network.check.network_rules import NETWORK_RULES, network_findings
 from dvtcli.domain.network.network_state import NetworkState
 from dvtcli.domain.ports import Frame
-from tests.harness.sample import heavy
-from tests.network_check.planted import (
+from tests.domain.network_check.planted import (
     BIT_RATE,
     PLANTED,
     SOUND,
@@ -28,6 +27,7 @@ from tests.network_check.planted import (
     node,
     pdo,
 )
+from tests.harness.sample import heavy
 
 _WIDE = pdo(0x1AB, entry(0x6041), extended=True)
 

@@ -9,7 +9,7 @@ import pytest
 from dvtcli.files.device_lint import lint
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.network.family_file import family_eds, family_names
-from tests.lint.sample import EVERY
+from tests.files.lint.sample import EVERY
 from tests.real_files import real_files
 
 #: What is wrong in real files, looked at one by one: the rules of the errors that they rightly get.

@@ -8,8 +8,8 @@ import pytest
 
 from dvtcli.files.device_lint import RULES
 from dvtcli.files.eds.findings import EdsFinding
-from tests.lint.planted import DCF, OTHERS, PLANTED, Planted, in_section
-from tests.lint.sample import NAME, SOUND, found, record
+from tests.files.lint.planted import DCF, OTHERS, PLANTED, Planted, in_section
+from tests.files.lint.sample import NAME, SOUND, found, record
 
 #: what is no file of that name, or with other line ends, than the sound one
 ELSEWHERE = {"lf", "valve.eds"}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tests.lint.sample import COMMISSIONED, HEAD, NAME, SOUND, listed, pdo, record, var
+from tests.files.lint.sample import COMMISSIONED, HEAD, NAME, SOUND, listed, pdo, record, var
 
 
 @dataclass(frozen=True)

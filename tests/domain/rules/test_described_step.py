@@ -12,8 +12,8 @@ from dvtcli.domain.datatypes import BY_SHORT_NAME
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary
 from dvtcli.domain.profile import GENERIC
 from dvtcli.domain.rules import Finding, Proposal, check_pdo
+from tests.domain.rules.test_edges import limited, mapped, parameter, proposal, rules
 from tests.laws.bench import dictionary
-from tests.rules.test_edges import limited, mapped, parameter, proposal, rules
 
 TOO_LONG, TOO_SHORT = 0x0607_0012, 0x0607_0013
 U8, U32 = BY_SHORT_NAME["u8"], BY_SHORT_NAME["u32"]

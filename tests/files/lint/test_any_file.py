@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from dvtcli.errors import InputFileError
 from dvtcli.files.device_lint import RULES, lint
 from dvtcli.files.eds.reader import parse_eds
-from tests.lint.sample import HEAD, NAME, STANDARD, found, listed, pdo, record, var
+from tests.files.lint.sample import HEAD, NAME, STANDARD, found, listed, pdo, record, var
 
 #: data type, its length in bits, and its limits
 TYPES = {2: (8, -128, 127), 3: (16, -32768, 32767), 4: (32, -(1 << 31), (1 << 31) - 1),

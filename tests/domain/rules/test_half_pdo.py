@@ -9,7 +9,7 @@ import pytest
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.rules import Finding, Proposal, check_pdo
-from tests.rules.test_edges import parameter, proposal
+from tests.domain.rules.test_edges import parameter, proposal
 
 STATUSWORD = PdoMappingEntry(0x6041, 0, 16)
 NO_OBJECT = 0x0602_0000
