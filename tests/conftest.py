@@ -212,7 +212,7 @@ def surroundings(ground: Places) -> Iterator[Path]:
 @pytest.fixture
 def port() -> Iterator[int]:
     """A port for servers that come and go, which no other test gets meanwhile."""
-    from tests.serve.served import reserved_port
+    from tests.simulator.serve.served import reserved_port
 
     with reserved_port() as port:
         yield port

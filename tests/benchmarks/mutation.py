@@ -41,7 +41,7 @@ MODULES = ("dvtcli/domain/plan.py", "dvtcli/domain/rules/*", "dvtcli/device/*", 
 NEAR = ("tests/device", "tests/domain/rules", "tests/domain", "tests/bus", "tests/fuzz/test_found.py")
 WIDE = (
     "tests/laws", "tests/simulator/test_twin.py", "tests/cli/commands", "tests/transcripts", "tests/scripts",
-    "tests/recovery", "tests/faults", "tests/serve",
+    "tests/recovery", "tests/faults", "tests/simulator/serve",
 )  # fmt: skip
 #: of a baseline: how many mutants, of which files, and tests of which only the quick ones are taken
 BASELINE, BASELINE_MODULES = 300, ("dvtcli/domain/*", "dvtcli/device/*")
@@ -53,7 +53,7 @@ _SUBJECTS = (
     "tests/operations/gateway",
     "tests/files",
 )
-QUICK = ("-m", "quick", *WIDE, *_SUBJECTS, "tests/learn", "tests/cli/dvt", "tests/operations", "tests/cli/view")
+QUICK = ("-m", "quick", *WIDE, *_SUBJECTS, "tests/device/learn", "tests/cli/dvt", "tests/operations", "tests/cli/view")
 
 
 def record(to: Path, modules: Sequence[str], tests: Sequence[str]) -> None:

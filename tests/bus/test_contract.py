@@ -21,8 +21,8 @@ from tests.bus.devices import device, dictionary
 from tests.harness.sample import heavy
 from tests.house.laws.source_tree import SourceTree
 from tests.process import PATIENCE_S
-from tests.serve.served import wait_for
 from tests.served_nodes import ServedNodes
+from tests.simulator.serve.served import wait_for
 from tests.virtual_time import VirtualTimeBus
 
 SYNC = Frame(0x080, b"")

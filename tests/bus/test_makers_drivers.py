@@ -25,8 +25,8 @@ import pytest
 from tests.cli.commands.bus import device
 from tests.harness.forked import Fresh
 from tests.process import PATIENCE_S, Ran, environment, run
-from tests.serve.served import wait_for
 from tests.served_nodes import ServedNodes
+from tests.simulator.serve.served import wait_for
 from tests.socketcan.recorded import interrupted, seen_by
 
 pytestmark = pytest.mark.drawn(4, "makers drivers")

@@ -26,8 +26,8 @@ from tests.cli.commands.bench import Bench
 from tests.cli.commands.bus import device
 from tests.lss_nodes import unconfigured
 from tests.process import PATIENCE_S, dvtcli, start
-from tests.serve.served import own_environment, wait_for
 from tests.served_nodes import ServedNodes
+from tests.simulator.serve.served import own_environment, wait_for
 from tests.socketcan.recorded import interrupted, seen_by
 
 pytestmark = [

@@ -10,7 +10,7 @@ import pytest
 
 from tests.cli.prompt.wire import Wire
 from tests.elsewhere.running import MACOS, run
-from tests.serve.served import bus_words
+from tests.simulator.serve.served import bus_words
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the double stands on Linux")
 

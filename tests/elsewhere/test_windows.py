@@ -22,7 +22,7 @@ from tests.cli.prompt.wire import Wire
 from tests.elsewhere.running import WINDOWS, Ran, run, start, variables
 from tests.harness.sample import heavy
 from tests.process import ROOT, SCRIPTS
-from tests.serve.served import bus_words, wait_for
+from tests.simulator.serve.served import bus_words, wait_for
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the double stands on Linux")
 

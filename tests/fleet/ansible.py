@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.process import PATIENCE_S, environment
-from tests.serve.served import ANSWER_S, Served, own_environment
+from tests.simulator.serve.served import ANSWER_S, Served, own_environment
 from tests.surroundings import ROOT
 
 #: what the last lines of a playbook's run say of a host

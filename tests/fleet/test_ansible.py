@@ -13,7 +13,7 @@ import pytest
 from tests.documentation.pages import text as page
 from tests.fleet.ansible import BINARIES, Fleet
 from tests.process import PATIENCE_S, environment
-from tests.serve.served import Served, bus_words, own_environment, served
+from tests.simulator.serve.served import Served, bus_words, own_environment, served
 
 pytestmark = pytest.mark.needs("ansible.release")  # a folder of this project is called ansible, too
 #: each of them starts Ansible, which takes two seconds of a processor to begin

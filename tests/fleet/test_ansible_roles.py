@@ -17,7 +17,7 @@ import pytest
 from tests.fleet.ansible import BINARIES, Fleet
 from tests.fleet.test_ansible import NETWORK, NODES, by_lot, doc, held, task
 from tests.process import PATIENCE_S, environment
-from tests.serve.served import Served, served
+from tests.simulator.serve.served import Served, served
 from tests.surroundings import ROOT
 
 pytestmark = pytest.mark.needs("ansible.release")

@@ -14,7 +14,7 @@ import pytest
 from dvtcli.domain.pdo import Pdo
 from tests.cli.prompt.wire import Wire
 from tests.recovery.bench import Bench
-from tests.serve.served import served
+from tests.simulator.serve.served import served
 
 CHANGES = {
     "event timer": "set tpdo1 --timer 100",

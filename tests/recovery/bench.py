@@ -12,7 +12,7 @@ from tests import process
 from tests.cli.prompt.wire import Wire
 from tests.harness.forked import Forked
 from tests.process import PATIENCE_S
-from tests.serve.served import bus_words
+from tests.simulator.serve.served import bus_words
 
 MAP = ("map", "tpdo1", "6C01:1", "606C", "6041", "--cob-id", "0x201", "--sync", "1")
 #: disable, type, count, three entries, count, COB-ID

@@ -15,8 +15,8 @@ import pytest
 
 from tests.harness.sample import heavy
 from tests.posix import SIGKILL
-from tests.serve.killing import Killable, killable
-from tests.serve.served import state_folder
+from tests.simulator.serve.killing import Killable, killable
+from tests.simulator.serve.served import state_folder
 
 NODES = (1, 3)
 #: both nodes, one PDO twice, an object of its own, a swap of CAN-IDs, and a mapping entry behind the count

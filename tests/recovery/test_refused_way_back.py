@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.serve.served import served
+from tests.simulator.serve.served import served
 
 #: from its third SDO download on the node refuses all, for as long as a roll-back and a `recover` try
 REFUSALS = [word for number in range(3, 120) for word in ("--fault", f"refuse@{number}=0x06040041")]

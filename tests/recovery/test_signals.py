@@ -25,7 +25,7 @@ from tests.harness.sample import heavy
 from tests.posix import SIGHUP
 from tests.process import PATIENCE_S, environment
 from tests.recovery.bench import MAP, STEPS, Bench
-from tests.serve.served import wait_for
+from tests.simulator.serve.served import wait_for
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 

@@ -20,7 +20,7 @@ from dvtcli.files.user_folders import user_folder
 from tests.cli.commands.bench import Bench as Lines
 from tests.cli.commands.bus import Wire, device
 from tests.recovery.bench import MAP, Bench
-from tests.serve.served import served
+from tests.simulator.serve.served import served
 
 pytestmark = pytest.mark.drawn(3, "undo between processes")
 

@@ -10,7 +10,7 @@ from can import Message
 import dvtcli
 from tests.cli.commands.bench import Bench
 from tests.process import PATIENCE_S
-from tests.serve.served import served
+from tests.simulator.serve.served import served
 from tests.small_eds import INPUTS, communication, mapping, plain
 
 FIRST = INPUTS << 16 | 0x0108

@@ -1,6 +1,6 @@
 """What the strict device answers, as a literal table: row, preparation, request, answer.
 
-The data of two drivers: in-process (`test_table`) and over a link (`tests/serve/test_conformance`).
+The data of two drivers: in-process (`test_table`) and over a link (`tests/simulator/serve/test_conformance`).
 """
 
 from __future__ import annotations

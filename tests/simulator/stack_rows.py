@@ -1,6 +1,6 @@
 """The two families calibrated to public stacks: what was observed of each, row by row, and how it is asked.
 
-The data of two drivers: in-process (`test_stacks`) and over a link (`tests/serve/test_conformance`).
+The data of two drivers: in-process (`test_stacks`) and over a link (`tests/simulator/serve/test_conformance`).
 A cell is written as it was noted: `/` separates the writes of a case, `!` marks an aborted read, `cob= n= e1= e2=` is
 TPDO1 read back. Columns: the first stack, the second one in OPERATIONAL and in PRE-OPERATIONAL.
 """

@@ -18,7 +18,7 @@ import can
 
 from tests.harness.forked import Forked
 from tests.process import PATIENCE_S, documents, start
-from tests.serve.served import own_environment, wait_for
+from tests.simulator.serve.served import own_environment, wait_for
 
 #: CAN-IDs of 29 bits, which nothing else here sends: what records is there, and has everything until there
 BEGUN, OVER = 0x1FFFFF01, 0x1FFFFF02

@@ -13,7 +13,7 @@ from tests.cli.commands.bus import device
 from tests.cli.prompt.conftest import Open, open_terminal
 from tests.harness.forked import Forked
 from tests.process import PATIENCE_S, documents, start
-from tests.serve.served import own_environment, wait_for
+from tests.simulator.serve.served import own_environment, wait_for
 from tests.socketcan.conftest import ANSWER_S, PAIRS, ip, on
 
 __all__ = ["open_terminal"]

@@ -15,8 +15,8 @@ from tests.cli.commands.bench import Bench
 from tests.cli.commands.bus import device
 from tests.harness.forked import Forked
 from tests.process import PATIENCE_S, start
-from tests.serve.served import own_environment
 from tests.served_nodes import ServedNodes
+from tests.simulator.serve.served import own_environment
 from tests.socketcan.conftest import ANSWER_S
 
 OPTIONS = {"interface": "socketcan", "channel": "vcan0", "node": 1, "timeout": 2.0}

@@ -10,7 +10,7 @@ import pytest
 from tests.cli.commands.bench import Bench
 from tests.cli.commands.bus import device
 from tests.process import PATIENCE_S, dvtcli, start
-from tests.serve.served import own_environment
+from tests.simulator.serve.served import own_environment
 from tests.socketcan.conftest import ANSWER_S, PAIRS, on, tool
 from tests.socketcan.recorded import candump, frames_in, log, seen_by
 

@@ -19,7 +19,7 @@ from tests.bus.devices import device
 from tests.cli.commands.bench import Bench
 from tests.cli.commands.bus import device as family_device
 from tests.process import PATIENCE_S, start
-from tests.serve.served import own_environment, wait_for
+from tests.simulator.serve.served import own_environment, wait_for
 from tests.socketcan.conftest import ANSWER_S, ip, on, tool
 from tests.socketcan.recorded import seen_by
 

@@ -16,8 +16,8 @@ from tests.cli.editor.test_editor_screen import F10, edited, pdos
 from tests.cli.prompt.conftest import Open, open_terminal
 from tests.cli.prompt.terminal import ESCAPE, Terminal
 from tests.posix import SIGKILL
-from tests.serve.killing import CutOff, Victim, killable
-from tests.serve.served import bus_words, own_environment
+from tests.simulator.serve.killing import CutOff, Victim, killable
+from tests.simulator.serve.served import bus_words, own_environment
 
 pytestmark = pytest.mark.drawn(2, "mapping editor")
 

@@ -12,7 +12,7 @@ from dvtcli.operations.plans.read_network_config import read_network_config
 from dvtcli.operations.session.simulated_nodes import read_dictionary
 from tests.cli.prompt.conftest import Open, open_terminal
 from tests.cli.prompt.terminal import CTRL_C, DOWN, ENTER, ESCAPE, F1, TAB, Terminal
-from tests.serve.served import Served, bus_words, served
+from tests.simulator.serve.served import Served, bus_words, served
 from tests.small_eds import U32, Eds, var
 
 pytestmark = pytest.mark.drawn(4, "mapping editor")

@@ -41,7 +41,7 @@ from dvtcli.watch.service import service_of
 from dvtcli.watch.statistics import FrameIntervals, Point, ValueHistory, spark
 from dvtcli.watch.table import all_columns
 from dvtcli.watch.tracks import Track, find_tracks
-from tests.serve.served import wait_for
+from tests.simulator.serve.served import wait_for
 
 BEGIN_S = 1_700_000_000.0
 SCREENS = Path(__file__).parent / "screens"

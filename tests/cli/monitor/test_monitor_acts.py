@@ -20,7 +20,7 @@ from dvtcli.watch.decoder import Decoder
 from tests.cli.monitor.test_monitor_screen import SIZES, leave, started
 from tests.cli.prompt.conftest import Open, open_terminal
 from tests.cli.prompt.terminal import ENTER, ESCAPE, Terminal
-from tests.serve.served import bus_words, received, served
+from tests.simulator.serve.served import bus_words, received, served
 
 pytestmark = pytest.mark.drawn(6, "monitor keys that act")
 

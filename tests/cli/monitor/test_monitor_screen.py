@@ -11,7 +11,7 @@ import pytest
 from tests.cli.prompt.conftest import Open, open_terminal
 from tests.cli.prompt.terminal import CTRL_C, DOWN, ENTER, ESCAPE, Terminal
 from tests.cli.prompt.wire import Wire
-from tests.serve.served import bus_words, served
+from tests.simulator.serve.served import bus_words, served
 
 pytestmark = pytest.mark.drawn(8, "monitor screen")
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tests.harness.sample import heavy
 from tests.process import PATIENCE_S, documents, dvtcli, start
-from tests.serve.served import bus_words, own_environment, served, wait_for
+from tests.simulator.serve.served import bus_words, own_environment, served, wait_for
 
 
 def test_a_frame_is_a_document_with_its_signals() -> None:

@@ -20,7 +20,7 @@ from dvtcli.cli.view.lines import Cell
 from dvtcli.cli.view.output import Output
 from dvtcli.errors import BusUnavailable, NoAnswer
 from dvtcli.watch.decoder import Decoder
-from tests.serve.served import wait_for
+from tests.simulator.serve.served import wait_for
 
 
 class Reading:

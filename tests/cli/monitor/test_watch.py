@@ -16,7 +16,7 @@ from tests.cli.commands.bench import Bench
 from tests.cli.monitor.test_model import BEGIN_S, decoder
 from tests.cli.prompt.conftest import Open, open_terminal
 from tests.cli.prompt.terminal import CTRL_C, DOWN, Terminal
-from tests.serve.served import bus_words, served
+from tests.simulator.serve.served import bus_words, served
 
 __all__ = ["open_terminal"]
 SCREENS = Path(__file__).parent / "screens"

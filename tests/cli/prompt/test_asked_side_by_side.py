@@ -13,7 +13,7 @@ from dvtcli.simulator.network.family_file import family_eds
 from tests.cli.prompt.conftest import Open
 from tests.cli.prompt.terminal import CTRL_C, Terminal
 from tests.harness.sample import heavy
-from tests.serve.served import bus_words, served
+from tests.simulator.serve.served import bus_words, served
 
 NETWORK = """\
 left: {node_id: 1, dcf: strict/generic.eds, tpdo: {1: {event_timer: 20}}}

@@ -9,7 +9,7 @@ import pytest
 
 from tests.cli.prompt.conftest import Open
 from tests.cli.prompt.terminal import Terminal
-from tests.serve.served import Served, bus_words, served
+from tests.simulator.serve.served import Served, bus_words, served
 
 Pair = tuple[Terminal, Terminal]
 

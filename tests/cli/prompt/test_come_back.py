@@ -6,7 +6,7 @@ from pathlib import Path
 
 from tests.cli.prompt.conftest import Open
 from tests.cli.prompt.terminal import CTRL_D, Terminal
-from tests.serve.served import Served, bus_words, served
+from tests.simulator.serve.served import Served, bus_words, served
 
 
 def opened(server: Served, open_terminal: Open) -> Terminal:

@@ -13,7 +13,7 @@ from tests.cli.prompt.conftest import Open
 from tests.cli.prompt.terminal import CTRL_C, CTRL_D, PATIENCE_S, Terminal
 from tests.cli.prompt.wire import Wire
 from tests.harness.sample import heavy
-from tests.serve.served import bus_words
+from tests.simulator.serve.served import bus_words
 
 PRE_OPERATIONAL, OPERATIONAL = b"\x7f", b"\x05"
 

@@ -18,7 +18,7 @@ from tests.cli.prompt.conftest import Open
 from tests.cli.prompt.terminal import CTRL_C, CTRL_D, CTRL_R, PATIENCE_S, Terminal
 from tests.cli.prompt.wire import Wire
 from tests.harness.sample import part
-from tests.serve.served import bus_words
+from tests.simulator.serve.served import bus_words
 
 SCREENS = Path(__file__).parent / "screens"
 SIZES = [(80, 24), (120, 40)]

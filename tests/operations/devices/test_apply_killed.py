@@ -9,7 +9,7 @@ import pytest
 from tests.operations.devices.test_apply_file import made
 from tests.operations.network.test_network_killed import is_download, journals
 from tests.posix import SIGKILL
-from tests.serve.killing import killable
+from tests.simulator.serve.killing import killable
 
 pytestmark = pytest.mark.long
 SETTING = ("map tpdo1 606C 6041", "write 1017 700", "set tpdo2 --timer 90")

@@ -24,7 +24,7 @@ from dvtcli.operations.user.options import Options
 from tests.cli.commands.program.settings_bench import STRANGER, WHY_NOT, as_user
 from tests.operations.gateway.clients import Client, Heard, served
 from tests.process import PATIENCE_S, documents, environment, start
-from tests.serve.served import wait_for
+from tests.simulator.serve.served import wait_for
 
 UNIX = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no Unix sockets in Python")
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells whose a connection is")

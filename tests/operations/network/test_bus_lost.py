@@ -14,7 +14,7 @@ import pytest
 
 from tests.operations.network.test_network_killed import FILE, held, is_download, is_save, journals
 from tests.process import documents
-from tests.serve.killing import Killable, killable
+from tests.simulator.serve.killing import Killable, killable
 
 pytestmark = pytest.mark.drawn(4, "lost networks")
 

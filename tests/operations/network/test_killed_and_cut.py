@@ -16,7 +16,7 @@ import pytest
 from tests.operations.network.test_network_killed import journals
 from tests.posix import SIGKILL
 from tests.process import documents
-from tests.serve.killing import Killable, killable
+from tests.simulator.serve.killing import Killable, killable
 from tests.small_eds import plain, var
 
 #: two drives, and a manager that downloads to others

@@ -17,8 +17,8 @@ import pytest
 
 from tests.posix import SIGKILL
 from tests.process import Ran, run
-from tests.serve.killing import Killable, killable
-from tests.serve.served import own_environment, state_folder
+from tests.simulator.serve.killing import Killable, killable
+from tests.simulator.serve.served import own_environment, state_folder
 
 NODES = (1, 3)
 FILE = """

@@ -10,7 +10,7 @@ from pathlib import Path
 import can
 import pytest
 
-from tests.serve.served import Served, served
+from tests.simulator.serve.served import Served, served
 
 FILE = "n: {node_id: 1, tpdo: {1: {event_timer: 40}}}\n"
 #: what a master sends: an NMT command to a node that is not there, an LSS command, an upload of 0x1000

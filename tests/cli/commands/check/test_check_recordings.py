@@ -22,10 +22,10 @@ from dvtcli.files.recordings.read_recording import read_recording
 from dvtcli.files.recordings.recorder import Recorder
 from dvtcli.watch.decoder import Decoder
 from dvtcli.watch.recording.recording_rules import RECORDING_RULES, RecordingCheck
-from tests.cli.monitor.test_sdo_transfers import by_blocks
 from tests.files.recordings import BEGIN_S
 from tests.process import PATIENCE_S, documents, dvtcli
-from tests.serve.served import bus_words, own_environment, served
+from tests.simulator.serve.served import bus_words, own_environment, served
+from tests.watch.test_sdo_transfers import by_blocks
 
 pytestmark = [pytest.mark.drawn(8, "recording checks")]
 

@@ -27,7 +27,7 @@ from dvtcli.watch.table import SignalRows
 from tests.files.recordings import BEGIN_S
 from tests.files.test_value_files import layouts_of
 from tests.process import PATIENCE_S, documents, dvtcli
-from tests.serve.served import Served, bus_words, own_environment, served, wait_for
+from tests.simulator.serve.served import Served, bus_words, own_environment, served, wait_for
 from tests.small_recording import ramp
 
 pytestmark = [pytest.mark.needs("pyarrow"), pytest.mark.drawn(6, "killed recordings")]

@@ -21,7 +21,7 @@ from dvtcli.operations.user.secret_objects import Secrets
 from dvtcli.watch.listener import Listener
 from tests.cli.commands.bench import Bench
 from tests.harness.sample import heavy
-from tests.serve.served import PATIENCE_S, bus_words, own_environment, served, wait_for
+from tests.simulator.serve.served import PATIENCE_S, bus_words, own_environment, served, wait_for
 
 LOGIN = Frame(0x601, bytes.fromhex("2B 00 50 02 44 44 00 00"), timestamp_s=1.0)
 OTHERS = (

@@ -24,7 +24,7 @@ from dvtcli.simulator.network.family_file import family_eds
 from tests.cli.commands.bench import Bench
 from tests.files.recordings import APPENDABLE, BEGIN_S, FORMATS, ROTATING
 from tests.process import PATIENCE_S, documents, dvtcli, environment, run
-from tests.serve.served import bus_words, own_environment, served, wait_for
+from tests.simulator.serve.served import bus_words, own_environment, served, wait_for
 from tests.small_recording import ramp, velocity
 
 pytestmark = pytest.mark.drawn(8, "recording commands")

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from dvtcli.domain.typed_frame import READ_KINDS, frame_text, typed_frame
 from dvtcli.operations.frames.watch_bus import stream, watching
 from tests.cli.commands.bench import Bench
-from tests.cli.monitor.test_sdo_transfers import by_blocks, in_segments
+from tests.watch.test_sdo_transfers import by_blocks, in_segments
 
 BEGIN_S = 1_700_000_000
 _values = st.binary(min_size=1, max_size=30)

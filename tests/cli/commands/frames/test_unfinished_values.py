@@ -12,7 +12,7 @@ import pytest
 from dvtcli.files.values.value_file import read_values
 from tests.files.test_value_files import of_parquet
 from tests.process import PATIENCE_S, dvtcli
-from tests.serve.served import own_environment, wait_for
+from tests.simulator.serve.served import own_environment, wait_for
 from tests.small_disk import fill, on_small_disk
 from tests.small_recording import ramp
 

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.process import PATIENCE_S, documents, environment, run
-from tests.serve.served import ANSWER_S, served
+from tests.simulator.serve.served import ANSWER_S, served
 
 #: why nobody can be somebody else here; empty where it can be
 WHY_NOT = "" if os.name == "posix" and os.geteuid() == 0 and shutil.which("setpriv") else "needs root and setpriv"

@@ -13,7 +13,7 @@ import pytest
 
 from tests import process
 from tests.process import documents
-from tests.serve.served import PATIENCE_S, Served, bus_words, own_environment, served
+from tests.simulator.serve.served import PATIENCE_S, Served, bus_words, own_environment, served
 
 pytestmark = [
     pytest.mark.skipif(os.name != "posix", reason="Windows has no owners and modes of this kind"),

@@ -18,7 +18,7 @@ from dvtcli.operations.user.options import options_of
 from dvtcli.operations.user.settings import Settings
 from dvtcli.operations.user.trust_settings import trust_settings
 from tests.process import documents, environment, run
-from tests.serve.served import ANSWER_S, own_environment, served
+from tests.simulator.serve.served import ANSWER_S, own_environment, served
 from tests.surroundings import homes
 
 RIGHT = "0x4444"
