@@ -38,22 +38,20 @@ from tests.benchmarks.mutators import Mutant, mutants  # noqa: E402
 EXPLAINED = Path(__file__).with_name("mutation_explained.toml")
 MODULES = ("dvtcli/domain/plan.py", "dvtcli/domain/rules/*", "dvtcli/device/*", "dvtcli/bus/sdo/*")
 #: the tests of the files' own rooms, and those that look from further away
-NEAR = ("tests/device", "tests/domain/rules", "tests/domain", "tests/bus", "tests/fuzz/test_found.py")
+NEAR = (
+    "tests/device", "tests/domain", "tests/bus", "tests/fuzz/test_found.py",
+    "--ignore=tests/device/learn", "--ignore=tests/domain/network_check",
+)  # fmt: skip
 WIDE = (
     "tests/laws", "tests/simulator/test_twin.py", "tests/cli/commands", "tests/transcripts", "tests/scripts",
     "tests/recovery", "tests/faults", "tests/simulator/serve",
 )  # fmt: skip
 #: of a baseline: how many mutants, of which files, and tests of which only the quick ones are taken
 BASELINE, BASELINE_MODULES = 300, ("dvtcli/domain/*", "dvtcli/device/*")
-_SUBJECTS = (
-    "tests/domain/network_check",
-    "tests/files/lint",
-    "tests/operations/network",
-    "tests/operations/devices",
-    "tests/operations/gateway",
-    "tests/files",
-)
-QUICK = ("-m", "quick", *WIDE, *_SUBJECTS, "tests/device/learn", "tests/cli/dvt", "tests/operations", "tests/cli/view")
+QUICK = (
+    "-m", "quick", *WIDE, "tests/domain/network_check", "tests/device/learn", "tests/files", "tests/operations",
+    "tests/cli/dvt", "tests/cli/view",
+)  # fmt: skip
 
 
 def record(to: Path, modules: Sequence[str], tests: Sequence[str]) -> None:

@@ -1,4 +1,4 @@
-"""The public surface as text: `python -m tests.operations.api.surface` writes what the code has now to `surface.txt` beside it.
+"""The public surface as text: `python -m tests.operations.api.surface` writes what the code has now to `surface.txt`.
 
 Every name with its arguments, their kinds, defaults and types, the fields of results and of errors. What is in that
 file is a promise: a change of it is a change of the version, and has its line in the CHANGELOG.

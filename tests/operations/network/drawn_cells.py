@@ -1,8 +1,8 @@
 """Networks of two to four nodes, a job, and two faults by lot: what the nodes hold judges what was said.
 
 The judge does not use dvtcli's own comparisons: it looks into the simulated devices, and at the frames on the wire.
-`python -m tests.operations.network.drawn_cells --cells 3000 --seed 7` prints the cells that went wrong, each with the line that
-runs it again; `--only NUMBER -v` shows all that it said.
+`python -m tests.operations.network.drawn_cells --cells 3000 --seed 7` prints the cells that went wrong, each with the
+line that runs it again; `--only NUMBER -v` shows all that it said.
 """
 
 from __future__ import annotations

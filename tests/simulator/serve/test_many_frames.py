@@ -1,4 +1,4 @@
-"""Nothing is lost: `pytest tests/simulator/serve --serve-frames 100000` sends as many frames to 4 clients as one likes."""
+"""Nothing is lost: `pytest tests/simulator/serve --serve-frames 100000` sends as many frames to 4 clients."""
 
 from __future__ import annotations
 
