@@ -71,7 +71,7 @@ class ServedNodes:
     def tune(self, bit_rate: int, *, listening: bool) -> None:
         """Who is on *bus* speaks at *bit_rate* (bit/s, 0: not at all) from now on, or is only *listening*."""
         with self.lock:
-            self._nodes_on_it.bit_rate, self._nodes_on_it.only_heard = bit_rate, listening
+            self._nodes_on_it.bit_rate, self._nodes_on_it.only_received = bit_rate, listening
 
     def stop(self) -> None:
         """End the thread within 50 ms; may be called twice."""

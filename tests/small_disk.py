@@ -35,7 +35,7 @@ def on_small_disk(disk: Path, act: Callable[[], None], *, size: int = 4_000_000,
             raise RuntimeError(f"{_CANNOT}: {failed}") from failed
         threading.settrace(None)
         sys.settrace(None)
-        sys.addaudithook(_heard)
+        sys.addaudithook(_received)
         act()
 
     disk.mkdir(parents=True, exist_ok=True)
@@ -85,21 +85,21 @@ def filled_at(disk: Path, number: int) -> Iterator[list[str]]:
     """
     names: list[str] = []
 
-    def heard(path: Path) -> None:
+    def received(path: Path) -> None:
         names.append(path.name)
         if len(names) == number:
             _listeners.clear()
             fill(disk)
-            _listeners.append(heard)
+            _listeners.append(received)
 
-    _listeners.append(lambda path: heard(path) if disk in path.parents else None)
+    _listeners.append(lambda path: received(path) if disk in path.parents else None)
     try:
         yield names
     finally:
         _listeners.clear()
 
 
-def _heard(event: str, arguments: tuple[Any, ...]) -> None:
+def _received(event: str, arguments: tuple[Any, ...]) -> None:
     if not _listeners or not isinstance(arguments[0] if arguments else None, str | bytes | os.PathLike):
         return
     writes = event == "open" and isinstance(arguments[2], int) and arguments[2] & (os.O_WRONLY | os.O_RDWR | os.O_CREAT)

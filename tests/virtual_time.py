@@ -183,13 +183,13 @@ class VirtualTimeBus(WatchedBus):
         """Hand *frame* to every node but its sender, and what they send to us and to each other."""
         waiting = deque([(frame, sender)])
         while waiting:
-            heard, source = waiting.popleft()
+            received, source = waiting.popleft()
             bit_rate = self.bit_rate if source is None else source.bit_rate
             self.destroyed += bit_rate != self.bit_rate or self._roster.are_others_than(bit_rate)
-            for node in self._roster.listeners(heard):
+            for node in self._roster.listeners(received):
                 if node is source or node.bit_rate != bit_rate:
                     continue
-                for answer in node.handle(heard, self._now_s):
+                for answer in node.handle(received, self._now_s):
                     if node.bit_rate == self.bit_rate:
                         self._to_us(answer)
                     waiting.append((answer, node))
@@ -262,14 +262,14 @@ class VirtualTimeBus(WatchedBus):
     def _dropped(self) -> dict[int, DroppedAnswers]:
         return self._channels.dropped()
 
-    def _frames(self, heard: SimpleQueue[Frame | Wake], until_s: float) -> Iterator[Frame]:
+    def _frames(self, received: SimpleQueue[Frame | Wake], until_s: float) -> Iterator[Frame]:
         while True:
-            while not heard.empty():
-                frame = heard.get_nowait()
+            while not received.empty():
+                frame = received.get_nowait()
                 if isinstance(frame, Frame):  # nobody is woken here: one thread, and no leader among waiting ones
                     yield frame
             self._use()
-            if not self._step(until_s) and heard.empty():
+            if not self._step(until_s) and received.empty():
                 return
 
     def _wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:

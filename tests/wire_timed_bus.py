@@ -93,9 +93,9 @@ class WireTimedBus(VirtualTimeBus):
             self._hear(frame)
         for node in self._roster.listeners(frame):
             if node is not source:
-                self._is_heard(node, frame, at_s)
+                self._is_received(node, frame, at_s)
 
-    def _is_heard(self, node: SimulatedNode, frame: Frame, at_s: float) -> None:
+    def _is_received(self, node: SimulatedNode, frame: Frame, at_s: float) -> None:
         for answer in node.handle(frame, at_s):
             if answer.can_id & ~0x7F != ANSWER_ID:
                 self._offer(node, answer, at_s)

@@ -37,9 +37,9 @@ class CanopenNetwork(canopen.Network):
 
     def __init__(self, bus: CanopenBus, refuse: Callable[[], None] = lambda: None) -> None:
         super().__init__(_Sender(bus, refuse))
-        self._heard: SimpleQueue[Frame | None] = SimpleQueue()
+        self._received: SimpleQueue[Frame | None] = SimpleQueue()
         self._open = True
-        self._untap = bus.tap(lambda frame, sent: None if sent else self._heard.put(frame))
+        self._untap = bus.tap(lambda frame, sent: None if sent else self._received.put(frame))
         self._shared = bus
         self._threads = [threading.Thread(target=work, daemon=True) for work in (self._listen, self._hand_on)]
         for thread in self._threads:
@@ -53,10 +53,10 @@ class CanopenNetwork(canopen.Network):
         except BusUnavailable:
             return  # the users of the bus get the error
         finally:
-            self._heard.put(None)
+            self._received.put(None)
 
     def _hand_on(self) -> None:
-        while (frame := self._heard.get()) is not None:
+        while (frame := self._received.get()) is not None:
             self.notify(frame.can_id, bytearray(frame.data), frame.timestamp_s)
 
     def disconnect(self) -> None:

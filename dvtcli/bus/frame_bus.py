@@ -341,7 +341,7 @@ class FrameBus(ReadBus[M]):
                 self._traffic.answered(message)
                 self._channels.restarted(can_id & 0x7F)
         elif can_id == NMT_CAN_ID:
-            self._heard_command(bytes(data))
+            self._received_command(bytes(data))
         elif can_id == _LSS_ANSWER_ID:
             self._traffic.answered(message)
         elif function == EMERGENCY:

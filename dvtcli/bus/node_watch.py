@@ -9,7 +9,7 @@ from time import monotonic
 
 from dvtcli.bus.sdo.sdo_link import DroppedAnswers
 from dvtcli.domain.nmt import NmtCommand, NmtState
-from dvtcli.domain.ports import BootUp, Emergency, Frame, HeardEmergency, NodeEvent, StateChange
+from dvtcli.domain.ports import BootUp, Emergency, Frame, NodeEvent, ReceivedEmergency, StateChange
 
 HEARTBEAT = 0x700
 #: No node starts twice within this time, in seconds.
@@ -51,7 +51,7 @@ class NodeWatch:
         self.signs_of_life: dict[int, int] = {}
         self.emergencies: dict[int, Emergency] = {}
         #: received error codes, by node-ID and code, latest last
-        self.heard_emergencies: dict[int, dict[int, HeardEmergency]] = {}
+        self.received_emergencies: dict[int, dict[int, ReceivedEmergency]] = {}
         self.listeners: list[Callable[[NodeEvent], None]] = []
 
     def heartbeat(self, frame: Frame) -> bool:
@@ -111,12 +111,12 @@ class NodeWatch:
         return True
 
     def _count_emergency(self, said: Emergency) -> None:
-        heard = self.heard_emergencies.setdefault(said.node_id, {})
-        before = heard.pop(said.code, None)
+        received = self.received_emergencies.setdefault(said.node_id, {})
+        before = received.pop(said.code, None)
         count, first_s = (0, said.timestamp_s) if before is None else (before.count, before.first_s)
-        heard[said.code] = HeardEmergency(count + 1, first_s, said)
-        if len(heard) > _MOST_CODES:
-            del heard[next(iter(heard))]
+        received[said.code] = ReceivedEmergency(count + 1, first_s, said)
+        if len(received) > _MOST_CODES:
+            del received[next(iter(received))]
 
     def forget_state(self, node_id: int) -> None:
         """Forget the state of *node_id* (0: all) after a command to it."""

@@ -25,7 +25,7 @@ from dvtcli.domain.lss_services import (
     STORE_CONFIGURATION,
 )
 from dvtcli.domain.nmt import UNCONFIGURED, NmtCommand, NmtState
-from dvtcli.domain.ports import Emergency, Frame, HeardEmergency, NodeEvent, SdoTransport
+from dvtcli.domain.ports import Emergency, Frame, NodeEvent, ReceivedEmergency, SdoTransport
 from dvtcli.errors import BusUnavailable, SafetyRefusal, UsageError
 
 if TYPE_CHECKING:
@@ -158,8 +158,8 @@ class WatchedBus(ABC):
         """See `CanopenBus.wait_boot_up`."""
         return self._wait_for(lambda: self._watch.boot_ups.get(node_id, 0) > seen, timeout_s)
 
-    def heard_nodes(self) -> dict[int, NmtState]:
-        """See `CanopenBus.heard_nodes`."""
+    def nodes_seen(self) -> dict[int, NmtState]:
+        """See `CanopenBus.nodes_seen`."""
         self.drain()
         return dict(self._watch.states)
 
@@ -168,10 +168,10 @@ class WatchedBus(ABC):
         self.drain()
         return self._watch.emergencies.get(node_id)
 
-    def heard_emergencies(self, node_id: int) -> tuple[HeardEmergency, ...]:
-        """See `CanopenBus.heard_emergencies`."""
+    def received_emergencies(self, node_id: int) -> tuple[ReceivedEmergency, ...]:
+        """See `CanopenBus.received_emergencies`."""
         self.drain()
-        return tuple(reversed(self._watch.heard_emergencies.get(node_id, {}).values()))
+        return tuple(reversed(self._watch.received_emergencies.get(node_id, {}).values()))
 
     def on_event(self, callback: Callable[[NodeEvent], None]) -> Callable[[], None]:
         """See `CanopenBus.on_event`."""
@@ -423,7 +423,7 @@ class WatchedBus(ABC):
         """Send an NMT command, as a frame if frames are carried (CiA 301, 7.2.8.3.1)."""
         self.send(Frame(NMT_CAN_ID, bytes([command, node_id])))
 
-    def _heard_command(self, data: bytes) -> None:
+    def _received_command(self, data: bytes) -> None:
         """Process another master's NMT command (a second dvtcli, for example): known states become invalid.
 
         A boot-up after its reset is expected.

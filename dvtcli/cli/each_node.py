@@ -44,7 +44,7 @@ def several_ids(session: SessionNodes) -> tuple[int, ...]:
         return network.simulated_ids
     if not network.scanned:
         find_nodes(session)  # which notes them
-    found = tuple(sorted({*network.scanned, *network.bus.heard_nodes()}))
+    found = tuple(sorted({*network.scanned, *network.bus.nodes_seen()}))
     if not found:
         raise NoAnswer(
             "no node was found: nothing was done", hint="`scan` searches again; check that this is the right bus"

@@ -47,7 +47,7 @@ class LssMaster:
         self._bus = bus
         share = _SIMULATED if bus.simulated else 1.0
         self._scan_s, self._answer_s, self._store_s = share * scan_s, share * ANSWER_S, share * STORE_S
-        self._heard: deque[bytes] = deque(maxlen=4096)
+        self._received: deque[bytes] = deque(maxlen=4096)
         self._keeps = False
         #: every node without a node-ID, once the scan had to ask every branch
         self._everybody: list[LssAddress] | None = None
@@ -314,19 +314,19 @@ class LssMaster:
         """
         for _ in self._bus.receive(0.0):
             pass  # what came before is an answer to nothing
-        self._heard.clear()
+        self._received.clear()
         self._send(service, data)
         if self._wait(wait_s, answer):
             for _ in self._bus.receive(settle * wait_s):
                 pass
-        return [frame for frame in self._heard if frame[0] == answer]
+        return [frame for frame in self._received if frame[0] == answer]
 
     def _wait(self, wait_s: float, answer: int) -> bool:
         """True if an *answer* came within *wait_s*."""
         for _ in self._bus.receive(wait_s):
-            if any(frame[0] == answer for frame in self._heard):
+            if any(frame[0] == answer for frame in self._received):
                 return True
-        return any(frame[0] == answer for frame in self._heard)
+        return any(frame[0] == answer for frame in self._received)
 
     def _send(self, service: int, data: bytes) -> None:
         self.requests += 1
@@ -334,7 +334,7 @@ class LssMaster:
 
     def _note(self, frame: Frame, sent: bool) -> None:
         if not sent and frame.can_id == lss.ANSWER_ID and len(frame.data) == 8 and not (frame.extended or frame.remote):
-            self._heard.append(frame.data)
+            self._received.append(frame.data)
 
 
 def _number(part: int) -> bytes:

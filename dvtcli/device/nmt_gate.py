@@ -29,15 +29,15 @@ class NodeAccess:
         """The NMT state, from the node's state object if any, else from heartbeats; None if unknown."""
         if self.profile.state_object is None:
             return self.bus.nmt_state(self.node_id, timeout_s)
-        heard = self.bus.nmt_state(self.node_id)
-        if heard is NmtState.STOPPED:
-            return heard
+        received = self.bus.nmt_state(self.node_id)
+        if received is NmtState.STOPPED:
+            return received
         try:
             data = self.bus.sdo(self.node_id).upload(*self.profile.state_object)
         except SdoAborted as aborted:
             if aborted.code not in ABSENT:
                 raise
-            return heard if heard is not None else self.bus.nmt_state(self.node_id, timeout_s)
+            return received if received is not None else self.bus.nmt_state(self.node_id, timeout_s)
         value = int.from_bytes(data, "little")
         return NmtState(value) if value in list(NmtState) else None
 
@@ -118,8 +118,8 @@ class NodeAccess:
         deadline_s = self.bus.now_s() + timeout_s
         state = None
         while (left_s := deadline_s - self.bus.now_s()) > 0:
-            heard_only = wanted is NmtState.STOPPED or self.profile.state_object is None
-            state = self.bus.nmt_state(self.node_id, left_s) if heard_only else self.state()
+            received_only = wanted is NmtState.STOPPED or self.profile.state_object is None
+            state = self.bus.nmt_state(self.node_id, left_s) if received_only else self.state()
             if state is wanted:
                 return state
             self.bus.sleep(0.005)

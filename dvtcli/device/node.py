@@ -53,7 +53,7 @@ class Node(Changeable):
         """
         from dvtcli.device.change.applied import refuse
         from dvtcli.device.file_fits import refuse_unlike_file
-        from dvtcli.device.other_producers import heard_ids, heard_producer_findings
+        from dvtcli.device.other_producers import received_ids, seen_producer_findings
         from dvtcli.device.proposal import proposal, resolve, untyped_lengths
         from dvtcli.domain.plan import Plan, plan_pdo
         from dvtcli.domain.request import instead_findings, requested_parameters
@@ -62,7 +62,7 @@ class Node(Changeable):
 
         refuse_unlike_file(self.node_id, self.unlike_file, force=force)
         look = self.pdo if initial_state is None else self.known_pdo
-        with heard_ids(self.bus) as heard:
+        with received_ids(self.bus) as received:
             initial_state = initial_state or self.begin_change()
             lengths = untyped_lengths(self, wants.values())
             now = self.observed(lambda: {pdo: look(pdo) for pdo in wants})  # equal PDOs are not read again
@@ -70,7 +70,7 @@ class Node(Changeable):
             changes_of = {pdo: (now[pdo], want) for pdo, want in wanted.items()}
             findings: list[Finding] = []
             for pdo, change in changes_of.items():
-                findings += _fitting(heard_producer_findings(self, {pdo: change}, heard), pdo, wants[pdo])
+                findings += _fitting(seen_producer_findings(self, {pdo: change}, received), pdo, wants[pdo])
         for pdo, want in wanted.items():
             if now[pdo] != want or not want.has_cob_id:  # the present state is unknown
                 proposed = proposal(self, pdo, now[pdo], want, wanted)
@@ -91,7 +91,7 @@ class Node(Changeable):
         from dvtcli.device.access_level import refuse_passcode
         from dvtcli.device.change.applied import refuse
         from dvtcli.device.file_fits import refuse_unlike_file
-        from dvtcli.device.other_producers import heard_ids, heard_producer_findings
+        from dvtcli.device.other_producers import received_ids, seen_producer_findings
         from dvtcli.device.raw_write_check import held_value, raw_change, raw_write_findings, taken_can_id_findings
         from dvtcli.device.store.unstored import prepare_store
         from dvtcli.domain.plan import PdoChange, Plan, Step
@@ -103,7 +103,7 @@ class Node(Changeable):
         if self.saves((index, sub_index)):
             prepare_store(self, force=force)
         what = f"0x{index:04X}:{sub_index:02X} not written"
-        with heard_ids(self.bus) as heard:
+        with received_ids(self.bus) as received:
             findings = raw_write_findings(self, index, sub_index, data)
             if (pdo := Pdo.at(index)) is not None:
                 findings = tuple(hinting_at_set(findings, pdo, enables=False))
@@ -112,8 +112,8 @@ class Node(Changeable):
             change = raw_change(self, Step(index, sub_index, held_value(self, index, sub_index), data, "write"))
             if isinstance(change, PdoChange):
                 changes = {change.pdo: (change.before, change.after)}
-                heard_findings = heard_producer_findings(self, changes, heard)
-                findings = (*findings, *hinting_at_set(heard_findings, change.pdo, enables=False))
+                received_findings = seen_producer_findings(self, changes, received)
+                findings = (*findings, *hinting_at_set(received_findings, change.pdo, enables=False))
                 refuse(findings, what, self.node_id, force=force)
         applied = self.apply(Plan(self.node_id, (change,)), findings, force=force, initial_state=initial_state)
         if isinstance(change, PdoChange):
@@ -229,7 +229,7 @@ class Node(Changeable):
         from dvtcli.device.change.failed_change import set_words
         from dvtcli.domain.plan import alters
 
-        self._heard(boot_ups)
+        self._received(boot_ups)
         self.await_no_restart()
         self.gate.done.append(set_words(plan))
         saves = any(self.saves((step.index, step.sub_index)) for step in plan.steps)
@@ -324,11 +324,11 @@ class Node(Changeable):
             boot_ups = self.bus.boot_ups(self.node_id)
         except BusUnavailable:
             return ()  # a dead bus reports nothing; the caller that needs the bus reports the failure
-        self._heard(boot_ups)
+        self._received(boot_ups)
         lost, self._unreported_losses = self._unreported_losses, ()
         return lost
 
-    def _heard(self, boot_ups: int) -> None:
+    def _received(self, boot_ups: int) -> None:
         """Record *boot_ups* boot-ups; the losses of the latest are still to be reported."""
         lost = self.pending.rebooted(boot_ups)
         if lost:

@@ -148,7 +148,7 @@ class Senders:
     after: dict[int, dict[Pdo, CobId | None]] = field(default_factory=dict)
     _now: dict[int, tuple[Producer, ...]] = field(default_factory=dict)
     _sent: Mapping[Id, Sequence[Producer]] | None = None
-    _heard: Mapping[Id, Sequence[Producer]] | None = None
+    _received: Mapping[Id, Sequence[Producer]] | None = None
     _channels: Mapping[tuple[int, bool], str] | None = None
 
     def read_ahead(self, changed: Collection[int]) -> None:
@@ -187,11 +187,11 @@ class Senders:
             self._sent = by_id(producer for node in nodes for producer in self._of(node))
         return self._sent
 
-    def heard(self) -> Mapping[Id, Sequence[Producer]]:
+    def received(self) -> Mapping[Id, Sequence[Producer]]:
         """Every enabled future RPDO of answering nodes by CAN-ID; fixed like `sent`."""
-        if self._heard is None:
-            self._heard = by_id(self._rpdos())
-        return self._heard
+        if self._received is None:
+            self._received = by_id(self._rpdos())
+        return self._received
 
     def channels(self) -> Mapping[tuple[int, bool], str]:
         """The CAN-IDs of further SDO channels of all nodes, each with a description; fixed like `sent`.
@@ -234,7 +234,7 @@ LISTENED_S, AT_ONCE_S = 0.1, 0.01
 
 
 @dataclass(slots=True)
-class HeardIds:
+class ReceivedIds:
     """Counts of received frames per CAN-ID (with true for 29 bits), and the CAN-IDs sent from here.
 
     *bus* is monitored since *since_s* (s, in its time) with the *states* of its nodes at that time; None if not
@@ -272,13 +272,13 @@ class HeardIds:
 
 
 @contextmanager
-def heard_ids(bus: CanopenBus) -> Iterator[HeardIds]:
+def received_ids(bus: CanopenBus) -> Iterator[ReceivedIds]:
     """The frames on *bus* during the block; empty on a simulated bus with only known nodes."""
     if bus.simulated or not bus.carries_frames:
-        yield HeardIds()
+        yield ReceivedIds()
         return
-    states = bus.heard_nodes()  # drains older frames, sent by a TPDO disabled meanwhile
-    found = HeardIds(bus, bus.now_s(), states)
+    states = bus.nodes_seen()  # drains older frames, sent by a TPDO disabled meanwhile
+    found = ReceivedIds(bus, bus.now_s(), states)
     end = bus.tap(found.note)
     try:
         yield found
@@ -286,8 +286,8 @@ def heard_ids(bus: CanopenBus) -> Iterator[HeardIds]:
         end()
 
 
-def heard_producer_findings(
-    node: ReadableNode, changes: Mapping[Pdo, tuple[PdoConfig, PdoConfig]], heard: HeardIds
+def seen_producer_findings(
+    node: ReadableNode, changes: Mapping[Pdo, tuple[PdoConfig, PdoConfig]], received: ReceivedIds
 ) -> Iterator[Finding]:
     """An error for each TPDO of *changes* (before, after) with a new CAN-ID already sent by an unknown producer.
 
@@ -297,21 +297,21 @@ def heard_producer_findings(
     for pdo, (now, want) in changes.items():
         held, cob_id = now.communication.cob_id, want.communication.cob_id
         identifier = (cob_id.can_id, cob_id.extended)
-        if not pdo.is_tpdo or not cob_id.valid or identifier in heard.sent:
+        if not pdo.is_tpdo or not cob_id.valid or identifier in received.sent:
             continue
         is_own = held.valid and (held.can_id, held.extended) == identifier
-        if not (identifier in heard.others if is_own else heard.may_hear(identifier)):
+        if not (identifier in received.others if is_own else received.may_hear(identifier)):
             continue
-        cannot_send = heard.cannot_send(node.node_id)
+        cannot_send = received.cannot_send(node.node_id)
         if is_own and not cannot_send:
             continue
         own = [] if cannot_send else [at for other, at in node.known_cob_ids().items() if other.is_tpdo and at.valid]
         known = [*own, *(producer.cob_id for producer in producers(node.neighbours()))]
         if identifier in {(known_id.can_id, known_id.extended) for known_id in known}:
             continue
-        if frames := heard.frames_of(identifier):
-            heard_words = f"{frames} frame{'s' if frames > 1 else ''} heard"
-            text = f"CAN-ID {cob_id} is on the bus already, sent by a node that is not known here ({heard_words})"
+        if frames := received.frames_of(identifier):
+            received_words = f"{frames} frame{'s' if frames > 1 else ''} heard"
+            text = f"CAN-ID {cob_id} is on the bus already, sent by a node that is not known here ({received_words})"
             hint = Hint(Action.CHECK_LIVE, why="asks every node") + Hint(
                 Action.SELECT_CAN_ID, why="switch that TPDO off, take another CAN-ID, or {}"
             )

@@ -39,7 +39,7 @@ class Emergency(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class HeardEmergency:
+class ReceivedEmergency:
     """Occurrences of a node's error code: *count* times, first at *first_s*, and the *last* message."""
 
     count: int
@@ -199,7 +199,7 @@ class CanopenBus(Protocol):
         """Wait until more than *seen* boot-ups of *node_id* were received; False after *timeout_s*."""
         ...
 
-    def heard_nodes(self) -> dict[int, NmtState]:
+    def nodes_seen(self) -> dict[int, NmtState]:
         """Every node's state known from heartbeats and boot-ups, by node-ID."""
         ...
 
@@ -207,7 +207,7 @@ class CanopenBus(Protocol):
         """The last emergency message of *node_id*, None for none."""
         ...
 
-    def heard_emergencies(self, node_id: int) -> tuple[HeardEmergency, ...]:
+    def received_emergencies(self, node_id: int) -> tuple[ReceivedEmergency, ...]:
         """Every error code of *node_id* since the bus was opened, latest first."""
         ...
 

@@ -74,12 +74,12 @@ def is_control_word(index: int, entry: OdEntry | None, names: str) -> bool:
     return is_controlword(index) or is_named_as_control_word(names)
 
 
-def commanded_by_other(heard: int, hears: OdEntry | None, sent: int, sends: OdEntry | None) -> bool:
-    """Whether a standard command or output *heard* receives *sent*, another object that is not a command.
+def commanded_by_other(received: int, hears: OdEntry | None, sent: int, sends: OdEntry | None) -> bool:
+    """Whether a standard command or output *received* receives *sent*, another object that is not a command.
 
     *hears* and *sends* are their descriptions in files. Manufacturer-specific objects are not judged.
     """
-    return heard != sent and is_standard_command(heard, hears) and not is_command(sent, sends)
+    return received != sent and is_standard_command(received, hears) and not is_command(sent, sends)
 
 
 #: words for commands, measured values, and PDO data between devices

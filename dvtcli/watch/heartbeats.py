@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dvtcli.domain.ports import Frame
-from dvtcli.watch.heard_objects import HeardObjects, is_boot_up
+from dvtcli.watch.received_objects import ReceivedObjects, is_boot_up
 
 HEARTBEAT_TIME = 0x1017
 #: CAN-ID of a heartbeat, without the node-ID
@@ -33,8 +33,8 @@ class Heartbeats:
 
     def take(self, frame: Frame, now_s: float) -> None:
         """Process *frame*, sent by anyone at *now_s*; called for every frame: must be quick."""
-        if (heard := self._times.take(frame)) is not None:
-            self._note_time(heard, now_s)
+        if (received := self._times.take(frame)) is not None:
+            self._note_time(received, now_s)
         elif is_boot_up(frame):
             self._beats.pop(frame.can_id & 0x7F, None)
             self._told_s.pop(frame.can_id & 0x7F, None)
@@ -43,12 +43,14 @@ class Heartbeats:
             known = self._beats.get(node_id)
             self._beats[node_id] = _Beat(now_s, None if known is None else now_s - known.last_s)
 
-    def _note_time(self, heard: HeardTime, now_s: float) -> None:
-        self._told_s[heard.node_id] = heard.time_s
-        if not heard.time_s:
-            self._beats.pop(heard.node_id, None)
-        elif heard.written and heard.node_id in self._beats:  # the next heartbeat comes a new period after the write
-            self._beats[heard.node_id].last_s = max(now_s, self._beats[heard.node_id].last_s)
+    def _note_time(self, received: ReceivedTime, now_s: float) -> None:
+        self._told_s[received.node_id] = received.time_s
+        if not received.time_s:
+            self._beats.pop(received.node_id, None)
+        elif (
+            received.written and received.node_id in self._beats
+        ):  # the next heartbeat comes a new period after the write
+            self._beats[received.node_id].last_s = max(now_s, self._beats[received.node_id].last_s)
 
     @property
     def node_ids(self) -> tuple[int, ...]:
@@ -66,7 +68,7 @@ class Heartbeats:
 
 
 @dataclass(frozen=True, slots=True)
-class HeardTime:
+class ReceivedTime:
     """The value of a node's 0x1017 in seconds, and whether it was *written* or read."""
 
     node_id: int
@@ -78,12 +80,12 @@ class HeartbeatTimes:
     """Track the SDO transfers of 0x1017 on the bus."""
 
     def __init__(self) -> None:
-        self._objects = HeardObjects({HEARTBEAT_TIME})
+        self._objects = ReceivedObjects({HEARTBEAT_TIME})
 
-    def take(self, frame: Frame) -> HeardTime | None:
+    def take(self, frame: Frame) -> ReceivedTime | None:
         """The heartbeat time if *frame* completes its transfer; None for every other frame."""
-        heard = self._objects.take(frame)
-        if heard is None:
+        received = self._objects.take(frame)
+        if received is None:
             return None
-        value = self._objects.values(heard.node_id).values[heard.place]
-        return HeardTime(heard.node_id, int.from_bytes(value[:2], "little") / 1000, heard.is_written)
+        value = self._objects.values(received.node_id).values[received.place]
+        return ReceivedTime(received.node_id, int.from_bytes(value[:2], "little") / 1000, received.is_written)

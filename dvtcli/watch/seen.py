@@ -109,8 +109,10 @@ class FrameStore:
 
     def _follow_heartbeat_time(self, frame: Frame) -> None:
         """Forget a heartbeat's period if *frame* acknowledges another value of 0x1017."""
-        heard = self._heartbeat_times.take(frame)
-        row = self.rows.get((HEARTBEATS + heard.node_id, False)) if heard is not None and heard.written else None
+        received = self._heartbeat_times.take(frame)
+        row = (
+            self.rows.get((HEARTBEATS + received.node_id, False)) if received is not None and received.written else None
+        )
         if row is not None:
             row.rhythm = FrameIntervals()
 

@@ -77,19 +77,19 @@ def measured(
 def in_a_pipe(server: Sim, bus: can.BusABC, seconds: float, rate: int) -> tuple[int, float, float, int]:
     """`monitor` as JSONL."""
     process = subprocess.Popen(words(server, "monitor"), stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, cwd=ROOT)
-    heard: list[bytes] = []
+    received: list[bytes] = []
 
     def read() -> None:
         assert process.stdout is not None
-        heard.extend(process.stdout)
+        received.extend(process.stdout)
 
     reader = threading.Thread(target=read)
     reader.start()
-    sent, per_second, share = measured(process, lambda: heard, bus, seconds, rate)
+    sent, per_second, share = measured(process, lambda: received, bus, seconds, rate)
     process.send_signal(signal.SIGINT)
     reader.join()
     process.wait()
-    return sent, per_second, share, sum(json.loads(line)["cob_id"] == 0x281 for line in heard)
+    return sent, per_second, share, sum(json.loads(line)["cob_id"] == 0x281 for line in received)
 
 
 def on_a_screen(server: Sim, bus: can.BusABC, seconds: float, rate: int) -> tuple[int, float, float, int]:
@@ -145,8 +145,8 @@ def into_a_file(server: Sim, bus: can.BusABC, seconds: float, rate: int) -> tupl
         sent, per_second, share = measured(process, path.exists, bus, seconds, rate)
         process.send_signal(signal.SIGINT)
         process.wait()
-        heard = sum(message.arbitration_id == 0x281 for message in can.CanutilsLogReader(path))
-    return sent, per_second, share, heard
+        received = sum(message.arbitration_id == 0x281 for message in can.CanutilsLogReader(path))
+    return sent, per_second, share, received
 
 
 WAYS: dict[str, Callable[[Sim, can.BusABC, float, int], tuple[int, float, float, int]]] = {
@@ -161,8 +161,8 @@ def main(seconds: float = 5.0, rate: int = 5500) -> None:
     print(f"{'':34}{'frames/s':>10}{'sent':>9}{'missing':>9}{'CPU share':>11}")
     for name, measure in WAYS.items():
         with sim("gen4@1") as server, server.bus() as bus:
-            sent, per_second, share, heard = measure(server, bus, seconds, rate)
-        print(f"{name:34}{per_second:10.0f}{sent:9}{sent - heard:9}{share:11.2f}")
+            sent, per_second, share, received = measure(server, bus, seconds, rate)
+        print(f"{name:34}{per_second:10.0f}{sent:9}{sent - received:9}{share:11.2f}")
 
 
 if __name__ == "__main__":

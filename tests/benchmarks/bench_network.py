@@ -50,9 +50,9 @@ class OnTheWire(canopen.Network):
         super().__init__()
         self._wire = bus
         self._answers = 0
-        bus.tap(self._heard)
+        bus.tap(self._received)
 
-    def _heard(self, frame: Frame, sent: bool) -> None:
+    def _received(self, frame: Frame, sent: bool) -> None:
         if not sent:
             self._answers += frame.can_id & ~0x7F == ANSWER_ID  # heartbeats pass as well
             self.notify(frame.can_id, bytearray(frame.data), frame.timestamp_s)

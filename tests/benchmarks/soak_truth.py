@@ -54,7 +54,7 @@ class Truth:
     def listen(self) -> None:
         """Take in what came meanwhile."""
         while (frame := self._bus.recv(0.02)) is not None:
-            self._heard(frame)
+            self._received(frame)
 
     def _number(self, index: int, sub: int) -> int:
         """An object by SDO upload; of the answers on the bus, which are also for others, the one to this object."""
@@ -65,7 +65,7 @@ class Truth:
             again_s = time.monotonic() + 1.0
             while time.monotonic() < again_s:
                 frame = self._bus.recv(0.1)
-                if frame is None or self._heard(frame) or frame.arbitration_id != 0x580 + self.node_id:
+                if frame is None or self._received(frame) or frame.arbitration_id != 0x580 + self.node_id:
                     continue
                 command, of, its = struct.unpack_from("<BHB", frame.data)
                 if (of, its) != (index, sub):
@@ -76,7 +76,7 @@ class Truth:
                     return int.from_bytes(frame.data[4 : 8 - (command >> 2 & 3)], "little")
         raise AssertionError(f"node {self.node_id} is silent past the cable")
 
-    def _heard(self, frame: can.Message) -> bool:
+    def _received(self, frame: can.Message) -> bool:
         """Whether *frame* is the node's boot-up message."""
         restarted = frame.arbitration_id == 0x700 + self.node_id and bytes(frame.data) == b"\0"
         self.restarts += restarted

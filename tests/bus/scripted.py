@@ -60,7 +60,7 @@ class Server:
     def __init__(self, channel: str, script: Script) -> None:
         self.bus = can.Bus(channel, interface="virtual", ignore_config=True)
         self.script = script
-        self.heard: list[can.Message] = []
+        self.received: list[can.Message] = []
         self._dealt = threading.Condition()
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._serve, daemon=True)
@@ -69,7 +69,7 @@ class Server:
     @property
     def requests(self) -> list[bytes]:
         """Every SDO request so far, client aborts included."""
-        return [bytes(heard.data) for heard in list(self.heard) if heard.arbitration_id & 0x780 == 0x600]
+        return [bytes(received.data) for received in list(self.received) if received.arbitration_id & 0x780 == 0x600]
 
     def send(self, can_id: int, data: bytes, *, extended: bool = False) -> None:
         self.bus.send(message(can_id, data, extended=extended))
@@ -81,19 +81,19 @@ class Server:
 
     def _serve(self) -> None:
         while not self._stopping.is_set():
-            heard = self.bus.recv(0.01)
-            if heard is None:
+            received = self.bus.recv(0.01)
+            if received is None:
                 continue
-            self.heard.append(heard)
-            if heard.arbitration_id & 0x780 == 0x600:
-                self._answer(heard)
+            self.received.append(received)
+            if received.arbitration_id & 0x780 == 0x600:
+                self._answer(received)
             with self._dealt:
                 self.dealt_with += 1
                 self._dealt.notify_all()
 
-    def _answer(self, heard: can.Message) -> None:
-        for answer in self.script(bytes(heard.data)):
-            whole = answer if isinstance(answer, can.Message) else message(heard.arbitration_id - 0x80, answer)
+    def _answer(self, received: can.Message) -> None:
+        for answer in self.script(bytes(received.data)):
+            whole = answer if isinstance(answer, can.Message) else message(received.arbitration_id - 0x80, answer)
             self.bus.send(whole)
 
     def deal_with(self, frames: int) -> None:

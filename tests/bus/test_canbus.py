@@ -44,7 +44,7 @@ def test_nothing_is_known_of_a_node_that_says_nothing(serve: Serve) -> None:
     assert bus.nmt_state(NODE) is None
     assert bus.boot_ups(NODE) == 0
     assert bus.emergency(NODE) is None
-    assert bus.heard_nodes() == {}
+    assert bus.nodes_seen() == {}
 
 
 def test_boot_up_means_pre_operational(serve: Serve) -> None:
@@ -61,7 +61,7 @@ def test_heartbeats_tell_the_state_with_or_without_a_toggle_bit(serve: Serve) ->
     for said, state in ((5, NmtState.OPERATIONAL), (0x84, NmtState.STOPPED), (0x7F, NmtState.PRE_OPERATIONAL)):
         server.send(0x700 + NODE, bytes([said]))
         assert bus.nmt_state(NODE) is state
-    assert bus.heard_nodes() == {NODE: NmtState.PRE_OPERATIONAL}
+    assert bus.nodes_seen() == {NODE: NmtState.PRE_OPERATIONAL}
 
 
 @pytest.mark.parametrize(
@@ -79,7 +79,7 @@ def test_heartbeats_tell_the_state_with_or_without_a_toggle_bit(serve: Serve) ->
 def test_what_is_no_heartbeat(serve: Serve, said: can.Message) -> None:
     bus, server = serve()
     server.bus.send(said)
-    assert bus.heard_nodes() == {}
+    assert bus.nodes_seen() == {}
 
 
 def test_a_new_sign_of_life_is_waited_for(serve: Serve) -> None:
@@ -120,7 +120,7 @@ def test_another_master_s_command_makes_what_was_heard_before_it_old(serve: Serv
     assert bus.nmt_state(NODE) is None
     assert bus.nmt_state(NODE + 1) is NmtState.OPERATIONAL
     server.send(0x000, bytes([NmtCommand.STOP, 0]))
-    assert bus.heard_nodes() == {}
+    assert bus.nodes_seen() == {}
 
 
 def test_the_last_emergency_is_kept(serve: Serve) -> None:
@@ -141,10 +141,10 @@ def test_events_are_told_as_they_happen(serve: Serve) -> None:
     server.send(0x700 + NODE, b"\x05")
     server.send(0x700 + NODE, b"\x05")
     server.send(0x080 + NODE, frame("10 82 11"))
-    bus.heard_nodes()
+    bus.nodes_seen()
     stop()
     server.send(0x700 + NODE, b"\x04")
-    bus.heard_nodes()
+    bus.nodes_seen()
     assert [type(event) for event in events] == [BootUp, StateChange, StateChange, Emergency]
     assert {event.node_id for event in events} == {NODE}
 
@@ -153,7 +153,7 @@ def test_nmt_command_frame(serve: Serve) -> None:
     bus, server = serve()
     bus.send_nmt(NmtCommand.RESET_NODE, NODE)
     bus.sdo(NODE).upload(0x1000, 0)
-    assert (server.heard[0].arbitration_id, bytes(server.heard[0].data)) == (0, bytes([0x81, NODE]))
+    assert (server.received[0].arbitration_id, bytes(server.received[0].data)) == (0, bytes([0x81, NODE]))
 
 
 @pytest.mark.parametrize("node_id", [0, 128, -1])
@@ -230,7 +230,7 @@ def test_sent_frames_keep_their_kind(serve: Serve) -> None:
     bus.send(Frame(0x18FF0001, b"\x01", extended=True))
     bus.send(Frame(0x185, b"", remote=True))
     bus.sdo(NODE).upload(0x1000, 0)
-    first, second = server.heard[:2]
+    first, second = server.received[:2]
     assert (first.arbitration_id, first.is_extended_id, bytes(first.data)) == (0x18FF0001, True, b"\x01")
     assert (second.arbitration_id, second.is_remote_frame) == (0x185, True)
 

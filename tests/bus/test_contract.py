@@ -126,7 +126,7 @@ class Contract:
 
     def test_boot_ups_are_told_as_they_come(self, bus: CanopenBus) -> None:
         told: list[NodeEvent] = []
-        bus.heard_nodes()
+        bus.nodes_seen()
         stop = bus.on_event(told.append)
         for _ in range(2):
             before = bus.boot_ups(2)
@@ -140,8 +140,8 @@ class Contract:
         before = bus.boot_ups(2)
         bus.send_nmt(NmtCommand.RESET_NODE, 2)
         assert bus.wait_boot_up(2, before, PATIENCE_S)
-        assert bus.heard_nodes()[2] is NmtState.PRE_OPERATIONAL
-        assert 9 not in bus.heard_nodes()
+        assert bus.nodes_seen()[2] is NmtState.PRE_OPERATIONAL
+        assert 9 not in bus.nodes_seen()
 
     def test_the_time_out_holds_from_now_on(self, bus: CanopenBus) -> None:
         bus.set_timeout(0.03)

@@ -142,9 +142,9 @@ def test_an_abort_of_ours_is_no_other_client(ours: Ours) -> None:
 def test_our_own_heartbeat_is_no_sign_of_life_but_another_s_is(start: Start, echoes: bool, marks: bool) -> None:
     ours = start(echoes=echoes, told=True, marks=marks)
     ours.bus.send(Frame(HEARTBEAT, b"\x05"))
-    assert ours.bus.heard_nodes() == {}
+    assert ours.bus.nodes_seen() == {}
     ours.other.send(message(HEARTBEAT, b"\x05"))  # the same node-ID twice
-    assert ours.bus.heard_nodes() == {NODE: NmtState.OPERATIONAL}
+    assert ours.bus.nodes_seen() == {NODE: NmtState.OPERATIONAL}
 
 
 def test_what_we_sent_is_not_received_but_what_another_sent_is(start: Start, echoes: bool, marks: bool) -> None:
@@ -165,7 +165,7 @@ def test_an_unknown_bus_without_echoes_is_found_out_by_the_first_answer(start: S
     ours.bus.send(Frame(HEARTBEAT, b"\x05"))
     ours.bus.sdo(NODE).upload(0x1000, 0)
     ours.other.send(message(HEARTBEAT, b"\x05"))
-    assert ours.bus.heard_nodes() == {NODE: NmtState.OPERATIONAL}
+    assert ours.bus.nodes_seen() == {NODE: NmtState.OPERATIONAL}
 
 
 def test_frames_differ_by_everything_that_is_on_the_wire(start: Start) -> None:

@@ -54,7 +54,7 @@ class Gateway:
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.channel = f"127.0.0.1:{self._listener.getsockname()[1]}"
         self._leaving = False
-        self.bus.heard_nodes()  # who starts before a client is there is not told
+        self.bus.nodes_seen()  # who starts before a client is there is not told
         self.bus.on_event(self._tell)
         self._thread = threading.Thread(target=self._serve, name="gateway")
         self._thread.start()

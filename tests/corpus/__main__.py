@@ -15,7 +15,7 @@ from pathlib import Path
 from dvtcli.files.device_file import DEVICE_SUFFIXES
 from tests.corpus.journey import REFUSED, RIGHT, WRONG, Journey, travel
 from tests.corpus.oddities import odd_files
-from tests.corpus.round_trips import reporter
+from tests.corpus.round_trips import report
 from tests.house.source import PACKAGE
 from tests.surroundings import own_ground, own_place
 
@@ -32,7 +32,7 @@ def main() -> int:
         with tempfile.TemporaryDirectory() as ground:
             odd = [path for path, _ in _odd(Path(ground), asked.oddities, asked.seed)]
             real = [path for path, _ in _real(folders)]
-            return 1 if reporter([*sorted(FAMILIES.glob("*/*.eds")), *real, *odd]) else 0
+            return 1 if report([*sorted(FAMILIES.glob("*/*.eds")), *real, *odd]) else 0
     with tempfile.TemporaryDirectory() as ground, own_place(own_ground(Path(ground)) / "place"):
         for path, planted in [*_real(folders), *_odd(Path(ground), asked.oddities, asked.seed)]:
             journey = travel(path, asked.share)

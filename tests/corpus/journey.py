@@ -92,14 +92,14 @@ class _Trip:
         self.bench.session.node()
         self.client = Independent(self.bench)
         try:
-            self.bench.session.open_network().bus.tap(self._heard)
+            self.bench.session.open_network().bus.tap(self._received)
             self._look()
             self._change()
             self._store()
         finally:
             self.client.close()
 
-    def _heard(self, frame: Frame, sent: bool) -> None:
+    def _received(self, frame: Frame, sent: bool) -> None:
         if sent and 0x601 <= frame.can_id <= 0x67F and frame.data[0] >> 5 == _INITIATE_DOWNLOAD:
             self.writes += 1
 

@@ -49,7 +49,7 @@ def round_trip(path: Path) -> RoundTrip:
     return RoundTrip(path.name, len(held), sum(1 for _ in held.entries()), lost)
 
 
-def reporter(paths: list[Path]) -> int:
+def report(paths: list[Path]) -> int:
     """Print what becomes of each of *paths*, and of all; how much was lost."""
     trips: list[RoundTrip] = []
     for path in paths:

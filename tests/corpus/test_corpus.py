@@ -52,12 +52,12 @@ def watch_writes(bench: Bench) -> list[bytes]:
     bench.session.node()
     seen: list[bytes] = []
 
-    def heard(frame: Frame, sent: bool) -> None:
+    def received(frame: Frame, sent: bool) -> None:
         if sent and 0x601 <= frame.can_id <= 0x67F and frame.data[0] >> 5 == _INITIATE_DOWNLOAD:
             seen.append(frame.data)
 
     assert bench.session._network is not None
-    bench.session._network.bus.tap(heard)
+    bench.session._network.bus.tap(received)
     return seen
 
 

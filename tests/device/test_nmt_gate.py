@@ -125,8 +125,8 @@ def test_a_state_that_only_heartbeats_tell_is_waited_for(family: str) -> None:
     access = NodeAccess(Late(booted(), Table({})), NODE, profile(family))
     assert access.state() is None
     assert access.state(1.0) is NmtState.PRE_OPERATIONAL
-    heard = NodeAccess(DirectBus(booted(), Table({})), NODE, profile(family))
-    assert heard.state() is NmtState.PRE_OPERATIONAL
+    received = NodeAccess(DirectBus(booted(), Table({})), NODE, profile(family))
+    assert received.state() is NmtState.PRE_OPERATIONAL
 
 
 def test_a_node_of_which_nobody_knows_whether_it_is_a_master_takes_nmt_commands() -> None:

@@ -72,7 +72,7 @@ def test_a_node_that_stays_has_two_heartbeats_and_half_a_second(period_ms: int, 
     assert bus.requests == []
 
 
-def unheard(guard_ms: int = 0, factor: int = 0) -> StrictDevice:
+def silent(guard_ms: int = 0, factor: int = 0) -> StrictDevice:
     """A node without heartbeats that can be asked for its state; its life is guarded where both are given."""
     device = guarded()
     device.set_value(0x100C, 0, guard_ms.to_bytes(2, "little"))
@@ -82,7 +82,7 @@ def unheard(guard_ms: int = 0, factor: int = 0) -> StrictDevice:
 
 @pytest.mark.parametrize(("guard_ms", "factor"), [(0, 0), (100, 0), (1000, 0), (0, 3)])
 def test_without_heartbeats_it_is_asked_once_where_that_starts_nothing(guard_ms: int, factor: int) -> None:
-    bus = Asked(unheard(guard_ms, factor))
+    bus = Asked(silent(guard_ms, factor))
     state, took_s = seen(bus)
     assert state is OPERATIONAL
     assert took_s == pytest.approx(1.5, abs=0.03)
@@ -90,20 +90,20 @@ def test_without_heartbeats_it_is_asked_once_where_that_starts_nothing(guard_ms:
 
 
 def test_a_node_whose_life_is_guarded_is_not_asked() -> None:
-    bus = Asked(unheard(100, 3))
+    bus = Asked(silent(100, 3))
     assert seen(bus)[0] is None
     assert bus.requests == []
 
 
 def test_a_bus_without_remote_frames_asks_nobody() -> None:
-    bus = Asked(unheard())
+    bus = Asked(silent())
     bus.remote_frames = False
     assert seen(bus)[0] is None
     assert bus.requests == []
 
 
 def test_a_node_that_was_heard_is_not_asked() -> None:
-    device = unheard()
+    device = silent()
     bus = Asked(device)
     bus.send_nmt(NmtCommand.START, NODE)
     device.restart()
@@ -124,7 +124,7 @@ def test_what_a_node_does_not_answer_is_waited_for_a_fifth_of_a_second() -> None
 @pytest.mark.parametrize("obeys", [True, False])
 def test_a_node_that_is_to_stop_is_asked_nothing(obeys: bool) -> None:
     """A stopped node answers no SDO, so that nobody knows how it could be seen."""
-    device = unheard()
+    device = silent()
     device.ignores_nmt = not obeys
     bus = Asked(device)
     state, took_s = seen(bus, STOPPED)

@@ -363,13 +363,13 @@ def test_a_corrected_write_is_a_refusal(sdo: DirectSdo) -> None:
 class Life:
     """A witness of a node whose boot-ups are counted by whoever causes them."""
 
-    heard = 0
+    received = 0
 
     def boot_ups(self) -> int:
-        return self.heard
+        return self.received
 
     def disturbance_count(self) -> int:
-        return self.heard
+        return self.received
 
 
 @pytest.mark.parametrize(
@@ -391,7 +391,7 @@ def test_a_node_that_answers_again_is_not_said_to_be_off(
     life = Life()
 
     def lose(_inner: SdoTransport, index: int, sub_index: int, _data: bytes) -> None:
-        life.heard += restarts
+        life.received += restarts
         raise NoAnswer(
             "silent", node=NODE, place=f"{index:04X}:{sub_index:02X}", why=why, hint="is it on?", state="unknown"
         )

@@ -42,8 +42,8 @@ def side(node_id: int, pdo: str, words: str, dummies: frozenset[int] = ALL_DUMMI
     return LinkSide(Endpoint(node_id, Pdo.parse(pdo)), PdoConfig(OFF, tuple(mapping)), GENERIC, dictionary)
 
 
-def link(sent: str, heard: str, dummies: frozenset[int] = ALL_DUMMIES) -> Linked:
-    return linked(side(1, "tpdo1", sent), side(5, "rpdo2", heard, dummies))
+def link(sent: str, received: str, dummies: frozenset[int] = ALL_DUMMIES) -> Linked:
+    return linked(side(1, "tpdo1", sent), side(5, "rpdo2", received, dummies))
 
 
 def layout(one: Linked) -> str:
@@ -52,7 +52,7 @@ def layout(one: Linked) -> str:
 
 
 @pytest.mark.parametrize(
-    ("sent", "heard", "expected"),
+    ("sent", "received", "expected"),
     [
         ("i16 i32 u16", "i16 i32 u16", "0 1 2"),
         ("i16 i32 u16", "i32", "(16) 0 (16)"),
@@ -64,13 +64,13 @@ def layout(one: Linked) -> str:
         ("bool bool u8", "u8", "(1) (1) 0"),
     ],
 )
-def test_objects_find_their_places(sent: str, heard: str, expected: str) -> None:
-    found = link(sent, heard)
+def test_objects_find_their_places(sent: str, received: str, expected: str) -> None:
+    found = link(sent, received)
     assert (layout(found), found.findings) == (expected, ())
 
 
 @pytest.mark.parametrize(
-    ("sent", "heard", "rule"),
+    ("sent", "received", "rule"),
     [
         ("i32 i32", "i32", "link-place"),
         ("u16 u16 u16", "u16 u16", "link-place"),
@@ -82,8 +82,8 @@ def test_objects_find_their_places(sent: str, heard: str, expected: str) -> None
         ("u64 u64", "u64", "link-producer"),
     ],
 )
-def test_what_is_not_clear_is_refused(sent: str, heard: str, rule: str) -> None:
-    found = link(sent, heard)
+def test_what_is_not_clear_is_refused(sent: str, received: str, rule: str) -> None:
+    found = link(sent, received)
     assert [one.rule for one in found.findings] == [rule]
     assert found.mapping == ()
     if rule in ("link-length", "link-place"):
@@ -130,8 +130,8 @@ def frames(draw: st.DrawFn) -> tuple[str, str]:
     sent = [word for word in draw(st.lists(WORDS, min_size=1, max_size=10))]  # noqa: C416
     sizes = accumulate(BY_SHORT_NAME[word].bits or 0 for word in sent)
     sent = [word for word, end in zip(sent, sizes, strict=True) if end <= MAX_PDO_BITS]
-    heard = draw(st.lists(st.one_of(st.sampled_from(sent), WORDS, st.sampled_from(["8", "16"])), max_size=6))
-    return " ".join(sent), " ".join(heard)
+    received = draw(st.lists(st.one_of(st.sampled_from(sent), WORDS, st.sampled_from(["8", "16"])), max_size=6))
+    return " ".join(sent), " ".join(received)
 
 
 def starts(mapping: tuple[PdoMappingEntry, ...]) -> Iterator[tuple[int, PdoMappingEntry]]:
@@ -149,8 +149,8 @@ def test_every_bit_that_is_heard_lies_where_it_is_sent(pair: tuple[str, str], du
     sent, wanted = producer.config.mapping, consumer.config.mapping
     assert total_bits(found.mapping) == total_bits(sent) <= MAX_PDO_BITS
     assert agrees(sent, found.mapping)
-    heard = [entry for entry in found.mapping if not entry.is_dummy]
-    assert sorted(heard) == sorted(entry for entry in wanted if not entry.is_dummy)
+    received = [entry for entry in found.mapping if not entry.is_dummy]
+    assert sorted(received) == sorted(entry for entry in wanted if not entry.is_dummy)
     if found.mapping != wanted:  # placed by us: whole values only, and only dummies that the device has
         spans = {(start, entry.bits) for start, entry in starts(sent)}
         placed = list(starts(found.mapping))

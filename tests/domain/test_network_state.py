@@ -6,8 +6,8 @@ import pytest
 
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.network.heard_traffic import HeardTraffic
 from dvtcli.domain.network.network_state import NodeState
+from dvtcli.domain.network.received_traffic import ReceivedTraffic
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
 from dvtcli.domain.ports import Frame
 
@@ -34,7 +34,7 @@ def test_of_a_pdo_that_is_known_its_parameters_are_and_of_others_what_objects_ho
 
 
 def test_emergencies_are_counted_by_node_and_code() -> None:
-    traffic = HeardTraffic(1.0, 0)
+    traffic = ReceivedTraffic(1.0, 0)
     for can_id, data in ((0x085, "10 82 11"), (0x085, "10 82 11"), (0x085, "00 00"), (0x089, "30 81")):
         traffic.add(Frame(can_id, bytes.fromhex(data)))
     assert {node: dict(codes) for node, codes in traffic.emergencies.items()} == {

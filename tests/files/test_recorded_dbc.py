@@ -21,7 +21,7 @@ from dvtcli.files.recordings.recorder import Recorder
 from dvtcli.operations.frames.layouts import live_decoder
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.watch.decoder import Decoder
-from dvtcli.watch.heard_objects import HeardObjects
+from dvtcli.watch.received_objects import ReceivedObjects
 from tests.cli.commands.bench import Bench, Ran
 
 NODE = 5
@@ -77,8 +77,8 @@ def pieces(data: bytes) -> Iterator[tuple[bytes, int]]:
 WAYS = (uploaded, downloaded, uploaded_in_segments, downloaded_in_segments)
 
 
-def heard(frames: Sequence[Frame]) -> dict[Place, bytes]:
-    objects = HeardObjects()
+def received(frames: Sequence[Frame]) -> dict[Place, bytes]:
+    objects = ReceivedObjects()
     for frame in frames:
         objects.take(frame)
     return dict(objects.values(NODE).values)
@@ -99,7 +99,7 @@ def test_the_last_value_that_was_heard_counts_however_it_came(
     transfers: list[tuple[Place, bytes, object]],
 ) -> None:
     frames = [frame for place, data, way in transfers for frame in way(place, data)]  # type: ignore[operator]
-    assert heard(frames) == {place: data for place, data, _ in transfers}
+    assert received(frames) == {place: data for place, data, _ in transfers}
 
 
 @given(places, st.binary(min_size=15, max_size=60), st.booleans(), st.data())
@@ -109,8 +109,8 @@ def test_a_value_of_which_a_segment_is_missing_is_not_held(
     frames = (uploaded_in_segments if is_read else downloaded_in_segments)(place, value)
     missing = data.draw(st.integers(1, len(frames) // 2 - 2))
     del frames[2 * missing : 2 * missing + 2]
-    assert heard(frames) == {}
-    assert heard([*downloaded(place, b"\1"), *frames]) == {place: b"\1"}
+    assert received(frames) == {}
+    assert received([*downloaded(place, b"\1"), *frames]) == {place: b"\1"}
 
 
 @given(st.binary(min_size=8, max_size=889), st.integers(1, 126))
@@ -123,25 +123,25 @@ def test_pieces_of_a_block_are_no_commands(data: bytes, number: int) -> None:
             *(request(*one) for one in segments), answer(0xA2, number, 127), request(0xC1), answer(0xA1)]  # fmt: skip
     after = downloaded((0x1A01, 0), b"\2")
     for block in (up, down):
-        assert heard([*before, *block, *after]) == {(0x1A00, 0): b"\1", (0x1A01, 0): b"\2"}
+        assert received([*before, *block, *after]) == {(0x1A00, 0): b"\1", (0x1A01, 0): b"\2"}
 
 
 def test_what_a_node_refused_or_never_answered_is_not_held() -> None:
     place = (0x1A00, 1)
     ask, _ = downloaded(place, b"\1\2\3\4")
-    assert heard([ask, answer(0x80, *multiplexer(place), 0, 0, 4, 6)]) == {}
-    assert heard([ask, *uploaded((0x1000, 0), b"\7\0\0\0")]) == {(0x1000, 0): b"\7\0\0\0"}
-    assert heard([ask, answer(0x60, *multiplexer((0x1A00, 2)))]) == {}
-    assert heard([ask, answer(0x80, *multiplexer(place)), answer(0x60, *multiplexer(place))]) == {}
+    assert received([ask, answer(0x80, *multiplexer(place), 0, 0, 4, 6)]) == {}
+    assert received([ask, *uploaded((0x1000, 0), b"\7\0\0\0")]) == {(0x1000, 0): b"\7\0\0\0"}
+    assert received([ask, answer(0x60, *multiplexer((0x1A00, 2)))]) == {}
+    assert received([ask, answer(0x80, *multiplexer(place)), answer(0x60, *multiplexer(place))]) == {}
 
 
 def test_a_boot_up_takes_back_what_was_not_stored() -> None:
     one, other = downloaded((0x1A00, 0), b"\1"), downloaded((0x1A00, 0), b"\2")
     store, restore = (downloaded((index, 1), data) for index, data in ((0x1010, b"save"), (0x1011, b"load")))
-    assert heard([*one, BOOT_UP]) == {}
-    assert heard([*one, *store, *other, BOOT_UP]) == {(0x1A00, 0): b"\1"}
-    assert heard([*one, *store, *restore, BOOT_UP]) == {}
-    assert heard([*one, store[0], answer(0x80, *multiplexer((0x1010, 1))), BOOT_UP]) == {}
+    assert received([*one, BOOT_UP]) == {}
+    assert received([*one, *store, *other, BOOT_UP]) == {(0x1A00, 0): b"\1"}
+    assert received([*one, *store, *restore, BOOT_UP]) == {}
+    assert received([*one, store[0], answer(0x80, *multiplexer((0x1010, 1))), BOOT_UP]) == {}
 
 
 class Passed:

@@ -37,7 +37,7 @@ class HostileLink:
     order: int = 0
     #: (time, request) as sent, and (time, frame) as received
     asked: list[tuple[float, bytes]] = field(default_factory=list)
-    heard: list[tuple[float, bytes]] = field(default_factory=list)
+    received: list[tuple[float, bytes]] = field(default_factory=list)
     toggle: int = 0
     left: int = 0
     #: after so many requests the server falls silent, so that one input stays cheap
@@ -95,7 +95,7 @@ class HostileLink:
     def _arrive(self) -> None:
         due_s, _, frame = heappop(self.coming)
         self.now = max(self.now, due_s)
-        self.heard.append((due_s, frame))
+        self.received.append((due_s, frame))
         assert self.client is not None
         self.client.receive(ANSWER_ID + NODE, frame, extended=False)
 
@@ -213,7 +213,7 @@ def _answers_to(link: HostileLink, first: int) -> list[bytes]:
         if request[0] >> 5 == 4 or request[1:4] == _DEVICE_TYPE:
             continue
         until_s = requests[number + 1][0] if number + 1 < len(requests) else float("inf")
-        fitting = [frame for at_s, frame in link.heard if sent_s < at_s <= until_s and _fits(request, frame)]
+        fitting = [frame for at_s, frame in link.received if sent_s < at_s <= until_s and _fits(request, frame)]
         assert fitting, f"nothing acknowledged {request.hex(' ')}"
         found.append(fitting[0])
     return found

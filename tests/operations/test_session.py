@@ -94,27 +94,27 @@ def test_nobody_answers_unless_somebody_listens() -> None:
     with Session(Options(sim=("gen4",))) as session, pytest.raises(SafetyRefusal, match="nobody can answer"):
         restore_defaults(session, session.node(), None, prove=False)
     for answer in (False, True):
-        heard = Heard(answer)
-        with Session(Options(sim=("gen4",)), heard) as session:
+        received = Heard(answer)
+        with Session(Options(sim=("gen4",)), received) as session:
             if answer:
                 assert restore_defaults(session, session.node(), None, prove=False).exit_code == 0
             else:
                 with pytest.raises(SafetyRefusal, match="the answer was no"):
                     restore_defaults(session, session.node(), None, prove=False)
-        assert len(heard.asked) == 1
+        assert len(received.asked) == 1
 
 
 def test_traffic_is_told_while_the_options_ask_for_it() -> None:
-    heard = Heard()
-    with Session(Options(sim=("gen4",)), heard) as session:
+    received = Heard()
+    with Session(Options(sim=("gen4",)), received) as session:
         node = session.node()
         node.sdo.upload(0x1000, 0)
-        assert heard.frames == []
+        assert received.frames == []
         with session.under(verbose=1):
             node.sdo.upload(0x1000, 0)
-        assert heard.frames == [(0x601, True), (0x581, False)]
+        assert received.frames == [(0x601, True), (0x581, False)]
         node.sdo.upload(0x1000, 0)
-        assert len(heard.frames) == 2
+        assert len(received.frames) == 2
 
 
 def test_at_the_end_a_node_is_in_the_state_it_was_found_in() -> None:

@@ -230,7 +230,7 @@ def scan(node: SimulatedNode, number: int, bit: int, place: int, following: int)
     return bool(answers)
 
 
-def heard(nodes: list[SimulatedNode], *question: int) -> bool:
+def received(nodes: list[SimulatedNode], *question: int) -> bool:
     """Ask all of *nodes*; whether one answers."""
     answers = [scan(node, *question) for node in nodes]
     return any(answers)
@@ -239,14 +239,14 @@ def heard(nodes: list[SimulatedNode], *question: int) -> bool:
 def found_by_scan(nodes: list[SimulatedNode]) -> list[int] | None:
     """The address that a fast scan finds, as CiA 305 has it: bit by bit from the highest, 0 first."""
     address = []
-    if not heard(nodes, 0, 0x80, 0, 0):
+    if not received(nodes, 0, 0x80, 0, 0):
         return None
     for place in range(4):
         number = 0
         for bit in range(31, -1, -1):
-            if not heard(nodes, number, bit, place, place):
+            if not received(nodes, number, bit, place, place):
                 number |= 1 << bit
-        if not heard(nodes, number, 0, place, (place + 1) % 4):
+        if not received(nodes, number, 0, place, (place + 1) % 4):
             return None
         address.append(number)
     return address

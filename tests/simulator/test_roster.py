@@ -52,8 +52,8 @@ def done(node: SimulatedNode, deed: object, now_s: float) -> None:
 
 
 def found(nodes: list[SimulatedNode], roster: Roster, now_s: float) -> tuple[object, ...]:
-    heard = [[node.device.node_id for node in roster.listeners(frame)] for frame in FRAMES]
-    return heard, roster.next_s(), [node.device.node_id for node in roster.due(now_s)]
+    received = [[node.device.node_id for node in roster.listeners(frame)] for frame in FRAMES]
+    return received, roster.next_s(), [node.device.node_id for node in roster.due(now_s)]
 
 
 def each(devices: list[StrictDevice]) -> list[SimulatedNode]:

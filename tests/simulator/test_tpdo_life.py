@@ -200,7 +200,7 @@ def test_the_event_timer_of_an_rpdo_is_a_deadline() -> None:
 def test_in_virtual_time_the_event_timer_runs_by_itself() -> None:
     device = alone(event=50)
     with_time = VirtualTimeBus([device])
-    heard = [frame for frame in with_time.receive(0.5205) if frame.can_id == STATUS_FRAME]
-    assert len(heard) == 10
-    assert heard[-1].timestamp_s - heard[0].timestamp_s == pytest.approx(0.45)
+    received = [frame for frame in with_time.receive(0.5205) if frame.can_id == STATUS_FRAME]
+    assert len(received) == 10
+    assert received[-1].timestamp_s - received[0].timestamp_s == pytest.approx(0.45)
     assert device.state is NmtState.OPERATIONAL

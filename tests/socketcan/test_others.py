@@ -135,16 +135,16 @@ def test_a_full_queue_is_waited_for(bus: CanBus) -> None:
 def test_the_kernel_keeps_pdos_from_who_asks_only(bus: CanBus) -> None:
     """What came before somebody wanted every frame is not there; what comes after it is."""
     pdos = ("cangen", "vcan0", "-g", "1", "-I", "181", "-L", "8", "-D", "i", "-n", "20")
-    heard: list[int] = []
+    received: list[int] = []
     with on("vcan0", family_device("gen4")):
         tool(*pdos)
-        bus.tap(lambda frame, _sent: heard.append(frame.can_id))
+        bus.tap(lambda frame, _sent: received.append(frame.can_id))
         assert bus.sdo(1).upload(0x1018, 1)
-        assert 0x581 in heard
-        assert 0x181 not in heard
+        assert 0x581 in received
+        assert 0x181 not in received
         tool(*pdos)
         bus.drain()
-    assert heard.count(0x181) == 20
+    assert received.count(0x181) == 20
 
 
 def test_times_are_the_kernels(bus: CanBus) -> None:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.operations.results import FrameSeen
     from dvtcli.operations.results.bus_events import BusEvent
-    from dvtcli.operations.session.bus_of_options import Tell
+    from dvtcli.operations.session.bus_of_options import OnBusEvent
 
 
 @click.command("monitor", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
@@ -66,7 +66,7 @@ def command(
             view = View(filter=wanted or "", plain=session.output.plain, changes=changes, only=only or frozenset())
             watch(session, watched, view, duration)
         else:
-            show, reporter = _shown_by(session), _told_by(session)
+            show, on_bus_event = _shown_by(session), _on_bus_event(session)
             stream(
                 watched,
                 show,
@@ -74,7 +74,7 @@ def command(
                 duration,
                 changes=changes,
                 only=only or frozenset(),
-                reporter=reporter,
+                on_bus_event=on_bus_event,
             )
 
 
@@ -83,12 +83,12 @@ def _shown_by(session: Conversation) -> Callable[[Iterable[FrameSeen]], None]:
     return lambda seen: output.documents(frame.document() for frame in seen)
 
 
-def _told_by(session: Conversation) -> Tell:
+def _on_bus_event(session: Conversation) -> OnBusEvent:
     """Report a lost or restored bus as a document among the frames; without --json also as a line of text."""
 
-    def reporter(event: BusEvent) -> None:
+    def report(event: BusEvent) -> None:
         session.output.documents([event.document()])
         if not session.output.json:
             session.output.lines([event.text])
 
-    return reporter
+    return report

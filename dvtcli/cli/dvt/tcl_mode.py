@@ -51,8 +51,8 @@ class TclLines(TclRun):
             self._began = True
         said: Frame = TclLine(text)
         try:
-            while isinstance(heard := self._next(said), Call):
-                said = self._served(heard)
+            while isinstance(received := self._next(said), Call):
+                said = self._served(received)
         finally:
             self._calls.flush()
         self.waits = True
@@ -63,12 +63,12 @@ class TclLines(TclRun):
                 return LineEnd(code)
             case DvtcliError():
                 raise self._end
-        if heard.how == "open":
+        if received.how == "open":
             return LineEnd(open=True)
-        if heard.how != "done":
-            raise self._placed(self._failure(heard, self._source))
-        if heard.message:
-            self._session.output.said(heard.message.splitlines(), error=False)
+        if received.how != "done":
+            raise self._placed(self._failure(received, self._source))
+        if received.message:
+            self._session.output.said(received.message.splitlines(), error=False)
         return LineEnd(self._calls.failures[0][1].exit_code if self._calls.failures else 0)
 
     def _served(self, call: Call) -> CallResult:

@@ -37,13 +37,13 @@ class Parent:
         for stream in (0, 1):  # Tcl has channels of its own for these
             os.dup2(nothing, stream)
         os.close(nothing)
-        self._heard: SimpleQueue[Setup | Go | TclLine | CallResult] = SimpleQueue()
+        self._received: SimpleQueue[Setup | Go | TclLine | CallResult] = SimpleQueue()
         threading.stack_size(_STACK_BYTES)
-        threading.Thread(target=_hear, args=(self._answers, self._heard), daemon=True).start()
+        threading.Thread(target=_hear, args=(self._answers, self._received), daemon=True).start()
 
     def told(self) -> Setup | Go | TclLine | CallResult:
         """Wait for the parent's next message."""
-        return self._heard.get()
+        return self._received.get()
 
     def asked(self, call: Call) -> CallResult:
         """Return the parent's answer to *call*."""
@@ -57,9 +57,9 @@ class Parent:
         send(self._calls, frame)
 
 
-def _hear(answers: IO[bytes], heard: SimpleQueue[Setup | Go | TclLine | CallResult]) -> None:
+def _hear(answers: IO[bytes], received: SimpleQueue[Setup | Go | TclLine | CallResult]) -> None:
     try:
         while True:
-            heard.put(receive(answers, Setup, Go, TclLine, CallResult))
+            received.put(receive(answers, Setup, Go, TclLine, CallResult))
     except (Gone, WireError, MemoryError):
         os._exit(1)

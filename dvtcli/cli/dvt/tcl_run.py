@@ -51,7 +51,7 @@ class TclRun:
         """Start the process, with the script at *path* if any. Raises DvtcliError if Python has no Tcl."""
         setup = Setup(path, self._calls.served, *self._limits)
         late = DvtcliError(f"{self._source}: Tcl's process did not begin within {self._start_s:g} s")
-        ready: Ready = self._heard(setup, self._start_s, late, Ready)
+        ready: Ready = self._received(setup, self._start_s, late, Ready)
         if ready.missing:
             raise DvtcliError(
                 "Tcl scripts need Python's tkinter, which is not installed",
@@ -72,12 +72,12 @@ class TclRun:
             with self._session.cancellation.released():
                 if self._session.cancellation.requested:  # asked for while the last command was under way
                     raise KeyboardInterrupt
-                heard: Call | End = self._heard(said, left_s, self._endless(self._source), Call, End)
+                received: Call | End = self._received(said, left_s, self._endless(self._source), Call, End)
         finally:
             self._computed_s += time.monotonic() - began
-        return heard
+        return received
 
-    def _heard(self, said: Frame, seconds: float, late: DvtcliError, *kinds: type[Any]) -> Any:
+    def _received(self, said: Frame, seconds: float, late: DvtcliError, *kinds: type[Any]) -> Any:
         """Return the process's answer. Raises *late*, or an error if the process ends before the script."""
         try:
             return self._process.asked(said, seconds, *kinds)

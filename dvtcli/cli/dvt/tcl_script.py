@@ -71,13 +71,13 @@ class TclScript(TclRun):
         """Run the script; returns its exit code. Raises a word's errors other than Abort and Timeout."""
         said: Frame = Go()
         try:
-            while isinstance(heard := self._next(said), Call):
-                said = self._answered(heard)
+            while isinstance(received := self._next(said), Call):
+                said = self._answered(received)
         except (Ended, Exit) as ended:
             return ended.code
         finally:
             self._calls.flush()
-        return self._outcome(heard)
+        return self._outcome(received)
 
     def _outcome(self, end: End) -> int:
         if end.how == "done":

@@ -141,10 +141,10 @@ class Editor:
         values: Mapping[PdoMappingEntry, str] = {}
         sends = self.node.bus.nmt_state(self.node.node_id) in (None, NmtState.OPERATIONAL)
         if sends and view.config == self.pdos.held.get(view.pdo):
-            heard = last_frame(self._session, self.node, view.pdo, view.config)
-            values = {} if heard is None else {
+            received = last_frame(self._session, self.node, view.pdo, view.config)
+            values = {} if received is None else {
                 entry: value_text(value, self._scalings.of(entry.index, entry.sub_index), entry.bits)
-                for entry, value in zip(view.config.mapping, heard.values, strict=True) if value is not None
+                for entry, value in zip(view.config.mapping, received.values, strict=True) if value is not None
             }  # fmt: skip
         for entry in view.config.mapping:
             name = "" if dictionary is None else dictionary.display_name(entry.index, entry.sub_index)

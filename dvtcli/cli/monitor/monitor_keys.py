@@ -144,8 +144,8 @@ class Monitor:
         signal = None if found is None else found[1]
         node_id = found[0].service.node if found is not None and signal is not None else self._session.selected_id()
         names = self.store.decoder.names
-        heard = (seen.service.node for seen in self.store.rows.values())
-        self.actions.nmt(node_id, {**{heard_id: "" for heard_id in heard if heard_id}, **names})
+        received = (seen.service.node for seen in self.store.rows.values())
+        self.actions.nmt(node_id, {**{received_id: "" for received_id in received if received_id}, **names})
 
     def mouse(self, act: str, _column: int, row: int) -> None:
         """Scroll by the wheel and choose by a click, in a dialog if one is open."""

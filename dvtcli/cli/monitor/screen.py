@@ -36,8 +36,8 @@ def node_line(store: FrameStore, reading: int | None, width: int, *, plain: bool
     If space is short, states are abbreviated, then names are cut and dropped. Last, nodes are grouped by state, rare
     states first, listed by number or only counted.
     """
-    names, heard = store.decoder.names, {row.service.node for row in store.rows.values()}
-    shown = sorted({node for node in heard if node is not None} | set(names))
+    names, received = store.decoder.names, {row.service.node for row in store.rows.values()}
+    shown = sorted({node for node in received if node is not None} | set(names))
     states = {node: store.states.get(node) for node in shown}
     before = [Cell(f"reading the mapping of node {reading}...  ", "cyan")] if reading is not None else []
     if not shown:

@@ -18,9 +18,9 @@ from dvtcli.bus.node_watch import HEARTBEAT
 from dvtcli.bus.receiver import bus_closed
 from dvtcli.cli.prompt.notices import Notices
 from dvtcli.domain.emergency_codes import emergency_text
-from dvtcli.domain.heard import LastFrames
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import BootUp, Emergency, Frame, NodeEvent
+from dvtcli.domain.received_ids import LastFrames
 from dvtcli.domain.text import join_some
 from dvtcli.domain.times import local_clock
 from dvtcli.errors import BusUnavailable
@@ -135,7 +135,7 @@ class Life:
         self._thread.start()
 
     def _hook(self) -> None:
-        self.states = self._bus.heard_nodes()
+        self.states = self._bus.nodes_seen()
         self._seen.update(self.states)
         self._unhook = [self._bus.on_event(self._on_event), self._bus.tap(self._on_frame)]
 
@@ -179,7 +179,7 @@ class Life:
         slept_s = self._sleeps.new_s()
         if slept_s and goes_on(self._session, unasked=True):
             raise left_alone(self._bus.name, slept_s)
-        self.states = self._bus.heard_nodes()
+        self.states = self._bus.nodes_seen()
         self._tell_silence()
         self.notices.pump()
 

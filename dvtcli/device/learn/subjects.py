@@ -42,12 +42,12 @@ _STANDARD_UNMAPPABLE = {
 }
 
 
-def subjects(node: ReadableNode, pdos: Mapping[Pdo, PdoConfig], heard: frozenset[int]) -> list[ProbedPdo]:
+def subjects(node: ReadableNode, pdos: Mapping[Pdo, PdoConfig], received: frozenset[int]) -> list[ProbedPdo]:
     """The PDO to probe in each direction: the last disabled PDO, if there is any.
 
-    *pdos* are the node's PDOs, *heard* the received CAN-IDs. A direction without a restorable PDO is left out.
+    *pdos* are the node's PDOs, *received* the received CAN-IDs. A direction without a restorable PDO is left out.
     """
-    spare = _spare(node, pdos, heard)
+    spare = _spare(node, pdos, received)
     found = (_subject(node, pdos, direction, spare) for direction in (Direction.TPDO, Direction.RPDO))
     return [subject for subject in found if subject is not None]
 
@@ -64,11 +64,11 @@ def mapped_subjects(node: ReadableNode, pdos: Mapping[Pdo, PdoConfig], first: Se
     return found
 
 
-def _spare(node: ReadableNode, pdos: Mapping[Pdo, PdoConfig], heard: frozenset[int]) -> tuple[int, ...]:
+def _spare(node: ReadableNode, pdos: Mapping[Pdo, PdoConfig], received: frozenset[int]) -> tuple[int, ...]:
     """Two CAN-IDs not used by a PDO of a known node, a service, or a received frame."""
     used = {config.communication.cob_id.can_id for config in pdos.values()}
     used |= {producer.cob_id.can_id for producer in producers(node.neighbours())}
-    used |= {can_id for can_id, _ in service_ids(node.read_cache, node.node_id, node.dictionary)} | heard
+    used |= {can_id for can_id, _ in service_ids(node.read_cache, node.node_id, node.dictionary)} | received
     free = [can_id for can_id in FREE_POOL if can_id not in used]
     return tuple(free[-2:]) if len(free) > 1 else ()
 

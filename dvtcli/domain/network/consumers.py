@@ -79,14 +79,14 @@ def moved_tpdos(plan: NodePlan) -> dict[Pdo, CobId]:
 
 
 def left_findings(
-    plan: NodePlan, moved: Mapping[Pdo, CobId], sent: Container[Id], heard: Mapping[Id, Iterable[Producer]]
+    plan: NodePlan, moved: Mapping[Pdo, CobId], sent: Container[Id], received: Mapping[Id, Iterable[Producer]]
 ) -> Iterator[Finding]:
-    """A warning for each RPDO in *heard* that keeps a CAN-ID given up in *moved*, unless it is in *sent*.
+    """A warning for each RPDO in *received* that keeps a CAN-ID given up in *moved*, unless it is in *sent*.
 
-    *sent* and *heard* are the state after all nodes' plans.
+    *sent* and *received* are the state after all nodes' plans.
     """
     for pdo, gone in moved.items():
-        for producer in heard.get(_id(gone), ()) if _id(gone) not in sent else ():
+        for producer in received.get(_id(gone), ()) if _id(gone) not in sent else ():
             if producer.node_id != plan.node_id:
                 hears = f"{producer.node_id}:{producer.pdo} goes on hearing {gone}"
                 text = f"{hears}, which {plan.node_id}:{pdo} sends no more"

@@ -235,8 +235,8 @@ def _period(kind: int | None, inhibit_us: int, timer_us: int, sync_us: int | Non
 
 def _waits(consumers: Sequence[PdoConfig], period_us: Time) -> Iterator[Time]:
     """Consumers' event timers (RPDO deadlines) in excess of the period, in µs."""
-    for heard in consumers:
-        patience_us = (heard.communication.event_timer or 0) * _MS
+    for received in consumers:
+        patience_us = (received.communication.event_timer or 0) * _MS
         if patience_us > period_us:
             yield patience_us - period_us
 

@@ -64,12 +64,12 @@ def found_links(held: Configs, watches: Callable[[int, int], bool]) -> FoundLink
     """
     consumers: dict[Endpoint, list[Endpoint]] = {}
     unlike: list[tuple[Endpoint, Endpoint]] = []
-    for consumer, heard in _enabled(held, is_tpdo=False):
-        senders = [(one, sent) for one, sent in _enabled(held, is_tpdo=True) if _same_id(sent, heard)]
+    for consumer, received in _enabled(held, is_tpdo=False):
+        senders = [(one, sent) for one, sent in _enabled(held, is_tpdo=True) if _same_id(sent, received)]
         if len(senders) != 1 or senders[0][0].node_id == consumer.node_id:
             continue
         producer, sent = senders[0]
-        if agrees(sent.mapping, heard.mapping):
+        if agrees(sent.mapping, received.mapping):
             consumers.setdefault(producer, []).append(consumer)
         else:
             unlike.append((consumer, producer))
@@ -159,11 +159,11 @@ def linked(producer: LinkSide, consumer: LinkSide) -> Linked:
     return Linked(wanted, refused or tuple(_remarks(producer, consumer, wanted)))
 
 
-def agrees(sent: Sequence[PdoMappingEntry], heard: Sequence[PdoMappingEntry]) -> bool:
-    """Whether an RPDO with mapping *heard* fits *sent*: same length, no object across two sent objects."""
-    if not sent or total_bits(sent) != total_bits(heard):
+def agrees(sent: Sequence[PdoMappingEntry], received: Sequence[PdoMappingEntry]) -> bool:
+    """Whether an RPDO with mapping *received* fits *sent*: same length, no object across two sent objects."""
+    if not sent or total_bits(sent) != total_bits(received):
         return False
-    return all(_over(sent, start, entry.bits) is not None for start, entry in _starts(heard) if not entry.is_dummy)
+    return all(_over(sent, start, entry.bits) is not None for start, entry in _starts(received) if not entry.is_dummy)
 
 
 def object_remarks(side: LinkSide) -> Iterator[Finding]:
@@ -242,10 +242,10 @@ def _placed(producer: LinkSide, consumer: LinkSide) -> tuple[tuple[PdoMappingEnt
     return placed_mapping(producer, consumer, dict(zip(first, objects, strict=True)))
 
 
-def _is_alike(producer: LinkSide, sent: PdoMappingEntry, consumer: LinkSide, heard: PdoMappingEntry) -> bool:
+def _is_alike(producer: LinkSide, sent: PdoMappingEntry, consumer: LinkSide, received: PdoMappingEntry) -> bool:
     """Whether both have the same length and, if known, the same type."""
-    types = producer.type(sent), consumer.type(heard)
-    return sent.bits == heard.bits and (None in types or types[0] == types[1])
+    types = producer.type(sent), consumer.type(received)
+    return sent.bits == received.bits and (None in types or types[0] == types[1])
 
 
 def _places(
@@ -289,10 +289,12 @@ def _no_place(producer: LinkSide, consumer: LinkSide, objects: list[PdoMappingEn
     return error("link-length", str(consumer), f"{what} {verb} in {producer}, which sends {layout}", hint=hint)
 
 
-def _ambiguous(producer: LinkSide, consumer: LinkSide, heard: PdoMappingEntry, sent: list[PdoMappingEntry]) -> Finding:
-    text = f"{consumer.name(heard)} of {consumer} could receive {producer.name(sent[0])} or {producer.name(sent[1])}"
+def _ambiguous(
+    producer: LinkSide, consumer: LinkSide, received: PdoMappingEntry, sent: list[PdoMappingEntry]
+) -> Finding:
+    text = f"{consumer.name(received)} of {consumer} could receive {producer.name(sent[0])} or {producer.name(sent[1])}"
     hint = Hint(
-        Action.MAP, {"pdo": consumer, "objects": f"dummy/BITS {heard.object}", "off": True},
+        Action.MAP, {"pdo": consumer, "objects": f"dummy/BITS {received.object}", "off": True},
         "say where it is: {}, or mapping: [dummy/BITS, …] in the network file, "
         f"all {producer.config.bits} bits of it",
     )  # fmt: skip
@@ -335,27 +337,31 @@ def placed_mapping(
 
 def _remarks(producer: LinkSide, consumer: LinkSide, mapping: Sequence[PdoMappingEntry]) -> Iterator[Finding]:
     """Warnings for objects that receive another type or a part of an object, and for commands fed by other values."""
-    for start, heard in _starts(mapping):
-        sent = None if heard.is_dummy else _over(producer.config.mapping, start, heard.bits)
+    for start, received in _starts(mapping):
+        sent = None if received.is_dummy else _over(producer.config.mapping, start, received.bits)
         if sent is None:
             continue
-        yield from _command_remarks(producer, sent, consumer, heard)
-        if sent.bits != heard.bits:
-            text = f"receives {heard.bits} of the {sent.bits} bits of {producer.name(sent)}"
-            yield warning("link-part", str(consumer), f"{consumer.name(heard)} of {consumer} {text}")
-        elif not _is_alike(producer, sent, consumer, heard):
-            types = [data_type.short if data_type else "?" for data_type in (consumer.type(heard), producer.type(sent))]
-            text = f"{consumer.name(heard)} of {consumer} is {types[0]} and receives {producer.name(sent)}, {types[1]}"
+        yield from _command_remarks(producer, sent, consumer, received)
+        if sent.bits != received.bits:
+            text = f"receives {received.bits} of the {sent.bits} bits of {producer.name(sent)}"
+            yield warning("link-part", str(consumer), f"{consumer.name(received)} of {consumer} {text}")
+        elif not _is_alike(producer, sent, consumer, received):
+            types = [
+                data_type.short if data_type else "?" for data_type in (consumer.type(received), producer.type(sent))
+            ]
+            text = (
+                f"{consumer.name(received)} of {consumer} is {types[0]} and receives {producer.name(sent)}, {types[1]}"
+            )
             yield warning("link-type", str(consumer), text)
 
 
 def _command_remarks(
-    producer: LinkSide, sent: PdoMappingEntry, consumer: LinkSide, heard: PdoMappingEntry
+    producer: LinkSide, sent: PdoMappingEntry, consumer: LinkSide, received: PdoMappingEntry
 ) -> Iterator[Finding]:
     """A warning if an object other than a command feeds a command, a setpoint or an output."""
-    if commanded_by_other(heard.index, consumer.described(heard), sent.index, producer.described(sent)):
-        text = f"{producer.name(sent)} of {producer} goes to {consumer.name(heard)} of {consumer}"
-        if is_controlword(heard.index):
+    if commanded_by_other(received.index, consumer.described(received), sent.index, producer.described(sent)):
+        text = f"{producer.name(sent)} of {producer} goes to {consumer.name(received)} of {consumer}"
+        if is_controlword(received.index):
             yield warning(
                 "link-command",
                 str(consumer),

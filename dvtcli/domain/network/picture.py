@@ -100,7 +100,7 @@ class PictureFrame:
     """A frame by CAN-ID: *what* it is, *node*, period with reason, bus *share*, and times.
 
     Times are in µs. *share* and *response_us* are None if unbounded; *is_computed* is False for frames
-    that were only received. *heard_hz* and *heard_share* are measurements, None without recording.
+    that were only received. *measured_hz* and *measured_share* are measurements, None without recording.
     """
 
     identifier: Identifier
@@ -115,8 +115,8 @@ class PictureFrame:
     is_late: bool = False
     is_computed: bool = True
     consumers: tuple[Endpoint, ...] = ()
-    heard_hz: float | None = None
-    heard_share: float | None = None
+    measured_hz: float | None = None
+    measured_share: float | None = None
 
     @property
     def has_no_limit(self) -> bool:

@@ -23,7 +23,7 @@ from dvtcli.files.network.yaml_tree import Branch, Leaf, Tree, YamlList, overlai
 
 def read_links(row: YamlList, node_ids: Mapping[str, int], log: FileLog) -> Iterator[LinkConfig]:
     """Read the links of *row*; *node_ids* are the file's nodes by name."""
-    heard: dict[Endpoint, int] = {}
+    received: dict[Endpoint, int] = {}
     for tree in row.items:
         if not isinstance(tree, Branch):
             log.complain(tree.mark, f"from and to belong here, not {leaves.shown(tree)}")
@@ -37,12 +37,12 @@ def read_links(row: YamlList, node_ids: Mapping[str, int], log: FileLog) -> Iter
         consumers = []
         for endpoint in trees:
             consumer = _endpoint(endpoint, Direction.RPDO, node_ids, log)
-            if consumer is not None and consumer in heard:
+            if consumer is not None and consumer in received:
                 log.complain(
-                    endpoint.mark, f"{leaves.shown(endpoint)} receives another TPDO already (line {heard[consumer]})"
+                    endpoint.mark, f"{leaves.shown(endpoint)} receives another TPDO already (line {received[consumer]})"
                 )
             elif consumer is not None:
-                heard[consumer] = endpoint.mark.line
+                received[consumer] = endpoint.mark.line
                 consumers.append(consumer)
         if producer is not None and consumers:
             yield LinkConfig(producer, tuple(consumers), found.get("heartbeat"), tree.mark)

@@ -99,7 +99,7 @@ def _name(picture: NetworkPicture, node_id: int) -> str:
 
 
 def _row(number: int, field: PictureField, partners: list[PicturePdo]) -> FieldRow:
-    heard = [
+    received = [
         f"{end_text(partner.end)} {object_text(other)}"
         for partner in partners
         for other in partner.fields
@@ -108,7 +108,7 @@ def _row(number: int, field: PictureField, partners: list[PicturePdo]) -> FieldR
     named = "" if field.is_dummy else field.object
     return FieldRow(
         number, _colour(number, field), bit_range(field), named, field.label,
-        field.type_name or f"{field.bits} bits", meaning_text(field.meaning), () if field.is_dummy else tuple(heard),
+        field.type_name or f"{field.bits} bits", meaning_text(field.meaning), () if field.is_dummy else tuple(received),
     )  # fmt: skip
 
 

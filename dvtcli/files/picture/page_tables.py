@@ -132,9 +132,9 @@ def pdos_table(picture: NetworkPicture) -> PageTable:
 
 def frames_table(picture: NetworkPicture) -> PageTable:
     """Return every CAN-ID with producer, consumers and bus load."""
-    heard = picture.load.measured is not None
+    received = picture.load.measured is not None
     columns = ["COB-ID", "What", "Sent by", "Heard by", "Bytes", "At most", "Load", "Response", "Deadline"]
-    columns += ["Heard/s", "Heard load"] if heard else []
+    columns += ["Heard/s", "Heard load"] if received else []
     most = max((float(frame.share) for frame in picture.frames if frame.share is not None), default=0.0)
     rows = []
     for frame in picture.frames:
@@ -143,10 +143,10 @@ def frames_table(picture: NetworkPicture) -> PageTable:
             TableCell(ends_text(frame.consumers) or "-"),
             _length(frame), _at_most(frame), *_times(frame, most),
         ]  # fmt: skip
-        if heard:
+        if received:
             row += [
-                TableCell(f"{frame.heard_hz or 0:.1f}", frame.heard_hz or 0),
-                TableCell(percent(frame.heard_share or 0), frame.heard_share or 0),
+                TableCell(f"{frame.measured_hz or 0:.1f}", frame.measured_hz or 0),
+                TableCell(percent(frame.measured_share or 0), frame.measured_share or 0),
             ]
         rows.append(tuple(row))
     numbers = ("Bytes", "Load", "Response", "Deadline", "Heard/s", "Heard load")

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.device.described_node import ToldValues
-from dvtcli.device.other_producers import heard_ids
+from dvtcli.device.other_producers import received_ids
 from dvtcli.device.raw_write_check import readable_value
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.device.read_whole import PAUSE_S
@@ -114,14 +114,14 @@ def plan_device(session: Session, file: str, options: DeviceOptions | None = Non
     config = NetworkConfig(tuple(_network_config(held, node_id) for node_id in ids))
     if options.is_clone and not held.identity["product"]:
         _confirm_unknown(session, held, ids)
-    with short_frames(session.bus) as frames, heard_ids(session.bus) as heard:
+    with short_frames(session.bus) as frames, received_ids(session.bus) as received:
         met = identify_nodes(session, file, config)
         met.end()
         planned = [
             replace(node_plan, boot_ups=met.boot_ups[node_plan.node_id])
             for node_plan in _planned(session, met.nodes, held, config, options)
         ]
-        plan = checked_network(session, NetworkPlan(file, tuple(planned)), heard, of_device=True)
+        plan = checked_network(session, NetworkPlan(file, tuple(planned)), received, of_device=True)
     return with_unknown_syncs(session, plan, frames)
 
 

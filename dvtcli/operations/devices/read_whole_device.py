@@ -80,12 +80,12 @@ def read_entries(
 def told(session: SessionUser, node: NodeDescription) -> OnObject:
     """Return a callback that reports the progress of reading *node*."""
 
-    def reporter(index: int, sub_index: int, done: int, total: int, left_s: float | None) -> None:
+    def report(index: int, sub_index: int, done: int, total: int, left_s: float | None) -> None:
         left = "" if left_s is None else f", {duration(left_s)} left"
         text = f"node {node.node_id}: reading 0x{index:04X}:{sub_index:02X}, {done + 1} of {total}{left}"
         session.reporter.progress(text, done, total)
 
-    return reporter
+    return report
 
 
 def described(node: NodeDescription) -> ObjectDictionary:

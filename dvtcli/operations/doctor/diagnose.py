@@ -158,13 +158,13 @@ def bus_checks(session: SessionNodes) -> Iterator[Check]:
     try:
         network = session.network
         yield Check("bus", "ok", f"{network.bus.name} opened, chosen by {session.chosen_by()}")
-        yield from _heard(session)
+        yield from _received(session)
         yield from _node(session)
     except DvtcliError as error:
         yield failed("bus", error)
 
 
-def _heard(session: SessionNodes) -> Iterator[Check]:
+def _received(session: SessionNodes) -> Iterator[Check]:
     """Report the traffic of a second."""
     bus, frames = session.wire, 0
 
@@ -180,7 +180,7 @@ def _heard(session: SessionNodes) -> Iterator[Check]:
     if not bus.carries_frames:
         yield Check("traffic", "ok", "no CAN frames are carried: objects are read and written")
         return
-    errors, nodes = bus.error_frame_count() - before, sorted(bus.heard_nodes())
+    errors, nodes = bus.error_frame_count() - before, sorted(bus.nodes_seen())
     if errors:
         told = "; ".join(bus.disturbances()) or _WORST
         yield Check("traffic", "FAIL", f"{errors} error frames and {frames} frames in {LISTEN_S:g} s", told, 5)

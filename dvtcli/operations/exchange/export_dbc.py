@@ -246,13 +246,13 @@ def _fits(held: _Held, found: NetworkMessages) -> bool:
 def _message(identifier: Identifier, group: list[_Held], drawn: _Drawn, found: NetworkMessages) -> DbcMessage:
     """Make the message of PDOs with the same CAN-ID: defined by the first, received by the others."""
     (first, pdo, _), *others = group
-    heard = [receiving_pdo for receiving_pdo in group if not receiving_pdo[1].is_tpdo]
+    received = [receiving_pdo for receiving_pdo in group if not receiving_pdo[1].is_tpdo]
     for node, other, _ in others:
         if other.is_tpdo:
             also = f"{pdo.label} of node {first.node_id} has its CAN-ID {identifier_text(identifier)}, too"
             found.left_out.append(f"{other.label} of node {node.node_id}: {also}")
-    says = [group[0]] if pdo.is_tpdo else heard
-    signals = _signals(says, heard, drawn)
+    says = [group[0]] if pdo.is_tpdo else received
+    signals = _signals(says, received, drawn)
     length = max(byte_length(sum(entry.bits for entry in config.mapping)) for _, _, config in says)
     cycle_ms = _cycle_ms(group[0], drawn.state)
     return DbcMessage(
@@ -261,8 +261,8 @@ def _message(identifier: Identifier, group: list[_Held], drawn: _Drawn, found: N
     )  # fmt: skip
 
 
-def _signals(says: list[_Held], heard: list[_Held], drawn: _Drawn) -> tuple[DbcSignal, ...]:
-    """Make non-overlapping signals of objects that *says* map, with receivers from *heard*.
+def _signals(says: list[_Held], received: list[_Held], drawn: _Drawn) -> tuple[DbcSignal, ...]:
+    """Make non-overlapping signals of objects that *says* map, with receivers from *received*.
 
     With split bits, a signal per bit.
     """
@@ -274,7 +274,7 @@ def _signals(says: list[_Held], heard: list[_Held], drawn: _Drawn) -> tuple[DbcS
                     mapped_object, node, drawn.scalings[node.node_id], names, split_bits=drawn.split_bits
                 )
     receivers = {
-        place: tuple(_receivers(drawn_signal, heard, drawn.names)) for place, drawn_signal in enumerate(signals)
+        place: tuple(_receivers(drawn_signal, received, drawn.names)) for place, drawn_signal in enumerate(signals)
     }
     named = [replace(drawn_signal, receivers=receivers[place]) for place, drawn_signal in enumerate(signals)]
     return tuple(sorted(named, key=lambda signal: signal.start))
@@ -293,9 +293,11 @@ def _overlap(one: Field, other: DbcSignal) -> bool:
     return one.start_bit < other.end and other.start < one.end_bit
 
 
-def _receivers(signal: DbcSignal, heard: list[_Held], nodes: Mapping[int, str]) -> dict[str, None]:
+def _receivers(signal: DbcSignal, received: list[_Held], nodes: Mapping[int, str]) -> dict[str, None]:
     hearing = (
-        node for node, _, config in heard if any(_overlap(mapped_object, signal) for mapped_object in _objects(config))
+        node
+        for node, _, config in received
+        if any(_overlap(mapped_object, signal) for mapped_object in _objects(config))
     )
     return dict.fromkeys(nodes[node.node_id] for node in hearing)
 

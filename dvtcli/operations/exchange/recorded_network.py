@@ -18,7 +18,7 @@ from dvtcli.domain.network.network_state import (
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.text import join_some
 from dvtcli.errors import SdoAborted, SdoProtocolError, UsageError
-from dvtcli.watch.heard_objects import HeardObjects, is_boot_up
+from dvtcli.watch.received_objects import ReceivedObjects, is_boot_up
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
     from dvtcli.domain.profile import DeviceProfile
     from dvtcli.operations.user.session_user import SessionUser
-    from dvtcli.watch.heard_objects import HeardValues
+    from dvtcli.watch.received_objects import ReceivedValues
 
 _HINT = Hint(
     Action.SHOW_PDOS,
@@ -52,15 +52,19 @@ def recorded_network(session: SessionUser, path: Path, *, throughout: bool = Fal
     wanted = session.base.nodes
     nodes, missing = (
         [],
-        [f"node {wanted_id}: no mapping received" for wanted_id in wanted if wanted_id not in followed.heard.node_ids],
+        [
+            f"node {wanted_id}: no mapping received"
+            for wanted_id in wanted
+            if wanted_id not in followed.received.node_ids
+        ],
     )
-    for node_id in followed.heard.node_ids:
+    for node_id in followed.received.node_ids:
         if not wanted or node_id in wanted:
             pdos = _whole_pdos(node_id, followed, missing)
             if throughout:
                 unsure = followed.changed | followed.late
                 pdos = {pdo: config for pdo, config in pdos.items() if (node_id, pdo) not in unsure}
-            nodes += [_node_state(session, followed.heard.values(node_id), pdos)] if pdos else []
+            nodes += [_node_state(session, followed.received.values(node_id), pdos)] if pdos else []
     if not nodes:
         if throughout:
             _tell_changed(session, followed, throughout=True)
@@ -85,14 +89,14 @@ def _tell_changed(session: SessionUser, followed: _Followed, *, throughout: bool
 
 @dataclass(slots=True)
 class _Followed:
-    """Values *heard*; the last complete layout of each enabled PDO, and PDOs with several layouts.
+    """Values *received*; the last complete layout of each enabled PDO, and PDOs with several layouts.
 
     *late*: the CAN-ID was *seen* before a download (*written*) completed the PDO, so the layout of earlier frames is
     unknown; values of uploads held before, too. *lost*: the node restarted without storing it, so the layout of later
     frames is unknown.
     """
 
-    heard: HeardObjects = field(default_factory=HeardObjects)
+    received: ReceivedObjects = field(default_factory=ReceivedObjects)
     drawn: dict[tuple[int, Pdo], _Drawn] = field(default_factory=dict)
     changed: set[tuple[int, Pdo]] = field(default_factory=set)
     late: set[tuple[int, Pdo]] = field(default_factory=set)
@@ -102,7 +106,7 @@ class _Followed:
 
     def take(self, frame: Frame) -> bool:
         """Follow *frame*; returns whether it ends an SDO transfer."""
-        received = self.heard.take(frame)
+        received = self.received.take(frame)
         if received is None:
             self.seen.add((frame.can_id, frame.extended))
             if is_boot_up(frame):
@@ -127,7 +131,7 @@ class _Followed:
 
     def _whole(self, node_id: int, pdo: Pdo) -> PdoConfig | None:
         """Return *pdo* if it is enabled and completely known."""
-        config = _heard_pdo(self.heard.values(node_id), pdo)
+        config = _received_pdo(self.received.values(node_id), pdo)
         return None if config is None or not config.enabled or config.unread else config
 
     def _draw(self, node_id: int, pdo: Pdo) -> None:
@@ -157,7 +161,7 @@ def _follow(path: Path, followed: _Followed) -> None:
         raise UsageError(f"{path} has SDO transfers of several channels ({named}): two buses?", hint=hint)
 
 
-def _heard_pdo(values: HeardValues, pdo: Pdo) -> PdoConfig | None:
+def _received_pdo(values: ReceivedValues, pdo: Pdo) -> PdoConfig | None:
     """Return *pdo* as far as known; None if nothing is, or bytes are invalid."""
     try:
         return read_pdo(values, pdo, WHATEVER)
@@ -167,11 +171,11 @@ def _heard_pdo(values: HeardValues, pdo: Pdo) -> PdoConfig | None:
 
 def _whole_pdos(node_id: int, followed: _Followed, missing: list[str]) -> dict[Pdo, PdoConfig]:
     """Return completely known PDOs; *missing* gets what others lack that may be enabled."""
-    values = followed.heard.values(node_id)
+    values = followed.received.values(node_id)
     known = {pdo for index, _ in values.values if (pdo := Pdo.at(index)) is not None}
     whole: dict[Pdo, PdoConfig] = {}
     for pdo in sorted(known | {drawn_pdo for node, drawn_pdo in followed.drawn if node == node_id}):
-        config = _heard_pdo(values, pdo)
+        config = _received_pdo(values, pdo)
         after = " after the node's last boot-up" if (node_id, pdo) in followed.drawn else ""
         if config is None:
             missing.append(f"{pdo.label} of node {node_id}: nothing was received of it{after}")
@@ -183,7 +187,7 @@ def _whole_pdos(node_id: int, followed: _Followed, missing: list[str]) -> dict[P
     return whole
 
 
-def _node_state(session: SessionUser, values: HeardValues, pdos: dict[Pdo, PdoConfig]) -> NodeState:
+def _node_state(session: SessionUser, values: ReceivedValues, pdos: dict[Pdo, PdoConfig]) -> NodeState:
     from dvtcli.operations.plans.network_states import timing_numbers
 
     dictionary = _dictionary(session, values)
@@ -203,7 +207,7 @@ def _node_state(session: SessionUser, values: HeardValues, pdos: dict[Pdo, PdoCo
     return NodeState(values.node_id, "", pdos, numbers, dictionary, profile, title or profile.title)
 
 
-def _dictionary(session: SessionUser, values: HeardValues) -> ObjectDictionary | None:
+def _dictionary(session: SessionUser, values: ReceivedValues) -> ObjectDictionary | None:
     """Return --eds if it may describe the node, else the file of its recorded identity (0x1018)."""
     from dvtcli.device.file_fits import unlike_file
     from dvtcli.operations.session.device_files import found_file, with_modules_of
@@ -223,7 +227,7 @@ def _dictionary(session: SessionUser, values: HeardValues) -> ObjectDictionary |
     return None if found is None else with_modules_of(found.path, modules, values)
 
 
-def _profile(session: SessionUser, values: HeardValues, dictionary: ObjectDictionary | None) -> DeviceProfile:
+def _profile(session: SessionUser, values: ReceivedValues, dictionary: ObjectDictionary | None) -> DeviceProfile:
     from dvtcli.files.profile.library import load_profile, profile_for_identity, profile_of
 
     if session.base.profile:

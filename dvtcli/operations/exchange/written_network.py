@@ -48,8 +48,8 @@ def write_found(
         lambda consumer, producer: _watches(nodes[consumer].values, nodes[producer].values, producer),
     )
     for consumer, producer in links.unlike:
-        heard, sent = (f"{end.node_id}:{end.pdo}" for end in (consumer, producer))
-        notes.append(f"{heard} receives {sent}, and their layouts differ: no link")
+        received, sent = (f"{end.node_id}:{end.pdo}" for end in (consumer, producer))
+        notes.append(f"{received} receives {sent}, and their layouts differ: no link")
     options = tuple(exported_node.exported.config for _, exported_node in sorted(nodes.items()))
     remarks = {word: text for node in found for word, text in node.exported.remarks.items()}
     make_file(session, path, write_network(NetworkConfig(options, links.links), title, remarks))

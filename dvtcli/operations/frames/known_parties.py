@@ -100,7 +100,7 @@ class KnownParties:
         if not on_bus:
             return
         network = session.network
-        known = {*nodes, *network.simulated_ids, *network.nodes, *network.bus.heard_nodes(), session.selected_id()}
+        known = {*nodes, *network.simulated_ids, *network.nodes, *network.bus.nodes_seen(), session.selected_id()}
         self._read(known_id for known_id in known if known_id is not None)
 
     def look_around(self) -> None:
@@ -108,7 +108,7 @@ class KnownParties:
         bus = self._session.wire
         if not bus.simulated:
             bus.sleep(HEARD_S)
-            self._read(bus.heard_nodes())
+            self._read(bus.nodes_seen())
 
     def _read(self, node_ids: Iterable[int]) -> None:
         for node_id in sorted(set(node_ids) - self._asked):

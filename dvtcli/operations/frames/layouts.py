@@ -181,5 +181,5 @@ def _present(session: SessionNodes) -> list[int]:
     if found == {None}:
         bus = session.wire
         bus.sleep(HEARD_S)
-        found |= set(bus.heard_nodes())
+        found |= set(bus.nodes_seen())
     return sorted(node_id for node_id in found if node_id is not None)

@@ -131,8 +131,8 @@ class _Putting:
         now_s = self.bus.now_s()
         if now_s - self._looked_s >= _LOOK_S:
             self._looked_s = now_s
-            heard = self.bus.heard_nodes()  # one of which nobody knows the state may run
-            self._runs = self._always or NmtState.OPERATIONAL in heard.values() or not self._met <= heard.keys()
+            received = self.bus.nodes_seen()  # one of which nobody knows the state may run
+            self._runs = self._always or NmtState.OPERATIONAL in received.values() or not self._met <= received.keys()
         self._share.wait(self._percent if self._runs else 0)
 
     def close(self) -> None:

@@ -21,7 +21,7 @@ from dvtcli.watch.seen import FrameStore
 if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.results import FrameSeen
-    from dvtcli.operations.session.bus_of_options import Tell
+    from dvtcli.operations.session.bus_of_options import OnBusEvent
     from dvtcli.operations.session.session import Session
 
 
@@ -72,12 +72,14 @@ class Watched:
         """Read the nodes' mappings and names, node by node; see `layouts.live_decoders`."""
         yield from live_decoders(self.session, self.nodes, self.dbc, named=True)
 
-    def come_back(self, failed: BusUnavailable, stopping: Callable[[], bool], reporter: Tell | None = None) -> bool:
+    def come_back(
+        self, failed: BusUnavailable, stopping: Callable[[], bool], on_bus_event: OnBusEvent | None = None
+    ) -> bool:
         """Wait for the bus, which *failed*, and read mappings again; False as soon as *stopping*().
 
         Raises *failed* if waiting is not allowed.
         """
-        while self.listener.come_back(failed, stopping, reporter):
+        while self.listener.come_back(failed, stopping, on_bus_event):
             try:
                 self.decoder = live_decoder(self.session, self.nodes, self.dbc)
             except BusUnavailable as again:
@@ -106,12 +108,12 @@ def stream(
     *,
     changes: bool = False,
     only: frozenset[str] = frozenset(),
-    reporter: Tell | None = None,
+    on_bus_event: OnBusEvent | None = None,
 ) -> None:
     """Show frames with *text* (lower case) in a name for *duration_s* seconds (None: forever).
 
     *changes* shows only new values, *only* frames of these kinds, as in `typed_frame.READ_KINDS` (none: all). Lost
-    frames are reported at the end. *reporter* gets loss and return of the bus; raises BusUnavailable if it is not
+    frames are reported at the end. *on_bus_event* gets loss and return of the bus; raises BusUnavailable if it is not
     waited for, or not back in time.
     """
     listener, store, time = watched.listener, FrameStore(watched.decoder), ListeningTime(duration_s)
@@ -122,7 +124,7 @@ def stream(
             try:
                 taken = listener.take(time.batch_s)
             except BusUnavailable as failed:
-                if not watched.come_back(failed, time.is_over, reporter):
+                if not watched.come_back(failed, time.is_over, on_bus_event):
                     raise
                 store = FrameStore(watched.decoder)
                 reader.know(watched.decoder)

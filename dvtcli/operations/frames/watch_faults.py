@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from dvtcli.bus.node_watch import read_emergency
-from dvtcli.domain.ports import Emergency, HeardEmergency
+from dvtcli.domain.ports import Emergency, ReceivedEmergency
 from dvtcli.errors import BusUnavailable, DvtcliError
 from dvtcli.operations.frames.layouts import open_wire
 from dvtcli.operations.frames.watch_bus import ListeningTime
@@ -29,13 +29,13 @@ def watch_faults(
     """
     bus = open_wire(session)
     counter = _Counter(session)
-    before = [emergency for node_id in range(1, 128) for emergency in bus.heard_emergencies(node_id)]
+    before = [emergency for node_id in range(1, 128) for emergency in bus.received_emergencies(node_id)]
     session.reporter.note("listening for EMCY messages; Ctrl-C ends it")
     with SteadyListener(session) as listener:
-        show(map(counter.heard, sorted(before, key=lambda fault: fault.last.timestamp_s)))
+        show(map(counter.received, sorted(before, key=lambda fault: fault.last.timestamp_s)))
         for wait_s in _waits(bus.now_s, duration_s):
-            heard = (read_emergency(frame) for frame in listener.take(wait_s))
-            show(counter.take(emergency) for emergency in heard if emergency is not None)
+            received = (read_emergency(frame) for frame in listener.take(wait_s))
+            show(counter.take(emergency) for emergency in received if emergency is not None)
 
 
 def _waits(now_s: Callable[[], float], duration_s: float | None) -> Iterator[float]:
@@ -53,19 +53,19 @@ class _Counter:
         network = session.network
         node_ids = {session.selected_id(), *network.simulated_ids, *network.nodes} - {None}
         self._words = {node_id: _words(session, node_id) for node_id in node_ids if node_id is not None}
-        self._seen: dict[tuple[int, int], HeardEmergency] = {}
+        self._seen: dict[tuple[int, int], ReceivedEmergency] = {}
 
-    def heard(self, one: HeardEmergency) -> FaultSeen:
+    def received(self, one: ReceivedEmergency) -> FaultSeen:
         """Count an earlier message."""
         node_id = one.last.node_id
         self._seen[node_id, one.last.code] = one
-        return FaultSeen(node_id, self._words.setdefault(node_id, ErrorWords()).heard(one))
+        return FaultSeen(node_id, self._words.setdefault(node_id, ErrorWords()).received(one))
 
     def take(self, said: Emergency) -> FaultSeen:
         """Count a new message."""
         before = self._seen.get((said.node_id, said.code))
         first_s, count = (said.timestamp_s, 0) if before is None else (before.first_s, before.count)
-        return self.heard(HeardEmergency(count + 1, first_s, said))
+        return self.received(ReceivedEmergency(count + 1, first_s, said))
 
 
 def _words(session: SessionNodes, node_id: int) -> ErrorWords:

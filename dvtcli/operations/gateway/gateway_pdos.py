@@ -32,7 +32,7 @@ class GatewayPdos:
         self._rpdos: dict[int, SetPdo] = {}
         self._tpdos: dict[int, SetPdo] = {}
         #: the last frame of each RPDO since it was set up
-        self._heard: dict[int, bytes] = {}
+        self._received: dict[int, bytes] = {}
         self._stop: Callable[[], None] | None = None
 
     def close(self) -> None:
@@ -59,7 +59,7 @@ class GatewayPdos:
         if not cob_id.valid:
             own.pop(pdo.number, None)
             if not pdo.is_tpdo:
-                self._heard.pop(pdo.number, None)
+                self._received.pop(pdo.number, None)
             return Done()
         refused = self._refusal(pdo, cob_id, own)
         if refused is not None:
@@ -67,7 +67,7 @@ class GatewayPdos:
         if pdo.is_tpdo:
             self._session.consent(f"send frames with CAN-ID {cob_id}, which nodes may act on?")
         else:
-            self._heard.pop(pdo.number, None)
+            self._received.pop(pdo.number, None)
             self._stop = self._stop or self._session.open_network().bus.tap(self._note)
         own[pdo.number] = pdo
         return Done()
@@ -91,13 +91,13 @@ class GatewayPdos:
             return
         for number, pdo in tuple(self._rpdos.items()):
             if _frame_of(pdo) == (frame.can_id, frame.extended):
-                self._heard[number] = frame.data
+                self._received[number] = frame.data
 
     def _read(self, number: int) -> Answer:
         pdo = self._rpdos.get(number)
         if pdo is None:
             return Failed(GatewayError.INTERNAL_STATE, f"RPDO {number} of the gateway is not set up")
-        data = self._heard.get(number)
+        data = self._received.get(number)
         if data is None:
             return Failed(GatewayError.INTERNAL_STATE, "no frame of it was received yet")
         if 8 * len(data) < sum(map(_bits, pdo.entries)):

@@ -88,7 +88,7 @@ class HeartbeatWatches:
             return
         for watch in tuple(self._watches):
             if frame.can_id == HEARTBEAT + watch.node_id:
-                watch.heard(frame.timestamp_s, self._session.bus.now_s())
+                watch.received(frame.timestamp_s, self._session.bus.now_s())
 
 
 class Watch:
@@ -99,29 +99,29 @@ class Watch:
         self.news: list[GatewayError] = []
         #: the last heartbeat: time by the bus's clock, and time of reading (s)
         self._stamp_s = 0.0
-        self._heard_s: float | None = None
+        self._received_s: float | None = None
 
     def look(self, now_s: float) -> None:
         """Check for a missed heartbeat, allowing for frames read late."""
-        if self._heard_s is not None and now_s - self._heard_s > self._within_s + LATE_S:
+        if self._received_s is not None and now_s - self._received_s > self._within_s + LATE_S:
             self._lost()
 
-    def heard(self, stamp_s: float, now_s: float) -> None:
+    def received(self, stamp_s: float, now_s: float) -> None:
         """Take a heartbeat at *stamp_s* of the bus's clock (0: none); consumers wait from the first on.
 
         Source: CiA 301, 7.2.8.3.2.2.
         """
-        if self._heard_s is not None and stamp_s > 0 and self._stamp_s > 0:
+        if self._received_s is not None and stamp_s > 0 and self._stamp_s > 0:
             if stamp_s - self._stamp_s > self._within_s:
                 self._lost()
         else:
             self.look(now_s)
-        if self._heard_s is None:
+        if self._received_s is None:
             self.news.append(GatewayError.HEARTBEAT_STARTED)
-        self._stamp_s, self._heard_s = stamp_s, now_s
+        self._stamp_s, self._received_s = stamp_s, now_s
 
     def _lost(self) -> None:
-        self._heard_s = None
+        self._received_s = None
         self.news.append(GatewayError.HEARTBEAT_LOST)
 
 

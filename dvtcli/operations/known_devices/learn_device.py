@@ -155,7 +155,7 @@ def _looked(session: SessionUser, node: NodeDescription) -> Callable[[int, int],
     return lambda done, total: session.reporter.progress(f"{text}, {done + 1} of {total}", done, total)
 
 
-def _heard(session: SessionNodes) -> frozenset[int]:
+def _received(session: SessionNodes) -> frozenset[int]:
     """Return the CAN-IDs in use; if the bus carries no frames, they are unknown and no PDO is enabled."""
     if not session.bus.carries_frames:
         return frozenset(range(0x800))
@@ -167,7 +167,7 @@ def _prepared(session: SessionNodes, node: Node, *, isolated: bool, with_store: 
     """Prepare the tests of *node*, which is locked; raises DeviceRefused if there are none."""
     found = _claimed(node)
     pdos = node.pdos()
-    asked = subjects(node, pdos, frozenset() if session.dry_run else _heard(session))
+    asked = subjects(node, pdos, frozenset() if session.dry_run else _received(session))
     if not asked:
         raise DeviceRefused(
             f"node {node.node_id} has no PDO that could be asked",

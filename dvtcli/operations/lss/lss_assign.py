@@ -13,7 +13,7 @@ from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.text import join_some
 from dvtcli.errors import DvtcliError, NoAnswer, SafetyRefusal, UsageError
 from dvtcli.operations.lss.lss_find import Identity, in_words, lss_bus, scanned, selected, two_alike, who_is_there
-from dvtcli.operations.lss.lss_node_id import consent_to_give, give, heard_ids, told_id
+from dvtcli.operations.lss.lss_node_id import consent_to_give, give, received_ids, told_id
 from dvtcli.operations.lss.lss_store import all_back, prove_all, store_all
 from dvtcli.operations.plans.read_network_config import read_network_config
 from dvtcli.operations.results.lss_nodes import LssChanged, LssGiven, LssNode
@@ -127,7 +127,7 @@ def lss_assign(session: SessionNodes, file: str, *, stores: bool = False, prove:
     if session.dry_run:
         return LssChanged("assign", dry_run=True)
     bus = lss_bus(session)
-    there = who_is_there(bus, heard_ids(session))
+    there = who_is_there(bus, received_ids(session))
     waiting = [config for config in options if not _is_there(config, there)]
     if not (waiting or stores):
         return LssChanged("assign")

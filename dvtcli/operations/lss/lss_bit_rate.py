@@ -15,7 +15,7 @@ from dvtcli.domain.nmt import UNCONFIGURED, NmtState
 from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SafetyRefusal, UsageError
 from dvtcli.operations.lss.lss_find import Identity, lss_bus, require_on, scanned, selected, two_alike, who_is_there
-from dvtcli.operations.lss.lss_node_id import BOOT_UP_S, forget, heard_ids, told_id
+from dvtcli.operations.lss.lss_node_id import BOOT_UP_S, forget, received_ids, told_id
 from dvtcli.operations.lss.lss_store import store_again
 from dvtcli.operations.results.lss_nodes import LssBitRate, LssGiven
 from dvtcli.operations.session.consent import refuse_reset
@@ -60,7 +60,7 @@ class RateChange:
         """Configure the new bit rate, not active yet, on each node."""
         for number, slave in enumerate(self.nodes):
             try:
-                self.reporter(slave, self.after)
+                self.configure(slave, self.after)
             except DvtcliError as failed:
                 failed.details.append(_said_by(slave))
                 refused = isinstance(failed, DeviceRefused)
@@ -77,12 +77,12 @@ class RateChange:
 
     def _takes(self, one: LssGiven, bit_rate: int) -> bool:
         try:
-            self.reporter(one, bit_rate)
+            self.configure(one, bit_rate)
         except DvtcliError:
             return False
         return True
 
-    def reporter(self, one: LssGiven, bit_rate: int) -> None:
+    def configure(self, one: LssGiven, bit_rate: int) -> None:
         """Configure *bit_rate* (bit/s) on the single node *one*; raises DeviceRefused, NoAnswer."""
         selected(self.master, one.address)
         self.master.configure_bit_rate(bit_rate)
@@ -129,7 +129,7 @@ class RateChange:
         """Switch *nodes*, back at the old bit rate, to the new one like the others; else raises NoAnswer."""
         self.go_to(self.before)
         for node in nodes:
-            self.reporter(node, self.after)
+            self.configure(node, self.after)
         self.switch(self.after)
         if missing := self.missing(self.nodes):
             raise NoAnswer(f"at {self.after} bit/s {names(missing)} did not come back")
@@ -142,7 +142,7 @@ class RateChange:
                 self.go_to(self.after)
                 for slave in missing:
                     if self.is_there(slave):
-                        self.reporter(slave, self.before)
+                        self.configure(slave, self.before)
                 self.switch(self.before)
                 missing = self.missing(self.nodes)
                 if not missing:
@@ -173,7 +173,7 @@ class RateChange:
         for number, slave in enumerate(self.nodes, 1):
             try:
                 if self.before == self.after:
-                    self.reporter(slave, self.after)  # it may have been told another one that was never activated
+                    self.configure(slave, self.after)  # it may have been told another one that was never activated
                 self._store(slave)
             except DvtcliError as failed:
                 failed.details.append(_said_by(slave))
@@ -212,7 +212,7 @@ class RateChange:
         left, again = [], []
         for slave in stored:
             try:
-                self.reporter(slave, self.before)
+                self.configure(slave, self.before)
                 self._store(slave)
                 again.append(slave)
             except DvtcliError as stuck:
@@ -277,7 +277,7 @@ def all_on_bus(session: SessionNodes, master: LssMaster, file: str | None = None
 
     stop = bus.tap(note)
     try:
-        there = who_is_there(bus, heard_ids(session))
+        there = who_is_there(bus, received_ids(session))
     finally:
         stop()
     if file is not None:
@@ -401,10 +401,10 @@ def prove_by_resets(session: SessionNodes, change: RateChange, stored: Sequence[
     missing = change.missing(stored)
     if missing:
         raise _not_kept(change, missing)
-    unheard = [named_slave for named_slave in named if named_slave.node_id not in booted]
-    if unheard:
+    silent = [named_slave for named_slave in named if named_slave.node_id not in booted]
+    if silent:
         raise DeviceRefused(
-            f"{names(unheard)}: no boot-up message was received after the reset: nothing is proved",
+            f"{names(silent)}: no boot-up message was received after the reset: nothing is proved",
             state="unknown",
             why=f"all answer at {change.after} bit/s, and said that they stored it",
             hint=Hint(Action.FIND_NODES, why="switch them off and on, then {}"),

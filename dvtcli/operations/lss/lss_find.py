@@ -171,12 +171,12 @@ def identity_on(bus: CanopenBus, node_id: int) -> Identity | None:
     return None
 
 
-def who_is_there(bus: CanopenBus, heard: Collection[int]) -> dict[int, Identity | None]:
-    """Read 0x1018 of every node-ID that was *heard* or answers; None if unreadable."""
+def who_is_there(bus: CanopenBus, received: Collection[int]) -> dict[int, Identity | None]:
+    """Read 0x1018 of every node-ID that was *received* or answers; None if unreadable."""
     found: dict[int, Identity | None] = {}
 
     def ask(node_id: int) -> None:
-        if _answers_soon(bus, node_id) or node_id in heard:
+        if _answers_soon(bus, node_id) or node_id in received:
             found[node_id] = identity_on(bus, node_id)
 
     def asking(node_id: int) -> Callable[[], None]:
@@ -189,8 +189,8 @@ def who_is_there(bus: CanopenBus, heard: Collection[int]) -> dict[int, Identity 
 
 def free_node_id(bus: CanopenBus) -> int | None:
     """Return the lowest node-ID (1..127) not heard and without SDO answer; None if there is none."""
-    heard = bus.heard_nodes()
-    silent = (node_id for node_id in range(1, 128) if node_id not in heard and not _answers_soon(bus, node_id))
+    received = bus.nodes_seen()
+    silent = (node_id for node_id in range(1, 128) if node_id not in received and not _answers_soon(bus, node_id))
     return next((node_id for node_id in silent if not answers(bus, node_id)), None)
 
 

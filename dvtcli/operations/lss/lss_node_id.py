@@ -62,29 +62,29 @@ def _meant(master: LssMaster, address: LssAddress | None) -> tuple[LssAddress, i
 
 def refuse_used(session: SessionNodes, node_id: int) -> None:
     """Raises SafetyRefusal if *node_id* is heard or answers, or another master is active."""
-    heard = node_id in heard_ids(session)
-    if heard or answers(session.bus, node_id):
+    received = node_id in received_ids(session)
+    if received or answers(session.bus, node_id):
         raise SafetyRefusal(
-            f"node-ID {node_id} is in use: a node {'is heard' if heard else 'answers'} on it",
+            f"node-ID {node_id} is in use: a node {'is heard' if received else 'answers'} on it",
             node=node_id,
             hint=Hint(Action.SHOW_NODE, {"node": node_id}, "choose another one; {} shows who has it"),
         )
 
 
-def heard_ids(session: SessionNodes) -> set[int]:
+def received_ids(session: SessionNodes) -> set[int]:
     """Return node-IDs of heartbeats and boot-ups; raises SafetyRefusal if another master is active meanwhile."""
-    heard: set[int] = set()
+    received: set[int] = set()
 
     def note(frame: Frame, sent: bool) -> None:
         if not sent and not frame.extended and 1 <= frame.can_id - _HEARTBEAT <= 127:
-            heard.add(frame.can_id - _HEARTBEAT)
+            received.add(frame.can_id - _HEARTBEAT)
 
     stop = session.bus.tap(note)
     try:
         refuse_other_master(session)
     finally:
         stop()
-    return heard
+    return received
 
 
 def consent_to_give(

@@ -24,7 +24,7 @@ from dvtcli.operations.network.check_networks import (
 )
 from dvtcli.operations.network.described_network import DeviceWord, simulated_word
 from dvtcli.operations.network.described_nodes import described_nodes
-from dvtcli.operations.network.live_network import heard_traffic, live_state, refuse_without_bus
+from dvtcli.operations.network.live_network import live_state, received_traffic, refuse_without_bus
 from dvtcli.operations.plans.identify_nodes import identify_nodes, is_wanted
 from dvtcli.operations.plans.read_network_config import read_network_config
 from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkReport, NetworksChecked
@@ -36,8 +36,8 @@ from dvtcli.watch.recording.stream_problems import LOAD
 
 if TYPE_CHECKING:
     from dvtcli.domain.lint.lint_rule import LintRule
-    from dvtcli.domain.network.heard_traffic import HeardTraffic
     from dvtcli.domain.network.network_config import NetworkConfig, NodeConfig
+    from dvtcli.domain.network.received_traffic import ReceivedTraffic
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.session.session_nodes import SessionNodes
 
@@ -108,7 +108,7 @@ def check_live(
         file: state for file in dict.fromkeys(files) if (state := _described(file, told.get(file, {}))) is not None
     }
     recorded = _Recorded(session, options) if options.for_s else None
-    traffic = heard_traffic(session, _seconds(session, options), None if recorded is None else recorded.take)
+    traffic = received_traffic(session, _seconds(session, options), None if recorded is None else recorded.take)
     ids = {node.node_id for network in networks.values() for node in network.nodes}
     live, bus = live_state(session, traffic, ids), session.wire
     if not live.nodes:
@@ -120,7 +120,7 @@ def check_live(
         tuple((node.title, node.node_id, len(node.pdos)) for node in live.nodes),
         is_live=True,
         strict=options.strict,
-        heard=_heard(traffic),
+        heard=_received(traffic),
     )
     against = [_against(file, state, live, options, bit_rate) for file, state in networks.items()]
     return NetworksChecked((of_bus, *(replace(report, bus=bus.name) for report in against)))
@@ -196,7 +196,7 @@ def _with_problems(
     return (*kept, *problems)
 
 
-def _nobody(name: str, traffic: HeardTraffic | None) -> NoAnswer:
+def _nobody(name: str, traffic: ReceivedTraffic | None) -> NoAnswer:
     frames = 0 if traffic is None else traffic.frames
     return NoAnswer(
         f"no node answers on {name}: nothing was checked",
@@ -212,7 +212,7 @@ def _seconds(session: SessionNodes, options: CheckOptions) -> float:
     return 0.0 if session.wire.simulated else LISTEN_S
 
 
-def _heard(traffic: HeardTraffic | None) -> tuple[float, int] | None:
+def _received(traffic: ReceivedTraffic | None) -> tuple[float, int] | None:
     return None if traffic is None else (traffic.seconds, traffic.frames)
 
 

@@ -13,7 +13,6 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.bus_need import bus_need, fitting_bit_rates
 from dvtcli.domain.network.check.checked_network import CheckedNetwork
 from dvtcli.domain.network.frame_streams import streams_of
-from dvtcli.domain.network.heard_traffic import HeardTraffic
 from dvtcli.domain.network.links import agrees
 from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.network.network_state import EMCY_COB_ID, SYNC_PERIOD, identifier_of, identifier_text
@@ -28,6 +27,7 @@ from dvtcli.domain.network.picture import (
     PictureNode,
     PicturePdo,
 )
+from dvtcli.domain.network.received_traffic import ReceivedTraffic
 from dvtcli.domain.plan import PdoChange
 from dvtcli.domain.text import plural
 from dvtcli.errors import NoAnswer, RuleError, SafetyRefusal, UsageError, ended_with
@@ -120,7 +120,7 @@ def _answer(target: str, picture: NetworkPicture, size: int) -> Facts:
 
 def drawn_links(state: NetworkState) -> Iterator[PictureLink]:
     """Yield every enabled RPDO with each TPDO of another node that it receives."""
-    for connection in CheckedNetwork(state, None).heard:
+    for connection in CheckedNetwork(state, None).received:
         producer, consumer = (
             Endpoint(connection.producer.node_id, connection.tpdo),
             Endpoint(connection.consumer.node_id, connection.rpdo),
@@ -190,9 +190,9 @@ def _facts(node: NodeState) -> Iterator[tuple[str, str]]:
 def drawn_load(load: NetworkLoad) -> PictureLoad:
     """Summarise the load of all frames, computed and measured."""
     need, measured = load.need, load.measured
-    heard = measured.load(need.bit_rate) if measured is not None and measured.seconds else None
+    received = measured.load(need.bit_rate) if measured is not None and measured.seconds else None
     return PictureLoad(
-        need.bit_rate, need.limited, need.total, need.fits, load.is_assumed, load.fitting, need.assumed, heard,
+        need.bit_rate, need.limited, need.total, need.fits, load.is_assumed, load.fitting, need.assumed, received,
         0.0 if measured is None else measured.seconds,
     )  # fmt: skip
 
@@ -238,20 +238,20 @@ def _hearing(state: NetworkState) -> dict[Identifier, tuple[Endpoint, ...]]:
 
 def _frame(load: NetworkLoad, one: FrameLoad, need: StreamNeed | None, consumers: tuple[Endpoint, ...]) -> PictureFrame:
     measured = load.measured if load.measured is not None and load.measured.seconds else None
-    heard_hz = measured.rate_hz(one.identifier) if measured else None
-    heard_share = measured.share(one.identifier, load.need.bit_rate) if measured else None
+    measured_hz = measured.rate_hz(one.identifier) if measured else None
+    measured_share = measured.share(one.identifier, load.need.bit_rate) if measured else None
     if need is None:
         length = one.heard.data_bytes if one.heard else 0
         return PictureFrame(
             one.identifier, one.label, one.node, length, "only heard", is_computed=False, consumers=consumers,
-            heard_hz=heard_hz, heard_share=heard_share,
+            measured_hz=measured_hz, measured_share=measured_share,
         )  # fmt: skip
     stream = need.stream
     hears = tuple(end for end in consumers if end.node_id != stream.node)
     return PictureFrame(
         one.identifier, stream.label, stream.node, stream.frame.data_bytes, stream.why,
         _fraction(stream.frame.period_us), need.share, need.response_us, _fraction(stream.deadline_us), need.is_late,
-        True, hears, heard_hz, heard_share,
+        True, hears, measured_hz, measured_share,
     )  # fmt: skip
 
 
@@ -284,7 +284,7 @@ def _of_object(node: NodePlan, change: ValueChange) -> Iterator[PictureDifferenc
 
 
 #: what passed on the bus: counted for the load, and kept for the rules; None if nobody listened
-_Heard = tuple[Measured | None, HeardTraffic | None]
+_Received = tuple[Measured | None, ReceivedTraffic | None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -321,17 +321,17 @@ def _of_file(session: SessionUser, file: str, options: PictureOptions) -> Networ
 
 def _of_bus(session: Session, file: str | None, options: PictureOptions) -> NetworkPicture:
     config = None if file is None else read_network_config(file)
-    heard = _heard(session, options)
-    return session.read_together(lambda: _of_nodes(session, file, config, options, heard))
+    received = _received(session, options)
+    return session.read_together(lambda: _of_nodes(session, file, config, options, received))
 
 
 def _of_nodes(
-    session: Session, file: str | None, config: NetworkConfig | None, options: PictureOptions, heard: _Heard
+    session: Session, file: str | None, config: NetworkConfig | None, options: PictureOptions, received: _Received
 ) -> NetworkPicture:
-    """Collect the nodes on the bus with received frames *heard*, compared with *config* of *file*."""
+    """Collect the nodes on the bus with received frames *received*, compared with *config* of *file*."""
     configured = () if config is None else config.nodes
     names = {node.node_id: node.name for node in configured}
-    measured, traffic = heard
+    measured, traffic = received
     state = live_state(session, traffic, names)
     if not state.nodes:
         raise NoAnswer(
@@ -347,22 +347,22 @@ def _of_nodes(
     return picture if file is None or config is None else _compared(session, picture, state, file, config)
 
 
-def _heard(session: SessionNodes, options: PictureOptions) -> _Heard:
+def _received(session: SessionNodes, options: PictureOptions) -> _Received:
     """Record the traffic on the bus: counted for the load, and kept for the rules."""
     simulated = session.wire.simulated
     for_s = options.for_s if options.for_s is not None else 0.0 if simulated else LISTEN_S
-    count, traffic = FrameCount(), HeardTraffic()
+    count, traffic = FrameCount(), ReceivedTraffic()
 
     def take(frame: Frame, sent: bool) -> None:
         count.add(frame)
         if not sent:
             traffic.add(frame)
 
-    heard = listen(session, for_s, take)
-    if not heard.seconds:
+    received = listen(session, for_s, take)
+    if not received.seconds:
         return None, None
-    traffic.seconds, traffic.error_frames = heard.seconds, heard.error_frames
-    return Measured(count, heard.seconds, heard.error_frames, heard.lost_frames), traffic
+    traffic.seconds, traffic.error_frames = received.seconds, received.error_frames
+    return Measured(count, received.seconds, received.error_frames, received.lost_frames), traffic
 
 
 def _compared(

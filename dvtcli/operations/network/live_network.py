@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterable
 from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.network.heard_traffic import HeardTraffic
+from dvtcli.domain.network.received_traffic import ReceivedTraffic
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.plans.network_states import network_state
 
@@ -34,7 +34,7 @@ def listen(session: SessionNodes, for_s: float, take: Callable[[Frame, bool], No
     bus = session.open_network().bus
     if not for_s or not bus.carries_frames:
         return Listened()
-    bus.heard_nodes()  # takes what waits here since before: it did not come within that time
+    bus.nodes_seen()  # takes what waits here since before: it did not come within that time
     errors, lost = bus.error_frame_count(), bus.lost_frame_count()
     untap = bus.tap(take)
     begun_s = bus.now_s()
@@ -47,11 +47,11 @@ def listen(session: SessionNodes, for_s: float, take: Callable[[Frame, bool], No
     return Listened(bus.now_s() - begun_s, bus.error_frame_count() - errors, bus.lost_frame_count() - lost)
 
 
-def heard_traffic(
+def received_traffic(
     session: SessionNodes, for_s: float, look: Callable[[Frame], None] | None = None
-) -> HeardTraffic | None:
+) -> ReceivedTraffic | None:
     """Record others' traffic for *for_s* seconds; None if recording is not possible. *look* gets each frame, too."""
-    traffic = HeardTraffic()
+    traffic = ReceivedTraffic()
 
     def take(frame: Frame, sent: bool) -> None:
         if not sent:
@@ -64,10 +64,10 @@ def heard_traffic(
     return traffic if listened.seconds else None
 
 
-def live_state(session: SessionNodes, traffic: HeardTraffic | None, others: Collection[int] = ()) -> NetworkState:
+def live_state(session: SessionNodes, traffic: ReceivedTraffic | None, others: Collection[int] = ()) -> NetworkState:
     """Read the nodes `present` and *others*, with all that rules need."""
-    heard = () if traffic is None else traffic.by_id
-    ids = sorted({*present(session, heard), *others})
+    received = () if traffic is None else traffic.by_id
+    ids = sorted({*present(session, received), *others})
     return session.read_together(lambda: network_state(answering(session, ids), for_rules=True))
 
 
@@ -96,14 +96,14 @@ def has_bus(session: SessionNodes) -> bool:
     return session.is_open or bool(options.sim or options.interface or options.channel or options.bus)
 
 
-def present(session: SessionNodes, heard: Iterable[Identifier]) -> list[int]:
-    """List the nodes that are known, *heard* by a CAN-ID, or answer a scan.
+def present(session: SessionNodes, received: Iterable[Identifier]) -> list[int]:
+    """List the nodes that are known, *received* by a CAN-ID, or answer a scan.
 
     Not every node sends a heartbeat or a PDO. `-n` suppresses the scan, with a message.
     """
     network = session.network
-    found = {*network.simulated_ids, *session.known_ids(), *network.scanned, *network.bus.heard_nodes()}
-    for can_id, extended in heard:
+    found = {*network.simulated_ids, *session.known_ids(), *network.scanned, *network.bus.nodes_seen()}
+    for can_id, extended in received:
         if not extended and any(can_id in can_ids for can_ids in _OF_ONE_NODE):
             found.add(can_id & 0x7F)
     return sorted(found.union(_others(session)))

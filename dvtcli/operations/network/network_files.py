@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.device.other_producers import heard_ids
+from dvtcli.device.other_producers import received_ids
 from dvtcli.domain.hint import Action, Hint, plain_json
 from dvtcli.domain.network.network_plan import NetworkPlan
 from dvtcli.errors import InputFileError, UsageError
@@ -187,12 +187,12 @@ def _plan_of(
     for node in saved.nodes:
         if not len(node.plan) and node.plan.changes:
             raise InputFileError(f"{file}: node {node.node_id} changes nothing", place=file)
-    with heard_ids(session.bus) as heard:
+    with received_ids(session.bus) as received:
         known = [_known(nodes[node_plan.node_id], node_plan) for node_plan in saved.nodes]
         refuse_impossible_stores(nodes, {node_plan.node_id: node_plan.store for node_plan in known})
         plan = replace(saved, nodes=tuple(check_plans(nodes, known, force=session.options.force)))
         return checked_network(
-            session, plan, heard, of_device=any(node_plan.needs_power_off for node_plan in plan.nodes)
+            session, plan, received, of_device=any(node_plan.needs_power_off for node_plan in plan.nodes)
         )
 
 

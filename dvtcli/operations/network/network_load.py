@@ -84,8 +84,8 @@ def _state(session: Session, file: str | None, measured: Measured | None) -> Net
 def _measured(session: SessionNodes, for_s: float) -> Measured:
     """Measure the traffic on the bus for *for_s* seconds."""
     count = FrameCount()
-    heard = listen(session, for_s, lambda frame, _sent: count.add(frame))
-    return Measured(count, heard.seconds, heard.error_frames, heard.lost_frames)
+    received = listen(session, for_s, lambda frame, _sent: count.add(frame))
+    return Measured(count, received.seconds, received.error_frames, received.lost_frames)
 
 
 def _what_if(session: SessionNodes, state: NetworkState, options: LoadOptions) -> WhatIf:

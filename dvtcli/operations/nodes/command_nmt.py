@@ -15,7 +15,7 @@ from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.profile import GENERIC
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
 from dvtcli.operations.results import Commanded
-from dvtcli.operations.session.consent import consent_to_reset, consent_to_reset_unheard
+from dvtcli.operations.session.consent import consent_to_reset, consent_to_reset_silent
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -34,14 +34,14 @@ def command_nmt(session: SessionNodes, command: NmtCommand, node_id: int | None 
         _meet_all(session)
     concerned = {target} if target else _known(session)
     if command.is_reset:
-        concerned = _heard(session)
+        concerned = _received(session)
         consent_to_reset(session, concerned)
         if not concerned:
-            consent_to_reset_unheard(session)
+            consent_to_reset_silent(session)
     nodes = _told(session, concerned)
-    unheard: list[int] = []
-    states = {target: _to_one(session, target, command)} if target else _to_all(session, command, unheard)
-    return _commanded(session, target, command, nodes, states, unheard)
+    silent: list[int] = []
+    states = {target: _to_one(session, target, command)} if target else _to_all(session, command, silent)
+    return _commanded(session, target, command, nodes, states, silent)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,9 +68,9 @@ def begin_reset(session: SessionNodes, command: NmtCommand, node_id: int) -> Beg
 def end_reset(session: SessionNodes, begun: BegunReset) -> Commanded:
     """Wait for the node's boot-up message, or another answer, and read its state; raises NoAnswer if none comes."""
     begun.sent.wait()
-    unheard = [] if begun.sent.booted else [begun.node_id]
+    silent = [] if begun.sent.booted else [begun.node_id]
     state = session.node(begun.node_id).access.state()
-    return _commanded(session, begun.node_id, begun.command, begun.met, {begun.node_id: state}, unheard)
+    return _commanded(session, begun.node_id, begun.command, begun.met, {begun.node_id: state}, silent)
 
 
 def _told(session: SessionNodes, node_ids: Collection[int]) -> list[Node]:
@@ -87,11 +87,11 @@ def _commanded(
     command: NmtCommand,
     nodes: Sequence[Node],
     states: Mapping[int, NmtState | None],
-    unheard: Sequence[int],
+    silent: Sequence[int],
 ) -> Commanded:
     """Make the result: the *states*, and changes of met *nodes* lost by a reset.
 
-    *unheard* are nodes that answer after a reset without a boot-up message.
+    *silent* are nodes that answer after a reset without a boot-up message.
     """
     reset = command.is_reset
     communication = command is NmtCommand.RESET_COMMUNICATION
@@ -107,7 +107,7 @@ def _commanded(
         _note_what_came_up(session, states)
     seen = tuple((seen_id, None if state is None else state.label) for seen_id, state in sorted(states.items()))
     notes: list[Hint | str] = [
-        f"node {node_id} sent no boot-up message, and answers: whether it restarted is not known" for node_id in unheard
+        f"node {node_id} sent no boot-up message, and answers: whether it restarted is not known" for node_id in silent
     ]
     for note in notes:
         session.reporter.warning(note)
@@ -118,10 +118,10 @@ def _commanded(
 
 def _known(session: SessionNodes) -> set[int]:
     """Return the node-IDs that were met or heard."""
-    return {*session.network.nodes, *([] if session.dry_run else session.open_network().bus.heard_nodes())}
+    return {*session.network.nodes, *([] if session.dry_run else session.open_network().bus.nodes_seen())}
 
 
-def _heard(session: SessionNodes) -> set[int]:
+def _received(session: SessionNodes) -> set[int]:
     """Return the nodes present, as known before a reset of all: met, selected and answering, or heard."""
     if not session.dry_run and not session.bus.simulated:
         session.bus.sleep(CONFIRM_S)  # the first command of a session has heard nobody yet
@@ -138,7 +138,7 @@ def _meet_all(session: SessionNodes) -> None:
     if not bus.simulated:
         bus.sleep(CONFIRM_S)
     selected = session.selected_id()
-    for node_id in sorted({*bus.heard_nodes(), *([] if selected is None else [selected])}):
+    for node_id in sorted({*bus.nodes_seen(), *([] if selected is None else [selected])}):
         with suppress(NoAnswer, SdoProtocolError):  # heard, and answers nothing: there is no twin of it
             session.node(node_id)
 
@@ -167,14 +167,14 @@ def _to_one(session: SessionNodes, target: int, command: NmtCommand) -> NmtState
     return seen_state(access, command.after)
 
 
-def _to_all(session: SessionNodes, command: NmtCommand, unheard: list[int]) -> dict[int, NmtState | None]:
+def _to_all(session: SessionNodes, command: NmtCommand, silent: list[int]) -> dict[int, NmtState | None]:
     """Command all nodes; returns the states of met and heard nodes, None if unknown.
 
-    Adds nodes that answer after a reset without a boot-up message to *unheard*.
+    Adds nodes that answer after a reset without a boot-up message to *silent*.
     """
     bus, known = session.bus, _known(session)
     if command.is_reset:
-        unheard += reset_all_and_wait(bus, command, known)
+        silent += reset_all_and_wait(bus, command, known)
         return {node_id: _access(session, node_id).state() for node_id in known}
     bus.send_nmt(command, 0)
     if not known and not session.dry_run:

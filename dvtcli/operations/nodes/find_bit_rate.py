@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.lss_services import BIT_TIMINGS
 from dvtcli.errors import BusUnavailable, SafetyRefusal
-from dvtcli.operations.results.lss_nodes import BitRateFound, HeardAt
+from dvtcli.operations.results.lss_nodes import BitRateFound, ReceivedAt
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import CanopenBus
@@ -43,15 +43,15 @@ def find_bit_rate(session: SessionNodes, listen_s: float = LISTEN_S) -> BitRateF
 
 def _found(session: SessionNodes, listen_s: float, *, silent: bool) -> BitRateFound:
     with _listening(session, listen_only=silent) as (bus, rates):
-        heard: list[HeardAt] = []
+        received: list[ReceivedAt] = []
         for number, bit_rate in enumerate(rates):
             session.reporter.progress(f"listening at {bit_rate} bit/s, {listen_s:g} s", number, len(rates))
             if bus.runs_at != bit_rate or not silent:
                 bus.set_bit_rate(bit_rate, listen_only=silent)
-            heard.append(_heard(bus, bit_rate, listen_s))
-            if heard[-1].frames and not heard[-1].error_frames:
-                return BitRateFound(bus.name, bit_rate, tuple(heard), listen_s, silent)
-        return BitRateFound(bus.name, None, tuple(heard), listen_s, silent, complete=len(rates) == len(ORDER))
+            received.append(_received(bus, bit_rate, listen_s))
+            if received[-1].frames and not received[-1].error_frames:
+                return BitRateFound(bus.name, bit_rate, tuple(received), listen_s, silent)
+        return BitRateFound(bus.name, None, tuple(received), listen_s, silent, complete=len(rates) == len(ORDER))
 
 
 def _spoken(session: SessionUser) -> bool:
@@ -62,12 +62,12 @@ def _spoken(session: SessionUser) -> bool:
     return True
 
 
-def _heard(bus: CanopenBus, bit_rate: int, listen_s: float) -> HeardAt:
+def _received(bus: CanopenBus, bit_rate: int, listen_s: float) -> ReceivedAt:
     for _ in bus.receive(0.0):
         pass  # what came before came at another bit rate
     errors = bus.error_frame_count()
     frames = sum(1 for _ in bus.receive(listen_s))
-    return HeardAt(bit_rate, frames, bus.error_frame_count() - errors)
+    return ReceivedAt(bit_rate, frames, bus.error_frame_count() - errors)
 
 
 @contextmanager

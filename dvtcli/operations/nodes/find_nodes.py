@@ -128,7 +128,7 @@ def answering_ids(bus: CanopenBus) -> list[int]:
 
 def _answers_at_all(bus: CanopenBus, node_id: int, limit_s: float | None) -> int | None:
     try:
-        _device_type(bus.sdo(node_id), limit_s, heard=False)
+        _device_type(bus.sdo(node_id), limit_s, received=False)
     except NoAnswer:
         return None
     except SdoProtocolError:
@@ -204,12 +204,12 @@ def _ask(bus: CanopenBus, node_id: int, limit_s: float | None) -> NodeRow | None
     state = bus.nmt_state(node_id)
     label = state.label if state is not None else _UNKNOWN
     try:
-        device_type = _device_type(sdo, limit_s, heard=state is not None)
+        device_type = _device_type(sdo, limit_s, received=state is not None)
     except NoAnswer as error:
         return None if state is None else silent(node_id, error, label)
     except SdoProtocolError as error:
         return silent(node_id, error, label)
-    label = _unheard(sdo) if state is None else label
+    label = _silent(sdo) if state is None else label
     row = NodeRow(node_id, label, device_type)
     try:
         vendor, product, revision, serial = (read_identity(sdo, sub) for sub in (1, 2, 3, 4))
@@ -220,13 +220,13 @@ def _ask(bus: CanopenBus, node_id: int, limit_s: float | None) -> NodeRow | None
         return replace(row, note=error.text)
 
 
-def _device_type(sdo: SdoTransport, limit_s: float | None, *, heard: bool) -> int | None:
+def _device_type(sdo: SdoTransport, limit_s: float | None, *, received: bool) -> int | None:
     """Read 0x1000, None if refused; raises NoAnswer, SdoProtocolError if unreadable."""
     try:
         try:
             data = sdo.upload(0x1000, 0, timeout_s=limit_s, retries=0)
         except NoAnswer:
-            if not heard:
+            if not received:
                 raise
             data = sdo.upload(0x1000, 0)
     except SdoAborted:
@@ -234,7 +234,7 @@ def _device_type(sdo: SdoTransport, limit_s: float | None, *, heard: bool) -> in
     return int.from_bytes(data[:4], "little")
 
 
-def _unheard(sdo: SdoTransport) -> str:
+def _silent(sdo: SdoTransport) -> str:
     """Describe the state of a node that answers but was not heard."""
     try:
         return _UNKNOWN if read_optional(sdo, HEARTBEAT_TIME, 0, 2) else _NO_HEARTBEAT

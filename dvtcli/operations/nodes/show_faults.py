@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from dvtcli.device.error_history import HistoryEntry
     from dvtcli.device.node_parts import ReadableNode
-    from dvtcli.domain.ports import HeardEmergency
+    from dvtcli.domain.ports import ReceivedEmergency
     from dvtcli.operations.session.session_nodes import SessionNodes
 
 _DEVICE_TYPE = 0x1000
@@ -36,7 +36,7 @@ def show_faults(session: SessionNodes, node_id: int | None = None) -> Faults:
         )
     rows = [words.row("active", code) for code in active]
     rows += words.of_history(history or ())
-    rows += [words.heard(emergency) for emergency in node.bus.heard_emergencies(node.node_id)]
+    rows += [words.received(emergency) for emergency in node.bus.received_emergencies(node.node_id)]
     return Faults(
         node.node_id, node.profile.title, read_register(node.sdo), history is not None, tuple(rows),
         dry_run=session.dry_run,
@@ -78,7 +78,7 @@ class ErrorWords:
         """Describe an error history."""
         return [replace(self.row("history", entry.code), information=entry.information) for entry in history]
 
-    def heard(self, one: HeardEmergency) -> FaultRow:
+    def received(self, one: ReceivedEmergency) -> FaultRow:
         """Describe a received message."""
         last = one.last
         return replace(

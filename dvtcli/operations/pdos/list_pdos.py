@@ -76,17 +76,17 @@ def last_frame(session: Session, node: NodeDescription, pdo: Pdo, config: PdoCon
     cob_id, frames = config.communication.cob_id, session.frames
     if frames is None or session.dry_run or not config.enabled or config.mpdo is not None:
         return None
-    heard = frames.last(cob_id.can_id, extended=cob_id.extended)
-    if heard is None or heard.at_s <= frames.set_s(node.node_id, (pdo.communication_index, pdo.mapping_index)):
+    received = frames.last(cob_id.can_id, extended=cob_id.extended)
+    if received is None or received.at_s <= frames.set_s(node.node_id, (pdo.communication_index, pdo.mapping_index)):
         return None
     mapped = byte_length(config.bits)
-    if len(heard.data) < mapped or (pdo.is_tpdo and len(heard.data) != mapped):
-        return LastFrame(heard.data, monotonic() - heard.at_s, heard.period, (None,) * len(config.mapping))
+    if len(received.data) < mapped or (pdo.is_tpdo and len(received.data) != mapped):
+        return LastFrame(received.data, monotonic() - received.at_s, received.period, (None,) * len(config.mapping))
 
     def type_of(mapped: PdoMappingEntry) -> DataType | None:
         entry = node.dictionary.entry(mapped.index, mapped.sub_index) if node.dictionary else None
         return None if entry is None else entry.data_type
 
-    found = iter(decode(config.mapping, heard.data, type_of))
+    found = iter(decode(config.mapping, received.data, type_of))
     values = tuple(None if entry.is_dummy else next(found).value for entry in config.mapping)
-    return LastFrame(heard.data, monotonic() - heard.at_s, heard.period, values)
+    return LastFrame(received.data, monotonic() - received.at_s, received.period, values)

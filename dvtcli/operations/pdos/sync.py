@@ -53,8 +53,8 @@ def check_sync(session: SessionNodes, node_ids: Iterable[int] = ()) -> SyncCheck
     periods = [source.period_us for source in sources if source.period_us]
     listen_s = min(_LONGEST_S, max(_SHORTEST_S, 2e-6 * max(periods, default=0)))
     identifiers = {(0x080, False)} | {(source.can_id, source.extended) for source in sources}
-    heard = sum((frame.can_id, frame.extended) in identifiers for frame in session.wire.receive(listen_s))
-    checked = SyncCheck(sources, heard, round(listen_s * 1000))
+    received = sum((frame.can_id, frame.extended) in identifiers for frame in session.wire.receive(listen_s))
+    checked = SyncCheck(sources, received, round(listen_s * 1000))
     finding = warning(
         "sync-producer",
         "0x1005:00",
@@ -84,15 +84,15 @@ _HEARTBEATS = range(0x701, 0x780)
 
 @dataclass(slots=True)
 class ShortFrames:
-    """CAN-IDs and lengths of frames that may be SYNC: *heard* from others, and *sent* by us."""
+    """CAN-IDs and lengths of frames that may be SYNC: *received* from others, and *sent* by us."""
 
-    heard: set[int] = field(default_factory=set)
+    received: set[int] = field(default_factory=set)
     sent: set[int] = field(default_factory=set)
 
     def note(self, frame: Frame, sent: bool) -> None:
         """Note *frame*; SYNC has no data, or a counter of one byte (CiA 301, 7.2.5)."""
         if len(frame.data) <= 1 and not frame.extended and not frame.remote and frame.can_id not in _HEARTBEATS:
-            (self.sent if sent else self.heard).add(frame.can_id)
+            (self.sent if sent else self.received).add(frame.can_id)
 
 
 @contextmanager
@@ -111,7 +111,7 @@ def unknown_syncs(frames: ShortFrames, nodes: Iterable[ReadableNode]) -> tuple[i
 
     Covers 0x080 and the CAN-IDs that *nodes* consume. Reads nothing without such frames.
     """
-    strange = frames.heard - frames.sent
+    strange = frames.received - frames.sent
     if not strange:
         return ()
     held: list[int] = []

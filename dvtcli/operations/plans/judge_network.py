@@ -200,7 +200,7 @@ def _all_findings(
     yield from _findings(nodes[one.node_id], one, senders)
     yield from length_findings(one, sent)
     if moved := moved_tpdos(one):
-        yield from left_findings(one, moved, senders.sent(), senders.heard())
+        yield from left_findings(one, moved, senders.sent(), senders.received())
 
 
 def _cob_ids(plan: NodePlan) -> dict[Pdo, CobId | None]:

@@ -98,10 +98,10 @@ def _refuse_ends(producer: Endpoint, consumers: Sequence[Endpoint]) -> None:
 
 
 def _refuse_unlinked(node: ReadableNode, end: Endpoint, producer: Endpoint, sent: CobId) -> None:
-    heard = node.pdo(end.pdo).communication.cob_id
-    if (heard.can_id, heard.extended) != (sent.can_id, sent.extended):
+    received = node.pdo(end.pdo).communication.cob_id
+    if (received.can_id, received.extended) != (sent.can_id, sent.extended):
         names = [f"{endpoint.node_id}:{endpoint.pdo}" for endpoint in (end, producer)]
-        raise UsageError(f"{names[0]} does not receive {names[1]}: it has CAN-ID {heard}, and that sends {sent}")
+        raise UsageError(f"{names[0]} does not receive {names[1]}: it has CAN-ID {received}, and that sends {sent}")
 
 
 def _no_watches(

@@ -156,9 +156,9 @@ class MissingObjects:
         if not self.found:
             return config
         links = tuple(
-            replace(link, consumers=heard)
+            replace(link, consumers=received)
             for link in config.links
-            if not self._has(link.producer) and (heard := tuple(end for end in link.consumers if not self._has(end)))
+            if not self._has(link.producer) and (received := tuple(end for end in link.consumers if not self._has(end)))
         )
         return replace(config, nodes=tuple(self._node(nodes[node.node_id], node) for node in config.nodes), links=links)
 

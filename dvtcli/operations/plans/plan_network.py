@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import cache, partial
 from typing import TYPE_CHECKING, NamedTuple
 
-from dvtcli.device.other_producers import HeardIds, Senders, heard_ids, heard_producer_findings
+from dvtcli.device.other_producers import ReceivedIds, Senders, received_ids, seen_producer_findings
 from dvtcli.device.proposal import proposal, resolve, untyped_lengths
 from dvtcli.device.raw_write_check import readable_value
 from dvtcli.device.read_cache import read_side_by_side
@@ -104,7 +104,7 @@ def plan_network_config(
     """
     with (
         short_frames(session.bus) as frames,
-        heard_ids(session.bus) as heard,
+        received_ids(session.bus) as received,
         session.network.as_it_was_if_refused(),
     ):
         plan = _plan_network_config(
@@ -118,37 +118,37 @@ def plan_network_config(
         )
         if not as_far and failures is None:
             refuse_lacking(plan)
-        refuse_heard(session, plan, heard, placed_in(config, log))
+        refuse_heard(session, plan, received, placed_in(config, log))
     return with_unknown_syncs(session, replace(plan, has_sync_master=_master_syncs(config)), frames)
 
 
-def refuse_heard(session: SessionNodes, plan: NetworkPlan, heard: HeardIds, placed: Placed) -> None:
-    """Raises RuleError if a TPDO of *plan* would get a CAN-ID *heard* from an unknown sender, unless forced.
+def refuse_heard(session: SessionNodes, plan: NetworkPlan, received: ReceivedIds, placed: Placed) -> None:
+    """Raises RuleError if a TPDO of *plan* would get a CAN-ID *received* from an unknown sender, unless forced.
 
     *placed* gives a finding its place in the file.
     """
     refused: list[RuleError] = []
-    for node in plan.nodes if heard.bus is not None and not session.options.force else ():
+    for node in plan.nodes if received.bus is not None and not session.options.force else ():
         changes = [change for change in node.plan.changes if isinstance(change, PdoChange)]
         held = {pdo: (want, want) for pdo, want in node.wanted.items()}  # unless the plan changes it
         pdos = held | {change.pdo: (change.before, change.after) for change in changes}
-        findings = heard_producer_findings(session.node(node.node_id), pdos, heard)
+        findings = seen_producer_findings(session.node(node.node_id), pdos, received)
         if found := [placed(node.node_id, finding) for finding in findings]:
             refused.append(RuleError(f"node {node.node_id}: {found[0].text}", found, node=node.node_id))
     if refused:
         raise together(refused)
 
 
-def checked_network(session: Session, plan: NetworkPlan, heard: HeardIds, *, of_device: bool) -> NetworkPlan:
+def checked_network(session: Session, plan: NetworkPlan, received: ReceivedIds, *, of_device: bool) -> NetworkPlan:
     """Judge *plan* of a file without a network, a saved plan or a plan *of_device*, by the rules of networks.
 
-    Raises RuleError for their errors, or if a TPDO gets a CAN-ID *heard* from an unknown sender, unless forced.
+    Raises RuleError for their errors, or if a TPDO gets a CAN-ID *received* from an unknown sender, unless forced.
     """
     config = NetworkConfig(tuple(NodeConfig(node.name, node.node_id) for node in plan.nodes))
     plan = judge_network(session, plan, config, FileLog(plan.file, ""), of_device=of_device)
     if (refused := refusals(plan.nodes)) and not session.options.force:
         raise together(refused)
-    refuse_heard(session, plan, heard, in_objects(plan.nodes))
+    refuse_heard(session, plan, received, in_objects(plan.nodes))
     return plan
 
 

@@ -86,7 +86,7 @@ NAMES: dict[str, tuple[str, ...]] = {
         "ProfileShown",
     ),
     "loads": ("Measured", "FrameLoad", "NetworkLoad", "need_document"),
-    "lss_nodes": ("LssNode", "LssFound", "LssGiven", "LssChanged", "LssBitRate", "HeardAt", "BitRateFound"),
+    "lss_nodes": ("LssNode", "LssFound", "LssGiven", "LssChanged", "LssBitRate", "ReceivedAt", "BitRateFound"),
     "networks": ("NetworkPlanned", "network_findings", "action", "differing", "NetworkApplied"),
     "nodes": (
         "NodeRow",

@@ -123,9 +123,9 @@ class NetworkLoad(Answer):
         for need in self.need.needs:
             needs.setdefault((need.stream.frame.can_id, need.stream.frame.extended), []).append(need)
         heard = self.measured.count.by_id if self.measured is not None else {}
-        only_heard = [identifier for identifier in heard if identifier not in needs]
+        only_received = [identifier for identifier in heard if identifier not in needs]
         order = sorted(
-            [*needs, *only_heard],
+            [*needs, *only_received],
             key=lambda frame_address: (
                 frame_address[0] >> 18 if frame_address[1] else frame_address[0],
                 frame_address[1],

@@ -13,7 +13,7 @@ from dvtcli.operations.results.documents import Answer, Document, Short
 
 
 @dataclass(frozen=True, slots=True)
-class HeardAt(Short):
+class ReceivedAt(Short):
     """How many *frames* and *error_frames* came while a bus was listened to at *bit_rate* (bit/s)."""
 
     bit_rate: int
@@ -33,11 +33,11 @@ class BitRateFound(Answer):
     was found. *listen_only*: nothing was sent.
     """
 
-    renderer: ClassVar = "lss_lines:heard_rate_lines"
+    renderer: ClassVar = "lss_lines:measured_rate_lines"
 
     bus: str
     bit_rate: int | None
-    heard: tuple[HeardAt, ...]
+    heard: tuple[ReceivedAt, ...]
     seconds: float
     listen_only: bool = True
     complete: bool = True
@@ -48,7 +48,7 @@ class BitRateFound(Answer):
     @property
     def silent(self) -> bool:
         """Tell whether the bus was silent: neither frames nor errors."""
-        return not any(heard_at.frames or heard_at.error_frames for heard_at in self.heard)
+        return not any(received_at.frames or received_at.error_frames for received_at in self.heard)
 
     @property
     def exit_code(self) -> int:
@@ -67,7 +67,7 @@ class BitRateFound(Answer):
             "bus": self.bus,
             "bit_rate": self.bit_rate,
             "silent": self.silent,
-            "heard": [heard_at.document() for heard_at in self.heard],
+            "heard": [received_at.document() for received_at in self.heard],
             "seconds": self.seconds,
             "listen_only": self.listen_only,
             "complete": self.complete,

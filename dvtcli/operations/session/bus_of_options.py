@@ -102,7 +102,7 @@ def listening_bus(options: Options, bit_rate: int, *, listen_only: bool) -> Cano
 
 
 B = TypeVar("B")
-Tell = Callable[["BusEvent"], None]
+OnBusEvent = Callable[["BusEvent"], None]
 
 
 def gone(name: str, failed: BusUnavailable) -> BusEvent:
@@ -113,7 +113,7 @@ def gone(name: str, failed: BusUnavailable) -> BusEvent:
     return BusEvent(name, time(), f"{reason}; {failed.hint}" if failed.hint else reason)
 
 
-def first_bus(opened: Callable[[], B], options: Options, reporter: Tell) -> B:
+def first_bus(opened: Callable[[], B], options: Options, on_bus_event: OnBusEvent) -> B:
     """Call *opened*(); with the option `reconnect`, wait for a missing bus until Ctrl-C."""
     try:
         return opened()
@@ -121,21 +121,21 @@ def first_bus(opened: Callable[[], B], options: Options, reporter: Tell) -> B:
         if not (options.reconnect and failed.may_come) or options.no_reconnect:
             raise
         name = failed.text.removeprefix("cannot open ")
-        bus = waited_for(opened, name, failed, lambda: False, reporter)
+        bus = waited_for(opened, name, failed, lambda: False, on_bus_event)
     assert bus is not None  # noqa: S101 - nothing stops it but an exception
     return bus
 
 
 def waited_for(
-    opened: Callable[[], B], name: str, failed: BusUnavailable, stopping: Callable[[], bool], reporter: Tell
+    opened: Callable[[], B], name: str, failed: BusUnavailable, stopping: Callable[[], bool], on_bus_event: OnBusEvent
 ) -> B | None:
     """Call *opened*() until it succeeds after the bus *name* has *failed*; None as soon as *stopping*()."""
     from dvtcli.bus.waiting import wait_for_bus
     from dvtcli.operations.results.bus_events import BusEvent
 
     began_s = monotonic()
-    reporter(gone(name, failed))
+    on_bus_event(gone(name, failed))
     bus = wait_for_bus(opened, stopping)
     if bus is not None:
-        reporter(BusEvent(name, time(), after_s=monotonic() - began_s))
+        on_bus_event(BusEvent(name, time(), after_s=monotonic() - began_s))
     return bus

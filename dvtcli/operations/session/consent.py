@@ -176,7 +176,7 @@ def _may_move(session: SessionNodes, node_ids: Collection[int]) -> dict[int, str
     return {node_id: why for node_id, why in said.items() if why}
 
 
-def consent_to_reset_unheard(session: SessionNodes) -> None:
+def consent_to_reset_silent(session: SessionNodes) -> None:
     """Ask before a reset of all nodes if none is known: whether a drive moves is unknown."""
     if not session.bus.simulated:
         session.consent("no node is seen, a drive whose operation is enabled may be there all the same; reset all?")

@@ -233,9 +233,9 @@ class Network:
         """
         for node_id, before in tuple(self.left.items()):
             if before.wanted or before.wanted_values or before.unreadable_values or before.unstored or before.history:
-                heard = self.bus.boot_ups(node_id), self.bus.nmt_state(node_id)
-                if self.asked_again.get(node_id) != heard:
-                    self.asked_again[node_id] = heard
+                received = self.bus.boot_ups(node_id), self.bus.nmt_state(node_id)
+                if self.asked_again.get(node_id) != received:
+                    self.asked_again[node_id] = received
                     with suppress(NoAnswer, SdoProtocolError, SafetyRefusal):
                         self.node(node_id)
 

@@ -30,7 +30,7 @@ from dvtcli.operations.user.options import Options, node_id
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import CanopenBus
-    from dvtcli.operations.session.bus_of_options import Tell
+    from dvtcli.operations.session.bus_of_options import OnBusEvent
     from dvtcli.simulator.device.simulated_faults import Fault
     from dvtcli.simulator.device.strict_device import StrictDevice
     from dvtcli.simulator.network.hub import Hub
@@ -86,7 +86,7 @@ def latency_of(text: str) -> tuple[int | None, float]:
 
 
 def is_loopback(host: str) -> bool:
-    """Tell whether only programs on this machine reach *host*."""
+    """OnBusEvent whether only programs on this machine reach *host*."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -95,12 +95,12 @@ def is_loopback(host: str) -> bool:
 
 @contextmanager
 def serving(
-    options: Options, wanted: ServeRequest, warn: Callable[[str], None], reporter: Tell = lambda _event: None
+    options: Options, wanted: ServeRequest, warn: Callable[[str], None], on_bus_event: OnBusEvent = lambda _event: None
 ) -> Iterator[Serving]:
     """Open everything for *wanted*, and close it at the end; *warn* takes warnings.
 
-    With the option `reconnect` a lost bus is waited for, and *reporter* gets the events. Raises BusUnavailable if an
-    address or a bus cannot be opened, UsageError and InputFileError for wrong words and files.
+    With the option `reconnect` a lost bus is waited for, and *on_bus_event* gets the events. Raises BusUnavailable if
+    an address or a bus cannot be opened, UsageError and InputFileError for wrong words and files.
     """
     from dvtcli.simulator.network.shared_bus import Server
     from dvtcli.simulator.network.station import stations
@@ -121,7 +121,7 @@ def serving(
     with ExitStack() as stack:
         hub = _hub(wanted.address, warn)
         stack.callback(hub.close)
-        joined = _joined(options, hub, reporter) if wanted.join else None
+        joined = _joined(options, hub, on_bus_event) if wanted.join else None
         if joined is not None:
             stack.callback(joined.close)
         server = Server(
@@ -191,7 +191,7 @@ def _hub(where: tuple[str, int] | None, warn: Callable[[str], None]) -> Hub:
     return hub
 
 
-def _joined(options: Options, hub: Hub, reporter: Tell) -> JoinedBus:
+def _joined(options: Options, hub: Hub, on_bus_event: OnBusEvent) -> JoinedBus:
     from dvtcli.operations.session.bus_of_options import first_bus, waited_for
     from dvtcli.simulator.network.shared_bus import JoinedBus
 
@@ -200,11 +200,11 @@ def _joined(options: Options, hub: Hub, reporter: Tell) -> JoinedBus:
 
         return open_bus(options.interface, options.channel, options.bitrate, options.adapter_settings)
 
-    bus = first_bus(opened, options, reporter)
+    bus = first_bus(opened, options, on_bus_event)
     if not options.reconnect or options.no_reconnect:
         return JoinedBus(bus, hub.wake)
     return JoinedBus(
-        bus, hub.wake, lambda gone, failed, stopping: waited_for(opened, gone.name, failed, stopping, reporter)
+        bus, hub.wake, lambda gone, failed, stopping: waited_for(opened, gone.name, failed, stopping, on_bus_event)
     )
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.errors import BusUnavailable
 from dvtcli.operations.results.bus_events import BusEvent
-from dvtcli.operations.session.bus_of_options import Tell, gone
+from dvtcli.operations.session.bus_of_options import OnBusEvent, gone
 from dvtcli.watch.listener import Listener
 
 if TYPE_CHECKING:
@@ -115,7 +115,9 @@ class SteadyListener:
             raise left_alone(self._bus.name, slept_s)
         return self._listener.take(wait_s)
 
-    def come_back(self, failed: BusUnavailable, stopping: Callable[[], bool], reporter: Tell | None = None) -> bool:
+    def come_back(
+        self, failed: BusUnavailable, stopping: Callable[[], bool], on_bus_event: OnBusEvent | None = None
+    ) -> bool:
         """Wait for the bus, which *failed*, and record again; False as soon as *stopping*().
 
         Raises *failed* if waiting is not allowed. Frames not taken yet are lost.
@@ -126,7 +128,7 @@ class SteadyListener:
         self.is_gone = True
         gone_s = monotonic()
         try:
-            if not come_back(self._session, self._bus, failed, stopping, reporter):
+            if not come_back(self._session, self._bus, failed, stopping, on_bus_event):
                 return False
         finally:
             self.gaps_s.append(monotonic() - gone_s)
@@ -156,18 +158,18 @@ def come_back(
     bus: CanopenBus,
     failed: BusUnavailable,
     stopping: Callable[[], bool],
-    reporter: Tell | None = None,
+    on_bus_event: OnBusEvent | None = None,
     between: Callable[[], AbstractContextManager[object]] = nullcontext,
 ) -> bool:
     """Wait until *bus*, which *failed*, can be reopened for the session; False as soon as *stopping*().
 
-    *reporter* gets loss and return. The session changes inside *between*() only, while nobody uses its nodes. Returns
-    at once if somebody else reopened it.
+    *on_bus_event* gets loss and return. The session changes inside *between*() only, while nobody uses its nodes.
+    Returns at once if somebody else reopened it.
     """
-    reporter = reporter or session.reporter.bus
+    on_bus_event = on_bus_event or session.reporter.bus
     began_s = monotonic()
     event = gone(bus.name, failed)
-    reporter(event)
+    on_bus_event(event)
     with between():
         if session.wire is not bus:
             return True
@@ -182,5 +184,5 @@ def come_back(
             opened.close()
             return not stopping()
         session.take_bus(opened)
-    reporter(BusEvent(opened.name, time.time(), after_s=monotonic() - began_s))
+    on_bus_event(BusEvent(opened.name, time.time(), after_s=monotonic() - began_s))
     return True

@@ -92,7 +92,7 @@ class HeartbeatConsumer:
         self.changes += 1
         entries = [] if self._memory.backing is not None else list(self._entries().values())
         self._times_s = {raw >> 16: (raw & 0xFFFF) / 1000 for raw in entries if raw & 0xFFFF and 1 <= raw >> 16 <= 127}
-        self._heard: set[int] = set()
+        self._received: set[int] = set()
         self._until_s: dict[int, float] = {}
         self.due_s = _NEVER
 
@@ -114,15 +114,15 @@ class HeartbeatConsumer:
     def hear(self, frame: Frame) -> list[Frame]:
         """Receive a heartbeat; the EMCY frames: none, or the end of an error."""
         producer = frame.can_id - HEARTBEAT
-        self._heard.add(producer)
+        self._received.add(producer)
         self._memory.touch()
         return self._errors.clear((CONSUMER_TIMES, producer))
 
     def poll(self, now_s: float) -> list[Frame] | None:
         """The EMCY frames for producers lost by *now_s* (s), None without a loss."""
-        for producer in self._heard:
+        for producer in self._received:
             self._until_s[producer] = now_s + self._times_s[producer]
-        self._heard.clear()
+        self._received.clear()
         lost = [producer for producer, until_s in self._until_s.items() if until_s <= now_s]
         frames: list[Frame] = []
         for producer in lost:

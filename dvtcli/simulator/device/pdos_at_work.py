@@ -158,7 +158,7 @@ class _Rpdo:
     waiting: bytes | None = None
     syncs: int = 0
     #: whether a frame came since the last poll, and when the next one must have come (s)
-    heard: bool = False
+    received: bool = False
     due_s: float = NEVER
     bytes_wanted: int = field(init=False)
 
@@ -240,7 +240,7 @@ class PdoExchange:
             if tpdo.event_driven:
                 frames += self._poll_tpdo(pdo, tpdo, now_s)
         for pdo, rpdo in self._rpdos.items():
-            if rpdo.heard or rpdo.due_s < NEVER:
+            if rpdo.received or rpdo.due_s < NEVER:
                 frames += self._poll_rpdo(pdo, rpdo, now_s)
         return frames
 
@@ -258,8 +258,8 @@ class PdoExchange:
     def _poll_rpdo(self, pdo: Pdo, rpdo: _Rpdo, now_s: float) -> list[Frame]:
         """The EMCY after an RPDO's event timer, which restarts with each frame and expires once."""
         frames: list[Frame] = []
-        if rpdo.heard:
-            rpdo.heard = False
+        if rpdo.received:
+            rpdo.received = False
             event = self._memory.number(pdo.communication_index, _EVENT_TIMER)
             rpdo.due_s = now_s + event / 1000 if event else NEVER
         elif now_s >= rpdo.due_s:
@@ -304,7 +304,7 @@ class PdoExchange:
         self._tpdos[pdo] = Tpdo(cob_id.can_id, cob_id.extended, cob_id.rtr_allowed, kind, start, entries)
 
     def _receive(self, pdo: Pdo, rpdo: _Rpdo, data: bytes) -> list[Frame]:
-        rpdo.heard = True
+        rpdo.received = True
         self._memory.touch()
         if len(data) < rpdo.bytes_wanted:
             return self._errors.set(pdo, SHORT_PDO)

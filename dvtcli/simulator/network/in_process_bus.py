@@ -60,7 +60,7 @@ class NodesOnABus:
         known_rates = () if bit_rate is None else None
         self.nodes = stations(devices, faults, signals, bit_rate=bit_rate, known_rates=known_rates)
         #: the bit rate of real participants (bit/s), and whether they only listen
-        self.bit_rate, self.only_heard = bit_rate, False
+        self.bit_rate, self.only_received = bit_rate, False
         self._roster = Roster(self.nodes)
         self._say = say
         self._destroyed = destroyed
@@ -123,10 +123,10 @@ class NodesOnABus:
         for _ in range(_AT_ONCE):
             if not self._said:
                 return
-            heard, sender, bit_rate = self._said.popleft()
-            for node in self._roster.listeners(heard):
+            received, sender, bit_rate = self._said.popleft()
+            for node in self._roster.listeners(received):
                 if node is not sender and node.bit_rate == bit_rate:
-                    self._send(node, node.handle(heard, self._now_s))
+                    self._send(node, node.handle(received, self._now_s))
                     self._roster.looked_at(node)
         self._rests_until_s = self._now_s + _REST_S
 
@@ -142,7 +142,7 @@ class NodesOnABus:
         """Deliver *frame* to the nodes at *bit_rate*; at another bit rate we destroy it, unless we only listen."""
         if bit_rate != self.bit_rate or self._roster.are_others_than(bit_rate):
             self._destroyed()
-        if bit_rate == self.bit_rate or self.only_heard:
+        if bit_rate == self.bit_rate or self.only_received:
             self._said.append((frame, sender, bit_rate))
 
 
@@ -194,7 +194,7 @@ class InProcessBus(FrameBus[Frame]):
         """Run at *bit_rate* (bit/s) from now on; with *listen_only* only receive, without disturbing others."""
         with self._lock:
             self._nodes.pass_time(monotonic())
-            self._nodes.bit_rate, self._nodes.only_heard = bit_rate, listen_only
+            self._nodes.bit_rate, self._nodes.only_received = bit_rate, listen_only
 
     def error_frame_count(self) -> int:
         """The number of frames destroyed so far by different bit rates on the bus."""
@@ -243,7 +243,7 @@ class InProcessBus(FrameBus[Frame]):
         if self._closed:
             raise bus_closed()
         self._check_if_alive("send")
-        if self._nodes.only_heard:
+        if self._nodes.only_received:
             raise BusUnavailable("nothing is sent while it is only listened")
         frame = Frame(can_id, data, extended, remote, dlc=dlc)
         self._traffic.sent(frame)

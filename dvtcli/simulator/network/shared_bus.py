@@ -36,7 +36,7 @@ class JoinedBus:
         self._arrived: SimpleQueue[Frame] = SimpleQueue()
         self._failure: BusUnavailable | None = None
         self._leaving = False
-        self._untap = bus.tap(self._heard)
+        self._untap = bus.tap(self._received)
         self._thread = threading.Thread(target=self._listen, name=f"listens to {bus.name}", daemon=True)
         self._thread.start()
 
@@ -53,7 +53,7 @@ class JoinedBus:
             if self._come_back is None:
                 raise
 
-    def heard(self) -> list[Frame]:
+    def received(self) -> list[Frame]:
         """The frames received since the last call. Raises BusUnavailable if the bus failed."""
         if self._failure is not None:
             raise self._failure
@@ -71,7 +71,7 @@ class JoinedBus:
         self._bus.close()
         self._thread.join()
 
-    def _heard(self, frame: Frame, sent: bool) -> None:
+    def _received(self, frame: Frame, sent: bool) -> None:
         if not sent:
             self._arrived.put(frame)
             self._wake()
@@ -95,7 +95,7 @@ class JoinedBus:
         if bus is None:
             return False
         self._bus = bus
-        self._untap = bus.tap(self._heard)
+        self._untap = bus.tap(self._received)
         return True
 
 
@@ -116,7 +116,7 @@ class Member(Protocol):
         """Send *frame* on the bus."""
         ...
 
-    def heard(self) -> list[Frame]:
+    def received(self) -> list[Frame]:
         """The frames received since the last call."""
         ...
 
@@ -191,7 +191,7 @@ class Server:
         """Carry out everything due."""
         now_s = monotonic()
         for member in self._members:
-            for frame in member.heard():
+            for frame in member.received():
                 self._wire.offer(member, frame, now_s)
         for node in self._roster.due(now_s):
             self._poll(node, now_s)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from dvtcli.bus.turns import one_by_one
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtCommand, NmtState
-from dvtcli.domain.ports import BootUp, CanopenBus, Emergency, Frame, HeardEmergency, NodeEvent
+from dvtcli.domain.ports import BootUp, CanopenBus, Emergency, Frame, NodeEvent, ReceivedEmergency
 from dvtcli.errors import NoAnswer, SdoAborted, UsageError
 from dvtcli.simulator.device.memory import Refusal
 
@@ -149,18 +149,18 @@ class TwinBus:
             return True
         return self._wrapped.wait_boot_up(node_id, seen - self._twin_boot_ups(node_id), timeout_s)
 
-    def heard_nodes(self) -> dict[int, NmtState]:
+    def nodes_seen(self) -> dict[int, NmtState]:
         """The states received from nodes, and the states of commanded twins."""
         commanded = {node_id: twin.state for node_id in list(self._twins) if (twin := self._commanded(node_id))}
-        return self._wrapped.heard_nodes() | commanded
+        return self._wrapped.nodes_seen() | commanded
 
     def emergency(self, node_id: int) -> Emergency | None:
         """The last emergency message of the node; a twin's are only frames."""
         return self._wrapped.emergency(node_id)
 
-    def heard_emergencies(self, node_id: int) -> tuple[HeardEmergency, ...]:
+    def received_emergencies(self, node_id: int) -> tuple[ReceivedEmergency, ...]:
         """Every error code sent by the node; a twin's are only frames."""
-        return self._wrapped.heard_emergencies(node_id)
+        return self._wrapped.received_emergencies(node_id)
 
     def on_event(self, callback: Callable[[NodeEvent], None]) -> Callable[[], None]:
         """Call *callback* for events of the nodes and boot-ups of twins; returns a function to end this."""

@@ -9,7 +9,7 @@ from dvtcli.domain.lint.lint_rule import ERROR, WARNING, LintRule
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.text import plural
 from dvtcli.watch.decoder import Address, Layout
-from dvtcli.watch.heard_objects import is_boot_up
+from dvtcli.watch.received_objects import is_boot_up
 from dvtcli.watch.recording.frame_problems import (
     FRAME_RULES,
     RPDO_RULES,

@@ -14,9 +14,9 @@ NODES = ("gen4@1", "generic@5")
 def test_the_drive_hears_what_the_io_node_sends(dvtcli_simulate: Callable[..., dvtcli.Bus]) -> None:
     bus = dvtcli_simulate(*NODES)
     bus.apply(NETWORK, yes=True)
-    sent, heard = bus.node(5).pdo("tpdo1").config, bus.node(1).pdo("rpdo1").config
-    assert sent.communication.cob_id.can_id == heard.communication.cob_id.can_id
-    assert sent.bits == heard.bits
+    sent, received = bus.node(5).pdo("tpdo1").config, bus.node(1).pdo("rpdo1").config
+    assert sent.communication.cob_id.can_id == received.communication.cob_id.can_id
+    assert sent.bits == received.bits
     assert not bus.plan(NETWORK).document()["changed"]
 
 

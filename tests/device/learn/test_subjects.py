@@ -33,11 +33,11 @@ def device_of(*tpdos: tuple[int, int], values: Values | None = None) -> Table:
 def asked(
     table: Table,
     described: ObjectDictionary | None = None,
-    heard: Iterable[int] = (),
+    received: Iterable[int] = (),
     neighbours: tuple[Node, ...] = (),
 ) -> list[ProbedPdo]:
     node = Node(DirectBus(booted(), table), NODE, described, neighbours=lambda: neighbours)
-    return subjects(node, node.pdos(), frozenset(heard))
+    return subjects(node, node.pdos(), frozenset(received))
 
 
 def described(*entries: OdEntry) -> ObjectDictionary:

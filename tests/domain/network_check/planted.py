@@ -13,9 +13,9 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import BY_SHORT_NAME, U8, U16, U32
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.network.check.checked_network import CheckedNetwork
-from dvtcli.domain.network.heard_traffic import HeardTraffic
 from dvtcli.domain.network.network_config import MasterRole
 from dvtcli.domain.network.network_state import NetworkState, NodeState
+from dvtcli.domain.network.received_traffic import ReceivedTraffic
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.object_dictionary import Access, DeviceInfo, ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.domain.pdo import Direction, Pdo, PdoCommunicationParameter, PdoConfig
@@ -180,17 +180,17 @@ _SOUND_FRAMES = (
 )
 
 
-def hears(*more: Frame, without: int | None = None, error_frames: int = 0) -> Callable[[], HeardTraffic]:
+def hears(*more: Frame, without: int | None = None, error_frames: int = 0) -> Callable[[], ReceivedTraffic]:
     """What the sound network sends and *more*, *without* a CAN-ID."""
 
-    def heard() -> HeardTraffic:
-        traffic = HeardTraffic(HEARD_S, error_frames)
+    def received() -> ReceivedTraffic:
+        traffic = ReceivedTraffic(HEARD_S, error_frames)
         frames = [frame for frame in _SOUND_FRAMES if frame.can_id != without]
         for frame in sorted([*frames, *more], key=lambda one: one.timestamp_s):
             traffic.add(frame)
         return traffic
 
-    return heard
+    return received
 
 
 def concise(*entries: tuple[int, int, int, int]) -> bytes:
@@ -201,18 +201,18 @@ def concise(*entries: tuple[int, int, int, int]) -> bytes:
 
 
 class Planted(NamedTuple):
-    """A fault, and the rule that finds it: in what nodes hold, in what is *heard*, or in who is *present*."""
+    """A fault, and the rule that finds it: in what nodes hold, in what is *received*, or in who is *present*."""
 
     rule: str
     change: Change = same
-    heard: Callable[[], HeardTraffic] | None = None
+    received: Callable[[], ReceivedTraffic] | None = None
     present: frozenset[int] | None = None
     bit_rate: int | None = BIT_RATE
 
     @property
     def network(self) -> CheckedNetwork:
         """The network with the fault."""
-        traffic = None if self.heard is None else self.heard()
+        traffic = None if self.received is None else self.received()
         return CheckedNetwork(self.change(SOUND), self.bit_rate, traffic, self.present)
 
 
@@ -373,29 +373,29 @@ PLANTED = (
     Planted("dummy-length", has(5, R2, pdo(0x333, entry(5, 16)))),
     Planted("double-target", has(5, R2, pdo(0x333, entry(0x6042), entry(0x6042)))),
     Planted("can-id-length", has(5, T2, pdo(0x1333, _STATUS, inhibit=1000))),
-    Planted("sync-not-heard", heard=hears(without=0x080)),
-    Planted("sync-heard-twice", heard=hears(*_each(0.01, 0x080, b"", 0.004))),
+    Planted("sync-not-heard", received=hears(without=0x080)),
+    Planted("sync-heard-twice", received=hears(*_each(0.01, 0x080, b"", 0.004))),
     Planted("sync-heard-twice", holds(10, x1006=0), hears(*_each(0.02, 0x080, b"\7", 0.004))),
     Planted("sync-heard-twice", holds(10, x1006=0), hears(
         *(Frame(0x080, bytes([1 + n // 2]), timestamp_s=1 + n / 100) for n in range(20)), without=0x080)),
     Planted("sync-uneven", holds(10, x1006=0), hears(*_each(0.01, 0x080, b"", 0.004))),
-    Planted("comes-too-often", heard=hears(*_each(0.005, 0x185, bytes(3), 0.003))),
-    Planted("other-length", heard=hears(*_each(0.5, 0x185, bytes(8), 0.01), without=0x185)),
-    Planted("other-length", heard=hears(Frame(0x185, bytes(2), timestamp_s=1.5))),
-    Planted("not-heard", heard=hears(without=0x185)),
-    Planted("from-nobody", heard=hears(Frame(0x2A0, bytes(8), timestamp_s=2))),
-    Planted("from-nobody", heard=hears(Frame(0x1_0000, bytes(8), extended=True, timestamp_s=2))),
-    Planted("other-master", heard=hears(Frame(0x000, b"\1\0", timestamp_s=2))),
-    Planted("other-master", heard=hears(Frame(0x605, bytes(8), timestamp_s=2))),
-    Planted("other-master", heard=hears(Frame(0x622, bytes(8), timestamp_s=2))),
-    Planted("other-master", heard=hears(Frame(0x7E5, bytes(8), timestamp_s=2))),
-    Planted("node-id-twice", heard=hears(*_each(0.5, 0x705, _RUNS, 0.2))),
-    Planted("node-id-twice", heard=hears(*_each(1.5, 0x705, b"\x7F", 0.2))),
-    Planted("heartbeat-not-heard", heard=hears(without=0x705)),
-    Planted("heard-not-read", heard=hears(*_each(1, 0x709, _RUNS))),
-    Planted("restarts", heard=hears(Frame(0x705, b"\0", timestamp_s=2))),
-    Planted("emergency", heard=hears(Frame(0x085, b"\x10\x32\1\0\0\0\0\0", timestamp_s=2))),
-    Planted("error-frames", heard=hears(error_frames=3)),
+    Planted("comes-too-often", received=hears(*_each(0.005, 0x185, bytes(3), 0.003))),
+    Planted("other-length", received=hears(*_each(0.5, 0x185, bytes(8), 0.01), without=0x185)),
+    Planted("other-length", received=hears(Frame(0x185, bytes(2), timestamp_s=1.5))),
+    Planted("not-heard", received=hears(without=0x185)),
+    Planted("from-nobody", received=hears(Frame(0x2A0, bytes(8), timestamp_s=2))),
+    Planted("from-nobody", received=hears(Frame(0x1_0000, bytes(8), extended=True, timestamp_s=2))),
+    Planted("other-master", received=hears(Frame(0x000, b"\1\0", timestamp_s=2))),
+    Planted("other-master", received=hears(Frame(0x605, bytes(8), timestamp_s=2))),
+    Planted("other-master", received=hears(Frame(0x622, bytes(8), timestamp_s=2))),
+    Planted("other-master", received=hears(Frame(0x7E5, bytes(8), timestamp_s=2))),
+    Planted("node-id-twice", received=hears(*_each(0.5, 0x705, _RUNS, 0.2))),
+    Planted("node-id-twice", received=hears(*_each(1.5, 0x705, b"\x7F", 0.2))),
+    Planted("heartbeat-not-heard", received=hears(without=0x705)),
+    Planted("heard-not-read", received=hears(*_each(1, 0x709, _RUNS))),
+    Planted("restarts", received=hears(Frame(0x705, b"\0", timestamp_s=2))),
+    Planted("emergency", received=hears(Frame(0x085, b"\x10\x32\1\0\0\0\0\0", timestamp_s=2))),
+    Planted("error-frames", received=hears(error_frames=3)),
     Planted("not-on-the-bus", present=frozenset({1, 10})),
     Planted("not-in-the-file", present=frozenset({1, 5, 10, 11})),
 )  # fmt: skip

@@ -111,6 +111,6 @@ def test_rules_say_who_says_so() -> None:
     ],
 )
 def test_a_can_id_of_29_bits_has_eight_digits(rule: str, change: Any, wanted: str) -> None:
-    planted = Planted(rule, heard=change) if rule == "from-nobody" else Planted(rule, change)
+    planted = Planted(rule, received=change) if rule == "from-nobody" else Planted(rule, change)
     texts = [text for _, _, text in network_findings(planted.network, {rule})]
     assert any(wanted in text for text in texts), texts

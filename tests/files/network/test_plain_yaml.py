@@ -28,10 +28,10 @@ PIECES = (
 
 
 def general(text: str) -> tuple[Tree | None, list[str]]:
-    return _heard(text, _general_tree)
+    return _received(text, _general_tree)
 
 
-def _heard(text: str, read: object) -> tuple[Tree | None, list[str]]:
+def _received(text: str, read: object) -> tuple[Tree | None, list[str]]:
     log = FileLog("x.yaml", text)
     tree = read(text, log)  # type: ignore[operator]
     try:
@@ -47,7 +47,7 @@ def agree(text: str) -> bool:
         PlainYaml(text).tree()
     except OtherYamlError:
         return False
-    assert _heard(text, read_tree) == general(text), text
+    assert _received(text, read_tree) == general(text), text
     return True
 
 
@@ -123,16 +123,16 @@ def test_network_files_of_the_documentation_are_plain() -> None:
 )  # fmt: skip
 def test_a_tab_in_front_of_a_comment_or_the_end_of_a_line_is_white_space(text: str) -> None:
     """YAML 1.2, 6.6: a comment is behind white space, of which a tab is a part."""
-    tree, complaints = _heard(text, read_tree)
+    tree, complaints = _received(text, read_tree)
     assert tree is not None
     assert not complaints
     assert tree == general(text.replace("\t", " "))[0]
 
 
 def test_a_tab_in_quotes_is_a_letter_and_one_that_indents_is_refused() -> None:
-    tree, complaints = _heard('a: "x\t# y"\t# c\n', read_tree)
+    tree, complaints = _received('a: "x\t# y"\t# c\n', read_tree)
     assert isinstance(tree, Branch)
     assert isinstance(value := tree.items["a"][1], Leaf)
     assert (value.text, complaints) == ("x\t# y", [])
     for text in ("a:\n\tb: 1\n", "\ta: 1\n", "a: 1\n\tb: 2\n"):
-        assert "no YAML" in _heard(text, read_tree)[1][0], text
+        assert "no YAML" in _received(text, read_tree)[1][0], text

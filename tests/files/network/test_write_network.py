@@ -86,8 +86,8 @@ def networks(draw: DrawFn) -> NetworkConfig:
     ids = sorted(draw(st.sets(st.integers(1, 120), min_size=1, max_size=3)))
     names = draw(st.lists(NAMES, min_size=len(ids), max_size=len(ids), unique=True))
     nodes = tuple(draw(node_wishes(*pair)) for pair in zip(ids, names, strict=True))
-    heard = sorted(draw(st.sets(st.tuples(st.sampled_from(ids), st.integers(1, 512)), max_size=2)))
-    consumers = tuple(Endpoint(node_id, Pdo(Direction.RPDO, number)) for node_id, number in heard)
+    received = sorted(draw(st.sets(st.tuples(st.sampled_from(ids), st.integers(1, 512)), max_size=2)))
+    consumers = tuple(Endpoint(node_id, Pdo(Direction.RPDO, number)) for node_id, number in received)
     producer = Endpoint(draw(st.sampled_from(ids)), Pdo(Direction.TPDO, draw(st.integers(1, 512))))
     heartbeat = draw(st.none() | st.just(False) | st.integers(1, 0xFFFF))
     master = draw(

@@ -28,18 +28,18 @@ def test_it_reads_writes_and_names_as_canopen_does() -> None:
 
 
 def test_it_hears_frames_heartbeats_and_syncs() -> None:
-    heard: Queue[int] = Queue()
+    received: Queue[int] = Queue()
     with dvtcli.simulate("gen4") as bus:
         node = bus.node()
         node.map("tpdo1", "6041", sync=1)
         node.write(0x1017, 10)
         remote = node.canopen()
         remote.tpdo.read()
-        remote.tpdo[1].add_callback(lambda frame: heard.put(frame[0].raw))
+        remote.tpdo[1].add_callback(lambda frame: received.put(frame[0].raw))
         remote.nmt.state = "OPERATIONAL"
         remote.nmt.wait_for_heartbeat(timeout=PATIENCE_S)
         remote.network.sync.start(0.01)
-        assert heard.get(timeout=PATIENCE_S) == node.read(0x6041).value
+        assert received.get(timeout=PATIENCE_S) == node.read(0x6041).value
         remote.network.sync.stop()
         assert remote.nmt.state == "OPERATIONAL"
 

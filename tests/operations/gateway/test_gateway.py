@@ -27,8 +27,8 @@ from tests.process import PATIENCE_S
 
 
 def test_it_reads_writes_and_commands() -> None:
-    heard = Heard()
-    with served("generic@4", reporter=heard) as (_, running), Client(running) as client:
+    received = Heard()
+    with served("generic@4", reporter=received) as (_, running), Client(running) as client:
         assert client.ask("info version").startswith("dvtcli ")
         assert client.ask("4 r 0x1017 0 u16") == "500"
         assert client.ask("r 0x1017 0 u16").startswith("ERROR:105 #")
@@ -44,8 +44,8 @@ def test_it_reads_writes_and_commands() -> None:
         assert client.ask("reset node") == "OK"
         client.wait("1 4 BOOT_UP")
         assert client.ask("r 0x1017 0 u16") == "1234"
-    assert any("connected" in one for one in heard.said)
-    assert "node 4: 0x1017:00 <- D2 04" in heard.said
+    assert any("connected" in one for one in received.said)
+    assert "node 4: 0x1017:00 <- D2 04" in received.said
 
 
 def test_errors_have_the_standards_numbers() -> None:
@@ -96,15 +96,15 @@ def test_a_command_to_a_node_that_tells_no_state_is_not_ok() -> None:
 
 def test_who_resets_a_node_that_is_not_there_waits_alone() -> None:
     """Others are answered meanwhile, but for the node itself; the client's next line has its turn after the answer."""
-    heard = Heard()
+    received = Heard()
     with (
-        served("generic@4", reporter=heard, in_virtual_time=True) as (_, running),
+        served("generic@4", reporter=received, in_virtual_time=True) as (_, running),
         Client(running) as first,
         Client(running) as second,
         Client(running) as third,
     ):
         first.say(b"[1] 7 reset node\r\n[2] 4 r 0x1017 0\r\n")
-        while "node 7: nmt reset-node" not in heard.said:
+        while "node 7: nmt reset-node" not in received.said:
             assert second.ask("4 r 0x1017 0") == "500"
         third.say(b"[1] 7 r 0x1017 0\r\n")
         assert second.ask("4 w 0x1017 0 u16 9") == "OK"
@@ -118,12 +118,12 @@ def test_who_resets_a_node_that_is_not_there_waits_alone() -> None:
 
 
 def test_a_reset_ends_though_its_client_has_gone() -> None:
-    heard = Heard()
-    with served("generic@4", reporter=heard) as (session, running), Client(running) as client:
+    received = Heard()
+    with served("generic@4", reporter=received) as (session, running), Client(running) as client:
         assert client.ask("4 w 0x1017 0 u16 9") == "OK"
         with Client(running) as hasty:
             hasty.say(b"4 reset node\r\n")
-            while "node 4: nmt reset-node" not in heard.said:
+            while "node 4: nmt reset-node" not in received.said:
                 assert client.ask("info version").startswith("dvtcli ")
         assert client.ask("4 r 0x1017 0") == "500", "it waited for the restart"
         assert "nmt reset-node" in [line for _, line in session.record.lines]
@@ -278,8 +278,8 @@ def test_what_comes_from_elsewhere_is_refused() -> None:
 
 
 def test_idle_hostile_and_leaving_clients_stop_nobody() -> None:
-    heard = Heard()
-    with served("generic@4", reporter=heard) as (_, running), Client(running) as client:
+    received = Heard()
+    with served("generic@4", reporter=received) as (_, running), Client(running) as client:
         with Client(running), Client(running) as half, Client(running) as long, Client(running) as gone:
             half.say(b"[1] 4 r 0x10")
             long.say(b"x" * (LONGEST_LINE + 70_000))
@@ -290,15 +290,15 @@ def test_idle_hostile_and_leaving_clients_stop_nobody() -> None:
             half.say(b"17 0 u16\r\n")
             assert half.reply() == "[1] 500"
         assert client.ask("4 r 0x1017 0 u16") == "500"
-    assert any("a line of more than" in one for one in heard.said)
+    assert any("a line of more than" in one for one in received.said)
 
 
 @pytest.mark.parametrize("method", ["POST", "GET", "OPTIONS"])
 def test_what_a_browser_posts_is_not_carried_out(method: str) -> None:
-    heard = Heard()
+    received = Heard()
     body = "[1] 4 w 0x1017 0 u16 777\n[2] 0 start\n"
     head = f"{method} / HTTP/1.1\r\nHost: localhost:60000\r\nContent-Type: text/plain\r\n\r\n"
-    with served("generic@4", reporter=heard) as (session, running), Client(running) as client:
+    with served("generic@4", reporter=received) as (session, running), Client(running) as client:
         with Client(running) as page, Client(running) as slow:
             page.say((head + body).encode())
             assert page.reply() == ""
@@ -309,7 +309,7 @@ def test_what_a_browser_posts_is_not_carried_out(method: str) -> None:
             assert slow.reply() == ""
         assert client.ask("4 r 0x1017 0 u16") == "500"
         assert not session.record.lines
-    assert sum("an HTTP request, as a web page sends it" in one for one in heard.said) == 2
+    assert sum("an HTTP request, as a web page sends it" in one for one in received.said) == 2
 
 
 @given(st.lists(st.binary(max_size=40) | st.text('[]0194 "#rwxsetnodelpu', max_size=40).map(str.encode), max_size=20))

@@ -38,7 +38,7 @@ def test_a_regular_heartbeat_is_never_lost(every_ms: int, count: int, has_stamps
     came = [number * every_ms / 1000 for number in range(1, count)]
     for now_s, frames in read(came, has_stamps=has_stamps):
         for frame in frames:
-            one.heard(*frame)
+            one.received(*frame)
         if now_s <= came[-1] + TURN_S:
             one.look(now_s)
     assert one.news == [STARTED]
@@ -52,7 +52,7 @@ def test_by_the_times_of_the_bus_each_gap_is_told_and_no_other(gaps_s: list[floa
         came.append(came[-1] + gap_s)
     for now_s, frames in read(came, has_stamps=True):
         for frame in frames:
-            one.heard(*frame)
+            one.received(*frame)
         one.look(now_s)
     expected = [STARTED]
     for before, after in pairwise(1000.0 + at for at in came):
@@ -64,7 +64,7 @@ def test_by_the_times_of_the_bus_each_gap_is_told_and_no_other(gaps_s: list[floa
 
 def test_what_comes_no_more_is_lost_a_moment_after_its_time() -> None:
     one = watch(0.01)
-    one.heard(50.0, 1.0)
+    one.received(50.0, 1.0)
     one.look(1.009 + LATE_S)
     assert one.news == [STARTED]
     one.look(1.011 + LATE_S)
@@ -77,6 +77,6 @@ def test_what_comes_no_more_is_lost_a_moment_after_its_time() -> None:
 def test_a_clock_that_is_none_tells_no_loss(stamp_s: float) -> None:
     one = watch(0.01)
     for number in range(5):
-        one.heard(stamp_s, 1.0 + number / 100)
-    one.heard(2.0, 1.06)
+        one.received(stamp_s, 1.0 + number / 100)
+    one.received(2.0, 1.06)
     assert one.news == [STARTED]

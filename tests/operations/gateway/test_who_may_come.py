@@ -108,23 +108,23 @@ def test_json_says_on_stderr_who_came_and_what_was_written(tmp_path: Path) -> No
 
 
 def test_a_passcode_is_not_told() -> None:
-    heard = Heard()
-    with served("gen4-locked@1", reporter=heard) as (_, running), Client(running) as client:
+    received = Heard()
+    with served("gen4-locked@1", reporter=received) as (_, running), Client(running) as client:
         assert client.ask("1 w 0x5000 2 u16 0x4444").startswith("ERROR:102 #0x5000:02 takes a passcode")
-    assert not any("44 44" in one or "4444" in one for one in heard.said)
+    assert not any("44 44" in one or "4444" in one for one in received.said)
 
 
 @LINUX
 @pytest.mark.skipif(bool(WHY_NOT), reason=WHY_NOT)
 @pytest.mark.parametrize("any_user", [False, True])
 def test_another_user_is_not_let_in(any_user: bool) -> None:
-    heard = Heard()
-    with served("generic@4", reporter=heard, any_user=any_user) as (_, running), Client(running) as own:
+    received = Heard()
+    with served("generic@4", reporter=received, any_user=any_user) as (_, running), Client(running) as own:
         asked = [*as_user(STRANGER), sys.executable, "-c", ASK, str(running.hub.port)]
         answer = subprocess.run(asked, capture_output=True, encoding="ascii", timeout=PATIENCE_S, check=True).stdout
         assert ("[1] 500" in answer) == any_user
         assert own.ask("4 r 0x1017 0 u16") == "500"
-    refused = [one for one in heard.said if one.startswith("refused client") and f"user {STRANGER}" in one]
+    refused = [one for one in received.said if one.startswith("refused client") and f"user {STRANGER}" in one]
     assert bool(refused) != any_user
 
 
@@ -132,15 +132,15 @@ def test_another_user_is_not_let_in(any_user: bool) -> None:
 @pytest.mark.parametrize("any_user", [False, True])
 def test_who_has_closed_already_is_nobody_known(any_user: bool) -> None:
     """Linux says user 0 of a connection that its program has closed, whose ever it was."""
-    heard = Heard()
+    received = Heard()
     with Session(Options(sim=("generic@4",))) as session:
-        session.reporter = heard
+        session.reporter = received
         with gateway(session, ("127.0.0.1", 0), any_user=any_user) as running:
             with socket.create_connection(("127.0.0.1", running.hub.port or 0)) as link:
                 link.sendall(b"[1] 4 w 0x1017 0 u16 7\n")
             running.hub.wait(1.0, lambda _client: True)
             assert running.hub.clients == any_user
-    refused = [said for said in heard.said if said.startswith("refused client")]
+    refused = [said for said in received.said if said.startswith("refused client")]
     assert len(refused) == (not any_user)
     assert all("its owner is not known, or it has closed already" in said for said in refused)
 
@@ -169,7 +169,7 @@ def test_a_newcomer_is_next_after_the_line_under_way() -> None:
         ExitStack() as stack,
     ):
 
-        def heard(wanted: int) -> None:
+        def received(wanted: int) -> None:
             """Let clients in, and hear them, until that many have said lines."""
             for _ in range(1000):
                 running.hub.wait(0.001, lambda _client: True)
@@ -180,14 +180,14 @@ def test_a_newcomer_is_next_after_the_line_under_way() -> None:
         for number in range(200):
             talker = stack.enter_context(Client(running))
             talker.say(b"".join(b"[1] %d r 0x1018 1 u32\n" % (5 + (number + at) % 100) for at in range(9)))
-        heard(200)
+        received(200)
         for _ in range(3):
             running._answer_lines()
         for number in range(4):  # whoever was next otherwise
             waiting = sum(bool(one.lines) for one in _clients(running.hub.connected))
             newcomer = stack.enter_context(Client(running))
             newcomer.say(b"[7] 4 r 0x1017 0 u16\n" * 2)
-            heard(waiting + 1)
+            received(waiting + 1)
             ready = [one for one in _clients(running.hub.connected) if one.lines]
             assert _is(running._next(ready), newcomer), f"newcomer {number} waits for a second line"
             heard_client = next(one for one in ready if _is(one, newcomer))
@@ -276,8 +276,8 @@ def test_nobody_makes_others_wait_for_silent_nodes() -> None:
 @UNIX
 def test_who_knocks_in_vain_keeps_nobody_elses_knock_away() -> None:
     """All who wait are looked at together, so that a newcomer does not wait behind who is refused."""
-    heard = Heard()
-    with served("generic@4", reporter=heard) as (_, running):
+    received = Heard()
+    with served("generic@4", reporter=received) as (_, running):
         links = []
         try:
             for _ in range(300):

@@ -84,11 +84,11 @@ def pdos(held: StrictDevice, *, tpdo: bool) -> list[tuple[int, tuple[int, ...]]]
 def fitting(devices: list[StrictDevice]) -> set[tuple[int, int, int, Layouts]]:
     """Of each enabled TPDO that an enabled RPDO of another one of *devices* hears, the layouts of both."""
     sent = [(one, *pdo) for one in devices for pdo in pdos(one, tpdo=True)]
-    heard = [(one, *pdo) for one in devices for pdo in pdos(one, tpdo=False)]
+    received = [(one, *pdo) for one in devices for pdo in pdos(one, tpdo=False)]
     return {
         (can_id, producer.node_id, consumer.node_id, (layout, taken))
         for producer, can_id, layout in sent
-        for consumer, can_id_heard, taken in heard
+        for consumer, can_id_heard, taken in received
         if can_id_heard == can_id and producer is not consumer
     }
 

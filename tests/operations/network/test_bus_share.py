@@ -88,7 +88,7 @@ class BusyBus(WireTimedBus):
 def test_reading_64_nodes_leaves_the_load_at_the_share_while_one_runs() -> None:
     bus = BusyBus(250_000, 0.3, OPERATIONAL, 0.002, count=64)
     bus.sleep(0.5)
-    assert bus.heard_nodes()[0x64] is NmtState.OPERATIONAL
+    assert bus.nodes_seen()[0x64] is NmtState.OPERATIONAL
     read: list[int] = []
 
     def reads(node_id: int) -> None:

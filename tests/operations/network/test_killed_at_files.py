@@ -27,7 +27,7 @@ from tests.surroundings import HOMES
 _listeners: list[Callable[[Path], None]] = []
 
 
-def _heard(event: str, arguments: tuple[Any, ...]) -> None:
+def _received(event: str, arguments: tuple[Any, ...]) -> None:
     if event in ("os.rename", "os.remove") and _listeners:
         _listeners[-1](Path(os.fsdecode(arguments[0])))
 
@@ -37,7 +37,7 @@ def at_files(below: Path, act: Callable[[int], None]) -> Iterator[list[str]]:
     """Call *act* with their number so far before a file *below* a folder is renamed or removed; their names."""
     names: list[str] = []
 
-    def heard(path: Path) -> None:
+    def received(path: Path) -> None:
         if below not in path.parents:
             return
         names.append(path.name)
@@ -47,11 +47,11 @@ def at_files(below: Path, act: Callable[[int], None]) -> Iterator[list[str]]:
         finally:
             _listeners.pop()
 
-    _listeners.append(heard)
+    _listeners.append(received)
     try:
         yield names
     finally:
-        _listeners.remove(heard)
+        _listeners.remove(received)
 
 
 def listening(home: Path, act: Callable[[], None]) -> str:
@@ -63,7 +63,7 @@ def listening(home: Path, act: Callable[[], None]) -> str:
     def with_a_hook() -> None:
         threading.settrace(None)  # type: ignore[arg-type]
         sys.settrace(None)
-        sys.addaudithook(_heard)
+        sys.addaudithook(_received)
         act()
 
     return in_own_process(home.parent / "what went wrong", with_a_hook)

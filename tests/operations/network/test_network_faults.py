@@ -93,8 +93,8 @@ def test_a_node_that_dies_leaves_its_journal_and_the_others_as_they_were(
     others = {other for other in CHAIN if other != node_id}
     assert {other: chain.held()[other] for other in others} == {other: before[other] for other in others}
     assert chain.stored() == stored
-    heard = {one for one in chain.bus.layouts if one[2] != node_id}  # a dead node hears nothing
-    assert heard <= ideal()[1]
+    received = {one for one in chain.bus.layouts if one[2] != node_id}  # a dead node hears nothing
+    assert received <= ideal()[1]
 
 
 TWO = """nodes:

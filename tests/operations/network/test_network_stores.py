@@ -68,7 +68,7 @@ def chain(home: Path) -> Chain:
     return Chain(home.parent / "files", bus=Watched, families={5: "generic", 9: "generic"}, operational=False)
 
 
-def heard(node_id: int) -> Act:
+def received(node_id: int) -> Act:
     """The node restarts, and says so."""
     return lambda chain: chain.bus.send_nmt(NmtCommand.RESET_NODE, node_id)
 
@@ -117,7 +117,7 @@ def killed(chain: Chain, home: Path, path: Path, look: Act) -> None:
     assert wrong == [""]
 
 
-@pytest.mark.parametrize("restart", [heard, silent])
+@pytest.mark.parametrize("restart", [received, silent])
 def test_finish_stores_nothing_that_was_lost_meanwhile(chain: Chain, home: Path, restart: Callable[[int], Act]) -> None:
     def look(after: Chain) -> None:
         while_storing(after, 5, restart(9))
@@ -191,7 +191,7 @@ def test_an_equal_node_that_restarts_during_the_last_reads_behind_the_stores(cha
             stored.append(True)
         elif can_id == 0x605 and stored == [True]:
             stored.append(False)
-            heard(9)(chain)
+            received(9)(chain)
 
     vars(chain.bus)["send_sdo"] = send_sdo
     with pytest.raises(LeftChanged) as left:
@@ -200,7 +200,7 @@ def test_an_equal_node_that_restarts_during_the_last_reads_behind_the_stores(cha
     assert stored_type(chain, 5) == b"\x01"
 
 
-@pytest.mark.parametrize("restart", [heard, silent])
+@pytest.mark.parametrize("restart", [received, silent])
 def test_apply_looks_at_all_nodes_after_the_stores(chain: Chain, home: Path, restart: Callable[[int], Act]) -> None:
     while_storing(chain, 9, restart(5))
     with pytest.raises(LeftChanged) as left:
@@ -213,7 +213,7 @@ def test_apply_looks_at_all_nodes_after_the_stores(chain: Chain, home: Path, res
     assert (types(chain), chain.journals()) == ({5: 255, 9: 255}, [])
 
 
-@pytest.mark.parametrize("restart", [heard, silent])
+@pytest.mark.parametrize("restart", [received, silent])
 def test_what_was_lost_before_its_store_is_not_to_be_stored(
     chain: Chain, home: Path, restart: Callable[[int], Act]
 ) -> None:
@@ -247,7 +247,7 @@ def test_a_disk_that_is_full_between_two_stores_is_told_and_ends_the_whole(chain
     assert types(chain) == {5: 1, 9: 1}
 
 
-@pytest.mark.parametrize("restart", [heard, silent])
+@pytest.mark.parametrize("restart", [received, silent])
 @pytest.mark.parametrize("at", [23, 26, 29])
 def test_a_node_that_restarts_once_it_was_taken_back_is_put_back_again(
     home: Path, at: int, restart: Callable[[int], Act]
@@ -353,7 +353,7 @@ def test_what_tests_a_proof_is_never_stored_by_recover(chain: Chain, home: Path,
     def look(after: Chain) -> None:
         if resets:
             for node_id in (5, 9)[: 2 if at == 5 else 1]:
-                heard(node_id)(after)
+                received(node_id)(after)
         with after.session(node=None) as session:
             assert recover(session, finish=True)
         for node_id in (5, 9):

@@ -81,4 +81,4 @@ def test_heartbeats_remote_frames_and_longer_ones_are_no_sync() -> None:
     assert found == ShortFrames()
     found.note(Frame(0x080, b""), True)
     found.note(Frame(0x081, b"\1"), False)
-    assert (found.sent, found.heard) == ({0x080}, {0x081})
+    assert (found.sent, found.received) == ({0x080}, {0x081})

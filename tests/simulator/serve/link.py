@@ -56,8 +56,8 @@ class Link:
         until_s = time.monotonic() + PATIENCE_S
         quiet_s = time.monotonic() + duration_ms / 1000
         while time.monotonic() < until_s:
-            heard = self._heard(0.01) if times or time.monotonic() < quiet_s else self.exchange()
-            new = [frame.timestamp_s for frame in heard if frame.can_id == can_id]
+            received = self._received(0.01) if times or time.monotonic() < quiet_s else self.exchange()
+            new = [frame.timestamp_s for frame in received if frame.can_id == can_id]
             times += new
             if not times and time.monotonic() >= quiet_s:
                 return 0
@@ -76,14 +76,14 @@ class Link:
                     is_remote_frame=frame.remote,
                 )
             )
-        heard: list[Frame] = []
+        received: list[Frame] = []
         until_s = time.monotonic() + PATIENCE_S
-        while not heard or heard[-1].can_id != 0x580 + FENCE:
+        while not received or received[-1].can_id != 0x580 + FENCE:
             assert time.monotonic() < until_s, "the fence does not answer"
-            heard += self._heard(1.0)
-        return heard[:-1]
+            received += self._received(1.0)
+        return received[:-1]
 
-    def _heard(self, timeout_s: float) -> list[Frame]:
+    def _received(self, timeout_s: float) -> list[Frame]:
         """The next frame, if there is one within *timeout_s* (s)."""
         message = self._bus.recv(timeout_s)
         if message is None:

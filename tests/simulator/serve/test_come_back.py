@@ -194,10 +194,10 @@ def test_a_change_that_the_bus_leaves_ends_by_its_rules_and_recover_finishes_it(
 
 def test_a_sync_producer_ends_with_its_bus(tmp_path: Path) -> None:
     with served(tmp_path, "gen4@5") as server:
-        heard = listening(server, "monitor", "--nodes", "5", "--filter", "sync")
+        received = listening(server, "monitor", "--nodes", "5", "--filter", "sync")
         producing = listening(server, "sync", "--period", "20", "--count", "100000", "--reconnect")
-        wait_for(lambda: frames(heard), "SYNC")
+        wait_for(lambda: frames(received), "SYNC")
     _, errors = producing.communicate(PATIENCE_S)
     assert producing.returncode == 5
     assert "failed" in errors
-    assert ended(heard)[0] == 130
+    assert ended(received)[0] == 130

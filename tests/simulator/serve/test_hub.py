@@ -389,10 +389,10 @@ class Starter:
 
     frames: list[Frame]
 
-    def reporter(self, frame: Frame) -> None:
+    def tell(self, frame: Frame) -> None:
         """Nobody listens there."""
 
-    def heard(self) -> list[Frame]:
+    def received(self) -> list[Frame]:
         frames, self.frames = self.frames, []
         return frames
 

@@ -33,7 +33,7 @@ def _set_up(bus: dvtcli.Bus) -> None:
         node.write("1017", 0, "u16")
 
 
-def _heard(server: Served) -> FrameCount:
+def _received(server: Served) -> FrameCount:
     """What passes while SYNC is sent, each once the node answered the one before."""
     count, bus = FrameCount(), server.attach()
     for _ in range(SYNCS):
@@ -61,14 +61,14 @@ def test_what_is_on_a_served_bus_is_what_is_computed(tmp_path: Path) -> None:
         computed = bus.load(for_s=0, bit_rate=BIT_RATE, sync_ms=SYNC_MS)
         for node_id in (1, 5):
             bus.node(node_id).nmt("start")
-        heard = _heard(server)
-    measured = Measured(heard, SYNCS * SYNC_MS / 1000)
+        received = _received(server)
+    measured = Measured(received, SYNCS * SYNC_MS / 1000)
     both = replace(computed, measured=measured)
     assert both.expected is not None
     assert measured.load(BIT_RATE) == pytest.approx(both.expected, rel=0.02)
     assert measured.load(BIT_RATE) > 0.1
     assert not both.too_often
-    rates = {one.identifier[0]: measured.rate_hz(one.identifier) for one in both.frames if one.heard}
+    rates = {one.identifier[0]: measured.rate_hz(one.identifier) for one in both.frames if one.received}
     assert rates == pytest.approx({0x080: 100, 0x181: 100, 0x185: 50, 0x285: 100 / 3}, rel=0.02)
     assert computed.need.total is not None
     assert measured.load(BIT_RATE) <= computed.need.total

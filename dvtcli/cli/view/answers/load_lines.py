@@ -31,8 +31,8 @@ def load_lines(result: NetworkLoad, width: int) -> Iterator[Line]:
     measured = result.measured if result.measured is not None and result.measured.seconds else None
     rate = f"{result.need.bit_rate / 1000:g} kbit/s"
     assumed = " (assumed: -b sets another)" if result.is_assumed else ""
-    heard = f"; {result.bus} heard for {measured.seconds:.1f} s, {measured.count.frames} frames" if measured else ""
-    yield [Cell(f"{result.file or result.bus} at {rate}{assumed}, at worst{heard}", "bold")]
+    received = f"; {result.bus} heard for {measured.seconds:.1f} s, {measured.count.frames} frames" if measured else ""
+    yield [Cell(f"{result.file or result.bus} at {rate}{assumed}, at worst{received}", "bold")]
     yield from _table(result, measured, width).lines(width)
     yield from _sums(result, measured)
     yield from (([Cell("  ", ""), Cell(f"assumed: {text}", "dim")]) for text in result.need.assumed)
@@ -62,7 +62,9 @@ def _rows(result: NetworkLoad, measured: Measured | None) -> Iterator[list[str |
     most = max([*map(float, shares), *_measured_shares(result)], default=0.0)
     for frame in result.frames:
         for number, need in enumerate(frame.needs or (None,)):
-            yield list(_row(result, frame, need, most, measured if number == 0 else None, heard=measured is not None))
+            yield list(
+                _row(result, frame, need, most, measured if number == 0 else None, received=measured is not None)
+            )
 
 
 def _measured_shares(result: NetworkLoad) -> Iterator[float]:
@@ -72,7 +74,13 @@ def _measured_shares(result: NetworkLoad) -> Iterator[float]:
 
 
 def _row(
-    result: NetworkLoad, one: FrameLoad, need: StreamNeed | None, most: float, measured: Measured | None, *, heard: bool
+    result: NetworkLoad,
+    one: FrameLoad,
+    need: StreamNeed | None,
+    most: float,
+    measured: Measured | None,
+    *,
+    received: bool,
 ) -> Iterator[str | Cell]:
     can_id, extended = one.identifier
     yield can_id_text(can_id, extended=extended)
@@ -83,8 +91,8 @@ def _row(
         yield from (str(one.heard.data_bytes if one.heard else 0), "not computed", "-", "-", "-")
     else:
         share = 0.0 if need.share is None else float(need.share)
-        yield from (_shorter(cell) if heard else cell for cell in _need(need))
-    if heard:
+        yield from (_shorter(cell) if received else cell for cell in _need(need))
+    if received:
         rate, load = "-", "-"
         if measured is not None and one.heard is not None:
             found = measured.share(one.identifier, result.need.bit_rate)
@@ -93,7 +101,7 @@ def _row(
         style = "red" if one in result.too_often else ""
         yield Cell(rate, style)
         yield Cell(load, style)
-    width = _NARROW if heard else _BAR
+    width = _NARROW if received else _BAR
     is_unknown = need is not None and need.share is None
     yield Cell("█" * (width - 1) + "▸", "red") if is_unknown else Cell(_bar(share, most, width), "cyan")
 

@@ -111,7 +111,7 @@ def bit_rate_lines(result: LssBitRate, _width: int) -> Iterator[Line]:
         yield [Cell("  lost at power-off until it is stored: lss store NODE, for each", "dim")]
 
 
-def heard_rate_lines(result: BitRateFound, width: int) -> Iterator[Line]:
+def measured_rate_lines(result: BitRateFound, width: int) -> Iterator[Line]:
     """Show the detected bit rate, and the frames received at each bit rate."""
     table = Table(("BIT/S", "FRAMES", "ERROR FRAMES"))
     for trial in result.heard:

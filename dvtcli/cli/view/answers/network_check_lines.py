@@ -52,7 +52,7 @@ def _sum(report: NetworkReport) -> Line:
         return f"{report.path} against {report.bus}: {plural(len(report.nodes), 'node')}; {found or 'no error'}"
     if report.said:
         found = f"{found + ', and ' if found else ''}{report.said} as said of the file"
-    heard = "" if report.heard is None else f", heard {report.heard[0]:.1f} s, {plural(report.heard[1], 'frame')}"
+    received = "" if report.heard is None else f", heard {report.heard[0]:.1f} s, {plural(report.heard[1], 'frame')}"
     nodes = plural(len(report.nodes), "node")
     folded = f"; {report.folded} more about PDOs that it does not name (--all shows them)" if report.folded else ""
-    return f"{report.path}: {nodes}, {plural(pdos, 'PDO')}{links}{heard}; {found or 'no error'}{folded}"
+    return f"{report.path}: {nodes}, {plural(pdos, 'PDO')}{links}{received}; {found or 'no error'}{folded}"

@@ -144,7 +144,7 @@ def guarding(network: CheckedNetwork) -> NetFound:
 def unwatched_link(network: CheckedNetwork) -> NetFound:
     """The consumer keeps the last values after a loss of the producer, unless the RPDO has a deadline."""
     said: set[tuple[int, int]] = set()
-    for connection in network.heard:
+    for connection in network.received:
         pair = connection.consumer.node_id, connection.producer.node_id
         timed = bool(connection.takes.communication.event_timer)
         if connection.consumer not in network.told or pair in said or timed or pair[1] in connection.consumer.watched:
@@ -168,7 +168,7 @@ def deadline_below_period(network: CheckedNetwork) -> NetFound:
     """The consumer reports an error between any two frames."""
     periods = {(stream.node, stream.pdo): _longest_ms(network, stream.node, stream.pdo)
                for stream in network.streams.streams if stream.kind == "tpdo"}  # fmt: skip
-    for connection in network.heard:
+    for connection in network.received:
         patience = connection.takes.communication.event_timer or 0
         period = periods.get((connection.producer.node_id, connection.tpdo))
         if patience and period and patience <= period:
@@ -191,7 +191,7 @@ def _longest_ms(network: CheckedNetwork, node_id: int | None, pdo: object) -> fl
        "CiA 301, 7.5.2.35 and 7.5.2.37: event timer")  # fmt: skip
 def deadline_without_timer(network: CheckedNetwork) -> NetFound:
     """The consumer reports an error while no value changes."""
-    for connection in network.heard:
+    for connection in network.received:
         sends = connection.sends.communication
         by_event = sends.transmission_type in (254, 255) and not sends.event_timer
         if connection.takes.communication.event_timer and by_event:

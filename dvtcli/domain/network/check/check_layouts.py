@@ -32,11 +32,11 @@ def rpdo_without_producer(network: CheckedNetwork) -> NetFound:
 @check("tpdo-without-consumer", NOTE, "no node receives an enabled TPDO", _ONE_ID)
 def tpdo_without_consumer(network: CheckedNetwork) -> NetFound:
     """A master may receive it: silent if the file names a master."""
-    heard = {identifier_of(config) for _, _, config in network.rpdos}
+    received = {identifier_of(config) for _, _, config in network.rpdos}
     if network.state.master is not None:
         return
     for node, pdo, config in network.tpdos:
-        if identifier_of(config) not in heard:
+        if identifier_of(config) not in received:
             yield at(node, pdo), f"no RPDO here takes {config.communication.cob_id}"
 
 
@@ -100,33 +100,35 @@ def frame_too_long(network: CheckedNetwork) -> NetFound:
 def layout(network: CheckedNetwork) -> NetFound:
     """The received value mixes two objects."""
     for connection in _whole(network):
-        for start, heard in _starts(connection.takes.mapping):
+        for start, received in _starts(connection.takes.mapping):
             sent = [entry for first, entry in _starts(connection.sends.mapping)
-                    if first < start + heard.bits and start < first + entry.bits]  # fmt: skip
-            if len(sent) > 1 and not heard.is_dummy:
-                text = f"{heard.object} receives parts of {sent[0].object} and {sent[1].object} of {connection.sender}"
+                    if first < start + received.bits and start < first + entry.bits]  # fmt: skip
+            if len(sent) > 1 and not received.is_dummy:
+                text = (
+                    f"{received.object} receives parts of {sent[0].object} and {sent[1].object} of {connection.sender}"
+                )
                 yield connection.spot, text
 
 
 @check("part-of-object", WARNING, "an object of an RPDO receives some bits of a longer object", _LAYOUT)
 def part_of_object(network: CheckedNetwork) -> NetFound:
     """Intended for bits of a status word, a mistake for numbers."""
-    for one, heard, sent in _pairs(network):
-        if heard.bits < sent.bits:
+    for one, received, sent in _pairs(network):
+        if received.bits < sent.bits:
             yield (
                 one.spot,
-                f"{heard.object} receives {heard.bits} of the {sent.bits} bits of {sent.object} of {one.sender}",
+                f"{received.object} receives {received.bits} of the {sent.bits} bits of {sent.object} of {one.sender}",
             )
 
 
 @check("data-type", WARNING, "an object of an RPDO receives an object of another data type", "both devices' files")
 def data_type(network: CheckedNetwork) -> NetFound:
     """-1 becomes 65535, a REAL nonsense."""
-    for one, heard, sent in _pairs(network):
+    for one, received, sent in _pairs(network):
         producer, consumer = _sides(one)
-        types = consumer.type(heard), producer.type(sent)
-        if heard.bits == sent.bits and types[0] is not None and types[1] is not None and types[0] != types[1]:
-            names = f"{consumer.name(heard)} is {types[0].short}"
+        types = consumer.type(received), producer.type(sent)
+        if received.bits == sent.bits and types[0] is not None and types[1] is not None and types[0] != types[1]:
+            names = f"{consumer.name(received)} is {types[0].short}"
             yield one.spot, f"{names} and receives {producer.name(sent)}, {types[1].short}, of {one.sender}"
 
 
@@ -200,7 +202,7 @@ def one_object_two_writers(network: CheckedNetwork) -> NetFound:
        "CiA 301, 7.5.2.35: transmission type")  # fmt: skip
 def synchronous_consumer(network: CheckedNetwork) -> NetFound:
     """Values act only at the next SYNC, and earlier frames before that SYNC are lost."""
-    for connection in network.heard:
+    for connection in network.received:
         takes, sends = (
             connection.takes.communication.transmission_type,
             connection.sends.communication.transmission_type,
@@ -214,13 +216,13 @@ def synchronous_consumer(network: CheckedNetwork) -> NetFound:
 
 def _commanded(network: CheckedNetwork, *, controlwords: bool) -> NetFound:
     """Objects other than commands that feed a controlword, else a setpoint or an output."""
-    for one, heard, sent in _pairs(network):
+    for one, received, sent in _pairs(network):
         producer, consumer = _sides(one)
-        known = consumer.described(heard), producer.described(sent)
-        if is_controlword(heard.index) is controlwords and commanded_by_other(
-            heard.index, known[0], sent.index, known[1]
+        known = consumer.described(received), producer.described(sent)
+        if is_controlword(received.index) is controlwords and commanded_by_other(
+            received.index, known[0], sent.index, known[1]
         ):
-            yield one.spot, f"{consumer.name(heard)} receives {producer.name(sent)} of {one.sender}"
+            yield one.spot, f"{consumer.name(received)} receives {producer.name(sent)} of {one.sender}"
 
 
 def _sides(one: PdoConnection) -> tuple[LinkSide, LinkSide]:
@@ -234,7 +236,7 @@ def _sides(one: PdoConnection) -> tuple[LinkSide, LinkSide]:
 
 def _whole(network: CheckedNetwork) -> Iterator[PdoConnection]:
     """Connections with known mappings on both sides."""
-    for connection in network.heard:
+    for connection in network.received:
         odd = any(
             side.inconsistency or side.mpdo is not None or not side.mapping
             for side in (connection.takes, connection.sends)
@@ -253,7 +255,7 @@ def _starts(mapping: tuple[PdoMappingEntry, ...]) -> Iterator[tuple[int, PdoMapp
 def _pairs(network: CheckedNetwork) -> Iterator[tuple[PdoConnection, PdoMappingEntry, PdoMappingEntry]]:
     """Each received object with the sent object around it."""
     for connection in _whole(network):
-        for start, heard in _starts(connection.takes.mapping):
+        for start, received in _starts(connection.takes.mapping):
             for first, sent in _starts(connection.sends.mapping):
-                if first <= start and start + heard.bits <= first + sent.bits and not heard.is_dummy:
-                    yield connection, heard, sent
+                if first <= start and start + received.bits <= first + sent.bits and not received.is_dummy:
+                    yield connection, received, sent

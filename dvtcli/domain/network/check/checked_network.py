@@ -10,7 +10,6 @@ from typing import NamedTuple
 from dvtcli.domain.lint.described import blank
 from dvtcli.domain.network.bus_need import BusNeed, bus_need
 from dvtcli.domain.network.frame_streams import SYNCHRONOUS, Streams, streams_of
-from dvtcli.domain.network.heard_traffic import HeardTraffic
 from dvtcli.domain.network.network_config import NOWHERE, Mark
 from dvtcli.domain.network.network_state import (
     EMCY_COB_ID,
@@ -20,6 +19,7 @@ from dvtcli.domain.network.network_state import (
     NodeState,
     identifier_of,
 )
+from dvtcli.domain.network.received_traffic import ReceivedTraffic
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.rules import Finding, Proposal, check_pdo
 from dvtcli.domain.services import taken_by_services
@@ -90,7 +90,7 @@ class CheckedNetwork:
 
     state: NetworkState
     bit_rate: int | None
-    traffic: HeardTraffic | None = None
+    traffic: ReceivedTraffic | None = None
     present: frozenset[int] | None = None
 
     @cached_property
@@ -134,7 +134,7 @@ class CheckedNetwork:
         return (*self.tpdos, *self.rpdos)
 
     @cached_property
-    def heard(self) -> tuple[PdoConnection, ...]:
+    def received(self) -> tuple[PdoConnection, ...]:
         """Every RPDO with each TPDO of another node that it receives."""
         sent: dict[Identifier, list[tuple[NodeState, Pdo, PdoConfig]]] = {}
         for tpdo in self.tpdos:

@@ -10,17 +10,17 @@ from dvtcli.domain.network.check import (
     check_bus,
     check_can_ids,
     check_each_pdo,
-    check_heard,
     check_heartbeats,
     check_layouts,
     check_nodes,
+    check_received,
     check_sync,
 )
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetSpot
 
 CHECKS: list[RuleCheck[CheckedNetwork, NetSpot]] = [
     *checks_of(
-        check_can_ids, check_layouts, check_sync, check_heartbeats, check_bus, check_nodes, check_heard,
+        check_can_ids, check_layouts, check_sync, check_heartbeats, check_bus, check_nodes, check_received,
         check_against_file,
     ),
     *check_each_pdo.CHECKS,

@@ -170,8 +170,8 @@ def test_json_of_a_bus_names_what_was_only_heard() -> None:
         ran = bench.run("load --for 0.3 --json")
         assert json.dumps(ran.document)
         assert ran.document["bus"] == "sim"
-        heard = [one for one in ran.document["frames"] if one["measured"]]
-        assert {one["cob_id"] for one in heard} <= {0x701}
+        received = [one for one in ran.document["frames"] if one["measured"]]
+        assert {one["cob_id"] for one in received} <= {0x701}
 
 
 TIMERS = """nodes:

@@ -127,11 +127,11 @@ def test_a_recorded_apply_asks(tmp_path: Path) -> None:
     """Its SDO writes, NMT commands and whatever else nodes act on; without an answer nothing is sent."""
     with Bench() as bench:
         bus = bench.session.open_network().bus
-        heard: list[Frame] = []
-        stop = bus.tap(lambda frame, ours: heard.append(frame) if ours else None)
+        received: list[Frame] = []
+        stop = bus.tap(lambda frame, ours: received.append(frame) if ours else None)
         assert bench.run("map tpdo1 606C --event").code == 0
         stop()
-        path = recorded(tmp_path / "apply.log", heard)
+        path = recorded(tmp_path / "apply.log", received)
         bench.session.network.nodes.clear()
         code, sent = replayed(bench, f"replay {path}")
         assert code == 6
@@ -147,11 +147,11 @@ def test_a_recorded_apply_asks(tmp_path: Path) -> None:
 
 
 def test_a_replayed_apply_does_it_again(tmp_path: Path) -> None:
-    heard: list[Frame] = []
+    received: list[Frame] = []
     with Bench() as bench:
-        bench.session.open_network().bus.tap(lambda frame, ours: heard.append(frame) if ours else None)
+        bench.session.open_network().bus.tap(lambda frame, ours: received.append(frame) if ours else None)
         assert bench.run("map tpdo1 606C --event").code == 0
-    path = recorded(tmp_path / "apply.log", [replace(one, timestamp_s=BEGIN_S + n) for n, one in enumerate(heard)])
+    path = recorded(tmp_path / "apply.log", [replace(one, timestamp_s=BEGIN_S + n) for n, one in enumerate(received)])
     with Bench() as bench:
         assert bench.run(f"replay {path} --yes").code == 0
         assert bench.run("pdo tpdo1 --json").document["pdos"][0]["mapping"][0]["object"] == "606C:00"

@@ -239,12 +239,12 @@ def test_a_passcode_is_neither_shown_nor_kept() -> None:
         assert bench.session.is_secret(line)
         assert not bench.session.is_secret("send 601#2B17100007000000")
         sent = bench.session.open_network().bus
-        heard: list[Frame] = []
-        sent.tap(lambda frame, ours: heard.append(frame) if ours else None)
+        received: list[Frame] = []
+        sent.tap(lambda frame, ours: received.append(frame) if ours else None)
         for ran in (bench.run(line), bench.run(f"{line} --json")):
             assert ran.code == 0
             assert "4444" not in ran.stdout + ran.stderr
-        assert [frame.data[4:6] for frame in heard if frame.data[0] == 0x2B] == [b"DD", b"DD"]
+        assert [frame.data[4:6] for frame in received if frame.data[0] == 0x2B] == [b"DD", b"DD"]
 
 
 @pytest.mark.parametrize(

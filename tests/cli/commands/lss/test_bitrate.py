@@ -27,7 +27,7 @@ def bench(at: list[int], ours: int = 500_000) -> Iterator[tuple[Bench, InProcess
         yield desk, bus
 
 
-def heard(ran: Ran) -> list[int]:
+def received(ran: Ran) -> list[int]:
     return [one["bit_rate"] for one in ran.document["heard"]]
 
 
@@ -36,7 +36,7 @@ def test_the_one_at_which_frames_come_without_errors_is_named(bit_rate: int) -> 
     with bench([bit_rate, bit_rate]) as (desk, bus):
         ran = desk.run("bitrate --for 20ms --json")
         assert (ran.code, ran.document["bit_rate"], ran.document["listen_only"]) == (0, bit_rate, True)
-        assert heard(ran)[-1] == bit_rate
+        assert received(ran)[-1] == bit_rate
         assert all(one["error_frames"] for one in ran.document["heard"][:-1])
         assert bus.runs_at == 500_000
         assert f"-b {bit_rate}" in desk.run("bitrate --for 20ms").stdout

@@ -21,22 +21,22 @@ class Network:
     """By what durand's nodes hear and speak, in durand's words."""
 
     def __init__(self, say: Callable[[Frame], None]) -> None:
-        self._heard_by: dict[int, Callable[[int, bytes], None]] = {}
+        self._received_by: dict[int, Callable[[int, bytes], None]] = {}
         self._say = say
 
     def add_subscription(self, cob_id: int, callback: Callable[[int, bytes], None]) -> None:
-        self._heard_by[cob_id] = callback
+        self._received_by[cob_id] = callback
 
     def remove_subscription(self, cob_id: int) -> None:
-        del self._heard_by[cob_id]
+        del self._received_by[cob_id]
 
     def send(self, cob_id: int, msg: bytes) -> None:
         self._say(Frame(cob_id, bytes(msg)))
 
     def hear(self, frame: Frame) -> None:
         """Hand *frame* to the node."""
-        if frame.can_id in self._heard_by:
-            self._heard_by[frame.can_id](frame.can_id, frame.data)
+        if frame.can_id in self._received_by:
+            self._received_by[frame.can_id](frame.can_id, frame.data)
 
 
 class WithForeignNode(VirtualTimeBus):

@@ -30,8 +30,8 @@ def test_history_newest_first_and_what_was_heard() -> None:
         assert codes(document, "history") == [0x8130, 0x3210]
         assert codes(document, "heard") == [0x8130, 0x3210]
         assert document["register_bits"] == ["generic", "voltage", "communication"]
-        heard = document["faults"][-1]
-        assert (heard["count"], heard["register"], heard["manufacturer"]) == (1, 5, "00 00 00 00 00")
+        received = document["faults"][-1]
+        assert (received["count"], received["register"], received["manufacturer"]) == (1, 5, "00 00 00 00 00")
         assert "0x1017" in document["faults"][0]["remedy"]
 
 

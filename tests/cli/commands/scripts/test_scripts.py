@@ -118,12 +118,12 @@ def test_one_gate_encloses_the_whole_script(nested: bool, tmp_path: Path) -> Non
         assert bench.run("nmt start").code == 0
         sent: list[bytes] = []
 
-        def heard(frame: Frame, sent_by_us: bool) -> None:
+        def received(frame: Frame, sent_by_us: bool) -> None:
             if sent_by_us and frame.can_id == 0:
                 sent.append(frame.data)
 
         assert bench.session._network is not None
-        bench.session._network.bus.tap(heard)
+        bench.session._network.bus.tap(received)
         lines = [f"run {inner}"] if nested else []
         ran = bench.script("map tpdo1 606C --yes", *lines, "map tpdo3 6041 --cob-id auto --yes", "pdo -q")
         assert ran.code == 0, ran.stderr

@@ -10,7 +10,6 @@ from dvtcli.domain.lint.lint_rule import ERROR, WARNING, check
 from dvtcli.domain.network.bus_need import most_frames
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, NetSpot, at, held
 from dvtcli.domain.network.frame_streams import EVENT_DRIVEN, Stream
-from dvtcli.domain.network.heard_traffic import HeardId
 from dvtcli.domain.network.network_state import (
     PRODUCER_HEARTBEAT,
     SYNC_COB_ID,
@@ -19,6 +18,7 @@ from dvtcli.domain.network.network_state import (
     identifier_of,
     identifier_text,
 )
+from dvtcli.domain.network.received_traffic import ReceivedId
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.text import join_some, plural
 
@@ -55,10 +55,10 @@ def sync_heard_twice(network: CheckedNetwork) -> NetFound:
     """Synchronous PDOs come twice as often, at wrong times."""
     traffic = network.traffic
     for identifier in () if traffic is None else sorted(_sync_ids(network.state)):
-        heard = traffic.by_id.get(identifier) if traffic else None
-        if heard is None or traffic is None:
+        received = traffic.by_id.get(identifier) if traffic else None
+        if received is None or traffic is None:
             continue
-        why = _second_counter(heard) or _more(network, "sync", identifier)
+        why = _second_counter(received) or _more(network, "sync", identifier)
         if why:
             yield _sync_spot(network), f"{identifier_text(identifier)}: {why}"
 
@@ -68,11 +68,11 @@ def _sync_spot(network: CheckedNetwork) -> NetSpot:
     return NetSpot() if node is None else held(node, SYNC_COB_ID)
 
 
-def _second_counter(heard: HeardId) -> str:
+def _second_counter(received: ReceivedId) -> str:
     """Proof of a second producer in the frames' data, in words; empty without proof."""
-    if len(heard.lengths) > 1:
+    if len(received.lengths) > 1:
         return "some have a counter, some have none"
-    counters = [first_byte for first_byte in heard.first_bytes if first_byte is not None]
+    counters = [first_byte for first_byte in received.first_bytes if first_byte is not None]
     jumps = sum(after not in (before + 1, 1) for before, after in pairwise(counters))
     return f"its counter jumps, {jumps} times of {len(counters) - 1}" if jumps > len(counters) // 4 else ""
 
@@ -81,9 +81,9 @@ def _second_counter(heard: HeardId) -> str:
 def sync_uneven(network: CheckedNetwork) -> NetFound:
     """Two producers with the same period cause alternating short and long gaps."""
     for identifier in () if network.traffic is None else sorted(_sync_ids(network.state)):
-        heard = network.traffic.by_id.get(identifier) if network.traffic else None
-        gaps = [] if heard is None else sorted(heard.gaps_s)
-        if heard is None or len(gaps) < _ENOUGH or _second_counter(heard) or _more(network, "sync", identifier):
+        received = network.traffic.by_id.get(identifier) if network.traffic else None
+        gaps = [] if received is None else sorted(received.gaps_s)
+        if received is None or len(gaps) < _ENOUGH or _second_counter(received) or _more(network, "sync", identifier):
             continue
         typical_s = gaps[int(0.9 * len(gaps))]
         short = [gap for gap in gaps if gap < _SHORT * typical_s]
@@ -123,10 +123,10 @@ def comes_too_often(network: CheckedNetwork) -> NetFound:
 def other_length(network: CheckedNetwork) -> NetFound:
     """Another producer uses the CAN-ID."""
     for node, pdo, config in network.tpdos:
-        heard = None if network.traffic is None else network.traffic.by_id.get(identifier_of(config))
+        received = None if network.traffic is None else network.traffic.by_id.get(identifier_of(config))
         is_known = config.has_mapping and not config.inconsistency and config.mpdo is None
-        if heard is not None and is_known and heard.lengths != {byte_length(config.bits)}:
-            lengths = join_some(str(length) for length in sorted(heard.lengths))
+        if received is not None and is_known and received.lengths != {byte_length(config.bits)}:
+            lengths = join_some(str(length) for length in sorted(received.lengths))
             yield at(node, pdo), f"{lengths} bytes were received, it maps {byte_length(config.bits)}"
 
 
@@ -147,11 +147,11 @@ def not_heard(network: CheckedNetwork) -> NetFound:
 @check("from-nobody", WARNING, "a frame was received that no node here sends", _SET)
 def from_nobody(network: CheckedNetwork) -> NetFound:
     """A controller without CANopen, another tool, or a node that was not read."""
-    for identifier, heard in () if network.traffic is None else sorted(network.traffic.by_id.items()):
+    for identifier, received in () if network.traffic is None else sorted(network.traffic.by_id.items()):
         if identifier not in _known(network) and network.traffic is not None:
             hears = [f"{node.node_id}:{pdo}" for node, pdo, held in network.rpdos if identifier_of(held) == identifier]
             who = f"; {join_some(hears)} {'receive' if len(hears) > 1 else 'receives'} it" if hears else ""
-            often = f"{network.traffic.rate_hz(identifier):.1f} a second" if heard.frames > 1 else "once"
+            often = f"{network.traffic.rate_hz(identifier):.1f} a second" if received.frames > 1 else "once"
             yield (
                 NetSpot(),
                 f"{identifier_text(identifier)} was received, {often}, and no node that was read sends it{who}",

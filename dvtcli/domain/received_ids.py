@@ -41,7 +41,7 @@ class LastFrames:
     """Remembers the last data frame per CAN-ID, for at most `MOST` CAN-IDs."""
 
     def __init__(self) -> None:
-        self._heard: OrderedDict[tuple[int, bool], LatestFrame] = OrderedDict()
+        self._received: OrderedDict[tuple[int, bool], LatestFrame] = OrderedDict()
         #: time of the last write to a PDO parameter, by node-ID and index, and of the node's boot-up (index 0)
         self._set_s: dict[tuple[int, int], float] = {}
 
@@ -52,14 +52,14 @@ class LastFrames:
         key = frame.can_id, frame.extended
         if not frame.extended and frame.data:
             self._note_setting(frame.can_id, frame.data, now_s)
-        before = self._heard.pop(key, None)
-        self._heard[key] = LatestFrame(frame.data, now_s, None if before is None else _period(before, now_s))
-        if len(self._heard) > MOST:
-            self._heard.popitem(last=False)
+        before = self._received.pop(key, None)
+        self._received[key] = LatestFrame(frame.data, now_s, None if before is None else _period(before, now_s))
+        if len(self._received) > MOST:
+            self._received.popitem(last=False)
 
     def clear(self) -> None:
         """Forget all frames."""
-        self._heard.clear()
+        self._received.clear()
         self._set_s.clear()
 
     def _note_setting(self, can_id: int, data: bytes, now_s: float) -> None:
@@ -77,7 +77,7 @@ class LastFrames:
 
     def last(self, can_id: int, *, extended: bool = False) -> LatestFrame | None:
         """The last frame with *can_id* (11 bits, 29 if *extended*), None if none was received."""
-        return self._heard.get((can_id, extended))
+        return self._received.get((can_id, extended))
 
 
 def _period(before: LatestFrame, now_s: float) -> Period:

@@ -78,9 +78,9 @@ def test_what_the_change_itself_altered_is_put_back(device: StrictDevice) -> Non
 
 
 @heavy
-@pytest.mark.parametrize("heard", [True, False])
+@pytest.mark.parametrize("received", [True, False])
 def test_a_restart_while_the_others_are_looked_at_after_the_way_back_is_no_rolled_back(
-    device: StrictDevice, *, heard: bool
+    device: StrictDevice, *, received: bool
 ) -> None:
     """Whatever upload of the way back the node restarts at: what is said to be as it was is so at the end."""
     before = held(device)
@@ -89,11 +89,11 @@ def test_a_restart_while_the_others_are_looked_at_after_the_way_back_is_no_rolle
         for line in NOT_STORED:
             changed(device, (line,))
         assert held(device) == before
-        faults = ("lose-response@2", f"reset-at-read@{upload}=0.05", *(() if heard else ("no-boot-up",)))
+        faults = ("lose-response@2", f"reset-at-read@{upload}=0.05", *(() if received else ("no-boot-up",)))
         ran = changed(device, (CHANGE,), faults)
         assert ran.code == 5
         assert held(device)[TPDO1] == before[TPDO1], upload
         device_held.add(held(device)[TPDO2] == before[TPDO2])
         device.restart()
         device.boot_up()
-    assert (False in device_held) is heard, "not heard, what was read whole of the other is rolled back"
+    assert (False in device_held) is received, "not heard, what was read whole of the other is rolled back"

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from dvtcli.domain.heard import MOST, LastFrames
 from dvtcli.domain.ports import Frame
+from dvtcli.domain.received_ids import MOST, LastFrames
 
 
 def test_the_last_frame_and_its_period_are_kept() -> None:
@@ -13,11 +13,13 @@ def test_the_last_frame_and_its_period_are_kept() -> None:
     assert frames.last(0x181) is None
     for at_s, byte in [(1.0, 1), (1.02, 2), (1.05, 3), (1.06, 4)]:
         frames.take(Frame(0x181, bytes([byte])), at_s)
-    heard = frames.last(0x181)
-    assert heard is not None
-    assert heard.period is not None
-    assert (heard.data, heard.at_s) == (b"\x04", 1.06)
-    assert (heard.period.last_s, heard.period.least_s, heard.period.most_s) == pytest.approx((0.01, 0.01, 0.03))
+    received = frames.last(0x181)
+    assert received is not None
+    assert received.period is not None
+    assert (received.data, received.at_s) == (b"\x04", 1.06)
+    assert (received.period.last_s, received.period.least_s, received.period.most_s) == pytest.approx(
+        (0.01, 0.01, 0.03)
+    )
 
 
 def test_what_sets_a_pdo_otherwise_is_noted() -> None:
@@ -42,9 +44,9 @@ def test_one_frame_has_no_period_and_a_remote_frame_is_none() -> None:
     frames = LastFrames()
     frames.take(Frame(0x181, b"\x05"), 1.0)
     frames.take(Frame(0x181, b"", remote=True), 2.0)
-    heard = frames.last(0x181)
-    assert heard is not None
-    assert (heard.data, heard.period) == (b"\x05", None)
+    received = frames.last(0x181)
+    assert received is not None
+    assert (received.data, received.period) == (b"\x05", None)
     assert frames.last(0x181, extended=True) is None
 
 

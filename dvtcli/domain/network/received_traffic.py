@@ -21,7 +21,7 @@ _MOST_TIMES = 1000
 
 
 @dataclass(slots=True)
-class HeardId:
+class ReceivedId:
     """Frames of a CAN-ID: count, lengths, and the first times (s) and contents."""
 
     frames: int = 0
@@ -36,13 +36,13 @@ class HeardId:
 
 
 @dataclass(slots=True)
-class HeardTraffic:
+class ReceivedTraffic:
     """Frames of other nodes within *seconds*, and the number of error frames."""
 
     seconds: float = 0.0
     error_frames: int = 0
     frames: int = 0
-    by_id: defaultdict[Identifier, HeardId] = field(default_factory=lambda: defaultdict(HeardId))
+    by_id: defaultdict[Identifier, ReceivedId] = field(default_factory=lambda: defaultdict(ReceivedId))
     #: SDO requests by server node
     requests: Counter[int] = field(default_factory=Counter)
     #: nodes whose 0x1017 was written meanwhile: some heartbeats still had the old period
@@ -61,12 +61,12 @@ class HeardTraffic:
         self.frames += 1
         if frame.remote:
             return
-        heard = self.by_id[frame.can_id, frame.extended]
-        heard.frames += 1
-        heard.lengths.add(len(frame.data))
-        if frame.timestamp_s and len(heard.times_s) < _MOST_TIMES:
-            heard.times_s.append(frame.timestamp_s)
-            heard.first_bytes.append(frame.data[0] if frame.data else None)
+        received = self.by_id[frame.can_id, frame.extended]
+        received.frames += 1
+        received.lengths.add(len(frame.data))
+        if frame.timestamp_s and len(received.times_s) < _MOST_TIMES:
+            received.times_s.append(frame.timestamp_s)
+            received.first_bytes.append(frame.data[0] if frame.data else None)
         if not frame.extended:
             self._of_service(frame)
 
@@ -99,8 +99,8 @@ class HeardTraffic:
 
     def count(self, identifier: Identifier) -> int:
         """Number of frames of a CAN-ID."""
-        heard = self.by_id.get(identifier)
-        return 0 if heard is None else heard.frames
+        received = self.by_id.get(identifier)
+        return 0 if received is None else received.frames
 
     def rate_hz(self, identifier: Identifier) -> float:
         """Frames a second of a CAN-ID."""

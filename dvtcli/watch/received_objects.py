@@ -28,7 +28,7 @@ _STORE, _RESTORE, _WITH_PDOS = 0x1010, 0x1011, (1, 2)
 
 
 @dataclass(frozen=True, slots=True)
-class HeardValues(ToldValues):
+class ReceivedValues(ToldValues):
     """Received *values* of a node, with the same interface as the node."""
 
     node_id: int
@@ -65,7 +65,7 @@ class _NodeValues:
             self.stored = dict(self.last) if index == _STORE else {}
 
 
-class HeardObjects:
+class ReceivedObjects:
     """Hold the last values of all nodes: of objects with indices in *only*, or of all."""
 
     def __init__(self, only: Collection[int] = ()) -> None:
@@ -91,9 +91,9 @@ class HeardObjects:
         node.hold(step.place, step.data, is_written=is_written)
         return ReceivedValue(node_id, step.place, is_written)
 
-    def values(self, node_id: int) -> HeardValues:
+    def values(self, node_id: int) -> ReceivedValues:
         """Values of node *node_id* received so far."""
-        return HeardValues(node_id, self._nodes[node_id].last if node_id in self._nodes else {})
+        return ReceivedValues(node_id, self._nodes[node_id].last if node_id in self._nodes else {})
 
     @property
     def node_ids(self) -> list[int]:
