@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
 import os
 import re
+import struct
 import sys
 from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -27,7 +30,6 @@ from tests.bus.devices import unknown
 from tests.cli.commands.bench import Bench
 from tests.cli.commands.bus import device
 from tests.harness.sample import heavy
-from tests.opened_files import opened_files
 from tests.real_files import real_files
 from tests.small_eds import plain
 from tests.virtual_time import VirtualTimeBus
@@ -665,3 +667,46 @@ def test_a_file_of_the_library_that_was_damaged_says_what_to_do() -> None:
         assert "made.eds is not an EDS or DCF file" in scanned.stdout
         assert "; add the file again, or remove it from the library" in scanned.stdout
         assert "made.eds is not an EDS or DCF file" in bench.run("scan --json").document["nodes"][0]["eds_note"]
+
+
+#: inotify(7): a file was opened (of a folder another bit is set too), it was closed, something is lost. What is told
+#: twice in a row is told once: between two openings the closing has to be told
+_OPENED, _CLOSED, _LOST = 0x0020, 0x0018, 0x4000
+#: the head of what is told
+_HEAD = struct.Struct("iIII")
+
+
+@contextmanager
+def opened_files(below: Path) -> Iterator[list[str]]:
+    """The files below a folder that are opened in the block, by their names, each as often as it is opened.
+
+    The kernel tells it: an audit hook would stay in the process for good, and while a line of it runs between two
+    steps of `sys.settrace` no other thread can begin to be measured.
+    Those in folders that are made in the block are not told.
+    """
+    if sys.platform != "linux":
+        pytest.skip("only Linux tells which files are opened")
+    library, found = ctypes.CDLL(None, use_errno=True), list[str]()
+    told = library.inotify_init1(os.O_NONBLOCK | os.O_CLOEXEC)
+    try:
+        for folder in (below, *(path for path in below.rglob("*") if path.is_dir())):
+            watched = library.inotify_add_watch(told, os.fsencode(folder), _OPENED | _CLOSED)
+            assert watched >= 0, os.strerror(ctypes.get_errno())
+        yield found
+        found += _names(told)
+    finally:
+        os.close(told)
+
+
+def _names(told: int) -> Iterator[str]:
+    while True:
+        try:
+            events = os.read(told, 1 << 16)
+        except BlockingIOError:
+            return
+        while events:
+            _folder, mask, _cookie, length = _HEAD.unpack_from(events)
+            assert mask != _LOST, "the kernel could not keep them all"
+            name, events = events[_HEAD.size : _HEAD.size + length], events[_HEAD.size + length :]
+            if mask == _OPENED:
+                yield os.fsdecode(name.rstrip(b"\0"))
