@@ -17,13 +17,6 @@ from dvtcli.bus.receiver import Tap
 from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, DroppedAnswers, Inbox, SdoSettings
 from dvtcli.bus.turns import Turns, one_by_one
 from dvtcli.domain.cob_id import can_id_text
-from dvtcli.domain.lss_services import (
-    ACTIVATE_BIT_TIMING,
-    CONFIGURE_BIT_TIMING,
-    CONFIGURE_NODE_ID,
-    REQUEST_ID,
-    STORE_CONFIGURATION,
-)
 from dvtcli.domain.nmt import UNCONFIGURED, NmtCommand, NmtState
 from dvtcli.domain.ports import Emergency, Frame, NodeEvent, ReceivedEmergency, SdoTransport
 from dvtcli.errors import BusUnavailable, SafetyRefusal, UsageError
@@ -33,21 +26,18 @@ if TYPE_CHECKING:
 
 
 NMT_CAN_ID = 0x000
-#: LSS services that change a slave (CiA 305); finding and selecting slaves does not
-_LSS = {
-    CONFIGURE_NODE_ID: "LSS configure node-ID",
-    CONFIGURE_BIT_TIMING: "LSS configure bit timing",
-    ACTIVATE_BIT_TIMING: "LSS activate bit timing",
-    STORE_CONFIGURATION: "LSS store configuration",
-}
+#: an LSS master's requests (CiA 305), defined here to avoid the import of LSS in every command
+_LSS_REQUEST_ID = 0x7E5
 
 
 def act_of(frame: Frame) -> str | None:
     """Effect of *frame* on nodes in words, None if it only asks."""
     if frame.remote:
         return None
-    if frame.can_id == REQUEST_ID:
-        return _LSS.get(frame.data[0]) if frame.data else None
+    if frame.can_id == _LSS_REQUEST_ID:
+        from dvtcli.domain.lss_services import CHANGES
+
+        return CHANGES.get(frame.data[0]) if frame.data else None
     if frame.can_id == NMT_CAN_ID and len(frame.data) == 2 and frame.data[0] in list(NmtCommand):
         return command_text(NmtCommand(frame.data[0]), frame.data[1])
     return f"frame {can_id_text(frame.can_id, extended=frame.extended)}"

@@ -25,6 +25,13 @@ BIT_TIMING_REFUSED = {1: "it cannot run at that bit rate"}
 STORE_REFUSED = {1: "it cannot store its node-ID", 2: "its storage medium failed"}
 #: the standard's bit rates (bit/s), each with its index in the table of bit timings (table selector 0)
 BIT_TIMINGS = {1_000_000: 0, 800_000: 1, 500_000: 2, 250_000: 3, 125_000: 4, 50_000: 6, 20_000: 7, 10_000: 8}
+#: services that change a slave, in words; finding and selecting slaves does not
+CHANGES = {
+    CONFIGURE_NODE_ID: "LSS configure node-ID",
+    CONFIGURE_BIT_TIMING: "LSS configure bit timing",
+    ACTIVATE_BIT_TIMING: "LSS activate bit timing",
+    STORE_CONFIGURATION: "LSS store configuration",
+}
 _OWN = 0xFF
 
 
