@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import dataclass
 from datetime import date, timedelta
 from typing import NamedTuple
 
@@ -45,7 +46,8 @@ _FIRST_DAY, _LAST_DAY = 65_536, 2_900_000
 _PRIME, _QUOTIENTS = 9_973, 8_663
 
 
-class Stamp(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Stamp:
     """Value of 0x1020: *days* since 1 January 1984, *ms* after midnight; both 0 for no stamp."""
 
     days: int

@@ -5,6 +5,7 @@ Each consumer object is placed at the producer's bits for it. Pure."""
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import chain
 from typing import NamedTuple
 
@@ -111,7 +112,8 @@ RULES = (
 MOVES = frozenset({"link-command", "link-target"})
 
 
-class LinkSide(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class LinkSide:
     """An end of a link: the PDO's final configuration, and the device's profile and dictionary."""
 
     end: Endpoint

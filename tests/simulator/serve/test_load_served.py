@@ -68,7 +68,7 @@ def test_what_is_on_a_served_bus_is_what_is_computed(tmp_path: Path) -> None:
     assert measured.load(BIT_RATE) == pytest.approx(both.expected, rel=0.02)
     assert measured.load(BIT_RATE) > 0.1
     assert not both.too_often
-    rates = {one.identifier[0]: measured.rate_hz(one.identifier) for one in both.frames if one.received}
+    rates = {one.identifier[0]: measured.rate_hz(one.identifier) for one in both.frames if one.heard}
     assert rates == pytest.approx({0x080: 100, 0x181: 100, 0x185: 50, 0x285: 100 / 3}, rel=0.02)
     assert computed.need.total is not None
     assert measured.load(BIT_RATE) <= computed.need.total
