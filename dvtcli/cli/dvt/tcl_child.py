@@ -8,8 +8,8 @@ from __future__ import annotations
 import os
 
 from dvtcli.cli.dvt.tcl_child_run import Script
+from dvtcli.cli.dvt.tcl_interp import BareInterpreter
 from dvtcli.cli.dvt.tcl_parent import Parent
-from dvtcli.cli.dvt.tcl_safe import BareInterpreter
 from dvtcli.cli.dvt.tcl_wire import Ready, Setup, TclLine
 from dvtcli.files.bounded_child import die_of, limit
 

@@ -9,8 +9,8 @@ import re
 import time
 from collections.abc import Sequence
 
+from dvtcli.cli.dvt.tcl_interp import BRIDGE, SAFE, BareInterpreter
 from dvtcli.cli.dvt.tcl_parent import Parent
-from dvtcli.cli.dvt.tcl_safe import BRIDGE, SAFE, BareInterpreter
 from dvtcli.cli.dvt.tcl_wire import MOST_CHARACTERS, Call, End, Setup
 from dvtcli.files.bounded_child import die_of
 

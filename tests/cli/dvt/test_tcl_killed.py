@@ -190,7 +190,7 @@ def test_it_imports_nothing_of_dvtcli_but_itself() -> None:
         "dvtcli.cli.dvt.tcl_child",
         "dvtcli.cli.dvt.tcl_child_run",
         "dvtcli.cli.dvt.tcl_parent",
-        "dvtcli.cli.dvt.tcl_safe",
+        "dvtcli.cli.dvt.tcl_interp",
         "dvtcli.cli",
         "dvtcli.cli.dvt.tcl_wire",
         "dvtcli.files",

@@ -50,7 +50,7 @@ DOORS: dict[str, tuple[str, ...]] = {
         "operations/api/calls.py",
     ),
     "urllib": ("cli/view/reports/sarif_lines.py",),  # its `parse`
-    "tkinter": ("cli/dvt/tcl_safe.py",),
+    "tkinter": ("cli/dvt/tcl_interp.py",),
     "winreg": ("bus/discover.py",),
     "getpass": ("cli/passcode.py",),
     # whether a maker's library can be loaded, in a process of its own
