@@ -107,13 +107,13 @@ class KnownPdos:
         return in_standard_order(self.bus.sdo(self.node_id), self.profile)
 
     @property
-    def witness(self) -> RestartCounter:
+    def reboot_monitor(self) -> RestartCounter:
         """The monitor of the node's restarts."""
         return RestartCounter(self.bus, self.node_id)
 
     def observed(self, look: Callable[[], T]) -> T:
         """The result of *look*, read without a restart between. Raises NoAnswer after repeated restarts."""
-        return observed(self.witness, look, self.node_id)
+        return observed(self.reboot_monitor, look, self.node_id)
 
     @property
     def access(self) -> NodeAccess:

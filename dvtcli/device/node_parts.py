@@ -62,7 +62,7 @@ class ReadableNode(NodeDescription, Protocol):
         """The NMT state and the device's reasons for an abort."""
 
     @property
-    def witness(self) -> RestartCounter:
+    def reboot_monitor(self) -> RestartCounter:
         """The monitor of the node's restarts."""
 
     @property

@@ -69,15 +69,15 @@ class NeverRestarts:
         return 0
 
 
-def observed(witness: RebootMonitor, look: Callable[[], T], node_id: int | None = None) -> T:
+def observed(reboot_monitor: RebootMonitor, look: Callable[[], T], node_id: int | None = None) -> T:
     """The result of *look*, repeated until no disturbance occurred during its uploads; *node_id* for the error.
 
     Raises NoAnswer after `MAX_READS` tries.
     """
     for _ in range(MAX_READS):
-        disturbance_count = witness.disturbance_count()
+        disturbance_count = reboot_monitor.disturbance_count()
         found = look()
-        if witness.disturbance_count() == disturbance_count:
+        if reboot_monitor.disturbance_count() == disturbance_count:
             return found
     name = "the node" if node_id is None else f"node {node_id}"
     raise NoAnswer(

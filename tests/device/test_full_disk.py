@@ -116,7 +116,7 @@ def test_the_journal_of_what_was_made_before_stays_where_the_next_change_cannot_
         begin(one, 0x1006)
     assert one.own_journal.path.read_text("utf-8") == held
     assert one.own_journal.is_open(one.own_journal.path), "no change is in hand: the whole can go on, or end"
-    one.own_journal.end_whole()
+    one.own_journal.end_group()
     assert not one.own_journal.path.exists()
     assert not one.own_journal.is_open(one.own_journal.path)
 
@@ -152,7 +152,7 @@ def test_a_whole_that_cannot_be_ended_is_said_with_the_file_in_the_way(keep: Kee
     marker.unlink()
     marker.mkdir()
     with pytest.raises(JournalKept) as caught:
-        one.own_journal.complete_whole()
+        one.own_journal.complete_group()
     assert caught.value.place == str(one.own_journal.path)
 
 

@@ -81,7 +81,7 @@ def test_the_journal_of_a_whole_grows_with_each_change_and_counts_to_its_end(kee
     assert len(set(held.part.entries)) == 2
     assert markers(one) == 1
     assert not one.refuse_while_open(), "its own journal does not stand in its way, and it has the lock"
-    one.own_journal.complete_whole()
+    one.own_journal.complete_group()
     assert (one.open_journal(), one.lock.noted(), markers(one)) == (None, None, 0)
     assert not one.journals.path(5).exists()
 
@@ -108,10 +108,10 @@ def test_a_whole_of_several_nodes_ends_on_all_of_them_at_one_stroke(keep: Keep) 
     make(one, 0x2000)
     make(other, 0x2000)
     assert [found.plan.node_id for found in one.journals.all_of(str(one.group.id))] == [5, 7]
-    one.own_journal.complete_whole()
+    one.own_journal.complete_group()
     assert other.journals.path(7).exists()
     assert other.open_journal() is None, "it is there, and counts no longer"
-    other.own_journal.complete_whole()
+    other.own_journal.complete_group()
     assert not other.journals.path(7).exists()
 
 
@@ -119,11 +119,11 @@ def test_the_last_node_that_is_put_back_takes_the_marker_along(keep: Keep) -> No
     one, other = keep(5), keep(7)
     make(one, 0x2000)
     make(other, 0x2000)
-    one.own_journal.end_whole()
+    one.own_journal.end_group()
     assert (markers(one), one.open_journal(), other.open_journal()) == (1, None, other.journals.path(7))
-    one.own_journal.abandon_whole()
+    one.own_journal.abandon_group()
     assert markers(one) == 1, "the other node waits for it"
-    other.own_journal.end_whole()
+    other.own_journal.end_group()
     assert (markers(one), other.open_journal()) == (0, None)
 
 
@@ -131,30 +131,30 @@ def test_while_a_change_is_in_hand_the_whole_is_not_over(keep: Keep) -> None:
     one = keep()
     make(one, 0x2000)
     one.begin(plan(5, 0x2001), IDENTITY, 5, dict)
-    one.own_journal.end_whole()
+    one.own_journal.end_group()
     assert indices(one) == [0x2000, 0x2001]
 
 
 def test_a_whole_that_changed_nothing_leaves_nothing(keep: Keep) -> None:
     one = keep()
-    one.own_journal.complete_whole()
+    one.own_journal.complete_group()
     assert one.open_journal() is None
     one.begin(plan(5, 0x2000), IDENTITY, 5, dict)
     assert markers(one) == 1
     one.own_journal.end()
     assert not one.journals.path(5).exists()
-    one.own_journal.abandon_whole()
+    one.own_journal.abandon_group()
     assert markers(one) == 0
 
 
 def test_a_line_that_no_undo_reverts_is_on_disk_before_it_begins(keep: Keep) -> None:
     one = keep()
-    one.own_journal.final("store")
+    one.own_journal.record_stores("store")
     assert one.open_journal() is None, "nothing was changed: nothing to roll back"
     make(one, 0x2000)
-    one.own_journal.final("store")
+    one.own_journal.record_stores("store")
     assert journal(one).part.final == "store"
-    one.own_journal.final("")
+    one.own_journal.record_stores("")
     make(one, 0x2001)
     assert journal(one).part.final == ""
 
@@ -232,7 +232,7 @@ def test_a_change_alone_is_over_with_its_end(keep: Keep) -> None:
     one.begin(plan(5, 0x2001), IDENTITY, 5, dict)
     assert indices(one) == [0x2001]
     one.own_journal.end()
-    one.own_journal.complete_whole()
+    one.own_journal.complete_group()
     assert one.open_journal() is None
 
 
@@ -256,7 +256,7 @@ def test_a_journal_that_cannot_be_removed_is_said_with_what_holds(keep: Keep, tm
     path.unlink()
     path.mkdir()
     with pytest.raises(JournalKept) as caught:
-        one.own_journal.end_whole()
+        one.own_journal.end_group()
     assert (caught.value.place, caught.value.state) == (str(path), "left_changed")
     assert caught.value.why in ("Is a directory", "Operation not permitted")
     assert "set and read back equal" in (caught.value.state_text or "")
@@ -309,7 +309,7 @@ def test_the_parts_of_a_change_have_one_journal_that_is_there_before_the_first(k
     make(one, 0x2003)
     assert indices(one) == [0x2000, 0x2001, 0x2002, 0x2003]
     assert len(set(journal(one).part.entries)) == 3, "it is a change of its own"
-    one.own_journal.complete_whole()
+    one.own_journal.complete_group()
     assert not one.own_journal.path.exists()
 
 
@@ -319,7 +319,7 @@ def test_what_was_prepared_and_is_put_back_or_not_begun_has_no_journal(keep: Kee
     prepared(one, 0x2000, 0x2001)
     for _ in range(begun):
         part(one, 0x2000)
-    one.own_journal.end_whole()
+    one.own_journal.end_group()
     assert (one.open_journal(), markers(one), one.lock.noted()) == (None, 0, None)
     make(one, 0x2001)
     assert indices(one) == [0x2001]
@@ -335,7 +335,7 @@ def test_all_that_a_prepared_journal_says_later_needs_no_more_space(keep: Keep) 
         part(one, 0x2000)
         part(one, 0x2001)
         for done in (False, True):
-            one.own_journal.final(ENDS.final, tuple(store._replace(is_done=done) for store in ENDS.stores))
+            one.own_journal.record_stores(ENDS.final, tuple(store._replace(is_done=done) for store in ENDS.stores))
             assert [store.is_done for store in journal(one).part.stores] == [done]
         one.own_journal.note(plan(5, 0x2002))
     assert (one.own_journal.path.stat().st_ino, one.own_journal.path.stat().st_size) == (inode, size)
@@ -348,7 +348,7 @@ def test_a_journal_that_is_torn_while_it_is_written_says_what_it_said_before(kee
     prepared(one, 0x2000)
     said = [one.own_journal.path.read_bytes()]
     for name in ("first", "second"):
-        one.own_journal.final(name)
+        one.own_journal.record_stores(name)
         said.append(one.own_journal.path.read_bytes())
     for before, after, final in ((said[0], said[1], ""), (said[1], said[2], "first")):
         differing = [number for number, pair in enumerate(zip(before, after, strict=True)) if pair[0] != pair[1]]

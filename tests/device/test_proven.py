@@ -12,7 +12,7 @@ from dvtcli.device.node import Node
 from dvtcli.device.store.canary import choose_canary
 from dvtcli.device.store.proven import Restart, prepare_proof, prove_restore, prove_store, restart_and_read
 from dvtcli.device.store.snapshot import Snapshot
-from dvtcli.device.store.store_parameters import RESTORE, STORE, Signed
+from dvtcli.device.store.store_parameters import RESTORE, STORE, StoreAnswer
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import GENERIC, StorePolicy
@@ -23,7 +23,7 @@ from tests.laws.bench import NODE, DirectBus, booted, dictionary, profile
 
 TPDO1 = Pdo.parse("tpdo1")
 HEARTBEAT = (0x1017, 0)
-STORED = Signed(STORE, 1, 0.0, 1)
+STORED = StoreAnswer(STORE, 1, 0.0, 1)
 
 
 class Bench:
@@ -177,5 +177,5 @@ def test_a_restore_without_a_file_says_what_would_prove_it(group: int, hint: str
     bench = Bench()
     bench.node.dictionary = None
     before = Snapshot.now(bench.node)
-    proof = prove_restore(bench.node, Signed(RESTORE, group, 0.0), bench.restart(bench.keep_ram), before)
+    proof = prove_restore(bench.node, StoreAnswer(RESTORE, group, 0.0), bench.restart(bench.keep_ram), before)
     assert (proof.holds, typed(proof.hint)) == (False, hint)

@@ -174,9 +174,9 @@ def test_a_difference_is_laid_to_a_restart_only_where_there_was_one(sdo: DirectS
     error = failed(FaultySdo(sdo, ignore, 1), value(sdo, 1000))
     assert str(error) == f"node {NODE} took 1017:00 without an error, but reads back differently"
     assert typed(error.hint) == "the device corrects or ignores the value: its manual says which values it takes"
-    error = failed(FaultySdo(sdo, ignore, 1), value(sdo, 1000), witness=Restarts(-1))
+    error = failed(FaultySdo(sdo, ignore, 1), value(sdo, 1000), reboot_monitor=Restarts(-1))
     assert "took 1017:00 without an error" in str(error), "it restarted before the change only"
-    error = failed(FaultySdo(sdo, ignore, 1), value(sdo, 1000), witness=Restarts(1))
+    error = failed(FaultySdo(sdo, ignore, 1), value(sdo, 1000), reboot_monitor=Restarts(1))
     assert str(error) == f"node {NODE} restarted while 1017:00 was changed, and reads back differently"
     assert typed(error.hint) == "check its supply, then try again"
     assert (error.place, error.why) == ("1017:00", "0x1017:00 is 0x01F4, expected 0x03E8")
@@ -198,7 +198,7 @@ def test_a_device_that_restarts_each_time_it_is_put_back_proves_nothing(sdo: Dir
             return super().upload(*place, **how)
 
     change = value(sdo, 1000)
-    error = failed(FaultySdo(Slow(sdo.device), refuse, 1), change, clock=clock, witness=Restarts(0, always=True))
+    error = failed(FaultySdo(Slow(sdo.device), refuse, 1), change, clock=clock, reboot_monitor=Restarts(0, always=True))
     assert isinstance(error, LeftChanged)
     assert "the node restarted, or lost an answer, each time that it was rolled back" in str(error.why)
     assert clock.now_s() >= PATIENCE_S
@@ -314,13 +314,13 @@ def test_after_a_restart_nobody_knows_whether_others_were_altered(sdo: DirectSdo
     """Nothing is laid to the device then; and nothing is called done."""
     change = enabled(sdo)
     error = failed(
-        altering(sdo, 1), change, others=UntouchedPdos({TPDO2: read_cob_id(sdo, TPDO2)}), witness=Restarts(1)
+        altering(sdo, 1), change, others=UntouchedPdos({TPDO2: read_cob_id(sdo, TPDO2)}), reboot_monitor=Restarts(1)
     )
     assert str(error) == f"node {NODE} restarted while TPDO1 was changed"
     assert error.state == "rolled_back"
     assert read_pdo(sdo, TPDO1) == change.before
-    run(sdo, value(sdo, 1000), others=UntouchedPdos({TPDO2: read_cob_id(sdo, TPDO2)}), witness=Restarts(1))
-    run(sdo, change, others=UntouchedPdos(), witness=Restarts(1))
+    run(sdo, value(sdo, 1000), others=UntouchedPdos({TPDO2: read_cob_id(sdo, TPDO2)}), reboot_monitor=Restarts(1))
+    run(sdo, change, others=UntouchedPdos(), reboot_monitor=Restarts(1))
     assert read_pdo(sdo, TPDO1) == change.after
 
 
@@ -396,7 +396,7 @@ def test_a_node_that_answers_again_is_not_said_to_be_off(
             "silent", node=NODE, place=f"{index:04X}:{sub_index:02X}", why=why, hint="is it on?", state="unknown"
         )
 
-    error = failed(FaultySdo(sdo, lose, 1), value(sdo, 1000), witness=life)
+    error = failed(FaultySdo(sdo, lose, 1), value(sdo, 1000), reboot_monitor=life)
     assert (error.state, error.why) == ("rolled_back", told)
     assert typed(error.hint).startswith(hint)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dvtcli.device.change.left_behind import could_not, merge_left
+from dvtcli.device.change.left_behind import failure_sentence, merge_left
 from dvtcli.errors import LeftChanged, LeftObject
 
 
@@ -20,5 +20,5 @@ def test_each_node_is_said_with_what_is_left_of_it() -> None:
         "LEFT CHANGED: TPDO1 of node 5; what node 6 holds of 0x1017:00 is not known; "
         "TPDO2 of node 5 is as it was, read back equal"
     )
-    assert could_not(error, 5, "rolled back") == "TPDO1 of node 5 could not be rolled back"
-    assert could_not(error, 7, "rolled back") is None
+    assert failure_sentence(error, 5, "rolled back") == "TPDO1 of node 5 could not be rolled back"
+    assert failure_sentence(error, 7, "rolled back") is None

@@ -42,7 +42,7 @@ class NodeRolledBack:
                 raise NoAnswer("it restarted meanwhile")  # what was put back before that may be lost again
             self._look_again()
             if self.node.guard is not None:
-                self.node.guard.own_journal.end_whole()
+                self.node.guard.own_journal.end_group()
         except (DvtcliError, KeyboardInterrupt) as failed:
             return left_of(self.node, self.made, cause, failed)
         from dvtcli.device.change.undo_plan import unknown_before
@@ -201,7 +201,7 @@ class ScriptChanges:
         """Record in the journals that *line*, without undo, runs next, for `recover` after a crash."""
         self._note_gates()
         for journal in self._journals():
-            journal.final(line)
+            journal.record_stores(line)
 
     def _note_gates(self) -> None:
         """Record the nodes to return to OPERATIONAL, because an NMT line resets their gates."""
@@ -263,7 +263,7 @@ class ScriptChanges:
             self.complete()
         elif self.atomic:
             for journal in self._journals():
-                journal.abandon_whole()
+                journal.abandon_group()
             self._session.group.end()
 
     def _journals(self) -> list[OwnJournal]:
@@ -284,17 +284,17 @@ class ScriptChanges:
             self._name_left(left, made.values(), failed)
             raise left
         for journal in self._journals():
-            journal.final("")
+            journal.record_stores("")
         with self._session.cancellation.rolling_back(), self._session.agreed():
             tried = [self._take_back(node, cause) for node in reversed(list(self._session.met_nodes()))]
             failures = [failure for attempt in tried if (failure := attempt.settled(cause)) is not None]
         if failures:
-            from dvtcli.device.change.left_behind import could_not
+            from dvtcli.device.change.left_behind import failure_sentence
 
             first, *others = failures
             self._name_left(first, [made[changed.node] for changed in failures if changed.node in made], failed)
             for failure in failures:
-                failure.text = could_not(first, failure.node or 0, "rolled back") or failure.text
+                failure.text = failure_sentence(first, failure.node or 0, "rolled back") or failure.text
             first.details += [("also", failure.text) for failure in others]
             raise first
         if failed is not None:
@@ -345,7 +345,7 @@ class ScriptChanges:
         stopped = isinstance(left.__cause__, KeyboardInterrupt)
         name_left(
             left,
-            [Guarded(node.node_id, node.sdo, node.witness, some) for node, some in changes.values() if some],
+            [Guarded(node.node_id, node.sdo, node.reboot_monitor, some) for node, some in changes.values() if some],
             stopped=stopped,
         )
 

@@ -169,7 +169,7 @@ def _transaction(node: Changeable, plan: Plan, others: UntouchedPdos, initial_st
         node.access.explain,
         before_retry=node.gate.renew,
         clock=node.bus,
-        witness=node.witness,
+        reboot_monitor=node.reboot_monitor,
         others=others,
         on_altered=note,
         on_step=took,

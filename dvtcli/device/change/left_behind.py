@@ -30,7 +30,7 @@ class Guarded(NamedTuple):
 
     node_id: int
     sdo: SdoReader
-    witness: RebootMonitor
+    reboot_monitor: RebootMonitor
     changes: Sequence[Change]
     beside: Sequence[Change] = ()
 
@@ -67,7 +67,7 @@ def merge_left(left: LeftChanged, others: Iterable[LeftChanged]) -> None:
     left.state_text = _state_text(left)
 
 
-def could_not(left: LeftChanged, node_id: int, done: str) -> str | None:
+def failure_sentence(left: LeftChanged, node_id: int, done: str) -> str | None:
     """The sentence that the entries of *left* for a node could not be *done* ("put back"); None without entries."""
     labels = _labels(left, node_id)
     return f"{labels} of node {node_id} could not be {done}" if labels else None
@@ -99,9 +99,9 @@ def _look(guarded: Guarded) -> list[LeftObject]:
     """The rows of a node, all read without a restart between."""
     for _ in range(MAX_READS):
         try:
-            disturbance_count = guarded.witness.disturbance_count()
+            disturbance_count = guarded.reboot_monitor.disturbance_count()
             rows = list(_rows(guarded))
-            if guarded.witness.disturbance_count() == disturbance_count:
+            if guarded.reboot_monitor.disturbance_count() == disturbance_count:
                 return rows
         except DvtcliError as dead:
             return list(_unread(guarded, guarded.changes, dead.text))

@@ -30,7 +30,7 @@ ROOM_OF_TEST = 5000
 
 @dataclass(slots=True)
 class OwnJournal:
-    """The journal of this process for the node of *lock*, among *journals*; *whole* is the current change group.
+    """The journal of this process for the node of *lock*, among *journals*; *group* is the current change group.
 
     *warn* shows an important message.
     """
@@ -80,7 +80,7 @@ class OwnJournal:
         changes = (*kept, *contents.plan.changes)
         return {change.pdo: change.before for change in changes if isinstance(change, PdoChange)}
 
-    def guard(self, plan: Plan | None) -> None:
+    def also_cover(self, plan: Plan | None) -> None:
         """Add *plan* to the journal: present values that the changes may alter as a side effect."""
         self._beside = plan
 
@@ -185,7 +185,7 @@ class OwnJournal:
         self._contents = JournalContents(journal.nmt_state, journal.part, [journal.plan])
         self._on_disk = (journal.plan, journal.part)
 
-    def final(self, line: str, stores: tuple[Storing, ...] = (), equal: tuple[Storing, ...] = ()) -> None:
+    def record_stores(self, line: str, stores: tuple[Storing, ...] = (), equal: tuple[Storing, ...] = ()) -> None:
         """Record the final *line* of the group, which no undo reverts, and its *stores*; empty to cancel.
 
         *equal* are the nodes that matched already: neither changed nor stored.
@@ -196,16 +196,16 @@ class OwnJournal:
                 with self._files("kept"):
                     self._write()
 
-    def complete_whole(self) -> None:
+    def complete_group(self) -> None:
         """Complete the group on every node and remove the journal. Raises JournalKept if removal fails."""
         if self.group.id is not None:
             try:
                 self.journals.close_group(self.group.id)
             except OSError as failed:
                 raise self._kept(failed) from failed
-        self.end_whole()
+        self.end_group()
 
-    def abandon_whole(self) -> None:
+    def abandon_group(self) -> None:
         """Leave the group incomplete; changes not rolled back wait for `recover`."""
         self._tidy(self.group.id)
 
@@ -213,7 +213,7 @@ class OwnJournal:
         with self._files("removed"):
             self.journals.tidy(whole)
 
-    def end_whole(self) -> None:
+    def end_group(self) -> None:
         """Remove the journal after this node's part of the group was rolled back and verified."""
         if self._contents.is_begun and self._contents.in_hand is None:
             whole = self._contents.part.group_id
@@ -260,14 +260,14 @@ class OwnJournal:
 
 
 def complete_groups(journals: Iterable[OwnJournal]) -> JournalKept | None:
-    """Call `complete_whole` on all *journals*; return the first failure with the others beside.
+    """Call `complete_group` on all *journals*; return the first failure with the others beside.
 
     The journals of the other nodes are removed all the same.
     """
     kept: list[JournalKept] = []
     for journal in journals:
         try:
-            journal.complete_whole()
+            journal.complete_group()
         except JournalKept as failed:
             kept.append(failed)
     if not kept:

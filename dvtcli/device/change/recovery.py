@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.left_behind import Guarded, could_not, name_left
+from dvtcli.device.change.left_behind import Guarded, failure_sentence, name_left
 from dvtcli.device.change.roll_back import roll_back_patiently, unreadable_now
 from dvtcli.device.change.undo_plan import put_back_findings, undo_plan_of
 from dvtcli.device.change.untouched_pdos import altered_of, as_they_are, is_of_pdo, others_left, present_beside
@@ -229,8 +229,8 @@ class Recovery:
         try:
             with node.cancellation.guard():
                 node.gate.renew()  # an earlier try may have started the node
-                witness = RestartCounter(node.bus, node.node_id)
-                return roll_back_patiently(node.sdo, changes, node.bus, node.gate.renew, witness)
+                reboot_monitor = RestartCounter(node.bus, node.node_id)
+                return roll_back_patiently(node.sdo, changes, node.bus, node.gate.renew, reboot_monitor)
         except given_up as fault:
             raise self._left(fault) from fault
         finally:
@@ -246,9 +246,9 @@ class Recovery:
             hint=_next_step(node, fault, self.journal),
             state="left_changed",
         )
-        guarded = Guarded(node.node_id, node.sdo, node.witness, self.changes)
+        guarded = Guarded(node.node_id, node.sdo, node.reboot_monitor, self.changes)
         name_left(left, [guarded], stopped=isinstance(fault, KeyboardInterrupt))
-        left.text = could_not(left, node.node_id, "rolled back") or left.text
+        left.text = failure_sentence(left, node.node_id, "rolled back") or left.text
         return left
 
 

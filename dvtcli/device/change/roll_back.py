@@ -42,23 +42,23 @@ def roll_back_patiently(
     changes: Sequence[Change],
     clock: Clock,
     before_retry: Callable[[], None],
-    witness: RebootMonitor | None = None,
+    reboot_monitor: RebootMonitor | None = None,
 ) -> tuple[PdoChange, ...]:
     """Restore *before* of every change, with retries: a silent or refusing node may be rebooting.
 
     Includes changes not begun, since a reboot returns them to the stored values. Each try reads the device again and
-    writes differences only. A try proves nothing and is repeated if the *witness* saw a restart or an upload was
+    writes differences only. A try proves nothing and is repeated if the *reboot_monitor* saw a restart or an upload was
     repeated meanwhile. *before_retry* makes the device writable again. After `PATIENCE_S` a last try raises its error.
     Returns the changes with *before* refused and *back* accepted; a temporary refusal counts in the last try only.
     """
-    witness = witness or NeverRestarts()
+    reboot_monitor = reboot_monitor or NeverRestarts()
     deadline = clock.now_s() + PATIENCE_S
     while True:
         is_last = clock.now_s() >= deadline
         try:
-            disturbance_count = witness.disturbance_count()
-            otherwise = roll_back_once(sdo, changes, settles=is_last)
-            if witness.disturbance_count() == disturbance_count:
+            disturbance_count = reboot_monitor.disturbance_count()
+            otherwise = roll_back_once(sdo, changes, is_last_try=is_last)
+            if reboot_monitor.disturbance_count() == disturbance_count:
                 return otherwise
             if is_last:
                 raise DeviceRefused("the node restarted, or lost an answer, each time that it was rolled back")
@@ -70,12 +70,12 @@ def roll_back_patiently(
                 before_retry()  # if this fails as well, the next try finds out
 
 
-def roll_back_once(sdo: SdoTransport, changes: Sequence[Change], *, settles: bool) -> tuple[PdoChange, ...]:
+def roll_back_once(sdo: SdoTransport, changes: Sequence[Change], *, is_last_try: bool) -> tuple[PdoChange, ...]:
     """Restore *before* of every change, last change first, and verify; the first failure is raised at the end.
 
     Reads the device first, since after a time-out the last write may have arrived or not. Verifies after the last write
-    only, since restoring one PDO may alter another. Returns the changes restored to *back* instead; *settles* allows
-    *back* after a temporary refusal.
+    only, since restoring one PDO may alter another. Returns the changes restored to *back* instead; *is_last_try*
+    allows *back* after a temporary refusal.
     """
     failures: list[Exception] = []
     fillers = _fillers(changes)
@@ -89,7 +89,7 @@ def roll_back_once(sdo: SdoTransport, changes: Sequence[Change], *, settles: boo
             if dependent and change is dependent[-1]:
                 _roll_back_dependent(sdo, dependent)
             else:
-                _roll_back_one(sdo, change, fillers, settles=settles)
+                _roll_back_one(sdo, change, fillers, is_last_try=is_last_try)
         except NoAnswer:
             raise  # a silent node answers nothing about the others either
         except Exception as failed:  # noqa: BLE001 - the others are put back all the same
@@ -108,14 +108,14 @@ def roll_back_once(sdo: SdoTransport, changes: Sequence[Change], *, settles: boo
 
 
 def _roll_back_one(
-    sdo: SdoTransport, change: Change, fillers: Mapping[Pdo, Sequence[ValueChange]], *, settles: bool
+    sdo: SdoTransport, change: Change, fillers: Mapping[Pdo, Sequence[ValueChange]], *, is_last_try: bool
 ) -> None:
     """Restore *before* of *change*; after an expected refusal, the value accepted instead."""
     try:
         for step in _roll_back_steps(sdo, change, fillers):
-            _bring(sdo, step)
+            _download_or_verify(sdo, step)
     except SdoAborted as refused:
-        if not isinstance(change, PdoChange) or not _roll_back_otherwise(sdo, change, refused, settles=settles):
+        if not isinstance(change, PdoChange) or not _roll_back_otherwise(sdo, change, refused, is_last_try=is_last_try):
             raise
 
 
@@ -135,32 +135,32 @@ def _roll_back_dependent(sdo: SdoTransport, changes: Sequence[ValueChange]) -> N
     refused: list[SdoAborted] = []
     for step in (*in_order(altering(back)), *unseen):
         try:
-            _bring(sdo, step)
+            _download_or_verify(sdo, step)
         except SdoAborted as aborted:
             refused.append(aborted)
     if refused:
         raise refused[0]
 
 
-def _roll_back_otherwise(sdo: SdoTransport, change: PdoChange, refused: SdoAborted, *, settles: bool) -> bool:
+def _roll_back_otherwise(sdo: SdoTransport, change: PdoChange, refused: SdoAborted, *, is_last_try: bool) -> bool:
     """Restore with the PDO disabled if a parameter was refused while enabled, else restore *back*; false if neither.
 
-    As long as the refusal may be temporary, *back* is not used unless *settles*.
+    As long as the refusal may be temporary, *back* is not used unless *is_last_try*.
     """
     held = read_pdo(sdo, change.pdo)
     parameter = refused.index == change.pdo.communication_index and refused.sub_index != 1
     if held.enabled and parameter:
         steps = plan_pdo(change.pdo, held, change.before, off=True).steps
-    elif change.back is not None and (settles or not may_pass(refused.code)):
+    elif change.back is not None and (is_last_try or not may_pass(refused.code)):
         steps = plan_pdo(change.pdo, held, change.back).steps
     else:
         return False
     for step in steps:
-        _bring(sdo, step)
+        _download_or_verify(sdo, step)
     return True
 
 
-def _bring(sdo: SdoTransport, step: Step) -> None:
+def _download_or_verify(sdo: SdoTransport, step: Step) -> None:
     """Write *step*; a refused write of the present value is no error: a count may be writable, but not its entries."""
     try:
         sdo.download(step.index, step.sub_index, step.after)

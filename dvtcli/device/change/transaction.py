@@ -86,12 +86,12 @@ class AcknowledgedSteps:
 class Transaction:
     """One run of a plan on a device.
 
-    *cancellation* is checked between two SDO downloads; *explain* may add the device's reason to an abort; *on_step* is
-    called after every acknowledged step; *before_retry* makes the device writable again for another roll-back, since
-    the fault may have been a reboot; *clock* is the bus's. *witness* counts restarts: values read before and after a
-    restart prove nothing. *control_words* may read back differently from the written and the former value: the device
-    took the command. *others* are the untouched PDOs: altering the COB-ID of one is a failure; *on_altered* is called
-    with the further changes to roll back, before they are rolled back.
+    *cancellation* is checked between two SDO downloads; *explain* may add the device's reason to an abort; *on_step*
+    is called after every acknowledged step; *before_retry* makes the device writable again for another roll-back,
+    since the fault may have been a reboot; *clock* is the bus's. *reboot_monitor* counts restarts: values read before
+    and after a restart prove nothing. *control_words* may read back differently from the written and the former value:
+    the device took the command. *others* are the untouched PDOs: altering the COB-ID of one is a failure; *on_altered*
+    is called with the further changes to roll back, before they are rolled back.
     """
 
     sdo: SdoTransport
@@ -101,7 +101,7 @@ class Transaction:
     on_step: Callable[[Step], None] = lambda _step: None
     before_retry: Callable[[], None] = lambda: None
     clock: Clock = field(kw_only=True)
-    witness: RebootMonitor = field(default_factory=NeverRestarts)
+    reboot_monitor: RebootMonitor = field(default_factory=NeverRestarts)
     control_words: Collection[tuple[int, int]] = ()
     others: UntouchedPdos = field(default_factory=UntouchedPdos)
     on_altered: Callable[[Sequence[Change]], None] = lambda _changes: None
@@ -130,7 +130,7 @@ class Transaction:
         """
         total, done = len(self.plan), 0
         with self.cancellation.guard():
-            self._boot_ups = self.witness.boot_ups()
+            self._boot_ups = self.reboot_monitor.boot_ups()
             try:
                 for change, step in self.plan.steps_in_order():
                     self._started.append(change)
@@ -139,7 +139,7 @@ class Transaction:
                     done += 1
                     self._download(step, change, done, total)
                 self._stop_if_cancelled(done, total)
-                observed(self.witness, self._verify)
+                observed(self.reboot_monitor, self._verify)
                 self._stop_if_cancelled(done, total)  # the last chance to stop: a complete change stays
             except BaseException as fault:  # a bug of ours must not leave the device half configured either
                 self._roll_back(fault)
@@ -155,7 +155,7 @@ class Transaction:
 
     def _stop_if_restarted(self) -> None:
         """Stop between two downloads if the device restarted: the rest was planned from earlier values."""
-        if self.boot_ups_read in (None, self.witness.boot_ups()):
+        if self.boot_ups_read in (None, self.reboot_monitor.boot_ups()):
             return
         node_id = self.plan.node_id
         if not self._touched:
@@ -193,7 +193,7 @@ class Transaction:
 
     def _verify(self) -> None:
         """Read back the plan's values; a difference is a refusal without an abort."""
-        self.boot_ups_verified = self.witness.boot_ups()
+        self.boot_ups_verified = self.reboot_monitor.boot_ups()
         self.answered_otherwise.clear()
         for change in self.plan.changes:
             if isinstance(change, ValueChange):
@@ -245,12 +245,12 @@ class Transaction:
 
     def _altered_by_roll_back(self) -> dict[Pdo, str]:
         """Untouched PDOs that differ after the roll-back, in words; empty after a restart meanwhile."""
-        if self.witness.boot_ups() != self._boot_ups_back:
+        if self.reboot_monitor.boot_ups() != self._boot_ups_back:
             return self._altered()
         return {**self.others.altered_whole(self.sdo), **self._altered()}
 
     def _restarted(self) -> bool:
-        return self.witness.boot_ups() != self._boot_ups
+        return self.reboot_monitor.boot_ups() != self._boot_ups
 
     def _roll_back(self, fault: BaseException) -> None:
         if not self._touched:
@@ -298,13 +298,13 @@ class Transaction:
 
     def _left_changed(self, fault: BaseException, second: BaseException) -> LeftChanged:
         """The error of a roll-back that failed with *second*, with the objects that differ from before, as read now."""
-        from dvtcli.device.change.left_behind import Guarded, could_not, name_left
+        from dvtcli.device.change.left_behind import Guarded, failure_sentence, name_left
 
         left = left_changed(self.plan, fault, second)
         beside = tuple(self.others.unchanged())
-        guarded = Guarded(self.plan.node_id, self.sdo, self.witness, self.plan.changes, beside)
+        guarded = Guarded(self.plan.node_id, self.sdo, self.reboot_monitor, self.plan.changes, beside)
         name_left(left, [guarded], stopped=isinstance(second, KeyboardInterrupt))
-        left.text = could_not(left, self.plan.node_id, "rolled back") or left.text
+        left.text = failure_sentence(left, self.plan.node_id, "rolled back") or left.text
         return left
 
     def _say_unreadable(self, fault: DvtcliError) -> None:
@@ -316,7 +316,7 @@ class Transaction:
             from dvtcli.device.change.left_behind import Guarded, name_left
 
             left = unreadable_left(self.plan, taken, fault)
-            name_left(left, [Guarded(self.plan.node_id, self.sdo, self.witness, self.plan.changes)])
+            name_left(left, [Guarded(self.plan.node_id, self.sdo, self.reboot_monitor, self.plan.changes)])
             raise left from fault
         refusal = isinstance(fault, DeviceRefused)
         fault.state = "unknown" if unreadable and not refusal else "rolled_back"
@@ -398,10 +398,10 @@ class Transaction:
         """
         sure = not self._others_matter() or self._restarted() or self._acknowledged.still_held(self.sdo)
         with suppress(NoAnswer, SdoAborted, SdoProtocolError, BusUnavailable):  # its first write says why
-            observed(self.witness, self._begin_roll_back)
-        disturbance_count = self.witness.disturbance_count()
+            observed(self.reboot_monitor, self._begin_roll_back)
+        disturbance_count = self.reboot_monitor.disturbance_count()
         otherwise, differing = self._restored(self.plan.changes)
-        sure = sure and self.witness.disturbance_count() == disturbance_count
+        sure = sure and self.reboot_monitor.disturbance_count() == disturbance_count
         self._left = {} if sure else {pdo: why for pdo, why in differing.items() if pdo not in self.others.wholes}
         altered = self.others.changes(self.sdo, [pdo for pdo in differing if pdo not in self._left])
         if not altered:
@@ -414,18 +414,18 @@ class Transaction:
         return otherwise
 
     def _begin_roll_back(self) -> None:
-        self._boot_ups_back = self.witness.boot_ups()
+        self._boot_ups_back = self.reboot_monitor.boot_ups()
         self.others.begin_roll_back(self.sdo, restarted=self._restarted())
 
     def _restored(self, changes: Sequence[Change]) -> tuple[tuple[PdoChange, ...], dict[Pdo, str]]:
         """Restore *changes*, again after a restart during the check of untouched PDOs; also the differing PDOs."""
         for _ in range(MAX_READS):
-            otherwise = roll_back_patiently(self.sdo, changes, self.clock, self.before_retry, self.witness)
-            disturbance_count = self.witness.disturbance_count()
+            otherwise = roll_back_patiently(self.sdo, changes, self.clock, self.before_retry, self.reboot_monitor)
+            disturbance_count = self.reboot_monitor.disturbance_count()
             try:
                 differing = self._altered_by_roll_back()
             except SdoAborted:  # refused for a moment: it was read before
                 continue
-            if self.witness.disturbance_count() == disturbance_count:
+            if self.reboot_monitor.disturbance_count() == disturbance_count:
                 return otherwise, differing
         raise DeviceRefused("the node restarted, or lost an answer, each time that its other PDOs were looked at")

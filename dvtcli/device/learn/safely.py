@@ -208,7 +208,7 @@ def _roll_back(node: Node, plan: Plan, pdos: Mapping[Pdo, PdoConfig], fault: Bas
 
 def _restore(node: Node, plan: Plan, pdos: Mapping[Pdo, PdoConfig]) -> list[Pdo]:
     """Roll everything back, verify all *pdos*, and return the PDOs still different."""
-    roll_back_patiently(node.sdo, plan.changes, node.bus, node.gate.renew, node.witness)
+    roll_back_patiently(node.sdo, plan.changes, node.bus, node.gate.renew, node.reboot_monitor)
     own = _own(plan)
     return _altered(node, {pdo: before for pdo, before in pdos.items() if pdo not in own})
 

@@ -336,7 +336,7 @@ def roll_back_test(node: Node, changes: Sequence[Change], text: str) -> None:
     """
     try:
         with node.cancellation.guard():
-            roll_back_patiently(node.sdo, changes, node.bus, node.gate.renew, node.witness)
+            roll_back_patiently(node.sdo, changes, node.bus, node.gate.renew, node.reboot_monitor)
     except (DvtcliError, KeyboardInterrupt) as failed:
         reset = Hint(Action.RESET_NODE, {"node": node.node_id}, "{}, or a power cycle")
         reset += Hint(Action.SHOW_PDOS, why="shows what it holds")
@@ -347,7 +347,7 @@ def roll_back_test(node: Node, changes: Sequence[Change], text: str) -> None:
             hint=reset.after(BUS_BACK if isinstance(failed, BusUnavailable) else None),
             state="left_changed",
         )
-        guarded = Guarded(node.node_id, node.sdo, node.witness, changes)
+        guarded = Guarded(node.node_id, node.sdo, node.reboot_monitor, changes)
         name_left(left, [guarded], stopped=isinstance(failed, KeyboardInterrupt))
         left_open(node, left)
         raise left from failed

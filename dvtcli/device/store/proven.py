@@ -13,7 +13,7 @@ from dvtcli.device.resets import return_to
 from dvtcli.device.store.canary import AnyPlace, Canary, choose_canary
 from dvtcli.device.store.pending import COMMUNICATION, EVERYTHING
 from dvtcli.device.store.snapshot import Snapshot
-from dvtcli.device.store.store_parameters import STORE, Signed, chosen, word_of
+from dvtcli.device.store.store_parameters import STORE, StoreAnswer, chosen, word_of
 from dvtcli.device.target_config import ValueFormatter, value_differences, value_in_hex
 from dvtcli.device.target_config import differences as pdo_differences
 from dvtcli.domain.hint import Action, Hint, as_hint
@@ -49,7 +49,7 @@ class Restart(NamedTuple):
 
 
 @contextmanager
-def acknowledged(node: ReadableNode, signed: Signed) -> Iterator[None]:
+def acknowledged(node: ReadableNode, signed: StoreAnswer) -> Iterator[None]:
     """A block that proves the acknowledged *signed*; errors in the block say that the write happened."""
     try:
         yield
@@ -63,7 +63,7 @@ def acknowledged(node: ReadableNode, signed: Signed) -> Iterator[None]:
         raise stopped from torn
 
 
-def _say_acknowledged(node: NodeDescription, signed: Signed, failed: DvtcliError) -> None:
+def _say_acknowledged(node: NodeDescription, signed: StoreAnswer, failed: DvtcliError) -> None:
     word = word_of(signed.index)
     failed.details.insert(0, (word, f"0x{signed.place} acknowledged it before; it is not proved"))
     said = f"0x{signed.place} acknowledged the {word}, which is not proved; read back what node {node.node_id} holds"
@@ -80,7 +80,7 @@ def uncovered_group(sub_index: int) -> str:
     return f"PDOs are what is compared, and nobody says that group {sub_index} has them"
 
 
-def unread_of(held: Snapshot, signed: Signed, after: Mapping[Pdo, PdoConfig] | None = None) -> str:
+def unread_of(held: Snapshot, signed: StoreAnswer, after: Mapping[Pdo, PdoConfig] | None = None) -> str:
     """The values of *held* left out of the comparison because unreadable; empty if all were read.
 
     For the PDOs *after* a restart: the values unreadable both before and after.
@@ -167,13 +167,13 @@ def _unlike(node: ReadableNode, before: Snapshot, pdos: Pdos) -> list[str]:
     return [*_differences(before.pdos, pdos), *values]
 
 
-def refuse_unprovable(node: ReadableNode, sub_index: int | None, *, certain: bool) -> Signed:
+def refuse_unprovable(node: ReadableNode, sub_index: int | None, *, certain: bool) -> StoreAnswer:
     """The signature to write for a store. Raises DeviceRefused if no restart could prove the store.
 
     *certain* stands for a power cycle. Uses known facts only; writes nothing and reads no configuration.
     """
     where, capability = chosen(node.access, node.profile.store, STORE, sub_index, node.dictionary)
-    signed = Signed(STORE, where, 0.0, capability)
+    signed = StoreAnswer(STORE, where, 0.0, capability)
     if uncovered := uncovered_group(where):
         raise _unprovable(node, uncovered, _ALL)
     if (by_itself := _saves_itself(signed)) and not certain:
@@ -202,7 +202,7 @@ def _unprovable(node: NodeDescription, why: str, hint: Hint) -> DeviceRefused:
     )
 
 
-def _saves_itself(signed: Signed) -> str:
+def _saves_itself(signed: StoreAnswer) -> str:
     """The reason that nothing is in RAM only, for a device that saves autonomously; else empty."""
     if signed.capability is None or not signed.capability & _BY_ITSELF:
         return ""
@@ -212,7 +212,7 @@ def _saves_itself(signed: Signed) -> str:
 def prove_store(
     node: Node,
     before: Snapshot,
-    signed: Signed,
+    signed: StoreAnswer,
     restart: Restart,
     place: AnyPlace | None,
     says: ValueFormatter = value_in_hex,
@@ -254,7 +254,7 @@ def prove_store(
     )
 
 
-def _canary(node: Node, place: AnyPlace | None, signed: Signed) -> tuple[Canary | None, str]:
+def _canary(node: Node, place: AnyPlace | None, signed: StoreAnswer) -> tuple[Canary | None, str]:
     """The canary, or the reason for its absence."""
     if place is None:
         return None, _saves_itself(signed) or _NO_PLACE
@@ -424,7 +424,7 @@ def restart_and_read(node: Node, restart: Restart) -> tuple[Snapshot, tuple[str,
 
 
 def prove_restore(
-    node: Node, signed: Signed, restart: Restart, before: Snapshot | None,
+    node: Node, signed: StoreAnswer, restart: Restart, before: Snapshot | None,
     lost_before: tuple[str, ...] = (), says: ValueFormatter = value_in_hex,
 ) -> Proof:  # fmt: skip
     """Restart *node* after an acknowledged restore and compare its values with the defaults of the EDS.
@@ -451,7 +451,7 @@ def prove_restore(
 def _against_defaults(
     node: NodeDescription,
     dictionary: ObjectDictionary,
-    signed: Signed,
+    signed: StoreAnswer,
     restart: Restart,
     before: Snapshot | None,
     after: Snapshot,

@@ -20,7 +20,7 @@ SIGNATURES = {STORE: b"save", RESTORE: b"load"}
 
 
 @dataclass(frozen=True, slots=True)
-class Signed:
+class StoreAnswer:
     """An accepted signature: its object, duration in seconds, and the object's former value (None: unknown)."""
 
     index: int
@@ -42,7 +42,7 @@ def write_signature(
     cancellation: Cancellation,
     dictionary: ObjectDictionary | None = None,
     before: Callable[[], None] = lambda: None,
-) -> Signed:
+) -> StoreAnswer:
     """Write the signature to *index*:*sub_index*; None takes the first existing sub-index of *policy*.
 
     *before* is called directly before the write and may raise to prevent it.
@@ -77,7 +77,7 @@ def write_signature(
 
             return_to(access, found)
         raise
-    return Signed(index, where, access.bus.now_s() - started_s, capability)
+    return StoreAnswer(index, where, access.bus.now_s() - started_s, capability)
 
 
 def chosen(

@@ -11,7 +11,7 @@ from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.text import join_some
 from dvtcli.errors import DvtcliError, InputFileError, SafetyRefusal, UsageError
-from dvtcli.operations.changes.waiting_journals import furthest, stored_before, waiting_paths, with_others
+from dvtcli.operations.changes.waiting_journals import newest_store_record, stored_before, waiting_paths, with_others
 from dvtcli.operations.results import Facts
 
 if TYPE_CHECKING:
@@ -143,7 +143,7 @@ def _hand_on_stores(node: Node, journal: Journal, together: Sequence[Journal]) -
 
     Raises SafetyRefusal if a journal cannot be written.
     """
-    part = furthest(together)
+    part = newest_store_record(together)
     if journal.part.group_id is None or not part.stores:
         return
     journals = Journals(journal.path.parent, journal.bus)

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 Changes = Mapping[int, Sequence["Change"]]
 
 
-class OtherClaims(Protocol):
-    """Claims of a change of several nodes besides its writes, such as equal nodes without writes."""
+class OtherExpectations(Protocol):
+    """Expected values of a change of several nodes besides its writes, such as equal nodes without writes."""
 
     def verify(self) -> None:
         """Read all claims; raises Restarted if a node lost them by a restart, DeviceRefused if a value differs."""
@@ -39,7 +39,7 @@ class OtherClaims(Protocol):
         """Read the claims of nodes that restarted since their last read again; raises as `verify`."""
 
 
-class NoOtherClaims:
+class NoOtherExpectations:
     """No claims besides the writes."""
 
     def verify(self) -> None:
@@ -54,14 +54,14 @@ def final_verify(
     nodes: Mapping[int, ReadableNode],
     changes: Changes,
     boot_ups: Mapping[int, int],
-    others: OtherClaims | None = None,
+    others: OtherExpectations | None = None,
 ) -> list[BaseException]:
     """Read all claimed values and return the faults: a restart since *boot_ups*, or another value.
 
     *changes* are the claims by node-ID. Every node is read, since not every restart sends a boot-up message. *others*
     are read first: a restart without a received boot-up message shows in the written values.
     """
-    others = others or NoOtherClaims()
+    others = others or NoOtherExpectations()
     require_not_restarted = partial(_require_not_restarted, nodes, boot_ups)
     return (
         one_by_one([require_not_restarted, others.verify])
@@ -71,8 +71,8 @@ def final_verify(
 
 
 @dataclass(frozen=True, slots=True)
-class AlsoClaimed:
-    """Claims besides the plans, and the *stores* that follow; *proves*: the stores are proved.
+class AlsoExpected:
+    """Values expected besides those of the plans, and the *stores* that follow; *proves*: the stores are proved.
 
     *held* has unchanged values that each node must keep, by node-ID. *equal* are nodes that were as wanted and neither
     change nor store. *others* are claims without a plan.
@@ -82,11 +82,11 @@ class AlsoClaimed:
     stores: tuple[Storing, ...] = ()
     equal: tuple[Storing, ...] = ()
     proves: bool = False
-    others: OtherClaims = field(default_factory=NoOtherClaims)
+    others: OtherExpectations = field(default_factory=NoOtherExpectations)
 
 
 @dataclass(frozen=True, slots=True)
-class ClaimsAtStore:
+class ExpectedAtStore:
     """The *changes* that each node must hold before the first store and after the last.
 
     *identities* of the devices and *boot_ups* received from nodes that do not store are by node-ID.
@@ -97,7 +97,7 @@ class ClaimsAtStore:
     changes: Changes
     identities: Mapping[int, Identity]
     boot_ups: Mapping[int, int] = field(default_factory=dict)
-    others: OtherClaims = field(default_factory=NoOtherClaims)
+    others: OtherExpectations = field(default_factory=NoOtherExpectations)
 
     def verify_before_store(self, node_id: int) -> None:
         """Raises SafetyRefusal if *node_id* is another device than before, DeviceRefused if it lost values."""

@@ -17,10 +17,10 @@ from dvtcli.domain.plan import PdoChange, Plan, ValueChange
 from dvtcli.domain.stamp import DATE, TIME, Stamp
 from dvtcli.domain.text import join_some
 from dvtcli.errors import DeviceRefused, SafetyRefusal, UsageError
-from dvtcli.operations.changes.final_verify import ClaimsAtStore
+from dvtcli.operations.changes.final_verify import ExpectedAtStore
 from dvtcli.operations.changes.store_network import store_each
 from dvtcli.operations.changes.unfinished_stores import Stores, back_and_again
-from dvtcli.operations.changes.waiting_journals import furthest, waiting
+from dvtcli.operations.changes.waiting_journals import newest_store_record, waiting
 from dvtcli.operations.results import Facts
 
 if TYPE_CHECKING:
@@ -38,7 +38,9 @@ if TYPE_CHECKING:
 def may_finish(journals: Sequence[Journal]) -> bool:
     """Tell whether *journals* are of the same change, with all nodes verified before the stores."""
     wholes = {journal.part.group_id for journal in journals}
-    return len(wholes) == 1 and bool(furthest(journals).stores)  # one that only tests a proof says of no stores
+    return len(wholes) == 1 and bool(
+        newest_store_record(journals).stores
+    )  # one that only tests a proof says of no stores
 
 
 def finish(session: Session, journals: Sequence[Journal]) -> Facts:
@@ -59,7 +61,7 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
             "not all nodes had been verified: there is nothing to finish",
             hint=Hint(Action.RECOVER_ALL, why="rolls them back"),
         )
-    part = furthest(journals)
+    part = newest_store_record(journals)
     nodes = {storing.node_id: session.node(storing.node_id) for storing in _verified(part)}
     nodes |= {journal.plan.node_id: session.node(journal.plan.node_id) for journal in journals}
     _refuse_untold(journals, part)
@@ -149,7 +151,7 @@ def _not_looked_at(part: GroupMember) -> str:
 
 def _claims(
     session: Session, journals: Sequence[Journal], part: GroupMember, nodes: Mapping[int, Node]
-) -> ClaimsAtStore:
+) -> ExpectedAtStore:
     """Collect the verified values of every node from the journals.
 
     Nodes that only store or test a proof have no values in their own journal.
@@ -162,7 +164,7 @@ def _claims(
     identities |= {journal.plan.node_id: journal.identity for journal in journals}
     silent = {node for node in nodes if node not in {store.node_id for store in part.stores}}
     boot_ups = {silent_id: nodes[silent_id].bus.boot_ups(silent_id) for silent_id in silent}
-    return ClaimsAtStore(session, nodes, changes, identities, boot_ups)
+    return ExpectedAtStore(session, nodes, changes, identities, boot_ups)
 
 
 def _wanted(journal: Journal) -> tuple[Change, ...]:
@@ -192,7 +194,7 @@ def _store(
     session: Session,
     journals: Sequence[Journal],
     part: GroupMember,
-    claims: ClaimsAtStore,
+    claims: ExpectedAtStore,
     tests: Mapping[int, Sequence[Change]],
     stamps: Mapping[int, Sequence[Change]],
 ) -> None:
@@ -217,7 +219,7 @@ def _store(
                 nodes[node_id].apply(Plan(node_id, tuple(changes)), kept=False)
             store_each(session, part.name, transaction, claims, [guard.own_journal for guard in guards])
             for guard in guards:
-                guard.own_journal.complete_whole()
+                guard.own_journal.complete_group()
         finally:
             session.group.end()
             for guard in guards:
@@ -226,7 +228,7 @@ def _store(
             _start(nodes[journal.plan.node_id], journal)
 
 
-def _ended_stamps(claims: ClaimsAtStore, part: GroupMember) -> dict[int, tuple[Change, ...]]:
+def _ended_stamps(claims: ExpectedAtStore, part: GroupMember) -> dict[int, tuple[Change, ...]]:
     """Map nodes to stamps to write again before their stores: a refused store ended them."""
     found: dict[int, tuple[Change, ...]] = {}
     for node_id in waiting(part):
@@ -244,7 +246,7 @@ def _roll_back_tests(nodes: Mapping[int, Node], tests: Mapping[int, Sequence[Cha
         roll_back_test(nodes[node_id], changes, join_some(change.label for change in changes))
 
 
-def _refuse_unlike(claims: ClaimsAtStore, node_id: int, name: str) -> None:
+def _refuse_unlike(claims: ExpectedAtStore, node_id: int, name: str) -> None:
     try:
         claims.verify_before_store(node_id)
     except DeviceRefused as other:

@@ -19,7 +19,7 @@ from dvtcli.device.stamped import is_stamp
 from dvtcli.domain.network.network_plan import phases
 from dvtcli.domain.plan import PdoChange, Plan
 from dvtcli.errors import Interrupted
-from dvtcli.operations.changes.final_verify import AlsoClaimed, final_verify
+from dvtcli.operations.changes.final_verify import AlsoExpected, final_verify
 from dvtcli.operations.changes.network_transaction import NetworkTransaction
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def apply_together(
     initial_states: Mapping[int, InitialState],
     name: str,
     findings: Mapping[int, tuple[Finding, ...]],
-    also: AlsoClaimed | None = None,
+    also: AlsoExpected | None = None,
 ) -> NetworkTransaction:
     """Carry out every phase of *plans* on all *nodes*, each as *initial_states*; *name* is the name of the change.
 
@@ -51,7 +51,7 @@ def apply_together(
     Raises any error of a node with state `rolled_back` after all nodes were rolled back; LeftChanged if a roll-back
     failed. *findings* are those of the rules for each node.
     """
-    also = also or AlsoClaimed()
+    also = also or AlsoExpected()
     boot_ups = {node_id: read_part.boot_ups for node_id, read_part in initial_states.items()}
     transaction = NetworkTransaction(session, nodes, name, boot_ups, held=dict(also.held))
     try:
@@ -85,7 +85,7 @@ def apply_together(
 
 
 def _open_journals(
-    transaction: NetworkTransaction, initial_states: Mapping[int, InitialState], also: AlsoClaimed
+    transaction: NetworkTransaction, initial_states: Mapping[int, InitialState], also: AlsoExpected
 ) -> None:
     """Open the journals of all nodes before the first write, with room for all their later contents.
 
@@ -100,7 +100,7 @@ def _open_journals(
     for node_id, plan in {**written, **transaction.plans}.items():
         node = transaction.nodes[node_id]
         if node.guard is not None:
-            node.guard.own_journal.guard(Plan(node_id, tuple(transaction.held.get(node_id, ()))))
+            node.guard.own_journal.also_cover(Plan(node_id, tuple(transaction.held.get(node_id, ()))))
             node.guard.prepare(
                 plan,
                 node.identity(),

@@ -215,7 +215,7 @@ class NetworkTransaction:
         """End the transaction: each change counts for itself again."""
         for node in self.nodes.values():
             if node.guard is not None:
-                node.guard.own_journal.guard(None)
+                node.guard.own_journal.also_cover(None)
         if self._alone:
             self.session.group.end()
 
@@ -266,7 +266,7 @@ class NetworkTransaction:
                     self._try(part.node_id, failures, fault, lambda node, part=part: put_back(node, part))  # type: ignore[misc]
             self._settle_all(failures, fault)
         for journal in self.journals():
-            journal.abandon_whole()
+            journal.abandon_group()
         if failures:
             left = self._all_left(failures)
             if left is not fault:
@@ -310,7 +310,7 @@ class NetworkTransaction:
 
     def _all_left(self, failures: Mapping[int, LeftChanged]) -> LeftChanged:
         """Return the first of *failures* with the state of the other nodes."""
-        from dvtcli.device.change.left_behind import Guarded, could_not, merge_left, name_left
+        from dvtcli.device.change.left_behind import Guarded, failure_sentence, merge_left, name_left
 
         first, *others = failures.values()
         for node_id, failure in failures.items():
@@ -321,8 +321,8 @@ class NetworkTransaction:
                 for change in combine_plans(node_id, [self.guarded(node_id)]).changes
                 if isinstance(change, PdoChange) or change.is_readable or change.label in written
             ]
-            name_left(failure, [Guarded(node_id, node.sdo, node.witness, changes)])
-            failure.text = could_not(failure, node_id, "rolled back") or failure.text
+            name_left(failure, [Guarded(node_id, node.sdo, node.reboot_monitor, changes)])
+            failure.text = failure_sentence(failure, node_id, "rolled back") or failure.text
         merge_left(first, others)
         first.details += [("also", text) for text in (*(failure.text for failure in others), *self._unsure_texts())]
         first.details += other_nodes(*self._others(failures))
@@ -450,4 +450,4 @@ def _of_nodes(values: Iterable[_WriteOnly]) -> Iterator[str]:
 
 def _end_journal(node: Node) -> None:
     if node.guard is not None:
-        node.guard.own_journal.end_whole()
+        node.guard.own_journal.end_group()

@@ -13,7 +13,7 @@ from dvtcli.errors import DvtcliError, InputFileError, Restarted, SafetyRefusal,
 from dvtcli.operations.changes.change import change_result
 from dvtcli.operations.changes.close_journal import accepted, discarded, nothing_to_recover, refuse_other_bus
 from dvtcli.operations.changes.waiting_journals import (
-    furthest,
+    newest_store_record,
     stored_before,
     stores_of,
     waiting,
@@ -117,13 +117,13 @@ def _rather_finishes(session: SessionUser, journals: list[Journal]) -> bool:
             back = Hint(Action.RECOVER_ALL, why=f"{verbatim(_begun_stores(ours))}: {{}} goes back")
             session.reporter.note(back + Hint(Action.FINISH_STORES, node, ", {} would go on"))
         else:
-            what = "store on the others?" if waiting(furthest(ours)) else "is it to stay so?"
+            what = "store on the others?" if waiting(newest_store_record(ours)) else "is it to stay so?"
             return _asked_to_finish(session, _begun_stores(ours), what)
     return False
 
 
 def _begun_stores(journals: list[Journal]) -> str:
-    part = furthest(journals)
+    part = newest_store_record(journals)
     told = "; ".join(f"{label}: node {', '.join(map(str, ids))}" for label, ids in stores_of(part).items() if ids)
     when = "while" if waiting(part) else "once"
     return f"every node held what {part.name} wanted, and it ended {when} they stored ({told})"

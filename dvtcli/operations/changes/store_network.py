@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from dvtcli.device.change.own_journal import OwnJournal
-    from dvtcli.operations.changes.final_verify import ClaimsAtStore
+    from dvtcli.operations.changes.final_verify import ExpectedAtStore
     from dvtcli.operations.changes.network_transaction import NetworkTransaction
     from dvtcli.operations.results import Stored
     from dvtcli.operations.session.session_nodes import SessionNodes
@@ -34,7 +34,7 @@ def store_network(
     session: SessionNodes,
     transaction: NetworkTransaction,
     stores: tuple[Storing, ...],
-    claims: ClaimsAtStore,
+    claims: ExpectedAtStore,
     prove: str | None,
     equal: tuple[Storing, ...] = (),
 ) -> tuple[Stored, ...]:
@@ -65,7 +65,7 @@ def store_network(
         raise
 
 
-def _end_stamps(session: SessionUser, stores: Stores, claims: ClaimsAtStore) -> tuple[list[int], list[str]]:
+def _end_stamps(session: SessionUser, stores: Stores, claims: ExpectedAtStore) -> tuple[list[int], list[str]]:
     """End the stamps of nodes that could not store: `--trust-stamp` would trust them otherwise.
 
     Returns the nodes with an ended stamp, and the errors of others.
@@ -86,7 +86,7 @@ def store_each(
     session: SessionNodes,
     name: str,
     stores: Stores,
-    claims: ClaimsAtStore,
+    claims: ExpectedAtStore,
     journals: Sequence[OwnJournal],
     prove: str | None = None,
 ) -> tuple[Stored, ...]:
@@ -135,14 +135,14 @@ def _store_one(
     name: str,
     one: Storing,
     stores: Stores,
-    claims: ClaimsAtStore,
+    claims: ExpectedAtStore,
     journals: Sequence[OwnJournal],
     prove: str | None,
 ) -> None:
     stores.states[one.node_id] = one = one._replace(is_begun=True, is_refused=False)
     states = tuple(stores.states.values())
     for journal in _to_note(journals, one.node_id):
-        journal.final(_final(name, states, one), states, stores.equal)
+        journal.record_stores(_final(name, states, one), states, stores.equal)
     node = claims.nodes[one.node_id]
     node.pending.stores += 1  # whatever becomes of it, no script takes its lines back any more
     try:
@@ -168,7 +168,7 @@ def _note_states(name: str, stores: Stores, journals: Sequence[OwnJournal]) -> l
     line = f"{name}: store on node {', '.join(str(state.node_id) for state in states)}"
     for journal in (journal for journal in journals if journal.is_begun):
         try:
-            journal.final(line, states, stores.equal)
+            journal.record_stores(line, states, stores.equal)
         except DvtcliError as failed:
             failures.append(failed.text)
     return failures
@@ -189,7 +189,7 @@ def _say_too_late(session: SessionUser, stores: Stores) -> None:
 def _to_note(journals: Sequence[OwnJournal], node_id: int) -> Sequence[OwnJournal]:
     """Return the journals that record the start of the store of *node_id*: all for the first store.
 
-    Later its own journal suffices, else any: a reader takes the most advanced record (`furthest`).
+    Later its own journal suffices, else any: a reader takes the most advanced record (`newest_store_record`).
     """
     ours = [journal for journal in journals if journal.is_begun]
     if not all(journal.says_stores for journal in ours):

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from dvtcli.device.node import Node
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
-    from dvtcli.device.store.store_parameters import Signed
+    from dvtcli.device.store.store_parameters import StoreAnswer
     from dvtcli.device.target_config import ValueFormatter
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
@@ -125,7 +125,7 @@ def look_before_restores(
         chosen(node.access, node.profile.store, RESTORE, sub_index, node.dictionary)
 
 
-def refuse_after_restart(node: ReadableNode, boot_ups: int, signed: Signed) -> None:
+def refuse_after_restart(node: ReadableNode, boot_ups: int, signed: StoreAnswer) -> None:
     """Raises DeviceRefused if *node* restarted between its last read and the store that it *signed*."""
     if node.bus.boot_ups(node.node_id) != boot_ups:
         raise DeviceRefused(
@@ -137,7 +137,7 @@ def refuse_after_restart(node: ReadableNode, boot_ups: int, signed: Signed) -> N
         )
 
 
-def _refuse_lost(node: Node, signed: Signed) -> None:
+def _refuse_lost(node: Node, signed: StoreAnswer) -> None:
     """Raises DeviceRefused if changed values of *node* differ after the store that it *signed*."""
     lost = node.expected.lost(node, node.pending.covered(signed.sub_index))
     if lost:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from dvtcli.device.change.plan_document import Identity
     from dvtcli.device.node import Node
     from dvtcli.device.node_parts import ReadableNode
-    from dvtcli.operations.changes.undo_together import Undoing
+    from dvtcli.operations.changes.undo_together import NodeUndo
     from dvtcli.operations.session.session import Rehearse, Session
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.user.change_files import ChangeFiles
@@ -48,12 +48,14 @@ def undo(session: Session, *, everything: bool = False) -> Changed | ChangedNode
 
     order = session.network.order
     if not order:
-        chains = remembered(session, everything=everything)
-        together = [undoing(session, chain) for chain in chains]
+        remembered_devices = remembered(session, everything=everything)
+        together = [undoing(session, remembered_device) for remembered_device in remembered_devices]
         if everything and may_go_together(together):
             return ChangedNodes(undo_together(session, together))
         return _one_by_one(
-            session, chains, lambda chain: undo_remembered_changes(session, chain, everything=everything)
+            session,
+            remembered_devices,
+            lambda remembered_device: undo_remembered_changes(session, remembered_device, everything=everything),
         )
     if not everything:
         return _own_undone(session, order[-1], everything=False)
@@ -100,9 +102,9 @@ def _one_by_one(session: SessionNodes, things: Iterable[T], put_back: Callable[[
     return done[0] if len(done) == 1 else ChangedNodes(tuple(done))
 
 
-def _undoing(session: SessionNodes, node: Node) -> Undoing:
+def _undoing(session: SessionNodes, node: Node) -> NodeUndo:
     """Collect all changes of this session on *node* for an undo."""
-    from dvtcli.operations.changes.undo_together import Undoing
+    from dvtcli.operations.changes.undo_together import NodeUndo
 
     def forget(applied: Applied, count: int) -> list[str] | None:
         before = node.history[:]
@@ -111,7 +113,7 @@ def _undoing(session: SessionNodes, node: Node) -> Undoing:
         forgotten = not session.dry_run and as_before and _forgotten(session, node.node_id, before[-count:])
         return [] if forgotten else None
 
-    return Undoing(node, tuple(node.history), True, forget)
+    return NodeUndo(node, tuple(node.history), True, forget)
 
 
 def _own_undone(session: SessionNodes, node_id: int, *, everything: bool) -> Changed:
@@ -164,11 +166,11 @@ def remembered(session: SessionNodes, *, everything: bool) -> list[RememberedDev
         raise _nothing_kept(session.node(session.node_id()))
     if not everything:
         _refuse_in_vain(session.network.nodes.values())
-    chains = _chains(session, change_files, selected, only_newest=not everything)
-    if not chains:
+    remembered_devices = _remembered_devices(session, change_files, selected, only_newest=not everything)
+    if not remembered_devices:
         raise nothing_remembered(change_files, selected)
-    newer = () if selected is None else _newer_elsewhere(chains[0].guard.history, chains)
-    return [replace(chain, findings=newer) for chain in chains]
+    newer = () if selected is None else _newer_elsewhere(remembered_devices[0].guard.history, remembered_devices)
+    return [replace(remembered_device, findings=newer) for remembered_device in remembered_devices]
 
 
 def remembered_of(session: SessionNodes, node_id: int, *, everything: bool) -> RememberedDevice:
@@ -178,10 +180,10 @@ def remembered_of(session: SessionNodes, node_id: int, *, everything: bool) -> R
         raise _nothing_kept(session.node(node_id))
     if not everything:
         _refuse_in_vain([session.node(node_id)])
-    chain = _chain(session, node_id, node_id)
-    if chain is None:
+    remembered_device = _remembered_device(session, node_id, node_id)
+    if remembered_device is None:
         raise nothing_remembered(change_files, node_id)
-    return replace(chain, findings=_newer_elsewhere(chain.guard.history, [chain]))
+    return replace(remembered_device, findings=_newer_elsewhere(remembered_device.guard.history, [remembered_device]))
 
 
 def _refuse_in_vain(nodes: Iterable[Node]) -> None:
@@ -202,69 +204,78 @@ def _nothing_kept(node: Node) -> UsageError:
     return UsageError(f"nothing to undo: {done}", node=node.node_id)
 
 
-def undo_remembered_changes(session: SessionNodes, chain: RememberedDevice, *, everything: bool) -> Changed:
-    """Undo the last change of *chain*, or *everything*; raises SafetyRefusal if the device has other values."""
+def undo_remembered_changes(session: SessionNodes, remembered_device: RememberedDevice, *, everything: bool) -> Changed:
+    """Undo the last change of *remembered_device*, or *everything*.
+
+    Raises SafetyRefusal if the device has other values.
+    """
     from dvtcli.device.change.undo_plan import UndoRequest
 
-    started, node = time.monotonic(), chain.node
-    applied, count = node.undo_plans(UndoRequest(_plans(chain), everything=everything, force=session.options.force))
-    _forget(session, chain, applied, count)
+    started, node = time.monotonic(), remembered_device.node
+    applied, count = node.undo_plans(
+        UndoRequest(_plans(remembered_device), everything=everything, force=session.options.force)
+    )
+    _forget(session, remembered_device, applied, count)
     if not everything:
-        _tell_of_others(session, chain)
-    applied = applied._replace(findings=(*applied.findings, *chain.findings))
+        _tell_of_others(session, remembered_device)
+    applied = applied._replace(findings=(*applied.findings, *remembered_device.findings))
     return change_result(session, node, applied, time.monotonic() - started, undone=True)
 
 
-def _tell_of_others(session: SessionNodes, chain: RememberedDevice) -> None:
+def _tell_of_others(session: SessionNodes, remembered_device: RememberedDevice) -> None:
     """Report the chosen nodes that keep their changes: a single change is on a single node."""
-    tops = chain.guard.history.tops(session.selected_id())
-    others = sorted({entry.plan.node_id for entry in tops} - {chain.node.node_id})
+    tops = remembered_device.guard.history.tops(session.selected_id())
+    others = sorted({entry.plan.node_id for entry in tops} - {remembered_device.node.node_id})
     if others:
         nodes = f"node {', '.join(map(str, others))}"
         why = f"what was changed on {nodes} is not undone by this: {{}} takes all of it back"
         session.reporter.note(Hint(Action.UNDO, {"all": True}, why))
 
 
-def undoing(session: SessionUser, chain: RememberedDevice) -> Undoing:
-    """Collect all changes of *chain*, to undo together with other nodes."""
+def undoing(session: SessionUser, remembered_device: RememberedDevice) -> NodeUndo:
+    """Collect all changes of *remembered_device*, to undo together with other nodes."""
     from dvtcli.device.change.undo_plan import unbroken
-    from dvtcli.operations.changes.undo_together import Undoing
+    from dvtcli.operations.changes.undo_together import NodeUndo
 
     def forget(applied: Applied, count: int) -> None:
-        _forget(session, chain, applied, count)
-        chain.node.undone_earlier += 1
+        _forget(session, remembered_device, applied, count)
+        remembered_device.node.undone_earlier += 1
 
-    return Undoing(chain.node, tuple(unbroken(_plans(chain))), False, forget, chain.findings)
-
-
-def _plans(chain: RememberedDevice) -> list[Plan]:
-    return [replace(entry.plan, node_id=chain.node.node_id) for entry in chain.entries]
+    return NodeUndo(
+        remembered_device.node, tuple(unbroken(_plans(remembered_device))), False, forget, remembered_device.findings
+    )
 
 
-def _forget(session: SessionUser, chain: RememberedDevice, applied: Applied, count: int) -> None:
-    """Drop the newest *count* entries of *chain*, undone by *applied*."""
-    undone = chain.entries[-count:]
-    session.reporter.note(_undone_text(undone, chain.node.node_id, gone=count > 1 and not len(applied.plan)))
+def _plans(remembered_device: RememberedDevice) -> list[Plan]:
+    return [replace(entry.plan, node_id=remembered_device.node.node_id) for entry in remembered_device.entries]
+
+
+def _forget(session: SessionUser, remembered_device: RememberedDevice, applied: Applied, count: int) -> None:
+    """Drop the newest *count* entries of *remembered_device*, undone by *applied*."""
+    undone = remembered_device.entries[-count:]
+    session.reporter.note(
+        _undone_text(undone, remembered_device.node.node_id, gone=count > 1 and not len(applied.plan))
+    )
     if not session.dry_run:
-        chain.guard.history.forget(undone, applied.plan)
+        remembered_device.guard.history.forget(undone, applied.plan)
 
 
-def _chains(
+def _remembered_devices(
     session: SessionNodes, change_files: ChangeFiles, selected: int | None, *, only_newest: bool
 ) -> list[RememberedDevice]:
     """Find the chosen changes, the latest device first."""
     found: list[RememberedDevice] = []
     ids = dict.fromkeys(entry.plan.node_id for entry in change_files.history().tops(selected))
     for node_id in [*ids, *([] if selected is None or selected in ids else [selected])]:
-        chain = _chain(session, node_id, selected)
-        if chain is not None:
-            found.append(chain)
+        remembered_device = _remembered_device(session, node_id, selected)
+        if remembered_device is not None:
+            found.append(remembered_device)
             if only_newest:
                 break
     return found
 
 
-def _chain(session: SessionNodes, node_id: int, selected: int | None) -> RememberedDevice | None:
+def _remembered_device(session: SessionNodes, node_id: int, selected: int | None) -> RememberedDevice | None:
     """Find the chosen changes of the device at *node_id*; None if there is none."""
     guard = session.open_network().node(node_id).guard
     assert guard is not None  # noqa: S101 - its changes are kept
@@ -296,10 +307,12 @@ def _moved(session: SessionNodes, guard: ChangeGuard, identity: Identity) -> lis
     return [] if there == identity else guard.history.entries(was, identity, None)
 
 
-def _newer_elsewhere(history: ChangeHistory, chains: list[RememberedDevice]) -> tuple[Finding, ...]:
+def _newer_elsewhere(history: ChangeHistory, remembered_devices: list[RememberedDevice]) -> tuple[Finding, ...]:
     """Warn if another node of the bus was changed later than the chosen nodes."""
     last = history.newest_of_all()
-    if last is None or last.order <= max(chain.entries[-1].order for chain in chains):
+    if last is None or last.order <= max(
+        remembered_device.entries[-1].order for remembered_device in remembered_devices
+    ):
         return ()
     hint = Hint(Action.UNDO, {"node": last.plan.node_id}, "undoes that")
     text = f"node {last.plan.node_id} was changed later, at {_time(last)}"

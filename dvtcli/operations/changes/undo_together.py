@@ -18,7 +18,7 @@ from dvtcli.device.change.undo_plan import UndoPlan, UndoRequest, foreseen, plan
 from dvtcli.device.change.untouched_pdos import as_they_are, present_beside
 from dvtcli.domain.plan import STAMP, Change, PdoChange, Plan, ValueChange, plan_pdo
 from dvtcli.operations.changes.change import change_result
-from dvtcli.operations.changes.final_verify import AlsoClaimed, NoOtherClaims, require_held
+from dvtcli.operations.changes.final_verify import AlsoExpected, NoOtherExpectations, require_held
 from dvtcli.operations.changes.network_phases import apply_together, complete
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Undoing:
+class NodeUndo:
     """The changes of *node* to undo: *plans*, oldest first; *own* are those of this session.
 
     *forget* is called after the undo with its result and the number of undone changes; it returns lines for `save`,
@@ -44,12 +44,12 @@ class Undoing:
     findings: tuple[Finding, ...] = ()
 
 
-def may_go_together(undoings: Sequence[Undoing]) -> bool:
+def may_go_together(undoings: Sequence[NodeUndo]) -> bool:
     """Tell whether the undos are on several devices, none of which is expected to refuse its old values."""
     return len(undoings) > 1 and not any(foreseen(undoing.plans) for undoing in undoings)
 
 
-def undo_together(session: Session, undoings: Sequence[Undoing]) -> tuple[Changed, ...]:
+def undo_together(session: Session, undoings: Sequence[NodeUndo]) -> tuple[Changed, ...]:
     """Undo every change of *undoings*, or none; raises any error of a node with state `rolled_back`.
 
     A side effect on other PDOs is a fault, too. Raises SafetyRefusal if a device holds another value than the change
@@ -85,7 +85,7 @@ def undo_together(session: Session, undoings: Sequence[Undoing]) -> tuple[Change
             held[node_id] += _beside(nodes[node_id], Plan(node_id, (*plans[node_id].changes, *held[node_id])))
 
         equal = {node_id: held[node_id] for node_id, back in backs.items() if not len(back.plan)}
-        also = AlsoClaimed(held, others=_EqualNodes(nodes, equal))
+        also = AlsoExpected(held, others=_EqualNodes(nodes, equal))
         with apply_together(session, nodes, plans, found, "undo of all", findings, also) as transaction:
             complete(transaction)
     done = []
@@ -98,7 +98,7 @@ def undo_together(session: Session, undoings: Sequence[Undoing]) -> tuple[Change
 
 
 @dataclass(frozen=True, slots=True)
-class _EqualNodes(NoOtherClaims):
+class _EqualNodes(NoOtherExpectations):
     """Nodes that already hold their old values: nothing is written, and *held* is claimed."""
 
     nodes: Mapping[int, Node]

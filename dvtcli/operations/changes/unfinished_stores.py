@@ -43,40 +43,40 @@ class Stores:
         return not any(state.waits for state in self.states.values())
 
 
-def not_all_stored(transaction: Stores, journals: Sequence[Path], unstamped: Sequence[int]) -> LeftChanged:
+def not_all_stored(stores: Stores, journals: Sequence[Path], unstamped: Sequence[int]) -> LeftChanged:
     """Report failed stores while every node still holds its planned values.
 
     *journals* allow a roll-back or the missing stores. The planned stamps of the *unstamped* nodes are 0, as these have
     not stored.
     """
-    first, fault = next(iter(transaction.failed.items()))
-    refused = [node_id for node_id, failure in transaction.failed.items() if not _is_unsure(failure)]
-    spoilt = [node_id for node_id, failure in transaction.failed.items() if _is_spoilt(failure)]
-    unsure = [node_id for node_id in transaction.failed if node_id not in (*refused, *spoilt)]
+    first, fault = next(iter(stores.failed.items()))
+    refused = [node_id for node_id, failure in stores.failed.items() if not _is_unsure(failure)]
+    spoilt = [node_id for node_id, failure in stores.failed.items() if _is_spoilt(failure)]
+    unsure = [node_id for node_id in stores.failed if node_id not in (*refused, *spoilt)]
     said = [f"whether node {join_some(map(str, unsure))} stored it is not known"] if unsure else []
     said += [_spoilt_text(spoilt)] if spoilt else []
     said += [f"node {join_some(map(str, refused))} did not store it"] if refused else []
     left = LeftChanged(
-        f"{_held(transaction, unstamped)}, and {', and '.join(said)}",
+        f"{_held(stores, unstamped)}, and {', and '.join(said)}",
         node=first,
         place=fault.place if isinstance(fault, DvtcliError) else None,
-        why="; ".join(str(exception) or "interrupted" for exception in transaction.failed.values()),
+        why="; ".join(str(exception) or "interrupted" for exception in stores.failed.values()),
         hint=Hint(Action.FINISH_STORES, why="asks the nodes that have not stored again").after(
             brought_back_first(fault.hint if isinstance(fault, DvtcliError) else None)
         )
         + _ALL_BACK,
         state="left_changed",
     )
-    _say_who(transaction, left)
+    _say_who(stores, left)
     if journals:
         left.details.append(("journals", join_some(map(str, journals))))
-    left.state_text = f"{_held(transaction, unstamped)}, read back equal; not all of them have stored it"
+    left.state_text = f"{_held(stores, unstamped)}, read back equal; not all of them have stored it"
     return left
 
 
-def _held(transaction: Stores, unstamped: Sequence[int]) -> str:
+def _held(stores: Stores, unstamped: Sequence[int]) -> str:
     """Say who holds planned values: accepted nodes are unverified; a stamp is 0 until its node stores."""
-    accepted = [node_id for node_id, state in transaction.states.items() if state.is_accepted]
+    accepted = [node_id for node_id, state in stores.states.items() if state.is_accepted]
     who = f"every node but {join_some(map(str, accepted))}, accepted as it was," if accepted else "every node"
     but = (
         f" but the stamp of node {join_some(map(str, unstamped))}, which is 0 until it has stored" if unstamped else ""
@@ -143,7 +143,7 @@ def only_some_restored(node_ids: Sequence[int], outcomes: Mapping[int, Stored | 
     )
 
 
-def lost_besides(transaction: Stores, lost: BaseException) -> LeftChanged:
+def lost_besides(stores: Stores, lost: BaseException) -> LeftChanged:
     """Report that all written values are held and stored, but another planned value differs."""
     left = LeftChanged(
         f"every node that was written stored, and then: {lost}",
@@ -153,7 +153,7 @@ def lost_besides(transaction: Stores, lost: BaseException) -> LeftChanged:
         hint=_AGAIN,
         state="left_changed",
     )
-    _say_who(transaction, left)
+    _say_who(stores, left)
     left.state_text = "every other node holds what was planned, and has stored it"
     return left
 
@@ -167,14 +167,14 @@ def back_and_again(name: str, who: str = "every node") -> Hint:
     return back + f"then {name} again"
 
 
-def lost_settings(name: str, transaction: Stores, lost: Sequence[BaseException]) -> LeftChanged:
+def lost_settings(name: str, stores: Stores, lost: Sequence[BaseException]) -> LeftChanged:
     """Report nodes that no longer hold planned values (*lost*): nothing of these must be stored.
 
     *name* is the name of the change.
     """
     first, *others = lost
     left = LeftChanged(
-        _lost_text(transaction, first),
+        _lost_text(stores, first),
         node=first.node if isinstance(first, DvtcliError) else None,
         place=first.place if isinstance(first, DvtcliError) else None,
         why=(first.why if isinstance(first, DvtcliError) else None) or "seen while the nodes stored",
@@ -182,35 +182,35 @@ def lost_settings(name: str, transaction: Stores, lost: Sequence[BaseException])
         state="left_changed",
     )
     is_gone = isinstance(first, BusUnavailable)
-    if is_gone or (transaction.are_all_done() and not isinstance(first, DvtcliError)):
-        goes_on = "looks at every node once more" if transaction.are_all_done() else "goes on with the stores"
+    if is_gone or (stores.are_all_done() and not isinstance(first, DvtcliError)):
+        goes_on = "looks at every node once more" if stores.are_all_done() else "goes on with the stores"
         left.hint = Hint(Action.FINISH_STORES, why=goes_on).after(BUS_BACK if is_gone else None) + _ALL_BACK
     if isinstance(first, LeftChanged):
         finish = Hint(Action.FINISH_STORES, why="rolls that back and continues the stores")
         left.hint = finish.after(brought_back_first(first.hint)) + _ALL_BACK
         left.details += first.details
     left.details += beside(left, others)
-    _say_who(transaction, left)
+    _say_who(stores, left)
     left.state_text = "not every node is known to hold what was planned; the stored values stay stored"
     return left
 
 
-def _lost_text(transaction: Stores, first: BaseException) -> str:
-    if isinstance(first, BusUnavailable) and transaction.are_all_done():
+def _lost_text(stores: Stores, first: BaseException) -> str:
+    if isinstance(first, BusUnavailable) and stores.are_all_done():
         return f"all of them have stored, and the bus was gone before every node was read once more: {first}"
     if isinstance(first, BusUnavailable):
         return f"the bus was gone while the nodes stored: {first}"
     return str(first) or "stopped before every node was read once more"
 
 
-def _say_who(transaction: Stores, left: LeftChanged) -> None:
+def _say_who(stores: Stores, left: LeftChanged) -> None:
     """Add stored, missing and unknown nodes to *left*, for screens and programs."""
-    done = tuple(state.node_id for state in transaction.states.values() if state.is_done)
-    unsure = tuple(node_id for node_id, failure in transaction.failed.items() if _is_unsure(failure))
+    done = tuple(state.node_id for state in stores.states.values() if state.is_done)
+    unsure = tuple(node_id for node_id, failure in stores.failed.items() if _is_unsure(failure))
     missing = tuple(
-        state.node_id for state in transaction.states.values() if state.waits and state.node_id not in unsure
+        state.node_id for state in stores.states.values() if state.waits and state.node_id not in unsure
     )
-    lost = {fault.node for fault in transaction.lost if isinstance(fault, DeviceRefused)}
+    lost = {fault.node for fault in stores.lost if isinstance(fault, DeviceRefused)}
     not_held = tuple(node_id for node_id in done if node_id in lost)
     left.stores = WhoStored(tuple(node_id for node_id in done if node_id not in lost), missing, unsure, not_held)
     left.details += left.stores.rows()

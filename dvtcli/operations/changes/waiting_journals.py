@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session_nodes import SessionNodes
 
 
-def furthest(journals: Sequence[Journal]) -> GroupMember:
+def newest_store_record(journals: Sequence[Journal]) -> GroupMember:
     """Return the most advanced record of stores: journals are written one by one.
 
     The store of a node with a journal among them is not accepted: an accept was not completed.
@@ -62,7 +62,11 @@ def stores_of(part: GroupMember) -> dict[str, list[int]]:
         store.is_begun for store in part.stores
     ):  # an earlier version, which noted nothing else: they go in turn
         asked = waiting(part)[:1]
-    return {"stored": done, "unknown": asked, "not stored": [area for area in waiting(part) if area not in asked]}
+    return {
+        "stored": done,
+        "unknown": asked,
+        "not stored": [node_id for node_id in waiting(part) if node_id not in asked],
+    }
 
 
 def stored_before(journal: Journal, journals: Sequence[Journal]) -> bool | None:
@@ -75,7 +79,7 @@ def stored_before(journal: Journal, journals: Sequence[Journal]) -> bool | None:
         if journal.part.group_id
         else [journal]
     )
-    part = furthest(ours)
+    part = newest_store_record(ours)
     if not part.stores:
         return None if journal.part.final else False  # a line of a script stores, and may name any node
     states = stores_of(part)

@@ -198,7 +198,7 @@ def _plan_of(
 
 def _known(node: ReadableNode, planned: NodePlan) -> NodePlan:
     """Add data of *node* to *planned*; raises SafetyRefusal if the node differs from the plan's basis."""
-    from dvtcli.operations.plans.claims import refuse_stale
+    from dvtcli.operations.plans.unwritten_values import refuse_stale
 
     boot_ups = node.bus.boot_ups(node.node_id)
     node.read_anew()

@@ -16,13 +16,13 @@ from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.script_line import change_lines
 from dvtcli.domain.text import plural
 from dvtcli.operations.changes.change import keep_words
-from dvtcli.operations.changes.final_verify import AlsoClaimed, ClaimsAtStore
+from dvtcli.operations.changes.final_verify import AlsoExpected, ExpectedAtStore
 from dvtcli.operations.changes.network_phases import apply_together, complete
 from dvtcli.operations.changes.possible_stores import refuse_unprovable_stores
 from dvtcli.operations.changes.store_network import store_network
 from dvtcli.operations.pdos.sync import short_frames
-from dvtcli.operations.plans.claims import Claims, refuse_stale, steady
 from dvtcli.operations.plans.plan_network import with_unknown_syncs
+from dvtcli.operations.plans.unwritten_values import UnwrittenValues, refuse_stale, steady
 from dvtcli.operations.results.networks import NetworkApplied
 from dvtcli.operations.session.consent import refuse_other_master, refuse_powered
 
@@ -66,7 +66,7 @@ def apply_network(
     started = time.monotonic()  # nobody's time to think counts
     with session.cancellation.guard(), session.agreed():
         found = {node_id: node.begin_change() for node_id, node in sorted(nodes.items())}
-        claims = Claims(session, nodes, plan.nodes)
+        claims = UnwrittenValues(session, nodes, plan.nodes)
         claims.require_as_planned()  # while it was planned, or while somebody took time to answer
         if not planned:  # what is as wanted may be what an interrupted change left
             return NetworkApplied(plan, session.dry_run, 0.0)
@@ -74,7 +74,7 @@ def apply_network(
         refuse_powered(session, powered_off)  # somebody took time to answer
         plans = {node_plan.node_id: node_plan.plan for node_plan in planned}
         stores, equal = _stores(planned), _equal(nodes, plan.nodes)
-        also = AlsoClaimed(claims.held(), stores, equal, prove is not None, claims)
+        also = AlsoExpected(claims.held(), stores, equal, prove is not None, claims)
         findings = {node_plan.node_id: node_plan.findings for node_plan in planned}
         with claims.rolled_back_group():
             transaction = apply_together(session, nodes, plans, found, name or f"apply {plan.file}", findings, also)
@@ -142,14 +142,17 @@ def _keep(session: SessionNodes, nodes: Mapping[int, Node], done: Mapping[int, P
 
 
 def _claims_at_store(
-    session: Session, transaction: NetworkTransaction, claims: Claims, initial_states: Mapping[int, InitialState]
-) -> ClaimsAtStore:
+    session: Session,
+    transaction: NetworkTransaction,
+    claims: UnwrittenValues,
+    initial_states: Mapping[int, InitialState],
+) -> ExpectedAtStore:
     """Read what each node that is written or stores holds: changed values and other values of the file."""
     planned = [plan for plan in claims.planned if len(plan.plan) or plan.stores]
     held = {plan.node_id: plan.holds for plan in planned if not len(plan.plan)}
     boot_ups = {plan.node_id: initial_states[plan.node_id].boot_ups for plan in planned if not plan.stores}
     identities = {plan.node_id: plan.identity for plan in planned}
-    return ClaimsAtStore(session, transaction.nodes, {**held, **transaction.claims()}, identities, boot_ups, claims)
+    return ExpectedAtStore(session, transaction.nodes, {**held, **transaction.claims()}, identities, boot_ups, claims)
 
 
 def _stores(planned: Sequence[NodePlan]) -> tuple[Storing, ...]:

@@ -51,7 +51,9 @@ ASKED_BY: dict[str, tuple[str, ...]] = {
 #: what anybody may take from them, since it sends nothing: numbers, what was answered, and what only reads
 HARMLESS: dict[str, frozenset[str]] = {
     "device/change/roll_back.py": frozenset({"PATIENCE_S", "RETRY_S", "first_difference"}),
-    "device/store/store_parameters.py": frozenset({"STORE", "RESTORE", "SIGNATURES", "Signed", "chosen", "word_of"}),
+    "device/store/store_parameters.py": frozenset(
+        {"STORE", "RESTORE", "SIGNATURES", "StoreAnswer", "chosen", "word_of"}
+    ),
     "device/access_level.py": frozenset({"level_finding"}),
     "device/nmt_gate.py": frozenset({"NodeAccess"}),
     "device/seen_state.py": frozenset({"HEARTBEAT_TIME", "CONTROLWORDS", "STATUSWORDS"}),

@@ -21,7 +21,7 @@ from dvtcli.domain.stamp import WhoStored
 from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, UsageError
 from dvtcli.operations.changes.recover_change import recover
 from dvtcli.operations.changes.undo import undo
-from dvtcli.operations.changes.waiting_journals import furthest, stores_of
+from dvtcli.operations.changes.waiting_journals import newest_store_record, stores_of
 from dvtcli.operations.network.network_files import apply_file
 from dvtcli.operations.results import Changed, Facts
 from dvtcli.operations.user.session_user import NullReporter
@@ -531,11 +531,14 @@ def test_an_accepted_node_hands_on_what_is_known_of_the_stores(home: Path, *, ah
     )
 
     def look(after: Chain) -> None:
-        known = stores_of(furthest([read_journal(one) for one in after.journals()]))
+        known = stores_of(newest_store_record([read_journal(one) for one in after.journals()]))
         assert known == {"stored": [5], "unknown": [7], "not stored": [9]}
         with after.session(node=7) as session:
             recover(session, accept=True)
-        assert stores_of(furthest([read_journal(one) for one in after.journals()])) == {**known, "unknown": []}
+        assert stores_of(newest_store_record([read_journal(one) for one in after.journals()])) == {
+            **known,
+            "unknown": [],
+        }
         with after.session(node=None) as session:
             finished = recover(session, finish=True)
         assert isinstance(finished, Facts)

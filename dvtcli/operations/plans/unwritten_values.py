@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(slots=True)
-class Claims:
+class UnwrittenValues:
     """The values that *planned* claims for *nodes* without writing them; all were read before."""
 
     session: Session
