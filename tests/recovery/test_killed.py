@@ -54,6 +54,15 @@ def test_until_then_nothing_is_written_or_stored(bench: Bench) -> None:
     assert (bench.pdos(), bench.wire.downloads) == (left, downloads)
 
 
+def test_an_interrupted_change_is_reported_while_its_node_is_silent(bench: Bench) -> None:
+    bench.killed(4, *MAP)
+    bench.wire.device.restart()
+    for words in (("pdo", "tpdo1"), ("set", "tpdo2", "--timer", "7"), ("recover", "--yes"), ("nmt", "preop")):
+        code, _, stderr = bench.run(*words)
+        assert code == 5, stderr
+        assert stderr.count("was interrupted") == 1, stderr
+
+
 def test_a_journal_of_another_device_is_refused(bench: Bench) -> None:
     bench.killed(3, *MAP)
     (journal,) = bench.journals()

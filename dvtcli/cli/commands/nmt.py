@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -11,11 +11,12 @@ from dvtcli.cli.command import DvtCommand, Effect, Final
 from dvtcli.cli.params import CanopenType, NumberType
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtCommand
+from dvtcli.domain.text import join_some
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
     from dvtcli.operations.results import Commanded
-    from dvtcli.operations.session.session import Session
 
 _WORDS = {command.word: command for command in NmtCommand}
 
@@ -40,7 +41,7 @@ def _final(params: Mapping[str, Any]) -> Final | None:
 @click.argument("command_", type=click.Choice(list(_WORDS)), metavar="start|stop|preop|reset-node|reset-comm")
 @click.argument("node_id", type=NodeOrAll(), required=False, metavar="[NODE|all]")
 @click.pass_obj
-def command(session: Session, /, command_: str, node_id: int | None) -> Commanded:
+def command(session: Conversation, /, command_: str, node_id: int | None) -> Commanded:
     """Command a node's NMT state.
 
     \b
@@ -53,6 +54,27 @@ def command(session: Session, /, command_: str, node_id: int | None) -> Commande
     if node_id is None and session.selected_id() is None and (session.base.nodes or session.base.every_node):
         raise UsageError(
             f"nmt {command_} takes one node or `all`, and -n names several",
-            hint=Hint(Action.CORRECT, {"words": ("nmt", command_, "all")}, "{} commands all nodes on the bus"),
+            hint=_several(command_, session.base.nodes),
+        )
+    if node_id == 0 and len(session.base.nodes) > 1 and _is_typed_alone(session):
+        raise UsageError(
+            f"`all` means every node on the bus, and -n names {join_some(map(str, session.base.nodes))}",
+            hint=_several(command_, session.base.nodes),
         )
     return command_nmt(session, _WORDS[command_], node_id)
+
+
+def _is_typed_alone(session: Conversation) -> bool:
+    """Tell whether -n was typed with this very command: not for a session or a script, nor set by a file."""
+    from dvtcli.cli.conversation import typed_name
+
+    _, where = session.settings.typed.get("node", (None, ""))
+    return where == typed_name("node") and not session.at_prompt and not session.in_script
+
+
+def _several(command: str, nodes: Sequence[int]) -> Hint:
+    """Hint at the command for all nodes, or for the first of *nodes*."""
+    if not nodes:
+        return Hint(Action.CORRECT, {"words": ("nmt", command, "all")}, "{} commands all nodes on the bus")
+    more = f", and so for {join_some(map(str, nodes[1:]))}" if nodes[1:] else ""
+    return Hint(Action.CORRECT, {"words": ("nmt", command, str(nodes[0]))}, f"{{}} commands node {nodes[0]}{more}")

@@ -137,7 +137,11 @@ class Network:
         """
         if node_id not in self.nodes:
             boot_ups, restarts = self.bus.boot_ups(node_id), self.bus.restarts(node_id)
-            profile, dictionary = self.files.profile(node_id), self.files.dictionary(node_id)
+            try:
+                profile, dictionary = self.files.profile(node_id), self.files.dictionary(node_id)
+            except (NoAnswer, SdoProtocolError):  # its interrupted change is reported all the same
+                self.interrupted(node_id)
+                raise
             guard = None if self.change_files is None else self.change_files.guard(node_id, dictionary)
             node = Node(
                 self.bus, node_id, dictionary, as_file_says(profile, dictionary), self.cancellation,
