@@ -207,9 +207,7 @@ def _say_who(stores: Stores, left: LeftChanged) -> None:
     """Add stored, missing and unknown nodes to *left*, for screens and programs."""
     done = tuple(state.node_id for state in stores.states.values() if state.is_done)
     unsure = tuple(node_id for node_id, failure in stores.failed.items() if _is_unsure(failure))
-    missing = tuple(
-        state.node_id for state in stores.states.values() if state.waits and state.node_id not in unsure
-    )
+    missing = tuple(state.node_id for state in stores.states.values() if state.waits and state.node_id not in unsure)
     lost = {fault.node for fault in stores.lost if isinstance(fault, DeviceRefused)}
     not_held = tuple(node_id for node_id in done if node_id in lost)
     left.stores = WhoStored(tuple(node_id for node_id in done if node_id not in lost), missing, unsure, not_held)
