@@ -194,7 +194,7 @@ def test_an_entry_behind_the_count_goes_back_with_its_pdo_whose_count_is_in_its_
     for sub_index, data in ((0, b"\0"), (2, new), (0, b"\1")):
         sdo.download(0x1A00, sub_index, data)
     sdo.writes.clear()
-    assert roll_back_once(sdo, [plan_pdo(TPDO1, before, want), entry, unknown], settles=False) == ()
+    assert roll_back_once(sdo, [plan_pdo(TPDO1, before, want), entry, unknown], is_last_try=False) == ()
     assert (read_pdo(sdo, TPDO1), sdo.upload(0x1A00, 2)) == (before, old)
     assert not [place for *place, _ in sdo.writes if place == [0x1A00, 4]]
 
@@ -209,7 +209,7 @@ def test_what_is_refused_and_has_no_other_way_is_raised_as_it_was_said() -> None
         sdo.download(step.index, step.sub_index, step.after)
     sdo.writes.clear()
     with pytest.raises(SdoAborted) as caught:
-        roll_back_once(FaultySdo(sdo, refuse, 1), [change], settles=True)
+        roll_back_once(FaultySdo(sdo, refuse, 1), [change], is_last_try=True)
     assert (caught.value.place, sdo.writes) == ("1800:01", [])
 
 
