@@ -56,18 +56,18 @@ class BitRateSetter:
                 f"the bit rate of {where} is set by the system, not by dvtcli",
                 why=None
                 if listen_only
-                else "it cannot be changed together with the nodes, nor restored if a node is lost",
+                else "it can neither be changed together with the nodes nor restored if a node is lost",
                 hint=_link_lines(str(self._channel), bit_rate, listen_only=listen_only),
             )
         if self._interface not in _SETTABLE | silent_settings().keys():
             raise SafetyRefusal(
-                f"the bit rate of {where} cannot be set from here", why="its server sets it",
+                f"the bit rate of {where} cannot be set from here", why="it is set by its server",
                 hint="set it there; or open a CAN adapter of this machine",
             )  # fmt: skip
         timing = next((key for key in _TIMINGS if self._config.get(key)), None)
         if timing is not None:
             raise SafetyRefusal(
-                f"{where} was opened with {timing}, which a bit rate alone does not replace",
+                f"{where} was opened with {timing}, which is more than a bit rate",
                 hint=Hint(Action.GIVE_BIT_RATE, why="open it with {}"),
             )
         if listen_only and self._interface not in silent_settings():
@@ -75,7 +75,7 @@ class BitRateSetter:
                 f"{self._interface} is not known to listen without a word",
                 why="at a wrong bit rate it would destroy the frames of others",
                 hint=f"these are: {', '.join(silent_settings())}"
-                + Hint(Action.FORCE, why="where nothing is at work: {}"),
+                + Hint(Action.FORCE, why="on a bus without traffic: {}"),
             )
 
     def reopened(self, bit_rate: int, *, listen_only: bool) -> can.BusABC:
@@ -84,7 +84,7 @@ class BitRateSetter:
         bus = self._open({**self._config, "bitrate": bit_rate, **silence})
         if not is_silent(bus, silence):
             bus.shutdown()
-            raise BusUnavailable(f"{self._interface}:{self._channel} does not say that it listens only")
+            raise BusUnavailable(f"{self._interface}:{self._channel} does not confirm listen-only mode")
         return bus
 
 
@@ -92,7 +92,7 @@ def _link_lines(name: str, bit_rate: int, *, listen_only: bool) -> Hint | str:
     """Commands that set the Linux CAN link *name* to *bit_rate* (bit/s)."""
     link = kernel_link(name)
     if link is not None and not link.wired:
-        return f"{name} is virtual, and has no bit rate"
+        return f"{name} is virtual and has no bit rate"
     how = f"type can bitrate {bit_rate} listen-only {'on' if listen_only else 'off'}"
     lines = f"sudo ip link set {name} down; sudo ip link set {name} up {how}"
     if not listen_only:

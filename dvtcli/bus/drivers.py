@@ -88,7 +88,7 @@ class PcanCarrier(Carrier):
 
     def __init__(self, asked: int | None) -> None:
         self.bit_rate = asked or _PCAN_USUAL
-        self._news = [] if asked else [f"no bit rate is given: pcan runs at {_PCAN_USUAL} bit/s"]
+        self._news = [] if asked else [f"no bit rate was given: pcan runs at {_PCAN_USUAL} bit/s"]
 
     def news(self) -> list[str]:
         """A missing bit rate."""

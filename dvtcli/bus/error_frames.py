@@ -18,13 +18,14 @@ _WARNING, _PASSIVE = 0x0C, 0x30
 #: from this many error frames on they are reported: a few happen when a device is plugged in
 MANY = 5
 
-_BIT_RATE = "does our bit rate fit the nodes'? Is there a 120 ohm terminator at each end of the line?"
+_BIT_RATE = (
+    "check that the bit rate is that of the nodes, and that there is a 120 ohm terminator at each end of the line"
+)
 _TEXTS = {
     "bus-off": f"the CAN controller went bus-off: nothing is sent or received until it is restarted (SocketCAN: sudo "
     f"ip link set CHANNEL type can restart). {_BIT_RATE}",
-    "restarted": f"the CAN controller was bus-off and is restarted: nothing was sent or received meanwhile. "
-    f"{_BIT_RATE}",
-    "no acknowledge": "no other node acknowledges our frames: is a node connected and powered, with this bit rate?",
+    "restarted": f"the CAN controller was bus-off and is restarted: no frames passed until then. {_BIT_RATE}",
+    "no acknowledge": "no other node acknowledges our frames: check that a node is on, with this bit rate",
     "error-passive": f"the CAN controller is error-passive, so most frames fail: {_BIT_RATE}",
     "error warning": f"the CAN controller counts many errors: {_BIT_RATE}",
     "bus errors": f"the bus carries error frames: {_BIT_RATE}",

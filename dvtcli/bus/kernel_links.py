@@ -171,7 +171,7 @@ ANSWER_BUFFER, RECEIVE_BUFFER = 8 << 20, 32 << 20
 #: socket options without a name in Python: a buffer beyond the system's limit, and its memory and drops
 _SO_RCVBUFFORCE, _SO_MEMINFO = 33, 55
 _MEMINFO = struct.Struct("=9I")
-_NO_CHANNEL = "no channel is given"
+_NO_CHANNEL = "no channel was given"
 #: CAN-IDs and their bits that count (CiA 301, 7.3.3) of what nodes say to a configurator: NMT, EMCY and SYNC, SDO both
 #: ways, heartbeats and boot-ups. No PDOs, and nothing of 29 bits
 _SERVICES = ((0x000, 0x7FF), (0x080, 0x780), (0x580, 0x780), (0x600, 0x780), (0x700, 0x780))
@@ -271,8 +271,8 @@ class KernelCarrier(Carrier):
         """Advice about *error* from the link's state."""
         if self.is_full(error):
             return (
-                "its transmit queue stays full: does another node acknowledge what is sent? "
-                "Is one connected and powered, with this bit rate?"
+                "its transmit queue remains full: check that another node is connected and powered, with this bit "
+                "rate, to acknowledge frames"
             )
         link = kernel_link(self._channel)
         if link is None and getattr(error, "error_code", None) in (errno.ENODEV, errno.ENXIO, errno.ENETDOWN):
@@ -298,7 +298,7 @@ def first_news(link: KernelLink, asked: int | None) -> list[str]:
 
 def _lost(count: int, *, roomy: bool) -> str:
     more = "" if roomy else f"; more may wait after: sudo sysctl -w net.core.rmem_max={RECEIVE_BUFFER}"
-    return f"this computer dropped {count} frames: they came faster than they were read{more}"
+    return f"this computer dropped {count} frames: they were received faster than they were read{more}"
 
 
 def _make_room(link: socket.socket, size: int) -> bool:

@@ -182,14 +182,14 @@ class Oddities:
         others = now.other_client - (before.other_client if before else 0)
         if others > 0:
             yield (
-                f"another SDO client talks to node {node_id}: {others} frames on its SDO channel were not ours; a "
-                "dvtcli beside this one is such a client, too, also if it only monitors"
+                f"another SDO client communicates with node {node_id}: {others} frames on its SDO channel were not "
+                f"ours; it may be another dvtcli, even if that only monitors"
             )
             self._doubled[node_id] = now.doubled  # answers to the other client may look like duplicates
         doubled = now.doubled - self._doubled[node_id]
         if doubled >= SECOND_ANSWERS:
             self._doubled[node_id] = now.doubled
-            yield f"{doubled} answers came twice: are there two nodes with node-ID {node_id}?"
+            yield f"{doubled} answers were received twice: there may be two nodes with node-ID {node_id}"
 
     def _of_boot_ups(self, node_id: int, count: int) -> Iterator[str]:
         new = count - self._boot_ups[node_id]

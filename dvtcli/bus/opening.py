@@ -68,8 +68,8 @@ _ERRNO_HINTS: dict[int, Hint | str] = {
     errno.EPERM: _NO_PERMISSION,
     errno.EBUSY: "another program has opened it",
     errno.EAFNOSUPPORT: "this system's kernel has no SocketCAN (sudo modprobe can_raw)",
-    errno.ECONNREFUSED: Hint(Action.SERVE, why="nothing listens there: start the server first ({})"),
-    errno.ETIMEDOUT: "nothing answers there: is the host's name and port right?",
+    errno.ECONNREFUSED: Hint(Action.SERVE, why="no server there: start it first ({})"),
+    errno.ETIMEDOUT: "no answer from there: check the host name and the port",
 }
 #: errors of an unplugged adapter, a busy port and a missing server
 _PASSING = frozenset(
@@ -113,7 +113,7 @@ def _hint(config: Mapping[str, object], error: Exception) -> Hint | str:
     if number in _ERRNO_HINTS:
         return _ERRNO_HINTS[number]
     if interface in others and interface not in can.VALID_INTERFACES:
-        return f"{interface} comes with a package of its own, whose documentation says what its channel is"
+        return f"{interface} has its own package; its documentation describes the channel"
     if isinstance(error, ImportError | can.CanInterfaceNotImplementedError):
         package = _DRIVER_PACKAGES.get(interface)
         if package:
@@ -128,12 +128,12 @@ def _setting_hint(interface: str, channel: object, error: Exception) -> Hint | s
         return (
             Hint(Action.GIVE_INTERFACE, {"interface": "socketcand"}, "for example {}")
             + Hint(Action.GIVE_CHANNEL, {"channel": "127.0.0.1:29536"}, " {}, for can0 of that server")
-            + Hint(Action.GIVE_CHANNEL, {"channel": "can1"}, "for another one {}")
+            + Hint(Action.GIVE_CHANNEL, {"channel": "can1"}, "for another interface {}")
             + Hint(Action.GIVE_SETTING, {"setting": "host=127.0.0.1"}, " {}")
             + Hint(Action.GIVE_SETTING, {"setting": "port=29536"}, " {}")
         )
     if channel is None:
-        return Hint(Action.GIVE_CHANNEL, why="which channel? give {}")
+        return Hint(Action.GIVE_CHANNEL, why="no channel: give {}")
     if isinstance(error, TypeError):
         return Hint(
             Action.GIVE_SETTING, why="a setting is missing or unknown: {}, see python-can's page of this interface"
@@ -158,7 +158,7 @@ class SlcanCarrier(Carrier):
         self._news: list[str] = []
         if asked is None:
             self._news.append(
-                f"no bit rate is given: {port} keeps the bit rate that it has; without one it does not open"
+                f"no bit rate is given: {port} keeps its present bit rate; without a bit rate it does not open"
             )
 
     def is_damaged(self, error: Exception) -> bool:
@@ -173,8 +173,8 @@ class SlcanCarrier(Carrier):
         if self._damaged > self._told_damaged:
             lines = plural(self._damaged - self._told_damaged, "damaged line")
             news.append(
-                f"the adapter sent {lines}, whose frames are missing: characters were lost on the serial line; "
-                "another cable or port, or the interface's setting rtscts=true"
+                f"the adapter sent {lines}, whose frames are missing: characters were lost on the serial line; use "
+                f"another cable or port, or the setting rtscts=true of the interface"
             )
             self._told_damaged = self._damaged
         return news
@@ -383,7 +383,7 @@ def brought() -> Iterator[Brought]:
         others.remove(f"that of {_package(one)}: {one.value}")
         if others:
             about = f"{about}; never opened: {', '.join(others)}"
-            which = f"{{}} opens that of {_package(one)}: uninstall the package that is not meant"
+            which = f"{{}} opens that of {_package(one)}: uninstall the wrong package"
             hint = Hint(Action.GIVE_INTERFACE, {"interface": name}, which)
         yield Brought(name, about, hint)
 

@@ -65,7 +65,7 @@ def withheld_aliases(settings: Settings) -> Hint | None:
         from dvtcli.domain.hint import as_hint
 
         what = "the name of a command" if len(commands) == 1 else "names of commands"
-        said.append(as_hint(f"{settings.project.path}: {_words(commands)} not count: rename what is {what}"))
+        said.append(as_hint(f"{settings.project.path}: {_words(commands)} not count: rename aliases that are {what}"))
     return said[0] if len(said) == 1 else said[0] + "; " + said[1]
 
 

@@ -21,9 +21,8 @@ COMMANDS: dict[str, dict[str, str]] = {
         "node": "Show a node's identity; at the prompt and in scripts `node ID` also selects it.",
         "nmt": "Send an NMT command (start, stop, preop, reset-node, reset-comm) and check that it worked.",
         "login": "Log in to a device that asks for an access level; the passcode is never shown or kept.",
-        "profiles": "List the device profiles, or show one with the source of each value; show what single devices "
-        "demand.",
-        "learn": "Find out what a device accepts, roll everything back, and write a profile and a simulated family.",
+        "profiles": "List the device profiles, or show one with its sources; show needs of single devices.",
+        "learn": "Test what a device accepts, roll everything back, and write a profile and a simulated family.",
         "eds": "Check, show and convert EDS, DCF, XDD and XDC files; keep a library of them.",
     },
     "See": {
@@ -175,14 +174,14 @@ def with_a_swap(word: str) -> Iterator[str]:
 def unknown_command(name: str, others: Sequence[str] = ()) -> str:
     """Return the message for a word that is neither a command nor in *others*."""
     if name.lower() in ("q", "bye", "logout"):
-        return f"no command is called {name!r}; did you mean 'exit'?"
+        return f"unknown command {name!r}; did you mean 'exit'?"
     if re.fullmatch(_A_PDO, name):
-        return f"no command is called {name!r}: pdo {name} shows it, map {name} OBJECT... sets what it carries"
+        return f"unknown command {name!r}: pdo {name} shows it, map {name} OBJECT... sets its mapping"
     if name in _TCL_WORDS:
         script = "a Tcl script is a file whose name ends in .tcl"
-        return f"no command is called {name!r}: it is Tcl's, at the prompt `tcl {name} …`; {script}"
+        return f"unknown command {name!r}: it is a Tcl command, at the prompt `tcl {name} …`; {script}"
     near = nearest_command(name, others)
-    return f"no command is called {name!r}" + (f"; did you mean {near!r}?" if near else "; help lists them")
+    return f"unknown command {name!r}" + (f"; did you mean {near!r}?" if near else "; help lists them")
 
 
 def nearest_command(name: str, others: Sequence[str] = ()) -> str | None:

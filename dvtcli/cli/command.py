@@ -24,7 +24,7 @@ class Effect(Enum):
     """The effect of a command, or of a DVT word, on nodes; declared in its own file."""
 
     READS = "reads, listens, or works on files: no node changes"
-    SELECTS = "says which node, or which device, the lines after it are about"
+    SELECTS = "selects the node or the device for the lines after it"
     CHANGES = "changes values of a node; `undo` reverts it"
     KEEPS = "stores values of a node: `undo` cannot revert it"
     BRINGS_BACK = "restores stored values of a node: `undo` cannot revert it"

@@ -181,7 +181,7 @@ class Conversation(Session):
             and self.ends_with_line
             and all(node.history for node in self._nodes() if node.node_id in written)
         ):
-            return "unknown", "written as planned, and read back equal before that"
+            return "unknown", "written as planned and verified before that"
         return "unknown", None
 
     @property
@@ -203,8 +203,8 @@ class Conversation(Session):
         refused = sorted(START_ONLY & given.keys()) if self.started else []
         if refused:
             raise UsageError(
-                f"{typed_name(refused[0])} chooses the bus or the node's files: give it when dvtcli starts",
-                hint="leave, and start again with it; `node ID` selects another node of the same bus",
+                f"{typed_name(refused[0])} sets the bus or the files of the node: give it at the start of dvtcli",
+                hint="leave and start again with it; `node ID` selects another node of the same bus",
             )
         if not self.started:
             self.start(given)

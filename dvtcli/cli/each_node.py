@@ -46,9 +46,7 @@ def several_ids(session: SessionNodes) -> tuple[int, ...]:
         find_nodes(session)  # which notes them
     found = tuple(sorted({*network.scanned, *network.bus.nodes_seen()}))
     if not found:
-        raise NoAnswer(
-            "no node was found: nothing was done", hint="`scan` searches again; check that this is the right bus"
-        )
+        raise NoAnswer("no node was found", hint="`scan` searches again; check that this is the right bus")
     return found
 
 

@@ -39,7 +39,7 @@ _TABLE: list[tuple[tuple[str, ...], dict[str, Any]]] = [
             "multiple": True,
             "metavar": "[NODE:]FAULT",
             "help": "Fault of the (first) simulated node, at its K-th SDO download: refuse@K=0x06040041, "
-            "lose-response@K, reset@K, …; an unknown name lists all; repeatable.",
+            "lose-response@K, reset@K, … (an unknown name lists all); repeatable.",
         },
     ),
     (

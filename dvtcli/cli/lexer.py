@@ -21,14 +21,14 @@ def split(line: str) -> list[str]:
     from dvtcli.errors import UsageError
 
     if "\0" in line:
-        raise UsageError("a NUL character belongs into no command")
+        raise UsageError("a command must not contain a NUL character")
     try:
         words = _split(line)
     except ValueError as wrong:
         shown = line.strip() if len(line) <= _SHOWN else line.strip()[:_SHOWN] + "…"
         raise UsageError(f"a quote is not closed: {shown}", hint='write "…" around a name with blanks') from wrong
     if len(words) > _MOST_WORDS:
-        raise UsageError(f"{len(words)} words are no command")
+        raise UsageError(f"{len(words)} words are too many for a command")
     return words
 
 
@@ -84,8 +84,8 @@ def without_program(words: Sequence[str], session: Conversation, *, in_file: boo
     rest = list(words[2 if tuple(words[:2]) == ("$", PROGRAM) else 1 :])
     if in_file and rest and rest[0].startswith("-"):
         raise click.UsageError(
-            f"{rest[0]} stands before the command, and a script runs on the bus and the node of its own lines: "
-            "leave out what stands before the command"
+            f"{rest[0]} is before the command, but a script sets the bus and the node in its own lines: remove the "
+            f"part before the command"
         )
     call = session.typed_call()
     known = [call.bus[at : at + 2] for at in range(0, len(call.bus), 2)]
@@ -95,8 +95,8 @@ def without_program(words: Sequence[str], session: Conversation, *, in_file: boo
     while rest and rest[0].startswith("-"):
         if tuple(rest[:2]) not in known:
             raise click.UsageError(
-                f"this session runs on {_where(call)}; {' '.join(rest[:2])} is given when dvtcli starts: "
-                "run the line in a shell, or leave out what stands before the command"
+                f"this session runs on {_where(call)}; {' '.join(rest[:2])} is an option for the start of dvtcli: "
+                f"run the line in a shell, or remove the part before the command"
             )
         said.add(tuple(rest[:2]))
         del rest[:2]
@@ -104,7 +104,7 @@ def without_program(words: Sequence[str], session: Conversation, *, in_file: boo
         lacking = " ".join(word for pair in sorted(bus - said) for word in pair)
         raise click.UsageError(f"the line has only a part of this session's bus, without {lacking}: leave it out")
     if not rest:
-        raise click.UsageError("dvtcli runs already: a command comes here; help lists them")
+        raise click.UsageError("dvtcli is already running: enter a command; help lists them")
     return rest
 
 

@@ -70,7 +70,7 @@ def chunks(session: SessionUser, file: int) -> Iterator[bytes]:
     while data := _waiting(session, file):
         pending += data
         if len(pending) > MOST_BYTES:
-            raise InputFileError(f"{_SOURCE}: {len(pending)} bytes are no line", place=_SOURCE)
+            raise InputFileError(f"{_SOURCE}: {len(pending)} bytes are too many for a line", place=_SOURCE)
         end = pending.rfind(b"\n") + 1
         if end and not pending[:end].rstrip(b"\r\n").endswith(b"\\"):
             yield pending[:end]

@@ -57,7 +57,7 @@ def main(argv: list[str] | None = None) -> int:
     closing = exit_code_of(session, lambda: _closed(session))
     session.cancellation.hold()  # what comes now comes too late to be answered
     if code == 0 and session.cancellation.requested:
-        session.output.note("the signal came too late to stop it: it is complete, and its changes stay")
+        session.output.note("the signal was too late: the command is complete and its changes remain")
     return code or settling or closing
 
 

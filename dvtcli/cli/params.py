@@ -110,7 +110,7 @@ class Listed(click.Argument):
             return [word]
         with_node = [part for part in parts if _NODE.match(part)]
         if with_node and len(with_node) < len(parts):
-            raise click.BadParameter(f"{word!r}: write the node before each of them, or before none", ctx, self)
+            raise click.BadParameter(f"{word!r}: write the node before each of them or before none of them", ctx, self)
         return parts
 
     def _is_value(self, ctx: click.Context, text: str) -> bool:

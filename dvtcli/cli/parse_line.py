@@ -24,9 +24,10 @@ def parse(words: Sequence[str], session: Conversation, *, in_file: bool = False)
     if name.startswith("-"):
         if name in ("-n", "--node"):
             raise click.UsageError(
-                f"{name} is given when dvtcli starts; here `node 5` selects a node, and `read 1:1017 5:1017` names them"
+                f"{name} is an option for the start of dvtcli; here `node 5` selects a node, and `read 1:1017 "
+                f"5:1017` reads several"
             )
-        raise click.UsageError(f"{name} comes before any command; options come after it")
+        raise click.UsageError(f"{name} belongs before the command; options belong after it")
     command = REGISTRY.get_command(root, name)
     if command is None:
         raise click.UsageError(unknown_command(name))

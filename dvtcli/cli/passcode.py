@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.user.settings import File
 
 VARIABLE = "DVTCLI_PASSCODE"
-_SOURCES = f"{VARIABLE} in the environment, or `passcode` in your config.toml (`doctor` says where)"
+_SOURCES = f"{VARIABLE} in the environment, or `passcode` in your config.toml (`doctor` shows its path)"
 
 
 def passcode(session: Conversation, node_id: int, level: int) -> int:
@@ -50,10 +50,10 @@ def _agreed(session: SessionNodes, project: File, node_id: int) -> None:
         raise SafetyRefusal(
             f"no passcode is sent on {bus}, a network that {project.path} chose, which is not trusted",
             node=node_id,
-            hint=Hint(Action.TRUST, why="once you have looked at the file; or choose the bus yourself")
+            hint=Hint(Action.TRUST, why="after you have checked the file; or choose the bus yourself")
             + Hint(Action.GIVE_INTERFACE, why="as in {}"),
         )
-    question = f"{project.path} chose the bus {bus}: send the passcode of node {node_id} there?"
+    question = f"{project.path} sets the bus {bus}: send the passcode of node {node_id} to it?"
     session.require_yes(question, node_id, Hint(Action.GIVE_INTERFACE, why="{} chooses the bus"), "not logged in")
 
 
@@ -72,7 +72,10 @@ def _asked(session: Conversation, question: str, node_id: int) -> str:
             session.output.stderr.write("\n")
             why = None if isinstance(failed, EOFError) else "this terminal cannot hide typed characters"
             raise SafetyRefusal(
-                "not logged in: no passcode was given", node=node_id, why=why, hint=f"type it, or give it as {_SOURCES}"
+                "not logged in: no passcode was given",
+                node=node_id,
+                why=why,
+                hint=f"enter it, or give it as {_SOURCES}",
             ) from None
 
 

@@ -119,7 +119,7 @@ class CobIdType(CanopenType):
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         """The two words."""
-        items = {"auto": "pre-defined set for PDO 1-4, else the next free one", "keep": "as it is now"}
+        items = {"auto": "pre-defined connection set for PDOs 1-4, else the next free CAN-ID", "keep": "as it is now"}
         return [CompletionItem(word, help=text) for word, text in items.items() if word.startswith(incomplete)]
 
 

@@ -84,7 +84,7 @@ class Registry(CommandGroup):
         session: Conversation = ctx.obj
         given = taken(ctx.params)
         if session.started and given:
-            raise click.UsageError("options come after the command", ctx)
+            raise click.UsageError("options belong after the command", ctx)
         if not session.started:
             said = {name: value for name, value in given.items() if by_variable(ctx, name)}
             session.read_settings(said)

@@ -26,7 +26,7 @@ class ImportedRunners:
         """
         for word in session.options.sim:
             if word in command_names() and not Path(word).exists():
-                raise UsageError(f"--sim {word}: {word} is a command, no family", hint=f"`dvtcli --sim gen4 {word}`")
+                raise UsageError(f"--sim {word}: {word} is a command, not a family", hint=f"`dvtcli --sim gen4 {word}`")
         if sys.stdin.isatty():
             from dvtcli.cli.prompt.loop import run_prompt
 
@@ -40,7 +40,7 @@ class ImportedRunners:
 
         text = sys.stdin.buffer.read(MOST_BYTES + 1)
         if not text.strip():
-            raise UsageError("there is no command: standard input is empty", hint="`dvtcli --help`")
+            raise UsageError("no command: standard input is empty", hint="`dvtcli --help`")
         return run_script(session, text, "<stdin>", keep_going=False)
 
     def file(

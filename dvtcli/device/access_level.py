@@ -35,7 +35,7 @@ def policy_of(access: NodeAccess) -> LoginPolicy:
         f"node {access.node_id} ({access.profile.title}) has no login",
         node=access.node_id,
         hint=Hint(Action.SHOW_NODE, {"node": access.node_id}, "tells its profile")
-        + Hint(Action.GIVE_PROFILE, why="takes another, should it be wrong"),
+        + Hint(Action.GIVE_PROFILE, why="uses another profile if it is wrong"),
     )
 
 
@@ -105,7 +105,7 @@ def refuse_passcode(access: NodeAccess, index: int, sub_index: int) -> None:
     policy = access.profile.login
     if policy is not None and (index, sub_index) == policy.passcode:
         raise SafetyRefusal(
-            f"0x{index:04X}:{sub_index:02X} takes a passcode, which must not be on a command line",
+            f"0x{index:04X}:{sub_index:02X} is a passcode, which must not be on a command line",
             node=access.node_id,
             place=f"{index:04X}:{sub_index:02X}",
             hint=Hint(Action.LOG_IN, why="asks for it without echo"),

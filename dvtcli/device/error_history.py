@@ -68,10 +68,10 @@ def clear_history(access: NodeAccess) -> tuple[HistoryEntry, ...]:
     if after:
         told = ", ".join(f"0x{entry.code:04X}" for entry in after)
         raise DvtcliError(
-            f"the error history of node {access.node_id} was emptied, and holds {told}",
+            f"the error history of node {access.node_id} was cleared, but has {told}",
             node=access.node_id,
             place=place,
-            why="the device did not empty it" if after == before else "the error came again since",
+            why="the device did not empty it" if after == before else "the error occurred again",
             hint=Hint(Action.SHOW_FAULTS, why="shows the errors; remove their causes first"),
             state="unchanged" if after == before else "unknown",
         )
@@ -80,11 +80,11 @@ def clear_history(access: NodeAccess) -> tuple[HistoryEntry, ...]:
 
 def _nothing_to_clear(access: NodeAccess) -> DeviceRefused:
     own = access.profile.fault_list
-    what = "its manual says how it forgets errors"
+    what = "see its manual for clearing errors"
     if own is not None:
         what = f"its own list (0x{own.code[0]:04X}) has the present errors: an error leaves it when its cause is gone"
     return DeviceRefused(
-        f"node {access.node_id} has no error history that could be emptied",
+        f"node {access.node_id} has no error history to clear",
         node=access.node_id,
         place=f"{ERROR_HISTORY:04X}:00",
         abort=int(Abort.NO_OBJECT),

@@ -31,7 +31,7 @@ def another_device(node_id: int, unlike: str) -> SafetyRefusal:
         place="1018",
         why=unlike,
         hint=Hint(
-            Action.SHOW_NODE, {"node": node_id}, "is this the right one? {} takes it as it is, and begins again with it"
+            Action.SHOW_NODE, {"node": node_id}, "check that it is the right file; {} uses it and starts again with it"
         ),
     )
 
@@ -74,7 +74,7 @@ def refuse_unlike_file(node_id: int, unlike: str, *, force: bool) -> None:
             node=node_id,
             place="1018:01" if "vendor" in unlike else "1018:02",
             hint=Hint(Action.GIVE_EDS, why="{} of this device; without an EDS fewer rules are checked")
-            + Hint(Action.FORCE, why="takes this one"),
+            + Hint(Action.FORCE, why="uses this file"),
         )
 
 

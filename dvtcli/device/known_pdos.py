@@ -332,7 +332,7 @@ def no_pdo(node_id: int, pdo: Pdo, present: Iterable[Pdo], aborted: SdoAborted) 
             aborted.hint = Hint(
                 Action.SHOW_NODE,
                 {"node": node_id},
-                f"a file of another revision? {{}} says which; leave {pdo.label} out",
+                f"the file may be of another revision, which {{}} shows; leave {pdo.label} out",
             ) + Hint(Action.GIVE_EDS, why=", or {}")
         return aborted
     have = f"it has {same[0]}…{same[-1]}" if same else f"it has no {pdo.direction.upper()}s"

@@ -141,7 +141,7 @@ class LssMaster:
             raise DeviceRefused(
                 "several nodes are being configured at once", why="a question was answered more than once",
                 hint=Hint(Action.LSS_SCAN, why="lets all wait again, and lists them")
-                + Hint(Action.LSS_SELECT, why="chooses one"),
+                + Hint(Action.LSS_SELECT, why="selects a node"),
             )  # fmt: skip
         if not all(asked):
             raise NoAnswer("the node that is being configured has no readable LSS address", hint=Hint(Action.LSS_SCAN))
@@ -201,9 +201,7 @@ class LssMaster:
         settle = _ALL * self._answer_s / self._store_s  # a store takes long, and only one node answers
         answers = self._ask(lss.STORE_CONFIGURATION, b"", lss.STORE_CONFIGURATION, self._store_s, settle=settle)
         if not answers:
-            hint = Hint(
-                Action.LSS_STORE, why="whether it is stored shows after the next power-on; {} again does no harm"
-            )
+            hint = Hint(Action.LSS_STORE, why="the next power-on shows whether it is stored; repeating {} does no harm")
             raise NoAnswer(f"no answer to LSS store configuration within {STORE_S:g} s", hint=hint, state="unknown")
         _require_success(answers, "store configuration", lss.STORE_REFUSED)
 

@@ -51,7 +51,7 @@ class NodeAccess:
         except DvtcliError as failed:
             aborted.why = f"the device's reason at 0x{index:04X}:{sub_index:02X} could not be read: {failed.text}"
             return
-        text = self.profile.reasons.get(reason, "a reason that the profile does not name")
+        text = self.profile.reasons.get(reason, "a reason that is not in the profile")
         aborted.why = f"the device says {reason} at 0x{index:04X}:{sub_index:02X}: {text}"
 
     def request(self, state: NmtState) -> None:
@@ -205,7 +205,7 @@ class Gate:
                 self._vanished = isinstance(failed, NoAnswer)
                 before = f"{join_some(self.done)} before that; " if self.done else ""
                 failed.state = "unknown"
-                failed.state_text = f"unknown: {before}it was not seen to be OPERATIONAL again"
+                failed.state_text = f"unknown: {before}it did not become OPERATIONAL again"
                 raise
         self.found, self.entered = None, False
         self.done.clear()
@@ -224,5 +224,5 @@ class Gate:
             return None
         node_id = self.access.node_id
         if vanished:
-            return f"node {node_id} was OPERATIONAL, and does not answer now; when it is right: nmt start {node_id}"
+            return f"node {node_id} was OPERATIONAL, but does not answer now; after it is repaired: nmt start {node_id}"
         return f"node {node_id} was OPERATIONAL and is PRE-OPERATIONAL now; when it is right: nmt start {node_id}"

@@ -311,7 +311,7 @@ def seen_producer_findings(
             continue
         if frames := received.frames_of(identifier):
             received_words = f"{frames} frame{'s' if frames > 1 else ''} heard"
-            text = f"CAN-ID {cob_id} is on the bus already, sent by a node that is not known here ({received_words})"
+            text = f"CAN-ID {cob_id} is already on the bus, sent by an unknown node ({received_words})"
             hint = Hint(Action.CHECK_LIVE, why="asks every node") + Hint(
                 Action.SELECT_CAN_ID, why="switch that TPDO off, take another CAN-ID, or {}"
             )

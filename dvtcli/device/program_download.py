@@ -88,7 +88,7 @@ class ProgramDownload:
         except (NoAnswer, SdoProtocolError):
             self._await_answer()  # possibly restarted into the boot loader
         if self._read(PROGRAM_CONTROL) == START:
-            raise DeviceRefused(f"node {self.node_id} did not stop its program", node=self.node_id)
+            raise DeviceRefused(f"node {self.node_id} did not stop its firmware", node=self.node_id)
         if self.cancellation.requested:
             raise Interrupted("stopped before the old program was cleared", node=self.node_id)
 
@@ -132,7 +132,7 @@ class ProgramDownload:
         found = self.identification()
         if expected is not None and found != expected:
             raise DeviceRefused(
-                f"node {self.node_id} holds another program than the one it was sent", node=self.node_id,
+                f"node {self.node_id} has other firmware than was sent", node=self.node_id,
                 place=f"{SOFTWARE_IDENTIFICATION:04X}:{self.number:02X}",
                 why=f"0x1F56 says {'nothing' if found is None else f'0x{found:08X}'}, expected is 0x{expected:08X}",
             )  # fmt: skip
@@ -155,7 +155,7 @@ class ProgramDownload:
         self.restarted = True
         self._await_answer()
         if self._read(PROGRAM_CONTROL) in (STOP, CLEAR):
-            raise DeviceRefused(f"node {self.node_id} restarted, and does not run its program", node=self.node_id)
+            raise DeviceRefused(f"node {self.node_id} restarted, but does not run its firmware", node=self.node_id)
 
     def _runs(self) -> bool:
         """True if the device reports a running program; false without a report."""
@@ -230,7 +230,7 @@ class ProgramDownload:
         except DvtcliError:
             return self._left(failed)
         if isinstance(failed, DvtcliError):
-            failed.state, failed.state_text = "rolled_back", "its old program runs, as it says"
+            failed.state, failed.state_text = "rolled_back", "its old firmware runs, as it reports"
         return failed
 
     def _left(self, failed: BaseException) -> BaseException:
@@ -244,7 +244,7 @@ class ProgramDownload:
             place=failed.place if isinstance(failed, DvtcliError) else None,
             abort=failed.abort if isinstance(failed, DvtcliError) else None,
             why=failed.why if isinstance(failed, DvtcliError) else None,
-            hint="download the file again: its boot loader takes it as before; if it is silent, power it off and on",
+            hint="download the file again: its boot loader accepts it; if the node is silent, switch it off and on",
         )  # fmt: skip
         left.state_text = f"the device holds {self.stage.value}"
         return left

@@ -86,15 +86,15 @@ class SentReset:
 
     def _silent(self) -> NoAnswer:
         silent = NoAnswer(
-            f"node {self.node_id} sent no boot-up message within {self.timeout_s:.0f} s after its reset, "
-            "nor any answer",
+            f"node {self.node_id} sent neither a boot-up message nor an answer within {self.timeout_s:.0f} s after "
+            f"its reset",
             node=self.node_id,
             hint=Hint(Action.FIND_NODES, why="check the node, then {}"),
             state="unknown",
         )
         if (state := self.bus.nmt_state(self.node_id)) is not None:  # heard since the reset was sent
             silent.hint = Hint(Action.FIND_NODES, why="it answers no SDO: check the node, then {}")
-            silent.state_text = f"{state.label}, as its heartbeat says; whether it was reset is not known"
+            silent.state_text = f"{state.label}, by its heartbeat; whether it was reset is unknown"
         return silent
 
 

@@ -36,4 +36,4 @@ def losses(nodes: Iterable[Node]) -> Iterator[str]:
 def refuse_after_restarts(nodes: Iterable[Node]) -> None:
     """Raise Restarted if a node has lost changes of this script or command: its result does not hold."""
     for text in losses(nodes):
-        raise Restarted(text, hint="check its supply, then do it all again", state="unknown")
+        raise Restarted(text, hint="check its supply, then repeat the command", state="unknown")

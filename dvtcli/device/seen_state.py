@@ -114,18 +114,18 @@ def why_it_may_move(bus: CanopenBus, node_id: int) -> str:
     answer does not mean standstill; a STOPPED node answers no SDO and is not asked.
     """
     if bus.nmt_state(node_id) is NmtState.STOPPED:
-        return "is STOPPED, so that it cannot be asked whether its operation is enabled"
+        return "is STOPPED, so its statusword cannot be read"
     for axis in range(_AXES):
         index = STATUSWORD[0] + axis * AXIS
         try:
             data = bus.sdo(node_id).upload(index, STATUSWORD[1])
         except SdoAborted as aborted:
             if aborted.code in _NOT_NOW:
-                return f"does not tell whether its operation is enabled (0x{index:04X}: abort 0x{aborted.code:08X})"
+                return f"does not show whether its operation is enabled (0x{index:04X}: abort 0x{aborted.code:08X})"
             continue
         except (NoAnswer, SdoProtocolError):
-            return f"does not answer whether its operation is enabled (0x{index:04X})"
+            return f"does not answer a read of its statusword (0x{index:04X})"
         statusword = int.from_bytes(data, "little")
         if drive_state(statusword) == "operation enabled":
-            return f"says operation enabled (0x{index:04X} is 0x{statusword:04X})"
+            return f"has operation enabled (0x{index:04X} is 0x{statusword:04X})"
     return ""

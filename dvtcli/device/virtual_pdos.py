@@ -30,7 +30,7 @@ def group_names(node: NodeDescription) -> list[str]:
         f"node {node.node_id} ({node.profile.title}) has no virtual PDOs",
         node=node.node_id,
         hint=Hint(Action.SHOW_NODE, {"node": node.node_id}, "tells its profile")
-        + Hint(Action.GIVE_PROFILE, why="takes another, should it be wrong"),
+        + Hint(Action.GIVE_PROFILE, why="uses another profile if it is wrong"),
     )
 
 

@@ -62,7 +62,7 @@ def _days_to(text: str) -> int:
     try:
         return (date.fromisoformat(text) - _EPOCH).days
     except ValueError:
-        raise ValueError(f"{text} is no date") from None
+        raise ValueError(f"{text} is not a date") from None
 
 
 def _read_time(text: str) -> CanopenTime:

@@ -65,10 +65,12 @@ _DRIVE_CODES = {
 }
 #: remedies, if the standard itself names the cause
 _REMEDIES: dict[int, Hint | str] = {
-    0x8110: Hint(Action.SHOW_LOAD, why="frames came faster than it takes them: lower the bus load ({})"),
+    0x8110: Hint(
+        Action.SHOW_LOAD, why="frames were received faster than it can process them: reduce the bus load ({})"
+    ),
     0x8120: "check wiring, termination and bit rate",
     0x8130: Hint(
-        Action.FIND_NODES, why="a node that it watches (0x1016) is silent: {}, and look at that node's 0x1017"
+        Action.FIND_NODES, why="a node that it monitors (0x1016) sends no heartbeat: {}, and check 0x1017 of that node"
     ),
     0x8140: "check wiring, termination and bit rate",
     0x8150: Hint(Action.FIND_NODES, why="two nodes send the same CAN-ID: {}")

@@ -19,7 +19,7 @@ class Action(Enum):
     FIND_OBJECTS = "search the objects"
     SHOW_MAPPABLE = "show what can be mapped"
     SHOW_FAULTS = "show the faults"
-    VERIFY = "compare with what was set"
+    VERIFY = "compare with the configured values"
     MONITOR = "watch the values"
     # changing PDOs
     MAP = "map objects into the PDO"
@@ -37,7 +37,7 @@ class Action(Enum):
     EDIT_PDO = "edit the PDO"
     SHOW_VPDO = "show the virtual PDO"
     LINK = "link the PDOs"
-    CORRECT = "write the line as it can be read"
+    CORRECT = "write the line in a valid form"
     # going back
     UNDO = "undo the last change"
     RECOVER = "recover the node"
@@ -95,7 +95,7 @@ class Action(Enum):
     DECODE = "decode the recording"
     DRAW = "draw the network"
     # options of the same call
-    GIVE = "give the argument"
+    GIVE = "add the argument"
     GIVE_EDS = "name the EDS"
     GIVE_PROFILE = "name the profile"
     GIVE_USER = "name the user"

@@ -20,7 +20,7 @@ WAITING, CONFIGURATION = 0, 1
 SCAN_RESET = 0x80
 BITS, PARTS = 32, 4
 #: error codes of the configuration services (CiA 305); 0 is success, 255 manufacturer-specific
-NODE_ID_REFUSED = {1: "it takes no such node-ID"}
+NODE_ID_REFUSED = {1: "it does not support this node-ID"}
 BIT_TIMING_REFUSED = {1: "it cannot run at that bit rate"}
 STORE_REFUSED = {1: "it cannot store its node-ID", 2: "its storage medium failed"}
 #: the standard's bit rates (bit/s), each with its index in the table of bit timings (table selector 0)
@@ -72,5 +72,5 @@ class LssRanges(NamedTuple):
 def refusal(reasons: dict[int, str], code: int, own: int) -> str:
     """Reason for the refusal of a configuration service: error *code*, with the manufacturer's *own* code after 255."""
     if code == _OWN:
-        return f"a reason of its maker, {own} (0x{own:02X})"
-    return f"{reasons.get(code, 'a reason that the standard does not name')} (error code {code})"
+        return f"a manufacturer-specific reason, {own} (0x{own:02X})"
+    return f"{reasons.get(code, 'a reason that CiA 305 does not define')} (error code {code})"

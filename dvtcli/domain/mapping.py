@@ -77,5 +77,5 @@ def split_dummy(bits: int, usable: Iterable[int]) -> tuple[PdoMappingEntry, ...]
             best[length] = tuple(sorted(chosen, key=lambda entry: -entry.bits))
     if bits not in best:
         have = ", ".join(f"{index:04X}/{size}" for size, index in sorted(sizes.items())) or "none"
-        raise ValueError(f"{bits} bits cannot be skipped with the device's dummies ({have})")
+        raise ValueError(f"{bits} bits cannot be skipped with the dummies of the device ({have})")
     return best[bits]

@@ -14,10 +14,10 @@ class NotWritten(StrEnum):
     ERROR_HISTORY = "is the error history"
     STORE = "stores or restores parameters: neither is done by writing values"
     STAMP = "is the stamp of a configuration"
-    PROGRAM = "belongs to program download, which goes by itself"
+    PROGRAM = "belongs to program download, which has its own command"
     SDO_CHANNEL = "is the SDO channel that is written over"
     SAFETY = "belongs to safety (EN 50325-5)"
-    REQUEST = "is a request, which acts at once and keeps nothing"
+    REQUEST = "is a command that acts at once and is not stored"
     COMMAND = "is a command or a target"
     TAKEN = "is written by an enabled RPDO: process data"
     OUTPUT = "is an output"
@@ -26,10 +26,10 @@ class NotWritten(StrEnum):
     NODE_ID = "is a node-ID or a bit rate: LSS changes these"
     BEHAVIOUR = "is asked or written by dvtcli for another purpose (the device's profile)"
     RPDO_MAPPABLE = "can be mapped to an RPDO: process data, or a setting"
-    MAKERS_RPDO = "is manufacturer-specific, and can be mapped to an RPDO: no profile calls it configuration"
-    NAMED_PROCESS_DATA = "is manufacturer-specific, and a command, a target or a value by its name: a guess"
-    NAMED_COMMAND = "is manufacturer-specific, and a command by its name"
-    MAKERS = "is manufacturer-specific, and no profile calls it configuration"
+    MAKERS_RPDO = "is manufacturer-specific, and can be mapped to an RPDO: no profile defines it as configuration"
+    NAMED_PROCESS_DATA = "is manufacturer-specific, and by its name a command, a target or a process value (a guess)"
+    NAMED_COMMAND = "is manufacturer-specific, and by its name a command"
+    MAKERS = "is manufacturer-specific, and no profile defines it as configuration"
 
     @property
     def is_lifted_by_include(self) -> bool:

@@ -109,7 +109,8 @@ def _by_name(text: str, dictionary: ObjectDictionary, aliases: Mapping[str, str]
     if chosen is None:
         which = ", ".join(entry.object for entry in found[:6])
         raise ValueError(
-            f"{text!r} means {len(found)} objects ({which}{', …' if len(found) > 6 else ''}); write one of them"
+            f"{text!r} means {len(found)} objects ({which}{', …' if len(found) > 6 else ''}); write the name in full "
+            f"or the index"
         )
     return chosen.index, chosen.sub_index
 
@@ -156,7 +157,7 @@ def resolve_entry(
 
 def _length(text: str, digits: str) -> int:
     if not _BITS.fullmatch(digits) or not 1 <= int(digits) <= MAX_PDO_BITS:
-        raise ValueError(f"{text!r}: after / stands a length in bits, 1..{MAX_PDO_BITS}")
+        raise ValueError(f"{text!r}: after / write a length in bits, 1..{MAX_PDO_BITS}")
     return int(digits)
 
 

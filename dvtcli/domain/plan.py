@@ -116,7 +116,7 @@ class ValueChange(NamedTuple):
             return (self.step,)
         nothing = bytes(len(after))
         return (
-            replace(self.step, after=nothing, reason="what it vouched for changes"),
+            replace(self.step, after=nothing, reason="the values that it covers change"),
             replace(self.step, before=nothing),
         )
 

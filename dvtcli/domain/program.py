@@ -15,7 +15,7 @@ CRC32 = "crc32"
 _FLASH_ERRORS = {
     1: "no valid program",
     2: "data format unknown",
-    3: "data format error, or its CRC is wrong",
+    3: "data format error or wrong CRC",
     4: "flash not cleared before the download",
     5: "flash write error",
     6: "address error",
@@ -43,8 +43,8 @@ class FlashStatus(NamedTuple):
 class Stage(Enum):
     """Progress of a program download; the value describes the device's program if it ends there."""
 
-    STOPPING = "its old program, which may be stopped"
-    CLEARING = "its old program or none: the clear command was sent"
-    LOADING = "no program that is known to be whole: the old one is cleared, the new one was on its way"
+    STOPPING = "the old firmware, which may be stopped"
+    CLEARING = "the old firmware or none: the clear command was sent"
+    LOADING = "no complete firmware: the old firmware is cleared, the download of the new firmware is incomplete"
     CHECKING = "a program that was loaded and not started"
     STARTING = "the new program; whether it runs is not known"

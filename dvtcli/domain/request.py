@@ -196,14 +196,14 @@ def _cob_id(request: PdoRequest, proposal: Proposal) -> CobId:
     flags = replace(held, valid=enabled, rtr_allowed=_rtr(request, proposal))
     if isinstance(request.cob_id, int):
         if request.cob_id > HIGHEST_BASE_CAN_ID and not request.extended:
-            raise ValueError(f"CAN-ID 0x{request.cob_id:X} has more than 11 bits: it is an extended one (29 bits)")
+            raise ValueError(f"CAN-ID 0x{request.cob_id:X} has more than 11 bits: it is an extended CAN-ID (29 bits)")
         return replace(flags, can_id=request.cob_id, extended=request.extended)
     kept = replace(flags, extended=held.extended or request.extended)
     if request.cob_id == "keep" or (request.cob_id is None and (not enabled or _legal(proposal, kept))):
         return kept
     automatic = automatic_can_id(proposal)
     if automatic is None:
-        raise ValueError("every CAN-ID of 0x680..0x6DF is in use on this node; give one")
+        raise ValueError("every CAN-ID of 0x680..0x6DF is in use on this node; give a CAN-ID")
     return replace(flags, can_id=automatic, extended=False)
 
 

@@ -212,7 +212,7 @@ class Scaling:
         ]
         if len(named) > 1:
             may_be = " or ".join(f"{self.values[raw]!r} ({raw})" for raw in named)
-            raise ValueError(f"it may be {may_be}: type the number")
+            raise ValueError(f"it can be {may_be}: enter the number")
         return named[0] if named else None
 
     def _in_own_unit(self, match: re.Match[str]) -> tuple[Fraction, Fraction]:
@@ -230,7 +230,7 @@ class Scaling:
         raw = round((number - self.offset) / self.factor)
         off = abs(raw * self.factor + self.offset - number)
         if off and 2 * off >= last_digit and Fraction(self.number_text(raw)) != number:
-            raise ValueError(f"one count is {self.scale}: the nearest are {self._neighbours(number)}")
+            raise ValueError(f"one count is {self.scale}: the nearest values are {self._neighbours(number)}")
         if match["raw"] is not None and _number(match["raw"]) != raw:
             raise ValueError(f"{self.quantity(raw)} is {raw} raw, not {match['raw']}")
         return raw
@@ -332,7 +332,7 @@ def _split(unit: str) -> tuple[tuple[int, str] | None, str]:
 def parse_factor(text: str) -> Fraction:
     """A factor such as `1/256`, `0.25`, `1e-3`. Raises ValueError for anything else, and for 0."""
     if not _FACTOR.fullmatch(text.strip()):
-        raise ValueError(f"{text[:40]!r} is no factor: write 1/256 or 0.25")
+        raise ValueError(f"{text[:40]!r} is not a factor: write 1/256 or 0.25")
     factor = Fraction(text.strip())
     if not factor:
         raise ValueError("a factor of 0 makes all values the same")
@@ -342,7 +342,7 @@ def parse_factor(text: str) -> Fraction:
 def parse_offset(text: str) -> Fraction:
     """An offset in a file: a number as for `parse_factor`, or 0. Raises ValueError for anything else."""
     if not _FACTOR.fullmatch(text.strip()):
-        raise ValueError(f"{text[:40]!r} is no offset: write -40 or 0.5")
+        raise ValueError(f"{text[:40]!r} is not an offset: write -40 or 0.5")
     return Fraction(text.strip())
 
 

@@ -13,7 +13,7 @@ from dvtcli.domain.request import MPDO_COUNTS
 from dvtcli.domain.rules.can_id import restricted_use
 
 #: End of a line about a PDO that a backup does not restore.
-LEFT_ALONE, STAYS_OFF = "and is left alone", "it stays off"
+LEFT_ALONE, STAYS_OFF = "and is not changed", "it stays off"
 REMARKS = (LEFT_ALONE, STAYS_OFF)
 
 
@@ -165,7 +165,10 @@ def whole_lines(pdo: Pdo, config: PdoConfig) -> list[str]:
     cob_id = config.communication.cob_id
     if config.mapping and config.enabled and not (cob_id.extended or _is_free(cob_id)):
         off = replace(config, communication=replace(config.communication, cob_id=cob_id.disabled()))
-        return [map_line(pdo, off), f"# {pdo} was enabled with CAN-ID {cob_id}, which no PDO may have: {STAYS_OFF}"]
+        return [
+            map_line(pdo, off),
+            f"# {pdo} was enabled with CAN-ID {cob_id}, which CiA 301 does not allow for PDOs: {STAYS_OFF}",
+        ]
     if config.mapping:
         return [map_line(pdo, config)]
     return _empty(pdo, [*_parameter_words(None, config.communication)])

@@ -25,9 +25,7 @@ class WhoStored(NamedTuple):
         said = [(label, f"node {', '.join(map(str, numbers))}") for label, numbers in rows if numbers]
         if self.not_held:
             nodes = ", ".join(map(str, self.not_held))
-            said.append(
-                ("not held", f"node {nodes}: its store was acknowledged, and it does not hold what was planned")
-            )
+            said.append(("not held", f"node {nodes}: its store was acknowledged, but its values differ from the plan"))
         return said
 
     def document(self) -> dict[str, list[int]]:

@@ -72,5 +72,5 @@ def counts(time_ms: float, unit_us: int, most: int = 0xFFFF) -> int:
     if not 0 <= number <= most:
         raise ValueError(f"{time_ms:g} ms is not within 0…{top:g} ms")
     if abs(number - round(number)) > 1e-6:
-        raise ValueError(f"{time_ms:g} ms is no multiple of {unit_us / 1000:g} ms ({unit_us} us counts)")
+        raise ValueError(f"{time_ms:g} ms is not a multiple of {unit_us / 1000:g} ms (counts of {unit_us} us)")
     return round(number)

@@ -53,7 +53,7 @@ def _compact(line: str) -> Frame | None:
         return None
     digits, flexible, data = found.groups()
     if flexible:
-        raise ValueError("a CAN FD frame: CANopen (CiA 301) has none")
+        raise ValueError("a CAN FD frame: CANopen (CiA 301) uses classical CAN")
     if data[:1] in ("R", "r"):
         return _frame(digits, b"", remote=True, dlc=int(data[1:] or 0))
     data = data.replace(".", "").replace("_", "")
@@ -71,14 +71,14 @@ def _spaced(line: str) -> Frame | None:
         return _frame(digits, b"", remote=True, dlc=int(length or 0))
     data = bytes(int(word, 16) for word in rest.split())
     if length is not None and int(length) != len(data):
-        raise ValueError(f"[{length}] says another length than the {len(data)} bytes after it")
+        raise ValueError(f"[{length}] differs from the {len(data)} bytes after it")
     return _frame(digits, data)
 
 
 def _frame(digits: str, data: bytes, *, remote: bool = False, dlc: int = 0) -> Frame:
     can_id = int(digits, 16)
     if can_id > _MOST_EXTENDED:
-        raise ValueError(f"0x{can_id:X} is no CAN-ID: it has 29 bits at most")
+        raise ValueError(f"0x{can_id:X} is not a CAN-ID: it has more than 29 bits")
     if max(len(data), dlc) > _MOST_BYTES:
         raise ValueError(f"{max(len(data), dlc)} bytes: a frame has 8 at most")
     extended = len(digits) > _SHORT_DIGITS
@@ -122,7 +122,7 @@ def frame_filter(text: str) -> FrameFilter:
     if found := _MASK.fullmatch(word):
         can_id, mask = _can_id(found[1]), _can_id(found[2])
         return lambda frame, *_service: frame.can_id & mask == can_id & mask
-    raise ValueError(f"{text!r} names no frames: {HOW}")
+    raise ValueError(f"{text!r} does not select frames: {HOW}")
 
 
 def _range(first: str, last: str) -> FrameFilter:
@@ -136,7 +136,7 @@ def _range(first: str, last: str) -> FrameFilter:
 def _can_id(digits: str) -> int:
     can_id = int(digits, 16)
     if can_id > _MOST_EXTENDED:
-        raise ValueError(f"0x{can_id:X} is no CAN-ID: it has 29 bits at most")
+        raise ValueError(f"0x{can_id:X} is not a CAN-ID: it has more than 29 bits")
     return can_id
 
 

@@ -88,7 +88,7 @@ def altering(steps: Iterable[Step]) -> list[Step]:
     return [step for step in wanted if step.before != step.after or (overflow and step.index == SYNC_PERIOD)]
 
 
-_RELEASED = "release it: it is frozen, or in the way"
+_RELEASED = "release it: it is frozen or blocked"
 
 
 def _released(step: Download, beside: Sequence[Download]) -> bytes | None:

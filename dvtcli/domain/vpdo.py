@@ -49,7 +49,7 @@ class Pins:
             text = f"{self.name} takes objects {ranges}, not {value:04X}"
             yield error("vpdo-range", self.place(pin), text, Abort.GENERAL, "or the word none")
         elif value != self.group.none and dictionary is not None and value not in dictionary:
-            text = f"0x{value:04X} is not in {dictionary.source}: the device has nothing to tie the pin to"
+            text = f"0x{value:04X} is not in {dictionary.source}: the device cannot link the pin to it"
             yield error(
                 "vpdo-object",
                 self.place(pin),
@@ -97,7 +97,7 @@ class Pins:
         """Text of *value* at a sub-index, with the object's *name*: `digital-in pin 1: 2121 Forward switch`."""
         if not sub_index:
             return f"{self.name}: {value} active"
-        said = "tied to nothing" if value == self.group.none else f"{value:04X} {name}".rstrip()
+        said = "not linked" if value == self.group.none else f"{value:04X} {name}".rstrip()
         return f"{self.name} pin {sub_index}: {said}"
 
     def _write(self, pin: int, before: int, after: int, reason: str) -> ValueChange:

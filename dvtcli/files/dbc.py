@@ -58,7 +58,7 @@ def read_dbc(file: str) -> dict[Address, Layout]:
     text = data.decode("cp1252", errors="replace")
     if not _SECTION.search(text):
         raise InputFileError(
-            f"{path.name} is no DBC file", why="it has no section of one", hint=_hint(path), place=file
+            f"{path.name} is not a DBC file", why="it has no section of one", hint=_hint(path), place=file
         )
     _refuse_sizes(text, path)
     require("cantools", "dbc", f"reading {path.name}, a DBC file,", instead=_INSTEAD)
@@ -93,7 +93,7 @@ def _messages(data: bytes, path: Path) -> list[dict[str, Any]]:
         raise _too_much(path, f"{_MOST_ANSWER >> 20} MB")
     read = json.loads(answer)
     if "wrong" in read:
-        raise InputFileError(f"{path.name} is no DBC file", why=read["wrong"], place=str(path))
+        raise InputFileError(f"{path.name} is not a DBC file", why=read["wrong"], place=str(path))
     messages: list[dict[str, Any]] = read["messages"]
     return messages
 
@@ -110,7 +110,7 @@ def _refuse_sizes(text: str, path: Path) -> None:
     for number, found in enumerate(_SIZES.finditer(text)):
         if number >= _MOST_ENTRIES:
             what = f"more than {_MOST_ENTRIES:,} messages and signals"
-            raise InputFileError(f"{path.name}: {what}", place=str(path), why="no DBC of a machine has so many")
+            raise InputFileError(f"{path.name}: {what}", place=str(path), why="a DBC file of a machine has fewer")
         length, *bits = (0 if digits is None else int(digits[:20]) for digits in found.groups())
         if length > _MOST_MESSAGE_BYTES or any(bit > 8 * _MOST_MESSAGE_BYTES for bit in bits):
             line = text.count("\n", 0, found.start()) + 1

@@ -62,7 +62,7 @@ def must_describe(dictionary: ObjectDictionary) -> None:
     """Raise InputFileError if *dictionary* has no object."""
     if not len(dictionary):
         source = dictionary.source
-        hint = Hint(Action.CHECK_EDS, {"file": source}, "is it cut short? {} says more") + Hint(
+        hint = Hint(Action.CHECK_EDS, {"file": source}, "the file may be truncated; {} shows more") + Hint(
             Action.REMOVE_EDS, why="if it is in the library, {} takes it out"
         )
         raise InputFileError(f"{source} describes no object", place=source, hint=hint)
@@ -78,7 +78,7 @@ def must_not_be_cut(read: EdsFile | XddFile) -> None:
     """Raise InputFileError if *read* ends before the last object in its lists: the file is cut short."""
     if isinstance(read, EdsFile) and (lacks := read.lacks_to_its_end):
         source = read.dictionary.source
-        hint = Hint(Action.CHECK_EDS, {"file": source}, "get the whole file; {} names each of them")
+        hint = Hint(Action.CHECK_EDS, {"file": source}, "get the complete file; {} lists them")
         raise InputFileError(f"{source} is cut short: {lacks}", place=source, hint=hint)
 
 

@@ -163,8 +163,8 @@ class Match:
         if self.rivals:
             others = ", ".join(rival.label for rival in self.rivals)
             notes.append(
-                f"{self.file.label} is taken, the one added last, and {others} would fit as well: "
-                "eds prefer FILE decides, eds remove FILE leaves one"
+                f"{self.file.label} is taken, the file added last, but {others} would also match: choose with eds "
+                f"prefer FILE or eds remove FILE"
             )
         return "; ".join(notes)
 

@@ -56,11 +56,11 @@ def json_line(line: str | bytes, place: str, text: str) -> Any:
     try:
         return json.loads(line)
     except json.JSONDecodeError as wrong:
-        raise InputFileError(text, place=f"{place}:{wrong.colno}", why=f"no JSON: {wrong.msg}") from wrong
+        raise InputFileError(text, place=f"{place}:{wrong.colno}", why=f"not JSON: {wrong.msg}") from wrong
     except UnicodeDecodeError as wrong:
-        raise InputFileError(text, place=f"{place}:{wrong.start + 1}", why="no JSON: not UTF-8") from wrong
+        raise InputFileError(text, place=f"{place}:{wrong.start + 1}", why="not JSON: not UTF-8") from wrong
     except (ValueError, RecursionError) as wrong:
-        raise InputFileError(text, place=place, why=f"no JSON: {wrong}") from wrong
+        raise InputFileError(text, place=place, why=f"not JSON: {wrong}") from wrong
 
 
 def open_input(path: Path | str) -> BinaryIO:
@@ -114,7 +114,7 @@ def _open_without_waiting(path: Path | str) -> int:
     os.close(descriptor)
     if stat.S_ISDIR(mode):
         raise IsADirectoryError(21, "Is a directory", str(path))
-    raise InputFileError(f"{path} is a device, no file", place=str(path), hint="name a file or a pipe")
+    raise InputFileError(f"{path} is a device, not a file", place=str(path), hint="name a file or a pipe")
 
 
 def _wait_for_first_byte(path: Path | str, descriptor: int) -> None:
@@ -130,8 +130,8 @@ def _wait_for_first_byte(path: Path | str, descriptor: int) -> None:
     _pipes.waited_s += time.monotonic() - begun_s
     if not has_come:
         raise InputFileError(
-            f"{path}: nothing came from this pipe", place=str(path),
+            f"{path}: no data from this pipe", place=str(path),
             why=f"a command waits {FIRST_BYTE_S:g} s for the first bytes of its pipes",
-            hint="start what writes into it, or name a file",
+            hint="start the program that writes into it, or give a file",
         )  # fmt: skip
     os.set_blocking(descriptor, True)

@@ -126,7 +126,7 @@ def _root(text: str) -> MappingNode:
         mark = wrong.problem_mark or wrong.context_mark
         raise wrong_at(mark.line + 1 if mark else 1, str(wrong.problem or wrong.context)) from wrong
     except (YAMLError, RecursionError, ValueError) as wrong:
-        raise wrong_at(1, f"no YAML: {str(wrong).splitlines()[0] if str(wrong) else 'too deep'}") from wrong
+        raise wrong_at(1, f"not YAML: {str(wrong).splitlines()[0] if str(wrong) else 'too deep'}") from wrong
     if not isinstance(node, MappingNode):
         raise wrong_at(1, "a PDO is written as `key: value` lines")
     seen: dict[str, int] = {}
@@ -184,7 +184,7 @@ def _cob_id(node: Node) -> int | Literal["auto", "keep"]:
 def _truth(node: Node) -> bool:
     text, line = _text(node)
     if text.lower() not in _TRUTH:
-        raise wrong_at(line, f"true or false belongs here, not {text[:40]!r}")
+        raise wrong_at(line, f"true or false is expected here, not {text[:40]!r}")
     return _TRUTH[text.lower()]
 
 

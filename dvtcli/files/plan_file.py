@@ -44,7 +44,7 @@ def read_network_plan(path: Path) -> NetworkPlan:
         return NetworkPlan(str(document.get("file", path)), planned, document.get("sync_master") is True)
     except (ValueError, RecursionError) as wrong:
         raise InputFileError(
-            f"{path} is not a plan that can be used",
+            f"{path} is not a usable plan",
             place=str(path),
             why=str(wrong),
             hint=Hint(Action.SAVE_PLAN, why="writes a new one"),

@@ -29,7 +29,7 @@ def read_program(file: str) -> bytes:
         raise UsageError(f"{file}: {failed.strerror or failed}", place=file) from failed
     program = data if suffix == ".bin" else _of_hex(file, data)
     if not program:
-        raise InputFileError(f"{file} holds no program", place=file)
+        raise InputFileError(f"{file} has no firmware", place=file)
     if len(program) > MOST_BYTES:
         raise InputFileError(f"{file}: a program of more than {MOST_BYTES:,} bytes", place=file)
     return program
@@ -43,7 +43,7 @@ def _of_hex(file: str, data: bytes) -> bytes:
     try:
         read.loadhex(io.StringIO(data.decode("ascii")))
     except (package.IntelHexError, UnicodeDecodeError) as wrong:
-        raise InputFileError(f"{file} is no Intel HEX file: {wrong}", place=file) from wrong
+        raise InputFileError(f"{file} is not an Intel HEX file: {wrong}", place=file) from wrong
     first, last = read.minaddr(), read.maxaddr()
     if first is None or last is None:
         return b""

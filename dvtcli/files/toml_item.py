@@ -41,7 +41,7 @@ def _syntax_error(error: ValueError, text: str, source: str) -> InputFileError:
     place = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
     where = f"{place[1]}:{place[2]}" if place else str(text.count("\n") + 1)
     said = str(error).partition(" (at ")[0]
-    return InputFileError(f"no valid TOML: {said}", place=f"{source}:{where}")
+    return InputFileError(f"not valid TOML: {said}", place=f"{source}:{where}")
 
 
 #: limits against slow patterns in untrusted files: matching must be linear in the line

@@ -32,10 +32,10 @@ def must_tell_values(read: EdsFile | XddFile, file: str) -> None:
         return
     complaints = _complaints(read, file, {finding.rule for finding in lost})
     error = InputFileError(
-        f"{file}: {plural(len(lost), 'value')} cannot be known; nothing was written",
+        f"{file}: {plural(len(lost), 'value')} are ambiguous; nothing was written",
         place=complaints[0].place,
         why="what the file wants there is not known: neither its DefaultValue is it, nor either of two values",
-        hint=Hint(Action.CHECK_EDS, {"file": file}, "mend the file; {} shows what else is odd in it"),
+        hint=Hint(Action.CHECK_EDS, {"file": file}, "correct the file; {} shows its other faults"),
     )
     error.complaints, error.outcome = complaints, "nothing was written"
     raise error
@@ -84,7 +84,7 @@ def _passed_by(read: EdsFile, file: str) -> Iterator[tuple[int, str]]:
     text = LintedText(read, file)
     for value, near in unknown_keys(text):
         if near.lower() in (_VALUE, _NODE_ID) and value.value:
-            yield value.line, f"{quoted(value)} is not read; is {near} meant?"
+            yield value.line, f"{quoted(value)} is not read; did you mean {near}?"
     for entry in text.objects:
         if is_head(text, entry) and (own := given(entry.values, _VALUE)) is not None:
             yield own.line, f"{quoted(own)} is not read: the sub-indices of {entry.index:04X} have their own"

@@ -23,7 +23,7 @@ SCHEMA = "dvtcli.whole-device/1"
 #: enough for some thousand objects, a few of them long
 _MOST_BYTES = 64 << 20
 _OBJECT = re.compile(r"([0-9A-Fa-f]{4}):([0-9A-Fa-f]{2})")
-_TEXT = "{} does not say what a device held"
+_TEXT = "{} does not contain the values of a device"
 _IDENTITY = ("vendor", "product", "revision", "serial")
 
 
@@ -70,11 +70,11 @@ def read_whole_device(path: Path) -> KeptDevice:
         raise _wrong(path, 1, f"its first line is no {SCHEMA}")
     head, objects = lines[0][1], _objects(path, lines[1:])
     if head.get("objects") != len(objects):
-        why = f"it has {len(objects)} objects, and its first line says {head.get('objects')}: was it cut short?"
+        why = f"it has {len(objects)} objects, and its first line says {head.get('objects')}: it may be truncated"
         raise _wrong(path, lines[-1][0], why)
     node_id, said = head.get("node"), head.get("identity")
     if not isinstance(node_id, int) or not 1 <= node_id <= 127 or not isinstance(said, dict):
-        raise _wrong(path, 1, "it does not say which node it was, or who that is")
+        raise _wrong(path, 1, "it has no node-ID or no identity")
     identity = {name: number if isinstance(number := said.get(name), int) else None for name in _IDENTITY}
     return KeptDevice(node_id, identity, str(head.get("made", "")), objects, str(head.get("eds") or ""))
 

@@ -18,8 +18,8 @@ from dvtcli.watch.service import Service, service_of
 _DEFAULTS = "by the pre-defined connection set"
 _REQUEST, _DOWNLOADS = " request", (1, 6)
 _WORDS = {
-    "sync": "SYNC: nodes act on the RPDOs that they got last, and send their TPDOs",
-    "time": "TIME: nodes set their clocks by it",
+    "sync": "SYNC: nodes apply the last received RPDOs and transmit their TPDOs",
+    "time": "TIME: nodes set their clocks",
     "emcy": "EMCY{of}: whoever watches takes it for a fault of the node",
     "heartbeat": "heartbeat{of}: whoever watches takes the node for alive, in the state that it names",
     "lss": "LSS: it changes node-IDs and bit rates",
@@ -80,9 +80,9 @@ def _of_pdos(address: Address, service: Service, parties: Parties) -> Iterator[s
         else:
             consumers = [*consumers, presumed]
     if consumers:
-        yield f"taken by {join_some(consumers)}"
+        yield f"received by {join_some(consumers)}"
     if producers:
-        yield f"sent by {join_some(producers)}: others may take this for it"
+        yield f"sent by {join_some(producers)}: others may mistake this frame for it"
 
 
 def _of_service(frame: Frame, service: Service) -> str:
@@ -91,9 +91,9 @@ def _of_service(frame: Frame, service: Service) -> str:
     if service.kind == "sdo" and service.label.endswith(_REQUEST):
         writes = bool(frame.data) and frame.data[0] >> 5 in _DOWNLOADS
         to = "" if service.node is None else f" to node {service.node}"
-        return f"{service.label}{to}: it {'writes' if writes else 'reads, or goes on with a transfer'}"
+        return f"{service.label}{to}: it {'writes' if writes else 'reads, or continues with a transfer'}"
     if service.kind == "heartbeat" and frame.remote:
-        return f"node guarding of node {service.node}: its life guarding may begin with it"
+        return f"node guarding of node {service.node}: it may start life guarding"
     of = "" if service.node is None else f" of node {service.node}"
     return _WORDS[service.kind].format(of=of, label=service.label)
 
@@ -102,6 +102,6 @@ def _command(data: bytes) -> str:
     """An NMT command in words, even if malformed."""
     command = NmtCommand(data[0]) if data and data[0] in set(NmtCommand) else None
     if command is None or len(data) < 2:
-        return "NMT: no command of the standard, and what nodes make of it is not known"
+        return "NMT: not a command of CiA 301; its effect on nodes is unknown"
     who = f"node {data[1]}" if data[1] else "all nodes"
     return f"NMT {command.word}: {who} {'goes' if data[1] else 'go'} {_NMT[command]}"

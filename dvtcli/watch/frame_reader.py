@@ -219,9 +219,9 @@ def _misfit(step: SdoStep) -> str:
 _REQUESTS = ("download segment", "download", "upload", "upload segment", "abort", "block upload", "block download")
 _ANSWERS = (
     "upload segment",
-    "download segment taken",
+    "download segment accepted",
     "upload",
-    "download taken",
+    "download accepted",
     "abort",
     "block download",
     "block upload",

@@ -38,8 +38,8 @@ def misfit(frame: Frame, layout: Layout) -> str:
     by = layout.source or "its mapping"
     said = f"{_cob_id(frame)}: the frame has {plural(length, 'byte')}, {by} has {mapped} for {who}"
     if layout.is_consumers:
-        return f"{said}: a node takes no frame that is shorter than its RPDO, or this is not its mapping"
-    return f"{said}: it is not its sender's layout, so the values shown may not be what was sent"
+        return f"{said}: a node ignores frames shorter than its RPDO, or this is not its mapping"
+    return f"{said}: this is not the producer's layout, so the values shown may be wrong"
 
 
 class Misfits:

@@ -94,12 +94,12 @@ def _objects(signal: Signal) -> set[str]:
 def _unknown(word: str, names: list[str]) -> UsageError:
     if not names:
         return UsageError(
-            f"no signal is known, so none is called {word!r}",
+            f"no signals, so {word!r} is unknown",
             hint="name a DBC file, an EDS, the nodes or simulated nodes to decode by",
         )
     lower = {name.lower(): name for name in names}
     near = [lower[name] for name in get_close_matches(word.lower(), lower, n=3, cutoff=0.4)]
-    return UsageError(f"no signal is called {word!r}", hint=f"did you mean {', '.join(near or names[:3])}?")
+    return UsageError(f"unknown signal {word!r}", hint=f"did you mean {', '.join(near or names[:3])}?")
 
 
 def fill(tracks: Mapping[Place, Track], frames: Iterable[Frame], decoder: Decoder) -> tuple[float, float]:

@@ -112,8 +112,8 @@ def test_another_client_s_request_is_another_client(ours: Ours) -> None:
     ours.other.send(message(REQUEST, READ_DEVICE_TYPE))  # the very request that we have just made
     assert ours.others() == 2
     assert ours.bus.disturbances() == [
-        f"another SDO client talks to node {NODE}: 2 frames on its SDO channel were not ours; a dvtcli beside "
-        "this one is such a client, too, also if it only monitors"
+        f"another SDO client communicates with node {NODE}: 2 frames on its SDO channel were not ours; it may be "
+        f"another dvtcli, even if that only monitors"
     ]
 
 
@@ -126,7 +126,7 @@ def test_another_client_s_answers_are_no_second_node(ours: Ours) -> None:
         ours.server.deal_with(frames + 1)
         ours.bus.drain()
     (said,) = ours.bus.disturbances()
-    assert said.startswith(f"another SDO client talks to node {NODE}")
+    assert said.startswith(f"another SDO client communicates with node {NODE}")
     assert ours.bus.disturbances() == []
 
 

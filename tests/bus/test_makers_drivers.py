@@ -207,7 +207,7 @@ def test_a_plug_that_is_pulled_in_the_middle_of_a_change(adapter: Adapter) -> No
 def test_without_a_bit_rate_it_is_said_which_one_it_is(adapter: Adapter) -> None:
     ran = adapter.dvtcli("-i", "pcan", "-c", "PCAN_USBBUS1", "-n", "1", "read", "1018:1")
     assert ran.returncode == 0, ran.stderr
-    assert "no bit rate is given: pcan runs at 500000 bit/s" in ran.stderr
+    assert "no bit rate was given: pcan runs at 500000 bit/s" in ran.stderr
 
 
 @needs_compiler

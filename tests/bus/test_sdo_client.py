@@ -243,7 +243,7 @@ def test_second_answers_point_at_a_second_node(serve: Serve) -> None:
     bus.sdo(NODE).upload(0x2000, 0)
     assert bus.sdo(NODE).dropped.other_client == 0
     (said,) = bus.disturbances()
-    assert said.endswith(f"answers came twice: are there two nodes with node-ID {NODE}?")
+    assert said.endswith(f"answers were received twice: there may be two nodes with node-ID {NODE}")
     assert bus.disturbances() == []
 
 
@@ -559,7 +559,7 @@ def test_a_read_that_is_asked_again_counts_once_and_a_silent_node_is_no_unknown_
 
 def test_silence_says_which_answers_did_not_count(serve: Serve) -> None:
     bus, _ = serve(Steps([], [DEVICE_TYPE], [frame("43 01 20 00 11")]))
-    for why in (None, "its answers that did not count: 0 stale, 1 foreign, 0 malformed"):
+    for why in (None, "its ignored answers: 0 stale, 1 foreign, 0 malformed"):
         with pytest.raises(NoAnswer) as caught:
             bus.sdo(NODE).upload(0x2000, 0)
         assert caught.value.why == why

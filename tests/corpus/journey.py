@@ -203,7 +203,7 @@ class _Trip:
             self.journey.note(f"undo of {line}", WRONG, f"{before} became {after}: {ran.stderr}")
         else:
             self.named.add(pdo)
-            named = "does not take that back" in ran.stderr
+            named = "refuses that configuration" in ran.stderr
             self.journey.note(f"undo of {line}", RIGHT if named else WRONG, f"{before} became {after}: {ran.stderr}")
 
     def _store(self) -> None:

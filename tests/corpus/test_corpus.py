@@ -97,7 +97,7 @@ def test_the_first_pdo_is_mapped_verified_stored_and_proved_or_refused_with_the_
             assert writes == []
             return
         assert mapped.code == 0, mapped.stderr
-        assert ("does not say whether" in mapped.stderr) is not dictionary.tells_mappability
+        assert ("does not state whether" in mapped.stderr) is not dictionary.tells_mappability
         assert bench.run(f"verify {pdo}").code == 0
         (row,) = bench.run(f"pdo {pdo} --json").document["pdos"]
         assert [entry["object"] for entry in row["mapping"]] == [entry.object for entry in chosen]
@@ -112,7 +112,7 @@ def test_the_first_pdo_is_mapped_verified_stored_and_proved_or_refused_with_the_
         undone = bench.run("undo --all")
         if "an undo leaves it" in mapped.stderr:
             assert undone.code == 1
-            assert "does not take that back" in undone.stderr
+            assert "refuses that configuration" in undone.stderr
             assert not node.pdo(pdo).enabled
         else:
             assert undone.code == 0

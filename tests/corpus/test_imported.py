@@ -56,4 +56,4 @@ def test_a_pdo_with_an_entry_of_no_bits_is_left_out_and_told(tmp_path: Path) -> 
     is_taken(tmp_path / "odd.eds", tmp_path)
     with Bench(()) as bench:
         said = bench.run(f"import {tmp_path / 'again.yaml'} {tmp_path / 'files'}")
-        assert "left out: RPDO1 is no whole PDO" in said.stdout + said.stderr
+        assert "left out: RPDO1 is incomplete" in said.stdout + said.stderr

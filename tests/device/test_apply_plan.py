@@ -143,7 +143,7 @@ def test_what_could_not_be_put_back_is_left_to_recover_and_never_stored(bench: B
         apply_plan(bench.node, Plan(NODE, (*bench.plan().changes, ValueChange(step))))
     error = caught.value
     assert error.place == str(bench.journal)
-    assert typed(error.hint) == f"{typed(BRING_BACK)}; then `recover` finishes it, from {bench.journal}"
+    assert typed(error.hint) == f"{typed(BRING_BACK)}; then `recover` finishes it, with the journal {bench.journal}"
     assert bench.journal.exists()
     assert bench.node.pending.suspicions == {CHANGE: "1017:00 of node 1 could not be rolled back"}
     assert bench.node.last_seen == {}, "it is not known what it holds, so nothing is shown of it"
@@ -162,7 +162,7 @@ def test_one_that_was_found_otherwise_is_left_as_it_is(bench: Bench, state: NmtS
     bench.fault("restarts")
     error = bench.failed(bench.found(state))
     assert bench.bus.commands == []
-    unknown = [("nmt", "node 1 restarted; its NMT state before is not known: check it")]
+    unknown = [("nmt", "node 1 restarted; its NMT state before is unknown: check it")]
     assert error.details == ([] if state else unknown)
 
 
@@ -191,7 +191,7 @@ def test_a_change_that_was_read_back_and_whose_node_then_cannot_be_started_is_un
     bench.bus.when_started = NoAnswer("deaf")
     error = bench.failed(bench.found(boot_ups=-1), keep_journal=keep_journal)
     assert (str(error), error.state) == ("deaf", "unknown")
-    assert error.state_text == "unknown: 1017:00 was set and read back equal before that; check the node"
+    assert error.state_text == "unknown: 1017:00 was written and verified before that; check the node"
     assert bench.journal.exists() is keep_journal
 
 
@@ -341,7 +341,7 @@ def test_what_needed_no_write_is_looked_at_again_where_the_node_restarted_meanwh
     if held:
         assert len(bench.node.apply(plan, initial_state=found).plan) == 0
     else:
-        with pytest.raises(Restarted, match="TPDO1 is no longer as wanted") as caught:
+        with pytest.raises(Restarted, match="TPDO1 differs from the request") as caught:
             bench.node.apply(plan, initial_state=found)
         assert (caught.value.state, caught.value.why) == ("unchanged", "0x1800:05 is 0x0009, expected 0x0000")
     assert bench.device.state is OPERATIONAL

@@ -198,7 +198,7 @@ def enabled_drive() -> tuple[VirtualTimeBus, Lossy]:
 
 def test_one_lost_answer_does_not_make_a_drive_stand_still() -> None:
     bus, _ = enabled_drive()
-    assert why_it_may_move(bus, NODE) == "says operation enabled (0x6041 is 0x1237)"
+    assert why_it_may_move(bus, NODE) == "has operation enabled (0x6041 is 0x1237)"
 
 
 def test_a_node_that_is_heard_to_be_stopped_is_not_asked() -> None:

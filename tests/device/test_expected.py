@@ -49,7 +49,7 @@ def test_a_pdo_that_is_no_longer_so_is_named_with_how(node: Node) -> None:
     expected.require(node, "a cat")
     expected.changed(plan_pdo(TPDO1, now, timed(now, 77)))
     error = refused(expected, node)
-    assert error.text == "node 1 is not stored: TPDO1 is not as it was read back"
+    assert error.text == "node 1 is not stored: TPDO1 differs from its verified value"
     assert error.place == "1800:01"
     assert error.why == f"TPDO1: event timer is {now.communication.event_timer}, expected 77"
     assert typed(error.hint).startswith("a cat, or it corrects written values, or altered this with a change of")
@@ -78,7 +78,7 @@ def test_single_objects_count_unless_they_move_or_cannot_be_read(node: Node) -> 
     expected.changed(written(node, HEARTBEAT, 1000))
     error = refused(expected, node)
     assert (error.place, error.why) == ("1017:00", "0x1017:00 is 0x01F4, was set to 0x03E8")
-    assert error.text == "node 1 is not stored: 0x1017:00 is not as it was read back"
+    assert error.text == "node 1 is not stored: 0x1017:00 differs from its verified value"
     expected.changed(written(node, HEARTBEAT, 500))
     expected.require(node, "a cat")
 
@@ -128,7 +128,7 @@ def test_between_changes_that_do_not_join_somebody_was(node: Node) -> None:
     with pytest.raises(SafetyRefusal, match="TPDO1 of node 1 between") as caught:
         refuse_gap(node, plans(ours, later))
     assert caught.value.why == "event timer is 6, expected 5"
-    assert "it restarted, or somebody else wrote to it: `undo`" in typed(caught.value.hint)
+    assert "it restarted, or another client wrote to it: `undo`" in typed(caught.value.hint)
     with pytest.raises(SafetyRefusal, match="1017:00 of node 1 between") as caught:
         refuse_gap(node, plans(written(node, HEARTBEAT, 5), written(node, HEARTBEAT, 7, b"\6\0")))
     assert caught.value.why == "was 0x0005, became 0x0006"

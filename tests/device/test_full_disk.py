@@ -162,7 +162,7 @@ def test_a_store_that_cannot_be_remembered_is_said(tmp_path: Path) -> None:
     history.add(plan(), IDENTITY)
     with files_end_at(0):
         history.was_stored(5, IDENTITY, ["1017:00"])
-    assert said == [f"it is stored, but that cannot be remembered for a later store: {TOO_LARGE}"]
+    assert said == [f"it is stored, but cannot be marked as stored: {TOO_LARGE}"]
     assert [one.stored for one in history.all_of(5, IDENTITY)] == [frozenset()]
 
 

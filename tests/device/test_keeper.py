@@ -146,7 +146,7 @@ def test_who_wrote_meanwhile_is_known_and_who_only_looked_is_not(keep: Keep) -> 
     third = keep("third")
     third.lock.take()
     assert third.lock.meanwhile is None, "nobody wrote after it had held the lock"
-    assert who_else(third) == who_else(None) == "it restarted, or somebody else wrote to it"
+    assert who_else(third) == who_else(None) == "it restarted, or another client wrote to it"
 
 
 def test_who_recovers_writes_and_who_finds_a_journal_does_not(keep: Keep) -> None:

@@ -93,7 +93,10 @@ def test_a_change_that_is_undone_leaves_what_was_made_before_it(keep: Keep) -> N
     assert indices(one) == [0x2000, 0x2001]
     with pytest.raises(SafetyRefusal, match="not finished yet") as caught:
         one.refuse_while_open()  # while it is in hand, nobody knows what the device holds
-    assert typed(caught.value.hint) == f"`recover` puts the old configuration back, from {one.journals.path(5)}"
+    assert (
+        typed(caught.value.hint)
+        == f"`recover` rolls back to the old configuration, with the journal {one.journals.path(5)}"
+    )
     one.own_journal.end()
     assert not one.refuse_while_open()
     one.own_journal.note(plan(5, 0x2002))
@@ -242,7 +245,7 @@ def test_a_folder_that_takes_nothing_is_the_users_to_mend(keep: Keep, tmp_path: 
     with pytest.raises(SafetyRefusal) as caught:
         one.begin(plan(5, 0x2000), IDENTITY, 5, dict)
     state = tmp_path / "state"
-    assert caught.value.text == f"{state} is not used: it is a file, and no folder"
+    assert caught.value.text == f"{state} is not used: it is a file, not a folder"
     assert (caught.value.place, typed(caught.value.hint)) == (str(state), f"mv {state} {state}.old")
     (tmp_path / "state").unlink()
     make(one, 0x2001)
@@ -259,7 +262,7 @@ def test_a_journal_that_cannot_be_removed_is_said_with_what_holds(keep: Keep, tm
         one.own_journal.end_group()
     assert (caught.value.place, caught.value.state) == (str(path), "left_changed")
     assert caught.value.why in ("Is a directory", "Operation not permitted")
-    assert "set and read back equal" in (caught.value.state_text or "")
+    assert "written and verified" in (caught.value.state_text or "")
     path.rmdir()
 
 

@@ -189,7 +189,7 @@ def test_beside_a_change_its_cob_id_is_watched_like_any_other_s(made: Callable[[
         bench.device.set_value(0x1800, 1, (0xC000_01A1).to_bytes(4, "little"))
 
     bench.bus.channel = FaultySdo(bench.sdo, moves, 2)
-    with pytest.raises(DeviceRefused, match="altered TPDO1 with it"):
+    with pytest.raises(DeviceRefused, match="changed TPDO1 as a side effect"):
         bench.node.configure({TPDO2: PdoRequest(cob_id=0x2A1)})
     assert bench.device.held() == before
     bench.bus.channel = bench.sdo

@@ -63,7 +63,7 @@ def test_a_cob_id_that_is_refused_for_a_moment_is_read_again_and_compared(refusa
     channel = Busy(device, refusals=refusals)
     node = Node(DirectBus(device, FaultySdo(channel, moves, 2)), NODE, dictionary("generic"))
     before = device.value(0x1801, 1)
-    with pytest.raises(DeviceRefused, match="altered TPDO2 with it"):
+    with pytest.raises(DeviceRefused, match="changed TPDO2 as a side effect"):
         node.configure({TPDO1: PdoRequest(cob_id=0x1A1)})
     assert device.value(0x1801, 1) == before
 

@@ -133,7 +133,7 @@ def test_dropping_makes_no_file(tmp_path: Path) -> None:
     history.add(plan(), IDENTITY)
     written = history.path(5, IDENTITY).stat()
     history.drop(5, IDENTITY, [])
-    assert history.path(5, IDENTITY).stat() == written, "nothing to drop: the file is left alone"
+    assert history.path(5, IDENTITY).stat() == written, "nothing to drop: the file is ignored"
 
 
 def test_a_file_of_the_largest_size_is_read_and_one_above_is_not(tmp_path: Path) -> None:
@@ -218,8 +218,8 @@ def test_what_cannot_be_written_is_said_and_has_its_place_among_the_session_s_ch
     folder.unlink()
     (tmp_path / "away").rename(folder)
     undone = "it is rolled back, but the history for undo cannot be written: Not a directory"
-    refused = f"{folder} is not used: it is a file, and no folder"
-    assert said == [*2 * [f"the change is done, but cannot be remembered for a later undo: {refused}"], undone]
+    refused = f"{folder} is not used: it is a file, not a folder"
+    assert said == [*2 * [f"the change is done, but cannot be saved for a later undo: {refused}"], undone]
     history.forget_own(1, BACK)
     assert values(history) == [1], "the one that is forgotten is the one that was never written"
     history.forget_own(1, BACK)

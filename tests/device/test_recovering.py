@@ -111,7 +111,7 @@ def test_where_the_node_is_silent_the_next_try_is_named() -> None:
     with pytest.raises(LeftChanged) as caught:
         recover(node, journal(node, heartbeat(b"\x64\0")))
     assert isinstance(caught.value.__cause__, NoAnswer)
-    assert typed(caught.value.hint) == "`recover` tries again, from state/direct-1.json"
+    assert typed(caught.value.hint) == "`recover` tries again, with the journal state/direct-1.json"
 
 
 @pytest.mark.parametrize(

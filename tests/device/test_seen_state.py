@@ -178,7 +178,7 @@ def test_each_of_eight_axes_is_asked_whether_it_is_enabled(axis: int, told: bool
     assert why_it_may_move(bus, NODE) == ""
     assert ((index - 1, 0) in CONTROLWORDS) == told
     bus.nodes[0].device.set_value(index, 0, b"\x37\x02")
-    assert why_it_may_move(bus, NODE) == (f"says operation enabled (0x{index:04X} is 0x0237)" if told else "")
+    assert why_it_may_move(bus, NODE) == (f"has operation enabled (0x{index:04X} is 0x0237)" if told else "")
 
 
 def test_a_device_that_is_no_drive_is_not_enabled() -> None:
@@ -195,7 +195,7 @@ def test_the_controlword_of_each_of_eight_axes_moves_it(index: int, commands: bo
 def test_a_drive_that_does_not_answer_is_asked_once() -> None:
     bus = VirtualTimeBus([booted()])
     started_s = bus.now_s()
-    assert why_it_may_move(bus, 9) == "does not answer whether its operation is enabled (0x6041)"
+    assert why_it_may_move(bus, 9) == "does not answer a read of its statusword (0x6041)"
     asked_s = bus.now_s() - started_s
     with pytest.raises(NoAnswer):
         bus.sdo(9).upload(0x6041, 0)

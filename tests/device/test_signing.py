@@ -78,8 +78,8 @@ def test_a_restore_asks_for_no_capability() -> None:
 @pytest.mark.parametrize(
     ("index", "why", "hint"),
     [
-        (STORE, "it has no 0x1010:01", "its manual says how it keeps settings"),
-        (RESTORE, "it has no 0x1011:01", "its manual says how it forgets settings"),
+        (STORE, "it has no 0x1010:01", "see its manual for storing settings"),
+        (RESTORE, "it has no 0x1011:01", "see its manual for restoring defaults"),
     ],
 )
 def test_a_device_without_it_says_what_it_has_not(index: int, why: str, hint: str) -> None:
@@ -92,9 +92,9 @@ def test_a_device_without_it_says_what_it_has_not(index: int, why: str, hint: st
 @pytest.mark.parametrize(
     ("capability", "why", "hint"),
     [
-        (0, "0x1010:01 is 0: it does not store on command", "its manual says how it keeps settings"),
+        (0, "0x1010:01 is 0: it does not store on command", "see its manual for storing settings"),
         (2, "0x1010:01 is 2: it stores changes by itself", "nothing to do"),
-        (4, "0x1010:01 is 4: it does not store on command", "its manual says how it keeps settings"),
+        (4, "0x1010:01 is 4: it does not store on command", "see its manual for storing settings"),
     ],
 )
 def test_a_device_that_stores_otherwise_says_so(capability: int, why: str, hint: str) -> None:

@@ -173,7 +173,7 @@ class Restarts:
 def test_a_difference_is_laid_to_a_restart_only_where_there_was_one(sdo: DirectSdo) -> None:
     error = failed(FaultySdo(sdo, ignore, 1), value(sdo, 1000))
     assert str(error) == f"node {NODE} took 1017:00 without an error, but reads back differently"
-    assert typed(error.hint) == "the device corrects or ignores the value: its manual says which values it takes"
+    assert typed(error.hint) == "the device corrects or ignores the value: check its valid values in the manual"
     error = failed(FaultySdo(sdo, ignore, 1), value(sdo, 1000), reboot_monitor=Restarts(-1))
     assert "took 1017:00 without an error" in str(error), "it restarted before the change only"
     error = failed(FaultySdo(sdo, ignore, 1), value(sdo, 1000), reboot_monitor=Restarts(1))
@@ -282,7 +282,7 @@ def test_another_pdo_that_the_device_moves_along_is_told_and_put_back(sdo: Direc
     others = {TPDO2: wholes[TPDO2].communication.cob_id}
     note: Callable[[Sequence[Change]], None] = lambda changes: told.append([one.label for one in changes])  # noqa: E731
     error = failed(altering(sdo, 1), change, others=UntouchedPdos(others, wholes), on_altered=note)
-    assert str(error) == f"node {NODE} took TPDO1, but altered TPDO2 with it"
+    assert str(error) == f"node {NODE} took TPDO1, but changed TPDO2 as a side effect"
     assert (error.place, error.state, error.state_text) == ("1801:01", "rolled_back", None)
     assert error.why == f"0x1801:01 was 0x{others[TPDO2].raw:08X}, is 0x40000281"
     assert told == [["TPDO1", "TPDO2"]]
@@ -382,7 +382,12 @@ class Life:
             "try again; if it repeats",
         ),
         ("no acknowledgement", False, "no acknowledgement", "try again; if it repeats"),
-        (None, True, "it restarted meanwhile: its boot-up message was received", "check its supply, then try again"),
+        (
+            None,
+            True,
+            "it restarted during the check: its boot-up message was received",
+            "check its supply, then try again",
+        ),
     ],
 )
 def test_a_node_that_answers_again_is_not_said_to_be_off(
@@ -401,7 +406,9 @@ def test_a_node_that_answers_again_is_not_said_to_be_off(
     assert typed(error.hint).startswith(hint)
 
 
-@pytest.mark.parametrize(("hint", "told"), [(None, "two nodes with one node-ID"), ("look there", "look there")])
+@pytest.mark.parametrize(
+    ("hint", "told"), [(None, "there may be two nodes with one node-ID"), ("look there", "look there")]
+)
 def test_an_answer_that_is_none_names_what_may_have_sent_it(sdo: DirectSdo, hint: str | None, told: str) -> None:
     def garble(_inner: SdoTransport, index: int, sub_index: int, _data: bytes) -> None:
         raise SdoProtocolError(

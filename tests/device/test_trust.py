@@ -100,7 +100,7 @@ def test_the_group_of_the_one_who_called_sudo(
 @pytest.mark.parametrize(("mode", "can"), [(0o755, False), (0o777, True), (0o1777, False), (0o775, False)])
 def test_whether_everybody_can_replace_a_file(tmp_path: Path, mode: int, can: bool) -> None:
     tmp_path.chmod(mode)
-    told = (f"everybody can write its folder {tmp_path}", f"chmod o-w {tmp_path}") if can else None
+    told = (f"its folder {tmp_path} is writable by everybody", f"chmod o-w {tmp_path}") if can else None
     assert replaceable(str(tmp_path)) == told
     tmp_path.chmod(0o700)
 

@@ -17,7 +17,7 @@ def test_each_node_is_said_with_what_is_left_of_it() -> None:
     error = left(5, "TPDO1", as_before=("TPDO2",))
     merge_left(error, [left(6, "0x1017:00", known=False)])
     assert error.state_text == (
-        "LEFT CHANGED: TPDO1 of node 5; what node 6 holds of 0x1017:00 is not known; "
+        "LEFT CHANGED: TPDO1 of node 5; the present value of 0x1017:00 of node 6 is unknown; "
         "TPDO2 of node 5 is as it was, read back equal"
     )
     assert failure_sentence(error, 5, "rolled back") == "TPDO1 of node 5 could not be rolled back"

@@ -196,7 +196,7 @@ def test_what_is_no_time_is_refused(text: str) -> None:
         ("r32", "fast", "'fast' is not a number"),
         ("t", "5", "2026-11-29 12:00:00"),
         ("td", "", "3 d 01:02:03.004"),
-        ("t", "2026-13-01 00:00:00", "2026-13-01 is no date"),
+        ("t", "2026-13-01 00:00:00", "2026-13-01 is not a date"),
     ],
 )
 def test_what_is_typed_wrong_is_told_in_the_users_words(kind: str, text: str, said: str) -> None:

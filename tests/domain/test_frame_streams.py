@@ -97,7 +97,7 @@ def test_synchronous_rpdos_that_no_node_feeds_are_the_masters() -> None:
     fed = NetworkState((*state.nodes, node(6, {TPDO1: pdo(0x205, timer=10)})), state.master)
     assert not [stream for stream in streams_of(fed).streams if stream.kind == "rpdo"]
     event = streams_of(NetworkState((node(5, {RPDO1: pdo(0x205)}),)))
-    assert "no node here sends what 5:rpdo1 receives: not counted" in event.assumed
+    assert "no node of the network transmits what 5:rpdo1 receives: not counted" in event.assumed
 
 
 def test_an_inhibit_time_that_somebody_tries() -> None:

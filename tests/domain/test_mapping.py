@@ -73,7 +73,9 @@ def test_splits_of_the_notes(bits: int, usable: set[int], words: list[int]) -> N
 
 
 def test_the_error_names_what_the_device_has() -> None:
-    with pytest.raises(ValueError, match=r"4 bits cannot be skipped with the device's dummies \(0005/8, 0006/16\)"):
+    with pytest.raises(
+        ValueError, match=r"4 bits cannot be skipped with the dummies of the device \(0005/8, 0006/16\)"
+    ):
         split_dummy(4, {5, 6})
     with pytest.raises(ValueError, match=r"\(none\)"):
         split_dummy(8, ())

@@ -142,7 +142,7 @@ def test_a_word_never_writes_another_ones_value(values: dict[int, str], raw: int
     [
         ("48 mA", "it is in V, mV, kV, not in mA"), ("48 rpm", "not in rpm"),
         ("48.01 V", "48.0 V (768) and 48.06 V (769)"),
-        ("1 mV", "the nearest are 0.0 V (0) and 0.06 V (1)"), ("48.0 V (769)", "48.0 V is 768 raw, not 769"),
+        ("1 mV", "the nearest values are 0.0 V (0) and 0.06 V (1)"), ("48.0 V (769)", "48.0 V is 768 raw, not 769"),
         ("48.0 (768)", "not a number alone"),
     ],
 )  # fmt: skip

@@ -31,7 +31,7 @@ def test_a_backup_disables_what_can_be_disabled_before_it_sets_anything() -> Non
         "disable tpdo1 rpdo2",
         "map tpdo1 6041:00/16",
         "map tpdo2 6041:00/16",
-        "# rpdo1 is a multiplexed PDO (count 0xFF) and is left alone",
+        "# rpdo1 is a multiplexed PDO (count 0xFF) and is not changed",
         "clear rpdo2",
         "set rpdo2",
     ]
@@ -48,9 +48,9 @@ def test_a_backup_leaves_off_what_no_pdo_may_be_and_alone_what_is_inconsistent()
     assert lines[2:] == [
         "disable tpdo1",
         "map tpdo1 6041:00/16 --cob-id 0x180 --rtr --off",
-        "# tpdo1 was enabled with CAN-ID 0x180, which no PDO may have: it stays off",
+        "# tpdo1 was enabled with CAN-ID 0x180, which CiA 301 does not allow for PDOs: it stays off",
         "# tpdo2 is inconsistent (its count is 9, but 0x1A01:02 cannot be read): 6041:00/16 --cob-id 0x281 --rtr and "
-        "is left alone",
+        "is not changed",
     ]
     (kept,) = backup_lines({}, {Pdo.parse("tpdo1"): config(0x2000_0180, 0x60410010)})[3:]
     assert kept == "map tpdo1 6041:00/16 --cob-id 0x00000180 --extended --rtr"

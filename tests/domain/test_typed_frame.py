@@ -58,7 +58,7 @@ def test_other_ways_of_writing(text: str, frame: Frame) -> None:
         ("999#00", "0x999 is above 0x7FF: a CAN-ID of 29 bits has 8 digits, 00000999"),
         ("0x800 00", "8 digits, 00000800"),
         ("185#112233445566778899", "8 at most"),
-        ("0x185 [3] 10 27", "another length"),
+        ("0x185 [3] 10 27", "differs from"),
         ("", "no frame"),
         ("drive", "no frame"),
     ],

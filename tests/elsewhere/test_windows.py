@@ -180,7 +180,7 @@ def test_ctrl_break_ends_a_change_as_a_closed_terminal_does(machine: Machine) ->
         machine.wire.at_download = lambda number: child.send_signal(CTRL_BREAK) if number == 4 else None
     ran = Ran(WINDOWS, child)
     assert ran.code == 128 + CTRL_BREAK, ran.stderr
-    assert "rolled back: everything is as it was" in ran.stderr
+    assert "rolled back: everything is as before" in ran.stderr
     machine.wire.at_download = lambda _number: None
     assert "0x185" in machine.run("pdo", "tpdo1").stdout
     assert not machine.journals()

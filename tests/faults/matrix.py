@@ -381,7 +381,7 @@ class Judge:
         but the NMT state was changed yet of a node that cannot be reached any more.
         """
         told = any(label == "nmt" for error in self.record.errors for label, _ in error.details)
-        words = ("was OPERATIONAL and is PRE-OPERATIONAL now", "was OPERATIONAL, and does not answer now")
+        words = ("was OPERATIONAL and is PRE-OPERATIONAL now", "was OPERATIONAL, but does not answer now")
         told = told or any(said in text for text in self.record.warnings for said in words)
         if self.cell.fault in AT_READ and self._only_read_then():
             return state is NmtState.PRE_OPERATIONAL

@@ -150,6 +150,6 @@ def test_of_a_node_that_is_silent_nothing_is_known(fault: str, tmp_path: Path) -
         ran = bench.run("map tpdo1 6041 6064")
         assert ran.code == 7
         assert "error: TPDO1 of node 5 could not be rolled back" in ran.stderr
-        assert "  left    TPDO1 of node 5: its value is not known: node 5 did not answer" in ran.stderr
+        assert "  left    TPDO1 of node 5: its value is unknown: node 5 did not answer" in ran.stderr
         assert "see above" not in ran.stderr
         assert "is as it was" not in ran.stderr

@@ -94,7 +94,7 @@ def test_an_event_timer_moves_no_other_pdo_and_reads_only_their_cob_ids(tmp_path
 @pytest.mark.parametrize(
     ("fault", "lines", "told"),
     [
-        ("reset-after-read@20=0", [MAP, "store"], "TPDO1 is not as it was read back"),
+        ("reset-after-read@20=0", [MAP, "store"], "TPDO1 differs from its verified value"),
         ("corrects@7=0.2", [MAP, "sync --period 20 --count 20", "store"], "TPDO1: COB-ID is 0x"),
         ("alters@7=1A01:01:0x60610008", [MAP, "store"], "TPDO2: 0x1A01 is 6061:00/8 6061:00/8, expected 6041:00/16"),
     ],

@@ -145,7 +145,7 @@ def test_the_module_list_of_a_device_is_asked(file: Path) -> None:
 def test_a_device_whose_list_cannot_be_read_is_said_once(file: Path) -> None:
     with Bench((), {"eds": str(file), "node": 5}, beside([device(coupler(has_list=False), 1)])) as bench:
         first, second = bench.run("pdo"), bench.run("pdo")
-    assert "nothing says which modules it has: --modules 1,1,2 does" in " ".join(first.stderr.split())
+    assert "its modules are unknown: --modules 1,1,2 does" in " ".join(first.stderr.split())
     assert (first.code, second.code, "modules" in second.stderr) == (0, 0, False)
 
 
@@ -243,7 +243,11 @@ def test_modules_that_the_file_lacks_are_complaints_with_their_place(
     file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(file.parent)
-    for row, said in (("[1, 4]", "coupler.eds has no module 4"), ("1", "a list belongs here"), ("[x]", "whole number")):
+    for row, said in (
+        ("[1, 4]", "coupler.eds has no module 4"),
+        ("1", "a list is expected here"),
+        ("[x]", "whole number"),
+    ):
         Path("net.yaml").write_text(NETWORK.replace("[1, 1, 2]", row))
         with Bench() as bench:
             ran = bench.run("check net.yaml")

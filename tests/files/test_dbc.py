@@ -185,7 +185,7 @@ def test_pdos_that_are_off_are_in_it_where_that_is_wanted() -> None:
         ("io_TPDO2", "TPDO2 of node 5, TPDO1 of node 5 (off)"), ("io_TPDO4", "TPDO4 of node 5 (off)"),
     ]  # fmt: skip
     assert found.left_out == [
-        "TPDO3 of node 5: it is off, and has no CAN-ID", "TPDO1 of node 5: TPDO2 of node 5 has its CAN-ID 0x185, too",
+        "TPDO3 of node 5: it is off and has no CAN-ID", "TPDO1 of node 5: TPDO2 of node 5 has the same CAN-ID 0x185",
     ]  # fmt: skip
 
 
@@ -204,7 +204,7 @@ def test_who_hears_a_frame_receives_what_it_maps() -> None:
         ("S0", 0, ("c",)),
         ("S1", 16, ("a",)),
     ]
-    assert found.left_out == ["TPDO1 of node 3: TPDO1 of node 1 has its CAN-ID 0x185, too"]
+    assert found.left_out == ["TPDO1 of node 3: TPDO1 of node 1 has the same CAN-ID 0x185"]
 
 
 def test_a_pdo_that_no_frame_holds_is_left_out(tmp_path: Path) -> None:
@@ -231,7 +231,7 @@ def test_other_services_have_the_ids_and_times_of_the_nodes() -> None:
     state = NetworkState((NodeState(1, "a", {}, numbers), NodeState(2, "b", {TPDO1: config((), 0x701)}, {})))
     found = network_messages(state, dict.fromkeys((1, 2), ObjectScalings()), DbcOptions(SERVICES))
     read = cantools.database.load_string(bytes_of(found).decode("cp1252"), "dbc")
-    assert found.left_out == ["a_Heartbeat: a PDO has its CAN-ID 0x701"]
+    assert found.left_out == ["a_Heartbeat: a PDO has the same CAN-ID 0x701"]
     assert {one.frame_id for one in read.messages} == {0, 0x81, 0x91, 0x701, 0x702, 0x601, 0x602, 0x581, 0x582}
     assert read.get_message_by_name("SYNC").cycle_time == 10
     assert read.get_message_by_name("b_Heartbeat").signals[0].receivers == ["a"]

@@ -239,7 +239,7 @@ def test_values_are_those_that_cantools_decodes(tmp_path: Path) -> None:
             "takes more than 480 MB",
         ),
         (f'{HEAD}BO_ 1 a: 8 A\n SG_ s : 0|{"9" * 5000}@1+ (1,0) [0|0] "" A\n', "no message has more than 4095 bytes"),
-        (f"{HEAD}BO_ {'9' * 5000} a: 8 A\n", "is no DBC file"),
+        (f"{HEAD}BO_ {'9' * 5000} a: 8 A\n", "is not a DBC file"),
     ],
     ids=("multiplexed by all numbers", "length", "CAN-ID"),
 )

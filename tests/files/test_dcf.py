@@ -217,7 +217,7 @@ def test_whatever_the_file_a_dcf_says_what_was_held_or_there_is_none(lines: list
     assert set(made.said) == values.keys() - made.left_out.keys()
     # what only a list names is left out, too, though nobody read it; then the list names it no more
     only_named = made.left_out.keys() - values.keys()
-    assert {made.left_out[place] for place in only_named} <= {"a list names it, and no section describes it"}
+    assert {made.left_out[place] for place in only_named} <= {"it is in a list, but has no section"}
     assert all(not sub_index and index not in eds.dictionary for index, sub_index in only_named)
     assert write_dcf(made.data, "any.dcf", values, DEVICE).left_out.keys() <= values.keys()
 

@@ -69,9 +69,9 @@ def test_a_pipe_into_which_nobody_writes_is_given_up(tmp_path: Path) -> None:
         ("check net.yaml", "pipe.eds is a pipe or a device, and dcf names a file"),
         ("plan net.yaml", "pipe.eds is a pipe or a device, and dcf names a file"),
         ("check endless.yaml", "endless.eds is a pipe or a device, and dcf names a file"),
-        ("import new.yaml pipes", "pipes/list.cpj: nothing came from this pipe"),
-        ("import new.yaml list.cpj", "pipe.eds: nothing came from this pipe"),
-        ("import new.yaml endless.cpj", "endless.eds is a device, no file"),
+        ("import new.yaml pipes", "pipes/list.cpj: no data from this pipe"),
+        ("import new.yaml list.cpj", "pipe.eds: no data from this pipe"),
+        ("import new.yaml endless.cpj", "endless.eds is a device, not a file"),
     ],
 )
 def test_what_another_file_names_is_a_file_or_refused(tmp_path: Path, line: str, said: str) -> None:
@@ -97,7 +97,7 @@ def test_the_pipes_of_a_command_are_waited_for_together(tmp_path: Path) -> None:
     forget_pipes()
     for name in ("first", "second", "third"):
         os.mkfifo(tmp_path / name)
-        with pytest.raises(InputFileError, match="nothing came from this pipe") as refused:
+        with pytest.raises(InputFileError, match="no data from this pipe") as refused:
             read_input(tmp_path / name, 100, "file")
         assert refused.value.why == "a command waits 8 s for the first bytes of its pipes"
     kept = os.open(tmp_path / "third", os.O_RDONLY | os.O_NONBLOCK)  # what is written stays while somebody may read it
@@ -202,7 +202,7 @@ def test_blank_lines_of_a_dbc_cost_no_more_than_others(tmp_path: Path) -> None:
     """The search for its first section was quadratic in blank lines; 40,000 took 16 s."""
     file = tmp_path / "a.dbc"
     file.write_text("\n" * 2_000_000, "ascii")
-    with pytest.raises(InputFileError, match="no DBC"):
+    with pytest.raises(InputFileError, match="not a DBC"):
         read_dbc(str(file))
 
 
@@ -212,12 +212,12 @@ _AS_MANY_AS_MAY_BE = "VERSION ?\n" + 50_000 * "BO_ 1 A: 8 B\nSG_ a: 0|8@1\n"
 @pytest.mark.parametrize(
     ("text", "error"),
     [
-        (_AS_MANY_AS_MAY_BE, "is no DBC file"),  # cantools looks at it: its first line is wrong
+        (_AS_MANY_AS_MAY_BE, "is not a DBC file"),  # cantools looks at it: its first line is wrong
         (_AS_MANY_AS_MAY_BE + "SG_ a: 0|8@1\n", "more than 100,000 messages and signals"),
         (_AS_MANY_AS_MAY_BE + "BO_ 1 A: 8 B\n", "more than 100,000 messages and signals"),
-        ("VERSION ?\n".ljust(8 << 20), "is no DBC file"),
+        ("VERSION ?\n".ljust(8 << 20), "is not a DBC file"),
         ("VERSION ?\n".ljust((8 << 20) + 1), "larger than 8 MiB"),
-        ("VERSION ?\nBO_ 1 A: 4095 B\nSG_ a: 32760|32760@1\n", "is no DBC file"),
+        ("VERSION ?\nBO_ 1 A: 4095 B\nSG_ a: 32760|32760@1\n", "is not a DBC file"),
         ("VERSION ?\nBO_ 1 A: 4096 B\n", "dbc:2: no message has more than 4095 bytes"),
         ("VERSION ?\nBO_ 1 A: 8 B\nSG_ a: 32761|1@1\n", "dbc:3: no message has more than 4095 bytes"),
         ("VERSION ?\nBO_ 1 A: 8 B\nSG_ a: 0|32761@1\n", "dbc:3: no message has more than 4095 bytes"),

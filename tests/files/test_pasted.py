@@ -262,7 +262,7 @@ def test_another_format_is_named(content: bytes, name: str, suffix: str, tmp_pat
     path = tmp_path / f"run{suffix}"
     path.write_bytes(content)
     ran = Bench(()).run(f"decode {path}")
-    assert (ran.code, f"is no recording of frames: it is {name}" in ran.stderr, "damaged" in ran.stderr) == (
+    assert (ran.code, f"is not a recording of frames: it is {name}" in ran.stderr, "damaged" in ran.stderr) == (
         2,
         True,
         False,

@@ -111,7 +111,7 @@ def test_a_cut_off_capture_is_said_to_be_one(path: Path, suffix: str, length: in
     assert [told(one) for one in found] == [told(one) for one in SAMPLE[: len(found)]]
     assert (
         error.endswith(f"damaged after {plural(len(found), 'frame')}, or no {suffix} file")
-        or "holds no frame" in error
+        or "has no frames" in error
         or (found and not error)
     )
 

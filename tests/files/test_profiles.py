@@ -191,7 +191,7 @@ def test_unknown_names_get_a_hint(name: str, hint: str) -> None:
         ('[aliases]\n"Seat switch" = "2124:00"', 4, "small letters", "did you mean 'seat_switch'?"),
         ('[aliases]\nseat = "2124"', 4, "aliases.seat: must be an object", None),
         ('[warn_mapped]\n21XX = "x"', 4, "the key must be a number", None),
-        ('like = "gen5"', 3, "no built-in profile is called 'gen5'", "did you mean 'gen4'?"),
+        ('like = "gen5"', 3, "unknown built-in profile 'gen5'", "did you mean 'gen4'?"),
         ("pdo_count = ", "3:13", "Invalid value", None),
         ("pdo_count = 1\npdo_count = 2", "4:14", "Cannot overwrite a value", None),
         ("[software_identification]\n0 = 1\n", 4, "the key must be a program, 1…254", None),

@@ -194,7 +194,7 @@ def made(frames: tuple[Frame, ...]) -> Any:
     """What cantools reads in the DBC file of *frames*."""
     with tempfile.TemporaryDirectory() as folder:
         text, ran = converted(recorded(Path(folder) / "run.log", frames))
-    said = "warning: TPDO1 of node 1 was set otherwise before: its last setting counts\n"
+    said = "warning: TPDO1 of node 1 had other settings before: its last setting is used\n"
     assert (ran.code, ran.stderr) == (0, said), ran
     return cantools.database.load_string(text, "dbc")
 
@@ -208,7 +208,7 @@ def test_what_was_set_last_counts_and_that_it_was_otherwise_is_said(passed: Pass
     text, ran = converted(recorded(tmp_path / "run.log", [*mapping, *cob_id, *other]))
     assert "SG_ Object_2001_00 : 0|32@1+" in text
     assert "2000" not in text
-    assert "TPDO1 of node 5 was set otherwise before" in ran.stderr
+    assert "TPDO1 of node 5 had other settings before" in ran.stderr
     assert "node 5 has no EDS" in ran.stderr
 
 
@@ -220,12 +220,12 @@ def test_a_mapping_that_is_not_all_there_is_refused_with_what_is_missing(tmp_pat
     assert "TPDO1 of node 5: 1A00:01 was not received" in ran.stderr
     text, ran = converted(recorded(tmp_path / "run.asc", [Frame(0x185, b"12345678")]))
     assert (text, ran.code) == ("", 2)
-    assert "does not say what its PDOs carry" in ran.stderr
+    assert "does not show the mapping of its PDOs" in ran.stderr
     entry = PdoMappingEntry(0x2000, 0, 16).raw.to_bytes(4, "little")
     whole = [*cob_id, *uploaded((0x1A00, 0), b"\1"), *uploaded((0x1A00, 1), entry)]
     text, ran = converted(recorded(tmp_path / "run.log", [*whole, BOOT_UP]))
     assert (text, ran.code) == ("", 2)
-    assert "TPDO1 of node 5: nothing was received of it after the node's last boot-up" in ran.stderr
+    assert "TPDO1 of node 5: no frame was received after the node's last boot-up" in ran.stderr
 
 
 def test_nodes_are_chosen_and_one_that_says_nothing_is_named(passed: Passed, tmp_path: Path) -> None:

@@ -49,7 +49,7 @@ def test_a_suffix_is_of_one_format_alone() -> None:
 
 
 def test_a_format_lacks_nothing() -> None:
-    with pytest.raises(TypeError, match=r"Nameless lacks a line such as suffix = \"\.asc\""):
+    with pytest.raises(TypeError, match=r"Nameless needs a line such as suffix = \"\.asc\""):
 
         class Nameless(RecordingFormat):
             """One that nobody finds."""

@@ -195,10 +195,10 @@ def test_what_no_dictionary_holds_is_named_with_its_number_and_line(tmp_path: Pa
 @pytest.mark.parametrize(
     ("line", "code", "said"),
     [
-        ("eds convert a.xdd", 2, "takes two files"), ("eds convert a.xdd b.txt", 2, "what format is that"),
-        ("eds convert none.xdd b.eds", 2, "none.xdd"), ("eds convert a.xdd nowhere/b.eds", 2, "no folder"),
-        ("eds convert bad.xdd b.eds", 4, "no well-formed XML"),
-        ("eds convert a.xdd b.eds --strict", 2, "asks no rules"),
+        ("eds convert a.xdd", 2, "takes two files"), ("eds convert a.xdd b.txt", 2, "unknown format"),
+        ("eds convert none.xdd b.eds", 2, "none.xdd"), ("eds convert a.xdd nowhere/b.eds", 2, "no such folder"),
+        ("eds convert bad.xdd b.eds", 4, "not well-formed XML"),
+        ("eds convert a.xdd b.eds --strict", 2, "checks no rules"),
         ("eds convert a.xdd there.eds", 6, "overwrite"),
     ],
 )  # fmt: skip
@@ -331,7 +331,7 @@ def test_a_conversion_has_no_clock_of_its_own_and_no_name_that_nobody_gave(tmp_p
         ran = bench.run(f"eds convert {tmp_path}/a.eds {tmp_path}/b.xdd")
         assert bench.run(f"eds convert {tmp_path}/b.xdd {tmp_path}/c.eds").code == 0
     text = (tmp_path / "b.xdd").read_text("utf-8")
-    assert "1970-01-01 stands there, since an XDD must have a date" in ran.stdout
+    assert "1970-01-01 is written instead, since an XDD must have a date" in ran.stdout
     assert ("1F81" not in text.replace('index="1F81"', ""), "Modif" in text) == (True, False)
     again = (tmp_path / "c.eds").read_text("cp1252")
     assert [line for line in again.splitlines() if "ParameterName" in line] == ["ParameterName="] * 4

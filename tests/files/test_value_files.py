@@ -97,12 +97,12 @@ def damaged() -> Iterator[tuple[str, bytes, str]]:
     head = b"time,frame,TPDO1 node 5 2001:00 [rpm]\n"
     yield "a.csv", b"x,y\n1,2\n", "begins with no time"
     yield "a.csv", b"", "begins with no time"
-    yield "a.csv", head + b"yesterday,TPDO1 node 5,7\n", "is no time"
+    yield "a.csv", head + b"yesterday,TPDO1 node 5,7\n", "is not a time"
     yield "a.csv", head + b"2026-01-01T00:00:00Z,TPDO1 node 5\n", "2 cells, and the head has 3"
-    yield "a.csv", head + b"\xff\xfe\n", "no UTF-8"
+    yield "a.csv", head + b"\xff\xfe\n", "not UTF-8"
     yield "a.jsonl", b'{"schema":"dvtcli.frame/1"}\n', "no dvtcli.frame/1 document"
     yield "a.jsonl", b"[1]\n", "no dvtcli.frame/1 document"
-    yield "a.parquet", b"PAR1 and no end", "no whole Parquet file"
+    yield "a.parquet", b"PAR1 and no end", "not a complete Parquet file"
 
 
 @pytest.mark.parametrize(
@@ -118,7 +118,7 @@ def test_what_is_no_json_is_said_with_its_line_and_column(tmp_path: Path) -> Non
     (tmp_path / "a.jsonl").write_bytes(b'\n{"schema": "dvtcli.other/1"}\n{"schema": x}\n')
     with pytest.raises(InputFileError) as wrong:
         list(read_values(tmp_path / "a.jsonl").rows)
-    assert (wrong.value.place, wrong.value.why) == (f"{tmp_path / 'a.jsonl'}:3:12", "no JSON: Expecting value")
+    assert (wrong.value.place, wrong.value.why) == (f"{tmp_path / 'a.jsonl'}:3:12", "not JSON: Expecting value")
 
 
 def test_a_signal_is_found_by_its_object_and_its_name(tmp_path: Path) -> None:

@@ -38,15 +38,19 @@ HEAD = (
     [
         ("", "1", "its first line is no dvtcli.whole-device/1"),
         ('{"schema": "dvtcli.pdo/1"}', "1", "its first line is no dvtcli.whole-device/1"),
-        ("[FileInfo]", "1:2", "no JSON: Expecting value"),
-        (HEAD, "1", "it has 0 objects, and its first line says 1: was it cut short?"),
+        ("[FileInfo]", "1:2", "not JSON: Expecting value"),
+        (HEAD, "1", "it has 0 objects, and its first line says 1: it may be truncated"),
         (HEAD + '\n{"object": "1017", "raw": "00"}', "2", 'no "object"'),
         (HEAD + '\n{"object": "1017:00", "raw": "0"}', "2", '"raw" is not bytes'),
         (HEAD + '\n{"object": "1017:00", "raw": 7}', "2", '"raw" is not bytes'),
         (HEAD + "\n[]", "2", "a line is an object of JSON"),
-        (HEAD.replace('"node": 5', '"node": 0') + '\n{"object": "1017:00", "raw": "00"}', "1", "it does not say which"),
-        (HEAD + '\n{"object": "1017:00", "ra', "2:23", "no JSON: Unterminated string"),
-        (HEAD + '\n\n{"object": "1017:00"', "3:21", "no JSON: Expecting ',' delimiter"),
+        (
+            HEAD.replace('"node": 5', '"node": 0') + '\n{"object": "1017:00", "raw": "00"}',
+            "1",
+            "it has no node-ID or no identity",
+        ),
+        (HEAD + '\n{"object": "1017:00", "ra', "2:23", "not JSON: Unterminated string"),
+        (HEAD + '\n\n{"object": "1017:00"', "3:21", "not JSON: Expecting ',' delimiter"),
     ],
 )
 def test_what_is_no_such_file_is_said_with_its_line(tmp_path: Path, text: str, place: str, why: str) -> None:

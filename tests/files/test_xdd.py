@@ -194,8 +194,8 @@ POWERLINK_TYPE = xdd().replace("ProfileBody_Device_CANopen", "ProfileBody_Device
         (BILLION, "1", "document type"), (OUTSIDE, "1", "document type"),
         (POWERLINK, "2", "Ethernet POWERLINK"), (POWERLINK_TYPE, "2", "Ethernet POWERLINK"),
         ("<EtherCATInfo><Vendor/></EtherCATInfo>", "1", "EtherCAT"),
-        ("<html/>", "1", "its first element is html"), ("<a>\n<b></a>", "2:6", "no well-formed XML"),
-        ("", "1:1", "no well-formed XML"), ("<a>&nbsp;</a>", "1:4", "no well-formed XML"),
+        ("<html/>", "1", "its first element is html"), ("<a>\n<b></a>", "2:6", "not well-formed XML"),
+        ("", "1:1", "not well-formed XML"), ("<a>&nbsp;</a>", "1:4", "not well-formed XML"),
         ('<?xml version="1.0" encoding="klingon"?><a/>', "1", "klingon"),
         (xdd().replace("CANopenObjectList", "ObjectList"), "2", "no CANopenObjectList"),
         ("<a>" * 70, "1", "nested"),
@@ -234,7 +234,7 @@ def test_encodings(encoding: str) -> None:
 
 def test_a_file_is_told_by_its_first_bytes_whatever_it_is_called() -> None:
     assert isinstance(parse_device_file(xdd().encode(), "pump.eds"), XddFile)
-    with pytest.raises(InputFileError, match="no well-formed XML"):
+    with pytest.raises(InputFileError, match="not well-formed XML"):
         parse_device_file(b"[DeviceInfo]", "pump.xdd")
 
 

@@ -37,7 +37,7 @@ def test_the_gate_is_open(repository: Path) -> None:
     done = ran(repository, "./gate.sh", FORMAT="github", BUS="--sim gen4@1 --sim generic@5")
     assert done.returncode == 3, done.stderr  # what this bench holds are its makers' values
     assert "proved by a restart" in done.stdout
-    assert "No difference: every node holds what the file says." in done.stdout
+    assert "No difference: every node has the values of the file." in done.stdout
 
 
 @pytest.mark.quick

@@ -182,7 +182,7 @@ def test_a_pdo_that_was_altered_beside_is_noticed_by_its_cob_id_and_no_more_is_c
         before = server.dvtcli("-n", "1", "pdo", "--all").stdout
         ran = server.dvtcli("-n", "1", "set", "tpdo1", "--cob-id", "0x1A7")
         assert ran.returncode == 1
-        assert "took TPDO1, but altered TPDO2 with it" in ran.stderr
+        assert "took TPDO1, but changed TPDO2 as a side effect" in ran.stderr
         assert "TPDO2 has its COB-ID again" in ran.stderr
         assert "the rest of it was not read before" in " ".join(ran.stderr.split())
         assert server.dvtcli("-n", "1", "pdo", "--all").stdout == before

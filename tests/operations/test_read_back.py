@@ -107,7 +107,7 @@ def test_no_backup_of_these_files_is_refused(tmp_path: Path) -> None:
         with Bench((str(eds),), {"yes": True}) as bench:
             ran = bench.run(f"backup {made}")
             assert ran.code == 0, ran
-            said = "(a list names it, and no section describes it)" in ran.stdout
+            said = "(it is in a list, but has no section)" in ran.stdout
             assert said is (kind in ("mandatory", "optional", "maker", "first", "every")), (kind, ran)
             assert bench.run(f"compare {made}").code == 0, kind
             assert bench.run(f"eds check {made}").stdout.count("no section") == 0, kind

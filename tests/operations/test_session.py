@@ -91,7 +91,7 @@ def test_under_a_dry_run_the_twin_changes_only() -> None:
 
 
 def test_nobody_answers_unless_somebody_listens() -> None:
-    with Session(Options(sim=("gen4",))) as session, pytest.raises(SafetyRefusal, match="nobody can answer"):
+    with Session(Options(sim=("gen4",))) as session, pytest.raises(SafetyRefusal, match="no terminal to answer on"):
         restore_defaults(session, session.node(), None, prove=False)
     for answer in (False, True):
         received = Heard(answer)
@@ -141,7 +141,7 @@ def test_which_node_is_meant_must_be_said() -> None:
         ({"node": 128}, "node-IDs are 1…127"),
         ({"format": "xml"}, "'xml' is not one of 'text', 'json', 'jsonl'"),
         ({"bus_kwargs": ("fd",)}, "a setting is KEY=VALUE"),
-        ({"chanel": "can0"}, "there is no option 'chanel'"),
+        ({"chanel": "can0"}, "unknown option 'chanel'"),
     ],
 )
 def test_options_are_checked_before_a_bus_is_touched(given: dict[str, object], said: str) -> None:
@@ -174,7 +174,7 @@ def test_a_text_that_was_edited_meanwhile_takes_nothing_of_somebody_else_back() 
         edited = seen.replace("event_timer_ms: 0", "event_timer_ms: 70")
         assert edited != seen
         session.wire.sdo(1).download(0x1802, 5, b"\x21\0")
-        with pytest.raises(SafetyRefusal, match="not what it was when the editor was opened"):
+        with pytest.raises(SafetyRefusal, match="changed after the editor was opened"):
             configure_from_text(session, TPDO3, edited, seen=seen)
         again = pdo_as_text(session, TPDO3)
         assert configure_from_text(

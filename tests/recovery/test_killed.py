@@ -139,7 +139,7 @@ def test_the_backup_restores_also_after_can_ids_were_exchanged(bench: Bench) -> 
 @pytest.mark.parametrize("target", ["5", "all"])
 def test_a_start_of_a_half_configured_node_says_so_in_its_document(bench: Bench, target: str) -> None:
     bench.killed(4, *MAP)
-    said, does = "a change of TPDO1 of node 5 was interrupted: `dvtcli ", "recover` puts the old configuration back"
+    said, does = "a change of TPDO1 of node 5 was interrupted: `dvtcli ", "recover` rolls back to the old configuration"
     for dry in ([], ["--dry-run"]):
         code, stdout, _ = bench.run("--json", *dry, "nmt", "start", target)
         (document,) = documents(stdout)

@@ -130,7 +130,7 @@ def test_a_kill_between_two_lines_is_said_and_recovered_from_either_node(nodes: 
         refused = nodes.dvtcli("-n", str(node_id), "set", "tpdo3", "--timer", "9")
         assert refused.returncode == 6
         assert f"{script} was interrupted, which changed" in refused.stderr
-        assert "recover` takes every line of it back, on all nodes" in refused.stderr
+        assert "recover` rolls all its changes back, on all nodes" in refused.stderr
     both = nodes.dvtcli("-n", "1,3", "read", "1000").stderr
     assert both.count("was interrupted, which changed nodes 1, 3: `dvtcli ") == both.count("interrupted") == 1
     tried = nodes.dvtcli("-n", "3", "recover", "--dry-run", "--json")
@@ -138,7 +138,7 @@ def test_a_kill_between_two_lines_is_said_and_recovered_from_either_node(nodes: 
     assert waiting(nodes) == [1, 3]
     recovered = nodes.dvtcli("-n", "3", "recover", "--yes")
     assert recovered.returncode == 0, recovered.stderr
-    assert f"{script} was interrupted: every line of it is rolled back, on node 1, 3" in recovered.stderr
+    assert f"{script} was interrupted: all its changes are rolled back, on node 1, 3" in recovered.stderr
     assert all(f"of node {node_id} rolled back" in recovered.stdout for node_id in NODES)
     assert held(nodes) == before
     assert waiting(nodes) == []
@@ -166,7 +166,7 @@ def test_a_kill_while_it_stores_says_that_it_may_be_stored(nodes: Killable) -> N
     assert waiting(nodes) == [1, 3]
     recovered = nodes.dvtcli("recover", "--yes")
     assert recovered.returncode == 0, recovered.stderr
-    assert "x.dvt:3 store had begun: node 1 may have stored what was rolled back" in recovered.stderr
+    assert "x.dvt:3 store had started: node 1 may have stored the values that were rolled back" in recovered.stderr
     assert held(nodes) == before
     assert killed(nodes, lines, 1, is_upload_of(0x1009)) == -SIGKILL
     assert nodes.dvtcli("recover", "--yes").stdout.startswith("nothing to recover"), (

@@ -56,7 +56,7 @@ def test_a_count_above_the_entries(tmp_path: Path, step: int) -> None:
             assert code == 0, stderr
         else:
             assert code == 1, stderr
-            assert "TPDO2 was inconsistent, and the device does not take that back" in stderr
+            assert "TPDO2 was inconsistent, and the device refuses that configuration" in stderr
             assert "NOT undone completely" in stdout
         assert (bench.pdos() == before) is (step == 1), "a count that was written is not rolled back"
         assert bench.journals() == []
@@ -74,7 +74,7 @@ def test_half_a_pdo_that_could_not_be_enabled_again(tmp_path: Path) -> None:
         assert (error["exit_code"], error["state"]) == (1, "left_changed")
         assert (code, document["verified"], document["state"]) == (1, False, "left_changed"), stderr
         (text,) = document["not_put_back"]
-        assert "the device does not take that back" in text
+        assert "the device refuses that configuration" in text
         assert bench.journals() == []
         assert bench.run("recover")[:2] == (0, NOTHING)
     finally:

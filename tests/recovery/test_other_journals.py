@@ -141,5 +141,5 @@ def test_the_same_of_what_is_recovered() -> None:
         ran = bench.run("recover")
         rows = dict(line.strip().split(None, 1) for line in ran.stderr.splitlines() if line.startswith("  "))
         assert ran.code == 1, ran.stderr
-        assert "node 1 restarted after it was rolled back" in ran.stderr
+        assert "node 1 restarted after its roll-back" in ran.stderr
         assert rows["done"].startswith("node 3:"), ran.stderr

@@ -148,7 +148,7 @@ def test_a_change_is_rolled_back_whoever_reads(
     assert not bench.journals()
     if "stderr" not in closed:
         assert "Traceback" not in stderr
-        assert "everything is as it was" in stderr or "terminated" in stderr or "rolled back" in stderr
+        assert "everything is as before" in stderr or "terminated" in stderr or "rolled back" in stderr
 
 
 @pytest.mark.parametrize("closed", CLOSED)
@@ -220,7 +220,7 @@ def test_whoever_insists_leaves_it_to_recover(
     code, stderr = stopped(bench, number, (), step, *words, times=4)
     assert code == 7, stderr
     (journal,) = bench.journals()
-    assert f"recover` finishes it, from {journal}" in stderr
+    assert f"recover` finishes it, with the journal {journal}" in stderr
     assert held(bench) != before
     code, _, stderr = bench.run("recover", "--yes")
     assert code == 0, stderr
@@ -268,7 +268,7 @@ def test_a_store_that_is_stopped_says_what_is_stored_and_changes_nothing_else(
     if "stderr" not in closed:
         assert "Traceback" not in stderr
         said = (
-            "the signal came too late to stop it: it is complete"
+            "the signal was too late: the command is complete"
             if code == 0
             else "stopped"
             if is_ahead
@@ -306,6 +306,6 @@ def test_a_second_signal_before_the_answer_rolls_back_and_says_so(
     assert child.wait(PATIENCE_S) == CODES[number], said.read_text()
     stderr = said.read_text()
     assert "stopped at once, in step 4 of 8" in stderr
-    assert "rolled back: everything is as it was" in stderr
+    assert "rolled back: everything is as before" in stderr
     assert held(bench) == before
     assert not bench.journals()

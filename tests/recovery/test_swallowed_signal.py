@@ -25,7 +25,7 @@ catch_signals(cancellation)
 try:
     for n in range({times}):
         Driver()
-    print("goes on", flush=True)
+    print("continues", flush=True)
     while True:
         time.sleep(60)
 except KeyboardInterrupt:

@@ -106,7 +106,7 @@ def test_a_backup_of_a_node_of_which_no_change_is_left_is_put_back_by_its_node_i
         for line in ("undo", "undo --backup --json"):
             with Bench((), {**options, "node": None}) as bench:
                 ran = bench.run(line)
-        assert (ran.code, "no change on this bus is remembered" in ran.document["text"]) == (2, True)
+        assert (ran.code, "the history has no change on this bus" in ran.document["text"]) == (2, True)
         assert "-n ID undo --backup" in ran.document["hint"]
 
 
@@ -120,7 +120,7 @@ def test_a_backup_of_no_pdo_is_a_usage_error(tmp_path: Path) -> None:
             backup.write_text("\n".join(kept) + "\n", "utf-8")
             ran = bench.run("undo --backup --json")
         assert ran.code == 2
-        assert "says nothing of a PDO of node 1" in ran.document["text"]
+        assert "has no PDO of node 1" in ran.document["text"]
 
 
 def test_a_change_that_could_not_be_remembered_is_not_confused_with_the_one_before(tmp_path: Path) -> None:

@@ -296,8 +296,8 @@ def test_all_in_a_process_of_its_own_is_everything_remembered_of_every_node(tmp_
         assert nodes.dvtcli("-n", "3", "clear", "tpdo1").returncode == 0
         alone = nodes.dvtcli("undo", "--dry-run").stderr
         assert " to node 3" in alone
-        assert "what was changed on node 1 is not undone by this: `dvtcli " in alone
-        assert "undo --all` takes all of it back" in alone
+        assert "the changes on node 1 are not undone by this: `dvtcli " in alone
+        assert "undo --all` undoes them all" in alone
         tried = nodes.dvtcli("undo", "--all", "--dry-run", "--json")
         assert (tried.returncode, json.loads(tried.stdout)["dry_run"]) == (0, True)
         assert "is not rolled back" not in tried.stderr
@@ -379,7 +379,7 @@ def test_what_is_not_remembered_is_not_said_to_be_undone(bench: Bench) -> None:
     _changes().write_text("in the way")
     code, stdout, stderr = bench.run("set", "tpdo2", "--timer", "7")
     assert code == 0, stderr
-    assert "cannot be remembered for a later undo" in stderr
+    assert "cannot be saved for a later undo" in stderr
     assert "In RAM only" in stdout
     assert "undo" not in stdout
     _changes().unlink()

@@ -37,12 +37,12 @@ def test_each_process_puts_back_what_the_device_takes(tmp_path: Path) -> None:
             assert (done.returncode, "an undo leaves it off" in done.stderr) == (0, True), done
         for said in ("RPDO1 was enabled and empty", "TPDO2 was inconsistent", "TPDO1 was enabled"):
             done = server.dvtcli(*words, "undo")
-            assert (done.returncode, said in done.stderr, "does not take that back" in done.stderr) == (
+            assert (done.returncode, said in done.stderr, "refuses that configuration" in done.stderr) == (
                 1,
                 True,
                 True,
             ), done
-            assert "not as it was; what it is now was read back" in done.stderr
+            assert "not as before; its present value was read back" in done.stderr
             assert "NOT undone completely" in done.stdout
         assert server.dvtcli(*words, "undo").returncode == 2
 
@@ -86,7 +86,7 @@ def test_a_document_says_what_is_not_put_back(tmp_path: Path) -> None:
         assert error["exit_code"] == done.returncode
         assert (done.returncode, document["verified"], document["state"]) == (1, False, "left_changed"), done
         (text,) = document["not_put_back"]
-        assert "TPDO2 was inconsistent, and the device does not take that back: it is off and empty now" in text
+        assert "TPDO2 was inconsistent, and the device refuses that configuration: it is off and empty now" in text
         assert text in [finding["text"] for finding in document["findings"]]
 
 
@@ -129,7 +129,7 @@ def test_undo_over_several_nodes_says_it_of_each(tmp_path: Path) -> None:
         assert (ran.code, document["verified"], document["state"]) == (1, False, "left_changed"), ran
         said = " ".join(document["not_put_back"])
         for node in (1, 2):
-            assert f"node {node}: TPDO2 was inconsistent, and the device does not take that back" in said
+            assert f"node {node}: TPDO2 was inconsistent, and the device refuses that configuration" in said
     with Bench((path, path), {"yes": True}) as bench:
         for line in ("map 1:tpdo2 6000:3", "map 2:tpdo2 6000:3"):
             assert bench.run(line).code == 0
@@ -145,6 +145,8 @@ def test_an_atomic_script_that_is_taken_back_says_what_the_device_did_not_take(t
         words = ("-n", "1", "--eds", str(path))
         done = server.dvtcli(*words, "run", "--atomic", str(script))
         assert done.returncode == 7, done.stderr
-        assert "TPDO2 was inconsistent, and the device does not take that back: it is off and empty now" in done.stderr
-        assert "everything is as it was" not in done.stderr
+        assert (
+            "TPDO2 was inconsistent, and the device refuses that configuration: it is off and empty now" in done.stderr
+        )
+        assert "everything is as before" not in done.stderr
         assert "nothing to recover" in server.dvtcli(*words, "recover", "--yes").stdout

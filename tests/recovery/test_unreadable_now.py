@@ -93,10 +93,10 @@ def test_a_value_that_can_be_read_no_more_blocks_nothing(
         with pytest.raises(LeftChanged) as left:
             recover(session)
         assert label in left.value.text
-        assert f"what node 5 holds of {label} is not known" in (left.value.state_text or "")
+        assert f"the present value of {label} of node 5 is unknown" in (left.value.state_text or "")
         assert "TPDO1" in (left.value.state_text or "")
         assert not path.exists()
-        assert isinstance(recover(session), Facts), "nothing waits"
+        assert isinstance(recover(session), Facts), "there is nothing left to recover"
         assert may_be_changed(session)
     number = 1 + PLACES.index(place)
     wanted = [changed[one] if one == number and not is_written else before[one] for one in range(len(before))]
@@ -129,7 +129,7 @@ def test_accept_shows_what_can_be_read_and_names_the_rest(chain: Chain, unread: 
     unknown = {one.get("object") or one["pdo"] for one in held if not one["known"]}
     assert unknown == {"tpdo1" if one == 0x1800 else f"{one[0]:04X}:{one[1]:02X}" for one in unread}
     assert len(held) == 4
-    assert [row for row in done.text if "is not known" in row]
+    assert [row for row in done.text if "unknown" in row]
     assert not path.exists()
 
 
@@ -152,6 +152,6 @@ def test_a_journal_that_cannot_be_used_does_not_keep_other_nodes_from_going_back
     own = [] if spoilt == "damaged" else [{"node": 5, "state": "unchanged"}]
     assert document["nodes"] == [*own, {"node": 9, "state": "rolled_back"}]
     *_, state = error_lines(told.value)
-    said = "nothing was written, but for node 9" if spoilt == "damaged" else "node 5 unchanged: nothing was written"
+    said = "nothing was written, except for node 9" if spoilt == "damaged" else "node 5 unchanged: nothing was written"
     assert said in str(state)
     assert (values(chain, 9), first.exists(), second.exists()) == (before, True, False)

@@ -26,8 +26,8 @@ def test_without_its_state_folder_nothing_is_said_to_be_kept(blocked: str, line:
     with Bench((), {"yes": True, "node": selected}, beside([device("generic")])) as bench:
         ran = bench.run(line)
     assert ran.code == 6
-    assert f"{blocked} is not used: it is a file, and no folder" in ran.stderr
-    assert ("not known" in ran.stderr) is (line != "undo" or selected is None)
+    assert f"{blocked} is not used: it is a file, not a folder" in ran.stderr
+    assert ("unknown whether" in ran.stderr) is (line != "undo" or selected is None)
     assert "nothing to" not in ran.stdout + ran.stderr
 
 

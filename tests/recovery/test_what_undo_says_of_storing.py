@@ -72,4 +72,4 @@ def test_who_cannot_store_is_not_told_to(described: bool, tmp_path: Path) -> Non
         for line in ("write 1017 70", "write 1017 80"):
             with Bench((), {**wire.options, **({"eds": str(eds)} if described else {})}) as bench:
                 said = bench.run(line).stdout
-            assert "In RAM only: the device has no 0x1010 that would store it, `undo` reverts it." in said
+            assert "In RAM only: the device has no 0x1010 to store it with, `undo` reverts it." in said

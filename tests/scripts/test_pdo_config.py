@@ -74,7 +74,7 @@ def test_the_frames_come_on_every_sync() -> None:
 def test_twice_is_as_good_as_once() -> None:
     done = dvtcli("--sim", "gen4", stdin=TEXT + TEXT)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.count("is as wanted already; nothing was written.") == 4
+    assert done.stdout.count("is already as requested; nothing was written.") == 4
 
 
 def test_a_dry_run_says_what_it_would_write_and_leaves_the_node() -> None:

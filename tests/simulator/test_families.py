@@ -56,7 +56,7 @@ def test_unknown_family() -> None:
         ("reasons = { 0x100000000 = 17 }", "reasons.0x100000000: the key is not within 0..4294967295"),
         ('plant = "cia401"', "plant: must be cia402, not 'cia401'"),
         ('boot_state = "ON"', "boot_state: must be INITIALISING, STOPPED, OPERATIONAL or PRE_OPERATIONAL, not 'ON'"),
-        ('like = "gen5"', "like: no family is called 'gen5'"),
+        ('like = "gen5"', "like: unknown family 'gen5'"),
         ("[login]\nindex = 0x5000", "login: the key 'level' is missing"),
         ("[[pins]]\nselector = 0", "pins.selector: 0 is not within 1..65535"),
     ],

@@ -88,7 +88,7 @@ def test_heartbeats_keep_their_period(bench: Bench) -> None:
     bench.write(1, "2b17100032000000")
     for _ in range(6):
         assert bench.hear(0x701) == "7f"
-    assert time.monotonic() - began >= 0.2, "one every 50 ms"
+    assert time.monotonic() - began >= 0.2, "a heartbeat every 50 ms"
 
 
 def test_nodes_hear_each_other(bench: Bench) -> None:

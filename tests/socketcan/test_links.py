@@ -168,7 +168,7 @@ def test_a_link_set_down_in_the_middle_of_a_change_leaves_a_journal_and_recover_
             ran = bench.run("map tpdo1 6041 606C/32 --sync 1")
             assert ran.code == 7, ran.stderr
             assert "Network is down" in ran.stderr
-            assert re.search(r"bring the bus back first \(`dvtcli .*doctor` looks at it\)", ran.stderr), ran.stderr
+            assert re.search(r"restore the bus first \(`dvtcli .*doctor` checks it\)", ran.stderr), ran.stderr
         ip("set", ours, "up")
         with Bench((), options) as bench:
             ran = bench.run("recover --yes")

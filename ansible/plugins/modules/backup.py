@@ -20,7 +20,7 @@ options:
     type: path
     required: true
   twice:
-    description: Read each object twice, and leave out values that changed meanwhile.
+    description: Read each object twice, and leave out values that changed between the reads.
     type: bool
     default: false
 extends_documentation_fragment:
@@ -28,7 +28,7 @@ extends_documentation_fragment:
 attributes:
   check_mode:
     support: full
-    description: The node is read and compared with the file, which is left as it is.
+    description: The node is read and compared with the file, which is not changed.
 author:
   - The dvtcli developers (@dvtcli)
 """

@@ -15,7 +15,7 @@ options:
     description:
       - What becomes of the interrupted changes.
       - V(roll_back) puts back what the nodes held before.
-      - V(finish) goes on with the stores of a network whose nodes had all been verified.
+      - V(finish) continues with the stores of a network whose nodes had all been verified.
       - V(accept) takes what the nodes hold as the new state.
       - V(discard) sets a journal that cannot be used aside.
     type: str

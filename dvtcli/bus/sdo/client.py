@@ -299,7 +299,7 @@ class BlockUpload(BlockTransfer):
             code = Abort.TOO_LONG if len(data) > self._size else Abort.TOO_SHORT
             raise self._talk.broken(f"sends {len(data)} of the {self._size} bytes it announced", code)
         if self._has_crc and crc_hqx(data, 0) != int.from_bytes(frame[1:3], "little"):
-            raise self._talk.broken("sends data that its CRC does not fit", Abort.CRC)
+            raise self._talk.broken("sends data with a wrong CRC", Abort.CRC)
         self._talk.send(bytes([_UPLOAD_END]) + bytes(7))
         return data
 
@@ -350,7 +350,7 @@ class BlockDownload(BlockTransfer):
                 return False
             failures = 0 if taken else failures + 1
             if failures > _PATIENCE:
-                raise self._talk.broken("takes none of the segments it is sent", Abort.TIME_OUT)
+                raise self._talk.broken("accepts none of the segments", Abort.TIME_OUT)
             sent += taken
         return True
 

@@ -372,7 +372,7 @@ class Dialogue:
         """
         if not is_read or self._has_answered:
             self.abort(Abort.TIME_OUT)
-        why = f"its answers that did not count: {self.dropped}" if self.dropped.total else None
+        why = f"its ignored answers: {self.dropped}" if self.dropped.total else None
         return no_answer(
             self.node_id,
             self.place,

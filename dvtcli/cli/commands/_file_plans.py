@@ -46,6 +46,7 @@ include = click.option(
     type=TEXT,
     multiple=True,
     metavar="OBJECT",
-    help="With a DCF, an XDC or a backup: OBJECT of the maker (3001, or 3001:1 alone) is configuration, too; "
-    "2000-2FFF for all from there on, of what an RPDO could take those only that are settings by their names.",
+    help="With a DCF, an XDC or a backup: treat the manufacturer-specific OBJECT (3001, or 3001:1 alone) as "
+    "configuration, too; 2000-2FFF for a range, in which objects that an RPDO can map count only if their names show "
+    "that they are settings.",
 )

@@ -76,7 +76,7 @@ class KindsType(CanopenType):
         words = [word.strip().lower() for word in text.split(",")]
         for word in words:
             if word not in READ_KINDS:
-                raise ValueError(f"{word!r} is no kind of frames; there are {', '.join(READ_KINDS)}")
+                raise ValueError(f"{word!r} is not a kind of frames; the kinds are {', '.join(READ_KINDS)}")
         return frozenset(words)
 
 

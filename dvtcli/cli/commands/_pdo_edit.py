@@ -56,4 +56,4 @@ def _edited(text: str) -> str | None:
 
 def _left(pdo: Pdo, wrong: DvtcliError | None = None) -> Facts:
     rows = (("pdo", str(pdo)), ("changed", False))
-    return Facts("edit", rows, (f"{pdo.label} is left as it is.",), wrong)
+    return Facts("edit", rows, (f"{pdo.label} is not changed.",), wrong)

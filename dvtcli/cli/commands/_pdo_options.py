@@ -44,7 +44,7 @@ def request(options: dict[str, Any], *, enabled: bool | None) -> PdoRequest:
     """Return the request in *options*; *enabled* is the PDO's new state unless --off is given."""
     kinds = [name for name in ("type_", "sync") if options[name] is not None] + (["event"] if options["event"] else [])
     if len(kinds) > 1:
-        raise click.UsageError("--type, --sync and --event exclude each other: give one")
+        raise click.UsageError("--type, --sync and --event exclude each other: give only one of them")
     kind = 255 if options["event"] else options["sync"] if options["type_"] is None else options["type_"]
     return PdoRequest(
         cob_id=options["cob_id"],

@@ -34,7 +34,7 @@ class ProofWay(CanopenType):
         try:
             return StoreGroup().parse(text, ctx)
         except ValueError as wrong:
-            raise ValueError(f"power, or nothing for a reset; {wrong}") from wrong
+            raise ValueError(f"write power, or no value for a reset; {wrong}") from wrong
 
 
 def way_and_group(prove: str | int | None, group: int | None) -> tuple[str | None, int | None]:

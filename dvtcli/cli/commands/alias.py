@@ -79,4 +79,4 @@ def _require_usable(session: Conversation, name: str, line: str | None) -> None:
     if name.lower() in command_names():
         raise UsageError(f"{name!r} is a command already", hint="give the alias another name")
     if session.is_secret(line):
-        raise UsageError("a line that may have a passcode is not kept")
+        raise UsageError("a line that may have a passcode is not saved")

@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
 @click.command("backup", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("file", type=FILE)
-@click.option("--twice", is_flag=True, help="Read each object twice, and leave out values that changed meanwhile.")
+@click.option(
+    "--twice", is_flag=True, help="Read each object twice, and leave out values that changed between the reads."
+)
 @click.pass_obj
 def command(session: Session, /, file: str, twice: bool) -> Facts:
     """Read every object of the selected node and save it to FILE: its EDS with values (.dcf or .xdc), or .jsonl.

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 )
 @click.argument("files", type=FILE, nargs=-1, metavar="[FILE…]")
 @click.option("--rule", "only", multiple=True, metavar="NAME", help="This rule only; repeatable.")
-@click.option("--without", multiple=True, metavar="NAME", help="All rules but this one; repeatable.")
+@click.option("--without", multiple=True, metavar="NAME", help="Skip this rule; repeatable.")
 @click.option("--all", "shows_all", is_flag=True, help="Also warnings and notes about PDOs that FILE does not name.")
 @click.option("--strict", is_flag=True, help="Treat warnings as errors.")
 @click.option(
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     "for_s",
     type=DurationType(0, 3600),
     metavar="TIME",
-    help="Time to listen to the bus [2s]; 0: none.",
+    help="Time to receive from the bus [2s]; 0: none.",
 )
 @click.option(
     "-d", "--dbc", type=FILE, metavar="FILE", help="For a recording: the DBC or network file that describes it."
@@ -85,7 +85,7 @@ def command(
             )  # fmt: skip
             return check_recordings(session, files, options)
     if dbc is not None:
-        raise UsageError("-d goes with a recording only", hint="network files are named without -d")
+        raise UsageError("-d is for recordings only", hint="network files are named without -d")
     from dvtcli.operations.network.check_networks import CheckOptions, check_networks
 
     as_findings = live or session.output.format in SPECIAL_FORMATS  # so that the rest is looked at, too

@@ -28,7 +28,7 @@ def command(ctx: click.Context, /, file: str, include: tuple[str, ...]) -> Netwo
     adds mappable objects. Never written: a node-ID, passcodes, commands and outputs of the standards. A manufacturer's
     command, by its name, and an RPDO's object without a name of a setting need --include of that very object. Objects
     that are left out are listed with the reason. The exit code is 3 if a setting differs and is not written: the node
-    is no clone then. If it fails, the node is as it was.
+    is no clone then. If it fails, the node is as before.
 
     \b
     clone press.dcf --yes

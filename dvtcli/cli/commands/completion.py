@@ -39,7 +39,9 @@ def command(ctx: click.Context, /, shell: str) -> Facts:
     if found is None:
         from importlib.metadata import version
 
-        raise click.UsageError(f"click {version('click')} completes in no {shell}; newer ones do: pip install -U click")
+        raise click.UsageError(
+            f"click {version('click')} has no completion for {shell}; newer versions have: pip install -U click"
+        )
     script = found(root(ctx), {}, "dvtcli", "_DVTCLI_COMPLETE").source()
     if shell == "fish":
         script = script.replace("complete --no-files", "complete --no-files --keep-order")  # the usual objects first

@@ -38,7 +38,7 @@ def _terminal(session: Conversation) -> Check:
     encoding = getattr(stream, "encoding", None) or "utf-8"
     drawn = "ASCII look-alikes" if session.options.ascii or "utf" not in encoding.lower() else "Unicode"
     if not stream.isatty():
-        return Check("terminal", "ok", f"no terminal: no colours, {drawn} ({encoding}), nothing is asked")
+        return Check("terminal", "ok", f"no terminal: no colours, {drawn} ({encoding}), no questions")
     size = os.get_terminal_size(stream.fileno())
     usual = "console" if os.name == "nt" else "?"
     text = f"{os.environ.get('TERM', usual)}, {size.columns} x {size.lines}, {drawn} ({encoding})"

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def command(session: Conversation, /, what: NodePdo | str | None) -> None:
     """Edit the PDOs of the node, beginning with PDO, or those of a network file or a DCF without a bus.
 
-    PDOs, the frame of one, and the objects that it may map; Tab goes on to the next. Nothing is written before F10
+    PDOs, the frame of one, and the objects that it may map; Tab continues to the next. Nothing is written before F10
     (or Ctrl-S), which writes like map; F5 shows the plan, F2 saves a script, a network file or a DCF, F1 lists the
     keys, Esc leaves.
 

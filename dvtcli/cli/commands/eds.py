@@ -79,7 +79,7 @@ class IdentityType(CanopenType):
 @click.argument("action", type=click.Choice(_ACTIONS), metavar="|".join(_ACTIONS))
 @click.argument("files", type=FILE, nargs=-1, metavar="[FILE...]")
 @click.option("--rule", "only", multiple=True, metavar="NAME", help="check: this rule only; repeatable.")
-@click.option("--without", multiple=True, metavar="NAME", help="check: all rules but this one; repeatable.")
+@click.option("--without", multiple=True, metavar="NAME", help="check: skip this rule; repeatable.")
 @click.option("--strict", is_flag=True, help="check: treat warnings as errors.")
 @click.option(
     "--identity", type=IdentityType(), metavar="vendor=…,product=…", help="add: keep FILE for nodes of this identity."
@@ -152,12 +152,14 @@ def _refuse_options(action: str, identity: dict[str, int] | None, conversion: Co
         raise UsageError("--identity belongs to eds add", hint="eds add drive.eds --identity vendor=0x1E,product=5")
     if asks_rules and action != "check":
         hint = f"--rule, --without, --strict and --format {' | '.join(SPECIAL_FORMATS)} belong to eds check"
-        raise UsageError(f"eds {action} asks no rules", hint=hint)
+        raise UsageError(f"eds {action} checks no rules", hint=hint)
 
 
 def _one(action: str, files: tuple[str, ...]) -> str:
     if len(files) > 1:
-        raise UsageError(f"eds {action} takes one file", hint=f"{len(files)} were given; eds check takes several")
+        raise UsageError(
+            f"eds {action} takes one file", hint=f"{len(files)} were given; only eds check takes several files"
+        )
     return files[0]
 
 
@@ -175,7 +177,7 @@ def _library(
     if action == "prefer":
         return prefer_file(session, _one(action, files))
     if files:
-        raise UsageError("eds list takes no file", hint="eds show FILE tells what is in one")
+        raise UsageError("eds list takes no file", hint="eds show FILE shows the contents of a file")
     return list_files(session)
 
 

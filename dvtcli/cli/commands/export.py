@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 @click.command("export", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("file", type=FILE)
 @click.option(
-    "--twice", is_flag=True, help="DCF, XDC: read each object twice, and leave out values that changed meanwhile."
+    "--twice",
+    is_flag=True,
+    help="DCF, XDC: read each object twice, and leave out values that changed between the reads.",
 )
 @click.pass_obj
 @dbc_options

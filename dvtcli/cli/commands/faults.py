@@ -46,7 +46,9 @@ def command(session: Conversation, /, clear: bool, watch: bool, duration_s: floa
     faults --watch --for 200ms --json
     """
     if clear and watch:
-        raise click.UsageError("--clear empties the history of one node, --watch listens to all: give one of them")
+        raise click.UsageError(
+            "--clear empties the history of one node, --watch shows all nodes: give only one of them"
+        )
     if duration_s is not None and not watch:
         raise click.UsageError("--for belongs to --watch")
     if watch:

@@ -1,4 +1,4 @@
-"""Find out what a device accepts, roll everything back, and write a profile and a simulated family."""
+"""Test what a device accepts, roll everything back, and write a profile and a simulated family."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     "--compare",
     type=TEXT,
     metavar="PROFILE",
-    help="Show differences from this profile, or from that in the folder ./NAME; exit code 3 if there are any.",
+    help="Show differences from this profile, or from the profile in the folder ./NAME; exit code 3 if any.",
 )
-@click.option("--isolated", is_flag=True, help="Nothing else is on the bus: also try restricted CAN-IDs.")
+@click.option("--isolated", is_flag=True, help="No other node is on the bus: also try restricted CAN-IDs.")
 @click.option("--with-store", is_flag=True, help="Also test the store: at most two writes to 0x1010.")
 @click.pass_obj
 def command(

@@ -48,7 +48,7 @@ def command(
     from dvtcli.operations.plans.link_pdos import link_pdos
 
     if silent and heartbeat is not None:
-        raise UsageError("--heartbeat and --no-heartbeat exclude each other: give one")
+        raise UsageError("--heartbeat and --no-heartbeat exclude each other: give only one of them")
     asked: int | Literal[False] | None = False if silent else heartbeat
     sender, *hearers = endpoints(ctx.obj, (producer, *consumers))
     return link_pdos(ctx.obj, sender, hearers, heartbeat=asked, on_plan=partial(show_plan, ctx.obj.output))

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @click.command("load", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("file", type=FILE, required=False)
-@click.option("--for", "for_s", type=DurationType(0, 3600), metavar="TIME", help="Time to listen [3s]; 0: none.")
+@click.option("--for", "for_s", type=DurationType(0, 3600), metavar="TIME", help="Time to receive [3s]; 0: none.")
 @click.option("--at", "bit_rate", type=BitRateType(), metavar="BIT/S", help="Compute for this bit rate.")
 @click.option(
     "--sync", "sync_ms", type=PeriodType("ms", 0.1, 100_000), metavar="MS", help="Compute for this SYNC period."
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     "emcy_ms",
     type=PeriodType("ms", 0.1, 1e7),
     metavar="MS",
-    help="Compute with one EMCY in this time for a node without 0x1015 [1000].",
+    help="Assume at most one EMCY in this time for a node without 0x1015 [1000].",
 )
 @click.option(
     "--inhibit", type=InhibitType(), multiple=True, metavar="[NODE:]tpdoN=MS", help="Compute with this inhibit time."

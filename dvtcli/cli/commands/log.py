@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 @click.command("log", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("file", type=FILE)
-@click.option("-a", "--append", is_flag=True, help="Append to FILE (.blf .log); with --decode, begin a new file.")
+@click.option("-a", "--append", is_flag=True, help="Append to FILE (.blf .log); with --decode, start a new file.")
 @click.option(
     "-s", "--file_size", "--file-size", "size", type=NumberType(1000, 1 << 40, "a size in bytes"), metavar="BYTES",
-    help="Begin a new file after that many bytes (.asc .blf .log).",
+    help="Start a new file after this many bytes (.asc .blf .log).",
 )  # fmt: skip
 @click.option(
     "--filter", "filters", type=LogFilterType(), multiple=True, metavar="ID:MASK",
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 @parquet_options
 @click.option(
     "--rotate", type=RotationType(), metavar="10min|100MB",
-    help="For --decode: begin a new file after that time or size.",
+    help="For --decode: start a new file after this time or size.",
 )  # fmt: skip
 @click.option("--nodes", type=NodesType(), metavar="ID,…", help="For --decode: nodes whose mapping is read.")
 @click.option("-d", "--dbc", type=FILE, metavar="FILE", help="For --decode: a DBC or network file.")

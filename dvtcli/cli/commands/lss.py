@@ -25,7 +25,7 @@ _HINT = "lss scan prints them: vendor=0x1E product=0x705302D revision=0x30000 se
 def no_words(words: tuple[str, ...]) -> None:
     """Raise UsageError if any words follow."""
     if words:
-        raise UsageError(f"{words[0]}: nothing is expected here", hint="help lss")
+        raise UsageError(f"unexpected {words[0]}", hint="help lss")
 
 
 def address_of_words(words: tuple[str, ...]) -> LssAddress:
@@ -58,7 +58,7 @@ def _parts(words: tuple[str, ...]) -> dict[str, tuple[str, str]]:
         if not equals or name not in _PARTS:
             raise UsageError(f"{word}: write vendor=… product=… revision=… serial=…", hint=_HINT)
         if name in said:
-            raise UsageError(f"{name} is given twice", hint=_HINT)
+            raise UsageError(f"{name} was given twice", hint=_HINT)
         said[name] = word, number
     return said
 
@@ -109,7 +109,7 @@ def one_file(words: tuple[str, ...]) -> str:
 def rate_and_file(words: tuple[str, ...]) -> tuple[int, str | None]:
     """Return the bit rate (bit/s), written `500k` or `500000`, and the network file after it if given."""
     if not 1 <= len(words) <= 2:
-        raise UsageError("lss bitrate takes a bit rate, and a network file or none", hint="lss bitrate 500k")
+        raise UsageError("lss bitrate takes a bit rate and, optionally, a network file", hint="lss bitrate 500k")
     digits = words[0].lower().removesuffix("bit/s").strip()
     factor = {"k": 1_000, "m": 1_000_000}.get(digits[-1:], 1)
     number = digits if factor == 1 else digits[:-1]
@@ -142,7 +142,7 @@ def _final(params: Mapping[str, Any]) -> Final | None:
     metavar="MS",
     help="scan: milliseconds to wait for each answer [50].",
 )
-@click.option("--store", "stores", is_flag=True, help="assign, bitrate: also store it, when all nodes came up.")
+@click.option("--store", "stores", is_flag=True, help="assign, bitrate: also store it, after all nodes have started.")
 @click.option("--prove", is_flag=True, help="store, assign/bitrate --store: reset the nodes and check them.")
 @click.pass_obj
 def command(

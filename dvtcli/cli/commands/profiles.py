@@ -1,4 +1,4 @@
-"""List the device profiles, or show one with the source of each value; show what single devices demand."""
+"""List the device profiles, or show one with its sources; show needs of single devices."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def command(action: str | None, name: str | None) -> ProfileListing | ProfileSho
 
     if name is None and action in ("show", "forget"):
         known = known_profiles() if action == "show" else (*known_habits(), "all")
-        raise click.UsageError(f"which one? {', '.join(known)}")
+        raise click.UsageError(f"give a name: {', '.join(known)}")
     if action == "habits":
         if name is not None:
             raise click.UsageError("profiles habits lists all of them")

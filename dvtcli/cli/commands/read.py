@@ -95,7 +95,7 @@ def _to_file(session: SessionNodes, objects: tuple[ObjectWord, ...], data_type: 
     if only.node_id is None:
         _require_one_node(session)
     if data_type is not None:
-        raise click.UsageError("--as is of no use with -o: the bytes are written as they are")
+        raise click.UsageError("--as has no effect with -o: the bytes are written as they are")
     return read_to_file(session, only.text, output, only.node_id)
 
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     metavar="N",
     help="N times as fast; 0: as fast as the load limit allows [1].",
 )
-@click.option("--from", "from_s", type=SinceType(), metavar="S", help="Begin S seconds after the first frame.")
+@click.option("--from", "from_s", type=SinceType(), metavar="S", help="Start S seconds after the first frame.")
 @click.option("--to", "to_s", type=SinceType(), metavar="S", help="End S seconds after the first frame.")
 @click.option(
     "--filter", "only", type=FrameFilterType(), multiple=True, metavar="FRAMES",

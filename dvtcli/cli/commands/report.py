@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     "for_s",
     type=DurationType(0, 3600),
     metavar="TIME",
-    help="Time to listen to the bus [2s]; 0: none.",
+    help="Time to receive from the bus [2s]; 0: none.",
 )
 @click.pass_obj
 def command(

@@ -32,7 +32,7 @@ class SecondsType(CanopenType):
         try:
             seconds = float(text)
         except ValueError:
-            raise ValueError(f"{text!r} is no number of seconds") from None
+            raise ValueError(f"{text!r} is not a number of seconds") from None
         if not 0.1 <= seconds <= 86_400:
             raise ValueError(f"{text}: a script may compute for 0.1…86400 s")
         return seconds
@@ -43,7 +43,7 @@ class SecondsType(CanopenType):
 @click.option(
     "--keep-going", is_flag=True, help="Go on after a line that fails; end with the first failure's exit code."
 )
-@click.option("--atomic", is_flag=True, help="Roll back all lines, on all nodes, if one fails.")
+@click.option("--atomic", is_flag=True, help="Roll back all lines, on all nodes, if a line fails.")
 @click.option(
     "--max-seconds",
     "most_seconds",

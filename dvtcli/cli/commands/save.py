@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 @click.command("save", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
 @click.argument("file", type=FILE)
 @click.option("--history", is_flag=True, help="Every step as typed, stores and NMT commands included.")
-@click.option("--all", "everything", is_flag=True, help="Everything that the node's PDOs hold.")
+@click.option("--all", "everything", is_flag=True, help="The complete configuration of the node's PDOs.")
 @click.pass_context
 def command(ctx: click.Context, /, file: str, history: bool, everything: bool) -> Facts:
     """Write this session's changes to FILE as a script that requires the node's identity.

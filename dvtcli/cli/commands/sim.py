@@ -22,7 +22,9 @@ if TYPE_CHECKING:
 @click.option(
     "--listen", type=TEXT, metavar="HOST:PORT", help="Address to listen on [127.0.0.1:29536]; port 0: a free port."
 )
-@click.option("--state", type=FILE, metavar="DIR", help="Folder that keeps what nodes store (0x1010) for the next sim.")
+@click.option(
+    "--state", type=FILE, metavar="DIR", help="Folder for the stored values (0x1010) of the nodes, for the next sim."
+)
 @click.option(
     "--latency",
     type=TEXT,

@@ -76,7 +76,9 @@ def command(
     if limit_s is not None and way != "power":
         raise UsageError("--within belongs to --prove power")
     if if_changed and way is not None:
-        raise UsageError("--if-changed may store nothing, and --prove then proves nothing: give one of them")
+        raise UsageError(
+            "with --if-changed nothing may be stored, and --prove would then prove nothing: give only one of them"
+        )
     return store_settings(
         session, session.node(), group, prove=way, if_changed=if_changed, wait_s=limit_s or POWER_CYCLE_S
     )

@@ -40,5 +40,5 @@ def command(ctx: click.Context, /, words: tuple[str, ...]) -> int:
     if not session.at_prompt:
         raise UsageError("tcl needs a line of Tcl, or the prompt", hint="tcl puts [expr 2*3]; run FILE.tcl")
     tcl.on = True
-    session.output.note("every line is Tcl's now; `exit` or Ctrl-D goes back")
+    session.output.note("every line is now Tcl; `exit` or Ctrl-D returns to dvtcli")
     return 0

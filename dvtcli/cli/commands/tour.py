@@ -34,13 +34,13 @@ STEPS = (
     ),
     TourStep("This is the frame now, byte by byte:", "pdo tpdo1"),
     TourStep(
-        "What cannot work never reaches the node. The vendor-ID is not mappable, and\n"
-        "the error says so, with what the device would have answered:",
+        "A request that cannot work never reaches the node. The vendor-ID cannot be\n"
+        "mapped, and the error has the abort code that the device would have sent:",
         "map tpdo1 6041 1018:1",
         1,
     ),
     TourStep("--dry-run tries a line on an exact twin of the node; nothing is written:", "clear tpdo2 --dry-run"),
-    TourStep("Start the node and send a SYNC, and the frame comes:", "verify tpdo1 --frame --yes"),
+    TourStep("Start the node and send a SYNC; the node transmits the frame:", "verify tpdo1 --frame --yes"),
     TourStep("So far it is in the node's RAM. Let it survive a reset, and prove that:", "store --prove"),
     TourStep("Undo the last change:", "undo"),
 )
@@ -69,7 +69,7 @@ def command(ctx: click.Context, /) -> int:
     guide.start({"sim": (_SHOWN,), "color": session.base.color, "ascii": session.base.ascii})
     guide.started = True
     if session.is_open and not session.base.sim:
-        _say(guide, "The tour runs on a simulated node of its own: nothing of it reaches the bus that is open here.")
+        _say(guide, "The tour uses its own simulated node: it sends nothing to the open bus.")
     asks = sys.stdin.isatty() and sys.stderr.isatty() and not session.in_script
     try:
         for number, step in enumerate(STEPS, 1):

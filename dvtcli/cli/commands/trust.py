@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @click.command("trust", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False)
 @click.argument("file", type=FILE, required=False)
-@click.option("--remove", is_flag=True, help="Stop trusting the file, even if it is gone.")
+@click.option("--remove", is_flag=True, help="Stop trusting the file, even if it no longer exists.")
 @click.pass_obj
 def command(session: Session, /, file: str | None, remove: bool) -> Facts:
     """Trust FILE, or the project's dvtcli.toml here or above, until a byte of it changes. Read it first.

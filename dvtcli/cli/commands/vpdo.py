@@ -60,7 +60,7 @@ def command(
     if group is None or pin is None:
         return list_ties(session, group)
     if pin and object_ is None:
-        raise click.UsageError(f"what shall {group} pin {pin} be tied to? give an object, or none")
+        raise click.UsageError(f"give the object to link {group} pin {pin} to, or none")
     if not pin and object_ is not None:
-        raise click.UsageError(f"`vpdo {group} none` takes no object: it unties every pin")
+        raise click.UsageError(f"`vpdo {group} none` takes no object: it unlinks every pin")
     return tie_pin(session, group, pin, None if object_ is None or object_.text == _NONE else object_.text)

@@ -49,7 +49,7 @@ def command(session: Session, /, object_: ObjectWord, value: str, data_type: Dat
         from dvtcli.operations.objects.object_files import write_from_file
 
         if data_type is not None:
-            raise click.UsageError("--as is of no use with @FILE: its bytes are written as they are")
+            raise click.UsageError("--as has no effect with @FILE: its bytes are written as they are")
         return write_from_file(session, node, index, sub_index, value[1:])
     value = value.removeprefix("@") if value.startswith("@@") else value
     return write_text(session, node, index, sub_index, value, data_type)

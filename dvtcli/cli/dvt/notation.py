@@ -93,7 +93,7 @@ def _width_of_digits(text: str) -> int:
         )
     count = len(digits) - 2
     if count % 2 or count // 2 not in WIDTHS:
-        raise ValueError(f"{text}: in hex the digits give the width, 2 a byte; {count} digits are no width")
+        raise ValueError(f"{text}: in hex the digits set the width, 2 per byte; {count} digits are not possible")
     return count // 2
 
 

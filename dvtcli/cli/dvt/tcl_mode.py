@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation, TypedTcl
 
 
-_OVER = CallResult(True, "the line ended at the command before this one")
+_OVER = CallResult(True, "the line ended at the previous command")
 
 
 class LineEnd(NamedTuple):
@@ -136,7 +136,7 @@ class TclMode:
         finally:
             if not self._lines.waits:  # it was stopped from outside, or is gone
                 self.close()
-                self._session.output.note("Tcl begins again: variables and procedures are gone")
+                self._session.output.note("Tcl was restarted: its variables and procedures are lost")
 
 
 def tcl_of(session: Conversation) -> TypedTcl:

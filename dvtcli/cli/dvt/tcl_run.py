@@ -42,15 +42,15 @@ class TclRun:
         self._session, self._source, self._process, self._calls = session, source, process, calls
         self._limits, self._start_s = limits, start_s
         self._computed_s = 0.0
-        self._ended_hint = "its earlier changes stay"
-        self._endless_hint = "the changes of its words stay"
+        self._ended_hint = "its earlier changes remain"
+        self._endless_hint = "the changes of its commands remain"
         #: the place of the last served call, None if none
         self._last: str | None = None
 
     def _begin(self, path: str) -> Ready:
         """Start the process, with the script at *path* if any. Raises DvtcliError if Python has no Tcl."""
         setup = Setup(path, self._calls.served, *self._limits)
-        late = DvtcliError(f"{self._source}: Tcl's process did not begin within {self._start_s:g} s")
+        late = DvtcliError(f"{self._source}: the Tcl process did not start within {self._start_s:g} s")
         ready: Ready = self._received(setup, self._start_s, late, Ready)
         if ready.missing:
             raise DvtcliError(
@@ -85,7 +85,7 @@ class TclRun:
             raise self._stopped(late) from None
         except WireError as wrong:
             raise self._stopped(
-                DvtcliError(f"{self._source}: Tcl's process broke its protocol and was ended", why=str(wrong))
+                DvtcliError(f"{self._source}: the Tcl process violated its protocol and was ended", why=str(wrong))
             ) from wrong
         except Gone:
             raise self._stopped(self._gone()) from None
@@ -130,7 +130,7 @@ class TclRun:
         if end.how == "memory":
             return self._too_big(place, end.message)
         if end.how != "failed":
-            return DvtcliError(f"{place}: Tcl's process ended the script in an unknown way", why=end.how[:40])
+            return DvtcliError(f"{place}: the Tcl process ended the script for an unknown reason", why=end.how[:40])
         return UsageError(
             f"{place}: {end.message[:_MOST_OF_A_MESSAGE]}", place=place,
             hint="; ".join(filter(None, [modern(end.message), self._ended_hint])),

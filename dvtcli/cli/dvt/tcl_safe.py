@@ -104,7 +104,7 @@ class Commands:
             raise UsageError("source: it is: source FILE")
         path = self._inside(texts[-1])
         if not path.is_file():
-            raise UsageError(f"source: there is no file {texts[-1]}")
+            raise UsageError(f"source: no such file: {texts[-1]}")
         return str(path)
 
     def _open_path(self, *texts: str) -> str:
@@ -112,7 +112,7 @@ class Commands:
             raise UsageError("open: a Tcl script may only read files, of its own folder: open FILE r")
         path = self._inside(texts[0])
         if path.exists() and not path.is_file():  # a pipe would be waited for without end
-            raise UsageError(f"open: {texts[0]} is no file")
+            raise UsageError(f"open: {texts[0]} is not a file")
         return str(path)
 
     def _inside(self, name: str) -> Path:
@@ -122,7 +122,7 @@ class Commands:
         except (OSError, ValueError) as wrong:
             raise UsageError(f"{name}: {wrong}") from wrong
         if not path.is_relative_to(self._folder):
-            raise UsageError(f"{name} is outside of the script's folder: a Tcl script reads no file elsewhere")
+            raise UsageError(f"{name} is outside the script's folder: a Tcl script reads only files of its own folder")
         return path
 
 

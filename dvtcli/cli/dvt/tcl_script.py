@@ -35,7 +35,7 @@ def run_tcl(
     """
     if keep_going:
         raise UsageError(
-            "--keep-going is for .dvt scripts: a Tcl script runs on after an Abort by itself, and looks at the answers"
+            "--keep-going is for .dvt scripts: a Tcl script continues after an abort anyway, and can check the answers"
         )
     refuse_own_run(session, source)
     if not Path(source).is_file():  # Tcl reads it itself: a pipe would be empty by then
@@ -59,13 +59,13 @@ class TclScript(TclRun):
         self._path = Path(source).resolve()
         super().__init__(session, source, process, TclCalls(session, source, self._path.parent), limits, start_s)
         self._ended_hint = f"the script ended at this line; {self._ended_hint}"
-        self._endless_hint += "; run --max-seconds N gives it more"
+        self._endless_hint += "; run --max-seconds N allows more time"
 
     def check(self) -> None:
         """Raise UsageError with the line of an unterminated command, DvtcliError if Python has no Tcl."""
         if line := self._begin(str(self._path)).unclosed:
             place = f"{self._source}:{line}"
-            raise UsageError(f"{place}: a brace, bracket or quote that begins here is not closed", place=place)
+            raise UsageError(f"{place}: a brace, bracket or quote opened here is not closed", place=place)
 
     def run(self) -> int:
         """Run the script; returns its exit code. Raises a word's errors other than Abort and Timeout."""
@@ -92,7 +92,7 @@ class TclScript(TclRun):
         count = len(self._calls.failures)
         words = f"{count} word{' was' if count == 1 else 's were'} refused"
         text = f"{words}, first at {place} ({first.word}: {first.answer})"
-        hint = "if that is meant, end the script with `exit 0`"
+        hint = "if this is intended, end the script with `exit 0`"
         if self._session.output.json:
             raise self._placed(ended_with(first.exit_code, text, hint=hint))
         self._session.output.warning(f"{text}; {hint}")

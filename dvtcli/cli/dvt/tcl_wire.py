@@ -108,13 +108,13 @@ def decode(line: bytes, *kinds: type[Any]) -> Any:
     try:
         values = json.loads(line)
     except (ValueError, RecursionError) as wrong:
-        raise WireError(f"no JSON: {wrong}") from wrong
+        raise WireError(f"not JSON: {wrong}") from wrong
     if not isinstance(values, list) or not values or not isinstance(values[0], str):
         raise WireError("no frame")
     name, *fields = values
     kind = _KINDS.get(name)
     if kind is None or kind not in kinds:
-        raise WireError(f"{name[:40]!r} may not come now")
+        raise WireError(f"{name[:40]!r} is not allowed now")
     wanted: dict[str, Any] = kind.__annotations__
     if len(fields) != len(wanted):
         raise WireError(f"{name} with {len(fields)} fields")

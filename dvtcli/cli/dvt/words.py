@@ -225,7 +225,7 @@ def _meant(session: SessionNodes, word: DvtWord, values: Sequence[Any]) -> str:
         if place != (index, sub_index) and dictionary is not None and dictionary.entry(*place) is not None:
             typed = f"{index} {sub_index}"
             in_hex = f"0x{place[0]:04X} 0x{place[1]:02X}"
-            return f"without 0x a number is decimal: {typed} would be {in_hex} in hex, which is there"
+            return f"without 0x a number is decimal; did you mean {in_hex}? It exists; {typed} is read as decimal"
     return ""
 
 

@@ -188,7 +188,7 @@ def _w(text: str) -> int:
 def _head(view: EditorView, width: int) -> Lines:
     """Return the node and its state: of both, the state is never cut."""
     changed = view.pdos.changed()
-    done, held = ("written", "as the file has it") if view.of_file else ("applied", "as the node holds it")
+    done, held = ("written", "as the file has it") if view.of_file else ("applied", "value in the node")
     state = f"{', '.join(pdo.label for pdo in changed)} changed, not {done}" if changed else held
     if columns(state) > width // 2:
         state = f"{plural(len(changed), 'PDO')} changed, not {done}"
@@ -221,11 +221,11 @@ def _rule_line(view: EditorView) -> Cell:
     if view.findings is None:
         return Cell("asking the rules...", "dim")
     if view.not_judged:
-        return Cell(f"the rules could not be asked: {view.not_judged}", "red")
+        return Cell(f"the rules could not be checked: {view.not_judged}", "red")
     found = view.findings.get(view.pdo, ())
     if not found:
         others = [pdo.label for pdo, findings in view.findings.items() if findings]
-        return Cell(f"the rules also say something of {', '.join(others)}" if others else "", "yellow")
+        return Cell(f"the rules also have findings for {', '.join(others)}" if others else "", "yellow")
     first = max(found, key=lambda finding: finding.severity is Severity.ERROR)
     more = f"  (+{len(found) - 1})" if len(found) > 1 else ""
     style = "red" if first.severity is Severity.ERROR else "yellow"
@@ -327,7 +327,7 @@ def _object_lines(view: EditorView, width: int, room: int) -> Lines:
     does = "replace" if view.replaces else "map"
     lines: Lines = [[Cell(f" {does}: ", "cyan"), *view.filter.cells(max(8, width - 12))]]
     if not view.offers:
-        return [*lines, [Cell("  no object has that in its number, name or unit", "dim")]]
+        return [*lines, [Cell("  no object matches by number, name or unit", "dim")]]
     for number in view.object_cursor.window(len(view.offers), max(1, room - 1)):
         offer = view.offers[number]
         kind = offer.listed.entry.data_type.short if offer.listed.entry.data_type else "?"

@@ -82,7 +82,7 @@ def _shown_first(node: ReadableNode, pdo: NodePdo | None) -> Pdo | None:
         raise UsageError(f"node {node.node_id} has no PDO to edit", node=node.node_id)
     if pdo is not None and pdo.pdo not in node.pdos():
         raise UsageError(
-            f"node {node.node_id} has no {pdo.pdo.label}", hint=Hint(Action.SHOW_PDOS, why="shows those that it has")
+            f"node {node.node_id} has no {pdo.pdo.label}", hint=Hint(Action.SHOW_PDOS, why="shows its PDOs")
         )
     return None if pdo is None else pdo.pdo
 
@@ -90,7 +90,7 @@ def _shown_first(node: ReadableNode, pdo: NodePdo | None) -> Pdo | None:
 def _said(result: Changed, changed: Collection[Pdo]) -> str:
     labels = ", ".join(pdo.label for pdo in changed)
     if result.dry_run:
-        return f"dry run: {labels} would be set with {plural(len(result.plan), 'write')}, nothing was written"
+        return f"dry run: {labels} would be set with {plural(len(result.plan), 'write')}; nothing was written"
     return f"{labels} set: {plural(len(result.plan), 'write')}, read back equal. {kept_text(result)}"
 
 
@@ -268,7 +268,7 @@ def _shown(session: Conversation, nodes: FileNodes, editor: Editor, message: str
             editor = nodes.editor(editor.next_node)
             editor.say("")
         elif nodes.dry_run:
-            editor.say(f"dry run: {join_some(nodes.changed())} would be written, nothing was")
+            editor.say(f"dry run: {join_some(nodes.changed())} would be written; nothing was written")
         else:
             try:
                 return editor, nodes.save(session, nodes.name) or ""

@@ -101,7 +101,7 @@ class Editor:
         if self._judge is not None:
             self._judge.join(_LEAVE_S)
             if self._judge.is_alive() and self.outcome == APPLY:
-                raise DvtcliError("the rules still read the node: nothing was applied", node=self.node.node_id)
+                raise DvtcliError("the rules are still reading the node: nothing was applied", node=self.node.node_id)
 
     def say(self, message: str, *, bad: bool = False) -> None:
         """Show *message* below."""
@@ -132,7 +132,8 @@ class Editor:
             self.beside.say(f"the node was read again: {note}", bad=True)
             return ""
         return (
-            "the node restarted, somebody wrote to it, or an answer was late: it was read again, what you edited stays"
+            "the node restarted, another client wrote to it, or an answer was late: it was read again; your edits "
+            "are kept"
         )
 
     def _names(self) -> Iterator[tuple[PdoMappingEntry, Named]]:
@@ -260,7 +261,7 @@ class Editor:
 
     def _switch(self) -> None:
         if not self.view.config.has_cob_id:
-            self.say("the node does not say the COB-ID of this PDO", bad=True)
+            self.say("the COB-ID of this PDO cannot be read", bad=True)
         else:
             self.pdos.switch(self.view.pdo)
 
@@ -312,7 +313,7 @@ class Editor:
             if parameter.name == COB_ID and text.lower() == "auto":
                 default = pdo.default_can_id(self.node.node_id)
                 if default is None:
-                    return f"{pdo.label} has no CAN-ID in the pre-defined set: type one"
+                    return f"{pdo.label} has no CAN-ID in the pre-defined connection set: enter a CAN-ID"
                 text = f"0x{default:X}"
             try:
                 self.pdos.put(pdo, parameter.set(self.pdos.now[pdo], text))
@@ -365,7 +366,7 @@ class Editor:
             self.say(f"{entry.object}: {offer.reason}", bad=True)
             return
         if entry.bits is None:
-            self.say(f"{entry.object}: its length is not known; type it: {entry.object}/32", bad=True)
+            self.say(f"{entry.object}: its length is unknown; enter it as {entry.object}/32", bad=True)
             return
         self._place(PdoMappingEntry(entry.index, entry.sub_index, entry.bits), *self._place_now())
 
@@ -379,7 +380,7 @@ class Editor:
                 raise UsageError("s in the frame skips bits")
             bits = mapped.bits or self.node.length_of(mapped.index, mapped.sub_index)
             if bits is None:
-                raise UsageError(f"{typed}: its length is not known; type it: {typed}/32")
+                raise UsageError(f"{typed}: its length is unknown; enter it as {typed}/32")
             self._place(PdoMappingEntry(mapped.index, mapped.sub_index, bits), *place)
             return ""
 
@@ -399,7 +400,7 @@ class Editor:
         elif mapping[at : at + 1] == (replaced,):
             self.pdos.replace(pdo, at, entry)
         else:
-            raise UsageError(f"{entry.object} is not mapped: {pdo.label} was changed meanwhile")
+            raise UsageError(f"{entry.object} is not mapped: {pdo.label} was changed in between")
         if pdo == view.pdo and replaced is None:
             view.frame_cursor.chosen = len(mapping)
         elif pdo == view.pdo:
@@ -407,7 +408,7 @@ class Editor:
         view.filter.press("c-e", "")
         view.filter.press("c-u", "")
         view.object_cursor.chosen = view.object_cursor.top = 0
-        self.say(f"{entry.object}/{entry.bits} is mapped; Tab goes on, Enter maps another")
+        self.say(f"{entry.object}/{entry.bits} is mapped; Tab continues, Enter maps another")
 
     def _insert(self, entry: PdoMappingEntry) -> None:
         """Map *entry* behind all others."""
@@ -427,7 +428,7 @@ class Editor:
         """Show what `map` would write."""
         changed = self.pdos.changed()
         if not changed:
-            self.say("nothing to plan: the node holds what is shown")
+            self.say("nothing to plan: the node already has these values")
             return
 
         def work() -> str:
@@ -456,7 +457,7 @@ class Editor:
     def _apply(self) -> None:
         if not self._changes():
             holder = "node holds" if self._file is None else "file has"
-            self.say(f"nothing to {'apply' if self._file is None else 'write'}: the {holder} what is shown")
+            self.say(f"nothing to {'apply' if self._file is None else 'write'}: the {holder} these values already")
             return
         self._end(APPLY)
 

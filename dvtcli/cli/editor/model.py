@@ -156,7 +156,7 @@ class EditedPdos:
 
     def read_again(self, held: Mapping[Pdo, PdoConfig]) -> str:
         """Take what the node holds now, except what was edited; returns what is missing, or was changed twice."""
-        notes = [f"{pdo.label} is not there any more, it stands as it was" for pdo in self.held if pdo not in held]
+        notes = [f"{pdo.label} no longer exists; its old values are shown" for pdo in self.held if pdo not in held]
         now = {**self.now, **held}
         for pdo, edited in self.changed().items():
             if pdo in held:

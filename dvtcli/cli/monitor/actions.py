@@ -94,7 +94,7 @@ class Actions:
         try:
             return kept_rows(self._session, self._bus)
         except DvtcliError as wrong:
-            self.beside.say(f"the transmit list kept for {self._bus}: {error_text(wrong)}", bad=True)
+            self.beside.say(f"the saved transmit list of {self._bus}: {error_text(wrong)}", bad=True)
             return []
 
     def dialog(self) -> Dialog | None:
@@ -130,10 +130,12 @@ class Actions:
             result = command_nmt(self._session, command, node_id)
             if result.failure is not None:
                 raise result.failure
-            seen = ", ".join(f"node {seen_id} {state or 'does not say its state'}" for seen_id, state in result.states)
+            seen = ", ".join(
+                f"node {seen_id} {state or 'has an unknown NMT state'}" for seen_id, state in result.states
+            )
             dry = "dry run, nothing was sent: " if self._session.dry_run else ""
             lost = f"; the reset lost unstored values: {join_some(result.lost)}" if result.lost else ""
-            return f"{dry}nmt {command.word}: {seen or 'nobody is heard'}{lost}"
+            return f"{dry}nmt {command.word}: {seen or 'no node is seen'}{lost}"
 
         self.beside.start(f"nmt {command.word}", work)
 
@@ -209,7 +211,7 @@ class Actions:
             listed.refused = "; ".join(found)
             if layout.service.kind == "other":
                 can_id = can_id_text(frame.can_id, extended=frame.extended)
-                return f"{row.frame}: no node that was read uses CAN-ID {can_id}"
+                return f"{row.frame}: no node that was read transmits CAN-ID {can_id}"
             return ""
 
         if not self.beside.doing:  # else it is judged when it is sent
@@ -273,7 +275,7 @@ class Actions:
         try:
             keep_rows(self._session, self._bus, [listed.row for listed in self._rows])
             if any(is_sdo_request(listed.row) for listed in self._rows):
-                self.beside.say("rows with SDO requests are not kept: they may carry a passcode")
+                self.beside.say("rows with SDO requests are not saved: they may contain a passcode")
         except DvtcliError as failed:
             self.beside.say(error_text(failed), bad=True)
 
@@ -331,7 +333,11 @@ class Actions:
             self.beside.say(error_text(failed), bad=True)
             return
         self._session.made.append(str(recorder.path))
-        left = f"; {recorder.left_out} remote frames are missing, it cannot hold them" if recorder.left_out else ""
+        left = (
+            f"; {recorder.left_out} remote frames are missing, which the format cannot store"
+            if recorder.left_out
+            else ""
+        )
         self.beside.say(f"{recorder.path}: {recorder.frames} frames{left}")
 
     def check(self) -> None:

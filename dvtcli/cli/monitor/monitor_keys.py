@@ -104,7 +104,7 @@ class Monitor:
     def _is_back(self, gone_s: float) -> None:
         """Reset all data, including mappings, after the bus is back."""
         self.actions.gap(gone_s, time())
-        self.store.gap(time(), f"the bus was gone for {gone_s:.0f} s: nothing was seen meanwhile")
+        self.store.gap(time(), f"the bus was lost for {gone_s:.0f} s: no frames of that time")
         self._reader.stop()
         self._reader = MappingReader(self._watched, self.actions.beside.turn)
 

@@ -172,7 +172,7 @@ def head_line(title: str, moment: Moment, state: list[Cell], width: int) -> list
 def _state(store: FrameStore, view: View, moment: Moment) -> list[Cell]:
     cells: list[Cell] = []
     if moment.gone_s is not None:
-        cells.append(Cell(f"GONE for {moment.gone_s:.0f} s, waiting for it  ", "red"))
+        cells.append(Cell(f"LOST for {moment.gone_s:.0f} s, waiting for it  ", "red"))
     cells.append(Cell(f"{store.frames} frames  "))
     if moment.gone_s is None:
         cells += _business(store, moment)
@@ -232,7 +232,7 @@ def _table(store: FrameStore, view: View, moment: Moment, width: int, room: int)
         lines.append([Cell(f"  {plural(idle, 'idle SDO row')} left out: f sdo shows them", "dim")])
     view.top = scrolled(view.top, at_chosen, len(lines), room)
     view.beyond = min(view.beyond, max(0, len(lines) - room - view.top))
-    nothing = "  nothing fits the filter" if store.rows else "  nothing yet"
+    nothing = "  nothing matches the filter" if store.rows else "  nothing yet"
     return lines[view.top + view.beyond :] or [[Cell(nothing, "dim")]]
 
 
@@ -276,12 +276,12 @@ def clock(seconds: float) -> str:
 def _graph(store: FrameStore, view: View, moment: Moment, width: int, room: int) -> Lines:
     signals = chosen_signals(store, view)
     if not signals:
-        return [[Cell("  no signal to draw: nothing decoded yet, or nothing fits the filter", "dim")]]
+        return [[Cell("  no signal to draw: nothing decoded yet, or nothing matches the filter", "dim")]]
     row, signal, history = signals[min(view.chosen, len(signals) - 1)]
     title = f"{title_of(row, store.decoder.called)}  {signal.object}  {signal.name}".rstrip()
     now = Cell(f"  {value_of(signal, history, width)}   ", "yellow")
     if history.low is None:
-        return [[Cell(title, "bold"), now], [Cell("  no number came yet", "dim")]]
+        return [[Cell(title, "bold"), now], [Cell("  no number received yet", "dim")]]
     span_s = (moment.now_s - GRAPH_S, moment.now_s)
     ends = f"-{GRAPH_S:g} s", "now"
     points = physical_points(history.points, signal.meaning)

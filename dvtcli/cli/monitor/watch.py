@@ -292,7 +292,7 @@ def _state(board: Board, view: View, moment: Moment) -> list[Cell]:
     if board.objects:
         cells.append(Cell(f"SDO every {1000 * board.every_s:g} ms  " if board.every_s < 1 else _seconds(board.every_s)))
     if moment.gone_s is not None:
-        cells.append(Cell(f"GONE for {moment.gone_s:.0f} s, waiting for it  ", "red"))
+        cells.append(Cell(f"LOST for {moment.gone_s:.0f} s, waiting for it  ", "red"))
     if moment.reading is not None:
         cells.append(Cell(f"reading the mapping of node {moment.reading}...  ", "cyan"))
     if view.paused:
@@ -379,11 +379,11 @@ def _line(one: _Shown, view: View, moment: Moment, width: int, *, chosen: bool) 
 def _graph(board: Board, view: View, moment: Moment, width: int, room: int) -> Lines:
     shown = shown_values(board)
     if not shown:
-        return [[Cell("  nothing to draw: no value came yet", "dim")]]
+        return [[Cell("  nothing to draw: no value received yet", "dim")]]
     one = shown[max(0, min(view.chosen, len(shown) - 1))]
     title = f"node {one.node}  {one.signal.object}  {one.signal.name}".rstrip()
     if one.history.low is None:
-        return [[Cell(title, "bold"), Cell(f"  {one.problem or 'no number came yet'}", "dim")]]
+        return [[Cell(title, "bold"), Cell(f"  {one.problem or 'no number received yet'}", "dim")]]
     span_s = (moment.now_s - GRAPH_S, moment.now_s)
     ends = f"-{GRAPH_S:g} s", "now"
     points = physical_points(one.history.points, one.signal.meaning)

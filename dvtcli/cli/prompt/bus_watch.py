@@ -74,9 +74,9 @@ def _gone(node_ids: list[int], silences: Mapping[int, tuple[float, bool]]) -> li
         return []
     ages_s = sorted(silences[node_id][0] for node_id in node_ids)
     if len(node_ids) == 1:
-        return [f"node {node_ids[0]}  heartbeat lost: the last one came {ages_s[0]:.1f} s ago"]
+        return [f"node {node_ids[0]}  heartbeat lost: the last was received {ages_s[0]:.1f} s ago"]
     ids = join_some([str(node_id) for node_id in sorted(node_ids)])
-    return [f"node {ids}  heartbeat lost: the last ones came {ages_s[0]:.1f} to {ages_s[-1]:.1f} s ago"]
+    return [f"node {ids}  heartbeats lost: the last were received {ages_s[0]:.1f} to {ages_s[-1]:.1f} s ago"]
 
 
 def _back(node_ids: list[int]) -> list[str]:
@@ -185,7 +185,7 @@ class Life:
 
     def _give_up(self, failed: BusUnavailable) -> None:
         self.failure = "FAILED"
-        self.notices.add(f"{failed.text}: no frames are received any more; leave, and start again once it is back")
+        self.notices.add(f"{failed.text}: no more frames are received; leave and start again when the bus is back")
         self.notices.pump()
 
     def _come_back(self, failed: BusUnavailable) -> None:

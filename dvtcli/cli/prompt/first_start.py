@@ -38,7 +38,7 @@ def first_start(session: Conversation) -> None:
 
     if is_configured():
         return
-    session.output.lines(["No CAN interface is configured. Looking for one on this machine …"])
+    session.output.lines(["No CAN interface is configured. Searching this machine for CAN interfaces …"])
     found = find_interfaces()
     choice = _choose(session, found)
     if choice is None:
@@ -72,7 +72,11 @@ def _offer(found: list[FoundInterface]) -> list[Line]:
     for number, one in enumerate(found, 1):
         table.add(str(number), one.interface, one.channel, Cell(one.problem or one.about, "yellow" * bool(one.problem)))
     table.add(str(len(found) + 1), "simulated", SIMULATED, "a node in this program (no hardware)")
-    head = "Found:" if found else "Found none; is the adapter plugged in, and its driver installed? (dvtcli doctor)"
+    head = (
+        "Found:"
+        if found
+        else "No CAN interface found. Check that the adapter is connected and its driver installed (dvtcli doctor)"
+    )
     return [head, *table.lines()]
 
 
@@ -119,7 +123,7 @@ def _keep(session: Conversation, choice: Choice) -> None:
         return
     refused = why_unusable(str(path))
     if refused is not None:
-        session.output.warning(f"{path} will not be taken: {refused.text}; {typed(refused.hint)}")
+        session.output.warning(f"{path} will not be used: {refused.text}; {typed(refused.hint)}")
         return
     if project is None or project.trusted:
         trust_settings(str(path))  # all of it is the user's own choice

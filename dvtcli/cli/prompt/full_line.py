@@ -161,10 +161,10 @@ def open_history(output: Output, is_secret: Callable[[str], bool]) -> History:
     try:
         _prepare(path)
     except OSError as failed:
-        output.note(f"this session's lines are not kept: {path}: {failed.strerror or failed}")
+        output.note(f"the lines of this session are not saved: {path}: {failed.strerror or failed}")
         return InMemoryHistory()
     except SafetyRefusal as refused:
-        output.warning(f"this session's lines are not kept: {refused.text}; {typed(refused.hint)}")
+        output.warning(f"the lines of this session are not saved: {refused.text}; {typed(refused.hint)}")
         return InMemoryHistory()
     return KeptHistory(str(path), is_secret)
 

@@ -126,7 +126,7 @@ class Prompt:
                 output.warning(said)
             return ""
         if lines:
-            output.note("what was typed meanwhile stands on the line; Enter runs it")
+            output.note("the line has the input typed in between; Enter runs it")
         return lines
 
     def _run(self, line: str) -> int:
@@ -181,9 +181,12 @@ class Prompt:
         what = " and ".join(f"{', '.join(labels)} of node {node_id}" for node_id, labels in unstored.items())
         several = len(unstored) > 1 or any(len(labels) > 1 for labels in unstored.values())
         try:
-            return self._session.output.ask(f"{what} {'are' if several else 'is'} not stored: leave?") or _gone()
+            leaves = self._session.output.ask(f"{what} {'are' if several else 'is'} not stored: leave?") or _gone()
         except KeyboardInterrupt:
-            return self._terminated()
+            leaves = self._terminated()
+        if not leaves:
+            self._session.output.note("dvtcli stays open; store stores the changes, undo reverts them")
+        return leaves
 
 
 def _gone() -> bool:
@@ -237,7 +240,7 @@ def _reached(session: SessionNodes) -> str:
     """Return the selected node's answer or silence; the prompt starts in either case."""
     node_id = session.selected_id()
     if node_id is None:
-        return "  no node is selected: scan finds them, `node ID` selects one"
+        return "  no node is selected: scan finds nodes, `node ID` selects a node"
     try:
         node = session.node(node_id)
     except DvtcliError as silent:

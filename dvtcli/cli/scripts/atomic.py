@@ -81,7 +81,8 @@ class Reach:
         """Raise UsageError with FILE:LINE if an atomic script could not roll back all lines."""
         if self.opaque is not None:
             raise UsageError(
-                f"{self.opaque}: an atomic script cannot run a Tcl script, whose changes are not known before it runs",
+                f"{self.opaque}: an atomic script cannot run a Tcl script, since its changes are unknown before it "
+                f"runs",
                 place=self.opaque,
             )
         if self.keeps_going is not None:
@@ -92,7 +93,7 @@ class Reach:
         if self.wrong is not None:
             place, word, later = self.wrong
             raise UsageError(
-                f"{place}: `{word}` cannot be rolled back, and {later} changes something after it",
+                f"{place}: `{word}` cannot be rolled back, but {later} changes something after it",
                 place=place,
-                hint="in an atomic script it must come after the last line that changes something",
+                hint="in an atomic script, put it after the last line that changes something",
             )

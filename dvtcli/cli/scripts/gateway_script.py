@@ -37,7 +37,7 @@ class GatewayScript:
             return bare.removeprefix(_MARK).split()
         if bare.startswith(_MARK) and not bare.startswith(f"{_MARK}/"):  # `#!/…` names an interpreter
             raise UsageError(
-                f"{place}: what begins with `{_MARK}` is a check, and this is none that is known",
+                f"{place}: a line that begins with `{_MARK}` is a check, but this check is unknown",
                 place=place,
                 hint=f"write `{REQUIRED}4:identity …` or `{REQUIRED}4:power-off`; a comment begins with `# `",
             )
@@ -48,7 +48,7 @@ class GatewayScript:
         if request is None:
             return []
         if request.net not in (None, _NET):
-            raise UsageError(f"{place}: there is no net {request.net}; the bus is net {_NET}", place=place)
+            raise UsageError(f"{place}: unknown net {request.net}; the bus is net {_NET}", place=place)
         return self._meant(request, place)
 
     def _meant(self, request: Request, place: str) -> list[str]:

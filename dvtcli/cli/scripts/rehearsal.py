@@ -87,7 +87,7 @@ def _play_nested(stage: Conversation, file: str, sources: Sequence[str]) -> None
     if file in sources or len(sources) > MOST_NESTED:
         raise UsageError(f"{file} runs itself: {' runs '.join([*sources, file])}", place=file)
     if file == "-" or file.lower().endswith(".tcl"):
-        raise UsageError(f"{file}: the result of such a script is not known before it runs")
+        raise UsageError(f"{file}: the result of such a script is unknown before it runs")
     _play(stage, [*sources, file])
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.user.session_user import SessionUser
 
 
-_ALL_BACK = "rolled back: the script's changes are reverted, read back equal; nothing was stored"
+_ALL_BACK = "rolled back: the changes of the script are reverted and verified; nothing was stored"
 
 
 def run_line(session: Conversation, ctx: click.Context) -> int:
@@ -119,7 +119,7 @@ def run_script(
     """
     refuse_own_run(session, source)
     if atomic and keep_going:
-        raise UsageError("--atomic and --keep-going exclude each other: a failing line takes all lines back")
+        raise UsageError("--atomic and --keep-going exclude each other: a failing line rolls all lines back")
     lines = script_lines(data, source, first_line)
     session.started = True
     session.keep_frames()

@@ -39,7 +39,7 @@ class NodeRolledBack:
             return self.failure
         try:
             if self.made and self.node.bus.boot_ups(self.node.node_id) != self.boot_ups:
-                raise NoAnswer("it restarted meanwhile")  # what was put back before that may be lost again
+                raise NoAnswer("it restarted during the check")  # what was put back before that may be lost again
             self._look_again()
             if self.node.guard is not None:
                 self.node.guard.own_journal.end_group()
@@ -55,7 +55,7 @@ class NodeRolledBack:
 
         left = not_rolled_back(self.made, self.node.node_id, cause, why)
         if unknown:
-            left.hint = "set it by hand: its value before is not known"
+            left.hint = "set it by hand: its old value is unknown"
         return left
 
     def _look_again(self) -> None:
@@ -67,7 +67,7 @@ class NodeRolledBack:
         from dvtcli.device.target_config import config_differences
 
         if lost := config_differences(self.node, still_there(self.node, beginnings(self.made))):
-            raise DeviceRefused(f"it does not hold its earlier values: {lost[0][0]} {lost[0][1]}")
+            raise DeviceRefused(f"it does not have its earlier values: {lost[0][0]} {lost[0][1]}")
 
 
 def undo_patiently(node: Node, *, force: bool) -> tuple[Finding, ...]:
@@ -97,7 +97,7 @@ def left_of(node: Node, plans: list[Plan], cause: str, failed: BaseException) ->
     left.__cause__ = failed
     path = node.guard.open_journal() if node.guard is not None else None
     if path is not None:
-        finish = Hint(Action.RECOVER, why=f"finishes it, from {verbatim(path)}")
+        finish = Hint(Action.RECOVER, why=f"finishes it, with the journal {verbatim(path)}")
         left.place = str(path)
         left.hint = finish.after(BUS_BACK if isinstance(failed, BusUnavailable) else None)
     return left
@@ -224,7 +224,7 @@ class ScriptChanges:
             if lost := no_longer_held(node, changes):
                 self._lost = True
                 raise DeviceRefused(
-                    f"node {node.node_id} no longer holds the values of the script: {lost[0][0]} {lost[0][1]}",
+                    f"node {node.node_id} no longer has the values of the script: {lost[0][0]} {lost[0][1]}",
                     node=node.node_id,
                     why=join_some(f"{label} {text}" for label, text in lost[1:]) or None,
                     hint="a later line altered it, or the node restarted without a boot-up message",
@@ -353,7 +353,7 @@ class ScriptChanges:
         from dvtcli.domain.hint import Action, Hint
 
         return LeftChanged(
-            f"{cause}; what the lines before {self.final} changed cannot be rolled back after that line",
+            f"{cause}; the changes of the lines before {self.final} cannot be rolled back after that line",
             hint=Hint(Action.SHOW_PDOS, why="check each node with {}"),
             state="left_changed",
         )

@@ -66,7 +66,7 @@ def _take(found: list[ScriptLine], line: ScriptLine, source: str) -> None:
     found.append(line)
     if len(found) > MOST_COMMANDS:
         place = f"{source}:{line.number}"
-        raise InputFileError(f"{place}: more than {MOST_COMMANDS} commands are no script", place=place)
+        raise InputFileError(f"{place}: a script has at most {MOST_COMMANDS} commands", place=place)
 
 
 def _gateway_lines(text: str, source: str) -> list[ScriptLine]:
@@ -82,7 +82,7 @@ def _gateway_lines(text: str, source: str) -> list[ScriptLine]:
 def script_text(data: bytes, source: str) -> str:
     """Decode a script. Raises InputFileError with FILE:LINE if it is no text."""
     if len(data) > MOST_BYTES:
-        raise InputFileError(f"{source}: {len(data)} bytes are no script", place=source)
+        raise InputFileError(f"{source}: {len(data)} bytes are too long for a script", place=source)
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as wrong:

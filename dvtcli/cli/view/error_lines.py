@@ -57,7 +57,7 @@ _OBJECT = re.compile(r"(?:0x)?[0-9A-F]{4}:[0-9A-F]{2}")
 _PDO = re.compile(r"[RT]PDO[0-9]{1,3}")
 _STATES: dict[State, str] = {
     "unchanged": "unchanged: nothing was written",
-    "rolled_back": "rolled back: everything is as it was, read back equal; nothing was stored",
+    "rolled_back": "rolled back: everything is as before and verified; nothing was stored",
     "left_changed": "LEFT CHANGED: see above",
     "unknown": "unknown: read the device again",
 }
@@ -184,7 +184,7 @@ def _state(error: DvtcliError, at: str | None) -> str:
         text = _BY_THIS_LINE.get(error.state, text)
     others = [str(node_id) for node_id, state in sorted(error.nodes.items()) if state != error.state]
     if others and error.state_text is None:
-        text = f"{text}, but for node {', '.join(others)}" if error.node is None else f"node {error.node} {text}"
+        text = f"{text}, except for node {', '.join(others)}" if error.node is None else f"node {error.node} {text}"
     if not error.stays:
         return text
     stays = f"the changes of {join_some(error.stays)} stay"
@@ -235,7 +235,7 @@ def _forced(error: RuleError) -> str:
     """Describe the effect of --force, if applicable."""
     if error.rehearsed or not error.can_force:
         return ""
-    return "; --force continues nevertheless, and writes nothing" if error.only_looked else "; --force sends it anyway"
+    return "; --force continues anyway, and writes nothing" if error.only_looked else "; --force sends it anyway"
 
 
 def _rule_text(finding: Finding) -> str:

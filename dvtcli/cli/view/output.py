@@ -241,13 +241,16 @@ class Output:
         keys = typed_ahead(sys.stdin)
         if keys and self.typed_ahead is not None:
             self.typed_ahead.append(keys)
-            self.warning("what was typed before this question does not answer it: it comes to the next line")
+            self.warning("input typed before this question does not answer it; it is kept for the next line")
         elif said := thrown_away(keys):
             self.warning(said)
         while (answer := self._answer(text)) in ("help", "?", "h"):
             yes = "y" if word is None else word
             self.lines(
-                [f"{yes} and Enter is yes; Enter alone, or anything else, is no, and nothing happens; Ctrl-C leaves"]
+                [
+                    f"{yes} and Enter is yes; Enter alone, or any other answer, is no; Ctrl-C is no and cancels the "
+                    "command"
+                ]
             )
         return answer in (("y", "yes") if word is None else (word.lower(),))
 
@@ -350,7 +353,7 @@ class Output:
             return self.hints().text(value)
         if isinstance(value, NextStep):
             return self.hints().words(value.hint)
-        raise TypeError(f"{type(value).__name__} is nothing that a document holds")
+        raise TypeError(f"{type(value).__name__} cannot be part of a document")
 
     def _colored(self, stream: TextIO) -> bool:
         if self.color != "auto":

@@ -52,7 +52,7 @@ def _request(data: bytes) -> str | None:
         case 2:
             return f"{_object(data)} ?"
         case 4:
-            return f"{_object(data)} given up: {abort_text(int.from_bytes(data[4:8], 'little'))}"
+            return f"{_object(data)} aborted: {abort_text(int.from_bytes(data[4:8], 'little'))}"
     return None
 
 

@@ -47,7 +47,7 @@ def thrown_away(keys: str) -> str | None:
     count = len(_SEQUENCE.sub("", keys))
     if not count:
         return None
-    return f"{count} character{'s' * (count != 1)} typed meanwhile {'was' if count == 1 else 'were'} thrown away"
+    return f"{count} character{'s' * (count != 1)} typed in between {'was' if count == 1 else 'were'} discarded"
 
 
 if sys.platform == "win32":

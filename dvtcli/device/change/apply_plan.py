@@ -131,7 +131,7 @@ def look_again(
     difference = next(filter(None, differences), None)
     if difference is not None:
         raise Restarted(
-            f"node {node.node_id} {what}: {labels_of(plan)} is no longer as wanted",
+            f"node {node.node_id} {what}: {labels_of(plan)} differs from the request",
             node=node.node_id,
             why=difference,
             hint=TRY_AGAIN,
@@ -155,7 +155,7 @@ def _transaction(node: Changeable, plan: Plan, others: UntouchedPdos, initial_st
         try:
             node.guard.own_journal.note(Plan(plan.node_id, tuple(changes)))
         except SafetyRefusal as failed:  # a way back does not wait for a disk
-            node.guard.warn(f"{failed.text}: if this ends before its time, a recovery does not know all of it")
+            node.guard.warn(f"{failed.text}: if this process is killed now, a recovery does not have the whole change")
 
     steps, total = count(1), len(plan)
 
@@ -323,7 +323,7 @@ def _remembered(node: ReadableNode, times: int, what: str) -> str:
         return "if it happens again, it is remembered"
     if not name_of(node.identity()):
         return f"from now on it is {what} first; the node says no identity, so no later process knows"
-    return "this is remembered of devices like this one, as a habit that can be shown and forgotten"
+    return "this is saved as a need of this device"
 
 
 def _may_pass(node: ReadableNode, refused: DeviceRefused) -> bool:

@@ -297,7 +297,7 @@ def who_else(guard: ChangeGuard | None) -> str:
     """Who may have changed the node since this process did, for display."""
     other = None if guard is None else guard.lock.meanwhile
     if other is None:
-        return "it restarted, or somebody else wrote to it"
+        return "it restarted, or another client wrote to it"
     return f"another dvtcli ({other}) wrote to it since"
 
 
@@ -308,4 +308,4 @@ def _way_out(path: Path) -> Hint:
     except InputFileError:
         discard = Hint(Action.RECOVER, {"discard": True}, f"the journal is damaged: {{}} sets {verbatim(path)} aside")
         return discard + Hint(Action.SHOW_PDOS, why=", then check the node with {}")
-    return Hint(Action.RECOVER, why=f"puts the old configuration back, from {verbatim(path)}")
+    return Hint(Action.RECOVER, why=f"rolls back to the old configuration, with the journal {verbatim(path)}")

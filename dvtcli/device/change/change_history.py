@@ -144,7 +144,7 @@ class ChangeHistory:
             entry = self._entry(plan, identity, name)
             self._write(path, [*self._sound(path), entry][-MOST_CHANGES:])
         except (OSError, SafetyRefusal) as failed:
-            self.say(f"the change is done, but cannot be remembered for a later undo: {_why(failed)}")
+            self.say(f"the change is done, but cannot be saved for a later undo: {_why(failed)}")
         else:
             self._own[-1] = (path, entry.id)
 
@@ -228,7 +228,7 @@ class ChangeHistory:
             try:
                 self._remember_back(back, back.changes, identity)
             except (OSError, SafetyRefusal) as failed:
-                self.say(f"it is rolled back, but that it is not stored cannot be remembered: {_why(failed)}")
+                self.say(f"it is rolled back, but cannot be marked as not stored: {_why(failed)}")
 
     def was_stored(self, node_id: int, identity: Identity, labels: Collection[str]) -> None:
         """Mark *labels* as stored, and with them all earlier changes to the same PDOs and objects."""
@@ -239,7 +239,7 @@ class ChangeHistory:
         try:
             self._write(path, [entry for entry in entries if not (entry.undoes and entry.stored >= entry.labels)])
         except (OSError, SafetyRefusal) as failed:
-            self.say(f"it is stored, but that cannot be remembered for a later store: {_why(failed)}")
+            self.say(f"it is stored, but cannot be marked as stored: {_why(failed)}")
 
     def may_be_stored(self, node_id: int, identity: Identity, names: Collection[str]) -> None:
         """Mark the changes with the ids *names* as possibly stored, after a store without an answer.
@@ -255,7 +255,7 @@ class ChangeHistory:
         try:
             self._write(path, entries)
         except (OSError, SafetyRefusal) as failed:
-            self.say(f"that it may be stored cannot be remembered for a later undo: {_why(failed)}")
+            self.say(f"it cannot be marked as stored for a later undo: {_why(failed)}")
 
     def forget_own(self, count: int, back: Plan) -> None:
         """Drop the last *count* changes of this process, undone by *back*."""

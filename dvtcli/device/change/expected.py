@@ -66,7 +66,7 @@ class Expected:
         found = node.observed(lambda: list(self._differences(node)))
         if found:
             raise SafetyRefusal(
-                f"node {node.node_id} is not stored: {found[0][0]} is not as it was read back",
+                f"node {node.node_id} is not stored: {found[0][0]} differs from its verified value",
                 node=node.node_id,
                 place=found[0][1],
                 why="; ".join(text for *_, text in found),

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 TRY_AGAIN = "check its supply, then try again"
 #: What to do first about one that does not answer, and about a bus that failed.
 BRING_BACK = Hint(Action.FIND_NODES, why="bring the node back first (power, wiring, {})")
-BUS_BACK = Hint(Action.CHECK_SETUP, why="bring the bus back first ({} looks at it)")
+BUS_BACK = Hint(Action.CHECK_SETUP, why="restore the bus first ({} checks it)")
 
 
 def brought_back_first(hint: Hint | str | None) -> Hint | None:
@@ -90,7 +90,7 @@ def refused_unreadable(begun: Sequence[Change], blind: Sequence[Change], *, is_k
     back = f"{join_some(read)} is as it was, read back equal; " if read else ""
     if not is_known:
         return f"{names} was refused; unknown whether anything was taken: it cannot be read; {back}nothing was stored"
-    return f"rolled back: {back}{names} was refused, and its value cannot be read; nothing was stored"
+    return f"rolled back: {back}{names} was refused, but its value cannot be read; nothing was stored"
 
 
 def unreadable_left(plan: Plan, taken: Sequence[Change], fault: BaseException) -> LeftChanged:
@@ -100,10 +100,10 @@ def unreadable_left(plan: Plan, taken: Sequence[Change], fault: BaseException) -
         f"{names} of node {plan.node_id} could not be rolled back",
         node=plan.node_id,
         why=f"{fault}{_reason(fault)}; {names} was acknowledged before that, and its old value cannot be read",
-        hint="set it by hand: its value before is not known",
+        hint="set it by hand: its old value is unknown",
         state="left_changed",
     )
-    left.state_text = f"LEFT CHANGED: {names} was written; all else of this change is as it was, read back equal"
+    left.state_text = f"LEFT CHANGED: {names} was written; all other values of this change are rolled back and verified"
     left.details = list(fault.details) if isinstance(fault, DvtcliError) else []
     return left
 
@@ -145,7 +145,7 @@ def left_open(node: Changeable, left: LeftChanged) -> None:
     node.mark_unknown()
     if node.guard is not None:
         left.place = str(node.guard.own_journal.path)
-        finish = Hint(Action.RECOVER, why=f"finishes it, from {verbatim(left.place)}")
+        finish = Hint(Action.RECOVER, why=f"finishes it, with the journal {verbatim(left.place)}")
         left.hint = finish.after(brought_back_first(left.hint))
 
 
@@ -173,7 +173,7 @@ def set_words(plan: Plan) -> str:
     """The result of a completed *plan* in words: verified values, and values that cannot be read back."""
     blind = [change.label for change in plan.unreadable]
     read = [change.label for change in plan.changes if change.label not in blind]
-    said = [f"{join_some(read)} was set and read back equal"] if read else []
+    said = [f"{join_some(read)} was written and verified"] if read else []
     return ", ".join([*said, *([f"{join_some(blind)} was written, which cannot be read back"] if blind else [])])
 
 
@@ -206,7 +206,7 @@ def restore_nmt_state(node: Changeable, error: BaseException, initial_state: Ini
         _add(error, f"stopped once more: check the NMT state of node {node.node_id}")
     else:
         if unseen:
-            _add(error, f"node {node.node_id} restarted; its NMT state before is not known: check it")
+            _add(error, f"node {node.node_id} restarted; its NMT state before is unknown: check it")
     _close(node, error)
 
 

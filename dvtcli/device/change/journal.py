@@ -273,7 +273,7 @@ def read_journal(path: Path) -> Journal:
         return _journal(path, document)
     except (ValueError, RecursionError, OSError) as wrong:
         raise InputFileError(
-            f"{path} is not a journal that can be used",
+            f"{path} is not a usable journal",
             place=str(path),
             why=str(wrong),
             hint=Hint(Action.RECOVER, {"discard": True}, "sets the file aside (it is kept under another name)")

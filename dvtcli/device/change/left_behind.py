@@ -86,7 +86,7 @@ def _state_text(left: LeftChanged) -> str | None:
         if changed := join_some(dict.fromkeys(row.label for row in rows if row.is_known)):
             texts.append(f"{changed} of node {node_id}")
         if unknown := join_some(dict.fromkeys(row.label for row in rows if not row.is_known)):
-            texts.append(f"what node {node_id} holds of {unknown} is not known")
+            texts.append(f"the present value of {unknown} of node {node_id} is unknown")
     same = [f"{join_some(labels)} of node {node_id} is as it was" for node_id, labels in left.as_before.items()]
     if not texts:
         if not same:
@@ -131,7 +131,7 @@ def _differing(sdo: SdoReader, change: Change) -> Iterator[tuple[str, bytes | No
     if isinstance(change, ValueChange):
         step = change.step
         if step.before is None:
-            text = f"0x{step.object} was written, and cannot be read: its old value is not known"
+            text = f"0x{step.object} was written, but cannot be read: its old value is unknown"
             yield step.object, None, None, text
         elif (found := held_otherwise(sdo, change, wanted_before=True)) is not None:
             yield step.object, *found, _words(step.object, *found)
@@ -153,7 +153,7 @@ def _words(place: str, held: bytes | None, before: bytes) -> str:
 def _unread(guarded: Guarded, changes: Iterable[Change], why: str) -> Iterator[LeftObject]:
     for change in changes:
         place = None if isinstance(change, PdoChange) else change.step.object
-        text = f"its value is not known: {why}"
+        text = f"its value is unknown: {why}"
         yield LeftObject(guarded.node_id, _label(change), place, None, None, text, is_known=False)
 
 

@@ -249,10 +249,10 @@ class OwnJournal:
             node=node_id,
             place=str(self.path),
             why=failed.strerror or str(failed),
-            hint=f"delete {self.path}: nothing is to be recovered, and until then nothing can be written to the node",
+            hint=f"delete {self.path}: there is nothing to recover, but until then the node cannot be written",
             state="left_changed",
         )
-        error.state_text = "as planned: set and read back equal; a recovery would put the old configuration back"
+        error.state_text = "as planned: written and verified; a recovery would roll it back"
         return error
 
     def _files(self, what: str) -> AbstractContextManager[None]:
@@ -289,7 +289,7 @@ def journal_files(journals: Journals, node_id: int, what: str) -> Iterator[None]
     except OSError as failed:
         place, moved = Path(failed.filename or journals.folder.parent), journals.folder.parent
         moves = place == moved or {journals.folder, moved / "backups"} & {place, *place.parents}
-        needed = "without a journal nothing is written to a real device"
+        needed = "dvtcli writes to a real device only with a journal"
         shared = f"make room or mend it; {OTHER_STATE}, with the locks" if OTHER_STATE else "make room or mend it"
         raise SafetyRefusal(
             f"the journal of node {node_id} cannot be {what}: {failed.strerror or failed}",

@@ -151,7 +151,7 @@ def replaceable(folder: str) -> tuple[str, str] | None:
 
     mode = os.stat(folder).st_mode  # noqa: PTH116 - pathlib costs 7 ms of a --help
     if mode & _EVERYBODY and not mode & stat.S_ISVTX:
-        return f"everybody can write its folder {folder}", f"chmod o-w {quote(folder)}"
+        return f"its folder {folder} is writable by everybody", f"chmod o-w {quote(folder)}"
     return None
 
 
@@ -214,7 +214,7 @@ def unreadable(folder: str | os.PathLike[str]) -> SafetyRefusal | None:
 def _no_folder(path: str) -> SafetyRefusal:
     from shlex import quote
 
-    what = "a link that leads nowhere" if os.path.islink(path) else "a file, and no folder"  # noqa: PTH114
+    what = "a link that leads nowhere" if os.path.islink(path) else "a file, not a folder"  # noqa: PTH114
     hint = f"mv {quote(path)} {quote(path + '.old')}"
     return SafetyRefusal(f"{path} is not used: it is {what}", place=path, hint=hint)
 

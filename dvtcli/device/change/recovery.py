@@ -160,16 +160,16 @@ class Recovery:
             return None
         node_id, labels = self.node.node_id, join_some(change.label for change in self.unknown)
         left = LeftChanged(
-            f"what node {node_id} holds of {labels} is not known: it can no longer be read",
+            f"the present value of {labels} of node {node_id} is unknown: it can no longer be read",
             node=node_id,
             why="; ".join(dict.fromkeys(str(refused) for refused in self.unknown.values())),
             hint=Hint(Action.RESET_NODE, {"node": node_id}, "restores its stored values")
-            + "or set it by hand when the device takes it; nothing waits to be recovered",
+            + "or set it by hand when the device accepts it; there is nothing left to recover",
             state="left_changed",
         )
         others = [change.label for change in self.changes if change not in self.unknown]
         back = f"; {join_some(others)} is as it was, read back equal" if others else ""
-        left.state_text = f"what node {node_id} holds of {labels} is not known{back}"
+        left.state_text = f"the present value of {labels} of node {node_id} is unknown{back}"
         before = {change.label: change.step.before for change in self.unknown if change.step.before is not None}
         left.details += [("held before", f"{label} {value_text(data)}") for label, data in before.items()]
         return left
@@ -194,7 +194,7 @@ class Recovery:
             place=str(self.journal.path),
             hint=Hint(
                 Action.RECOVER,
-                why=f"check its supply and its wiring; {{}} tries again, from {verbatim(self.journal.path)}",
+                why=f"check its supply and its wiring; {{}} tries again with the journal {verbatim(self.journal.path)}",
             ),
             state="left_changed",
         )
@@ -315,7 +315,7 @@ def _reason(fault: BaseException) -> str:
 
 
 def _next_step(node: NodeDescription, fault: BaseException, journal: Journal) -> Hint:
-    again = Hint(Action.RECOVER, why=f"tries again, from {verbatim(journal.path)}")
+    again = Hint(Action.RECOVER, why=f"tries again, with the journal {verbatim(journal.path)}")
     if isinstance(fault, SdoAborted | DeviceRefused):  # the same again would be refused, or corrected, again
         return (
             Hint(Action.RESET_NODE, {"node": node.node_id}, "restores its stored values")

@@ -229,7 +229,7 @@ class Transaction:
     def _differs(self, change: Change, difference: str, read_back: tuple[bytes, bytes] | None = None) -> DeviceRefused:
         node_id, restarted = self.plan.node_id, self._restarted()
         text = f"node {node_id} took {change.label} without an error, but reads back differently"
-        hint = "the device corrects or ignores the value: its manual says which values it takes"
+        hint = "the device corrects or ignores the value: check its valid values in the manual"
         if restarted:
             text = f"node {node_id} restarted while {change.label} was changed, and reads back differently"
             hint = TRY_AGAIN
@@ -263,7 +263,7 @@ class Transaction:
             self._say_unreadable(fault)
             fault.details += [("rolled back", finding.text) for finding in put_back_findings(otherwise)]
             if otherwise and fault.state == "rolled_back":
-                fault.state_text = "rolled back as far as the device takes it, read back equal; nothing was stored"
+                fault.state_text = "rolled back as far as the device accepts, and verified; nothing was stored"
             fault.node = self.plan.node_id
             fault.state_text = self.others.rolled_back_in_part(self.plan) or fault.state_text
             if self._left:
@@ -276,7 +276,8 @@ class Transaction:
                 self._explain_silence(fault)
             elif isinstance(fault, SdoProtocolError):
                 fault.hint = fault.hint or Hint(
-                    Action.SHOW_FRAMES, why="two nodes with one node-ID, or another SDO client? {} shows the frames"
+                    Action.SHOW_FRAMES,
+                    why="there may be two nodes with one node-ID, or another SDO client; {} shows the frames",
                 )
 
     def _roll_back_side_effects(self, fault: BaseException, second: BaseException) -> tuple[PdoChange, ...]:
@@ -344,7 +345,7 @@ class Transaction:
         own, left = join_some(change.label for change in self.plan.changes), join_some(pdo.label for pdo in self._left)
         fault.state = "unknown"
         fault.state_text = (
-            f"unknown: {own} is as it was, read back equal; {left} is not, and was left alone: the node may have "
+            f"unknown: {own} is as it was, read back equal; {left} is not, and was not changed: the node may have "
             "restarted without a boot-up message, and hold its stored values; check it"
         )
         fault.details.append(("left", join_some(self._left.values())))
@@ -379,7 +380,7 @@ class Transaction:
     def _explain_silence(self, silent: NoAnswer) -> None:
         """Explain *silent*: the node has answered the roll-back since, so it is neither off nor STOPPED."""
         if self._restarted():
-            silent.why, silent.hint = "it restarted meanwhile: its boot-up message was received", TRY_AGAIN
+            silent.why, silent.hint = "it restarted during the check: its boot-up message was received", TRY_AGAIN
         else:
             silent.why = (
                 silent.why or "it answers again: an answer or request may be lost or late, or it restarted unheard"

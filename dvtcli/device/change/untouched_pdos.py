@@ -114,11 +114,11 @@ def altered_too(plan: Plan, altered: Mapping[Pdo, str]) -> DeviceRefused:
     """The error: the device carried out *plan* and *altered* other PDOs as well, as described."""
     own, first = join_some(change.label for change in plan.changes), next(iter(altered))
     return DeviceRefused(
-        f"node {plan.node_id} took {own}, but altered {join_some(pdo.label for pdo in altered)} with it",
+        f"node {plan.node_id} took {own}, but changed {join_some(pdo.label for pdo in altered)} as a side effect",
         node=plan.node_id,
         place=f"{first.communication_index:04X}:01",
         why="; ".join(altered.values()),
-        hint="these PDOs depend on each other in this device: its manual says how",
+        hint="these PDOs depend on each other in this device: see its manual",
     )
 
 
@@ -176,7 +176,7 @@ def others_left(plan: Plan, altered: Mapping[PdoChange, str], failed: DvtcliErro
         why="; ".join(altered.values()) if failed is None else f"{'; '.join(altered.values())}; then: {failed}",
         hint=Hint(
             Action.SHOW_PDOS,
-            why="these PDOs depend on each other in this device: its manual says how; check them with {}",
+            why="these PDOs depend on each other in this device: see its manual; check them with {}",
         ),
         state="left_changed",
     )

@@ -110,7 +110,7 @@ class Asking:
         for write in probe.writes:
             held = self._found.get(write.place)
             if held != write.data and write.place in self._stuck:
-                return f"0x{write.label} does not accept its own value again (0x{(held or b'')[::-1].hex().upper()})"
+                return f"0x{write.label} refuses its own value (0x{(held or b'')[::-1].hex().upper()})"
         return ""
 
     def _once(self, write: ProbeWrite) -> int:
@@ -133,7 +133,7 @@ class Asking:
         if stand is Stand.FOUND:
             return ""
         if stand is not Stand.EMPTY and self.fit is None:
-            return "nothing is known that it maps"
+            return "its mappable objects are unknown"
         wanted = self._wanted(stand)
         if all(self._now.get(place) == data for place, data in wanted.items()):
             return ""
@@ -185,7 +185,7 @@ class Asking:
             raise stopped
         if self.writes >= self.limit:
             raise SafetyRefusal(
-                f"node {self.node.node_id} was written {self.limit} times, as many as were announced",
+                f"node {self.node.node_id} was written {self.limit} times, the announced maximum",
                 node=self.node.node_id,
             )
         self.writes += 1

@@ -180,7 +180,7 @@ def _ask_one(asking: Asking, answers: dict[str, ProbeAnswer], terms: Terms) -> K
     while probes := next_probes(known):
         for probe in probes:
             if probe.where is ProbeCondition.ISOLATED and not terms.isolated:
-                answers[probe.name] = ProbeAnswer(probe, None, why="only while nothing else is on the bus")
+                answers[probe.name] = ProbeAnswer(probe, None, why="only while no other node is on the bus")
                 continue
             answers[probe.name] = asking.ask(probe)
         if known.fits:

@@ -94,7 +94,7 @@ def _asked(node: ReadableNode, probe: Probe) -> ProbeAnswer:
     except SdoAborted as aborted:
         code = aborted.code
     except NoAnswer as silent:
-        silent.hint = "it may still be saving: leave it powered for a while; it is not known whether it saved"
+        silent.hint = "it may still be saving: leave it powered for a while; whether it stored is unknown"
         raise
     if node.bus.boot_ups(node.node_id) != boot_ups:
         raise DeviceRefused(

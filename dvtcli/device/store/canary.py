@@ -339,7 +339,7 @@ def roll_back_test(node: Node, changes: Sequence[Change], text: str) -> None:
             roll_back_patiently(node.sdo, changes, node.bus, node.gate.renew, node.reboot_monitor)
     except (DvtcliError, KeyboardInterrupt) as failed:
         reset = Hint(Action.RESET_NODE, {"node": node.node_id}, "{}, or a power cycle")
-        reset += Hint(Action.SHOW_PDOS, why="shows what it holds")
+        reset += Hint(Action.SHOW_PDOS, why="shows its present values")
         left = LeftChanged(
             f"node {node.node_id} was changed to prove the store, and that could not be rolled back",
             node=node.node_id,

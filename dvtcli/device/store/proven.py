@@ -77,7 +77,7 @@ def uncovered_group(sub_index: int) -> str:
     """Why a proof says nothing about the group *sub_index* of 0x1010 or 0x1011; empty if the group covers PDOs."""
     if sub_index in (EVERYTHING, COMMUNICATION):
         return ""
-    return f"PDOs are what is compared, and nobody says that group {sub_index} has them"
+    return f"PDOs are compared, but it is unknown whether group {sub_index} has them"
 
 
 def unread_of(held: Snapshot, signed: StoreAnswer, after: Mapping[Pdo, PdoConfig] | None = None) -> str:
@@ -103,8 +103,8 @@ _BY_ITSELF = 2
 _POWER = Hint(Action.PROVE_POWER, why="finds out")
 _ALL = Hint(Action.PROVE_STORE, {"what": "all"}, "takes and compares them")
 #: Why no value could be changed in RAM.
-_NO_PLACE = "it lets nothing be changed harmlessly to test the reset: no timer, no heartbeat, no PDO"
-_OFF_FOR_LONGER = Hint(Action.PROVE_POWER, why="switch it off until nothing of it is lit, and {} again")
+_NO_PLACE = "it has nothing that can be changed harmlessly to test the reset: no timer, no heartbeat, no PDO"
+_OFF_FOR_LONGER = Hint(Action.PROVE_POWER, why="switch it off until all its lights are off, then {} again")
 
 
 def prepare_proof(node: Node, before: Snapshot, sub_index: int | None, restart: Restart) -> AnyPlace | None:
@@ -138,7 +138,7 @@ def _refuse_altered(node: Node, before: Snapshot, place: AnyPlace) -> None:
     if not altered:
         return
     text = f"node {node.node_id} altered {join_some(altered)} when {place.name} was changed to test the reset"
-    hint = as_hint("these depend on each other in this device: its manual says how") + Hint(
+    hint = as_hint("these depend on each other in this device: see its manual") + Hint(
         Action.STORE, why="{} alone stores without a proof"
     )
     changes = tuple(
@@ -189,8 +189,8 @@ def refuse_deaf_to_reset(node: ReadableNode, hint: Hint | str) -> None:
         place = node.profile.master_object
         at = "" if place is None else f"{place[0]:04X}:{place[1]:02X}"
         raise DeviceRefused(
-            f"node {node.node_id} obeys no NMT reset: nothing was stored or restored",
-            node=node.node_id, place=at, why=f"0x{at} says that it is an NMT master", hint=hint,
+            f"node {node.node_id} ignores the NMT reset: nothing was stored or restored",
+            node=node.node_id, place=at, why=f"0x{at} makes it an NMT master", hint=hint,
         )  # fmt: skip
 
 
@@ -233,9 +233,12 @@ def prove_store(
     hint = _POWER
     if survived is not None:
         after = survived.without(after)
-        blind = "RAM is kept over a reset, or it was saved by itself"
+        blind = "RAM is kept over a reset, or the device stored on its own"
         if restart.certain:
-            blind, hint = "RAM was kept, so this was no power cycle, or it was saved by itself", _OFF_FOR_LONGER
+            blind, hint = (
+                "RAM was kept, so this was not a power cycle, or the device stored on its own",
+                _OFF_FOR_LONGER,
+            )
     elif restart.certain:
         blind = ""
     uncovered, unread = uncovered_group(signed.sub_index), unread_of(before, signed, after)
@@ -407,7 +410,7 @@ def _values(pdo: Pdo, config: PdoConfig) -> Iterator[tuple[int, int, int | None]
 
 
 #: What to do where the EDS tells no defaults.
-_MANUAL = Hint(Action.SHOW_PDOS, why="shows what it holds; its manual may tell the defaults")
+_MANUAL = Hint(Action.SHOW_PDOS, why="shows its present values; its manual may tell the defaults")
 
 
 def _is_otherwise(before: PdoConfig, after: PdoConfig | None) -> bool:

@@ -153,10 +153,10 @@ def _refuse_fixed(dictionary: ObjectDictionary | None, index: int, sub_index: in
         f"this device cannot {'store' if index == STORE else 'restore its defaults'}",
         node=node_id,
         place=place,
-        why=f"0x{place} is {entry.access} in {dictionary.place(entry)}: it takes no signature",
+        why=f"0x{place} is {entry.access} in {dictionary.place(entry)}: it accepts no signature",
         hint=Hint(
             Action.GIVE_EDS,
-            why="its manual says how it keeps settings; if the file is wrong, correct it, or give another one: {}",
+            why="see its manual for storing settings; if the file is wrong, correct it or give another file: {}",
         ),
     )
 
@@ -165,12 +165,12 @@ def _cannot(node_id: int, index: int, sub_index: int, capability: int | None) ->
     verb = "store" if index == STORE else "restore its defaults"
     place = f"{index:04X}:{sub_index:02X}"
     if capability is None:
-        keeps = "keeps settings" if index == STORE else "forgets settings"
-        why, hint = f"it has no 0x{place}", f"its manual says how it {keeps}"
+        keeps = "storing settings" if index == STORE else "restoring defaults"
+        why, hint = f"it has no 0x{place}", f"see its manual for {keeps}"
     elif capability & 2:
         why, hint = f"0x{place} is {capability}: it stores changes by itself", "nothing to do"
     else:
-        why, hint = f"0x{place} is {capability}: it does not store on command", "its manual says how it keeps settings"
+        why, hint = f"0x{place} is {capability}: it does not store on command", "see its manual for storing settings"
     error = DeviceRefused(f"this device cannot {verb}", node=node_id, place=place, why=why, hint=hint)
     error.abort = None if capability is not None else int(Abort.NO_OBJECT)
     return error

@@ -30,14 +30,14 @@ def words_of(line: str) -> list[str]:
     if len(line) > LONGEST_LINE:
         raise wrong(f"the line has more than {LONGEST_LINE} characters")
     if not (line.isascii() and line.replace("\t", " ").isprintable()):
-        raise wrong("the line has characters that are no ASCII text")
+        raise wrong("the line has characters that are not ASCII")
     found: list[str] = []
     line = line.rstrip(" \t")
     end = 0
     while end < len(line):
         match = _WORD.match(line, end)
         if match is None:
-            raise wrong("a quote is not closed, or stands in a word")
+            raise wrong("a quote is not closed, or is inside a word")
         end = match.end()
         if match[2] is not None:
             break
@@ -55,7 +55,7 @@ def quoted(text: str) -> str:
 def number_of(word: str, least: int, most: int, what: str) -> int:
     """The number in *word*, decimal or `0x…`, *least* to *most*. Raises GatewayRequestError otherwise."""
     if re.fullmatch(r"-?0[0-9]+", word):  # C reads it as octal, people do not
-        raise wrong(f"{what} {word[:20]}: a number has no leading zero")
+        raise wrong(f"{what} {word[:20]}: write the number without a leading zero")
     try:
         number = parse_number(word)
     except ValueError:
@@ -87,7 +87,7 @@ _REAL = re.compile(r"[+-]?(\d{1,40}\.?\d{0,40}|\.\d{1,40})([eE][+-]?\d{1,4})?", 
 def type_word(word: str) -> str:
     """The data type name for *word*. Raises GatewayRequestError if unknown."""
     if word.lower() not in TYPES:
-        raise wrong(f"{word[:20]!r} is no data type")
+        raise wrong(f"{word[:20]!r} is not a data type")
     return word.lower()
 
 
@@ -107,7 +107,7 @@ def data_of(name: str, words: Sequence[str]) -> bytes:
     if kind.kind in _BASE64 and list(words) == [QUOTED]:
         return b""
     if any(word.startswith(QUOTED) for word in words):
-        raise wrong(f"a value of {name} has no quotes")
+        raise wrong(f"write a value of {name} without quotes")
     if name == HEX:
         return _bytes_of(words)
     if kind.kind in _BASE64:
@@ -156,7 +156,7 @@ def _from_base64(word: str) -> bytes:
     try:
         return base64.b64decode(word, validate=True)
     except (binascii.Error, ValueError):
-        raise wrong("the value is no base64") from None
+        raise wrong("the value is not valid base64") from None
 
 
 def _real(kind: DataType, word: str) -> bytes:

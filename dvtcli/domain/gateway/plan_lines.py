@@ -97,7 +97,7 @@ def plan_lines(plan: NetworkPlan, around: dict[int, Around]) -> list[str]:
     ]
     lines.append("# Nothing is read back and nothing rolled back: stop at the first answer that is an ERROR.")
     lines += required_lines(nodes)
-    commands = list(_commands(nodes, around)) or ["nothing to do: every node holds what the file says"]
+    commands = list(_commands(nodes, around)) or ["nothing to do: every node already has the values of the file"]
     number = 0
     for command in commands:
         if isinstance(command, str):
@@ -157,7 +157,7 @@ def _shown(data: bytes) -> str:
 def _who(node: NodePlan) -> str:
     known = [f"{name} 0x{value:08X}" for name, value in node.identity.items() if value is not None]
     who = " ".join(filter(None, ("node", str(node.node_id), _plain(node.name))))
-    return f"# {who}: {', '.join(known) or 'it does not say who it is'}"
+    return f"# {who}: {', '.join(known) or 'it has no readable identity (0x1018)'}"
 
 
 def _plain(text: str) -> str:

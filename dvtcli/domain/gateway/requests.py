@@ -226,12 +226,12 @@ def _command(words: list[str]) -> Command:
             return _alone(Nmt(_NMT[key]), words[count:])
         if len(key) == count and " ".join(key) in ORDERS:
             return _order(" ".join(key), words[count:])
-    raise GatewayRequestError(GatewayError.NOT_SUPPORTED, f"{words[0][:20]!r} is no command here")
+    raise GatewayRequestError(GatewayError.NOT_SUPPORTED, f"{words[0][:20]!r} is not a command of the gateway")
 
 
 def _alone(command: Nmt, rest: list[str]) -> Nmt:
     if rest:
-        raise wrong(f"{rest[0][:20]!r} stands after the command")
+        raise wrong(f"unexpected {rest[0][:20]!r} after the command")
     return command
 
 
@@ -244,7 +244,7 @@ def _place(words: list[str]) -> tuple[int, int]:
 def _read(words: list[str]) -> Read:
     index, sub_index = _place(words)
     if len(words) > 3:
-        raise wrong(f"{words[3][:20]!r} stands after the data type")
+        raise wrong(f"unexpected {words[3][:20]!r} after the data type")
     return Read(index, sub_index, type_word(words[2]) if len(words) == 3 else None)
 
 

@@ -286,7 +286,7 @@ def _common(known: Mapping[Direction, KnownAnswers], most_entries: int) -> Itera
     policies = {way: found for way, answers in known.items() if (found := _rtr_bit(answers)) is not None}
     for way in Direction:
         if policies:
-            yield policies.get(way) or Learnt(f"rtr_bit.{way}", "keep", "not asked: no PDO of this direction could be")
+            yield policies.get(way) or Learnt(f"rtr_bit.{way}", "keep", "not tried: no PDO of this direction could be")
     yield from _first(_extended(answers) for answers in each)
     if Direction.RPDO in known:
         yield from _dummies(known[Direction.RPDO])
@@ -325,7 +325,7 @@ def _max_entry_bits(each: Sequence[KnownAnswers]) -> Iterator[Learnt]:
         undecided = [bits for bits in lengths if longest < bits < first.probe.entry_bits]
         yield Learnt("max_entry_bits", max(undecided, default=longest), first.text)
     elif longest == 64:
-        yield Learnt("max_entry_bits", 64, "no object was refused for its length")
+        yield Learnt("max_entry_bits", 64, "no object was refused because of its length")
 
 
 def _granularity(known: KnownAnswers) -> Learnt | None:

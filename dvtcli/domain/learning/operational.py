@@ -15,7 +15,7 @@ from dvtcli.domain.plan import TRANSMISSION_TYPE
 #: Suffixes of probe names, by state.
 IN_OPERATIONAL, IN_PRE_OPERATIONAL = " in OPERATIONAL", " in PRE-OPERATIONAL"
 #: Violations that a device may check in OPERATIONAL only, in words; and a simulated device's check.
-_RULES = {"missing-object": "an entry of an object that is not there", "type 241": "transmission type 241"}
+_RULES = {"missing-object": "an entry of a missing object", "type 241": "transmission type 241"}
 _CHECKS = {"missing-object": "missing-object", "type 241": "type"}
 _TAKEN = f" is taken{IN_OPERATIONAL}"
 _RESERVED_TYPE = 241

@@ -23,7 +23,7 @@ class Stand(StrEnum):
     BACK = "as it was found"
     EMPTY = "off, count 0"
     FILLED = "off, one entry"
-    ON = "enabled, one entry, on a CAN-ID that nobody uses"
+    ON = "enabled, one entry, on an unused CAN-ID"
 
 
 class ProbeCondition(StrEnum):
@@ -33,9 +33,9 @@ class ProbeCondition(StrEnum):
     #: an enabled PDO: needs PRE-OPERATIONAL, and a CAN-ID that is neither configured nor received
     QUIET = "PRE-OPERATIONAL and a quiet CAN-ID"
     #: a CAN-ID with a meaning for other nodes
-    ISOLATED = "a bus with nothing else on it"
+    ISOLATED = "a bus without other nodes"
     #: the node as it was found, in OPERATIONAL
-    OPERATIONAL = "a bus with nothing else on it, and a node that was found OPERATIONAL"
+    OPERATIONAL = "a bus without other nodes, and a node that was OPERATIONAL before"
     #: a write to the device's memory
     STORE = "leave to store"
 

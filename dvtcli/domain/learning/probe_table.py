@@ -217,10 +217,10 @@ def _entries(known: KnownAnswers) -> Iterator[Probe]:
     if subject.unmappable:
         word = _like_one_that_is_taken(known, subject.unmappable).raw
         yield entry("not-mappable", "an object that is not mappable is mapped", word)
-    yield entry("missing-object", "an object that is not there is mapped", subject.absent << 16 | fit.bits)
-    yield entry("missing-sub-index", "a sub-index that is not there is mapped", fit.index << 16 | 0xEE << 8 | fit.bits)
-    yield entry("entry-zero", "an entry of 0 is taken", 0)
-    yield entry("no-bits", "an entry of 0 bits is taken", fit.raw & ~0xFF, "entry of 0 bits")
+    yield entry("missing-object", "a missing object is mapped", subject.absent << 16 | fit.bits)
+    yield entry("missing-sub-index", "a missing sub-index is mapped", fit.index << 16 | 0xEE << 8 | fit.bits)
+    yield entry("entry-zero", "an entry of 0 is accepted", 0)
+    yield entry("no-bits", "an entry of 0 bits is accepted", fit.raw & ~0xFF, "entry of 0 bits")
     half = next((shorter for shorter in known.fits if 2 * shorter.bits in {other.bits for other in known.fits}), fit)
     yield entry("entry-too-long", "an entry may be longer than its object", (half.raw & ~0xFF) | 2 * half.bits)
     yield entry("entry-bits", "an entry may be longer than 64 bits", (fit.raw & ~0xFF) | 72, "entry of 72 bits")
@@ -232,7 +232,7 @@ def _entries(known: KnownAnswers) -> Iterator[Probe]:
     for bits in (1, 2, 4):
         if longest.bits > bits:
             word = (longest.raw & ~0xFF) | bits
-            yield entry("granularity", f"an entry of {bits} bits is taken", word, f"entry of {bits} bits")
+            yield entry("granularity", f"an entry of {bits} bits is accepted", word, f"entry of {bits} bits")
     for index, bits in DUMMY_BITS.items():
         word = index << 16 | bits
         yield entry("dummy", f"the dummy 0x{index:04X} is mapped", word, f"dummy {index}")
@@ -258,7 +258,7 @@ def _how_many(known: KnownAnswers) -> Iterator[Probe]:
         yield from map(number, range(2, last))
     if last < 64 and not known.subject.more:
         yield _probe(
-            known, f"entry {last + 1}", "an entry after the last one is taken", _entry(known, last + 1, word)
+            known, f"entry {last + 1}", "an entry after the last is accepted", _entry(known, last + 1, word)
         )  # fmt: skip
 
 
@@ -273,7 +273,7 @@ def _counts(known: KnownAnswers) -> Iterator[Probe]:
 
     if most < 64 and not known.subject.more:
         yield _probe(
-            known, "count-beyond", "a count above the entries is taken",
+            known, "count-beyond", "a count above the number of entries is accepted",
             *filled(most, fit), _count(known, most + 1), check="count-beyond",
         )  # fmt: skip
     if known.accepted("entry-zero"):
@@ -309,13 +309,13 @@ def _while_counted(known: KnownAnswers) -> Iterator[Probe]:
         return
     fit = known.fits[0]
     yield _probe(
-        known, "entry-again-counted", "the same entry is taken while the count is 1",
+        known, "entry-again-counted", "the same entry is accepted while the count is 1",
         _entry(known, 1, fit.raw), stand=Stand.FILLED, check="entry-again-counted",
     )  # fmt: skip
     other = _other(known)
     if other is not None:
         yield _probe(
-            known, "entry-while-counted", "another entry is taken while the count is 1",
+            known, "entry-while-counted", "another entry is accepted while the count is 1",
             _entry(known, 1, other), stand=Stand.FILLED, check="entry-while-counted",
         )  # fmt: skip
 
@@ -356,12 +356,12 @@ def _parameters(known: KnownAnswers) -> Iterator[Probe]:
         for value in TYPES:
             before = _rtr_allowed(known) if value in ON_REQUEST else []
             write = _parameter(known, TRANSMISSION_TYPE, value)
-            yield _probe(known, f"type {value}", f"transmission type {value} is taken", *before, write, check="type")
+            yield _probe(known, f"type {value}", f"transmission type {value} is accepted", *before, write, check="type")
         if known.accepted("bit 30 set") and known.accepted("type 252"):
             forbidden = _cob_id(known, known.subject.off.raw | _NO_RTR)
             write = _parameter(known, TRANSMISSION_TYPE, 252)
             yield _probe(
-                known, "type-without-rtr", "type 252 is taken while bit 30 is set", forbidden, write,
+                known, "type-without-rtr", "type 252 is accepted while bit 30 is set", forbidden, write,
                 check="type-without-rtr",
             )  # fmt: skip
     for sub_index, name, check in (
@@ -372,7 +372,7 @@ def _parameters(known: KnownAnswers) -> Iterator[Probe]:
             yield from _highest(known, sub_index, name, check)
     if SYNC_START in parameters:
         write = _parameter(known, SYNC_START, 1)
-        yield _probe(known, "SYNC start value 1", "a SYNC start value is taken", write)
+        yield _probe(known, "SYNC start value 1", "a SYNC start value is accepted", write)
 
 
 def _highest(known: KnownAnswers, sub_index: int, name: str, check: str) -> Iterator[Probe]:
@@ -380,7 +380,7 @@ def _highest(known: KnownAnswers, sub_index: int, name: str, check: str) -> Iter
     value = next_time(known.answers, name)
     if value is not None:
         write = _parameter(known, sub_index, value)
-        yield _probe(known, f"{name} {value}", f"{name} {value} is taken", write, check=check)
+        yield _probe(known, f"{name} {value}", f"{name} {value} is accepted", write, check=check)
 
 
 def _while_on(known: KnownAnswers) -> Iterator[Probe]:
@@ -397,19 +397,19 @@ def _while_on(known: KnownAnswers) -> Iterator[Probe]:
     yield on("enable", "a PDO can be enabled", _cob_id(known, bits | first), Stand.FILLED)
     if not known.accepted("enable"):
         return
-    yield on("cob-id-again", "the same COB-ID is taken while enabled", _cob_id(known, bits | first))
-    yield on("cob-id-while-valid", "another CAN-ID is taken while enabled", _cob_id(known, bits | second))
-    yield on("count-again", "the same count is taken while enabled", _count(known, 1))
-    yield on("count-while-valid", "count 0 is taken while enabled", _count(known, 0))
-    yield on("entry-again", "the same entry is taken while enabled", _entry(known, 1, fit.raw))
+    yield on("cob-id-again", "the same COB-ID is accepted while enabled", _cob_id(known, bits | first))
+    yield on("cob-id-while-valid", "another CAN-ID is accepted while enabled", _cob_id(known, bits | second))
+    yield on("count-again", "the same count is accepted while enabled", _count(known, 1))
+    yield on("count-while-valid", "count 0 is accepted while enabled", _count(known, 0))
+    yield on("entry-again", "the same entry is accepted while enabled", _entry(known, 1, fit.raw))
     other = _other(known)
     if other is not None:
-        yield on("entry-while-valid", "another entry is taken while enabled", _entry(known, 1, other))
+        yield on("entry-while-valid", "another entry is accepted while enabled", _entry(known, 1, other))
     for sub_index, check, sense in (
-        (TRANSMISSION_TYPE, "type-while-valid", "a transmission type is taken while enabled"),
-        (INHIBIT_TIME, "inhibit-while-valid", "an inhibit time is taken while enabled"),
-        (EVENT_TIMER, "event-while-valid", "an event timer is taken while enabled"),
-        (SYNC_START, "sync-start-while-valid", "a SYNC start value is taken while enabled"),
+        (TRANSMISSION_TYPE, "type-while-valid", "a transmission type is accepted while enabled"),
+        (INHIBIT_TIME, "inhibit-while-valid", "an inhibit time is accepted while enabled"),
+        (EVENT_TIMER, "event-while-valid", "an event timer is accepted while enabled"),
+        (SYNC_START, "sync-start-while-valid", "a SYNC start value is accepted while enabled"),
     ):
         value = _another_value(known, sub_index)
         if value is not None:
@@ -439,7 +439,7 @@ def _isolated(known: KnownAnswers) -> Iterator[Probe]:
             _cob_id(known, bits | can_id), stand=Stand.FILLED, check="restricted", where=ProbeCondition.ISOLATED,
         )  # fmt: skip
     yield _probe(
-        known, "CAN-ID 0x800", "a CAN-ID above 0x7FF is taken without bit 29",
+        known, "CAN-ID 0x800", "a CAN-ID above 0x7FF is accepted without bit 29",
         _cob_id(known, bits | 0x800), stand=Stand.FILLED, check="beyond-frame", where=ProbeCondition.ISOLATED,
     )  # fmt: skip
 

@@ -50,7 +50,7 @@ def limit_probes(subject: ProbedPdo) -> Iterator[Probe]:
             )
             if value is not None:
                 write = ProbeWrite(index, sub_index, value.to_bytes(len(data), "little"))
-                sense = f"{what} {value}, {side} the limit of the EDS, is taken"
+                sense = f"{what} {value}, {side} the limit of the EDS, is accepted"
                 name = f"{what} {side} its limit"
                 yield Probe(subject.pdo, name, sense, Stand.EMPTY, (write,), f"{check}-{side}-limit")
 
@@ -233,7 +233,7 @@ def _type(index: int, sub_index: int) -> tuple[DataType, Access]:
     """Type and access of a PDO parameter in CiA 301. Raises ValueError if it is not a PDO parameter."""
     known = standard_entry(index, sub_index)
     if known is None:
-        raise ValueError(f"{index:04X}:{sub_index:02X} is no parameter of a PDO")
+        raise ValueError(f"{index:04X}:{sub_index:02X} is not a parameter of a PDO")
     return known.data_type, known.access or Access.RW
 
 

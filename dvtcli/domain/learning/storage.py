@@ -34,14 +34,14 @@ class Storage:
     def wears(self) -> str:
         """Risk of wear at every write, in words; empty if the device saves on command only."""
         if self.unreadable:
-            return f"0x1010:01 cannot be read ({abort_text(self.unreadable)}), so it may save each write by itself"
+            return f"0x1010:01 cannot be read ({abort_text(self.unreadable)}), so it may store each write on its own"
         if not self.save:
-            return "it has no 0x1010, so it may save each write by itself"
+            return "it has no 0x1010, so it may store each write on its own"
         by_itself = [sub for sub, said in self.save.items() if said & _BY_ITSELF]
         if not by_itself:
             return ""
         place = f"0x1010:{by_itself[0]:02X}"
-        return f"{place} is {self.save[by_itself[0]]}: it saves by itself, so each write wears its memory"
+        return f"{place} is {self.save[by_itself[0]]}: it stores on its own, so each write wears its memory"
 
     def chosen(self, preferred: Iterable[int]) -> int | None:
         """Sub-index of 0x1010 that accepts the signature, if possible from *preferred*; else None."""
@@ -56,8 +56,8 @@ class Storage:
         return [
             Probe(None, name, sense, Stand.BACK, (ProbeWrite(STORE, sub, data),), where=ProbeCondition.STORE)
             for name, sense, data in (
-                (WRONG_SIGNATURE, "a wrong signature is taken", _WRONG_SIGNATURE),
-                (SAVE, 'it saves when told to ("save")', _SIGNATURE),
+                (WRONG_SIGNATURE, "a wrong signature is accepted", _WRONG_SIGNATURE),
+                (SAVE, 'it stores on request ("save")', _SIGNATURE),
             )
         ]
 
@@ -72,7 +72,7 @@ def storage_for_profile(
 ) -> Iterator[Learnt]:
     """Sub-indices of 0x1010 that save, in *preferred* order; the store took *seconds*."""
     if not storage.save and not storage.unreadable:
-        yield Learnt("store.sub_indices", [], "0x1010:01 is not there")
+        yield Learnt("store.sub_indices", [], "0x1010:01 does not exist")
         return
     saved = next((answer for answer in answers if answer.probe.name == SAVE and answer.accepted), None)
     if saved is not None:

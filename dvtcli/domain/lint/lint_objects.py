@@ -33,7 +33,7 @@ def highest_sub_index(device: DescribedDevice) -> Found:
             continue
         highest = max(found.entries.keys() - {_STRUCTURE})
         if highest and stated != highest:
-            text = f"sub-index 00 holds {stated}, and the highest described is {highest} (0x{highest:02X})"
+            text = f"sub-index 00 is {stated}, but the highest described sub-index is {highest} (0x{highest:02X})"
             yield Spot(found.index, 0, "parametervalue|defaultvalue"), text
 
 
@@ -45,7 +45,7 @@ def no_sub_index_0(device: DescribedDevice) -> Found:
             yield Spot(found.index), "no sub-index 00"
 
 
-@check("sub-index-0-type", WARNING, "sub-index 0 of an ARRAY or RECORD is no UNSIGNED8", _SHAPE)
+@check("sub-index-0-type", WARNING, "sub-index 0 of an ARRAY or RECORD is not an UNSIGNED8", _SHAPE)
 def sub_index_0_type(device: DescribedDevice) -> Found:
     """Readers expect a byte."""
     for found in _of_many(device):
@@ -108,15 +108,15 @@ _SOURCE = "CiA 306, 4.6.3: PDOMapping"
 
 
 @check(
-    "mappability-unknown", WARNING, "the file has PDOs and no PDOMapping: the mappable objects are not known", _SOURCE
+    "mappability-unknown", WARNING, "the file has PDOs, but no PDOMapping: the mappable objects are unknown", _SOURCE
 )
 def mappability_unknown(device: DescribedDevice) -> Found:
     """Tools offer everything, or nothing."""
     if device.pdos and not device.dictionary.tells_mappability:
-        yield Spot(), "no object has PDOMapping: the mappable objects are not known"
+        yield Spot(), "no object has PDOMapping: the mappable objects are unknown"
 
 
-@check("unmappable-type", WARNING, "PDOMapping=1 on an object that fits no PDO: of varying length, or over 64 bits",
+@check("unmappable-type", WARNING, "PDOMapping=1 on an object of variable length, or of more than 64 bits",
        "CiA 301, 7.5.2.36")  # fmt: skip
 def unmappable_type(device: DescribedDevice) -> Found:
     """A mapping entry has a length of 1 to 64 bits."""
@@ -125,8 +125,12 @@ def unmappable_type(device: DescribedDevice) -> Found:
             yield at(entry, "pdomapping"), f"PDOMapping=1, but a PDO cannot carry a {entry.data_type.name}"
 
 
-@check("mappable-parameter", WARNING, "PDOMapping=1 on an object of 0x1000 to 0x1BFF that CiA 301 keeps out of PDOs",
-       "CiA 301, 7.5.2: PDO mapping")  # fmt: skip
+@check(
+    "mappable-parameter",
+    WARNING,
+    "PDOMapping=1 on an object of 0x1000 to 0x1BFF that CiA 301 does not allow in PDOs",
+    "CiA 301, 7.5.2: PDO mapping",
+)
 def mappable_parameter(device: DescribedDevice) -> Found:
     """A PDO that changes PDOs."""
     for entry in device.entries:
@@ -151,7 +155,7 @@ def mappable_constant(device: DescribedDevice) -> Found:
             yield at(entry, "pdomapping"), "PDOMapping=1, and the object is const"
 
 
-@check("process-access", NOTE, "AccessType rwr or rww (for PDOs) on an object that no PDO may carry",
+@check("process-access", NOTE, "AccessType rwr or rww (for PDOs) on an object that cannot be mapped",
        "CiA 306, 4.6.3: AccessType")  # fmt: skip
 def process_access(device: DescribedDevice) -> Found:
     """Either AccessType or PDOMapping is wrong."""
@@ -160,7 +164,7 @@ def process_access(device: DescribedDevice) -> Found:
             yield at(entry, "accesstype"), f"AccessType={entry.access}, but PDOMapping=0"
 
 
-@check("bits-below-granularity", NOTE, "PDOMapping=1 on an object whose length is no multiple of Granularity",
+@check("bits-below-granularity", NOTE, "PDOMapping=1 on an object whose length is not a multiple of Granularity",
        "CiA 306, DeviceInfo: Granularity")  # fmt: skip
 def bits_below_granularity(device: DescribedDevice) -> Found:
     """`map` refuses it."""

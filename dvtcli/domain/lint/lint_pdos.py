@@ -24,7 +24,7 @@ _SYNC = 0x1005
 _NO_RTR = 1 << 30
 
 
-@check("half-pdo", ERROR, "a PDO has a communication parameter and no mapping, or the reverse", _COMMUNICATION)
+@check("half-pdo", ERROR, "a PDO lacks its communication parameter or its mapping", _COMMUNICATION)
 def half_pdo(device: DescribedDevice) -> Found:
     """Half of the PDO's parameters are missing, so the PDO is unusable."""
     for pdo in device.pdos:
@@ -68,7 +68,7 @@ def base_cob_id(device: DescribedDevice) -> Found:
         if entry is None or entry.default_relative or pdo.cob_id is None or pdo.cob_id & 0x3FFF_FFFF not in BASES:
             continue
         meant = "$NODEID+" + (f"0x{pdo.cob_id:X}" if own is None else f"0x{pdo.cob_id & 0xC000_0000 | own:X}")
-        text = f"{pdo.pdo.label} has 0x{pdo.cob_id:X} without $NODEID on every node; its default is {meant}"
+        text = f"{pdo.pdo.label} has 0x{pdo.cob_id:X} without $NODEID on every node, expected {meant}"
         yield Spot(index, 1, HELD), text
 
 
@@ -84,13 +84,13 @@ def count_over_entries(device: DescribedDevice) -> Found:
             yield _count(pdo), f"{pdo.pdo.label} maps {pdo.count} objects; {entries} entries are described"
 
 
-@check("unknown-count", NOTE, "the count of a mapping has no default: the content of the PDO is not known", _MAPPING)
+@check("unknown-count", NOTE, "the count of a mapping has no default: the content of the PDO is unknown", _MAPPING)
 def unknown_count(device: DescribedDevice) -> Found:
     """A tool can only ask the device."""
     for pdo in device.pdos:
         index = pdo.pdo.mapping_index
         if pdo.count is None and device.dictionary.entry(index, 0) is not None:
-            yield Spot(index, 0), f"{pdo.pdo.label} has a mapping without a count: its content is not known"
+            yield Spot(index, 0), f"{pdo.pdo.label} has a mapping without a count: its content is unknown"
 
 
 @check("mapped-twice", NOTE, "a TPDO carries the same object twice", _MAPPING)
@@ -102,7 +102,7 @@ def mapped_twice(device: DescribedDevice) -> Found:
             first = seen.setdefault((entry.index, entry.sub_index), number)
             if first != number:
                 spot = Spot(pdo.pdo.mapping_index, number, HELD)
-                yield spot, f"{pdo.pdo.label} carries {entry.object} as entry {first} and {number}"
+                yield spot, f"{pdo.pdo.label} maps {entry.object} as entry {first} and {number}"
 
 
 @check("mpdo", NOTE, "a PDO is multiplexed by default (count 0xFE or 0xFF): it maps no objects", _MAPPING)
@@ -113,16 +113,16 @@ def mpdo(device: DescribedDevice) -> Found:
             yield _count(pdo), f"{pdo.pdo.label} is a multiplexed PDO (count 0x{pdo.config.mpdo:02X})"
 
 
-@check("empty-entry", ERROR, "the count of a mapping goes over an entry that is 0", _MAPPING)
+@check("empty-entry", ERROR, "the count of a mapping includes an entry that is 0", _MAPPING)
 def empty_entry(device: DescribedDevice) -> Found:
     """A device that checks its mapping refuses an empty entry."""
     for one, number, word in _counted(device):
         if word == 0:
             spot = Spot(one.pdo.mapping_index, number, HELD)
-            yield spot, f"entry {number} of {one.count} is empty: {one.pdo.label} would map nothing there"
+            yield spot, f"entry {number} of {one.count} of {one.pdo.label} is 0"
 
 
-@check("unknown-entry", WARNING, "the count of a mapping goes over an entry without a default", _MAPPING)
+@check("unknown-entry", WARNING, "the count of a mapping includes an entry without a default", _MAPPING)
 def unknown_entry(device: DescribedDevice) -> Found:
     """The PDO's contents are unknown from the file."""
     for one, number, word in _counted(device):
@@ -134,16 +134,16 @@ def unknown_entry(device: DescribedDevice) -> Found:
             )
 
 
-@check("enabled-and-empty", NOTE, "a PDO is enabled by default and maps nothing", f"ours: {_MAPPING}")
+@check("enabled-and-empty", NOTE, "a PDO is enabled by default, but has no mapped objects", f"ours: {_MAPPING}")
 def enabled_and_empty(device: DescribedDevice) -> Found:
     """Frames would have no data, and the PDO could not be rolled back after a change."""
     for pdo in device.pdos:
         if pdo.cob_id is not None and pdo.config.enabled and pdo.count == 0:
             spot = Spot(pdo.pdo.communication_index, 1, HELD)
-            yield spot, f"{pdo.pdo.label} is enabled by default and maps nothing"
+            yield spot, f"{pdo.pdo.label} is enabled by default, but has no mapped objects"
 
 
-@check("fixed-pdo", NOTE, "a mapping of which only a part can be written", f"{_MAPPING}; CiA 306, AccessType")
+@check("fixed-pdo", NOTE, "only a part of a mapping can be written", f"{_MAPPING}; CiA 306, AccessType")
 def partly_fixed(device: DescribedDevice) -> Found:
     """A fixed count with writable entries, or the reverse: mapping is impossible, or only with fillers."""
     for pdo in device.pdos:
@@ -156,7 +156,7 @@ def partly_fixed(device: DescribedDevice) -> Found:
             yield Spot(pdo.pdo.mapping_index), f"{pdo.pdo.label}: sub-index {fixed} cannot be written, the others can"
 
 
-@check("cob-id-fixed", NOTE, "the COB-ID of a PDO cannot be written: it can never be mapped anew", _COMMUNICATION)
+@check("cob-id-fixed", NOTE, "the COB-ID of a PDO cannot be written: the PDO cannot be remapped", _COMMUNICATION)
 def cob_id_fixed(device: DescribedDevice) -> Found:
     """The mapping sequence begins with disabling the PDO (bit 31)."""
     for pdo in device.pdos:
@@ -258,24 +258,25 @@ def _look(name: str, meant: Severity, device: DescribedDevice) -> Found:
 
 #: The other rules of `map` judge a requested change.
 CHECKS = (
-    _judged("object-exists", ERROR, "maps an object that is not in it"),
+    _judged("object-exists", ERROR, "maps an object that is not in the file"),
     _judged("direction", ERROR, "sends an unreadable object, or receives a read-only object"),
     _judged("mappable", ERROR, "maps an object with PDOMapping=0"),
     _judged("read-write-object", WARNING, "sends an object for RPDOs (rww)"),
-    _judged("entry-length", ERROR, "maps another length than the object's, or none, or more than 64 bits"),
-    _judged("granularity", ERROR, "maps a length that is no multiple of Granularity"),
+    _judged("entry-length", ERROR, "maps a length other than the object's, 0 bits, or more than 64 bits"),
+    _judged("granularity", ERROR, "maps a length that is not a multiple of Granularity"),
     _judged("pdo-length", ERROR, "maps more than 64 bits"),
     _judged("dummy-direction", ERROR, "is a TPDO and skips bits"),
-    _judged("dummy-supported", ERROR, "skips bits by a dummy that DummyUsage does not allow"),
-    _judged("dummy-length", ERROR, "maps a dummy of another length than its type"),
+    _judged("dummy-supported", ERROR, "skips bits with a dummy that DummyUsage does not allow"),
+    _judged("dummy-length", ERROR, "maps a dummy with a length other than its type's"),
     _judged("double-target", ERROR, "is an RPDO and maps an object twice"),
     _judged("several-writers", NOTE, "receives an object that another enabled RPDO receives, too", "double-target",
             WARNING),
-    _judged("transmission-type", ERROR, "has a reserved transmission type, or one on RTR that its COB-ID forbids"),
+    _judged("transmission-type", ERROR,
+        "has a reserved transmission type, or an RTR type that its COB-ID does not allow"),
     _judged("can-id-length", ERROR, "has a CAN-ID of more than 11 bits without bit 29 (frame)"),
     _judged("can-id-restricted", ERROR, "is enabled on a CAN-ID that CiA 301 restricts"),
     _judged("can-id-in-use", ERROR, "is enabled on the CAN-ID of SYNC or of the node's EMCY"),
     _judged("can-id-elsewhere", WARNING, "is enabled on the CAN-ID of TIME or of another node's EMCY", "can-id-in-use",
             WARNING),
-    _judged("can-id-clash", ERROR, "is enabled on the CAN-ID of another enabled one"),
+    _judged("can-id-clash", ERROR, "is enabled with the CAN-ID of another enabled PDO"),
 )  # fmt: skip

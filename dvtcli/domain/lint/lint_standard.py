@@ -32,17 +32,21 @@ def mandatory_object(device: DescribedDevice) -> Found:
 def vendor_id_object(device: DescribedDevice) -> Found:
     """Only the other parts of the identity are optional."""
     if 0x1018 in device.dictionary and 1 not in device.dictionary[0x1018].entries:
-        yield Spot(0x1018), "no sub-index 01: the vendor-ID must be there"
+        yield Spot(0x1018), "no sub-index 01: the vendor-ID is mandatory"
 
 
-@check("standard-type", ERROR, "an object of 0x1000 to 0x1BFF has another length than CiA 301 says", "CiA 301, 7.5.2")
+@check("standard-type", ERROR, "an object of 0x1000 to 0x1BFF has another length than in CiA 301", "CiA 301, 7.5.2")
 def standard_type(device: DescribedDevice) -> Found:
     """Every master writes the standard's length, and the device refuses it."""
     yield from _other_types(device, of_same_length=False)
 
 
-@check("standard-kind", WARNING, "an object of 0x1000 to 0x1BFF has another data type than CiA 301 says, of the same "
-       "length", "CiA 301, 7.5.2")  # fmt: skip
+@check(
+    "standard-kind",
+    WARNING,
+    "an object of 0x1000 to 0x1BFF has another data type than in CiA 301, but the same length",
+    "CiA 301, 7.5.2",
+)
 def standard_kind(device: DescribedDevice) -> Found:
     """COB-IDs and identities read as negative numbers."""
     yield from _other_types(device, of_same_length=True)
@@ -160,7 +164,7 @@ def service_can_id(device: DescribedDevice) -> Found:
             yield Spot(index, 0, HELD), f"{service} has CAN-ID {cob_id}, which CiA 301 restricts: {use}"
 
 
-@check("sync-without-period", WARNING, "the device produces SYNC (0x1005, bit 30) and has no period (0x1006)",
+@check("sync-without-period", WARNING, "the device produces SYNC (0x1005, bit 30), but has no period (0x1006)",
        "CiA 301, 7.5.2.5 and 7.5.2.6")  # fmt: skip
 def sync_without_period(device: DescribedDevice) -> Found:
     """The device would never send a SYNC."""
@@ -194,8 +198,12 @@ def sdo_can_id(device: DescribedDevice) -> Found:
             yield Spot(0x1200, sub_index, HELD), text
 
 
-@check("fixed-cob-id", NOTE, "a COB-ID that is enabled by default does not follow the node-ID: every node has the same",
-       "CiA 301, 7.3.5; CiA 306, 4.6.3: $NODEID")  # fmt: skip
+@check(
+    "fixed-cob-id",
+    NOTE,
+    "a COB-ID that is enabled by default does not depend on the node-ID: it is the same on every node",
+    "CiA 301, 7.3.5; CiA 306, 4.6.3: $NODEID",
+)
 def fixed_cob_id(device: DescribedDevice) -> Found:
     """Two such devices on one bus collide. A DCF is exempt: it is for one node."""
     if device.configured:

@@ -121,13 +121,16 @@ def assumptions(state: NetworkState, streams: Iterable[Stream], what_if: WhatIf,
     others = [row for row in without_producer(state) if not _counted(row[2], sync_us)]
     if others:
         listed = join_some(f"{node.node_id}:{pdo}" for node, pdo, _ in others)
-        yield f"no node here sends what {listed} {'receives' if len(others) == 1 else 'receive'}: not counted"
+        yield (
+            f"no node of the network transmits what {listed} {'receives' if len(others) == 1 else 'receive'}: not "
+            "counted"
+        )
     asked = [f"{node.node_id}:{pdo}" for node, pdo, config in state.enabled(is_tpdo=True) if _is_asked(config)]
     if asked:
         yield f"sent on request (RTR) only, and not counted: {join_some(asked)}"
     if state.untold:
         ids = join_some(str(node_id) for node_id in state.untold)
-        yield f"of node {ids} only what the file says is known, 8 bytes a PDO where it says no length"
+        yield f"of node {ids} only the values of the file are known, 8 bytes a PDO where it says no length"
     yield "SDO uses the rest: an SDO frame may be under way when another frame becomes ready"
 
 

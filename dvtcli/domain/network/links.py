@@ -93,7 +93,7 @@ def _same_id(one: PdoConfig, other: PdoConfig) -> bool:
     return (a.can_id, a.extended) == (b.can_id, b.extended)
 
 
-_LAYOUT = "CiA 301, 7.5.2.36 and 7.5.2.38: both sides of a PDO have one layout"
+_LAYOUT = "CiA 301, 7.5.2.36 and 7.5.2.38: producer and consumer of a PDO have the same layout"
 RULES = (
     Rule("link-self", ERROR, "an RPDO is linked to a TPDO of its own node", "ours"),
     Rule("link-producer", ERROR, "the TPDO of a link maps nothing, is multiplexed, or no whole PDO", _LAYOUT),
@@ -103,7 +103,7 @@ RULES = (
     Rule("link-skip", ERROR, "the consumer of a link has no dummies for the other bits", _LAYOUT),
     Rule("link-type", WARNING, "an object receives an object of another data type", "both devices' files"),
     Rule("link-part", WARNING, "an object receives some bits of a longer object", "ours"),
-    Rule("link-command", WARNING, "a controlword receives a value that is no command",
+    Rule("link-command", WARNING, "a controlword receives a value that is not a controlword",
          "CiA 402-2, 8.4: it moves the machine"),
     Rule("link-target", NOTE, "a target or an output receives another kind of value", "CiA 401-1, CiA 402-2"),
     Rule("link-object", WARNING, "a PDO of a link maps an object that its file excludes", "both devices' files"),
@@ -216,7 +216,7 @@ def _not_whole(config: PdoConfig) -> str:
     if config.mpdo is not None:
         return "is a multiplexed PDO"
     if config.inconsistency:
-        return f"is no whole PDO: {config.inconsistency}"
+        return f"is incomplete: {config.inconsistency}"
     return f"is {config.bits} bits long, a PDO holds {MAX_PDO_BITS}" if config.bits > MAX_PDO_BITS else ""
 
 

@@ -16,9 +16,9 @@ from dvtcli.domain.services import OFF, PRODUCES, SRDOS, SYNC_BY_DEFAULT, taken_
 _ANOTHER = Hint(Action.SELECT_CAN_ID, why="take another CAN-ID, or {}")
 _OR_FREE = Hint(Action.SELECT_CAN_ID, why=", or {}")
 RULES = (
-    Rule("can-id-length", ERROR, "more than 11 bits, and no 29-bit CAN-ID is requested",
+    Rule("can-id-length", ERROR, "the CAN-ID has more than 11 bits, but 29 bits were not requested",
          "CiA 301, 7.5.2.35: bit 29 (frame)", (Abort.VALUE_RANGE,)),
-    Rule("can-id-restricted", ERROR, "the CAN-ID, of a PDO, SYNC or EMCY, is one that CiA 301 restricts",
+    Rule("can-id-restricted", ERROR, "the CAN-ID of a PDO, SYNC or EMCY is restricted by CiA 301",
          "CiA 301, 7.3.5",
          (Abort.VALUE_RANGE,)),
     Rule("extended-id", ERROR, "29 bits on a device that takes 11", "the family", (Abort.VALUE_RANGE,)),
@@ -31,7 +31,7 @@ RULES = (
     Rule("can-id-clash", ERROR,
          "another PDO of the node uses the CAN-ID, or a TPDO of another node of the session, also if it stays as it is",
          "ours"),
-    Rule("one-producer", ERROR, "a TPDO is to get a CAN-ID that is on the bus, sent by a node that is not known",
+    Rule("one-producer", ERROR, "a TPDO would get a CAN-ID that an unknown node uses on the bus",
          "CiA 301, 7.3.5: the pre-defined connection set"),
     Rule("base-cob-id", WARNING,
          "the CAN-ID is a base of the pre-defined connection set, without a node-ID, whether the PDO is on or off",
@@ -145,7 +145,7 @@ def cob_id_findings(proposal: Proposal) -> Iterator[Finding]:
             place,
             f"CAN-ID {want} is restricted by CiA 301: {use}",
             Abort.VALUE_RANGE,
-            Hint(Action.SELECT_CAN_ID, why="take one within 0x181..0x57F or 0x680..0x6DF, or {}"),
+            Hint(Action.SELECT_CAN_ID, why="choose a CAN-ID within 0x181..0x57F or 0x680..0x6DF, or {}"),
         )
     elif not want.extended and want.can_id in BASES:
         default = proposal.pdo.default_can_id(proposal.node_id)
@@ -164,7 +164,7 @@ def _flag_findings(proposal: Proposal, place: str) -> Iterator[Finding]:
         yield error(
             "rtr-bit",
             place,
-            f"a {profile.title} wants bit 30 (no RTR) set",
+            f"a {profile.title} needs bit 30 (no RTR) set",
             Abort.VALUE_RANGE,
             Hint(Action.ALLOW_RTR, why="leave {} out"),
         )
@@ -172,7 +172,7 @@ def _flag_findings(proposal: Proposal, place: str) -> Iterator[Finding]:
         yield error(
             "rtr-bit",
             place,
-            f"a {profile.title} wants bit 30 (no RTR) clear",
+            f"a {profile.title} needs bit 30 (no RTR) clear",
             Abort.VALUE_RANGE,
             Hint(Action.FORBID_RTR, why="leave {} out"),
         )
@@ -212,7 +212,7 @@ def _pdo_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
                 hint=Hint(Action.DISABLE, {"pdo": other}, "first, take another CAN-ID") + _OR_FREE,
             )
         else:
-            yield note("can-id-default", place, f"{want} is also set at {other.label}, which is off: no clash now")
+            yield note("can-id-default", place, f"{want} is also set at {other.label}, which is disabled: no clash now")
     owner = default_owner(want.can_id)
     said = (
         owner is not None

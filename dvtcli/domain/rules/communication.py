@@ -17,7 +17,7 @@ RULES = (
          "CiA 301, 7.5.2.35; the EDS, LowLimit and HighLimit (CiA 306); the family",
          (Abort.VALUE_HIGH, Abort.VALUE_LOW)),
     Rule("transmission-type", (Severity.ERROR, Severity.WARNING),
-         "a reserved type, or one that the family does not have (error); one with a meaning of its own (warning)",
+         "a type that is reserved or not supported by the family (error), or manufacturer-specific (warning)",
          "CiA 301, 7.5.2.35 and 7.5.2.37; the family", (Abort.VALUE_RANGE,)),
     Rule("event-timer", WARNING, "the event timer has no effect with this type on this family", "the family"),
 )  # fmt: skip

@@ -13,9 +13,9 @@ from dvtcli.domain.rules.finding import ERROR, Finding, Proposal, Rule, error
 
 RULES = (
     Rule("parameter-static", ERROR, "the parameter is read-only", "the EDS, AccessType (CiA 306)", (Abort.READ_ONLY,)),
-    Rule("parameter-length", ERROR, "a parameter has another length in the device's file than CiA 301 gives it",
+    Rule("parameter-length", ERROR, "a parameter has another length in the device's file than in CiA 301",
          "CiA 301, 7.5.2.35 to 7.5.2.38; the EDS, DataType (CiA 306)", (Abort.TOO_LONG, Abort.TOO_SHORT)),
-    Rule("parameter-unreadable", ERROR, "a parameter can be written and not read: nothing would prove the change",
+    Rule("parameter-unreadable", ERROR, "a parameter can be written, but not read: the change could not be verified",
          "ours; the EDS, AccessType (CiA 306)"),
 )  # fmt: skip
 
@@ -68,7 +68,7 @@ def _step_findings(proposal: Proposal, dictionary: ObjectDictionary, entry: OdEn
             place,
             text,
             code,
-            Hint(Action.GIVE_EDS, why="if the file is wrong, correct it, or give another one: {}"),
+            Hint(Action.GIVE_EDS, why="if the file is wrong, correct it or give another file: {}"),
         )
         return
     yield from _limit_findings(proposal, entry, step, where)

@@ -9,9 +9,9 @@ from dvtcli.domain.mapping import MAX_PDO_BITS, PdoMappingEntry
 from dvtcli.domain.rules.finding import ERROR, Finding, Proposal, Rule, error
 
 RULES = (
-    Rule("entry-length", ERROR, "an entry is longer or shorter than its object, or of 0 or more than 64 bits",
+    Rule("entry-length", ERROR, "the length of an entry differs from its object's, is 0, or exceeds 64 bits",
          "CiA 301, 7.5.2.36 and 7.5.2.38; the EDS; the family", (Abort.NOT_MAPPABLE, Abort.VALUE_RANGE)),
-    Rule("granularity", ERROR, "an entry is no multiple of the device's granularity",
+    Rule("granularity", ERROR, "the length of an entry is not a multiple of the device's granularity",
          "the EDS, Granularity (CiA 306); the family", (Abort.NOT_MAPPABLE,)),
 )  # fmt: skip
 
@@ -51,7 +51,7 @@ def _against_object(proposal: Proposal, place: str, entry: PdoMappingEntry) -> I
         yield error(
             "entry-length",
             place,
-            f"{name} has {known} bits, {entry.bits} are wanted",
+            f"{name} has {known} bits, {entry.bits} were requested",
             Abort.NOT_MAPPABLE,
             f"write {entry.object} or {entry.object}/{known}",
         )
@@ -59,7 +59,8 @@ def _against_object(proposal: Proposal, place: str, entry: PdoMappingEntry) -> I
         yield error(
             "entry-length",
             place,
-            f"{name} has {known} bits, only {entry.bits} are wanted: what a device sends then is not defined",
+            f"{name} has {known} bits, only {entry.bits} were requested: CiA 301 does not define which bits a device "
+            f"transmits then",
             None,
             f"write {entry.object} or {entry.object}/{known}",
         )

@@ -19,10 +19,10 @@ RULES = (
          (Abort.NO_OBJECT, Abort.NO_SUB_INDEX)),
     Rule("direction", ERROR, "a TPDO would send an unreadable object, an RPDO write a read-only object",
          "the EDS, AccessType (CiA 306, 4.6.3)", (Abort.NOT_MAPPABLE,)),
-    Rule("safety-object", ERROR, "an object of the safety configuration (0x1300…0x13FF) would be in a PDO",
+    Rule("safety-object", ERROR, "an object of the safety configuration (0x1300…0x13FF) would be mapped",
          "EN 50325-5: SRDOs and their configuration", (Abort.NOT_MAPPABLE,)),
-    Rule("mappable-unknown", WARNING, "the file says nothing about mapping", "the EDS, PDOMapping (CiA 306)"),
-    Rule("mappable", ERROR, "the file says PDOMapping=0", "the EDS, PDOMapping (CiA 306)", (Abort.NOT_MAPPABLE,)),
+    Rule("mappable-unknown", WARNING, "the file has no PDOMapping", "the EDS, PDOMapping (CiA 306)"),
+    Rule("mappable", ERROR, "the file has PDOMapping=0", "the EDS, PDOMapping (CiA 306)", (Abort.NOT_MAPPABLE,)),
     Rule("advised-against", WARNING, "the maker advises against this object in a TPDO", "the family"),
     Rule("read-write-object", (Severity.ERROR, Severity.WARNING),
          "a read/write object in a direction that the family refuses (error) or advises against (warning)",
@@ -64,7 +64,7 @@ def object_findings(proposal: Proposal, place: str, entry: PdoMappingEntry) -> I
     """Judge the object of *entry* at *place*: by its file, else by the device's answer to an upload."""
     dictionary = proposal.dictionary
     if entry.index in SAFETY:
-        text = f"{entry.object} belongs to the safety configuration of the device, which no PDO carries"
+        text = f"{entry.object} belongs to the safety configuration of the device, which cannot be mapped"
         yield error("safety-object", place, text, Abort.NOT_MAPPABLE, _mappable(proposal))
         return
     if dictionary is None:
@@ -128,7 +128,7 @@ def _direction(proposal: Proposal, dictionary: ObjectDictionary, place: str, fou
             _mappable(proposal),
         )
     elif found.pdo_mapping is None and not dictionary.tells_mappability:
-        yield warning("mappable-unknown", place, f"{dictionary.source} does not say whether {name} can be mapped")
+        yield warning("mappable-unknown", place, f"{dictionary.source} does not state whether {name} can be mapped")
     elif _is_said_unmappable(dictionary, found):
         yield error(
             "mappable",
@@ -153,5 +153,5 @@ def _access_advice(proposal: Proposal, dictionary: ObjectDictionary, place: str,
         hint = _mappable(proposal)
         yield error("read-write-object", place, text, Abort.NOT_MAPPABLE, hint)
     elif severity is not None:
-        text = f"{name} is {found.access} ({dictionary.place(found)}): it may hold what the host wrote, not what is"
+        text = f"{name} is {found.access} ({dictionary.place(found)}): it may return the last written value"
         yield Finding("read-write-object", severity, place, text)

@@ -14,12 +14,13 @@ from dvtcli.domain.rules.finding import ERROR, WARNING, Finding, Proposal, Rule,
 
 RULES = (
     Rule("way-back", WARNING,
-         "a PDO holds what a device does not take: an undo leaves it off, or off and empty, where that is refused",
+         "a PDO has a configuration that the device may refuse: if it does, an undo leaves the PDO off, or off and "
+         "empty",
          "CiA 301, 7.5.2.35 to 7.5.2.38; the EDS; the family"),
     Rule("no-way-back", ERROR, "after the change a PDO could neither be rolled back nor be switched off and emptied",
          "ours; the EDS; the family"),
     Rule("restarted-meanwhile", WARNING,
-         "a node restarted while it was rolled back: what else it held in RAM only is lost", "ours"),
+         "a node restarted during the roll-back: its other unstored values are lost", "ours"),
 )  # fmt: skip
 
 _FIELDS = {
@@ -42,14 +43,12 @@ def way_back(back: Proposal) -> tuple[PdoConfig, Finding] | None:
     pdo, before, reason = back.pdo, back.want, refusals[0]
     taken = next((config for config in _weaker(back) if not _refusals(replace(back, want=config))), None)
     if taken is None:
-        text = f"{pdo.label} could not be rolled back after this, nor be switched off and emptied: {reason.text}"
+        text = f"{pdo.label} could neither be rolled back after this, nor be switched off and emptied: {reason.text}"
         return before, error(
             "no-way-back", reason.place, text, None, Hint(Action.SHOW_PDOS, {"all": True}, "choose another PDO ({})")
         )
-    text = f"{pdo.label} is {_state(before, taken)} now, and a device may not take that back ({reason.text})"
-    return taken, warning(
-        "way-back", reason.place, f"{text}: if it does not, an undo leaves it {left_as(before, taken)}"
-    )
+    text = f"{pdo.label} is {_state(before, taken)} now, and a device may refuse that configuration ({reason.text})"
+    return taken, warning("way-back", reason.place, f"{text}: if it does, an undo leaves it {left_as(before, taken)}")
 
 
 def _refusals(back: Proposal) -> list[Finding]:
@@ -77,7 +76,7 @@ def put_back_finding(pdo: Pdo, before: PdoConfig, back: PdoConfig) -> Finding:
 def put_back_text(pdo: Pdo, before: PdoConfig, back: PdoConfig) -> str:
     """The same in words."""
     was, state = _state(before, back), left_as(before, back)
-    return f"{pdo.label} was {was}, and the device does not take that back: it is {state} now"
+    return f"{pdo.label} was {was}, and the device refuses that configuration: it is {state} now"
 
 
 def _state(before: PdoConfig, back: PdoConfig) -> str:

@@ -20,24 +20,24 @@ from dvtcli.domain.text import join_some
 _MAPPING = "CiA 301, 7.5.2.36 and 7.5.2.38"
 RULES = (
     Rule("mpdo", (Severity.ERROR, Severity.WARNING),
-         "a multiplexed PDO gets objects, or is made of a TPDO that is not event-driven (error), or of a device with "
+         "a multiplexed PDO would get mapped objects or is not event-driven (error), or the device has "
          "GroupMessaging=0 (warning)",
          "CiA 301, 7.5.2.36: counts 0xFE and 0xFF", (Abort.PDO_LENGTH,)),
-    Rule("empty-mapping", ERROR, "a PDO that maps nothing is to be enabled",
+    Rule("empty-mapping", ERROR, "a PDO without mapped objects would be enabled",
          "ours: a count of 0 switches the mapping off (CiA 301, 7.5.2.36)", (Abort.VALUE_RANGE,)),
-    Rule("no-dictionary", NOTE, "there is no EDS: the object is not known beforehand", "ours"),
+    Rule("no-dictionary", NOTE, "there is no EDS: the object cannot be checked beforehand", "ours"),
     Rule("static-mapping", ERROR, "the mapping is read-only", "the EDS, AccessType (CiA 306)", (Abort.READ_ONLY,)),
     Rule("pdo-length", ERROR, "the PDO would have more than 64 bits", _MAPPING, (Abort.PDO_LENGTH,)),
     Rule("entry-count", ERROR, "more entries than the device takes", f"{_MAPPING}; the EDS; the family",
          (Abort.NO_SUB_INDEX, Abort.PDO_LENGTH)),
     Rule("dummy-direction", ERROR, "a TPDO is to skip bits", f"{_MAPPING}: dummies are for RPDOs",
          (Abort.NOT_MAPPABLE,)),
-    Rule("dummy-unknown", WARNING, "no file says which dummies the device has", "ours"),
+    Rule("dummy-unknown", WARNING, "no file states which dummies the device has", "ours"),
     Rule("dummy-supported", ERROR, "the device has no such dummy", "the EDS, DummyUsage (CiA 306); the family",
          (Abort.NOT_MAPPABLE,)),
-    Rule("dummy-length", ERROR, "a dummy of another length than its type", _MAPPING, (Abort.NOT_MAPPABLE,)),
+    Rule("dummy-length", ERROR, "the length of a dummy differs from its type's", _MAPPING, (Abort.NOT_MAPPABLE,)),
     Rule("double-target", (Severity.ERROR, Severity.WARNING),
-         "an RPDO maps an object twice (error); two RPDOs write one object (warning)", "ours"),
+         "an RPDO maps an object twice (error); two RPDOs write the same object (warning)", "ours"),
 )  # fmt: skip
 
 
@@ -58,7 +58,7 @@ def mapping_findings(proposal: Proposal) -> Iterator[Finding]:
         yield error(
             "empty-mapping",
             proposal.communication_place(1),
-            f"{proposal.pdo.label} maps nothing: an empty PDO cannot be enabled",
+            f"{proposal.pdo.label} has no mapped objects: an empty PDO cannot be enabled",
             Abort.VALUE_RANGE,
             Hint(Action.MAP, {"pdo": proposal.pdo}) + Hint(Action.LEAVE_OFF, why=", or {}"),
         )
@@ -96,7 +96,7 @@ def _mpdo_findings(proposal: Proposal) -> Iterator[Finding]:
             Hint(Action.GIVE, {"event": True}),
         )
     if proposal.dictionary is not None and proposal.dictionary.info.group_messaging is False:
-        text = f"GroupMessaging=0 in {proposal.dictionary.source}: the device may know no multiplexed PDO"
+        text = f"GroupMessaging=0 in {proposal.dictionary.source}: the device may not support multiplexed PDOs"
         yield warning("mpdo", proposal.mapping_place(0), text)
 
 
@@ -104,7 +104,7 @@ def _unknown_objects(proposal: Proposal) -> Iterator[Finding]:
     """One note for all objects without EDS."""
     objects = [entry.object for entry in proposal.want.mapping if not entry.is_dummy]
     if proposal.dictionary is None and objects:
-        text = f"no EDS: nothing is known beforehand about {join_some(objects)}: an EDS of the device tells"
+        text = f"no EDS: {join_some(objects)} cannot be checked beforehand; give an EDS of the device"
         yield note("no-dictionary", proposal.mapping_place(0), text)
 
 
@@ -121,7 +121,11 @@ def _static_findings(proposal: Proposal) -> Iterator[Finding]:
                 f"the mapping of {proposal.pdo.label} is static: {proposal.mapping_place(sub_index)} is "
                 f"{entry.access} in {dictionary.place(entry)}",
                 Abort.READ_ONLY,
-                Hint(Action.SHOW_PDOS, {"all": True}, "this device fixes what the PDO carries; choose another PDO ({})")
+                Hint(
+                    Action.SHOW_PDOS,
+                    {"all": True},
+                    "this device has a fixed mapping for the PDO; choose another PDO ({})",
+                )
                 if sub_index
                 else Hint(Action.SHOW_PDOS, {"all": True}, "choose another PDO ({})")
                 + "if only the count is fixed, a profile's `filler` helps",
@@ -138,7 +142,8 @@ def _size_findings(proposal: Proposal) -> Iterator[Finding]:
         yield error(
             "pdo-length",
             place,
-            f"{proposal.pdo.label} would need {want.bits} bits, a PDO holds {MAX_PDO_BITS}: {parts} = {want.bits}",
+            f"{proposal.pdo.label} would need {want.bits} bits, a PDO has at most {MAX_PDO_BITS}: {parts} = "
+            f"{want.bits}",
             Abort.PDO_LENGTH,
             f"{over} bits too many: {_to_drop(want.mapping, over)} into another PDO",
         )
@@ -156,7 +161,7 @@ def _count_findings(proposal: Proposal) -> Iterator[Finding]:
     wanted, label = len(proposal.want.mapping), proposal.pdo.label
     subs = _entry_sub_indices(proposal)
     limit = min(MAX_ENTRIES, proposal.profile.max_entries or MAX_ENTRIES)
-    text = f"{wanted} entries are wanted, {label} of this device takes {limit if subs is None else min(limit, subs)}"
+    text = f"{wanted} entries were requested, {label} has at most {limit if subs is None else min(limit, subs)}"
     spread = "spread the objects over more PDOs"
     hint = spread if subs != 0 else Hint(Action.SHOW_PDOS, {"all": True}, "choose another PDO ({})")
     if subs is not None and wanted > subs:
@@ -186,7 +191,7 @@ def _dummy(proposal: Proposal, place: str, entry: PdoMappingEntry) -> Iterator[F
         return
     usable = usable_dummies(proposal)
     if usable is None:
-        yield warning("dummy-unknown", place, f"no file says whether this device takes the dummy {entry}")
+        yield warning("dummy-unknown", place, f"no file states whether this device has the dummy {entry}")
     elif entry.index not in usable:
         have = ", ".join(f"{index:04X}/{DUMMY_BITS[index]}" for index in sorted(usable)) or "none"
         yield error("dummy-supported", place, f"this device has no dummy {entry} (it has {have})", Abort.NOT_MAPPABLE)

@@ -12,7 +12,7 @@ from dvtcli.domain.rules.finding import WARNING, Finding, Rule, warning
 
 RULES = (
     Rule("rpdo-producer", WARNING,
-         "no known node sends the frames of an RPDO, on a family that then reports a fault", "the family"),
+         "no known node transmits the frames of an RPDO, and the family then reports a fault", "the family"),
 )  # fmt: skip
 
 
@@ -32,7 +32,7 @@ def producer_findings(
         before, after = change.before.communication.cob_id, change.after.communication.cob_id
         if change.pdo.is_tpdo or not after.valid or before == after or _identifier(after) in sent:
             continue
-        text = f"{change.label} waits for {after}, which no node that dvtcli has looked at sends: {consequence}"
+        text = f"{change.label} waits for {after}, which no node that was read transmits: {consequence}"
         hint = Hint(Action.DISABLE, {"pdo": change.pdo}, "map it into a TPDO of another node, or {}")
         yield warning("rpdo-producer", f"0x{change.pdo.communication_index:04X}:01", text, hint)
 

@@ -35,7 +35,7 @@ RULES = (
     Rule("mapping-while-valid", ERROR, "write to a mapping while the PDO is enabled",
          _FROZEN_WHILE_VALID, (Abort.UNSUPPORTED_ACCESS,)),
     Rule("write-only", WARNING,
-         "the written value cannot be read back: nothing shows that the device accepted it, and no undo restores it",
+         "the written value cannot be read back: it cannot be verified or undone",
          "the EDS, AccessType (CiA 306); CiA 301, 7.5.2.13 and 7.5.2.14; CiA 302-2, CiA 302-3"),
     Rule("safety-configuration", WARNING, "write to an object of the safety configuration (0x1300…0x13FF)",
          "EN 50325-5"),
@@ -118,9 +118,9 @@ def safety_findings(index: int, sub_index: int) -> tuple[Finding, ...]:
     if index not in SAFETY:
         return ()
     place = f"0x{index:04X}:{sub_index:02X}"
-    due = _DUE_AFTER.get(index, "its signature (0x13FF) and 0x13FE = 0xA5 are due again")
+    due = _DUE_AFTER.get(index, "its signature (0x13FF) and 0x13FE = 0xA5 must be written again")
     text = f"{place} belongs to the safety configuration: {due}"
-    hint = "the device may send no SRDO until then, and whoever approves the machine has to know"
+    hint = "the device may not transmit SRDOs until then; inform whoever approves the machine"
     return (warning("safety-configuration", place, text, hint),)
 
 

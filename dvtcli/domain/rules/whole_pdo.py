@@ -14,9 +14,9 @@ from dvtcli.domain.rules.finding import ERROR, Finding, Proposal, Rule, error
 
 _ANOTHER = Hint(Action.SHOW_PDOS, {"all": True}, "choose another PDO ({})")
 RULES = (
-    Rule("half-pdo", ERROR, "the PDO has no COB-ID, or no mapping, that the change could write",
+    Rule("half-pdo", ERROR, "the PDO has no COB-ID or no mapping that could be written",
          "CiA 301, 7.5.2.35 to 7.5.2.38: a PDO has both; the device", (Abort.NO_OBJECT,)),
-    Rule("inconsistent-pdo", ERROR, "a PDO would be enabled whose count its entries do not fill",
+    Rule("inconsistent-pdo", ERROR, "a PDO would be enabled with fewer entries than its count",
          "CiA 301, 7.5.2.36 and 7.5.2.38", (Abort.PDO_LENGTH,)),
 )  # fmt: skip
 
@@ -46,7 +46,7 @@ def whole_findings(proposal: Proposal) -> Iterator[Finding]:
             proposal.mapping_place(0),
             _repaired(proposal),
         )
-        yield error("inconsistent-pdo", place, f"{label} is not enabled as it stands: {want.inconsistency}",
+        yield error("inconsistent-pdo", place, f"{label} cannot be enabled: {want.inconsistency}",
                     Abort.PDO_LENGTH, hint)  # fmt: skip
 
 

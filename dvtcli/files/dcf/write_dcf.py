@@ -41,7 +41,7 @@ def write_missing(eds: EdsFile, text: EditedText, values: Mapping[Place, bytes])
     for name in OBJECT_LISTS:
         known = eds.layout.objects.keys() | described
         dropped = _write_list(eds.layout, text, name, known, unnamed if name == _OPTIONAL else ())
-        left_out |= {(index, 0): "a list names it, and no section describes it" for index in dropped}
+        left_out |= {(index, 0): "it is in a list, but has no section" for index in dropped}
     unknown = {place for place in values if place[0] in added and eds.dictionary.entry(*place) is None}
     return left_out | dict.fromkeys(unknown, "the file does not describe it")
 
@@ -181,7 +181,7 @@ def value_text(data_type: DataType | None, data: bytes, like: str = "") -> str:
     Raises ValueError, with the reason as text, if no text represents *data*.
     """
     if data_type is None:
-        raise ValueError("its data type is not known")
+        raise ValueError("its data type is unknown")
     if not data:
         raise ValueError("it is empty")
     if len(data) > MOST_OCTETS:

@@ -118,7 +118,7 @@ def read_value(
         findings.add(EMPTY_VALUE, given.line, given.key)
         return None
     if data_type is None:
-        text = f"{quoted(given)} cannot be read: its data type is not known"
+        text = f"{quoted(given)} cannot be read: its data type is unknown"
         findings.add(UNTYPED_VALUE, given.line, text, value_unread=is_wanted)
         return None
     try:
@@ -138,7 +138,7 @@ def _tell_other(given: IniValue, data_type: DataType | None, findings: Findings)
     other = given.other
     while other is not None:
         if not _means_same(given.value, other.value, data_type):
-            text = f"{quoted(given)}, but {quoted(other)} in line {other.line}: it is not known which is meant"
+            text = f"{quoted(given)}, but {quoted(other)} in line {other.line}: it is unknown which is right"
             findings.add(VALUE_TWICE, given.line, text, value_lost=True)
             return
         other = other.other

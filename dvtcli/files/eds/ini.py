@@ -128,7 +128,7 @@ def _read_lines(section: IniSection, values: Values, findings: Findings) -> None
             continue
         key = name.lower()
         if key in own:
-            findings.add(DUPLICATE_KEY, line, f"{name} was given in line {own[key]} too; this one counts")
+            findings.add(DUPLICATE_KEY, line, f"{name} was given in line {own[key]} too; this value is used")
         own[key] = line
         given, before = IniValue(name, value.strip(), line), values.get(key)
         values[key] = given if before is None else _after(before, given)

@@ -280,7 +280,7 @@ def _check_parts(
         return
     early = [parts[0] for parts in sections.sub_indices.values() if parts[0].line < line]
     if early:
-        findings.add(SUB_BEFORE_PARENT, early[0].line, f"[{early[0].name}] stands before [{index:04X}]")
+        findings.add(SUB_BEFORE_PARENT, early[0].line, f"[{early[0].name}] is before [{index:04X}]")
     if not entries:
         findings.add(NO_SUB_INDICES, line, f"[{index:04X}] has neither sub-indices nor CompactSubObj")
         return

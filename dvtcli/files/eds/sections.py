@@ -240,7 +240,7 @@ def _node_id(layout: EdsLayout, findings: Findings) -> int | None:
         return None
     node_id = _whole(given)
     if node_id is None or not (0 <= node_id <= _HIGHEST_NODE_ID or node_id == _UNCONFIGURED):
-        text = f"{quoted(given)} is no node-ID, which is 1..127: the node of the values is not known; ignored"
+        text = f"{quoted(given)} is not a node-ID (1..127): the node of the values is unknown; ignored"
         findings.add(NODE_ID, given.line, text, value_lost=True)
         return None
     if 1 <= node_id <= _HIGHEST_NODE_ID:

@@ -37,7 +37,7 @@ def whole_number(tree: Tree, log: FileLog) -> int | None:
     if not isinstance(tree, Leaf) or tree.kind != "int":
         quoted = isinstance(tree, Leaf) and tree.kind == "str" and _INTEGER.fullmatch(tree.text)
         hint = "; it is written without quotes" if quoted else ""
-        log.complain(tree.mark, f"a whole number belongs here, not {shown(tree)}{hint}")
+        log.complain(tree.mark, f"a whole number is expected here, not {shown(tree)}{hint}")
         return None
     return as_number(tree, log)
 
@@ -45,7 +45,7 @@ def whole_number(tree: Tree, log: FileLog) -> int | None:
 def as_number(leaf: Leaf, log: FileLog) -> int | None:
     """Return the number in *leaf*; complains if YAML 1.1 and 1.2 read different numbers."""
     if not _INTEGER.fullmatch(leaf.text):
-        log.complain(leaf.mark, f"{leaf.text[:40]!r} is no number; write it decimal or 0x…")
+        log.complain(leaf.mark, f"{leaf.text[:40]!r} is not a number; write it in decimal or as 0x…")
         return None
     digits = leaf.text.removeprefix("-")
     if len(digits) > (_MOST_BITS if digits.startswith("0b") else _MOST_DIGITS):
@@ -57,7 +57,8 @@ def as_number(leaf: Leaf, log: FileLog) -> int | None:
         return int(leaf.text, 2)
     if len(digits) > 1 and digits[0] == "0" and set(digits) <= set("01234567") and int(digits, 8) != int(digits):
         log.complain(
-            leaf.mark, f"{leaf.text} is {int(digits, 8)} for some readers and {int(digits)} for others; write one"
+            leaf.mark,
+            f"{leaf.text} is {int(digits, 8)} for some readers and {int(digits)} for others; write only one of them",
         )
         return None
     return int(leaf.text)
@@ -76,7 +77,7 @@ def number(tree: Tree, key: NetworkKey, log: FileLog) -> float | None:
     elif isinstance(tree, Leaf) and tree.kind == "float" and tree.text[-1:].isdigit():
         value = float(tree.text)
     else:
-        log.complain(tree.mark, f"a number belongs here, not {shown(tree)}")
+        log.complain(tree.mark, f"a number is expected here, not {shown(tree)}")
         return None
     if value is not None and not key.low <= value <= key.high:
         log.complain(tree.mark, f"{value:.12g} is not within {_range(key)}")
@@ -88,8 +89,8 @@ def truth(tree: Tree, _key: NetworkKey, log: FileLog) -> bool | None:
     """true or false, as YAML has them: a text is neither."""
     if isinstance(tree, Leaf) and tree.kind == "bool":
         return tree.text.lower() == "true"
-    why = "; a text is no truth value, and other tools take any text for true" if _is_text(tree) else ""
-    log.complain(tree.mark, f"true or false belongs here, not {shown(tree)}{why}")
+    why = "; a text is not a truth value, and other tools take any text for true" if _is_text(tree) else ""
+    log.complain(tree.mark, f"true or false is expected here, not {shown(tree)}{why}")
     return None
 
 
@@ -101,7 +102,7 @@ def text(tree: Tree, _key: NetworkKey, log: FileLog) -> FileWord | None:
     """Read a text that is not blank."""
     if isinstance(tree, Leaf) and tree.kind == "str" and tree.text.strip():
         return FileWord(tree.text, tree.mark)
-    log.complain(tree.mark, f"a text belongs here, not {shown(tree)}")
+    log.complain(tree.mark, f"a text is expected here, not {shown(tree)}")
     return None
 
 
@@ -115,7 +116,7 @@ def cob_id(tree: Tree, key: NetworkKey, log: FileLog) -> int | Literal["auto"] |
 def object_word(tree: Tree, log: FileLog) -> FileWord | None:
     """An object as at the prompt: `6041`, `6C01:01/16`, `dummy/8`, a name; a number here is hexadecimal."""
     if not isinstance(tree, Leaf) or tree.kind in ("bool", "null") or not tree.text.strip():
-        log.complain(tree.mark, f"an object belongs here, not {shown(tree)}")
+        log.complain(tree.mark, f"an object is expected here, not {shown(tree)}")
         return None
     length = _LENGTH.fullmatch(tree.text)
     try:
@@ -132,7 +133,7 @@ def object_word(tree: Tree, log: FileLog) -> FileWord | None:
 def value_word(tree: Tree, _key: NetworkKey, log: FileLog) -> FileWord | None:
     """Read an object's value as typed; the node's dictionary gives its type later."""
     if not isinstance(tree, Leaf) or tree.is_null:
-        log.complain(tree.mark, f"a value belongs here, not {shown(tree)}")
+        log.complain(tree.mark, f"a value is expected here, not {shown(tree)}")
         return None
     if tree.kind == "int":
         number = as_number(tree, log)
@@ -153,7 +154,7 @@ def store_word(tree: Tree, key: NetworkKey, log: FileLog) -> str | Literal[False
         return None if found is None else str(found)
     if isinstance(tree, Leaf) and tree.text in STORE_WORDS:
         return tree.text
-    log.complain(tree.mark, f"true, false, {', '.join(STORE_WORDS)} or a sub-index belongs here, not {shown(tree)}")
+    log.complain(tree.mark, f"true, false, {', '.join(STORE_WORDS)} or a sub-index is expected here, not {shown(tree)}")
     return None
 
 

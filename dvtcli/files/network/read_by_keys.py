@@ -36,7 +36,7 @@ def _list(tree: Tree, _key: NetworkKey, log: FileLog) -> YamlList | None:
     if isinstance(tree, YamlList):
         return tree
     hint = "; [] for none" if isinstance(tree, Leaf) and tree.is_null else ""
-    log.complain(tree.mark, f"a list belongs here, not {leaves.shown(tree)}{hint}")
+    log.complain(tree.mark, f"a list is expected here, not {leaves.shown(tree)}{hint}")
     return None
 
 
@@ -88,7 +88,7 @@ def read_keys(branch: Branch, where: Where, title: str, log: FileLog) -> dict[st
             unknown_key(leaf, where, title, log)
         elif key.noted:
             if where is not Where.MASTER:
-                log.note(leaf.mark, f"{name} is left alone: {key.sense}")
+                log.note(leaf.mark, f"{name} is ignored: {key.sense}")
         else:
             read = _READERS[key.kind](value, key, log)
             if read is not None:
@@ -105,11 +105,11 @@ def unknown_key(leaf: Leaf, where: Where, title: str, log: FileLog) -> None:
     if belongs := belongs_to(name, where):
         log.complain(leaf.mark, f"{name[:40]!r} in {title} belongs to {belongs}")
     elif where is Where.MASTER and name == "baud_rate":
-        log.note(leaf.mark, "baud_rate of master is left alone: dcfgen calls it baudrate, and takes 1000 without it")
+        log.note(leaf.mark, "baud_rate of master is ignored: dcfgen calls it baudrate, and takes 1000 without it")
     elif where not in _OPEN or is_slip(name, where, log):
         log.unknown(leaf.mark, name, title, OF[where])
     else:
-        log.note(leaf.mark, f"{name[:40]} is left alone: a key of another tool")
+        log.note(leaf.mark, f"{name[:40]} is ignored: a key of another tool")
 
 
 def belongs_to(name: str, where: Where) -> str:

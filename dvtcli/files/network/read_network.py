@@ -51,11 +51,11 @@ def read_links(row: YamlList, node_ids: Mapping[str, int], log: FileLog) -> Iter
 def _endpoint(tree: Tree, direction: Direction, node_ids: Mapping[str, int], log: FileLog) -> Endpoint | None:
     """Read `NODE:tpdo1`, with the node's name or its node-ID."""
     if not isinstance(tree, Leaf) or tree.kind != "str":
-        log.complain(tree.mark, f"NODE:{direction}N belongs here, not {leaves.shown(tree)}")
+        log.complain(tree.mark, f"NODE:{direction}N is expected here, not {leaves.shown(tree)}")
         return None
     name, _, word = tree.text.rpartition(":")
     if not name:
-        log.complain(tree.mark, f"NODE:{direction}N belongs here, not {leaves.shown(tree)}")
+        log.complain(tree.mark, f"NODE:{direction}N is expected here, not {leaves.shown(tree)}")
         return None
     try:
         pdo = Pdo.parse(word)
@@ -63,13 +63,13 @@ def _endpoint(tree: Tree, direction: Direction, node_ids: Mapping[str, int], log
         log.complain(tree.mark, str(wrong))
         return None
     if pdo.direction is not direction:
-        log.complain(tree.mark, f"a link goes from a TPDO to RPDOs: {direction}N belongs here, not {word[:40]}")
+        log.complain(tree.mark, f"a link goes from a TPDO to RPDOs: {direction}N is expected here, not {word[:40]}")
         return None
     node_id = node_ids.get(name)
     if node_id is None and name.isdecimal() and int(name[:4]) in node_ids.values():
         node_id = int(name[:4])
     if node_id is None:
-        log.complain(tree.mark, f"no node {name[:40]!r} is in this file")
+        log.complain(tree.mark, f"this file has no node {name[:40]!r}")
         return None
     return Endpoint(node_id, pdo)
 
@@ -197,7 +197,7 @@ def _top_level(leaf: Leaf, value: Tree, nodes: Named, log: FileLog, *, only_node
     has_id = isinstance(value, Branch) and "node_id" in value.items
     if has_id and _is_master(leaf.text, log):
         log.complain(leaf.mark, f"unknown key {leaf.text[:40]!r} in this file, did you mean 'master'? "
-                     "A node of this name stands below `nodes`")  # fmt: skip
+                     "A node with this name belongs below `nodes`")  # fmt: skip
     elif has_id or (
         only_nodes
         and isinstance(value, Branch)
@@ -218,9 +218,7 @@ def _take(leaf: Leaf, value: Tree, nodes: Named, log: FileLog) -> None:
     if not isinstance(value, Branch):
         log.complain(value.mark, f"keys and values of node {leaf.text[:40]} belong here, not {leaves.shown(value)}")
     elif leaf.text.isdecimal():
-        log.complain(
-            leaf.mark, f"{leaf.text[:40]!r} is no name: call the node by a word, and give it node_id: {leaf.text[:40]}"
-        )
+        log.complain(leaf.mark, f"{leaf.text[:40]!r} is not a name: give the node a name and node_id: {leaf.text[:40]}")
     elif not leaf.text.strip() or ":" in leaf.text:
         log.complain(leaf.mark, f"{leaf.text[:40]!r} is no name: a node is called by a word without a colon")
     elif leaf.text in nodes:

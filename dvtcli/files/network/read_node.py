@@ -51,7 +51,7 @@ def read_pdos(branch: Branch, direction: Direction, title: str, log: FileLog) ->
             continue
         pdo = Pdo(direction, number)
         if number in lines:
-            log.complain(leaf.mark, f"{pdo.label} of {title} is given twice (first at line {lines[number]})")
+            log.complain(leaf.mark, f"{pdo.label} of {title} was given twice (first at line {lines[number]})")
             continue
         lines[number] = leaf.mark.line
         if isinstance(value, Branch):
@@ -80,7 +80,7 @@ def _pdo(pdo: Pdo, branch: Branch, title: str, log: FileLog) -> PartialPdoConfig
 
 def _inhibit(branch: Branch, found: dict[str, Any], log: FileLog) -> int | None:
     if "inhibit_time" in branch.items and "inhibit_ms" in branch.items:
-        log.complain(key_mark(branch, "inhibit_ms"), "inhibit_ms and inhibit_time are the same: say one of them")
+        log.complain(key_mark(branch, "inhibit_ms"), "inhibit_ms and inhibit_time are the same: give only one of them")
     elif "inhibit_ms" in found:
         try:
             return counts(found["inhibit_ms"], 100)
@@ -150,13 +150,13 @@ def read_node(name: str, branch: Branch, around: Surroundings, log: FileLog) -> 
     identity, identity_marks = _identity(branch, found, name, log)
     pdos = sorted(_pdos(found, name, log), key=lambda config: (not config.pdo.is_tpdo, config.pdo.number))
     if found.get("stamp") and found.get("store") not in ("all", "1"):
-        log.complain(key_mark(branch, "stamp"), "a stamp that is not stored with all the rest vouches for nothing: "
-                     "it needs store: true")  # fmt: skip
+        log.complain(key_mark(branch, "stamp"),
+            "a stamp is only valid if it is stored with all other values: it needs store: true")  # fmt: skip
     if "node_id" not in found:
         return None
     profile: FileWord | None = found.get("profile")
     if "dcf" in found and "eds" in found:
-        log.note(key_mark(branch, "eds"), "eds is left alone: dcf is what describes the node")
+        log.note(key_mark(branch, "eds"), "eds is ignored: dcf is what describes the node")
     return NodeConfig(
         name, found["node_id"], identity, None if profile is None else profile.text,
         found.get("dcf", found.get("eds")),
@@ -224,7 +224,7 @@ def _values(
         earlier = configs.setdefault(word.text, config)
         own = said.get(parse_object(word.text) or (-1, -1))
         if own is not None:
-            text = f"{word.text} is what {own.key} of this node sets already"
+            text = f"{word.text} is already set by {own.key} of this node"
             if _number_in(config.value.text) == int.from_bytes(own.data, "little"):
                 log.note(word.mark, f"{text}, to the same value")
             else:
@@ -234,7 +234,7 @@ def _values(
         elif _same_text(config.value.text, earlier.value.text):
             log.note(word.mark, f"{word.text} has this value already (line {earlier.object.mark.line})")
         else:
-            text = f"{word.text} has a value already (line {earlier.object.mark.line}), and can have one only"
+            text = f"{word.text} has a value already (line {earlier.object.mark.line}), and can have only one value"
             log.complain(word.mark, text)
 
 
@@ -254,7 +254,7 @@ def _object(tree: Branch, found: dict[str, Any], title: str, log: FileLog) -> Fi
     """Read an entry's object, which must be written in one way only."""
     numbers = {"index", "sub_index"} & tree.items.keys()
     if "object" in tree.items and numbers:
-        log.complain(key_mark(tree, "object"), "object and index are the same: say one of them")
+        log.complain(key_mark(tree, "object"), "object and index are the same: give only one of them")
     elif "object" in found:
         word: FileWord = found["object"]
         place = parse_object(word.text)
@@ -295,7 +295,7 @@ def _of_the_master(
     """dcfgen's true and false: whether the node watches the master."""
     master = around.master
     if master is None or not 1 <= (master.node_id or 0) <= 127 or (watched and not master.heartbeat_producer_ms):
-        log.note(watch.mark, "heartbeat_consumer is left alone: master has no node_id or no heartbeat_producer")
+        log.note(watch.mark, "heartbeat_consumer is ignored: master has no node_id or no heartbeat_producer")
         return
     time_ms = int((master.heartbeat_producer_ms or 0) * around.multiplier) if watched else 0
     if time_ms > 0xFFFF:
@@ -313,7 +313,7 @@ def _pins(groups: Branch | None, log: FileLog) -> Iterator[PinConfig]:
             pin = number_key(pin_leaf, 1, 254, "pin", log)
             word = leaves.object_word(tied, log)
             if pin in seen:
-                log.complain(pin_leaf.mark, f"pin {pin} of {leaf.text} is given twice")
+                log.complain(pin_leaf.mark, f"pin {pin} of {leaf.text} was given twice")
             elif pin is not None and word is not None:
                 seen[pin] = PinConfig(group, pin, None if word.text == NONE else word, pin_leaf.mark)
         yield from (seen[pin] for pin in sorted(seen))

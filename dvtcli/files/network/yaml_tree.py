@@ -72,12 +72,12 @@ _TYPES = {"int", "float", "bool", "null", "str"}
 def read_tree(text: str, log: FileLog) -> Tree | None:
     """The tree of *text*; None where it is empty, or no YAML, which *log* hears."""
     if len(text) > MOST_CHARACTERS:
-        log.complain(Mark(1, 1), f"{len(text)} characters are no network file")
+        log.complain(Mark(1, 1), f"{len(text)} characters are too many for a network file")
         return None
     entries = sum(map(text.count, "\n,[]{}"))
     if entries > MOST_ENTRIES:
         log.complain(
-            Mark(1, 1), f"{entries} lines, commas and brackets are no network file: it has at most {MOST_ENTRIES}"
+            Mark(1, 1), f"{entries} lines, commas and brackets are too many for a network file: at most {MOST_ENTRIES}"
         )
         return None
     with suppress(OtherYamlError):
@@ -103,10 +103,10 @@ def _general_tree(text: str, log: FileLog) -> Tree | None:
     except MarkedYAMLError as wrong:
         mark = wrong.problem_mark or wrong.context_mark
         said = str(wrong.problem or wrong.context)
-        log.complain(Mark(mark.line + 1, mark.column + 1) if mark else Mark(1, 1), f"no YAML: {said}")
+        log.complain(Mark(mark.line + 1, mark.column + 1) if mark else Mark(1, 1), f"not YAML: {said}")
     except (YAMLError, RecursionError, ValueError) as wrong:
         said = "nested too deep" if isinstance(wrong, RecursionError) else f"{wrong} ".splitlines()[0].strip()
-        log.complain(Mark(1, 1), f"no YAML: {said}")
+        log.complain(Mark(1, 1), f"not YAML: {said}")
     return None
 
 
@@ -182,7 +182,7 @@ class _Grower:
         kind = str(node.tag).removeprefix(_TAG)
         if kind not in _TYPES:
             if kind != "merge":
-                self.log.complain(_mark(node), f"the tag {str(node.tag)[:40]} means nothing here")
+                self.log.complain(_mark(node), f"the tag {str(node.tag)[:40]} has no meaning here")
             kind = "str"
         return Leaf(_mark(node), str(node.value), kind)
 
@@ -214,7 +214,7 @@ class _Grower:
         found = tree.items if isinstance(tree, YamlList) else (tree,)
         branches = [branch for branch in found if isinstance(branch, Branch)]
         if len(branches) != len(found):
-            self.log.complain(_mark(node), "behind << belong mappings")
+            self.log.complain(_mark(node), "<< needs mappings")
         return branches
 
 

@@ -85,7 +85,7 @@ def _card(picture: NetworkPicture, node: PictureNode, pdo: PicturePdo, partners:
     facts = filter(None, (byte_count(pdo), timing(pdo), odd))
     verb = "received by" if pdo.is_tpdo else "receives"
     names = ", ".join(f"{end_text(end)} {_name(picture, end.node_id)}".rstrip() for end in pdo.partners)
-    nobody = "no node here receives it" if pdo.is_tpdo else "no node here sends it"
+    nobody = "no node here receives it" if pdo.is_tpdo else "no node of the network transmits it"
     rows = tuple(_row(number, field, partners) for number, field in enumerate(pdo.fields, 1))
     return FrameCard(
         f"{pdo.end.pdo}-{node.node_id}", pdo.end.pdo.label, node_text(picture, node.node_id), pdo.is_tpdo,
@@ -282,7 +282,7 @@ def _tiles(picture: NetworkPicture) -> Iterator[Tile]:
     is_bad = load.total is None or load.total > 1
     yield Tile(percent(load.total), f"bus load at worst, {_rate(picture)}", "bad" if is_bad else "", "frames")
     if load.measured is not None:
-        yield Tile(percent(load.measured), f"bus load heard in {load.seconds:.1f} s", target="frames")
+        yield Tile(percent(load.measured), f"bus load measured in {load.seconds:.1f} s", target="frames")
     in_time = "good" if load.fits else "bad"
     yield Tile("all" if load.fits else "not all", "frames are in time", in_time, "frames")
     said = [plural(count[severity], severity) for severity in ("error", "warning", "note") if count[severity]]

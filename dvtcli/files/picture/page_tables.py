@@ -103,7 +103,7 @@ def nodes_table(picture: NetworkPicture) -> PageTable:
     for node in picture.nodes:
         facts = dict(node.facts)
         sends, hears = (len(node.enabled(is_tpdo=is_tpdo)) for is_tpdo in (True, False))
-        device = node.title if node.is_told else "only what the file says is known"
+        device = node.title if node.is_told else "only the values of the file are known"
         rows.append((
             TableCell(str(node.node_id), node.node_id), TableCell(node.name or "-", style=_name_style(node.name)),
             TableCell(device or "-"), TableCell(str(sends), sends), TableCell(str(hears), hears),
@@ -133,8 +133,8 @@ def pdos_table(picture: NetworkPicture) -> PageTable:
 def frames_table(picture: NetworkPicture) -> PageTable:
     """Return every CAN-ID with producer, consumers and bus load."""
     received = picture.load.measured is not None
-    columns = ["COB-ID", "What", "Sent by", "Heard by", "Bytes", "At most", "Load", "Response", "Deadline"]
-    columns += ["Heard/s", "Heard load"] if received else []
+    columns = ["COB-ID", "What", "Sent by", "Received by", "Bytes", "At most", "Load", "Response", "Deadline"]
+    columns += ["Heard/s", "Measured load"] if received else []
     most = max((float(frame.share) for frame in picture.frames if frame.share is not None), default=0.0)
     rows = []
     for frame in picture.frames:
@@ -149,7 +149,7 @@ def frames_table(picture: NetworkPicture) -> PageTable:
                 TableCell(percent(frame.measured_share or 0), frame.measured_share or 0),
             ]
         rows.append(tuple(row))
-    numbers = ("Bytes", "Load", "Response", "Deadline", "Heard/s", "Heard load")
+    numbers = ("Bytes", "Load", "Response", "Deadline", "Heard/s", "Measured load")
     return _table("frames", "Frames on the bus", columns, rows, *numbers)
 
 

@@ -93,7 +93,7 @@ def _boxes(
         add(group, "text", clipped_name(_name(node), room, 14), x=column.x + 48, y=y + 23, class_="name")
         pdos = node.enabled(is_tpdo=column.is_tpdo)
         if not pdos:
-            add(group, "text", "no PDO is on", x=column.x + 14, y=y + _HEAD + 16, class_="dim")
+            add(group, "text", "no PDO is enabled", x=column.x + 14, y=y + _HEAD + 16, class_="dim")
         for number, pdo in enumerate(pdos):
             middle = y + _HEAD + _ROW * number + _ROW / 2
             _port(group, column, pdo, middle)

@@ -124,7 +124,7 @@ def profile_path(name: str) -> Path:
     if name in builtin_names():
         return builtin_path(name)
     hint = suggest(name, profile_names()) or ", ".join(profile_names())
-    raise UsageError(f"no profile is called {name!r}", hint=hint)
+    raise UsageError(f"unknown profile {name!r}", hint=hint)
 
 
 def profile_text(name: str) -> str:

@@ -105,7 +105,7 @@ def _over(base: Any, given: Any) -> Any:
 
 def _base(item: Item) -> DeviceProfile:
     if item.value not in builtin_names():
-        item.fail(f"no built-in profile is called {item.shown}", suggest(str(item.value), builtin_names()))
+        item.fail(f"unknown built-in profile {item.shown}", suggest(str(item.value), builtin_names()))
     path = builtin_path(str(item.value))
     return read_profile(path.read_text(encoding="utf-8"), f"{path.parent.name}/{path.name}")
 
@@ -294,7 +294,7 @@ def _place(item: Item) -> ObjectRange:
     first, sub = int(match["first"], 16), int(match["sub"] or "0", 16)
     place = ObjectRange(first, int(match["last"] or match["first"], 16), sub, int(match["last_sub"] or f"{sub:X}", 16))
     if place.first > place.last or place.first_sub > place.last_sub:
-        item.fail("the lower number stands first")
+        item.fail("the lower number comes first")
     return place
 
 

@@ -50,7 +50,7 @@ def read_recorded(path: Path) -> Iterator[RecordedFrame]:
         except kind.broken as wrong:
             raise _damaged(path, kind, source, count, wrong) from wrong
     if not count:
-        raise InputFileError(f"{path.name} holds no frame", hint=f"is it a {kind.suffix} file?", place=str(path))
+        raise InputFileError(f"{path.name} has no frames", hint=f"is it a {kind.suffix} file?", place=str(path))
 
 
 def _all_in(kind: RecordingFormat, source: Any) -> Iterator[RecordedFrame]:
@@ -76,7 +76,7 @@ def _require_frame(message: can.Message) -> None:
     """
     time_s, can_id, length = message.timestamp, message.arbitration_id, len(message.data)
     if not _FIRST_S <= time_s <= _LAST_S:
-        raise NoFrameError(f"{time_s:g} s is no time of a frame")
+        raise NoFrameError(f"{time_s:g} s is not a time of a frame")
     if not fits(can_id, extended=message.is_extended_id):
         raise NoFrameError(f"CAN-ID 0x{can_id:X} has more than {29 if message.is_extended_id else 11} bits")
     if length > _MOST_FD_BYTES:

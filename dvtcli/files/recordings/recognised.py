@@ -54,7 +54,7 @@ def recognised(path: Path) -> RecordingFormat:
     """
     found = _by_content(_head(path))
     if isinstance(found, str):
-        raise UsageError(f"{path} is no recording of frames: it is {found}", hint="; ".join(_known()))
+        raise UsageError(f"{path} is not a recording of frames: it is {found}", hint="; ".join(_known()))
     if found is None:
         if path.suffix.lower() not in formats() and not path.is_dir():
             _require_content(path)

@@ -36,7 +36,7 @@ class Recorder:
         except OSError as failed:
             raise UsageError(f"{path}: {failed.strerror or failed}", place=str(path)) from failed
         except self._format.broken as wrong:
-            raise InputFileError(f"{path}: nothing can be appended to it", why=str(wrong), place=str(path)) from wrong
+            raise InputFileError(f"{path}: it cannot be appended to", why=str(wrong), place=str(path)) from wrong
 
     def write(self, frame: Frame) -> None:
         """Write a frame. Raises DvtcliError if the disk is full or fails."""

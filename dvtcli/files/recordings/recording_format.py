@@ -53,7 +53,7 @@ class RecordingFormat:
     def __init_subclass__(cls) -> None:
         for said, example in (("suffix", ".asc"), ("title", "Vector ASCII")):
             if not hasattr(cls, said):
-                raise TypeError(f'{cls.__module__}: {cls.__name__} lacks a line such as {said} = "{example}"')
+                raise TypeError(f'{cls.__module__}: {cls.__name__} needs a line such as {said} = "{example}"')
 
     def require(self) -> None:
         """Raise UsageError if a required package is missing."""

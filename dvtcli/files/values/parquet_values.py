@@ -288,7 +288,7 @@ def read_parquet(path: Path) -> ValueRows:
         file = pyarrow("pyarrow.parquet").ParquetFile(str(path))
         schema, names = file.schema_arrow, file.schema_arrow.names
     except (arrow.ArrowException, OSError, ValueError) as wrong:
-        raise InputFileError(f"{path.name} is no whole Parquet file", why=_why(wrong), place=str(path)) from wrong
+        raise InputFileError(f"{path.name} is not a complete Parquet file", why=_why(wrong), place=str(path)) from wrong
     if nested := [name for name in names if arrow.types.is_nested(schema.field(name).type)]:
         raise InputFileError(f"{path.name}: column {nested[0]!r} has no plain values", place=str(path))
     if TIME not in names or not arrow.types.is_timestamp(schema.field(TIME).type):

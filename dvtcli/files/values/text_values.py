@@ -97,7 +97,7 @@ def _lines(path: Path) -> Iterator[list[str]]:
         yield from reader
     except csv.Error as wrong:  # a cell of more than 128 KiB
         raise InputFileError(
-            f"{path.name} is no CSV file of values", place=f"{path}:{reader.line_num}", why=str(wrong)
+            f"{path.name} is not a CSV file of values", place=f"{path}:{reader.line_num}", why=str(wrong)
         ) from wrong
 
 
@@ -111,7 +111,7 @@ def _csv_rows(
         try:
             time_s = float(cells[0]) if first == 1 else datetime.fromisoformat(cells[0]).timestamp()
         except ValueError as wrong:
-            raise InputFileError(f"{cells[0]!r} is no time", place=f"{path}:{number}") from wrong
+            raise InputFileError(f"{cells[0]!r} is not a time", place=f"{path}:{number}") from wrong
         yield time_s, [_cell(text) for text in cells[first:]]
 
 
@@ -229,7 +229,7 @@ def opened_text(path: Path) -> Iterator[str]:
             f"{path}: {failed.strerror or failed}", hint=Hint(Action.LOG_VALUES, {"file": path}, "records one")
         ) from failed
     except UnicodeDecodeError as wrong:
-        raise InputFileError(f"{path.name} is no UTF-8 text", place=str(path)) from wrong
+        raise InputFileError(f"{path.name} is not UTF-8 text", place=str(path)) from wrong
 
 
 _HEAD = re.compile(r"(?P<name>.*?)(?: \[(?P<unit>[^\[\]]*)\])?", re.S)

@@ -135,7 +135,7 @@ def read_parameters(root: XmlElement, findings: Findings) -> dict[str, Parameter
     for element in root.anywhere("parameter"):
         name = element.attributes.get("uniqueID", "")
         if name in found:
-            findings.add(PARAMETER_TWICE, element.line, f"parameter {name[:60]} occurs twice; the first one counts")
+            findings.add(PARAMETER_TWICE, element.line, f"parameter {name[:60]} occurs twice; the first is used")
             continue
         found[name] = Parameter(element, templates.get(element.attributes.get("templateIDRef", "")))
     return found

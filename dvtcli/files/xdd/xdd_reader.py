@@ -64,12 +64,12 @@ def _other(tree: XmlTree) -> tuple[str, str | None] | None:
     named = [tree.namespace, *tree.types]
     if any("powerlink" in name.lower() for name in named):
         return (
-            "a description of an Ethernet POWERLINK device (EPSG DS 311), not of a CANopen one",
+            "a description of an Ethernet POWERLINK device (EPSG DS 311), not of a CANopen device",
             "its maker may have an EDS or XDD of the CANopen variant",
         )
     if tree.root.name == "EtherCATInfo":
         hint = "the maker's EDS has the same objects, where the device speaks CANopen"
-        return "a description of an EtherCAT device (ESI), not of a CANopen one", hint
+        return "a description of an EtherCAT device (ESI), not of a CANopen device", hint
     if next(tree.root.anywhere("CANopenObjectList"), None) is not None:
         return None
     if tree.root.name != _ROOT:
@@ -226,7 +226,7 @@ def _sub_entries(
         if sub_index is None:
             continue
         if sub_index in entries:
-            text = f"{index:04X}:{sub_index:02X} is described in line {entries[sub_index].line} too; that one counts"
+            text = f"{index:04X}:{sub_index:02X} is described in line {entries[sub_index].line} too; that entry is used"
             is_lost = entry(sub, sub_index, Findings()).value not in (None, entries[sub_index].value)
             findings.add(OBJECT_TWICE, sub.line, text, value_lost=is_lost, value_unread=True)
             continue
@@ -358,7 +358,7 @@ def _objects(root: XmlElement, findings: Findings) -> dict[int, XmlElement]:
         if index is None:
             continue
         if index in found:
-            text = f"{index:04X} is in line {found[index].line} too; that one counts"
+            text = f"{index:04X} is in line {found[index].line} too; that entry is used"
             is_lost = _values(element) != _values(found[index])
             findings.add(OBJECT_TWICE, element.line, text, value_lost=is_lost, value_unread=True)
             continue
@@ -485,7 +485,7 @@ def _node_id(placed: XmlElement, findings: Findings) -> int | None:
     if node_id in (0, _UNCONFIGURED):
         findings.add(NO_NODE_ID, placed.line, f"nodeID={node_id} means not configured")
     else:
-        said = f"nodeID={text[:40]} is no node-ID, which is 1..127: the node of the values is not known; ignored"
+        said = f"nodeID={text[:40]} is not a node-ID (1..127): the node of the values is unknown; ignored"
         findings.add(NODE_ID, placed.line, said, value_lost=True)
     return None
 

@@ -13,7 +13,7 @@ MAPPING_DIRECTION = LintRule("mapping-direction", WARNING, "PDOmapping is a dire
                              f"{_OBJECTS}; CiA 301, 7.4.6")  # fmt: skip
 OBJECT_TWICE = LintRule("object-twice", WARNING, "an object, or a sub-index of it, is described twice", _OBJECTS)
 NO_INDEX = LintRule("no-index", ERROR, "an object, or a sub-index of it, has no number: it is left out", _OBJECTS)
-OBJECT_LISTS = LintRule("object-lists", WARNING, "there are several lists of objects: the first one counts",
+OBJECT_LISTS = LintRule("object-lists", WARNING, "there are several lists of objects: the first is used",
                         "CiA 311, CANopenObjectList")  # fmt: skip
 OTHER_NAMESPACE = LintRule("other-namespace", NOTE, "the file is in none of the published namespaces of CiA 311",
                            "CiA 311, 1.0 and 1.1")  # fmt: skip

@@ -100,7 +100,7 @@ class _XmlReading:
         except expat.ExpatError as wrong:
             column = f":{wrong.offset + 1}"
             raise InputFileError(
-                f"{self._source} is no well-formed XML",
+                f"{self._source} is not well-formed XML",
                 place=f"{self._source}:{wrong.lineno}{column}",
                 why=expat.ErrorString(wrong.code) or str(wrong),
             ) from None

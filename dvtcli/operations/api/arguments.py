@@ -192,7 +192,7 @@ def request(options: PdoOptions) -> PdoRequest:
         if (value := options[name]) is not None:
             flag(name, value)
     if sum(options[name] is not None for name in _KINDS) > 1:
-        raise UsageError("transmission_type, sync and event exclude each other: give one")
+        raise UsageError("transmission_type, sync and event exclude each other: give only one of them")
     return PdoRequest(
         cob_id=_cob_id(options["cob_id"]),
         transmission_type=_transmission_type(options),

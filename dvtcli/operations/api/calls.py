@@ -99,7 +99,7 @@ class Calls:
                 finally:
                     self._tell_what_was_noticed()
             if session.cancellation.requested:
-                raise KeyboardInterrupt("Ctrl-C came too late to stop it: it is complete, and its changes stay")
+                raise KeyboardInterrupt("Ctrl-C was too late: the command is complete and its changes remain")
         return answer_in_calls(result)
 
     def _failed(self, raised: BaseException) -> None:
@@ -125,7 +125,7 @@ class Calls:
         Raises UsageError if a call-back calls the bus, BusUnavailable after it is closed.
         """
         if self._owner == threading.get_ident():
-            raise UsageError("a call-back must not call the bus that calls it: remember what it says, and call later")
+            raise UsageError("a callback must not call the bus that calls it: save the data and make the call later")
         with self._turn:
             self.refuse_closed()
             self._owner = threading.get_ident()

@@ -75,7 +75,9 @@ def heartbeat_of(heartbeat_ms: int | None, *, watched: bool) -> int | Literal[Fa
     if heartbeat_ms is None:
         return None if watched else False
     if not watched:
-        raise UsageError("heartbeat=False leaves heartbeats alone, and heartbeat_ms sets one: give one of both")
+        raise UsageError(
+            "heartbeat=False changes no heartbeats, but heartbeat_ms sets a heartbeat: give only one of them"
+        )
     return whole("heartbeat_ms", heartbeat_ms, "a heartbeat in ms", 0xFFFF, low=1)
 
 

@@ -315,7 +315,7 @@ def _choose(chosen: dict[int, Any], node_id: int, what: Any, *, met: bool) -> No
     """Choose *what* for *node_id*; raises UsageError if another was chosen, or the node was *met* with another."""
     before = chosen.get(node_id)
     if met and before != what:
-        raise UsageError(f"node {node_id} was used already: give eds and profile where it is first asked for")
+        raise UsageError(f"node {node_id} was used before: give eds and profile at its first use")
     if before not in (None, what):
-        raise UsageError(f"node {node_id} has another one already: {before}, not {what}")
+        raise UsageError(f"node {node_id} already has another: {before}, not {what}")
     chosen[node_id] = what

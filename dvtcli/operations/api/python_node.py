@@ -158,7 +158,7 @@ class ConfiguredNode(ReadNode):
             timer_ms=timer_ms, sync_start=sync_start, rtr=rtr, extended=extended, enabled=enabled,
         )  # fmt: skip
         if all(value is None for value in options.values()):
-            raise UsageError("nothing to set: give transmission_type, timer_ms, cob_id, …")
+            raise UsageError("nothing to set: give transmission_type, timer_ms or cob_id, …")
         asked, wanted = request(options), pdo_of(pdo)
         return self._change(lambda node: configure(self._calls.session, node, {wanted: asked}), yes=yes, force=force)
 
@@ -213,7 +213,7 @@ class ConfiguredNode(ReadNode):
         word("group", group, "the name of a group, such as 'digital-in'")
         number_of = 0 if pin is None else whole("pin", pin, "a pin", 254, low=1)
         if pin is None and object_ is not None:
-            raise UsageError("every pin of a group can be untied, not tied: give None as the object")
+            raise UsageError("all pins of a group can be unlinked together, but not linked: give None as the object")
         if isinstance(object_, int):
             object_ = f"{whole('object_', object_, 'an index', 0xFFFF):04X}"
         text = None if object_ is None else word("object_", object_, "an object's name or index: 'throttle', 0x2220")
@@ -287,7 +287,9 @@ class Node(ConfiguredNode):
         number("within_s", within_s, "a number of seconds, 0 or more")
         way = proof_of(prove)
         if way and if_changed:
-            raise UsageError("if_changed may store nothing, and prove then proves nothing: give one of them")
+            raise UsageError(
+                "with if_changed nothing may be stored, and prove would then prove nothing: give only one of them"
+            )
         chosen = group_of(group)
         return self._change(
             lambda node: store_settings(

@@ -205,7 +205,7 @@ class ReadNode:
         flags(twice=twice)
         chosen = str(path("file", file))
         if is_of_all_nodes(chosen):
-            raise UsageError(f"{chosen} is of all nodes", hint="bus.export() writes it")
+            raise UsageError(f"{chosen} applies to all nodes", hint="bus.export() writes it")
         done = self._read(lambda node: export_file(self._calls.session, chosen, node.node_id, twice=twice), yes=yes)
         left_out = dict(done.rows)["left_out"]
         return tuple(entry["object"] if isinstance(entry, dict) else entry for entry in left_out)

@@ -125,7 +125,7 @@ def keep_words(node: Node, plan: Plan) -> Hint | str:
         stores = takes_store(node)
     else:
         stores = True
-    return Hint(Action.STORE, why="keeps it") if stores else "the device has no 0x1010 that would store it"
+    return Hint(Action.STORE, why="keeps it") if stores else "the device has no 0x1010 to store it with"
 
 
 def _described(node: NodeDescription, step: Step) -> OdEntry | None:

@@ -38,7 +38,7 @@ def refuse_other_bus(session: SessionNodes, journal: Journal) -> None:
             f"the journal was made on another bus: {journal.bus}, not {session.wire.name}",
             node=journal.plan.node_id,
             place=str(journal.path),
-            hint=Hint(Action.FORCE, why="attach to that bus, or {} if it is the same one under another name"),
+            hint=Hint(Action.FORCE, why="connect to that bus, or {} if it is the same bus under another name"),
         )
 
 
@@ -88,14 +88,14 @@ def _question(paths: Sequence[Path]) -> str:
         except (InputFileError, SafetyRefusal):
             continue  # it stays, and that is the error
         named.append(f"{join_some(journal.labels)} of node {journal.plan.node_id}")
-    return f"{join_some(named)} will stay as held now, and no later roll-back changes that; accept?"
+    return f"{join_some(named)} will keep their present values, and no later roll-back will change that; accept?"
 
 
 def _first_of(refused: Sequence[DvtcliError], done: Sequence[str]) -> DvtcliError:
     """Return the first *refused* error with the other errors and the nodes *done*."""
     refused[0].details += [("also", other.text) for other in refused[1:]]
     if done:
-        refused[0].details.append(("done", f"node {', '.join(done)}: what it holds now is the new state"))
+        refused[0].details.append(("done", f"node {', '.join(done)}: its present values are accepted"))
     return refused[0]
 
 
@@ -130,9 +130,9 @@ def _accepted(session: SessionNodes, path: Path) -> tuple[tuple[tuple[str, Any],
     )
     if kept is None:
         return rows, (*text, "dry run: the journal stays")
-    said = f"node {node.node_id}: what it holds now is the new state; the journal is kept as {kept}"
+    said = f"node {node.node_id}: its present values are accepted; the journal is kept as {kept}"
     if unknown := [state.label for state in states if not state.is_known]:
-        said += f"; what it holds of {join_some(unknown)} is not known"
+        said += f"; its present values of {join_some(unknown)} are unknown"
     return rows, (*text, said, *_after_accepting(node, journal, others))
 
 
@@ -165,7 +165,7 @@ def _after_accepting(node: ReadableNode, journal: Journal, others: list[int]) ->
         Hint(
             Action.STORE,
             {"node": node.node_id},
-            "next: a line behind `held before` sets that back when it is typed; {} keeps what is right",
+            "next: enter a line of `held before` to restore that value; {} stores the values",
         )
         + Hint(Action.RESET_NODE, {"node": node.node_id}, ", {} restores the stored values")
     ]
@@ -183,7 +183,7 @@ def _after_accepting(node: ReadableNode, journal: Journal, others: list[int]) ->
             Hint(
                 Action.RECOVER,
                 {"node": others[0]},
-                f"what {verbatim(journal.part.name)} changed on node {ids} waits, too: {{}} takes it back",
+                f"the change of {verbatim(journal.part.name)} on node {ids} can be rolled back, too: {{}}",
             )
         )
     return lines
@@ -217,11 +217,11 @@ def _one_at_a_time(paths: Sequence[Path]) -> UsageError:
     """Make the error for several journals; its hint names those of *paths* that are unusable."""
     damaged = next((path for path in paths if not _is_readable(path)), None)
     if damaged is None:
-        hint = Hint(Action.RECOVER_ALL, why="each of them can be used: {} puts all of them back")
+        hint = Hint(Action.RECOVER_ALL, why="each of them can be used: {} rolls all of them back")
     else:
         hint = Hint(Action.RECOVER, {"node": _number_of(damaged), "discard": True}, f"sets {verbatim(damaged)} aside")
     return UsageError(
-        "several changes were interrupted on this bus, and one at a time is closed",
+        "several changes were interrupted on this bus; choose the one to close",
         given={"discard": True},
         why=f"they are in {join_some(map(str, paths))}",
         hint=hint,
@@ -246,11 +246,11 @@ def _useless_for(session: SessionNodes, path: Path) -> int:
     bus = session.open_network().bus.name
     if not session.options.force and journal.bus == bus and journal.identity == session.node(node_id).identity():
         raise SafetyRefusal(
-            f"the journal of node {node_id} can be used: it is not set aside",
+            f"the journal of node {node_id} is usable: it is not set aside",
             node=node_id,
             place=str(path),
-            hint=Hint(Action.RECOVER, why="puts the old configuration back")
-            + Hint(Action.RECOVER, {"accept": True}, ", {} takes what the device holds")
+            hint=Hint(Action.RECOVER, why="rolls back to the old configuration")
+            + Hint(Action.RECOVER, {"accept": True}, ", {} accepts the device's present values")
             + Hint(Action.FORCE, why="sets it aside all the same"),
         )
     selected = session.selected_id()
@@ -267,9 +267,9 @@ def _blocked_by(session: SessionNodes, path: Path) -> int:
     number = _number_of(path)
     if not (path.suffix == ".json" and number.isdecimal()):
         raise UsageError(
-            f"{path} is no journal: it is not set aside",
+            f"{path} is not a journal: it is not set aside",
             place=str(path),
-            hint=Hint(Action.RECOVER, {"discard": True}, "takes the node's own journal"),
+            hint=Hint(Action.RECOVER, {"discard": True}, "uses the node's own journal"),
         )
     if session.selected_id() is None and number.isdecimal() and 1 <= int(number) <= 127:
         return int(number)
@@ -279,5 +279,7 @@ def _blocked_by(session: SessionNodes, path: Path) -> int:
 def _set_aside(session: SessionNodes, path: Path, node_id: int, word: str) -> Path:
     guard = session.open_network().node(node_id).guard
     if guard is None:
-        raise UsageError("a node of this process has no journal: attach to the bus that it was made on")
+        raise UsageError(
+            "a node simulated in this process has no journal: connect to the bus on which the change was made"
+        )
     return guard.set_aside(path, word)

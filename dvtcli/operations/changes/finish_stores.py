@@ -52,9 +52,9 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
     one = next((begun_journal for begun_journal in journals if may_finish([begun_journal])), None)
     if one is not None and not may_finish(journals):
         raise UsageError(
-            "several changes were interrupted, and the stores of one network at a time are finished",
+            "the stores of several networks were interrupted; finish one network at a time",
             given={"finish": True},
-            hint=Hint(Action.FINISH_STORES, {"node": one.plan.node_id}, f"goes on with {verbatim(one.part.name)}"),
+            hint=Hint(Action.FINISH_STORES, {"node": one.plan.node_id}, f"continues with {verbatim(one.part.name)}"),
         )
     if not may_finish(journals):
         raise UsageError(
@@ -87,8 +87,8 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
     what = f"{_not_looked_at(part)}; " + (f"store on node {ids}?" if ids else "is it to stay so?")
     had_stored = "" if ids else _had_stored(part)
     who = f"node {join_some(map(str, sorted(nodes)))}" if _accepted_ids(part) else "every node"
-    but = f" but the stamp of node {join_some(map(str, stamps))}, which is written first" if stamps else ""
-    session.consent(f"{part.name}: {who} holds what was planned{but}{had_stored}{what}")
+    but = f" but the stamp of node {join_some(map(str, stamps))}, which is written before the stores" if stamps else ""
+    session.consent(f"{part.name}: {who} has the planned values{but}{had_stored}{what}")
     _store(session, journals, part, claims, tests, stamps)
     rows = (
         ("node", None),
@@ -116,9 +116,9 @@ def _refuse_untold(journals: Sequence[Journal], part: GroupMember) -> None:
     if untold:
         ids = join_some(map(str, untold))
         raise SafetyRefusal(
-            f"what node {ids} is to hold is not known: nothing is stored",
+            f"the planned values of node {ids} are unknown: nothing is stored",
             node=untold[0],
-            why=f"no journal of node {ids} can be used",
+            why=f"node {ids} has no usable journal",
             hint=back_and_again(part.name, "the other nodes"),
         )
 
@@ -126,7 +126,7 @@ def _refuse_untold(journals: Sequence[Journal], part: GroupMember) -> None:
 def _said(session: SessionUser, part: GroupMember, who: str, ids: str) -> str:
     """Report: *who* was verified only; the nodes *ids* stored, if not empty."""
     if session.dry_run:
-        said = f"node {ids} would store" if ids else f"{who} holds it{_had_stored(part)}; the journals stay"
+        said = f"node {ids} would store" if ids else f"{who} has it{_had_stored(part)}; the journals are kept"
         return f"dry run: {said}{_not_looked_at(part)}"
     done = f"node {ids} stored" if ids else f"{who} holds it{_had_stored(part)}"
     is_whole = "ended" if _accepted_ids(part) else "complete"
@@ -146,7 +146,7 @@ def _accepted_ids(part: GroupMember) -> list[int]:
 
 def _not_looked_at(part: GroupMember) -> str:
     ids = _accepted_ids(part)
-    return f"; node {join_some(map(str, ids))}, accepted as it was, was not looked at" if ids else ""
+    return f"; node {join_some(map(str, ids))}, accepted before, was not read" if ids else ""
 
 
 def _claims(
@@ -251,7 +251,7 @@ def _refuse_unlike(claims: ExpectedAtStore, node_id: int, name: str) -> None:
         claims.verify_before_store(node_id)
     except DeviceRefused as other:
         raise SafetyRefusal(
-            f"node {node_id} no longer holds what was verified: nothing is stored",
+            f"the values of node {node_id} differ from those verified: nothing is stored",
             node=node_id,
             why=other.why,
             hint=back_and_again(name),

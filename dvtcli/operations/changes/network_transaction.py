@@ -124,7 +124,7 @@ def all_back(
     """
     some = bool(unwritten or unread)
     who = f"node {_names(back)}" if some else "every node"
-    what = f"the changes are reverted on {who}" if restarted or some else "every node is as it was"
+    what = f"the changes are reverted on {who}" if restarted or some else "every node is unchanged"
     said = [f"{what}, read back equal"] if back or not some else []
     said += unread
     if unwritten:
@@ -284,7 +284,7 @@ class NetworkTransaction:
 
     def _report_all_rolled_back(self, fault: DvtcliError) -> None:
         back, unwritten = self._others(())
-        unread = [f"{names} was refused, and its value cannot be read" for names in _of_nodes(self._refused)]
+        unread = [f"{names} was refused, but its value cannot be read" for names in _of_nodes(self._refused)]
         unread += self._unsure_texts()
         restarted = [
             looked_id for looked_id, boot_ups in self._looked.items() if self._before[looked_id].restarted(boot_ups)
@@ -296,7 +296,7 @@ class NetworkTransaction:
         fault.state_text = f"{'unknown' if self._unsure else 'rolled back'}: {text}"
 
     def _unsure_texts(self) -> list[str]:
-        return [f"whether {names} was written is not known: it cannot be read" for names in _of_nodes(self._unsure)]
+        return [f"{names} cannot be read: it may have been written" for names in _of_nodes(self._unsure)]
 
     def _others(self, failures: Collection[int]) -> tuple[list[int], list[int]]:
         """Return all nodes but the *failures*: those rolled back and verified, and those never written.
@@ -351,7 +351,7 @@ class NetworkTransaction:
             if node_id in failures:
                 continue
             if node_id in unsettled:
-                restarts = DeviceRefused(f"it restarted each of {MAX_READS} times that it was looked at")
+                restarts = DeviceRefused(f"it restarted during each of {MAX_READS} reads")
                 failures[node_id] = self._left(self.nodes[node_id], fault, restarts)
             elif written := [one for one in self._acknowledged if one[0] == node_id]:
                 failures[node_id] = self._left_written(self.nodes[node_id], fault, written)
@@ -404,10 +404,10 @@ class NetworkTransaction:
             rewritten.append(node.node_id)
             put_back(node, plan)
             if difference := difference_from_before(node, plan):
-                raise DeviceRefused("it does not read back as it was", why=difference)
+                raise DeviceRefused("it does not read back with its old values", why=difference)
         untaken = [change.label for change in plan.changes if is_otherwise(node, change)]
         if untaken:
-            raise DeviceRefused(f"the device does not accept the old values of {join_some(untaken)} again")
+            raise DeviceRefused(f"the device refuses the old values of {join_some(untaken)}")
 
     def _forget(self, node: Node) -> None:
         """Drop the recovery data of *node* after all nodes are as before."""
@@ -421,7 +421,7 @@ class NetworkTransaction:
         left = not_rolled_back([self.plans[node.node_id]], node.node_id, str(fault) or "interrupted", why)
         path = node.guard.open_journal() if node.guard is not None else None
         if path is not None:
-            finish = Hint(Action.RECOVER, why=f"finishes it, from {verbatim(path)}")
+            finish = Hint(Action.RECOVER, why=f"finishes it, with the journal {verbatim(path)}")
             left.place = str(path)
             left.hint = finish.after(BUS_BACK if isinstance(failed, BusUnavailable) else None)
         return left
@@ -429,8 +429,8 @@ class NetworkTransaction:
     def _left_written(self, node: Node, fault: BaseException, written: Sequence[_WriteOnly]) -> LeftChanged:
         """Describe acknowledged write-only values of *node*; all else was rolled back and read back equal."""
         names = join_some(dict.fromkeys(change.label for _, change in written))
-        left = self._left(node, fault, DeviceRefused(f"{names} was acknowledged, and its old value cannot be read"))
-        by_hand = "set it by hand: its value before is not known"
+        left = self._left(node, fault, DeviceRefused(f"{names} was acknowledged, but its old value cannot be read"))
+        by_hand = "set it by hand: its old value is unknown"
         ends = None if left.place is None else Hint(Action.RECOVER, why="{} ends the change then")
         left.hint = as_hint(by_hand) if ends is None else ends.after(as_hint(by_hand))
         return left

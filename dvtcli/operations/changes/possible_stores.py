@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from dvtcli.files.network.file_log import FileLog
 
 RULES = (
-    Rule("store-impossible", ERROR, "`store` of a network file asks for what the device does not store on command",
+    Rule("store-impossible", ERROR, "`store` of a network file names a group that the device does not store on command",
          "CiA 301, 7.5.2.13: the sub-indices of 0x1010, bit 0 of each; the EDS, AccessType"),
 )  # fmt: skip
 #: Words of `store` as sub-indices of 0x1010; `all` is whatever the device means by a store.
@@ -86,5 +86,5 @@ def _hint(node: NodeDescription, word: str, refused: DeviceRefused) -> Hint | st
     """Suggest another word for the file, or the device's own way of storing, if known."""
     others = node.profile.store.sub_indices
     if word != "all" and others and store_group(word) not in others:
-        return f"store: true takes what the device has (0x{STORE:04X}:{others[0]:02X}), store: false stores nothing"
+        return f"store: true stores group 0x{STORE:04X}:{others[0]:02X} of the device, store: false stores nothing"
     return "store: false stores nothing" + as_hint(refused.hint or "")

@@ -50,7 +50,7 @@ def recover(
     """
     ways = {"accept": accept, "discard": discard, "finish": finish}
     if sum(ways.values()) > 1:
-        raise UsageError("one excludes the other", given={name: True for name, wanted in ways.items() if wanted})
+        raise UsageError("they exclude each other", given={name: True for name, wanted in ways.items() if wanted})
     if accept:
         return accepted(session, file)
     return discarded(session, file) if discard else _recovered(session, file, finish=finish)
@@ -69,7 +69,7 @@ def _recovered(session: Session, file: str | None, *, finish: bool) -> Changed |
         from dvtcli.operations.changes.finish_stores import finish as go_on
 
         if refused:
-            refused[0].details.append(("stores", "nothing is stored while a journal cannot be used"))
+            refused[0].details.append(("stores", "nothing is stored while a journal is unusable"))
             raise _worst_with_others(refused)
         return go_on(session, journals)
     session.consent(lambda: _question(session, journals), _only(journals))
@@ -114,8 +114,8 @@ def _rather_finishes(session: SessionUser, journals: list[Journal]) -> bool:
     for ours in finishing:
         if session.options.yes or session.dry_run or not alone:
             node = {} if alone else {"node": ours[0].plan.node_id}
-            back = Hint(Action.RECOVER_ALL, why=f"{verbatim(_begun_stores(ours))}: {{}} goes back")
-            session.reporter.note(back + Hint(Action.FINISH_STORES, node, ", {} would go on"))
+            back = Hint(Action.RECOVER_ALL, why=f"{verbatim(_begun_stores(ours))}: {{}} rolls back")
+            session.reporter.note(back + Hint(Action.FINISH_STORES, node, ", {} would continue"))
         else:
             what = "store on the others?" if waiting(newest_store_record(ours)) else "is it to stay so?"
             return _asked_to_finish(session, _begun_stores(ours), what)
@@ -126,16 +126,16 @@ def _begun_stores(journals: list[Journal]) -> str:
     part = newest_store_record(journals)
     told = "; ".join(f"{label}: node {', '.join(map(str, ids))}" for label, ids in stores_of(part).items() if ids)
     when = "while" if waiting(part) else "once"
-    return f"every node held what {part.name} wanted, and it ended {when} they stored ({told})"
+    return f"every node had the values of {part.name}, but it ended {when} they stored ({told})"
 
 
 def _asked_to_finish(session: SessionUser, text: str, what: str) -> bool:
-    answer = session.reporter.ask(f"{text}; {what} No goes on to the way back")
+    answer = session.reporter.ask(f"{text}; {what} No asks about rolling back")
     if answer is None:
         raise SafetyRefusal(
-            f"nobody can answer: {text}",
-            hint=Hint(Action.FINISH_STORES, {"yes": True}, "goes on")
-            + Hint(Action.RECOVER, {"yes": True}, ", {} goes back"),
+            f"no terminal to answer on: {text}",
+            hint=Hint(Action.FINISH_STORES, {"yes": True}, "continues")
+            + Hint(Action.RECOVER, {"yes": True}, ", {} rolls back"),
         )
     return answer
 
@@ -168,8 +168,8 @@ def _question(session: SessionNodes, journals: Sequence[Journal]) -> str:
         if all(other_journal.part.asked for other_journal in journals)
         else "the interrupted change"
     )
-    said = [f"{join_some(back)} will be rolled back as before {what}"] if back else []
-    said += [f"as before {what}, and only compared: {join_some(same)}"] if same else []
+    said = [f"{join_some(back)} will be rolled back to the state before {what}"] if back else []
+    said += [f"already as before {what}, compared only: {join_some(same)}"] if same else []
     return f"{'; '.join([*said, *unread])}; recover?"
 
 
@@ -177,7 +177,7 @@ def _whole_text(journal: Journal, journals: list[Journal]) -> str:
     ids = [
         other_journal.plan.node_id for other_journal in journals if other_journal.part.group_id == journal.part.group_id
     ]
-    return f"{journal.part.name} was interrupted: every line of it is rolled back, on node {', '.join(map(str, ids))}"
+    return f"{journal.part.name} was interrupted: all its changes are rolled back, on node {', '.join(map(str, ids))}"
 
 
 def _worst_with_others(failures: Sequence[DvtcliError]) -> DvtcliError:
@@ -230,7 +230,7 @@ def _restarted(session: SessionNodes, done: list[Changed]) -> Restarted | None:
     if not again:
         return None
     return Restarted(
-        f"node {', '.join(map(str, again))} restarted after it was rolled back: its unstored values are lost",
+        f"node {', '.join(map(str, again))} restarted after its roll-back: its unstored values are lost",
         hint=Hint(Action.SHOW_PDOS, why="check its supply, then its values with {}")
         + Hint(Action.UNDO, {"backup": True}, "puts an automatic backup back"),
         state="unknown",
@@ -251,8 +251,12 @@ def _ended(session: SessionNodes, recovery: Recovery, stored: bool | None, secon
     plan, not_put_back = recovery.end(stored=stored is not False)
     if stored is not False:
         said = "stored" if stored else "may have stored"
-        begun = f"{verbatim(journal.part.final)} had begun: node {node.node_id} {said} what was rolled back"
-        session.reporter.warning(Hint(Action.STORE, {"node": node.node_id}, f"{begun}; {{}} keeps what it holds now"))
+        begun = (
+            f"{verbatim(journal.part.final)} had started: node {node.node_id} {said} the values that were rolled back"
+        )
+        session.reporter.warning(
+            Hint(Action.STORE, {"node": node.node_id}, f"{begun}; {{}} accepts its present values")
+        )
     unknown = unknown_before([journal.plan])
     findings = (*recovery.restart_findings(), *unknown)
     applied = Applied(plan, findings, not_put_back, unrestored=unrestored_objects(unknown))

@@ -78,7 +78,7 @@ def _end_stamps(session: SessionUser, stores: Stores, claims: ExpectedAtStore) -
             if end_stamp(session, claims.nodes[state.node_id], "a node that does not store has no stamp"):
                 ended.append(state.node_id)
         except DvtcliError as failed:
-            failures.append(f"0x1020 of node {state.node_id} may say that it is stored: {failed.text}")
+            failures.append(f"0x1020 of node {state.node_id} may mark it as stored: {failed.text}")
     return ended, failures
 
 
@@ -182,7 +182,7 @@ def _say_too_late(session: SessionUser, stores: Stores) -> None:
         done = [str(state.node_id) for state in stores.states.values() if state.is_done]
         session.reporter.warning(
             f"too late to stop before the stores: node {', '.join(done)} has stored; node {', '.join(rest)} still "
-            "stores, so that all keep the same (once more: at once)"
+            f"stores, so that all keep the same configuration (Ctrl-C again: stop at once)"
         )
 
 

@@ -129,7 +129,7 @@ def refuse_after_restart(node: ReadableNode, boot_ups: int, signed: StoreAnswer)
     """Raises DeviceRefused if *node* restarted between its last read and the store that it *signed*."""
     if node.bus.boot_ups(node.node_id) != boot_ups:
         raise DeviceRefused(
-            f"node {node.node_id} restarted just before or while it stored: its stored values were not read",
+            f"node {node.node_id} restarted just before or during the store: its stored values were not read",
             node=node.node_id,
             why=f"0x{signed.place} acknowledged the store",
             hint=Hint(Action.VERIFY, why="{}, set the differences again, then store again"),
@@ -142,7 +142,7 @@ def _refuse_lost(node: Node, signed: StoreAnswer) -> None:
     lost = node.expected.lost(node, node.pending.covered(signed.sub_index))
     if lost:
         raise DeviceRefused(
-            f"node {node.node_id} does not hold the values to be stored: {lost[0]}",
+            f"node {node.node_id} does not have the values to be stored: {lost[0]}",
             node=node.node_id,
             why="; ".join(
                 [f"0x{signed.place} acknowledged the store, and it restarted, unheard, or alters it", *lost[1:]]
@@ -155,20 +155,20 @@ def _refuse_lost(node: Node, signed: StoreAnswer) -> None:
 def why_to_store(node: Node, sub_index: int | None) -> str:
     """Say why the node's values may differ from its stored ones; empty if unwritten since boot-up."""
     if sub_index not in (None, EVERYTHING, COMMUNICATION):
-        return f"nothing is known of what group {sub_index} covers"
+        return f"the objects of group {sub_index} are unknown"
     node.begin_change()  # from here on no other dvtcli writes to it
     if node.bus.downloads_of_others(node.node_id):
         return "another SDO client wrote to it since its last boot-up"
     known = replace(node.boot_snapshot, pdos=dict(node.boot_snapshot.pdos))  # reading again would count as what came up
     boot_ups, now = node.bus.boot_ups(node.node_id), node.pdos()
     return known.why_not(node.bus.boot_ups(node.node_id), now) or (
-        "it restarted meanwhile" if node.bus.boot_ups(node.node_id) != boot_ups else ""
+        "it restarted during the check" if node.bus.boot_ups(node.node_id) != boot_ups else ""
     )
 
 
 def _skipped(session: SessionUser, node: NodeDescription, sub_index: int | None) -> Stored:
     place = f"{STORE:04X}:{sub_index or 1:02X}"
-    skipped = "nothing was written since the node's boot-up, and its PDOs read back as it came up with them"
+    skipped = "nothing was written since the node's boot-up, and its PDOs are the same as at boot-up"
     return Stored(node.node_id, place, "store", 0.0, node.profile.store.timeout_s, (), session.dry_run, skipped=skipped)
 
 
@@ -178,7 +178,7 @@ def _restart(session: SessionNodes, node: ReadableNode, way: str, wait_s: float)
         return None
     if way == "power":
         session.consent(
-            f"node {node.node_id} must be switched off and on once it has stored; will you do that?", node.node_id
+            f"node {node.node_id} must be switched off and on after the store; will you do that?", node.node_id
         )
         return Restart(POWER, lambda: _power_cycle(session, node, wait_s))
     consent_to_reset(session, [node.node_id])
@@ -186,7 +186,7 @@ def _restart(session: SessionNodes, node: ReadableNode, way: str, wait_s: float)
 
 
 def _power_cycle(session: SessionUser, node: ReadableNode, wait_s: float) -> None:
-    text = f"switch node {node.node_id} off and on now: its return is waited for, {wait_s:g} s at most"
+    text = f"switch node {node.node_id} off and on now; waiting {wait_s:g} s at most for its boot-up"
 
     def stop() -> None:
         if node.cancellation.requested:
@@ -203,7 +203,8 @@ def _reset(node: ReadableNode, command: NmtCommand) -> None:
 def restore_defaults(session: SessionNodes, node: Node, sub_index: int | None, *, prove: bool) -> Stored:
     """Restore the node's defaults (0x1011), active after its next reset; *prove* resets and reads it."""
     session.consent(
-        f"node {node.node_id} will lose its settings and stored values, and take its defaults; restore?", node.node_id
+        f"node {node.node_id} will lose its settings and stored values and return to its defaults; restore?",
+        node.node_id,
     )
     asked, prove = prove, prove and not session.dry_run  # a twin has no defaults but those of its file
     if prove:
@@ -254,7 +255,7 @@ def _end_stamp_before(session: SessionUser, node: Node, sub_index: int | None) -
     held = held_stamp(node)
     if held is not None and held.is_own:  # a device that has no defaults keeps its stamp
         chosen(node.access, node.profile.store, RESTORE, sub_index, node.dictionary)
-        end_stamp(session, node, "a node that no longer stores loses its stamp")
+        end_stamp(session, node, "a node that is no longer stored loses its stamp")
 
 
 def end_stamp(session: SessionUser, node: Node, why: str) -> bool:

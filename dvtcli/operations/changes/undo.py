@@ -91,7 +91,7 @@ def _one_by_one(session: SessionNodes, things: Iterable[T], put_back: Callable[[
         again += [node_id for node_id, seen in boot_ups.items() if session.bus.boot_ups(node_id) != seen]
         if again:
             raise Restarted(
-                f"node {', '.join(map(str, again))} restarted after it was rolled back: its unstored values are lost",
+                f"node {', '.join(map(str, again))} restarted after its roll-back: its unstored values are lost",
                 hint=Hint(Action.SHOW_PDOS, why="check its supply, then its values with {}"),
                 state="unknown",
             )
@@ -140,7 +140,7 @@ def _forgotten(session: SessionNodes, node_id: int, undone: list[Plan]) -> bool:
     return True
 
 
-RULES = (Rule("newer-change", WARNING, "`undo` of one node: another one of the bus was changed later", "ours"),)
+RULES = (Rule("newer-change", WARNING, "`undo` of one node: another node of the bus was changed later", "ours"),)
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,7 +194,7 @@ def _refuse_in_vain(nodes: Iterable[Node]) -> None:
             raise UsageError(
                 f"nothing to undo: a command of this session changed nothing on node {node.node_id}",
                 node=node.node_id,
-                hint=Hint(Action.UNDO, why="once more goes on to what earlier commands changed"),
+                hint=Hint(Action.UNDO, why="repeat it to undo the changes of earlier commands"),
             )
 
 
@@ -228,7 +228,7 @@ def _tell_of_others(session: SessionNodes, remembered_device: RememberedDevice) 
     others = sorted({entry.plan.node_id for entry in tops} - {remembered_device.node.node_id})
     if others:
         nodes = f"node {', '.join(map(str, others))}"
-        why = f"what was changed on {nodes} is not undone by this: {{}} takes all of it back"
+        why = f"the changes on {nodes} are not undone by this: {{}} undoes them all"
         session.reporter.note(Hint(Action.UNDO, {"all": True}, why))
 
 
@@ -288,7 +288,8 @@ def _remembered_device(session: SessionNodes, node_id: int, selected: int | None
         if entries:
             was = entries[-1].plan.node_id
             session.reporter.note(
-                f"node {node_id} was node {was} when it was changed: what depends on that, as COB-IDs, may differ"
+                f"node {node_id} was node {was} when it was changed: values that depend on the node-ID, such as "
+                f"COB-IDs, may differ"
             )
     return RememberedDevice(node, guard, entries) if entries else None
 
@@ -323,7 +324,7 @@ def _undone_text(undone: list[ChangeHistoryEntry], node_id: int, *, gone: bool) 
     since = _time(undone[0])
     if gone:
         what = f"what was before the last {len(undone)} changes of node {node_id}, since {since},"
-        return f"{what} is there already, as after a reset"
+        return f"{what} is already the case, as after a reset"
     return (
         f"this undoes the change of {since} to node {node_id}"
         if len(undone) == 1
@@ -338,25 +339,25 @@ def _time(entry: ChangeHistoryEntry) -> str:
 def nothing_remembered(change_files: ChangeFiles, selected: int | None) -> UsageError | SafetyRefusal:
     """Make the error if there is nothing to undo on the *selected* node or the bus, or if that is unknown."""
     if (unread := unreadable(change_files.history().folder)) is not None:
-        unread.why = "whether a change is remembered is not known: that is where changes are kept"
+        unread.why = "the history of changes is kept there: it is unknown whether there is a change to undo"
         return unread
     others = sorted({top.plan.node_id for top in change_files.history().tops(None)})
     if selected is None and others:
         return UsageError(
-            f"nothing to undo: no change of the devices that are there as node {', '.join(map(str, others))} now is "
-            "remembered",
+            f"nothing to undo: the history has no change of the devices that are now node "
+            f"{', '.join(map(str, others))}",
             why="the remembered changes of these node-IDs are of other devices (0x1018)",
-            hint=Hint(Action.UNDO, {"node": "ID"}, "where these have other node-IDs now: {}"),
+            hint=Hint(Action.UNDO, {"node": "ID"}, "if they have other node-IDs now: {}"),
         )
     if selected is None:
-        return UsageError("nothing to undo: no change on this bus is remembered")
-    error = UsageError(f"nothing to undo: no change of node {selected} is remembered", node=selected)
+        return UsageError("nothing to undo: the history has no change on this bus")
+    error = UsageError(f"nothing to undo: the history has no change of node {selected}", node=selected)
     last = change_files.history().newest_of_all()
     if last is not None:
         error.hint = Hint(
             Action.UNDO,
             {"node": last.plan.node_id},
-            f"the last change on this bus was one of node {last.plan.node_id}: {{}}",
+            f"the last change on this bus was of node {last.plan.node_id}: {{}}",
         )
     return error
 
@@ -378,10 +379,10 @@ def undo_to_backup(session: SessionNodes, rehearse: Rehearse, when: str | None =
     config = rehearse(file, node.node_id).get(node.node_id, TargetConfig())
     if not config.pdos:
         raise UsageError(
-            f"the backup says nothing of a PDO of node {node.node_id}",
+            f"the backup has no PDO of node {node.node_id}",
             node=node.node_id,
             place=file,
-            hint=Hint(Action.UNDO, {"backup": True, "when": "WHEN"}, "takes an earlier one"),
+            hint=Hint(Action.UNDO, {"backup": True, "when": "WHEN"}, "uses an earlier backup"),
         )
     changes = way_to(node.observed(lambda: {pdo: node.pdo(pdo) for pdo in config.pdos}), config.pdos)
     applied = node.apply(Plan(node.node_id, changes), force=session.options.force, initial_state=initial_state)
@@ -403,7 +404,8 @@ def _change_guard(session: SessionNodes) -> ChangeGuard:
     guard = network.node(session.node_id() if node_id is None else node_id).guard
     if guard is None:
         raise UsageError(
-            f"no backup of node {node_id or session.node_id()}: it is simulated in this process, which makes none",
+            f"no backup of node {node_id or session.node_id()}: it is simulated in this process, for which no "
+            f"backups are made",
             node=node_id or session.node_id(),
             hint=Hint(Action.UNDO, why="puts the last change back")
             + Hint(Action.UNDO, {"all": True}, ", {} all that this session changed")
@@ -431,10 +433,11 @@ def _backup_file(guard: ChangeGuard, node: ReadableNode, when: str | None, *, fo
     found = kind if force else of_this_device(kind, node.identity())
     if kind and not found:
         other = SafetyRefusal(
-            f"no backup of the device that is node {node.node_id} now: those of this node-ID are another device's",
+            f"no backup of the device that is now node {node.node_id}: the backups for this node-ID are of another "
+            f"device",
             node=node.node_id,
-            why="its serial number (0x1018:04) is another one",
-            hint=Hint(Action.FORCE, why="writes one all the same, to a spare device that takes its place"),
+            why="its serial number (0x1018:04) differs",
+            hint=Hint(Action.FORCE, why="writes such a backup to a spare device"),
         )
         other.details += [("backup", f"{backup.stamp}  {backup.path}") for backup in kind]
         raise other

@@ -77,11 +77,13 @@ def not_all_stored(stores: Stores, journals: Sequence[Path], unstamped: Sequence
 def _held(stores: Stores, unstamped: Sequence[int]) -> str:
     """Say who holds planned values: accepted nodes are unverified; a stamp is 0 until its node stores."""
     accepted = [node_id for node_id, state in stores.states.items() if state.is_accepted]
-    who = f"every node but {join_some(map(str, accepted))}, accepted as it was," if accepted else "every node"
+    who = f"every node except {join_some(map(str, accepted))}, accepted before," if accepted else "every node"
     but = (
-        f" but the stamp of node {join_some(map(str, unstamped))}, which is 0 until it has stored" if unstamped else ""
+        f" but the stamp of node {join_some(map(str, unstamped))}, which is 0 until the node has stored"
+        if unstamped
+        else ""
     )
-    return f"{who} holds what was planned{but}"
+    return f"{who} has the planned values{but}"
 
 
 def only_some_stored(node_ids: Sequence[int], outcomes: Mapping[int, Stored | BaseException]) -> LeftChanged | None:
@@ -131,7 +133,7 @@ def only_some_restored(node_ids: Sequence[int], outcomes: Mapping[int, Stored | 
         return None
     rest = sorted((*unproved, *unsure, *missing))
     said = [f"node {join_some(map(str, restored))} restored its defaults"] if restored else []
-    said += [f"node {join_some(map(str, unproved))} is not proved to have its defaults"] if unproved else []
+    said += [f"node {join_some(map(str, unproved))} may not have its defaults (not proved)"] if unproved else []
     said += [f"node {join_some(map(str, missing))} did not"] if missing else []
     said += [f"whether node {join_some(map(str, unsure))} restored them is not known"] if unsure else []
     return LeftChanged(
@@ -154,13 +156,13 @@ def lost_besides(stores: Stores, lost: BaseException) -> LeftChanged:
         state="left_changed",
     )
     _say_who(stores, left)
-    left.state_text = "every other node holds what was planned, and has stored it"
+    left.state_text = "every other node has the planned values and has stored them"
     return left
 
 
 def back_and_again(name: str, who: str = "every node") -> Hint:
     """Suggest the roll-back for *who*, then *name* again: for all nodes, whichever is selected."""
-    back = Hint(Action.RECOVER_ALL, why=f"puts {who} back as before")
+    back = Hint(Action.RECOVER_ALL, why=f"rolls {who} back")
     command, _, file = name.partition(" ")
     if command == "apply" and file:
         return back + Hint(Action.APPLY_NETWORK, {"file": file}, "then {} again")
@@ -183,7 +185,7 @@ def lost_settings(name: str, stores: Stores, lost: Sequence[BaseException]) -> L
     )
     is_gone = isinstance(first, BusUnavailable)
     if is_gone or (stores.are_all_done() and not isinstance(first, DvtcliError)):
-        goes_on = "looks at every node once more" if stores.are_all_done() else "goes on with the stores"
+        goes_on = "reads every node again" if stores.are_all_done() else "continues with the stores"
         left.hint = Hint(Action.FINISH_STORES, why=goes_on).after(BUS_BACK if is_gone else None) + _ALL_BACK
     if isinstance(first, LeftChanged):
         finish = Hint(Action.FINISH_STORES, why="rolls that back and continues the stores")
@@ -191,16 +193,16 @@ def lost_settings(name: str, stores: Stores, lost: Sequence[BaseException]) -> L
         left.details += first.details
     left.details += beside(left, others)
     _say_who(stores, left)
-    left.state_text = "not every node is known to hold what was planned; the stored values stay stored"
+    left.state_text = "not every node is known to have the planned values; stored values remain stored"
     return left
 
 
 def _lost_text(stores: Stores, first: BaseException) -> str:
     if isinstance(first, BusUnavailable) and stores.are_all_done():
-        return f"all of them have stored, and the bus was gone before every node was read once more: {first}"
+        return f"all nodes have stored, but the bus failed before every node was read again: {first}"
     if isinstance(first, BusUnavailable):
         return f"the bus was gone while the nodes stored: {first}"
-    return str(first) or "stopped before every node was read once more"
+    return str(first) or "stopped before every node was read again"
 
 
 def _say_who(stores: Stores, left: LeftChanged) -> None:
@@ -215,7 +217,7 @@ def _say_who(stores: Stores, left: LeftChanged) -> None:
 
 
 def _spoilt_text(spoilt: Sequence[int]) -> str:
-    return f"what node {join_some(map(str, spoilt))}, which refused to store, keeps now is not known"
+    return f"node {join_some(map(str, spoilt))} refused to store: its stored values are unknown"
 
 
 def _is_spoilt(fault: BaseException) -> bool:
@@ -236,6 +238,6 @@ def hint_without_journal(lost: BaseException, acknowledged: Collection[int] = ()
     if isinstance(lost, LeftChanged):
         return lost.hint
     if isinstance(lost, DeviceRefused) and lost.node is not None and lost.node in acknowledged:
-        why = "{} shows whether the node keeps what it stores: its manual says how it stores"
+        why = "{} shows whether the stored values survive a reset; the manual of the node describes how it stores"
         return Hint(Action.PROVE_STORE, {"node": (lost.node,)}, why)
     return _AGAIN.after(BUS_BACK if isinstance(lost, BusUnavailable) else None)

@@ -98,14 +98,14 @@ def waiting_paths(session: SessionNodes, file: str | None, refused: list[DvtcliE
     if file is not None:
         if not is_file(file):
             raise UsageError(
-                f"{file}: no such file", place=file, hint=Hint(Action.RECOVER, why="alone takes the node's own journal")
+                f"{file}: no such file", place=file, hint=Hint(Action.RECOVER, why="alone uses the node's own journal")
             )
         return _held_file(session, Path(file))
     unread = next(
         filter(None, map(unreadable, (session.state_folder / "journals", state_folder(None) / "locks"))), None
     )
     if unread is not None:
-        unread.why = "whether a change was interrupted is not known: that is where journals and locks are kept"
+        unread.why = "journals and locks are kept there: it is unknown whether a change was interrupted"
         raise unread
     selected = session.selected_id()
     if selected is not None:

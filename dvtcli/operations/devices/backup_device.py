@@ -106,7 +106,7 @@ def _as_lines(
     if node.dictionary is not None:
         return answer
     needs = Hint(
-        Action.APPLY, {"file": file}, f"note: no EDS describes node {node.node_id}: {{}} of this file needs one"
+        Action.APPLY, {"file": file}, f"note: node {node.node_id} has no EDS: {{}} of this file needs an EDS"
     ) + Hint(Action.COMPARE, {"file": file}, ", {} does not")
     return replace(answer, text=(*answer.text, needs))
 
@@ -115,10 +115,10 @@ def _must_have_read(node: NodeDescription, count: int, out: Mapping[str, str]) -
     """Raises UsageError if nothing was read: a file without an object is no backup."""
     if not count:
         raise UsageError(
-            f"no object of node {node.node_id} could be read: nothing is kept, and no file was written",
+            f"no object of node {node.node_id} could be read: no file was written",
             node=node.node_id,
             why=join_some(f"{place} ({why})" for place, why in out.items()),
-            hint=Hint(Action.SHOW_NODE, why="is its EDS that of another device? {} names it"),
+            hint=Hint(Action.SHOW_NODE, why="is its EDS for another device? {} shows it"),
         )
 
 
@@ -128,7 +128,7 @@ def _kept(one: ReadObject) -> KeptObject:
 
 
 def _answer(file: str, node: NodeDescription, count: int, out: Mapping[str, str]) -> Facts:
-    kept = f"{verbatim(file)}: node {node.node_id}, {plural(count, 'object')} as read just now. Compare: {{}}"
+    kept = f"{verbatim(file)}: node {node.node_id}, {plural(count, 'object')} as read now. Compare: {{}}"
     said: list[Hint | str] = [Hint(Action.COMPARE, {"file": file}, kept)]
     if out:
         said.append(f"note: left out: {join_some(f'{place} ({why})' for place, why in out.items())}")

@@ -202,7 +202,7 @@ def compare_device(
     """
     first = told_of(file, session.reporter)
     if first.assumed and holds_values(file):
-        session.reporter.note(f"{file} has no value of any object: its defaults are compared")
+        session.reporter.note(f"{file} has no values: its defaults are compared")
     if other is None:
         node = session.node(_meant(session, first) if node_id is None else node_id)
         first = first if first.node_id else held_by(file, node.node_id)
@@ -325,10 +325,10 @@ def _nothing_compared(first: HeldDevice, second: SecondSide) -> UsageError:
     """Make the error of a comparison without settings: nothing compared is not equal."""
     config_differences = _unlike(first, second)
     return UsageError(
-        f"nothing compared: {first.name} and {second.name} have no setting in common that both say something of",
+        f"nothing compared: {first.name} and {second.name} have no setting in common",
         place=first.name,
         why=f"another device: {config_differences}" if config_differences else "",
-        hint=Hint(Action.BACKUP, why="is it the whole file, and of that device? {} makes one now"),
+        hint=Hint(Action.BACKUP, why="is the file complete, and for that device? {} makes a backup now"),
     )
 
 

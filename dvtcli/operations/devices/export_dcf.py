@@ -68,7 +68,7 @@ def dcf_of(session: SessionNodes, whole: WholeDevice, file_name: str) -> tuple[D
     path = session.network.files.eds_path(node.node_id)
     if path is None:
         raise UsageError(
-            f"node {node.node_id} has no EDS here", node=node.node_id, hint=Hint(Action.GIVE_EDS, why="gives one")
+            f"node {node.node_id} has no EDS here", node=node.node_id, hint=Hint(Action.GIVE_EDS, why="names the EDS")
         )
     rate, identity = node.bus.runs_at, node.identity()
     device = Commissioned(

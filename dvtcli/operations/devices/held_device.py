@@ -166,8 +166,7 @@ def refuse_kind(file: str) -> None:
             place=file,
             hint=Hint(
                 Action.RESTORE,
-                why="a DCF, an XDC or a backup (.jsonl) does; an EDS or XDD says what there is, and {} brings its "
-                "defaults",
+                why="a DCF, an XDC or a backup (.jsonl) has values; an EDS or XDD has defaults: {} writes them",
             ),
         )
 
@@ -176,7 +175,7 @@ def selected_nodes(session: SessionNodes) -> tuple[int, ...]:
     """Return the selected node or the nodes of `-n`; empty if none. Raises UsageError for `-n all`."""
     if session.selected is None and session.base.every_node:
         raise UsageError(
-            "a file about one device is for nodes that are named",
+            "a file for one device needs the node to write it to",
             given={"node_id": "all"},
             hint=Hint(Action.GIVE, {"node_id": "3,4,5"}, "names several"),
         )
@@ -190,7 +189,7 @@ def node_of_file(session: SessionNodes, held: HeldDevice) -> int:
     """Return the node-ID of *held*, with a message; raises UsageError if it has none."""
     if held.node_id is None:
         return session.node_id()
-    session.reporter.note(f"node {held.node_id}, as {held.name} says")
+    session.reporter.note(f"node {held.node_id}, as in {held.name}")
     return held.node_id
 
 
@@ -202,9 +201,7 @@ def selected_alone(session: SessionNodes, held: HeldDevice) -> tuple[int, ...]:
     raise UsageError(
         "no node is selected",
         place=held.name,
-        hint=Hint(
-            Action.GIVE, {"node_id": f"ID{own}"}, "this writes to the device that takes the other one's place: {}"
-        )
+        hint=Hint(Action.GIVE, {"node_id": f"ID{own}"}, "this writes to the replacement device: {}")
         + Hint(Action.SHOW_NODE, {"node": "ID"}, ", or {}"),
     )
 
@@ -215,7 +212,7 @@ _COMMUNICATION, _STATES = range(0x1000, 0x2000), (0x1001, 0x1002)
 class DifferenceKind(Enum):
     """The kind of a difference between two values."""
 
-    SETTING = "it is configured otherwise"
+    SETTING = "it is configured in another way"
     ABOUT = "it is another device, or another program"
     APART = "it commands, measures, or changes by itself"
 
@@ -278,13 +275,13 @@ def included_of(node: NodeDescription, held: HeldDevice, words: Collection[str])
     for included in found:
         if not included.is_many and not included.of(held):
             raise UsageError(
-                f"names nothing of {held.name}: the file has no value of it",
+                f"matches no value of {held.name}",
                 given={"include": included.word},
                 node=node.node_id,
                 hint=Hint(
                     Action.PLAN,
                     {"file": held.name},
-                    "lists what the file says and is not written; INDEX, INDEX:SUB, or 2000-2FFF",
+                    "lists the values of the file that are not written; INDEX, INDEX:SUB, or 2000-2FFF",
                 ),
             )
     return found
@@ -295,7 +292,7 @@ def idle(held: HeldDevice, known: Configuration, included: Collection[Included])
     for inclusion in included:
         places = inclusion.of(held)
         if not places:
-            yield Hint(Action.GIVE, {"include": inclusion.word}, f"names nothing of {verbatim(held.name)}")
+            yield Hint(Action.GIVE, {"include": inclusion.word}, f"matches nothing in {verbatim(held.name)}")
         elif not inclusion.is_many and (text := _why_idle(known, places)):
             yield Hint(Action.GIVE, {"include": inclusion.word}, f"{{}}: {verbatim(text)}")
 

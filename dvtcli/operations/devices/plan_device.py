@@ -192,10 +192,10 @@ def _said_of(held: HeldDevice, pdo: Pdo, config: PdoConfig) -> frozenset[str]:
 def _unwritten(node: NodeDescription, one: LeftOut) -> str:
     """Describe a differing setting that `apply` does not write."""
     if one.held is None or one.said is None:
-        return f"differs, and apply does not write it: {one.why}"
+        return f"differs, but apply does not write it: {one.why}"
     index, sub_index = (int(part, 16) for part in one.object.split(":"))
     held, said = (planned_words(node, index, sub_index, data) for data in (one.held, one.said))
-    return f"is {held}, expected {said}; apply does not write it: {one.why}"
+    return f"is {held}, expected {said}, but apply does not write it: {one.why}"
 
 
 def _node_ids(session: SessionNodes, held: HeldDevice, options: DeviceOptions) -> tuple[int, ...]:
@@ -206,7 +206,9 @@ def _node_ids(session: SessionNodes, held: HeldDevice, options: DeviceOptions) -
         ids = options.nodes or selected_nodes(session) or (node_of_file(session, held),)
     others = [str(other_id) for other_id in ids if held.node_id not in (None, other_id)]
     if others:
-        text = f"{held.name} is of node {held.node_id}: on node {', '.join(others)} what follows the node-ID does so"
+        text = (
+            f"{held.name} is of node {held.node_id}: on node {', '.join(others)} values with $NODEID use that node-ID"
+        )
         session.reporter.note(text)
     return ids
 
@@ -224,7 +226,7 @@ def _refuse_nothing(held: HeldDevice) -> None:
     """Raises UsageError if *held* has no value itself: equality with it would mean nothing."""
     if not _says_anything(held):
         raise UsageError(
-            f"{held.name} has no values for a device: it has no value of any object",
+            f"{held.name} has no values for a device",
             place=held.name,
             hint=Hint(Action.COMPARE, {"file": held.name})
             + Hint(Action.VERIFY, {"file": held.name}, " and {} take its defaults")
@@ -236,10 +238,10 @@ def _refuse_nothing(held: HeldDevice) -> None:
 def _nothing_compared(held: HeldDevice) -> UsageError:
     """Make the error if no node could be compared: *held* has no configuration."""
     return UsageError(
-        f"nothing compared: {held.name} has no setting that is written",
+        f"nothing compared: {held.name} has no setting that apply writes",
         place=held.name,
-        hint=Hint(Action.BACKUP, why="is it the whole file? {} makes one now")
-        + Hint(Action.GIVE, {"include": "2001"}, "names what is configuration"),
+        hint=Hint(Action.BACKUP, why="is the file complete? {} makes a backup now")
+        + Hint(Action.GIVE, {"include": "2001"}, "lists the objects to write"),
     )
 
 
@@ -252,14 +254,14 @@ def _confirm_unknown(session: SessionUser, held: HeldDevice, ids: Sequence[int])
         return
     for node_id in ids:
         session.require_typed(
-            f"{held.name} does not say which product it is of: write it to node {node_id} all the same?",
+            f"{held.name} does not name its product: write it to node {node_id} anyway?",
             str(node_id),
             node_id,
             Hint(Action.FORCE, why="{} writes it to this node; else ")
             + Hint(
                 Action.APPLY,
                 {"file": held.name},
-                "writes what is configuration by the standards, on whatever device is selected",
+                "writes the standard configuration objects to the selected device, whatever its product",
             ),
         )
 
@@ -307,7 +309,7 @@ def _doubt(node: ReadableNode, held: HeldDevice) -> str:
     """Return the question before a file with this identity is written to *node*; empty if none."""
     said, is_now = held.identity["revision"], node.identity()["revision"]
     if not (held.identity["vendor"] or held.identity["product"]):
-        return f"{held.name} does not say which product it is of"
+        return f"{held.name} does not name its product"
     if not said or said == is_now:
         return ""
     now = "none" if is_now is None else f"0x{is_now:08X}"
@@ -323,7 +325,7 @@ def pdo_of_file(
     """
     wanted = _wanted(node, held, known, pdo, now, left_out)
     if wanted is not None and enables_nothing(now, wanted):
-        _leave_out(left_out, pdo.label, "is enabled and maps nothing in the file, as no plan makes it")
+        _leave_out(left_out, pdo.label, "is enabled without mapped objects in the file; apply enables no empty PDO")
         return None
     return wanted
 
@@ -335,13 +337,13 @@ def _wanted(
     said = _file_config(node, held, pdo)
     if said is None or said.held_count is not None:
         if said != now:
-            _leave_out(left_out, pdo.label, "is no whole PDO in the file")
+            _leave_out(left_out, pdo.label, "is incomplete in the file")
         return None
     if said.mpdo is not None:
         return _wanted_mpdo(node, known, pdo, now, said, left_out)
     is_part = _tell_beyond(held, pdo, said, left_out) or any(not entry.index for entry in said.mapping)
     if is_part and said.mapping != now.mapping:
-        _leave_out(left_out, f"{pdo.mapping_index:04X}:00", "the file does not say all that it maps")
+        _leave_out(left_out, f"{pdo.mapping_index:04X}:00", "the file does not have all its mapping entries")
     if is_part:
         return replace(now, communication=_communication(node, known, pdo, now, said, left_out))
     wanted = replace(now, communication=_communication(node, known, pdo, now, said, left_out))

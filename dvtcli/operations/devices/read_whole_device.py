@@ -92,10 +92,10 @@ def described(node: NodeDescription) -> ObjectDictionary:
     """Return the dictionary of *node*; raises UsageError without a file."""
     if node.dictionary is None:
         raise UsageError(
-            f"node {node.node_id} has no EDS here: it is not known which objects it has",
+            f"node {node.node_id} has no EDS: its objects are unknown",
             node=node.node_id,
-            hint=Hint(Action.GIVE_EDS, why="gives one")
-            + Hint(Action.ADD_EDS, why=", {} keeps it for every node of its kind"),
+            hint=Hint(Action.GIVE_EDS, why="names the EDS")
+            + Hint(Action.ADD_EDS, why=", {} adds it to the library for all nodes of this type"),
         )
     return node.dictionary
 

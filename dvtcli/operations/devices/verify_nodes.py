@@ -124,7 +124,7 @@ def _device_wishes(
     if named and any(node_id is None for node_id, _ in pdos):
         named.add(session.node_id())  # a PDO without a node is the selected one's
     if len(named) > 1:
-        raise UsageError("a DCF is about one node: use one line for each node")
+        raise UsageError("a DCF is for one node: use one line for each node")
     held = told_of(file, session.reporter)
     meant = tuple(named) or selected_nodes(session) or (node_of_file(session, held),)
     return [(meant_id, pdo) for meant_id in meant for _, pdo in pdos], {
@@ -151,7 +151,7 @@ def _is_script(file: str) -> bool:
         raise UsageError(
             f"{file}: the changes of a Tcl script are not known before it runs",
             place=file,
-            hint=as_hint("run it at the prompt, where what it set can be compared")
+            hint=as_hint("run it at the prompt after a command that set something")
             + Hint(Action.SAVE_SCRIPT, why=", or {} there and compare with that"),
         )
     if file.lower().endswith(".dvt"):
@@ -172,7 +172,7 @@ def _chosen(
         blind = [f"{label} of node {node_id}" for node_id, target in options.items() for label in target.unreadable]
         if blind:
             said = (
-                f"{against} set{'' if against == SESSION else 's'} {join_some(blind)} only, which cannot be read back"
+                f"{against} set{'' if against == SESSION else 's'} only {join_some(blind)}, which cannot be read back"
             )
         raise UsageError(
             f"nothing to compare: {said}",
@@ -180,8 +180,8 @@ def _chosen(
             + Hint(
                 Action.GIVE,
                 {"frame": True},
-                ", a DCF or an EDS, with {}, too; without FILE it compares with what was mapped or set before it, at "
-                "the prompt or in one script",
+                ", or a DCF or an EDS, with {}; without FILE it compares with the earlier changes of the prompt or "
+                "the script",
             ),
         )
     asked: dict[int, list[Pdo]] = {}
@@ -251,7 +251,7 @@ def _judge(node: Node, target: TargetConfig, *, differs: bool) -> None:
     """Forbid a store after a difference; only a full comparison without differences allows it again."""
     suspicions = node.pending.suspicions
     if differs:
-        suspicions[VERIFY] = "verify found differences to what this session set"
+        suspicions[VERIFY] = "verify found differences from the values that this session set"
     elif set(node.wanted) <= set(target.pdos) and set(node.wanted_values) <= set(target.values):
         suspicions.pop(VERIFY, None)
         suspicions.pop(REBOOT, None)
@@ -268,7 +268,7 @@ def _device_config(session: SessionUser, node: Node, held: HeldDevice) -> Target
         found = wanted_alone(node, held)
         if found is not None or held.dictionary is None:
             return found or TargetConfig()
-        session.reporter.note(f"{held.name} has no value of any object: its defaults are compared")
+        session.reporter.note(f"{held.name} has no values: its defaults are compared")
     assert held.dictionary is not None  # noqa: S101 - only a backup describes nothing
     values = FileValues(held.dictionary, node.node_id)
     return TargetConfig({pdo: read_pdo(values, pdo) for pdo in present_pdos(values, held.dictionary)})

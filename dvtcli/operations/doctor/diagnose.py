@@ -60,7 +60,7 @@ def state_checks(session: SessionUser) -> Iterator[Check]:
         place = Path(str(failure.filename or folder))
         moves = {folder / "journals", folder / "backups"} & {place, *place.parents} or place == folder != always
         other = Hint(Action.GIVE_JOURNAL, why="names another folder") if moves else OTHER_STATE
-        hint = as_hint("without it nothing is changed on a real bus: make room or mend it")
+        hint = as_hint("without it nothing is changed on a real bus: free space or repair it")
         hint = hint + other if other else hint
         text = f"a change cannot keep its files: {failure.strerror or failure}: {failure.filename or folder}"
         yield Check("state", "FAIL", text, hint)
@@ -94,7 +94,7 @@ def _left_over(folders: Iterable[Path]) -> str:
     found = [path for folder in folders for path in (*unfinished(folder), *unneeded_markers(folder))]
     if not found:
         return ""
-    return f"; files that killed processes left, which harm nobody: {join_some(map(str, found))}"
+    return f"; harmless files of killed processes: {join_some(map(str, found))}"
 
 
 def _journals(folder: Path) -> Check:
@@ -114,10 +114,10 @@ def habits_check() -> Check:
     rows = list_habits().rows
     broken = [row.name for row in rows if row.problem]
     if broken:
-        text = f"what is remembered of {', '.join(broken)} cannot be read"
+        text = f"the saved needs of {', '.join(broken)} cannot be read"
         return Check("habits", "warn", text, "profiles forget removes it; it is found out again")
     if not rows:
-        return Check("habits", "ok", "nothing is remembered of any device")
+        return Check("habits", "ok", "no needs of devices are recorded")
     return Check("habits", "ok", f"{len(rows)} devices want a PDO off first, or may: profiles habits shows them")
 
 
@@ -136,7 +136,7 @@ def profiles_check() -> Check:
 
 #: How long the bus is listened to, in seconds.
 LISTEN_S = 1.0
-_WORST = "is the bit rate right, the other end powered, and is there a terminator (120 ohm) at each end of the line?"
+_WORST = "check the bit rate, the power of the other end, and the terminators (120 ohm) at both ends of the line"
 
 
 def bus_checks(session: SessionNodes) -> Iterator[Check]:
@@ -209,7 +209,7 @@ def _node(session: SessionNodes) -> Iterator[Check]:
     if node.dictionary is None:
         hint = Hint(Action.GIVE_EDS, why="objects have no names: {}")
         hint += Hint(Action.ADD_EDS, why=", or {} once and for all")
-        yield Check("node", "warn", f'node {node_id} "{node.title}" answers; no EDS is known for it', hint)
+        yield Check("node", "warn", f'node {node_id} "{node.title}" answers; it has no EDS', hint)
         return
     if node.unlike_file:
         hint = Hint(Action.FORCE, why="changes need {}")
@@ -311,7 +311,7 @@ def drivers_check(session: SessionUser) -> Check:
 
     found = drivers_missing()
     if not found:
-        return Check("drivers", "warn", "not known: the process that looks for them gave no answer")
+        return Check("drivers", "warn", "unknown: the process that searches for them gave no answer")
     ready = [name for name, lacks in found.items() if lacks == []]
     lacking = [f"{name} ({'; '.join(lacks)})" for name, lacks in found.items() if lacks]
     absent = [name for name, lacks in found.items() if lacks is None]
@@ -341,7 +341,9 @@ def _interfaces(session: SessionUser) -> Iterator[Check]:
     if not found:
         on_a_line = session.options.interface in _OVER_A_LINE
         needless = bool(session.options.sim or others or on_a_line)
-        hint = None if needless else "is the adapter plugged in, and its driver (or python-can's extra) installed?"
+        hint = (
+            None if needless else "check that the adapter is connected and its driver (or python-can's extra) installed"
+        )
         yield Check("interface", "ok" if needless else "warn", "none was found on this machine", hint)
     yield from others
 

@@ -51,7 +51,7 @@ class ConversionFormat:
 
     def __init_subclass__(cls) -> None:
         if "suffixes" not in vars(cls):
-            raise TypeError(f'{cls.__module__}: {cls.__name__} lacks a line such as suffixes = (".xdd", ".xdc")')
+            raise TypeError(f'{cls.__module__}: {cls.__name__} needs a line such as suffixes = (".xdd", ".xdc")')
 
     def write(self, session: Session, wanted: Converted) -> Facts:
         """Write the *wanted* file, asking before overwriting.
@@ -92,7 +92,7 @@ _WORDS = {
     "name": "name", "access": "access type", "pdo_mapping": "PDO mapping", "unit": "unit", "denotation": "denotation",
     "object_flags": "ObjFlags", "object": "object", "node_id": "node-ID", "bit_rate_kbit": "bit rate of the bus",
 }  # fmt: skip
-_NO_DATE_NOTE = f"{{}} does not say when it was made: {NO_DATE} stands there, since an XDD must have a date"
+_NO_DATE_NOTE = f"{{}} has no date of creation: {NO_DATE} is written instead, since an XDD must have a date"
 #: Data of a single node, not of every device of its kind.
 _OF_ONE_NODE = {"value", "denotation", "node_id", *(field.name for field in fields(Commissioning))}
 #: File information that is always written anew.
@@ -111,7 +111,7 @@ def convert_device_file(session: SessionUser, file: str, target: str) -> Facts:
     suffix = path.suffix.lower()
     if suffix not in DEVICE_SUFFIXES:
         raise UsageError(
-            f"{target}: what format is that?", hint=f"a name that ends in {', '.join((*DEVICE_SUFFIXES, '.cdcf'))}"
+            f"{target}: unknown format", hint=f"a name that ends in {', '.join((*DEVICE_SUFFIXES, '.cdcf'))}"
         )
     read = _read(file, session.options.chosen_modules)
     wanted = read.dictionary if suffix in VALUE_SUFFIXES else without_values(read.dictionary)
@@ -142,10 +142,11 @@ def _kept(read: EdsFile | XddFile, suffix: str) -> KeptText | None:
 def _read(file: str, modules: tuple[int, ...] | None) -> EdsFile | XddFile:
     if file.lower().endswith(CONCISE_SUFFIX):
         raise UsageError(
-            f"{file} is a concise DCF: what a manager (0x1F22) writes to one node, and no description of a device",
+            f"{file} is a concise DCF: values that a manager (0x1F22) writes to one node, not a description of a "
+            f"device",
             place=file,
             hint=Hint(Action.SHOW_EDS, {"file": file}, "shows it")
-            + Hint(Action.WRITE, {"object": "1F22:5", "value": f"@{file}"}, "gives node 5's to the manager"),
+            + Hint(Action.WRITE, {"object": "1F22:5", "value": f"@{file}"}, "writes that of node 5 to the manager"),
         )
     from dvtcli.operations.session.simulated_nodes import file_or_family
 
@@ -234,7 +235,7 @@ def convert_file(
     kind = _format_of(target)
     if options and not kind.has_options:
         raise UsageError(
-            f"{target} is no DBC file, which alone can have that",
+            f"{target} is not a DBC file; the option is for DBC files only",
             given=dict.fromkeys(options.named),
             hint=Hint(Action.CONVERT, {"file": "net.yaml", "target": "net.dbc", "services": "emcy"}),
         )

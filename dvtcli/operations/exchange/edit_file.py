@@ -198,7 +198,7 @@ def refuse_other_values(edited: str, file: str) -> None:
     else:
         hint = Hint(Action.EXPORT, {"file": file}, "{} reads it from the device, once the network file is applied")
     raise UsageError(
-        f"{file} is not written: it has the values of a whole device, and {edited} has only those that it names",
+        f"{file} is not written: it has the values of a whole device, but {edited} has only some of them",
         place=file,
         hint=hint,
     )
@@ -242,14 +242,14 @@ class OpenedFile:
     def copy(self, session: SessionUser, path: Path) -> str:
         """Write the bytes read at opening as *path*; returns the result in words."""
         if self.is_at(path):
-            return f"nothing to write: {path} has what is shown"
+            return f"nothing to write: {path} already has these values"
         self.replace(session, path, self.data)
-        return f"{path}: a copy of {self.file}, nothing is changed"
+        return f"{path}: a copy of {self.file}, without changes"
 
     def _refuse_written(self, path: Path) -> None:
         if self.is_at(path) and self._read() != self._held:
             raise UsageError(
-                f"{path} changed meanwhile and is kept",
+                f"{path} was changed by another program and is not overwritten",
                 place=str(path),
                 hint="F2 saves under another name",
             )
@@ -264,9 +264,9 @@ class EditedNetwork:
         self._words = words_of(file, config)
         if not self._words:
             raise UsageError(
-                f"{file}: no EDS is known of its nodes, so nothing says which PDOs they have",
+                f"{file}: its nodes have no EDS, so their PDOs are unknown",
                 place=file,
-                hint="dcf: beside a node_id names one",
+                hint="set dcf: next to node_id",
             )
 
     @property
@@ -278,7 +278,7 @@ class EditedNetwork:
     def notes(self) -> tuple[str, ...]:
         """The nodes that are not edited."""
         others = [str(node.node_id) for node in self._config.nodes if node.node_id not in self._words]
-        return (f"no EDS is known of node {', '.join(others)}: kept as the file has it, not edited",) if others else ()
+        return (f"node {', '.join(others)} has no EDS: its part of the file is kept unchanged",) if others else ()
 
     def fill(self, session: Session) -> None:
         """Set the nodes to the PDOs in the file; raises UsageError if a rule or a simulated node refuses them."""
@@ -482,7 +482,7 @@ def _lost(old: str, config: NetworkConfig, written: NetworkConfig) -> Iterator[s
     if replace(config, master=master) != written:
         names = [node.name for node, new in zip(config.nodes, written.nodes, strict=False) if node != new]
         raise UsageError(
-            f"not written: the file would not say the same of {join_some(names) or 'its links or options'}",
+            f"not written: the file would change {join_some(names) or 'its links or options'}",
             hint="change the text of the file instead",
         )
 
@@ -551,8 +551,8 @@ def save_edited(session: SessionNodes, node: Node, held: Configs, changed: Confi
         return _save_dcf(session, node, held, changed, path)
     if not changed:
         raise UsageError(
-            "nothing is changed, and a script has the changes",
-            hint=Hint(Action.SAVE_SCRIPT, {"all": True}, "{} writes all that the node holds"),
+            "no device is changed; a script has the changes",
+            hint=Hint(Action.SAVE_SCRIPT, {"all": True}, "{} writes all values of the node"),
         )
     ask_before_overwriting(session, path)
     lines = change_lines(edited_plan(node.node_id, held, changed))
@@ -590,6 +590,6 @@ def with_edited(whole: WholeDevice, held: Configs, changed: Configs) -> WholeDev
     for _change, step in edited_plan(whole.node.node_id, held, changed).steps_in_order():
         place = step.index, step.sub_index
         if place not in objects:
-            raise UsageError(f"a DCF cannot have {step.object}: the EDS lacks it", node=whole.node.node_id)
+            raise UsageError(f"a DCF cannot have {step.object}: it is not in the EDS", node=whole.node.node_id)
         objects[place] = replace(objects[place], data=step.after, abort=None, unread=None, changes=False)
     return replace(whole, objects=objects)

@@ -188,7 +188,7 @@ def network_messages(
             found.messages.append(message)
         else:
             found.left_out.append(
-                f"{message.name}: a PDO has its CAN-ID {can_id_text(message.can_id, extended=message.extended)}"
+                f"{message.name}: a PDO has the same CAN-ID {can_id_text(message.can_id, extended=message.extended)}"
             )
     found.messages.sort(key=lambda drawn_message: drawn_message.number)
     _name_messages(found)
@@ -220,7 +220,7 @@ def _held(state: NetworkState, *, everything: bool) -> Iterator[_Held]:
 def _could_be_on(held: _Held, found: NetworkMessages) -> bool:
     """Tell whether a disabled PDO maps anything and has a CAN-ID."""
     node, pdo, config = held
-    why = "it is off, and has no CAN-ID" if not config.communication.cob_id.can_id else ""
+    why = "it is off and has no CAN-ID" if not config.communication.cob_id.can_id else ""
     if why and config.mapping:
         found.left_out.append(f"{pdo.label} of node {node.node_id}: {why}")
     return bool(config.mapping) and not why
@@ -249,7 +249,7 @@ def _message(identifier: Identifier, group: list[_Held], drawn: _Drawn, found: N
     received = [receiving_pdo for receiving_pdo in group if not receiving_pdo[1].is_tpdo]
     for node, other, _ in others:
         if other.is_tpdo:
-            also = f"{pdo.label} of node {first.node_id} has its CAN-ID {identifier_text(identifier)}, too"
+            also = f"{pdo.label} of node {first.node_id} has the same CAN-ID {identifier_text(identifier)}"
             found.left_out.append(f"{other.label} of node {node.node_id}: {also}")
     says = [group[0]] if pdo.is_tpdo else received
     signals = _signals(says, received, drawn)
@@ -367,7 +367,9 @@ def _tell_guessed(session: SessionUser, source: str, node: NodeState, *, everyth
     if pdos:
         names = f"{', '.join(pdo.label for pdo in pdos)} of node {node.node_id} map{'s' if len(pdos) == 1 else ''}"
         whose = node.guessed[pdos[0]]  # one file, or family, describes the node
-        session.reporter.warning(f"{source} does not say what {names}: by {whose}, which the node need not hold")
+        session.reporter.warning(
+            f"{source} does not describe what {names}: taken from {whose}, which may differ from the node"
+        )
 
 
 def recording_to_dbc(session: SessionUser, source: str, file: str, options: DbcOptions = PLAIN) -> Facts:

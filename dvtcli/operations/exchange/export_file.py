@@ -50,7 +50,7 @@ class ExportFormat:
 
     def __init_subclass__(cls) -> None:
         if "suffixes" not in vars(cls):
-            raise TypeError(f'{cls.__module__}: {cls.__name__} lacks a line such as suffixes = (".yaml",)')
+            raise TypeError(f'{cls.__module__}: {cls.__name__} needs a line such as suffixes = (".yaml",)')
 
     def write(self, session: Session, file: str, wanted: ExportRequest) -> Facts:
         """Write the *wanted* node, or all answering nodes or those of -n, to *file*.
@@ -80,12 +80,11 @@ def export_nodelist(session: SessionNodes, file: str, *, twice: bool = False) ->
     untold = [str(node.node_id) for node in nodes if not node.dcf]
     if len(untold) == len(nodes):
         raise UsageError(
-            f"no node that answers has an EDS here ({join_some(untold)}): "
-            "a nodelist without a DCF says nothing of them",
-            hint=Hint(Action.ADD_EDS, why="keeps one for every node of its kind, then export again"),
+            f"none of the nodes has an EDS ({join_some(untold)}): a nodelist needs their DCFs",
+            hint=Hint(Action.ADD_EDS, why="adds it to the library for all nodes of this type; then export again"),
         )
     if untold:
-        why = f"node {', '.join(untold)}: no EDS is known, so no DCF; add one to the library, then export again"
+        why = f"node {', '.join(untold)}: no DCF, since it has no EDS; add an EDS to the library, then export again"
         notes.insert(0, why)
         said.insert(0, why)
     make_file(session, path, eds_bytes(nodelist_text(Nodelist(path.parent.resolve().name, tuple(nodes)))))
@@ -187,13 +186,13 @@ def export_file(
     kind = _format_of(file)
     if options and not kind.has_options:
         raise UsageError(
-            f"{file} is no DBC file, which alone can have that",
+            f"{file} is not a DBC file; the option is for DBC files only",
             given=dict.fromkeys(options.named),
             hint=Hint(Action.EXPORT, {"file": "NAME.dbc", "services": "emcy,heartbeat"}),
         )
     if twice and not kind.reads_twice:
         raise UsageError(
-            f"{file} is no DCF or XDC, which alone is read twice",
+            f"{file} is not a DCF or XDC: only their objects are read twice",
             given={"twice": True},
             hint=Hint(Action.EXPORT, {"file": "NAME.dcf", "twice": True}),
         )
@@ -209,7 +208,7 @@ def export_all(session: Session, file: str, *, twice: bool = False, options: Dbc
         others = " or ".join(
             sorted(suffix for suffix, export_format in export_formats().items() if export_format.is_of_all)
         )
-        raise UsageError(f"{file}: what format is that?", hint=f"a name that ends in {others}")
+        raise UsageError(f"{file}: unknown format", hint=f"a name that ends in {others}")
     return export_file(session, file, twice=twice, options=options)
 
 
@@ -221,5 +220,5 @@ def _format_of(file: str) -> ExportFormat:
         hint = Hint(
             Action.SAVE_SCRIPT, {"all": True}, f"a name that ends in {', '.join(sorted(known))}; {{}} writes a script"
         )
-        raise UsageError(f"{file}: what format is that?", hint=hint)
+        raise UsageError(f"{file}: unknown format", hint=hint)
     return found

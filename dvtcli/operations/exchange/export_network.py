@@ -110,7 +110,7 @@ def export_node(session: SessionNodes, file: str, node_id: int | None = None) ->
     found = exported_node(session, node, node.pdos(), path)
     ask_before_overwriting(session, path)
     make_file(
-        session, path, write_network(NetworkConfig((found.config,)), f"What node {node.node_id} held", found.remarks)
+        session, path, write_network(NetworkConfig((found.config,)), f"Values of node {node.node_id}", found.remarks)
     )
     count = len(found.config.pdos)
     counted = f"{verbatim(file)}: node {node.node_id}, {plural(count, 'PDO')}"
@@ -202,8 +202,9 @@ class Exported:
         """Report what was left out; empty if nothing."""
         if not self.left_out:
             return ""
-        verb = "is no whole PDO" if len(self.left_out) == 1 else "are no whole PDOs"
-        return f"left out: {join_some(self.left_out)} {verb}, or multiplexed; the PDOs of the node show what is held"
+        verb = "is incomplete" if len(self.left_out) == 1 else "are incomplete"
+        listed = join_some(self.left_out)
+        return f"left out: {listed} {verb}, or multiplexed; the list of the node's PDOs shows their present values"
 
 
 def exported(holder: PdoHolder, held: Mapping[Pdo, PdoConfig], values: SdoReader, said: Said) -> Exported:
@@ -362,7 +363,7 @@ def exported_values(
         if (producer, time_ms) in left:
             left.remove((producer, time_ms))
         elif said(_CONSUMER, sub_index) and not _is_fixed(dictionary, _CONSUMER, sub_index):
-            sense = "watches nobody" if not value else "as it was held"
+            sense = "monitors no node" if not value else "as in the device"
             yield ValueConfig(FileWord(f"{_CONSUMER:04X}:{sub_index:02X}"), FileWord(f"0x{value:X}")), sense
 
 

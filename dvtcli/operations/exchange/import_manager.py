@@ -69,14 +69,14 @@ def value_word(dictionary: ObjectDictionary | None, place: tuple[int, int], data
     if kind is None:
         if len(data) in _OBVIOUS:
             return f"0x{int.from_bytes(data, 'little'):0{2 * len(data)}X}", ""
-        return None, f"{size}, and no EDS tells its type"
+        return None, f"{size}, and no EDS defines its type"
     try:
         text = _text(kind, data)
         if kind.parse(text) == data:
             return text, ""
     except ValueError:
         pass
-    return None, f"{size}, which no value of {kind.name} is"
+    return None, f"{size}, which does not fit {kind.name}"
 
 
 def _text(kind: DataType, data: bytes) -> str:
@@ -128,7 +128,7 @@ def node_from_frames(device: NamedNode, downloads: Sequence[ConciseEntry]) -> tu
         objects=tuple(_objects(left)), values=tuple(_values(device, left, remarks)), watches=watches,
         store=True if stamped else None, stamp=True if stamped else None,
     )  # fmt: skip
-    left.unsaid |= dict.fromkeys(left.data, "no key of a PDO says it")
+    left.unsaid |= dict.fromkeys(left.data, "it has no key in a network file")
     left.unsaid = _repeated(downloads) | left.unsaid
     unsaid = tuple(f"{index:04X}:{sub_index:02X} ({why})" for (index, sub_index), why in sorted(left.unsaid.items()))
     own = {(device.node_id, word): text for word, text in remarks.items()}
@@ -294,17 +294,19 @@ def import_manager(session: SessionNodes, file: str, manager: int) -> Facts:
         found.append(FoundNode(replace(exported, config=config), {}, node.read_cache))
     if not found:
         why = f": {'; '.join(notes)}" if notes else ""
-        raise UsageError(f"node {manager} ({node.title}) downloads nothing to any node{why}", node=manager)
+        raise UsageError(f"node {manager} ({node.title}) downloads no values to any node{why}", node=manager)
     if unnamed:
-        notes.append(f"node {', '.join(unnamed)}: no EDS is known, objects are numbers; `dcf:` names one")
-    return write_found(session, path, file, f"What node {manager} downloads to the nodes that it boots", found, notes)
+        notes.append(f"node {', '.join(unnamed)}: no EDS, so objects are written as numbers; `dcf:` names an EDS")
+    return write_found(
+        session, path, file, f"Values that node {manager} downloads to the nodes that it boots", found, notes
+    )
 
 
 def _notes(config: NodeConfig, unsaid: tuple[str, ...]) -> Iterator[str]:
     if unsaid:
         yield f"node {config.node_id}: left out: {', '.join(unsaid)}"
     if config.stamp:
-        yield f"node {config.node_id}: `stamp: true` is for its 0x1020, and gives it another date and time"
+        yield f"node {config.node_id}: its 0x1020 becomes `stamp: true`, which writes another date and time"
 
 
 def _downloads(
@@ -319,7 +321,7 @@ def _downloads(
     for node_id in range(1, min(int.from_bytes(count[:1], "little"), 127) + 1):
         if wanted and node_id not in wanted:
             continue
-        session.reporter.progress(f"node {node.node_id}: reading what it downloads", node_id, 127)
+        session.reporter.progress(f"node {node.node_id}: reading its download values", node_id, 127)
         try:
             data = node.observed(partial(node.known_value, CONCISE_DCF, node_id))
             if any(data):
@@ -327,7 +329,7 @@ def _downloads(
         except SdoAborted as aborted:
             notes.append(f"node {node_id} is left out: {aborted.text}")
         except ValueError as wrong:
-            notes.append(f"node {node_id} is left out: 0x1F22:{node_id:02X} is no concise DCF: {wrong}")
+            notes.append(f"node {node_id} is left out: 0x1F22:{node_id:02X} is not a concise DCF: {wrong}")
 
 
 def _device(session: SessionNodes, manager: ReadableNode, node_id: int, path: Path, notes: list[str]) -> _Booted:

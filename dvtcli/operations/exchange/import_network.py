@@ -67,7 +67,7 @@ def nodelist_in(place: Path) -> Path | None:
     found = sorted(path for path in place.iterdir() if path.suffix.lower() == SUFFIX) if place.is_dir() else []
     if len(found) > 1:
         names = join_some(path.name for path in found)
-        raise UsageError(f"{place} has several nodelists: {names}", hint=f"name one: {found[0]}")
+        raise UsageError(f"{place} has several nodelists: {names}", hint=f"give the name: {found[0]}")
     return found[0] if found else None
 
 
@@ -91,9 +91,9 @@ def listed_files(nodelist: Path, notes: list[str]) -> list[ListedFile]:
         if node.dcf:
             found.append(ListedFile(_file(nodelist, node), node.node_id, node.name))
         else:
-            notes.append(f"node {node.node_id} is left out: {nodelist.name} names no DCF of it")
+            notes.append(f"node {node.node_id} is left out: {nodelist.name} has no DCF for it")
     if not found:
-        raise UsageError(f"{nodelist} names no DCF", place=str(nodelist), hint="NodeXDCFName says which")
+        raise UsageError(f"{nodelist} lists no DCF", place=str(nodelist), hint="add NodeXDCFName")
     return found
 
 
@@ -106,8 +106,8 @@ def _file(nodelist: Path, node: ListedNode) -> Path:
     same = [neighbour for neighbour in near if neighbour.name.lower() == path.name.lower()]
     if len(same) != 1:
         raise InputFileError(
-            f"{nodelist.name}:{node.line}: the DCF of node {node.node_id} is not there: {node.dcf}",
-            place=f"{nodelist}:{node.line}", hint="it is looked for beside the nodelist",
+            f"{nodelist.name}:{node.line}: the DCF of node {node.node_id} does not exist: {node.dcf}",
+            place=f"{nodelist}:{node.line}", hint="it must be in the folder of the nodelist",
         )  # fmt: skip
     return same[0]
 
@@ -154,7 +154,7 @@ def _of_file(one: _FileNode, path: Path, notes: list[str]) -> FoundNode:
     lacked = _lacked(one)
     if lacked:
         labels = join_some(pdo.label for pdo in lacked)
-        notes.append(f"node {one.node_id}: {labels} left out: no value was read of it when {one.path.name} was made")
+        notes.append(f"node {one.node_id}: {labels} left out: {one.path.name} has no values of it")
     for pdo in present_pdos(one.values, one.dictionary):
         if pdo in lacked:
             continue
@@ -185,10 +185,10 @@ def _not_taken(one: _FileNode, config: NodeConfig) -> Iterator[str]:
         return
     defaults = Defaults(one.dictionary, one.node_id)
     unlike = [entry.object for entry in left if _default(defaults, entry) != entry.initial(one.node_id)]
-    which = f"{len(unlike)} not as by default ({join_some(unlike)})" if unlike else "all as by default"
+    which = f"{len(unlike)} differ from the defaults ({join_some(unlike)})" if unlike else "all equal to the defaults"
     yield (
-        f"node {one.node_id}: {plural(len(left), 'other value')} of {one.path.name} left out, {which}: "
-        "apply that file itself to write what of it is configuration"
+        f"node {one.node_id}: {plural(len(left), 'other value')} of {one.path.name} left out, {which}: apply that "
+        f"file itself to write its configuration objects"
     )
 
 
@@ -247,7 +247,7 @@ def _described(folder: Path, notes: list[str]) -> list[_FileNode]:
         if free is None:
             raise UsageError(f"{folder} has {len(paths)} files, a network has 127 nodes")
         ids[path] = free
-        notes.append(f"{path.name} names no node-ID of its own: it is node {free}")
+        notes.append(f"{path.name} has no node-ID: it becomes node {free}")
     found = [
         _FileNode(path, ids[path], file_dictionary, profile_of(file_dictionary))
         for path, file_dictionary in dictionaries.items()
@@ -267,15 +267,13 @@ def import_network(session: SessionNodes, file: str, folder: str | None = None, 
         from dvtcli.operations.exchange.import_manager import import_manager
 
         if folder is not None:
-            raise UsageError(
-                f"{folder} is given, too: the file is made of one of them", given={"from_manager": manager}
-            )
+            raise UsageError(f"{folder} is given, too: give only one of them", given={"from_manager": manager})
         return import_manager(session, file, manager)
     path = network_place(file, "NAME.yaml")
     ask_before_overwriting(session, path)
     notes: list[str] = []
     if folder is None:
-        title = f"What the network {session.bus.name} held"
+        title = f"Values of the network {session.bus.name}"
         found = list(_live(session, path, notes))
         if not found:
             raise NoAnswer(
@@ -284,7 +282,7 @@ def import_network(session: SessionNodes, file: str, folder: str | None = None, 
                 + Hint(Action.FIND_NODES, why=", {}"),
             )
     else:
-        title = f"What the files of {folder} say"
+        title = f"Values of the files of {folder}"
         found = list(nodes_of_files(Path(folder), path, notes))
     notes += (f"node {node.exported.config.node_id}: {note}" for node in found if (note := node.exported.left_out_note))
     return write_found(session, path, file, title, found, notes)
@@ -313,7 +311,7 @@ def _live(session: SessionNodes, path: Path, notes: list[str]) -> Iterator[Found
         yield FoundNode(found, held, _memory(node))
     if unnamed:
         who = f"node {', '.join(unnamed)}"
-        notes.append(f"{who}: no EDS is known, objects are numbers; add one to the library, then import again")
+        notes.append(f"{who}: no EDS, so objects are written as numbers; add an EDS to the library, then import again")
 
 
 def _look_ahead(session: SessionNodes, ids: Sequence[int]) -> dict[int, DvtcliError]:

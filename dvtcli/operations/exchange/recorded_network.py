@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 _HINT = Hint(
     Action.SHOW_PDOS,
-    why="record while {} reads the nodes, or while a master sets them up; a network file makes one without frames",
+    why="record while {} reads the nodes or a master configures them, or use a network file, which needs no frames",
 )
 _COB_ID = 1
 #: a PDO's CAN-ID and mapping
@@ -68,8 +68,8 @@ def recorded_network(session: SessionUser, path: Path, *, throughout: bool = Fal
     if not nodes:
         if throughout:
             _tell_changed(session, followed, throughout=True)
-        why = "; ".join(missing) or "no SDO transfer in it carries a COB-ID and a mapping"
-        raise UsageError(f"{path} does not say what its PDOs carry: {why}", hint=_HINT, place=str(path))
+        why = "; ".join(missing) or "no SDO transfer in it has a COB-ID and a mapping"
+        raise UsageError(f"{path} does not show the mapping of its PDOs: {why}", hint=_HINT, place=str(path))
     _tell_changed(session, followed, throughout=throughout)
     return NetworkState(tuple(nodes)), missing
 
@@ -77,13 +77,13 @@ def recorded_network(session: SessionUser, path: Path, *, throughout: bool = Fal
 def _tell_changed(session: SessionUser, followed: _Followed, *, throughout: bool) -> None:
     """Warn of PDOs changed during the recording, of all nodes or those of `-n`."""
     wanted = session.base.nodes
-    counts = "what its frames carry depends on when: they stay bytes" if throughout else "its last setting counts"
+    counts = "its mapping changed between frames: they remain bytes" if throughout else "its last setting is used"
     for node_id, pdo in sorted(followed.changed):
         if not wanted or node_id in wanted:
-            session.reporter.warning(f"{pdo.label} of node {node_id} was set otherwise before: {counts}")
+            session.reporter.warning(f"{pdo.label} of node {node_id} had other settings before: {counts}")
     for node_id, pdo in sorted(followed.late - followed.changed if throughout else ()):
         if not wanted or node_id in wanted:
-            text = "was set after the first of its frames, and what these carry is not known: all stay bytes"
+            text = "was configured after its first frames, whose mapping is unknown: all remain bytes"
             session.reporter.warning(f"{pdo.label} of node {node_id} {text}")
 
 
@@ -178,7 +178,7 @@ def _whole_pdos(node_id: int, followed: _Followed, missing: list[str]) -> dict[P
         config = _received_pdo(values, pdo)
         after = " after the node's last boot-up" if (node_id, pdo) in followed.drawn else ""
         if config is None:
-            missing.append(f"{pdo.label} of node {node_id}: nothing was received of it{after}")
+            missing.append(f"{pdo.label} of node {node_id}: no frame was received{after}")
         elif not config.unread:
             whole[pdo] = config
         elif config.enabled or not config.has_cob_id:
@@ -195,7 +195,7 @@ def _node_state(session: SessionUser, values: ReceivedValues, pdos: dict[Pdo, Pd
         session.reporter.note(
             Hint(
                 Action.GIVE_EDS,
-                why=f"node {values.node_id} has no EDS: its values have no names, and no sign; {{}} has them",
+                why=f"node {values.node_id} has no EDS: its values have no names and are unsigned; {{}} adds them",
             )
         )
     title = "" if dictionary is None else dictionary.info.product_name

@@ -49,14 +49,14 @@ def write_found(
     )
     for consumer, producer in links.unlike:
         received, sent = (f"{end.node_id}:{end.pdo}" for end in (consumer, producer))
-        notes.append(f"{received} receives {sent}, and their layouts differ: no link")
+        notes.append(f"{received} receives {sent}, but their layouts differ: no link")
     options = tuple(exported_node.exported.config for _, exported_node in sorted(nodes.items()))
     remarks = {word: text for node in found for word, text in node.exported.remarks.items()}
     make_file(session, path, write_network(NetworkConfig(options, links.links), title, remarks))
     pdos = sum(len(config.pdos) for config in options)
     counts = f"{plural(len(options), 'node')}, {plural(pdos, 'PDO')}, {plural(len(links.links), 'link')}"
     errors = _errors(file)
-    judged = f"{plural(errors, 'error')}, to be mended first" if errors else "Check it"
+    judged = f"{plural(errors, 'error')} to correct first" if errors else "Check it"
     checked = Hint(Action.CHECK, {"file": file}, f"{verbatim(file)}: {counts}. {judged}: {{}}")
     said: list[Hint | str] = [checked, *(f"note: {note}" for note in notes)]
     rows = (

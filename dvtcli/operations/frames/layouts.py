@@ -104,7 +104,7 @@ def file_names(file: str) -> dict[int, str]:
 
 #: how long is waited for a first heartbeat where no node is named (s): most are sent once a second or faster
 HEARD_S = 1.2
-_WITHOUT_EDS = Hint(Action.GIVE_EDS, why="its values have no names, and no sign: -1 reads 65535; {}") + Hint(
+_WITHOUT_EDS = Hint(Action.GIVE_EDS, why="its values have no names and are unsigned: -1 reads 65535; {}") + Hint(
     Action.ADD_EDS, why=", or {}, gives them"
 )
 

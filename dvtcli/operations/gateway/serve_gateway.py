@@ -152,7 +152,7 @@ def _check_place_of(path: str) -> None:
     """UsageError if no socket can be at *path*; SafetyRefusal if anybody could put another socket in its place."""
     folder = os.path.dirname(os.path.abspath(path))  # noqa: PTH100, PTH120
     if not os.path.isdir(folder):  # noqa: PTH112 - Path.is_dir raises OSError for a name that is too long
-        raise UsageError(f"unix:{path}: there is no folder {folder}", place=path)
+        raise UsageError(f"unix:{path}: no such folder: {folder}", place=path)
     if os.path.isdir(path):  # noqa: PTH112
         hint = f"name a socket in it, as unix:{os.path.join(path, 'gateway.sock')}"  # noqa: PTH118
         raise UsageError(f"unix:{path}: it is a folder", place=path, hint=hint)

@@ -339,7 +339,7 @@ def prefer_file(session: SessionUser, word: str) -> LibraryListing:
     chosen = _chosen((word,))
     if len(chosen) != 1:
         labels = ", ".join(file.path.name for file in chosen)
-        raise UsageError(f"{word} names {len(chosen)} files", hint=f"which one? {labels}")
+        raise UsageError(f"{word} names {len(chosen)} files", hint=f"give a name: {labels}")
     if not session.dry_run:
         _put_first(chosen[0])
     alone = sum(other.identity == chosen[0].identity for other in stored_files()) == 1
@@ -378,7 +378,7 @@ def _named(word: str, files: tuple[StoredFile, ...]) -> list[StoredFile]:
         found = [file for file in files if word in (file.path.name, file.label)]
         if len(found) > 1:
             names = ", ".join(file.path.name for file in found)
-            raise UsageError(f"{word} names {len(found)} files of the library", hint=f"which one? {names}")
+            raise UsageError(f"{word} names {len(found)} files of the library", hint=f"give a name: {names}")
     if not found:
         hint = Hint(Action.LIST_EDS, why="shows them: a number, a name, or vendor-product[-revision] in hex")
         raise UsageError(f"no file of the library is {word}", hint=hint)

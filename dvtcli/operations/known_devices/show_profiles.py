@@ -63,7 +63,7 @@ def forget_habits(name: str) -> HabitListing:
     """
     known = known_habits()
     if name != "all" and name.upper() not in known:
-        remembered = f"remembered: {', '.join(known)}" if known else "nothing is remembered of any device"
+        remembered = f"remembered: {', '.join(known)}" if known else "no needs of devices are recorded"
         raise UsageError(f"nothing is remembered of {name}", hint=remembered)
     gone = known if name == "all" else (name.upper(),)
     for habit_name in gone:

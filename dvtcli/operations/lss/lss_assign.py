@@ -48,8 +48,8 @@ def to_store(
     master.let_wait()
     if out_of_reach:
         session.reporter.warning(
-            f"not told to store, since LSS does not reach them: {join_some(out_of_reach)}; "
-            "whether they keep their node-IDs is set in their makers' ways"
+            f"not stored, since LSS cannot reach them: {join_some(out_of_reach)}; store their node-IDs as their "
+            f"manuals describe"
         )
     return kept
 
@@ -67,9 +67,9 @@ def require_same(one: LssGiven, now: int) -> None:
     """Raises SafetyRefusal if a node's node-ID by LSS (*now*) differs from that by SDO."""
     if now != one.before:
         raise SafetyRefusal(
-            f"{one.name} says by LSS that its node-ID is {told_id(now)}, and by SDO {told_id(one.before)}",
+            f"{one.name} has node-ID {told_id(now)} by LSS, but {told_id(one.before)} by SDO",
             why=str(one.address),
-            hint=Hint(Action.RESET_COMMUNICATION, why="a node-ID that was given waits for a reset: {}"),
+            hint=Hint(Action.RESET_COMMUNICATION, why="a new node-ID takes effect at a reset: {}"),
         )
 
 
@@ -103,7 +103,7 @@ def _aside(left: Sequence[LssGiven], not_free: Collection[int]) -> LssGiven:
     node_id = next((node_id for node_id in _FOR_THE_TIME_BEING if node_id not in not_free), None)
     if one is None or node_id is None:
         raise SafetyRefusal(
-            f"node-ID {left[0].node_id} is in use" if one is None else "no node-ID is free to swap others with",
+            f"node-ID {left[0].node_id} is in use" if one is None else "no node-ID is free for a swap of node-IDs",
             hint=Hint(Action.FIND_NODES, why="lists the nodes on the bus"),
         )
     return replace(one, node_id=node_id)
@@ -154,11 +154,11 @@ def _with_identity(session: SessionUser, file: str, nodes: Sequence[NodeConfig])
     """Return the *nodes* that LSS can find and report the others; raises UsageError if there are none."""
     options = [config for config in nodes if any(part is not None for part in astuple(config.identity))]
     if not options:
-        hint = "identity: {vendor: 0x1E, serial: 0x12345} under a node says who it is"
-        raise UsageError(f"{file}: no node has an identity, by which LSS could find it", hint=hint)
+        hint = "add identity: {vendor: 0x1E, serial: 0x12345} under the node"
+        raise UsageError(f"{file}: no node has an identity, which LSS needs to find it", hint=hint)
     others = [f"{config.name} ({config.node_id})" for config in nodes if config not in options]
     if others:
-        session.reporter.note(f"no identity in {file}, left alone: {join_some(others)}")
+        session.reporter.note(f"no identity in {file}, not changed: {join_some(others)}")
     return options
 
 
@@ -192,7 +192,7 @@ def _matched(options: Sequence[NodeConfig], found: Sequence[LssNode]) -> tuple[l
             raise SafetyRefusal(
                 f"{len(fitting)} nodes fit the identity of {config.name}", node=config.node_id,
                 why="; ".join(f"node-ID {told_id(_id(node))}: {node.address}" for node in fitting),
-                hint="serial: in its identity tells them apart",
+                hint="add serial: to their identities",
             )  # fmt: skip
         if not fitting:
             missing.append(config.name)
@@ -202,7 +202,7 @@ def _matched(options: Sequence[NodeConfig], found: Sequence[LssNode]) -> tuple[l
             raise two_alike(node.address)
         twice = next((slave.name for slave in given if slave.address == node.address), None)
         if twice is not None:
-            raise SafetyRefusal(f"{twice} and {config.name} are one node by their identity", hint=str(node.address))
+            raise SafetyRefusal(f"{twice} and {config.name} have the same identity", hint=str(node.address))
         given.append(LssGiven(node.address, _id(node), config.node_id, name=config.name))
     return given, tuple(missing)
 
@@ -222,8 +222,10 @@ def _refuse_used(
             raise SafetyRefusal(
                 f"node-ID {config.node_id} is in use, and not by {config.name}",
                 node=config.node_id,
-                why=f"0x1018 says {in_words(identity)}" if identity else "it is heard, and does not say who it is",
-                hint=Hint(Action.SHOW_NODE, {"node": config.node_id}, "shows who has it")
+                why=f"0x1018 says {in_words(identity)}"
+                if identity
+                else "it sends frames, but its identity cannot be read",
+                hint=Hint(Action.SHOW_NODE, {"node": config.node_id}, "shows the node that has it")
                 + _another(identity, {*there, *(config.node_id for config in options)}),
             )
 
@@ -233,9 +235,9 @@ def _another(identity: Identity | None, taken: Collection[int]) -> Hint:
     told = [part for part in identity or () if part is not None]
     free = next((node_id for node_id in range(1, 128) if node_id not in taken), None)
     if len(told) != PARTS or free is None:
-        return as_hint("give it another node-ID by its own switches or tool: its LSS address is not known")
+        return as_hint("its LSS address is unknown: change its node-ID with its switches or its own tool")
     address = tuple(str(LssAddress(*told)).split())
-    return Hint(Action.LSS_NODE_ID, {"id": free, "address": address}, "gives it another one")
+    return Hint(Action.LSS_NODE_ID, {"id": free, "address": address}, "gives it another node-ID")
 
 
 def _confirm(master: LssMaster, given: Sequence[LssGiven]) -> None:

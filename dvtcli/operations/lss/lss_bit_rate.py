@@ -52,7 +52,7 @@ class RateChange:
             self.switch(self.after)
             missing = self.missing(self.nodes)
             if missing:
-                raise NoAnswer(f"at {self.after} bit/s {names(missing)} did not come back")
+                raise NoAnswer(f"at {self.after} bit/s {names(missing)} did not answer")
         except DvtcliError as failed:
             raise self.back(failed) from failed
 
@@ -71,8 +71,8 @@ class RateChange:
         """Configure the old, active bit rate on the nodes *told*; *failed* gets the *state*."""
         left = [slave for slave in told if not self._takes(slave, self.before)]
         failed.state = "unknown" if left else state
-        failed.state_text = f"all nodes run at {self.before} bit/s as before, nothing is stored" + (
-            f"; {names(left)} may keep {self.after} if told to store" if left else ""
+        failed.state_text = f"all nodes run at {self.before} bit/s as before; nothing is stored" + (
+            f"; {names(left)} would still store {self.after} on a store command" if left else ""
         )
 
     def _takes(self, one: LssGiven, bit_rate: int) -> bool:
@@ -132,7 +132,7 @@ class RateChange:
             self.configure(node, self.after)
         self.switch(self.after)
         if missing := self.missing(self.nodes):
-            raise NoAnswer(f"at {self.after} bit/s {names(missing)} did not come back")
+            raise NoAnswer(f"at {self.after} bit/s {names(missing)} did not answer")
 
     def back(self, failed: DvtcliError) -> DvtcliError:
         """Return *failed* after all are back at the old bit rate, or LeftChanged."""
@@ -148,15 +148,15 @@ class RateChange:
                 if not missing:
                     self._forget(self.nodes, failed, "rolled_back")
                     self.bus.disturbances()  # error frames of two bit rates are of this try, and no news
-                    failed.hint = f"does its manual know {self.after} bit/s? lss bitrate may be tried again"
+                    failed.hint = f"check in its manual that it supports {self.after} bit/s, then repeat lss bitrate"
                     return failed
         except DvtcliError as stuck:
             return self._left(failed, missing, stuck.text)
-        return self._left(failed, missing, f"at {self.before} bit/s {names(missing)} did not come back either")
+        return self._left(failed, missing, f"at {self.before} bit/s {names(missing)} did not answer either")
 
     def _left(self, failed: DvtcliError, missing: Sequence[LssGiven], why: str) -> LeftChanged:
         error = LeftChanged(
-            f"{failed.text}, and not all could be brought back to {self.before} bit/s",
+            f"{failed.text}, and not all nodes could be returned to {self.before} bit/s",
             why=why,
             state="left_changed",
             hint=Hint(
@@ -191,17 +191,17 @@ class RateChange:
     ) -> DvtcliError:
         """Return *failed* if the bit rate was in use already: earlier stored bit rates are unknown."""
         if not stored and isinstance(failed, DeviceRefused):
-            failed.state_text = f"all nodes run at {self.after} bit/s as before, nothing new is stored"
+            failed.state_text = f"all nodes run at {self.after} bit/s as before; nothing new is stored"
             return failed
         told = [f"{names(stored)} stored {self.after} bit/s"] if stored else []
         return _with_details(
             LeftChanged(
                 failed.text,
-                why="; ".join([*told, f"{names(others)} may come back at another one", failed.why or "-"]),
+                why="; ".join([*told, f"{names(others)} may start at another bit rate", failed.why or "-"]),
                 state="left_changed",
                 hint=store_again(
                     [other.node_id for other in others],
-                    f"all run at {self.after} bit/s now; before the power goes: the same words again, or",
+                    f"all nodes run at {self.after} bit/s now; before the next power-off repeat the command, or",
                 ),
             ),
             failed,
@@ -224,9 +224,9 @@ class RateChange:
             return error
         if not left:
             kept = f"; {names(again)} stored that again" if again else ""
-            error.state_text = f"all nodes run at {self.before} bit/s as before{kept}; nobody has {self.after} stored"
+            error.state_text = f"all nodes run at {self.before} bit/s as before{kept}; no node has stored {self.after}"
             error.hint = Hint(
-                Action.LSS_BIT_RATE, {"rate": self.after}, "does it without storing: it is lost with the power"
+                Action.LSS_BIT_RATE, {"rate": self.after}, "does not store it: it is lost at the next power-off"
             )
             return error
         return _with_details(
@@ -236,7 +236,7 @@ class RateChange:
                 state="left_changed",
                 hint=store_again(
                     [stored_slave.node_id for stored_slave in stored],
-                    f"all run at {self.before} bit/s now; before the power goes:",
+                    f"all nodes run at {self.before} bit/s now; before the next power-off:",
                 ),
             ),
             failed,
@@ -288,7 +288,7 @@ def all_on_bus(session: SessionNodes, master: LssMaster, file: str | None = None
     waiting = scanned(session, master)
     if waiting and file is not None:
         raise SafetyRefusal(
-            f"nodes without a node-ID are on the bus, of which {file} says nothing", hint=Hint(Action.LSS_SCAN)
+            f"nodes without a node-ID are on the bus that are not in {file}", hint=Hint(Action.LSS_SCAN)
         )
     for node in waiting:
         if not node.confirmed:
@@ -315,12 +315,12 @@ def _refuse_running(session: SessionUser, bus: CanopenBus, there: Collection[int
     unknown = [f"node {node_id}" for node_id, state in states.items() if state is None]
     if unknown:
         session.reporter.warning(
-            f"{join_some(unknown)}: no heartbeat says whether it is OPERATIONAL; the machine must stand still"
+            f"{join_some(unknown)}: no heartbeat shows whether it is OPERATIONAL; the machine must be at standstill"
         )
     if running:
         raise SafetyRefusal(
             f"OPERATIONAL: {join_some(running)}",
-            hint=Hint(Action.ENTER_PRE_OPERATIONAL, {"node": "all"}, "{}, once the machine stands still"),
+            hint=Hint(Action.ENTER_PRE_OPERATIONAL, {"node": "all"}, "{}, once the machine is at standstill"),
         )
 
 
@@ -331,12 +331,12 @@ def _refuse_strangers(frames: dict[int, Frame], there: Collection[int]) -> None:
     if strange is not None:
         can_id = can_id_text(strange.can_id, extended=strange.extended)
         raise SafetyRefusal(
-            f"{can_id} is heard, which none of the nodes that answer sends before it is OPERATIONAL",
-            why="whoever sends it would stay at the old bit rate, or be a producer of SYNC or PDOs",
+            f"{can_id} was received, but no node that answers transmits it before it is OPERATIONAL",
+            why="its sender would stay at the old bit rate, or produces SYNC or PDOs",
             hint=Hint(
                 Action.ENTER_PRE_OPERATIONAL,
                 {"node": "all"},
-                "ends PDOs; 1006 = 0 ends SYNC; take off the bus who knows no CANopen",
+                "stops PDOs; 1006 = 0 stops SYNC; disconnect devices without CANopen",
             ),
         )
 
@@ -345,8 +345,8 @@ def _address(node_id: int, identity: Identity | None) -> LssAddress:
     told = [part for part in identity or () if part is not None]
     if len(told) != PARTS:
         raise SafetyRefusal(
-            f"node {node_id} has no readable LSS address (0x1018:1..4): it would stay as it is", node=node_id,
-            hint="take it off the bus, and set its bit rate in its maker's way",
+            f"node {node_id} has no readable LSS address (0x1018:1..4): it would keep its bit rate", node=node_id,
+            hint="disconnect it, and set its bit rate as its manual describes",
         )  # fmt: skip
     return LssAddress(*told)
 
@@ -358,8 +358,8 @@ def confirmed(master: LssMaster, nodes: Sequence[LssGiven]) -> list[LssGiven]:
             now = selected(master, node.address)
         except DvtcliError as failed:
             raise SafetyRefusal(
-                f"node {told_id(node.node_id)} takes no part in LSS: it would stay as it is", why=failed.text,
-                hint="take it off the bus, and set its bit rate in its maker's way",
+                f"node {told_id(node.node_id)} does not support LSS: it would keep its bit rate", why=failed.text,
+                hint="disconnect it, and set its bit rate as its manual describes",
             ) from failed  # fmt: skip
         if now != node.node_id:
             raise SafetyRefusal(f"{node.address} has node-ID {told_id(now)} by LSS, and {told_id(node.node_id)} by SDO")
@@ -404,9 +404,9 @@ def prove_by_resets(session: SessionNodes, change: RateChange, stored: Sequence[
     silent = [named_slave for named_slave in named if named_slave.node_id not in booted]
     if silent:
         raise DeviceRefused(
-            f"{names(silent)}: no boot-up message was received after the reset: nothing is proved",
+            f"{names(silent)}: no boot-up message was received after the reset, so the store is not proved",
             state="unknown",
-            why=f"all answer at {change.after} bit/s, and said that they stored it",
+            why=f"all answer at {change.after} bit/s and confirmed the store",
             hint=Hint(Action.FIND_NODES, why="switch them off and on, then {}"),
         )
     return [replace(stored_slave, proved=stored_slave.node_id in booted) for stored_slave in stored]
@@ -414,18 +414,18 @@ def prove_by_resets(session: SessionNodes, change: RateChange, stored: Sequence[
 
 def _not_kept(change: RateChange, missing: Sequence[LssGiven]) -> DvtcliError:
     """Make the error for *missing* nodes, after all returned to the old bit rate, if possible."""
-    text = f"{names(missing)} said that it stored {change.after} bit/s, and did not come back at it after a reset"
+    text = f"{names(missing)} confirmed the store of {change.after} bit/s, but did not answer at it after a reset"
     if change.before == change.after:
         return LeftChanged(
             text,
-            why="what it had stored before is not known",
+            why="its stored bit rate before is unknown",
             state="left_changed",
             hint=Hint(
                 Action.LISTEN_BIT_RATE,
-                why="listens for the one that it came back at; switch it on meanwhile, and take the others off",
+                why="finds its bit rate: run it with only this node on the bus, and switch the node on",
             ),
         )
-    failed = DeviceRefused(text, why=f"it came back at {change.before} bit/s")
+    failed = DeviceRefused(text, why=f"it answers at {change.before} bit/s")
     try:
         change.fetch(missing)
     except DvtcliError as lost:
@@ -433,11 +433,11 @@ def _not_kept(change: RateChange, missing: Sequence[LssGiven]) -> DvtcliError:
             change.go_to(change.after)
         return LeftChanged(
             text,
-            why=f"nor is it found at {change.before} bit/s: {lost.text}",
+            why=f"it does not answer at {change.before} bit/s either: {lost.text}",
             state="left_changed",
             hint=Hint(
                 Action.LISTEN_BIT_RATE,
-                why=f"the others run at {change.after} bit/s, and said that they stored it; {{}} listens for it",
+                why=f"the others run at {change.after} bit/s and confirmed the store; {{}} finds its bit rate",
             ),
         )
     error = change.unstored(change.nodes, failed)
@@ -445,7 +445,7 @@ def _not_kept(change: RateChange, missing: Sequence[LssGiven]) -> DvtcliError:
         error.hint = Hint(
             Action.LSS_BIT_RATE,
             {"rate": change.after},
-            f"does it without storing: it is lost with the power, and then {change.before} bit/s is back",
+            f"does not store it: after the next power-off it is {change.before} bit/s again",
         )
     return error
 
@@ -464,7 +464,7 @@ def lss_bit_rate(
     """
     if bit_rate not in BIT_TIMINGS:
         known = join_some([str(rate) for rate in BIT_TIMINGS])
-        raise UsageError(f"LSS knows no bit rate {bit_rate}", hint=f"the standard's are {known}")
+        raise UsageError(f"LSS has no bit rate {bit_rate}", hint=f"the standard's are {known}")
     bus = lss_bus(session)
     before = _way_back(bus, bit_rate)
     if session.dry_run:
@@ -476,7 +476,7 @@ def lss_bit_rate(
         nodes = confirmed(master, all_on_bus(session, master, file))
         if not nodes:
             raise NoAnswer(
-                "no node is on the bus that could be told",
+                "no node is on the bus",
                 hint=Hint(Action.LISTEN_BIT_RATE, why="listens for the bit rate in use"),
             )
         if prove:
@@ -497,11 +497,11 @@ def _way_back(bus: CanopenBus, bit_rate: int) -> int:
     before = bus.runs_at
     if before is None:
         raise SafetyRefusal(
-            f"the bit rate of {bus.name} is not known, so that it could not be restored",
-            hint=Hint(Action.GIVE_BIT_RATE, why="says it") + Hint(Action.LISTEN_BIT_RATE, why="listens for it"),
+            f"the bit rate of {bus.name} is unknown, so it could not be restored",
+            hint=Hint(Action.GIVE_BIT_RATE, why="says it") + Hint(Action.LISTEN_BIT_RATE, why="finds it"),
         )
     if before not in BIT_TIMINGS:
-        raise SafetyRefusal(f"{bus.name} runs at {before} bit/s, to which LSS knows no way back")
+        raise SafetyRefusal(f"{bus.name} runs at {before} bit/s, which LSS could not restore")
     return before
 
 

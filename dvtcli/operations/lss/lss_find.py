@@ -27,7 +27,7 @@ def lss_bus(session: SessionNodes) -> CanopenBus:
     """Return the bus; raises UsageError if it carries no frames."""
     bus = session.open_network().bus
     if not bus.carries_frames:
-        raise UsageError(f"{bus.name} carries no CAN frames, so that no LSS either", hint="open a CAN interface")
+        raise UsageError(f"{bus.name} has no CAN frames, so LSS is not possible", hint="open a CAN interface")
     return bus
 
 
@@ -102,7 +102,7 @@ def selected(master: LssMaster, address: LssAddress) -> int:
     said = master.inquire()
     if said is None or said[0] != address:
         raise NoAnswer(
-            f"the node with {address} does not tell its identity",
+            f"the node with {address} does not return its identity",
             hint=Hint(Action.LSS_SCAN, why="lists the nodes on the bus"),
         )
     return said[1]
@@ -111,8 +111,8 @@ def selected(master: LssMaster, address: LssAddress) -> int:
 def two_alike(address: LssAddress) -> DeviceRefused:
     """Make the error for several nodes with the same address."""
     return DeviceRefused(
-        f"more than one node answers to {address}", why="nodes with one identity cannot be told apart by LSS",
-        hint="connect them one at a time, and give each its node-ID",
+        f"more than one node answers to {address}", why="LSS cannot select one of several nodes with the same identity",
+        hint="connect only one of them at a time, and give it its node-ID",
     )  # fmt: skip
 
 
@@ -208,11 +208,11 @@ def require_on(bus: CanopenBus, address: LssAddress, node_id: int) -> None:
     """Raises NoAnswer if *node_id* does not answer, SafetyRefusal if its 0x1018 does not fit *address*."""
     identity = identity_on(bus, node_id)
     if identity is None:
-        raise NoAnswer(f"{address} did not come up as node {node_id}", node=node_id)
+        raise NoAnswer(f"{address} did not start as node {node_id}", node=node_id)
     if not _is(identity, address):
         raise SafetyRefusal(
             f"node {node_id} is another device than the one with {address}", node=node_id,
-            why=f"its 0x1018 says {in_words(identity)}",
+            why=f"its 0x1018 is {in_words(identity)}",
         )  # fmt: skip
 
 

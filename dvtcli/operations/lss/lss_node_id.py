@@ -54,7 +54,7 @@ def _meant(master: LssMaster, address: LssAddress | None) -> tuple[LssAddress, i
     said = master.inquire()
     if said is None:
         raise UsageError(
-            "no node is selected by LSS",
+            "no node is selected for LSS",
             hint=Hint(Action.LSS_SELECT, why="{}, or name these after the node-ID") + Hint(Action.LSS_SCAN),
         )
     return said
@@ -67,7 +67,7 @@ def refuse_used(session: SessionNodes, node_id: int) -> None:
         raise SafetyRefusal(
             f"node-ID {node_id} is in use: a node {'is heard' if received else 'answers'} on it",
             node=node_id,
-            hint=Hint(Action.SHOW_NODE, {"node": node_id}, "choose another one; {} shows who has it"),
+            hint=Hint(Action.SHOW_NODE, {"node": node_id}, "choose another node-ID; {} shows the node that has it"),
         )
 
 
@@ -145,18 +145,20 @@ def _taken_back(bus: CanopenBus, master: LssMaster, given: LssGiven, failed: Dvt
         take_back(bus, master, given)
     except DvtcliError as stuck:
         left = LeftChanged(
-            f"{failed.text}, and its old node-ID cannot be given back",
+            f"{failed.text}, and its old node-ID cannot be restored",
             node=given.node_id,
             why=f"{stuck.text}; {answering_now(bus, given)}",
             state="left_changed",
-            hint=Hint(Action.LSS_SCAN, why="nothing is stored: switch it off and on, then {}")
-            + Hint(Action.LSS_IDENTIFY, why="asks for its address"),
+            hint=Hint(Action.LSS_SCAN, why="nothing is stored: switch the node off and on, then {}")
+            + Hint(Action.LSS_IDENTIFY, why="shows its LSS address"),
         )
         left.details.append(("node", str(given.address)))
         return left
     failed.state = "rolled_back"
-    failed.state_text = f"it has node-ID {told_id(given.before)} as before, nothing is stored"
-    failed.hint = failed.hint or Hint(Action.LSS_SCAN) + Hint(Action.FIND_NODES, why=" and {} show who is there")
+    failed.state_text = f"it has node-ID {told_id(given.before)} as before; nothing is stored"
+    failed.hint = failed.hint or Hint(Action.LSS_SCAN) + Hint(
+        Action.FIND_NODES, why=" and {} show the nodes on the bus"
+    )
     return failed
 
 
@@ -174,7 +176,7 @@ def take_back(bus: CanopenBus, master: LssMaster, given: LssGiven) -> None:
         now = selected(master, given.address)
     master.let_wait()
     if now != given.before:
-        raise NoAnswer(f"it says that its node-ID is {told_id(now)}", state="unknown")
+        raise NoAnswer(f"its node-ID by LSS is {told_id(now)}", state="unknown")
     if given.before != UNCONFIGURED:
         require_on(bus, given.address, given.before)
     if is_on(bus, given.address, given.node_id):

@@ -78,9 +78,9 @@ def prove_by_reset(session: SessionNodes, master: LssMaster, given: LssGiven) ->
         raise _not_kept(master, given, failed) from failed
     if not booted:
         raise DeviceRefused(
-            f"node {node_id} sent no boot-up message after its reset: nothing is proved",
+            f"node {node_id} sent no boot-up message after its reset: the store is not proved",
             node=node_id,
-            why="it answers with its node-ID all the same",
+            why="but it answers with its node-ID",
             hint=Hint(Action.FIND_NODES, why="switch it off and on, then {}"),
             state="unknown",
         )
@@ -94,9 +94,9 @@ def _not_kept(master: LssMaster, given: LssGiven, failed: DvtcliError) -> LeftCh
     except DvtcliError as silent:
         now = silent.text
     return LeftChanged(
-        f"node {given.node_id} says that it stored its node-ID, and did not come back with it after a reset",
+        f"node {given.node_id} confirmed the store of its node-ID, but did not start with it after a reset",
         node=given.node_id, why=f"{failed.text}; {now}", state="left_changed",
-        hint="lss scan and scan show who is there",
+        hint="lss scan and scan show the nodes on the bus",
     )  # fmt: skip
 
 
@@ -157,7 +157,7 @@ def all_back(
             stuck.append(f"{slave.name}: {silent.text}")
     if not stuck and not isinstance(failed, LeftChanged):
         if done and failed.state == "rolled_back":
-            failed.state_text = "all have the node-IDs they had before, nothing is stored"
+            failed.state_text = "all nodes have their old node-IDs; nothing is stored"
         return failed
     why = "; ".join([*([failed.why] if failed.why else []), *stuck])
     error = LeftChanged(failed.text, node=failed.node, why=why, state="left_changed")
@@ -189,14 +189,16 @@ def _partly_stored(
     error = all_back(bus, master, steps, failed)
     if error is failed and not stored and isinstance(failed, DeviceRefused):
         failed.state = "unchanged"
-        failed.state_text = "all have the node-IDs they had before, nothing new is stored"
+        failed.state_text = "all nodes have their old node-IDs; nothing new is stored"
         return failed
     done = {slave.address for slave in stored}
     others = [slave for slave in kept if slave.address not in done and slave.before == slave.node_id]
     if error is failed:
         error = LeftChanged(failed.text, node=failed.node, why=failed.why, state="left_changed")
         error.details += failed.details
-        error.hint = store_again([other.node_id for other in others], "before the power goes: the same words again, or")
+        error.hint = store_again(
+            [other.node_id for other in others], "before the next power-off repeat the command, or"
+        )
     error.details.append(
         ("unknown", f"{join_some(other.name for other in others)} may have another node-ID after the next power-on")
     )
@@ -218,17 +220,17 @@ def _unstored(
     if error is failed and not left:
         failed.state = "rolled_back"
         again = f"; {join_some([stored_slave.name for stored_slave in stored])} stored that again" if stored else ""
-        again += f"; {join_some([kept_slave.name for kept_slave in kept])} stored what it had" if kept else ""
-        failed.state_text = f"all have the node-IDs they had before{again}; nobody keeps a new one"
+        again += f"; {join_some([kept_slave.name for kept_slave in kept])} stored its old node-ID" if kept else ""
+        failed.state_text = f"all nodes have their old node-IDs{again}; none has stored a new node-ID"
         failed.hint = Hint(
-            Action.GIVE, {"store": True}, "the same words without {} give the new node-IDs, until the power goes"
+            Action.GIVE, {"store": True}, "the same command without {} gives the new node-IDs until the next power-off"
         )
         return failed
     why = "; ".join([*([error.why] if error is not failed and error.why else []), *left])
     changed = LeftChanged(failed.text, node=failed.node, why=why, state="left_changed")
     changed.details += error.details
-    who = Hint(Action.LSS_SCAN, why="before the power goes: {}")
-    who += Hint(Action.FIND_NODES, why=" and {} show who has which node-ID, then")
+    who = Hint(Action.LSS_SCAN, why="before the next power-off: {}")
+    who += Hint(Action.FIND_NODES, why=" and {} show the node-IDs, then")
     changed.hint = store_again([stored_slave.before for stored_slave in stored], who)
     return changed
 

@@ -45,8 +45,8 @@ if TYPE_CHECKING:
 LISTEN_S = 2.0
 #: rules about recordings that need what a file says of the PDOs
 _NEED_A_FILE = {
-    LENGTH.name: "rule other-length compares with what the nodes hold",
-    NOT_SENT.name: "which RPDOs somebody is to send is not known; check a recording with a network file",
+    LENGTH.name: "rule other-length needs the mappings of the nodes",
+    NOT_SENT.name: "the expected RPDOs are unknown; check a recording with a network file",
 }
 #: Identification and NMT settings of a node, which no file decides.
 _OF_ITSELF = {IDENTITY, 0x1000, *range(NMT_STARTUP, BOOT_TIME + 1)}
@@ -133,13 +133,13 @@ def _judged(rules: Sequence[LintRule], options: CheckOptions, bit_rate: int | No
     """
     unjudged = dict(_NEED_A_FILE)
     if bit_rate is None:
-        unjudged[LOAD.name] = "nothing says the bit rate"
+        unjudged[LOAD.name] = "the bit rate is unknown"
     judged = tuple(rule for rule in rules if rule.name not in unjudged)
     for rule in rules:
         if rule.name in unjudged and (rule.name in options.only or not judged):
             raise UsageError(
                 f"rule {rule.name} is not judged on a running bus: {unjudged[rule.name]}",
-                hint="what no rule looks at is not checked",
+                hint="leave this rule out",
             )
     return judged
 
@@ -173,7 +173,7 @@ class _Recorded:
                     when = f"{moments.times} times, {when} to {moments.last.time_s - self._begin_s:.1f} s"
                 yield NetworkFinding(
                     1, str(problem.rule.severity), problem.rule.name, problem.object,
-                    f"{problem.text} ({when}); look first: {problem.look}", node=problem.node,
+                    f"{problem.text} ({when}); check first: {problem.look}", node=problem.node,
                 )  # fmt: skip
 
 
@@ -201,7 +201,9 @@ def _nobody(name: str, traffic: ReceivedTraffic | None) -> NoAnswer:
     return NoAnswer(
         f"no node answers on {name}: nothing was checked",
         why=f"{plural(frames, 'frame')} heard",
-        hint=Hint(Action.FIND_NODES, why="is it the right bus, and are its nodes on? {} asks every node-ID")
+        hint=Hint(
+            Action.FIND_NODES, why="check that it is the right bus and that its nodes are on; {} tries every node-ID"
+        )
         + Hint(Action.LISTEN_BIT_RATE, why="listens"),
     )
 

@@ -30,9 +30,9 @@ if TYPE_CHECKING:
 
 #: Rules about files instead of states.
 FILE_RULES = (
-    LintRule("network-file", ERROR, "the file cannot be read, or says what its nodes cannot mean",
+    LintRule("network-file", ERROR, "the file cannot be read or contradicts itself",
              "the network file's keys; the nodes' dictionaries"),
-    LintRule("cannot-be-made", ERROR, "what the file wants cannot be made on its nodes",
+    LintRule("cannot-be-made", ERROR, "the configuration in the file is not possible on its nodes",
              "the rules of `map` and `link`"),
 )  # fmt: skip
 
@@ -222,7 +222,26 @@ def judged_file(
     found += (_of_change(state, node.node_id, said) for node in state.nodes for said in node.said if said.rule in names)
     found += _nothing_asked(config, state, names)
     network = CheckedNetwork(state, options.bit_rate or state.bit_rate)
-    return state, tuple(_shown(repeat, log) for repeat in without_repeats(found, findings_of(network, rules)))
+    unread = _unread_pdos(config, failures)
+    of_rules = (
+        finding for finding in findings_of(network, rules)
+        if finding.severity == "error" or (finding.node, finding.pdo) not in unread
+    )  # fmt: skip
+    return state, tuple(_shown(repeat, log) for repeat in without_repeats(found, of_rules))
+
+
+def _unread_pdos(config: NetworkConfig, failures: Iterable[DvtcliError]) -> set[tuple[int | None, str | None]]:
+    """List the PDOs whose request in the file cannot be read, by node-ID: what they will be is unknown."""
+    wrong = {
+        (complaint.line, complaint.column) for failed in failures for complaint in getattr(failed, "complaints", ())
+    }
+    return {
+        (node.node_id, str(pdo.pdo))
+        for node in config.nodes
+        for pdo in node.pdos
+        for mark in (*pdo.keys.values(), *(word.mark for word in pdo.mapping or ()))
+        if (mark.line, mark.column) in wrong
+    }
 
 
 def _shown(found: NetworkFinding, log: FileLog) -> NetworkFinding:

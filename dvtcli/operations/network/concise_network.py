@@ -85,8 +85,8 @@ def concise_dcf(file: str, node: str | int | None = None, reporter: Reporter | N
     chosen = _chosen(file, read, node)
     if simulated_word(file, chosen) is None:
         raise UsageError(
-            f"{file}: no EDS is known of {chosen.name}", place=f"{file}:{chosen.mark.line}",
-            hint="dcf: names its file; a concise DCF says how a node gets from there to what is wanted",
+            f"{file}: {chosen.name} has no EDS", place=f"{file}:{chosen.mark.line}",
+            hint="dcf: names its file; a concise DCF has the values that differ from the EDS defaults",
         )  # fmt: skip
     return next(dcf for dcf in _concise(file, read, reporter).nodes if dcf.node_id == chosen.node_id)
 
@@ -178,7 +178,7 @@ def _of_device(file: str, node: str | int | None) -> tuple[ConciseDcf, tuple[str
     said = {(entry.index, entry.sub_index): entry for entry in dictionary.entries() if entry.value is not None}
     if not said:
         raise UsageError(
-            f"{file} has no ParameterValue: a concise DCF is what is written to one node",
+            f"{file} has no ParameterValue: a concise DCF is made of the values for one node",
             place=file,
             hint=Hint(Action.EXPORT, {"file": "x.dcf"}, "writes a file that has them"),
         )
@@ -218,7 +218,7 @@ def _pdos_of(
         try:
             before, after = (read_pdo(read(dictionary, node_id), pdo, WHATEVER) for read in (Defaults, FileValues))
         except SdoAborted:
-            left_out.append(f"{pdo.label} is no whole PDO in the file")
+            left_out.append(f"{pdo.label} is incomplete in the file")
             continue
         if why := after.inconsistency or _read_only(dictionary, pdo, before, after):
             left_out.append(f"{pdo.label} ({why})")
@@ -267,7 +267,7 @@ def _node_id(file: str, of_file: int | None, chosen: str | int | None) -> int:
     node_id = of_file or given
     if node_id is None:
         raise UsageError(
-            f"{file} does not say of which node it is",
+            f"{file} has no node-ID",
             place=file,
             hint=Hint(Action.GIVE, {"node": "5"}, "{}, its node-ID"),
         )
@@ -283,7 +283,7 @@ def read_concise_file(file: str) -> tuple[ConciseEntry, ...]:
     try:
         return concise_entries(data)
     except ValueError as wrong:
-        raise InputFileError(f"{file} is no concise DCF (0x1F22)", place=file, why=str(wrong)) from wrong
+        raise InputFileError(f"{file} is not a concise DCF (0x1F22)", place=file, why=str(wrong)) from wrong
 
 
 def show_concise(file: str, dictionary: ObjectDictionary | None = None) -> Facts:

@@ -341,8 +341,8 @@ def unknown_names(file: str, config: NetworkConfig, known: Collection[int] = ())
         names = [word for word in words if is_name(word.text)]
         if names and node.node_id not in known and simulated_word(file, node) is None:
             text = (
-                f"nothing here says which object {names[0].text!r} of node {node.node_id} is: its `dcf:`, its "
-                "`profile:`, or a file of the library with its identity does"
+                f"object {names[0].text!r} of node {node.node_id} is unknown: add `dcf:` or `profile:` to the node, "
+                f"or a file with its identity to the library"
             )
             yield FileNote(text, names[0].mark, len(names))
 

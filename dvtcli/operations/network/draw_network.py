@@ -72,7 +72,7 @@ def draw_network(
     """
     path = place_of(target, "NAME.html")
     if path.suffix.lower() not in SUFFIXES:
-        raise UsageError(f"{target}: what format is that?", hint=Hint(Action.DRAW, why="{}, NAME.svg or NAME.dot"))
+        raise UsageError(f"{target}: unknown format", hint=Hint(Action.DRAW, why="{}, NAME.svg or NAME.dot"))
     picture = network_picture(session, file, options)
     data = drawn(picture, path)
     ask_before_overwriting(session, path)
@@ -173,7 +173,7 @@ def _facts(node: NodeState) -> Iterator[tuple[str, str]]:
     if node.heartbeat_ms:
         yield "heartbeat", f"every {node.heartbeat_ms} ms"
     elif node.is_guarded:
-        yield "heartbeat", "none; it is guarded (0x100C, 0x100D)"
+        yield "heartbeat", "none; it uses node guarding (0x100C, 0x100D)"
     if node.watched:
         yield (
             "watches",
@@ -214,7 +214,7 @@ def drawn_frames(state: NetworkState, load: NetworkLoad) -> Iterator[PictureFram
             found.setdefault((identifier, 0), frame)
     used = {identifier for identifier, _ in found}
     for identifier in hearing.keys() - used:
-        why = "no node here sends it"
+        why = "no node of the network transmits it"
         found[identifier, 0] = PictureFrame(
             identifier, "", None, 0, why, is_computed=False, consumers=hearing[identifier]
         )
@@ -243,7 +243,7 @@ def _frame(load: NetworkLoad, one: FrameLoad, need: StreamNeed | None, consumers
     if need is None:
         length = one.heard.data_bytes if one.heard else 0
         return PictureFrame(
-            one.identifier, one.label, one.node, length, "only heard", is_computed=False, consumers=consumers,
+            one.identifier, one.label, one.node, length, "only received", is_computed=False, consumers=consumers,
             measured_hz=measured_hz, measured_share=measured_share,
         )  # fmt: skip
     stream = need.stream
@@ -335,8 +335,11 @@ def _of_nodes(
     state = live_state(session, traffic, names)
     if not state.nodes:
         raise NoAnswer(
-            f"no node answers on {session.wire.name}: there is nothing to draw",
-            hint=Hint(Action.FIND_NODES, why="is it the right bus, and are its nodes on? {} asks every node-ID"),
+            f"no node answers on {session.wire.name}: nothing to draw",
+            hint=Hint(
+                Action.FIND_NODES,
+                why="check that it is the right bus and that its nodes are on; {} tries every node-ID",
+            ),
         )
     state = state._replace(nodes=tuple(replace(node, name=names.get(node.node_id, "")) for node in state.nodes))
     told = options.bit_rate or session.wire.bitrate or session.options.bitrate

@@ -118,7 +118,7 @@ def _others(session: SessionNodes) -> list[int]:
         return []
     if named:
         who = f"node{'s' if len(named) > 1 else ''} {','.join(map(str, named))}"
-        said = f"{who} as chosen, and who is known or heard; {{}} looks for the other nodes, too"
+        said = f"{who} as chosen, and known or received nodes; {{}} searches for the other nodes, too"
         session.reporter.note(Hint(Action.GIVE, {"node_id": "all"}, said))
         return []
     return answering_ids(bus)

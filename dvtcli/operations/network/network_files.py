@@ -100,14 +100,14 @@ def apply_file(
 
     if trust_stamp and prove is not None:
         raise UsageError(
-            "one or the other: what is not read is not proved either", given={"trust_stamp": True, "prove": None}
+            "give only one of them: values that are not read are not proved", given={"trust_stamp": True, "prove": None}
         )
     plan = _plan_of(session, file, trust_stamp=trust_stamp, include=include, manager=manager)
     on_plan(plan)
     applied_now = apply_network(session, plan, prove=prove)
     unproved = [str(node.node_id) for node in plan.nodes if node.store and not node.stores]
     if prove is not None and unproved:
-        words = f"node {', '.join(unproved)} stored nothing now, so nothing is proved of what it keeps; {{}} does"
+        words = f"node {', '.join(unproved)} stored nothing now, so its stored values are not proved; {{}} proves them"
         session.reporter.note(Hint(Action.PROVE_STORE, {"node": [int(node) for node in unproved]}, words))
     return applied_now
 
@@ -135,19 +135,19 @@ def _new_plan(
 
         if trust_stamp or include or is_about_device(file):
             raise UsageError(
-                "a manager gets what a whole network file says: no other file, and none of its stamps or objects alone",
+                "a manager gets a complete network file: no other file, and not its stamps or single objects",
                 given={"to_manager": manager},
             )
         return plan_manager(session, file, manager)
     if not is_about_device(file):
         if include:
             raise UsageError(
-                "objects are named of a DCF, an XDC or a backup: a network file names what it sets",
+                "select objects of a DCF, an XDC or a backup only; a network file lists its objects itself",
                 given={"include": None},
             )
         return plan_network(session, file, trust_stamp=trust_stamp, as_far=as_far)
     if trust_stamp:
-        raise UsageError("only nodes of a network file have its stamp", given={"trust_stamp": True})
+        raise UsageError("only the nodes of a network file have a stamp", given={"trust_stamp": True})
     from dvtcli.operations.devices.plan_device import DeviceOptions, plan_device
 
     return plan_device(session, file, DeviceOptions(include))
@@ -169,17 +169,17 @@ def _plan_of(
         return _new_plan(session, file, trust_stamp=trust_stamp, include=include, manager=manager, as_far=as_far)
     if manager is not None:
         raise UsageError(
-            f"{file} is a saved plan, which says itself what is written",
+            f"{file} is a saved plan, which already lists the values to write",
             hint=Hint(Action.PLAN) + Hint(Action.GIVE, {"to_manager": "NODE"}, " {} makes one"),
         )
     if include:
         raise UsageError(
-            f"{file} is a saved plan, which says itself what is written",
+            f"{file} is a saved plan, which already lists the values to write",
             hint=Hint(Action.PLAN) + Hint(Action.GIVE, {"include": "OBJECT"}, " {} makes one"),
         )
     if trust_stamp:
         raise UsageError(
-            f"{file} is a saved plan, which says itself what was read",
+            f"{file} is a saved plan, which already has the values that were read",
             hint=Hint(Action.PLAN) + Hint(Action.GIVE, {"trust_stamp": True}, " {} makes one"),
         )
     tell_unknown_bit_rate(session, len(saved.nodes))

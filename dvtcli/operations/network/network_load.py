@@ -97,7 +97,7 @@ def _what_if(session: SessionNodes, state: NetworkState, options: LoadOptions) -
         ends = [Endpoint(node_state.node_id, pdo) for node_state in having]
         if len(ends) != 1:
             who = "" if node is None else f"{node}:"
-            several_nodes = "which node's?" if ends else "no node here has it"
+            several_nodes = "which node's?" if ends else "no node of the network has it"
             raise UsageError(
                 several_nodes,
                 given={"inhibit": f"{who}{pdo}"},

@@ -35,10 +35,11 @@ if TYPE_CHECKING:
 #: Sub-index of 0x1020 for these objects: expected configuration date and time.
 _EXPECTED = {0x1F26: DATE, 0x1F27: TIME}
 _NO_MANAGER = (
-    "0x1F22 is where a CANopen manager (CiA 302-3) keeps what it downloads; is the node-ID that of the manager?"
+    "0x1F22 is the object of a CANopen manager (CiA 302-3) with its download values; check that the node-ID is the "
+    "manager's"
 )
-_NOBODY = "no EDS is known of it, dcf: names one"
-_ITSELF = "it is the manager, which downloads nothing to itself"
+_NOBODY = "it has no EDS; dcf: names an EDS"
+_ITSELF = "it is the manager, which has no download for itself"
 
 
 def plan_manager(session: Session, file: str, manager: int) -> NetworkPlan:
@@ -51,12 +52,12 @@ def plan_manager(session: Session, file: str, manager: int) -> NetworkPlan:
     """
     if any(named_id != manager for named_id in named_nodes(session)):
         raise UsageError(
-            f"node {manager} gets what all nodes of {file} download, and some of them are named",
+            f"node {manager} gets the download values of all nodes of {file}, but only some nodes were named",
             given={"to_manager": manager},
             hint=Hint(
                 Action.GIVE,
                 {"node_id": None},
-                "without {} it is all of them; a node whose download is right already is not written",
+                "leave out {} to write all; a download that is already right is not written",
             ),
         )
     config = read_network_config(file)
@@ -71,7 +72,7 @@ def plan_manager(session: Session, file: str, manager: int) -> NetworkPlan:
     for (node_id, name), why in sorted(left_out.items()):
         session.reporter.note(f"{file}: node {node_id} {name} is left out: {why}")
     if not mine:
-        raise UsageError(f"{file} has no node that node {manager} could download anything to", place=file)
+        raise UsageError(f"{file} has no node for node {manager} to configure", place=file)
     node = session.node(manager)
     boot_ups = session.bus.boot_ups(manager)
     node.read_anew()
@@ -92,7 +93,7 @@ def _node_plan(session: SessionUser, node: ReadableNode, mine: list[ConciseDcf])
     )  # fmt: skip
     for index in _lacking(held, mine):
         session.reporter.note(
-            f"node {node.node_id} has no 0x{index:04X}: it downloads at each boot-up, whatever 0x1020 says"
+            f"node {node.node_id} has no 0x{index:04X}: it downloads at each boot-up, whatever 0x1020 is"
         )
     said = tuple(
         replace(finding, text=f"node {each.node_id}: {finding.text}") for each in mine for finding in each.findings
@@ -126,7 +127,7 @@ def _held(node: ReadableNode, one: ConciseDcf) -> Iterator[tuple[tuple[int, int]
 
 def no_manager(node: NodeDescription, place: str, aborted: SdoAborted) -> UsageError:
     """Make the error for *node* without concise DCFs: reading *place* was *aborted*."""
-    text = f"node {node.node_id} ({node.title}) does not tell its 0x{place}: {aborted.text}"
+    text = f"node {node.node_id} ({node.title}) does not return its 0x{place}: {aborted.text}"
     return UsageError(text, node=node.node_id, place=place, hint=_NO_MANAGER)
 
 

@@ -35,7 +35,7 @@ def find_bit_rate(session: SessionNodes, listen_s: float = LISTEN_S) -> BitRateF
     """
     try:
         return _found(session, listen_s, silent=True)
-    except (SafetyRefusal, BusUnavailable):  # also: it does not say that it listens only
+    except (SafetyRefusal, BusUnavailable):  # also: it does not confirm listen-only mode
         if not _spoken(session):
             raise
     return _found(session, listen_s, silent=False)

@@ -31,7 +31,7 @@ def search_objects(
     if dictionary is None:
         raise UsageError(
             f"node {node.node_id} has no EDS here: nothing names its objects",
-            hint=Hint(Action.GIVE_EDS, why="gives one"),
+            hint=Hint(Action.GIVE_EDS, why="names the EDS"),
         )
     entries = list(dictionary.entries())
     matching = (entry for entry in entries if _matches(dictionary, entry, text))

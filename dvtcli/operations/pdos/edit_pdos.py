@@ -92,7 +92,7 @@ def configure_from_text(
         node.begin_change()
         if pdo_as_text(session, pdo, node_id) != seen:
             raise SafetyRefusal(
-                f"{pdo.label} of node {node.node_id} is not what it was when the editor was opened",
+                f"{pdo.label} of node {node.node_id} changed after the editor was opened",
                 node=node.node_id,
                 hint=Hint(
                     Action.EDIT_PDO,
@@ -114,8 +114,8 @@ def keep_text(pdo: Pdo, text: str) -> str:
     try:
         write_private(path, text)
     except (OSError, SafetyRefusal) as failed:
-        return f"your text cannot be kept: {failed}"
-    return f"your text is kept as {path}"
+        return f"your text cannot be saved: {failed}"
+    return f"your text is saved as {path}"
 
 
 def _name(node: NodeDescription, entry: PdoMappingEntry) -> str:

@@ -39,7 +39,7 @@ def look(session: SessionNodes, node: ReadableNode, pdos: list[Pdo]) -> tuple[Lo
         finally:
             note = _return(node, found) if started else ""
     if node.cancellation.requested:
-        stopped = Interrupted(f"stopped looking at frames; {note or 'the node is as it was'}", node=node.node_id)
+        stopped = Interrupted(f"stopped looking at frames; {note or 'the node is as before'}", node=node.node_id)
         stopped.exit_code = node.cancellation.exit_code
         raise stopped
     return frames, note

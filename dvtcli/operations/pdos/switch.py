@@ -51,6 +51,6 @@ def _refused(node: ReadableNode, held: Mapping[Pdo, PdoConfig]) -> dict[Pdo, Fin
     for pdo, config in held.items():
         errors = errors_in(check_pdo(proposal(node, pdo, config, cleared(config))))
         if errors:
-            text = f"{pdo.label} stays as it is, and may be enabled: {errors[0].text}"
+            text = f"{pdo.label} is not changed and may be enabled: {errors[0].text}"
             found[pdo] = replace(errors[0], severity=Severity.WARNING, text=text, abort=None, hint=None)
     return found

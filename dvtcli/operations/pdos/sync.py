@@ -58,7 +58,7 @@ def check_sync(session: SessionNodes, node_ids: Iterable[int] = ()) -> SyncCheck
     finding = warning(
         "sync-producer",
         "0x1005:00",
-        "no node produces SYNC: synchronous PDOs stay silent",
+        "no node produces SYNC: synchronous PDOs are not transmitted",
         Hint(Action.WRITE, {"object": "1005", "value": "0x40000080"}, "makes a node the producer")
         + Hint(Action.SEND_SYNC, {"period": 20, "count": 100}, ", or {} sends SYNC from here"),
     )
@@ -126,4 +126,4 @@ def unknown_syncs(frames: ShortFrames, nodes: Iterable[ReadableNode]) -> tuple[i
 def sync_note(can_id: int) -> str:
     """Describe the SYNC of an unknown producer."""
     text = can_id_text(can_id, extended=False)
-    return f"SYNC {text} is heard, and no node here sends it (0x1005): somebody who is not known does"
+    return f"SYNC {text} is received, but no node of the network produces it (0x1005): the producer is unknown"

@@ -45,7 +45,7 @@ def tie_pin(
     value = pins.group.none if object_ is None else object_index(node, object_)
     changes, findings = _wanted(node, pins, pin, value)
     if not changes:
-        return _listing(node, [group], f"{group} is as wanted already; nothing was written.")
+        return _listing(node, [group], f"{group} is already as requested; nothing was written.")
     started = time.monotonic()
     applied = apply(node, changes, findings, force=session.options.force)
     tied = _NONE if value == pins.group.none else f"{value:04X}"

@@ -184,5 +184,5 @@ def _question(nodes: Mapping[int, Node], planned: list[NodePlan], name: str) -> 
     leaving = (nodes[plan.node_id] for plan in planned if nodes[plan.node_id].is_pre_operational_wanted)
     running = [str(node.node_id) for node in leaving if present_state(node.access) is NmtState.OPERATIONAL]
     if running:
-        text = f"node {', '.join(running)} goes from OPERATIONAL to PRE-OPERATIONAL and back; {text}"
+        text = f"node {', '.join(running)} is set from OPERATIONAL to PRE-OPERATIONAL and back; {text}"
     return text

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 #: Vendor, product, revision and serial number, by their sub-indices of 0x1018.
 _IDENTITY_PARTS = range(1, 5)
-_ATTACH = "attach the right device, or correct its identity in the file"
+_ATTACH = "connect the right device, or correct its identity in the file"
 
 
 @dataclass(slots=True)

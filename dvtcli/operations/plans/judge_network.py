@@ -276,7 +276,7 @@ def judge_network(
         counts = severity is ERROR or (severity is WARNING and is_named and is_whole)
         if counts and (node_id, text) not in texts:
             label = "" if spot.pdo is None or text.startswith(spot.pdo.label) else f"{spot.pdo.label}: "
-            words = text if severity is rule.severity else f"{text}; the node holds it so already"
+            words = text if severity is rule.severity else f"{text}; the node already has it"
             finding = finding_of(rule.name, severity, _place(spot, plan.file), f"{label}{words}")
             mark = mark_of(state, spot)
             complaint = log.shown(mark, words) if mark.line else None

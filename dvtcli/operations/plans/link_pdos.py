@@ -87,12 +87,12 @@ def _refuse_ends(producer: Endpoint, consumers: Sequence[Endpoint]) -> None:
     """Raises UsageError if the ends cannot be linked."""
     hint = Hint(Action.LINK, {"producer": "NODE:tpdo1", "consumer": "NODE:rpdo2"})
     if not producer.pdo.is_tpdo:
-        raise UsageError(f"{producer.node_id}:{producer.pdo} sends nothing: a link begins with a TPDO", hint=hint)
+        raise UsageError(f"{producer.node_id}:{producer.pdo} is not a TPDO: a link starts at a TPDO", hint=hint)
     if not consumers:
         raise UsageError("a link needs an RPDO that receives the TPDO", hint=hint)
     for number, end in enumerate(consumers):
         if end.pdo.is_tpdo:
-            raise UsageError(f"{end.node_id}:{end.pdo} receives nothing: a link goes to RPDOs", hint=hint)
+            raise UsageError(f"{end.node_id}:{end.pdo} is not an RPDO: a link ends at RPDOs", hint=hint)
         if end in consumers[:number]:
             raise UsageError(f"{end.node_id}:{end.pdo} is named twice")
 
@@ -101,7 +101,7 @@ def _refuse_unlinked(node: ReadableNode, end: Endpoint, producer: Endpoint, sent
     received = node.pdo(end.pdo).communication.cob_id
     if (received.can_id, received.extended) != (sent.can_id, sent.extended):
         names = [f"{endpoint.node_id}:{endpoint.pdo}" for endpoint in (end, producer)]
-        raise UsageError(f"{names[0]} does not receive {names[1]}: it has CAN-ID {received}, and that sends {sent}")
+        raise UsageError(f"{names[0]} does not receive {names[1]}: it has CAN-ID {received}, the TPDO has {sent}")
 
 
 def _no_watches(

@@ -40,7 +40,7 @@ _LACKED = (Abort.NO_OBJECT, Abort.NO_SUB_INDEX)
 #: what to do about a missing object
 _HINT = Hint(
     Action.FIND_OBJECTS,
-    why="is it the device that is meant? leave the object out of the file; {} finds what an EDS lists",
+    why="check that it is the right device, or remove the object from the file; {} finds the objects of an EDS",
 )
 
 

@@ -56,11 +56,11 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session_nodes import SessionNodes
 
 RULES = (
-    Rule("mapped-but-off", WARNING, "a network file gives a PDO a mapping or a timer, and it is off and stays off",
+    Rule("mapped-but-off", WARNING, "a network file gives a mapping or a timer to a PDO that is off and stays off",
          "ours; CiA 301, 7.5.2.35 and 7.5.2.37: bit 31 (valid)"),
-    Rule("asked-nothing", WARNING, "a network file names a node and says nothing that it should hold", "ours"),
+    Rule("asked-nothing", WARNING, "a network file has a node without any settings", "ours"),
 )  # fmt: skip
-ASKS_NOTHING = "the file sets nothing on it: nothing is written or compared"
+ASKS_NOTHING = "the file has no settings for it: nothing is written or compared"
 
 
 def plan_network(session: Session, file: str, *, trust_stamp: bool = False, as_far: bool = False) -> NetworkPlan:
@@ -381,7 +381,7 @@ def _left_off(config: NodeConfig, wanted: Mapping[Pdo, PdoConfig]) -> Iterator[F
         if sets and pdo.enabled is None and pdo.pdo in wanted and not wanted[pdo.pdo].enabled:
             given = " and ".join(sets)
             text = f"{pdo.pdo.label} is off and stays off: the file gives it {given}"
-            hint = "enabled: true in the file switches it on; enabled: false says that it is meant to stay off"
+            hint = "enabled: true in the file switches it on; enabled: false ends this warning"
             yield warning("mapped-but-off", f"0x{pdo.pdo.communication_index:04X}:01", text, hint)
 
 

@@ -116,7 +116,7 @@ def _why_no_profile(name: str) -> str:
 def skipped_rules(ids: Collection[int]) -> str:
     """Say that rules which need an EDS were skipped for the nodes *ids* without a description."""
     nodes = f"node{'' if len(ids) == 1 else 's'} {', '.join(map(str, sorted(ids)))}"
-    return f"no EDS is known of {nodes}: rules that need an EDS were skipped; `dcf:` beside the node_id names one"
+    return f"{nodes}: no EDS, so rules that need an EDS were skipped; `dcf:` next to node_id names an EDS"
 
 
 def named_nodes(session: Session) -> tuple[int, ...]:
@@ -139,9 +139,9 @@ def of_nodes(session: SessionUser, file: str, config: NetworkConfig, ids: tuple[
     chosen, alone = _without_torn_links(config, _without_stamps(config, config.of(ids)))
     if left_out := len(config.links) - len(chosen.links):
         stay = ", ".join(f"{end.node_id}:{end.pdo}" for end in alone)
-        kept = f"; left as they are: {stay}" if stay else ""
+        kept = f"; not changed: {stay}" if stay else ""
         session.reporter.note(
-            f"{plural(left_out, 'link')} of {file} left out: not both ends are among the chosen nodes{kept}"
+            f"{plural(left_out, 'link')} of {file} left out, since their producer or consumer was not chosen{kept}"
         )
     return chosen
 
@@ -186,7 +186,7 @@ def tell_unknown_bit_rate(session: SessionNodes, nodes: int) -> None:
         Hint(
             Action.GIVE_BIT_RATE,
             {"rate": 250000},
-            f"{verbatim(unknown)}: its {nodes} nodes are read slowly, and no bus load is kept free for a "
-            "running machine; give it, as {} or as bitrate = 250000 in dvtcli.toml",
+            f"{verbatim(unknown)}: its {nodes} nodes are read one after the other, which takes long, and without a "
+            "limit of the bus load for a running machine; faster with {} or bitrate = 250000 in dvtcli.toml",
         )
     )

@@ -58,7 +58,7 @@ class LinkedHeartbeats:
         node_id = link.producer.node_id
         time_ms = self._period_ms(node_id, asked_ms, link.mark)
         if not time_ms:
-            text = f"node {node_id} sends no heartbeat: no node notices its loss"
+            text = f"node {node_id} sends no heartbeat: its loss would go unnoticed"
             self.say(node_id, note("link-silent", f"node {node_id}", text))
             return
         for consumer in dict.fromkeys(end.node_id for end in link.consumers):
@@ -104,7 +104,7 @@ class LinkedHeartbeats:
         multiplier = MISSED if self.before.multiplier is None else self.before.multiplier
         late_ms, sub_index = watch_time_ms(time_ms, multiplier), slot_for(slots, producer)
         if late_ms is None or sub_index is None:
-            text = f"node {consumer} does not watch node {producer}: {_why_not(slots, sub_index, time_ms)}"
+            text = f"node {consumer} does not monitor node {producer}: {_why_not(slots, sub_index, time_ms)}"
             self.say(consumer, warning("link-unwatched", f"node {consumer}", text))
             return
         slots[sub_index] = producer << 16 | late_ms
@@ -120,7 +120,7 @@ class LinkedHeartbeats:
 def _why_not(slots: Mapping[int, int], sub_index: int | None, time_ms: int) -> str:
     if not slots:
         return "it has no 0x1016"
-    return "0x1016 has no free entry" if sub_index is None else f"no time that 0x1016 takes is longer than {time_ms} ms"
+    return "0x1016 has no free entry" if sub_index is None else f"0x1016 accepts no time longer than {time_ms} ms"
 
 
 def _node(config: NetworkConfig, node_id: int) -> NodeConfig:
@@ -144,7 +144,7 @@ def _configured_ms(said: Iterable[ObjectConfig], held_ms: int) -> int:
 
 
 RULES = (
-    Rule("link-can-id", ERROR, "both sides of a link are to have CAN-IDs that differ, or none is free",
+    Rule("link-can-id", ERROR, "the two sides of a link were given different CAN-IDs, or no CAN-ID is free",
          "CiA 301, 7.3.5: a PDO has one CAN-ID"),
 )  # fmt: skip
 
@@ -263,7 +263,7 @@ class _Linking:
         ):
             wanted = can_id_text(said.cob_id, extended=said.extended)
             text = f"{consumer} is to have CAN-ID {wanted}, and {producer} sends {cob_id}"
-            self._say(end.node_id, error("link-can-id", str(consumer), text, hint="leave one of both out"))
+            self._say(end.node_id, error("link-can-id", str(consumer), text, hint="remove one of them"))
             return
         found = linked(producer, consumer)
         stays = found.mapping == consumer.config.mapping

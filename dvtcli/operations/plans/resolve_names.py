@@ -107,8 +107,8 @@ Place = tuple[int, int]
 _CONSUMER_HEARTBEAT = 0x1016
 #: What to do about a name on a node without description.
 _NO_EDS = (
-    "`dcf: drive.eds` beside its `node_id` gives one (`dcf: generic`: that of a simulated family), or "
-    "a file of the library for all files; numbers need none"
+    "add `dcf: drive.eds` next to its `node_id` (`dcf: generic`: a simulated family), or a file to the library; "
+    "numbers need no EDS"
 )
 
 
@@ -269,7 +269,7 @@ def set_elsewhere(node: NodeDescription, place: Place) -> str:
         return f"{text} is part of {pdo.label}: `{pdo.direction}:` with `{pdo.number}:` sets it"
     login = node.profile.login
     if login is not None and place == login.passcode:
-        return f"{text} takes a passcode, which must not be in a file: logging in asks for it"
+        return f"{text} is a passcode, which must not be in a file: logging in asks for it"
     return ""
 
 
@@ -280,7 +280,7 @@ def _why_not(node: ReadableNode, place: Place) -> str:
     try:
         readable_value(node, *place)
     except SdoAborted as aborted:
-        return f"{aborted.text}: what cannot be read is not compared, and not set"
+        return f"{aborted.text}: values that cannot be read are neither compared nor set"
     return ""
 
 
@@ -317,7 +317,7 @@ def _watches(
             log.complain(watch.mark, f"0x1016 of node {node.node_id} has no free entry ({count} in all{besides})")
             continue
         slots[sub] = watch.producer << 16 | watch.time_ms if watch.time_ms else 0
-        late = f"late after {watch.time_ms} ms" if watch.time_ms else "watched no more"
+        late = f"late after {watch.time_ms} ms" if watch.time_ms else "no longer monitored"
         reason = f"node {watch.producer} is {late}"
         data = slots[sub].to_bytes(4, "little")
         wanted[sub] = ResolvedValue((_CONSUMER_HEARTBEAT, sub), data, reason, watch.mark)

@@ -86,9 +86,9 @@ def _at(resolve: Callable[[Node, str], object], node: Node, word: FileWord) -> s
 
 
 RULES = (
-    Rule("stamp-absent", NOTE, "`stamp: true` of a network file, and the node has no 0x1020 that can be written",
+    Rule("stamp-absent", NOTE, "`stamp: true` of a network file, but the node has no writable 0x1020",
          "CiA 301, 0x1020"),
-    Rule("stamp-foreign", NOTE, "`stamp: true` of a network file, and 0x1020 of the node is somebody else's",
+    Rule("stamp-foreign", NOTE, "`stamp: true` of a network file, but 0x1020 of the node is not a stamp of dvtcli",
          "CiA 301, 0x1020"),
 )  # fmt: skip
 _PLACE = f"0x{STAMP:04X}"
@@ -122,10 +122,10 @@ def stamping(node: Node, wanted: Stamp | None, changes: Sequence[Change]) -> Sta
         return Stamping({}, ended_stamp(node, changes))
     held = held_stamp(node)
     if held is None:
-        text = "stamp: true means nothing here: it has no 0x1020 that can be written"
+        text = "stamp: true has no effect: the node has no writable 0x1020"
         return Stamping({}, findings=(note("stamp-absent", _PLACE, text),))
     if held.is_foreign:
-        text = f"0x1020 says {held}, which is not dvtcli's: it is left alone, and the node gets no stamp"
+        text = f"0x1020 is {held}, not a stamp of dvtcli: it is not changed, and the node gets no stamp"
         return Stamping({}, findings=(note("stamp-foreign", _PLACE, text),))
     values = {(STAMP, sub_index): wanted.data(sub_index) for sub_index in (DATE, TIME)}
     due = changes or held != wanted

@@ -120,12 +120,12 @@ class UnwrittenValues:
                     state="left_changed",
                     hint=Hint(
                         Action.WRITE,
-                        why=f"sets {join_some(altered)} again, if that is to be so: a file's plan does not",
+                        why=f"sets {join_some(altered)} again, if needed: the plan of a file does not",
                     ),
                 )
                 left.state_text = (
-                    f"node {node.node_id} holds {join_some(altered)} otherwise than before; what was planned is rolled "
-                    "back, read back equal; nothing was stored"
+                    f"node {node.node_id} has changed {join_some(altered)}; the planned values are rolled back and "
+                    f"verified; nothing was stored"
                 )
                 raise left from fault
 
@@ -140,7 +140,7 @@ class UnwrittenValues:
 
 
 def _restarts(node_id: int) -> Restarted:
-    return Restarted(f"node {node_id} restarted each of {MAX_READS} times that it was looked at", node=node_id)
+    return Restarted(f"node {node_id} restarted during each of {MAX_READS} reads", node=node_id)
 
 
 def _refuse_unequal(node: ReadableNode, planned: NodePlan) -> None:
@@ -185,10 +185,10 @@ def _refuse_altered(node: ReadableNode, planned: NodePlan) -> None:
     altered = node.observed(partial(_altered, node, planned))
     if altered:
         raise DeviceRefused(
-            f"node {node.node_id} altered {join_some(altered)} beside what was written",
+            f"node {node.node_id} changed {join_some(altered)} as a side effect of the written values",
             node=node.node_id,
             why=join_some(altered.values()),
-            hint="these settings depend on each other in this device: its manual says how",
+            hint="these settings depend on each other in this device: see its manual",
         )
 
 
@@ -221,10 +221,10 @@ def refuse_stale(node: ReadableNode, planned: NodePlan, changes: Collection[Chan
 def _refuse_unlike(node: ReadableNode, planned: NodePlan) -> None:
     """Raises SafetyRefusal if *node* restarted and differs from *planned*, or was not checked since."""
     if not planned.is_read:
-        raise _stale(node, "restarted, and its stamp was trusted before that")
+        raise _stale(node, "restarted after its stamp was used instead of a read")
     refuse_stale(node, planned, (*planned.plan.changes, *planned.holds), "restarted, and has changed")
 
 
 def _stale(node: NodeDescription, what: str, place: str | None = None, why: str | None = None) -> SafetyRefusal:
-    hint = Hint(Action.PLAN, {"node": None}, "again, and look at what has changed")
+    hint = Hint(Action.PLAN, {"node": None}, "again, and check the changed values")
     return SafetyRefusal(f"node {node.node_id} {what}", node=node.node_id, place=place, why=why, hint=hint)

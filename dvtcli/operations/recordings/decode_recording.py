@@ -78,7 +78,7 @@ def write_values(
     rows = SignalRows(decoder, text, reader_of(""), options.only)
     if not rows.columns:
         if text and len(rows.decoder):
-            raise UsageError(f"no signal has {text!r} in its name", hint=Hint(Action.DECODE, why="shows what is in it"))
+            raise UsageError(f"no signal has {text!r} in its name", hint=Hint(Action.DECODE, why="shows its contents"))
         raise UsageError(
             "values of signals need a mapping, and none is known",
             hint=Hint(Action.GIVE, {"dbc": None}, "give {}")
@@ -241,5 +241,5 @@ def _unnamed(text: str, path: Path) -> UsageError:
     return UsageError(
         said,
         hint=Hint(Action.GIVE, {"filter": None}, "without {}")
-        + Hint(Action.DECODE, {"file": path}, ", {} shows what is in it"),
+        + Hint(Action.DECODE, {"file": path}, ", {} shows its contents"),
     )

@@ -115,7 +115,7 @@ def _rows(decoder: Decoder, text: str, reader: FrameReader, only: frozenset[str]
             f"no signal has {text!r} in its name", hint=Hint(Action.SHOW_PDOS, why="shows what the nodes map")
         )
     raise UsageError(
-        "no mapping is known: there is nothing to decode",
+        "no mappings: there is nothing to decode",
         hint=Hint(Action.GIVE, {"node_ids": None}, "name {} that answer") + Hint(Action.GIVE, {"dbc": None}, ", or {}"),
     )
 
@@ -126,7 +126,7 @@ def _the_same(path: Path, rows: SignalRows, known: Callable[[], Decoder]) -> Cal
     def require_the_same() -> None:
         if not rows.decode_by(known()):
             raise SafetyRefusal(
-                f"{path} ends: the bus is back, and the nodes send other values than its columns",
+                f"{path} ends: the bus is back, but the nodes transmit other values than its columns",
                 hint="log into another file",
             )
 

@@ -51,7 +51,7 @@ def recorded_tracks(
     if not found:
         names = ", ".join(track.name for track in tracks.values())
         raise UsageError(
-            f"{path} has no sample of {names}", hint=Hint(Action.DECODE, {"file": path}, "shows what is in it")
+            f"{path} has no sample of {names}", hint=Hint(Action.DECODE, {"file": path}, "shows its contents")
         )
     return found, span_s
 

@@ -189,13 +189,13 @@ class _Part:
             said = ", ".join(f"{reason} ({count})" for reason, count in found.left_out.items() if count)
             raise UsageError(
                 f"nothing of {self._path.name} is to be sent: {said}",
-                hint=Hint(Action.DECODE, {"file": self._path}, "shows what it holds"),
+                hint=Hint(Action.DECODE, {"file": self._path}, "shows its present values"),
             )
         if self._choice.channel is None and len(found.channels) > 1:
             named = join_some(sorted(found.channels))
             raise UsageError(
                 f"{self._path.name} has frames of several channels: {named}",
-                hint=Hint(Action.GIVE, {"from_channel": min(found.channels)}, "chooses one")
+                hint=Hint(Action.GIVE, {"from_channel": min(found.channels)}, "selects a node")
                 + Hint(Action.GIVE, {"from_channel": "all"}, ", {} sends them all"),
             )
         return found
@@ -264,7 +264,7 @@ def _state(path: Path) -> tuple[int, int, int]:
 
 
 def _changed(path: Path) -> SafetyRefusal:
-    return SafetyRefusal(f"{path} is another file than the one that was shown", hint="replay it when nobody writes it")
+    return SafetyRefusal(f"{path} is not the file that was shown", hint="replay it when no program writes it")
 
 
 def _kind(frame: Frame) -> _Kind:

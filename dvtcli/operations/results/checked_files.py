@@ -42,10 +42,10 @@ def rules_among(
 
             near = get_close_matches(name, known, 1)
             hint = f"did you mean {near[0]}?" if near else f"{page} has them all"
-            raise UsageError(f"there is no rule {name!r} about {about}", hint=hint)
+            raise UsageError(f"unknown rule {name!r} about {about}", hint=hint)
     chosen = tuple(rule for name, rule in known.items() if name not in without and (not only or name in only))
     if not chosen:
-        hint = "what no rule looks at is not checked"
+        hint = "leave this rule out"
         raise UsageError("no rule is left to check", given={"without": None}, hint=hint)
     return chosen
 

@@ -255,7 +255,7 @@ class WholeCompared(Answer):
         if not differing:
             return None
         failed = not_as_wanted(self.node, self.exit_code, differing, self.first)
-        failed.state_text = failed.state_text if self.node is not None else "both files are as they were"
+        failed.state_text = failed.state_text if self.node is not None else "both files are unchanged"
         return failed
 
     def document(self) -> Document:

@@ -43,7 +43,7 @@ _AGAIN = {
 
 def _verdict(word: str, proof: Proof) -> str:
     if word == "store":
-        return " and did not keep it" if proof.differences else ", and that it keeps it is not proved"
+        return " but did not keep it" if proof.differences else ", and that it keeps it is not proved"
     return " and does not hold its defaults" if proof.differences else ", and that these are its defaults is not proved"
 
 
@@ -59,7 +59,7 @@ def _state(word: str, proof: Proof) -> str:
         return f"{lost}the node holds {told}, read after the {restart}{put_back}"
     if word == "restore":
         return f"the node holds what it came up with after the {restart}"
-    return f"{compared_text(proof)} read back equal after the {restart}, and could be lost with the power{put_back}"
+    return f"{compared_text(proof)} read back equal after the {restart}, and could be lost at power-off{put_back}"
 
 
 def missing_error(lacking: Sequence[MissingObject]) -> RuleError:
@@ -81,12 +81,12 @@ def not_as_before(node: int | None, not_put_back: Sequence[Finding], *, dry_run:
     *node* is None for several nodes.
     """
     failed = DvtcliError("; ".join(finding.text for finding in not_put_back), node=node)
-    failed.hint = Hint(Action.SHOW_PDOS, why="shows what it holds") + Hint(
+    failed.hint = Hint(Action.SHOW_PDOS, why="shows its present values") + Hint(
         Action.RESET_NODE, why="where it was stored, {} brings it back"
     )
     if not dry_run:
         failed.state = "left_changed"
-        failed.state_text = "not as it was; what it is now was read back"
+        failed.state_text = "not as before; its present value was read back"
     return failed
 
 
@@ -96,7 +96,7 @@ def not_as_wanted(node: int | None, exit_code: int, differing: Sequence[str], ag
     *node* is None for several nodes.
     """
     text = f"{join_some(differing)} {'differs' if len(differing) == 1 else 'differ'} from {against}"
-    failed = DvtcliError(text if differing else "no frame was seen of what should have sent one", node=node)
+    failed = DvtcliError(text if differing else "no frame was received from its producer", node=node)
     failed.exit_code = exit_code
     failed.state_text = "read back, nothing was written"
     return failed

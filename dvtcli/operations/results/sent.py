@@ -54,11 +54,12 @@ class Outcome(Short):
             error = type(failed)(failed.text, why=failed.why, hint=failed.hint, state="unknown")
         elif self.error_frames:
             error = DvtcliError(
-                f"{self.error_frames} error frames came meanwhile: which frames are on the wire is not known",
+                f"{self.error_frames} error frames were received: it is unknown which frames are on the wire",
                 hint=Hint(
                     Action.GIVE,
                     {"verbose": None},
-                    "is a node connected and powered, with this bit rate? {} shows what the controller says",
+                    "check that a node is connected and powered, with this bit rate; {} shows the state of the "
+                    "controller",
                 ),
                 state="unknown",
             )

@@ -69,7 +69,7 @@ class Stored(Answer):
         proof = self.proof
         if proof is None:
             unknown = self.word == "store" and not (self.changed or self.all_known or self.skipped)
-            return ("what changed since the last store is not known",) if unknown else ()
+            return ("the changes since the last store are unknown",) if unknown else ()
         known, did = "", "the load did it"
         if self.word == "store" and not self.changed:
             known, did = "no change since the last store", "the save wrote it"

@@ -60,7 +60,7 @@ def bus_of(
     simulated = simulated_nodes(options.sim, options.modules)
     if simulated and (options.interface or options.channel):
         raise UsageError(
-            "a simulated node lives on no real bus, and an interface is chosen, too",
+            "a simulated node has its own bus, but an interface was given, too",
             given={"nodes": None},
             hint="leave one out",
         )

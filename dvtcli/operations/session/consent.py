@@ -44,14 +44,14 @@ def concise_doubt(node: NodeDescription, sub_index: int, data: bytes, *, force: 
         if not force:
             place = f"1F22:{sub_index:02X}"
             raise InputFileError(
-                f"node {node.node_id} 0x{place}: that is no concise DCF",
+                f"node {node.node_id} 0x{place}: not a concise DCF",
                 node=node.node_id,
                 place=place,
                 why=str(wrong),
                 hint=Hint(Action.CONVERT, {"file": "net.yaml", "target": "node5.cdcf"}, "makes one")
                 + Hint(Action.FORCE, why="writes it anyway"),
             ) from wrong
-        count = f"{len(data)} bytes that are no concise DCF"
+        count = f"{len(data)} bytes that are not a concise DCF"
     return f"node {node.node_id} ({node.title}) is to download {count} to node {sub_index} whenever that boots"
 
 
@@ -86,7 +86,7 @@ def refuse_other_master(session: SessionNodes) -> None:
             raise SafetyRefusal(
                 f"another master is active: {said} was received",
                 why=f"{can_id} [{len(frame.data)}] {frame.data.hex(' ').upper()}",
-                hint=Hint(Action.FORCE, why="stop it while the network is changed; {} goes on beside it"),
+                hint=Hint(Action.FORCE, why="stop it while the network is changed; {} continues in parallel"),
             )
 
 
@@ -117,7 +117,7 @@ def refuse_powered(session: SessionNodes, node_ids: Iterable[int]) -> None:
         for index, _, state in _powered(session, node_id):
             off = Hint(
                 Action.WRITE, {"object": f"{index + _CONTROLWORD:04X}", "value": 0},
-                "bring the machine to a stand, then {}; a file is written to a drive that cannot move",
+                "bring the machine to a standstill, then {}; a file is written to a drive that cannot move",
             )  # fmt: skip
             raise SafetyRefusal(f"the power stage of node {node_id} is {state}", node=node_id, hint=off)
 
@@ -161,7 +161,9 @@ def refuse_reset(session: SessionNodes, node_ids: Collection[int]) -> None:
             f"node {node_id} {why}: its reset lets a motor go",
             node=node_id,
             hint=Hint(
-                Action.GIVE, {"prove": True}, "bring the machine to a stand, then 6040 = 6; without {} no node is reset"
+                Action.GIVE,
+                {"prove": True},
+                "bring the machine to a standstill, then 6040 = 6; without {} no node is reset",
             ),
         )
 
@@ -179,7 +181,7 @@ def _may_move(session: SessionNodes, node_ids: Collection[int]) -> dict[int, str
 def consent_to_reset_silent(session: SessionNodes) -> None:
     """Ask before a reset of all nodes if none is known: whether a drive moves is unknown."""
     if not session.bus.simulated:
-        session.consent("no node is seen, a drive whose operation is enabled may be there all the same; reset all?")
+        session.consent("no node is seen on the bus, but there may be a drive with operation enabled; reset all?")
 
 
 def commanded(session: SessionNodes, node_id: int) -> bool:

@@ -197,7 +197,7 @@ class DeviceFiles:
             return None
         if (unlike := self._unlike_modules(node_id, path)) and self.is_news(unlike):
             return Hint(
-                Action.GIVE, {"modules": "1,1,2"}, f"{verbatim(unlike)}: its objects may be others; {{}} names them"
+                Action.GIVE, {"modules": "1,1,2"}, f"{verbatim(unlike)}: its objects may differ; {{}} names its EDS"
             )
         attached = self._attached(node_id, path)
         if attached is None and (described.connected or self._chosen_modules(node_id) is not None):
@@ -209,7 +209,7 @@ class DeviceFiles:
                 " which objects the modules from there on add"
             )
         else:
-            text = f"{path.name} is of a modular device, and nothing says which modules it has"
+            text = f"{path.name} is for a modular device, but its modules are unknown"
         if (attached is not None and not unknown) or not self.is_news(f"{node_id}: {text}"):
             return None
         return Hint(Action.GIVE, {"modules": "1,1,2"}, f"node {node_id}: {verbatim(text)}: {{}} does, by their numbers")

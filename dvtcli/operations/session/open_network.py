@@ -223,10 +223,7 @@ class Network:
             node.go_on_from(before)
             with suppress(SdoAborted, UsageError):  # what cannot be read is not called lost
                 if lost := node.look_after_gap():
-                    self.warn(
-                        f"node {node.node_id} no longer holds what was set and not stored: {join_some(lost)}; "
-                        "it may have restarted"
-                    )
+                    self.warn(f"node {node.node_id} has lost unstored values: {join_some(lost)}; it may have restarted")
             self.left.pop(node.node_id, None)
         self.identities[node.node_id] = now
 

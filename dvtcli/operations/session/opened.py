@@ -48,7 +48,7 @@ def judge_lost_bus(error: DvtcliError, acts: Callable[[], Sequence[str]]) -> Non
         error.state = "unknown"
         from dvtcli.domain.text import join_some
 
-        error.state_text = f"unknown: {join_some(sent)} went out before that; read the device again"
+        error.state_text = f"unknown: {join_some(sent)} was sent before that; read the device again"
 
 
 def read_in_vain(error: DvtcliError) -> DvtcliError:
@@ -146,7 +146,7 @@ class Opened:
         with self.cancellation.released():  # Ctrl-C here is a no to everything that the question was for
             answer = self.reporter.ask(question)
         if answer is None:
-            raise SafetyRefusal(f"nobody can answer: {question}", node=node_id, hint=hint)
+            raise SafetyRefusal(f"no terminal to answer on: {question}", node=node_id, hint=hint)
         if not answer:
             raise SafetyRefusal(f"{refused}: the answer was no", node=node_id)
 
@@ -157,7 +157,7 @@ class Opened:
         with self.cancellation.released():
             answer = self.reporter.confirm(question, word)
         if answer is None:
-            raise SafetyRefusal(f"nobody can answer: {question}", node=node_id, hint=hint)
+            raise SafetyRefusal(f"no terminal to answer on: {question}", node=node_id, hint=hint)
         if not answer:
             raise SafetyRefusal(f"not done: {word} was not typed", node=node_id)
 
@@ -275,7 +275,7 @@ class Opened:
                     Hint(
                         Action.GIVE,
                         {"bus_share": None},
-                        f"is of no effect: the bit rate of {verbatim(bus.name)} is not known",
+                        f"has no effect: the bit rate of {verbatim(bus.name)} is unknown",
                     )
                     + Hint(Action.GIVE_BIT_RATE, why="says it")
                 )

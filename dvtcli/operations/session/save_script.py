@@ -35,8 +35,8 @@ class SavedSession(Enum):
     """The part of a session to save."""
 
     ENDS = "what its changes come to"
-    STEPS = "every step as it was taken"
-    EVERYTHING = "everything that the nodes' PDOs hold"
+    STEPS = "every step in order"
+    EVERYTHING = "the complete configuration of the nodes' PDOs"
 
 
 ENDS, STEPS, EVERYTHING = SavedSession
@@ -88,10 +88,10 @@ def place_of(file: str, example: str = "NAME.dvt") -> Path:
     """Return the path of *file*; raises UsageError for a folder or a missing folder, with *example* as a hint."""
     path = Path(file)
     if os.path.isdir(path):  # noqa: PTH112 - Path.is_dir raises OSError for a name that is too long
-        hint = f"name a file in it, as {path / example}"
+        hint = f"give a file in it, such as {path / example}"
         raise UsageError(f"{file} is a folder", hint=hint)
     if not os.path.isdir(path.parent):  # noqa: PTH112
-        raise UsageError(f"{file}: there is no folder {path.parent}", place=file)
+        raise UsageError(f"{file}: no such folder: {path.parent}", place=file)
     return path
 
 

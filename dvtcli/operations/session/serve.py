@@ -132,7 +132,7 @@ def serving(
             latencies_s=latencies_s,
             stored=keep,
             bus_failed=lambda: warn("the bus is dead (a simulated fault): every client was cut off"),
-            frames_lost=lambda: warn("the nodes have more to say than the bus carries: what does not fit is lost"),
+            frames_lost=lambda: warn("the nodes transmit more than the bus can carry: the rest is lost"),
         )
         yield Serving(server, nodes, hub.port, None if joined is None else joined.name)
 
@@ -141,7 +141,7 @@ def _warn_of_doubles(devices: list[StrictDevice], wanted: ServeRequest, warn: Ca
     """Warn of *devices* with the same node-ID."""
     for shared_id, many in Counter(device.node_id for device in devices).items():
         if many > 1 and shared_id != UNCONFIGURED:
-            warn(f"{many} nodes have node-ID {shared_id}, as {wanted.state} keeps it: they will answer as one")
+            warn(f"{many} nodes have node-ID {shared_id}, as stored in {wanted.state}: they will answer as one node")
 
 
 def _faults(options: Options, nodes: tuple[Simulated, ...]) -> tuple[Fault, ...]:
@@ -183,11 +183,11 @@ def _hub(where: tuple[str, int] | None, warn: Callable[[str], None]) -> Hub:
             hint=Hint(
                 Action.GIVE,
                 {"listen": "HOST:0"},
-                "are nodes served there, or does a socketcand run? {} takes a free port",
+                "another server may be running there; {} uses a free port",
             ),
         ) from failed
     if where is not None and not is_loopback(where[0]):
-        warn(f"{where[0]} is no loopback address: whoever reaches it can read and write these nodes")
+        warn(f"{where[0]} is not a loopback address: everybody who can reach it can read and write these nodes")
     return hub
 
 

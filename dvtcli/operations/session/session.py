@@ -111,7 +111,7 @@ class Session(Opened):
         if self.base.nodes or self.base.every_node:
             said = ",".join(map(str, self.base.nodes)) or "all"
             raise UsageError(
-                "several nodes, and this is about one",
+                "several nodes are selected, but the command is for one node",
                 given={"node_id": said},
                 hint=Hint(
                     Action.GIVE,

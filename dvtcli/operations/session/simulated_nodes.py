@@ -145,9 +145,9 @@ def simulated_nodes(words: tuple[str, ...], modules: tuple[str, ...] = ()) -> tu
         chosen = chosen if chosen is not None else next((n for n in range(1, 128) if n not in used), 1)
         one = _simulated(what, chosen)
         if chosen == UNCONFIGURED and one in found:
-            raise UsageError(f"{word}: nobody could tell two of them apart", hint="give one another identity")
+            raise UsageError(f"{word}: they could not be distinguished", hint="give one of them another identity")
         if chosen != UNCONFIGURED and chosen in used:
-            raise UsageError(f"{word}: node-ID {chosen} is given twice", hint="WHAT@ID sets the node-ID")
+            raise UsageError(f"{word}: node-ID {chosen} was given twice", hint="WHAT@ID sets the node-ID")
         found.append(one)
     return tuple(_with_modules(found, modules)) if modules and found else tuple(found)
 

@@ -101,7 +101,7 @@ class SteadyListener:
         """Warn of frames lost by overflow, if any."""
         if self.overflowed:
             self._session.reporter.warning(
-                f"{self.overflowed} frames were dropped: they came faster than they were written"
+                f"{self.overflowed} frames were dropped: they were received faster than they were written"
             )
 
     def take(self, wait_s: float = 0.0) -> list[Frame]:
@@ -141,7 +141,7 @@ class SteadyListener:
 
 def left_alone(name: str, slept_s: float) -> BusUnavailable:
     """Make the error for the bus *name* after the computer slept *slept_s* seconds without recording."""
-    return BusUnavailable(f"{name} was left alone", why=f"this computer slept for {slept_s:.0f} s")
+    return BusUnavailable(f"{name} was not changed", why=f"this computer slept for {slept_s:.0f} s")
 
 
 def goes_on(session: SessionNodes, *, unasked: bool) -> bool:

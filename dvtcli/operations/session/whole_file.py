@@ -53,7 +53,7 @@ def _read_back(path: Path, made: Path, read_back: ReadBack) -> None:
             f"{path} is not written: its content cannot be read back",
             place=str(path),
             why=why,
-            hint=Hint(Action.CHECK_EDS, why="what it is made of may be at fault: {} looks at a device's file"),
+            hint=Hint(Action.CHECK_EDS, why="its source may be at fault: {} checks a device's file"),
         )
         unlike.outcome = "the earlier file of that name stays"
         raise unlike from failed

@@ -53,7 +53,7 @@ class ChangeFiles:
         refused = next(filter(None, map(unusable, needed)), None)
         if refused is not None and refused.text not in self._said:
             self._said.add(refused.text)
-            said = as_hint(f"{refused.text}; until that is mended no node of this bus can be changed")
+            said = as_hint(f"{refused.text}; until that is corrected no node of this bus can be changed")
             self.say(said + refused.hint if refused.hint else said)
         interrupted, is_damaged = _interrupted(guard)
         if interrupted and interrupted not in self._said:
@@ -111,24 +111,26 @@ def _how_to_finish(journal: Journal) -> Hint:
     labels, node_id = join_some(journal.labels), journal.plan.node_id
     if journal.part.group_id is None and journal.part.asked:
         what = f"the learning of this device, which asked {labels} of node {node_id},"
-        return Hint(Action.RECOVER, {"node": node_id}, f"{what} was interrupted: {{}} puts the old configuration back")
+        return Hint(
+            Action.RECOVER, {"node": node_id}, f"{what} was interrupted: {{}} rolls back to the old configuration"
+        )
     if journal.part.group_id is None:
         return Hint(
             Action.RECOVER,
             {"node": node_id},
-            f"a change of {labels} of node {node_id} was interrupted: {{}} puts the old configuration back",
+            f"a change of {labels} of node {node_id} was interrupted: {{}} rolls back to the old configuration",
         )
     accepted = [store.node_id for store in journal.part.stores if store.is_accepted]
-    but = f" but {join_some(map(str, accepted))}, accepted as it was" if accepted else ""
-    back = Hint(Action.RECOVER_ALL, why=f", {{}} takes every line of it back, on all nodes{but}")
+    but = f" except {join_some(map(str, accepted))}, accepted before" if accepted else ""
+    back = Hint(Action.RECOVER_ALL, why=f", {{}} rolls all its changes back, on all nodes{but}")
     if journal.part.stores and not any(store.waits for store in journal.part.stores):
-        said = f"{verbatim(journal.part.name)} was interrupted once nodes had stored what it changed, {changed}"
-        return Hint(Action.FINISH_STORES, why=f"{said}: {{}} looks at every node{but} once more") + back
+        said = f"{verbatim(journal.part.name)} was interrupted after nodes had stored its changes, {changed}"
+        return Hint(Action.FINISH_STORES, why=f"{said}: {{}} reads every node{but} again") + back
     if journal.part.stores:
-        said = f"{verbatim(journal.part.name)} was interrupted while nodes stored what it changed, {changed}"
+        said = f"{verbatim(journal.part.name)} was interrupted while nodes stored its changes, {changed}"
         return Hint(Action.FINISH_STORES, why=f"{said}: {{}} stores on the rest of them") + back
     said = f"{verbatim(journal.part.name)} was interrupted, which changed {changed}"
-    return Hint(Action.RECOVER_ALL, why=f"{said}: {{}} takes every line of it back, on all nodes")
+    return Hint(Action.RECOVER_ALL, why=f"{said}: {{}} rolls all its changes back, on all nodes")
 
 
 def _changed(journal: Journal) -> str:

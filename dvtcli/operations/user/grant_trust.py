@@ -33,7 +33,9 @@ def trust_settings(
                 trust(file.digest, file.path)
     except OSError as failed:
         why = failed.strerror or str(failed)
-        raise UsageError(f"trust cannot be kept: {why}", hint="is the state folder on a disk that is full?") from failed
+        raise UsageError(
+            f"trust cannot be saved: {why}", hint="is the state folder on a disk that is full?"
+        ) from failed
     rows = (
         ("file", where),
         ("sha256", None if file is None else file.digest),

@@ -115,7 +115,7 @@ def options_of(given: Mapping[str, Any]) -> Options:
     """The options *given* by name, the others as they come; UsageError for an unknown name or a wrong value."""
     unknown = sorted(given.keys() - set(Options._fields))
     if unknown:
-        raise UsageError(f"there is no option {unknown[0]!r}", hint=f"options are: {', '.join(Options._fields)}")
+        raise UsageError(f"unknown option {unknown[0]!r}", hint=f"options are: {', '.join(Options._fields)}")
     return Options(**{name: checked(name, value) for name, value in given.items()})
 
 

@@ -125,7 +125,7 @@ class File:
     def _bus(self, name: str, table: Mapping[str, Any]) -> Layer:
         wrong = sorted(table.keys() & {*USERS_OWN, "bus"})
         if wrong:
-            raise InputFileError(f"{self.path}: [bus.{name}]: {wrong[0]} is no part of a bus", place=self.path)
+            raise InputFileError(f"{self.path}: [bus.{name}]: {wrong[0]} is not a key of a bus", place=self.path)
         return self._layer(table, f"[bus.{name}] of {self.path}")
 
     def _layer(self, keys: Mapping[str, Any], where: str) -> Layer:
@@ -316,7 +316,7 @@ class Settings:
             if "bus" in layer:
                 if beside:
                     both = f"{layer['bus'][1]} and {layer[beside[0]][1]}"
-                    raise UsageError(f"{both} exclude each other: each chooses a bus, leave one out")
+                    raise UsageError(f"{both} exclude each other: each sets a bus; give only one of them")
                 return self._described(*layer["bus"])
             if beside or "bus" not in weaker:
                 return {}

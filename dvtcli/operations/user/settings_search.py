@@ -56,7 +56,7 @@ def _folders() -> list[str]:
     try:
         folder = os.path.realpath(os.getcwd())  # noqa: PTH109
     except FileNotFoundError:
-        raise SafetyRefusal("this folder was removed: nobody can say whose settings count here", hint="cd") from None
+        raise SafetyRefusal("this folder was removed: it is unknown which settings apply here", hint="cd") from None
     homes = _homes()
     above = {parent for home in homes for parent in _parents(home)}
     folders: list[str] = []

@@ -21,7 +21,7 @@ def list_aliases(settings: Settings, usable: dict[str, str]) -> Facts:
     rows = [{"name": word, "line": line, "file": files[word]} for word, line in sorted(usable.items())]
     width = max(map(len, usable), default=0)
     lines = [f"{word:<{width}} = {line}" for word, line in sorted(usable.items())]
-    text = tuple(lines) or ("no aliases; one is made by: alias v = read 606C",)
+    text = tuple(lines) or ("no aliases; to make one: alias v = read 606C",)
     return Facts("alias", (("aliases", rows), ("changed", False), ("dry_run", False)), text)
 
 
@@ -37,13 +37,13 @@ def set_alias(name: str, line: str | None, *, dry_run: bool) -> Facts:
     own = {} if found is None else dict(File(found, users_own=True).aliases)
     before = own.get(name)
     if line is None and before is None:
-        raise UsageError(f"there is no alias {name!r} in your settings", hint="the list of aliases has their names")
+        raise UsageError(f"your settings have no alias {name!r}", hint="the list of aliases has their names")
     wanted = {word: text for word, text in own.items() if word != name} | ({} if line is None else {name: line})
     path = str(user_folder("config") / "config.toml") if found is None else found.path
     changed = before != line
     if changed and not dry_run:
         save_table(Path(path), ALIASES, wanted)
-    said = f"{name} is no alias any more" if line is None else f"{name} = {line}"
+    said = f"{name} is no longer an alias" if line is None else f"{name} = {line}"
     said += f" (in {path})" if changed else " already"
     rows = [] if line is None else [{"name": name, "line": line, "file": path}]
     text = said + (" (dry run: nothing was written)" if dry_run else "")

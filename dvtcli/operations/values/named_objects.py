@@ -31,7 +31,7 @@ def object_index(node: NodeDescription, text: str) -> int:
     """Return the index of the object *text* for a pin; raises UsageError if it is none, or a sub-index."""
     index, sub_index = object_at(node, text)
     if sub_index:
-        raise UsageError(f"a pin is tied to a whole object: {index:04X}, without a sub-index", node=node.node_id)
+        raise UsageError(f"a pin is linked to an object: {index:04X}, without a sub-index", node=node.node_id)
     return index
 
 
@@ -62,7 +62,7 @@ def refuse_whole(node: NodeDescription, text: str) -> None:
     """Raises UsageError if *text* is a whole record: a file takes a single value."""
     if means_whole(node, text):
         raise UsageError(
-            f"{text} has several sub-indices, and a file takes one",
+            f"{text} has several sub-indices, but a file is for one",
             node=node.node_id,
             hint=Hint(Action.READ, {"object": f"{text}:1", "into": "FILE"}, "for example: {}"),
         )
@@ -88,7 +88,7 @@ def name_hint(unknown: UnknownName) -> Hint | str:
     """Suggest a remedy for an unknown name."""
     if unknown.similar:
         return f"did you mean {', '.join(unknown.similar)}?"
-    return Hint(Action.FIND_OBJECTS, why="searches the dictionary") + Hint(Action.GIVE_EDS, why="gives one")
+    return Hint(Action.FIND_OBJECTS, why="searches the dictionary") + Hint(Action.GIVE_EDS, why="names the EDS")
 
 
 def one_name(words: Sequence[str], is_object: Callable[[str], bool]) -> str | None:

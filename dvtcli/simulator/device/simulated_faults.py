@@ -136,7 +136,7 @@ def _whole(text: str, kind: FaultKind) -> int:
 
 def _seconds(text: str, kind: FaultKind) -> float:
     if not re.fullmatch(r"\d{1,9}(\.\d{1,9})?", text, re.ASCII):
-        raise wrong_fault(kind, f"{text!r} is no time in seconds")
+        raise wrong_fault(kind, f"{text!r} is not a time in seconds")
     return float(text)
 
 

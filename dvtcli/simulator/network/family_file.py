@@ -301,5 +301,5 @@ def _known(item: Item) -> str:
     """The name of an existing family."""
     name = string(item)
     if name not in family_names():
-        item.fail(f"no family is called {name!r}", suggest(name, family_names()))
+        item.fail(f"unknown family {name!r}", suggest(name, family_names()))
     return name

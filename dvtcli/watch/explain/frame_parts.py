@@ -26,7 +26,7 @@ _REQUESTS = {
     5: "block upload", 6: "block download",
 }  # fmt: skip
 _ANSWERS = {
-    0: "upload segment", 1: "download segment taken", 2: "initiate upload", 3: "download taken",
+    0: "upload segment", 1: "download segment accepted", 2: "initiate upload", 3: "download accepted",
     4: "abort transfer", 5: "block download", 6: "block upload",
 }  # fmt: skip
 #: subcommands of the block transfers, by direction, command specifier and number
@@ -151,7 +151,7 @@ def _block_rest(cut: Bytes, step: str, *, sends: bool, request: bool, name_of: N
         yield cut.part(8, 16, "CRC")
         yield from cut.rest(3, "reserved")
     elif step == "blocks' answer":
-        yield cut.part(8, 8, "last segment taken in order", str(cut.data[1]))
+        yield cut.part(8, 8, "last segment received in order", str(cut.data[1]))
         yield cut.part(16, 8, "block size of the next", f"{cut.data[2]} segments")
         yield from cut.rest(3, "reserved")
     else:

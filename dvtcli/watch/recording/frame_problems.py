@@ -22,13 +22,11 @@ LENGTH = LintRule("pdo-other-length", ERROR, "a PDO has another length than is m
 TWO_SENDERS = LintRule(
     "two-senders", ERROR, "two nodes seem to send the same CAN-ID", "CiA 301, 7.3.5: a CAN-ID has one producer"
 )
-TWO_NODES = LintRule(
-    "two-nodes-answer", ERROR, "an SDO request got two answers", "CiA 301, 7.3.4: a node-ID is there once"
-)
+TWO_NODES = LintRule("two-nodes-answer", ERROR, "an SDO request got two answers", "CiA 301, 7.3.4: node-IDs are unique")
 NO_ANSWER = LintRule(
     "sdo-no-answer", ERROR, "a node that answers SDO requests did not answer a request", "CiA 301, 7.2.4.3"
 )
-UNASKED = LintRule("sdo-unasked", WARNING, "an SDO answer came without a request", "CiA 301, 7.2.4.3")
+UNASKED = LintRule("sdo-unasked", WARNING, "an SDO response without a request", "CiA 301, 7.2.4.3")
 FRAME_RULES = (LENGTH, TWO_SENDERS, TWO_NODES, NO_ANSWER, UNASKED)
 #: changes between two lengths from which two senders are likely: one change is a new mapping
 _ENOUGH = 4
@@ -87,7 +85,7 @@ class LengthProblems:
         two = {address for address, seen in self._lengths.items() if seen.is_pdo and len(seen.changes) >= _ENOUGH}
         for address in sorted(two):
             seen, can_id = self._lengths[address], can_id_text(address[0], extended=address[1])
-            text = f"{can_id} comes with {seen.before} and {plural(seen.last, 'byte')} by turns"
+            text = f"{can_id} alternates between {seen.before} and {plural(seen.last, 'byte')}"
             look = f"which nodes have {can_id} in a TPDO"
             yield Problem(TWO_SENDERS, text, f"senders of {can_id}", look, Moments.at(*seen.changes))
         for (text, node_id), moments in self._misfits.items():
@@ -174,12 +172,12 @@ class AnswerProblems:
             if channel in self._present:
                 node_id = channel[0]
                 text = f"node {node_id}: {plural(moments.times, 'request')} without an answer"
-                look = "what the node did then: did it restart, or was it busy?"
+                look = "whether the node restarted or was busy at that time"
                 yield Problem(NO_ANSWER, text, f"SDO client and node {node_id}", look, moments, node_id)
 
 
 NOT_SENT = LintRule(
-    "rpdo-not-sent", WARNING, "a node in OPERATIONAL waits for an RPDO that no node sends", "CiA 301, 7.2.2"
+    "rpdo-not-sent", WARNING, "a node in OPERATIONAL waits for an RPDO that no node transmits", "CiA 301, 7.2.2"
 )
 RPDO_RULES = (NOT_SENT,)
 #: how long a node is in OPERATIONAL before an RPDO is missed (s)
@@ -221,7 +219,9 @@ class RpdoProblems:
             begin, end = max(operational[0], since, key=lambda moment: moment.time_s), operational[1]
             if end.time_s - begin.time_s >= _MISSED_S:
                 named = f"0x{can_id:0{8 if extended else 3}X}"
-                text = f"{pdo.label} of node {node_id} is {named}, which no node sends"
-                look = f"who is to send {named}, and whether its TPDO is enabled and the sender in OPERATIONAL"
+                text = f"{pdo.label} of node {node_id} is {named}, which no node transmits"
+                look = (
+                    f"which node should transmit {named}, and whether its TPDO is enabled and the node in OPERATIONAL"
+                )
                 yield Problem(NOT_SENT, text, f"node {node_id} and the sender of {named}", look, Moments.at(begin),
                               node_id, f"{pdo.communication_index:04X}:01")  # fmt: skip

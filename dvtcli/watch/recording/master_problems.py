@@ -13,7 +13,7 @@ from dvtcli.watch.recording.sdo_problems import Channel
 from dvtcli.watch.sdo_transfers import SdoStep
 
 TWO_MASTERS = LintRule(
-    "two-masters", WARNING, "two masters seem to be on the bus: SDO clients, or senders of NMT commands",
+    "two-masters", WARNING, "there seem to be two masters on the bus: SDO clients, or senders of NMT commands",
     "CiA 301, 7.2.4.3.1 and 7.2.8.3.1",
 )  # fmt: skip
 MASTER_RULES = (TWO_MASTERS,)

@@ -15,17 +15,19 @@ from dvtcli.watch.recording.problems import Moment, Moments, Problem, TimesOf
 BOOT_UP = LintRule(
     "boot-up-in-operation", ERROR, "a node restarted without an NMT command", "CiA 301, 7.2.8.3.3: boot-up"
 )
-NO_BOOT_UP = LintRule("no-boot-up", ERROR, "a node did not come back after an NMT reset", "CiA 301, 7.2.8.3.3: boot-up")
+NO_BOOT_UP = LintRule(
+    "no-boot-up", ERROR, "a node did not start again after an NMT reset", "CiA 301, 7.2.8.3.3: boot-up"
+)
 STOPS = LintRule("heartbeat-stops", ERROR, "a node's heartbeats end before the recording does", "CiA 301, 7.2.8.3.2.2")
-LATE = LintRule("heartbeat-late", WARNING, "a heartbeat came late", "CiA 301, 7.5.2.18: producer heartbeat time")
-NOT_RESET = LintRule("emergency-not-reset", ERROR, "an EMCY was sent, and no error reset", "CiA 301, 7.2.7")
+LATE = LintRule("heartbeat-late", WARNING, "a heartbeat was late", "CiA 301, 7.5.2.18: producer heartbeat time")
+NOT_RESET = LintRule("emergency-not-reset", ERROR, "an EMCY was sent, but no error reset", "CiA 301, 7.2.7")
 RESET = LintRule("emergency-reset", WARNING, "an EMCY was sent, and reset later", "CiA 301, 7.2.7")
-SYNC_LATE = LintRule("sync-late", WARNING, "a SYNC message came late", "CiA 301, 7.5.2.6: communication cycle period")
+SYNC_LATE = LintRule("sync-late", WARNING, "a SYNC message was late", "CiA 301, 7.5.2.6: communication cycle period")
 SYNC_JITTER = LintRule("sync-jitter", WARNING, "SYNC comes at uneven times", "CiA 301, 7.2.5 and 7.5.2.6")
 TWO_SYNCS = LintRule("two-sync-producers", ERROR, "two nodes seem to send SYNC", "CiA 301, 7.2.5: one producer")
 TWO_HEARTBEATS = LintRule(
-    "two-heartbeats", ERROR, "heartbeats of one node-ID seem to come from two nodes",
-    "CiA 301, 7.3.4: a node-ID is there once",
+    "two-heartbeats", ERROR, "heartbeats of one node-ID seem to be from two nodes",
+    "CiA 301, 7.3.4: node-IDs are unique",
 )  # fmt: skip
 NODE_RULES = (
     BOOT_UP, NO_BOOT_UP, STOPS, LATE, NOT_RESET, RESET, SYNC_LATE, SYNC_JITTER, TWO_SYNCS, TWO_HEARTBEATS,
@@ -174,7 +176,7 @@ class NodeProblems:
                                f"the error history (0x1003) of node {node_id}")  # fmt: skip
         for node_id, code, moments in self._ended:
             yield _of_node(RESET, node_id, f"EMCY 0x{code:04X}, {emergency_text(code)}: reset later", moments,
-                           "what the machine did at that time")  # fmt: skip
+                           "the state of the machine at that time")  # fmt: skip
 
     def _last_heartbeat(self, node_id: int, node: _NodeSeen, end: Moment) -> Iterator[Problem]:
         heartbeats, period_s = node.heartbeats, node.heartbeats.period_s
@@ -184,7 +186,7 @@ class NodeProblems:
         yield from _late(node_id, period_s, heartbeats)
         silent_s = end.time_s - heartbeats.last.time_s
         if silent_s > PATIENCE * period_s:
-            text = f"sends no heartbeat in the last {silent_s:.3g} s; before, one each {1000 * period_s:.0f} ms"
+            text = f"sends no heartbeat in the last {silent_s:.3g} s; before, its period was {1000 * period_s:.0f} ms"
             yield _of_node(STOPS, node_id, text, Moments.at(heartbeats.last),
                            "whether the node is on, bus off, or was unplugged")  # fmt: skip
 
@@ -198,7 +200,7 @@ def _change(moment: Moment, node: _NodeSeen, state: NmtState | None) -> None:
 
 def _of_two(node_id: int, node: _NodeSeen) -> Iterator[Problem]:
     """Report heartbeats that no single node sends: short and long gaps, or two states, by turns."""
-    times, how = node.heartbeats.turns.times, "come after short and long times by turns"
+    times, how = node.heartbeats.turns.times, "come at alternately short and long intervals"
     if len(node.state_turns) >= _STATE_TURNS:
         times, how = Moments.at(*node.state_turns), "name two states by turns, without an NMT command"
     if times is not None:
@@ -211,26 +213,26 @@ def _late(node_id: int, period_s: float, heartbeats: PeriodicFrames) -> Iterator
     """Report gaps of more than two and a half periods in which other frames came after the heartbeat was due."""
     if late := heartbeats.late():
         worst_s, moments = max(gap_s for gap_s, _ in late), Moments.at(*(moment for _, moment in late))
-        text = f"heartbeat {1000 * worst_s:.0f} ms after the one before it; usual are {1000 * period_s:.0f} ms"
+        text = f"heartbeat {1000 * worst_s:.0f} ms after the one before; usual: {1000 * period_s:.0f} ms"
         look = "the node's load, and that of the bus, at these times"
         yield _of_node(LATE, node_id, text, moments, look)
 
 
 def _of_syncs(syncs: PeriodicFrames) -> Iterator[Problem]:
     """Report late SYNC messages, uneven ones, and those of two producers."""
-    period, parties = f"usual are {1000 * syncs.period_s:.3g} ms", "SYNC producer and all consumers"
+    period, parties = f"usual: {1000 * syncs.period_s:.3g} ms", "SYNC producer and all consumers"
     if late := syncs.late():
-        text = f"SYNC {1000 * max(gap_s for gap_s, _ in late):.3g} ms after the one before it; {period}"
-        look = "what its producer did, and who else has the bus, at these times"
+        text = f"SYNC {1000 * max(gap_s for gap_s, _ in late):.3g} ms after the one before; {period}"
+        look = "the state of its producer and the other traffic at these times"
         yield Problem(SYNC_LATE, text, parties, look, Moments.at(*(moment for _, moment in late)))
     if syncs.turns.times is not None:
-        yield Problem(TWO_SYNCS, "SYNC comes after short and long times by turns", "SYNC producers",
+        yield Problem(TWO_SYNCS, "SYNC comes at alternately short and long intervals", "SYNC producers",
                       "in which nodes bit 30 of 0x1005 is set, and whether a master sends SYNC, too",
                       syncs.turns.times)  # fmt: skip
     elif uneven := syncs.jitter():
         gaps_s = [gap_s for gap_s, _ in uneven]
-        text = f"SYNC {1000 * min(gaps_s):.3g} to {1000 * max(gaps_s):.3g} ms after the one before it; {period}"
-        look = "whether its producer sends it from a task of its own, with what CAN-IDs it shares the bus"
+        text = f"SYNC {1000 * min(gaps_s):.3g} to {1000 * max(gaps_s):.3g} ms after the one before; {period}"
+        look = "whether its producer sends it from its own task, and which CAN-IDs have a higher priority"
         yield Problem(SYNC_JITTER, text, parties, look, Moments.at(*(moment for _, moment in uneven)))
 
 

@@ -16,17 +16,17 @@ REFUSED_WRITE = LintRule("refused-write", ERROR, "a node refused a write", "CiA 
 REFUSED_READ = LintRule("refused-read", WARNING, "a node refused a read", "CiA 301, table 22: SDO abort codes")
 ABSENT = LintRule("absent-object", NOTE, "a client read objects that a node does not have", "CiA 301, table 22")
 GIVEN_UP = LintRule(
-    "sdo-given-up", ERROR, "a client ended a transfer: no answer in time, or a wrong one", "CiA 301, 7.2.4.3.17"
+    "sdo-given-up", ERROR, "a client ended a transfer: no answer in time, or a wrong answer", "CiA 301, 7.2.4.3.17"
 )
 HALF_DONE = LintRule(
-    "mapping-half-done", ERROR, "a PDO was disabled to be changed, and not enabled again", "CiA 301, 7.5.2.36"
+    "mapping-half-done", ERROR, "a PDO was disabled for a change, but not enabled again", "CiA 301, 7.5.2.36"
 )
 LEFT_OFF = LintRule(
-    "pdo-left-disabled", NOTE, "a PDO was configured or emptied, and left disabled", "CiA 301, 7.5.2.36"
+    "pdo-left-disabled", NOTE, "a PDO was configured or emptied, but not enabled again", "CiA 301, 7.5.2.36"
 )
 EMPTY = LintRule("mapping-empty", WARNING, "a PDO was left without mapped objects", "CiA 301, 7.5.2.36")
 INCOMPLETE = LintRule(
-    "sdo-segments", WARNING, "segments of a transfer are missing, or come twice", "CiA 301, 7.2.4.3: toggle bit"
+    "sdo-segments", WARNING, "segments of a transfer are missing or repeated", "CiA 301, 7.2.4.3: toggle bit"
 )
 SDO_RULES = (REFUSED_WRITE, REFUSED_READ, GIVEN_UP, INCOMPLETE, ABSENT, HALF_DONE, EMPTY, LEFT_OFF)
 
@@ -150,7 +150,7 @@ class SdoProblems:
         for transfer, moments in self._given_up.items():
             yield self._aborted_transfer(GIVEN_UP, "given up", transfer, moments)
         for (node_id, place, is_write), moments in self._incomplete.items():
-            text = f"{'write to' if is_write else 'read of'} {place}: segments are missing, or come twice"
+            text = f"{'write to' if is_write else 'read of'} {place}: segments are missing or repeated"
             look = "the toggle bits of its segments, and whether frames are missing in the recording"
             yield Problem(INCOMPLETE, text, f"SDO client and node {node_id}", look, moments, node_id, place)
         for (node_id, pdo), writes in self._pdos.items():
@@ -165,8 +165,8 @@ class SdoProblems:
         for node_id, reads in missing.items():
             places = join_some(place for place, _ in reads)
             yield Problem(
-                ABSENT, f"node {node_id} does not have what was read: {places}",
-                f"SDO client and node {node_id}", "nothing, if a tool searches for objects",
+                ABSENT, f"node {node_id} does not have the objects that were read: {places}",
+                f"SDO client and node {node_id}", "none, if a tool was searching for objects",
                 Moments.at(*sorted(each.first for _, each in reads)), node_id,
             )  # fmt: skip
 
@@ -186,7 +186,7 @@ _LOOK = {
     int(Abort.TOGGLE_BIT): "whether two clients use the node's SDO at once",
     int(Abort.NOT_MAPPABLE): "whether the EDS lets the object be mapped to this PDO",
     int(Abort.UNSUPPORTED_ACCESS): "whether the PDO was disabled, and its count 0, before the write",
-    int(Abort.DEVICE_STATE): "the node's NMT state: many take such a write in PRE-OPERATIONAL only",
+    int(Abort.DEVICE_STATE): "the NMT state of the node: many accept such a write in PRE-OPERATIONAL only",
     int(Abort.NO_OBJECT): "whether the EDS is that of this device and firmware",
     int(Abort.NO_SUB_INDEX): "whether the EDS is that of this device and firmware",
 }
@@ -199,17 +199,17 @@ def _left(node_id: int, pdo: Pdo, writes: _PdoWrites) -> Iterator[Problem]:
     is_begun = bool(writes.entries or writes.refused or writes.count)
     look = "the client's actions after the last of these frames: was a write refused, or was it ended?"
     if writes.disabled is not None and writes.count and writes.count == writes.entries and not writes.refused:
-        rule, begin, how = LEFT_OFF, writes.disabled, "was configured and left disabled"
-        look = "nothing, if the PDO is to be off"
+        rule, begin, how = LEFT_OFF, writes.disabled, "was configured, but not enabled again"
+        look = "none, if the PDO should be off"
     elif writes.disabled is not None and is_begun:
         rule, begin = HALF_DONE, writes.disabled
         how = "was disabled, written to and not enabled again"
     elif writes.disabled is not None and writes.count == 0 and writes.went_on:
-        rule, begin, how = LEFT_OFF, writes.disabled, "was emptied and left disabled"
-        look = "nothing, if the PDO is to be off"
+        rule, begin, how = LEFT_OFF, writes.disabled, "was emptied, but not enabled again"
+        look = "none, if the PDO should be off"
     elif writes.count == 0:
         rule, begin = (HALF_DONE if is_begun else EMPTY), writes.disabled or writes.last
-        how = "has count 0, though its entries were written" if is_begun else "has count 0"
+        how = "has count 0 although its entries were written" if is_begun else "has count 0"
     else:
         return
     yield Problem(

@@ -14,7 +14,9 @@ from dvtcli.watch.recording.beats import AlternatingFrames
 from dvtcli.watch.recording.frame_problems import TWO_SENDERS
 from dvtcli.watch.recording.problems import Moment, Moments, Problem, TimesOf
 
-FLOOD = LintRule("pdo-floods", WARNING, "a PDO comes far more often than usual", "CiA 301, 7.5.2.37: inhibit time")
+FLOOD = LintRule(
+    "pdo-floods", WARNING, "a PDO is transmitted far more often than usual", "CiA 301, 7.5.2.37: inhibit time"
+)
 LOAD = LintRule("bus-load", WARNING, "the bus was nearly full", "ISO 11898-1; CiA 301, 7.2.2: low priorities wait")
 STREAM_RULES = (FLOOD, LOAD)
 
@@ -128,20 +130,20 @@ class StreamProblems:
             pdo.judge(self._syncs)
             named = f"0x{can_id:0{8 if extended else 3}X}"
             if pdo.turns.times is not None:
-                text = f"{named} comes with two values by turns, each with a period of its own"
+                text = f"{named} alternates between two values, each with its own period"
                 look = f"which nodes have {named} in a TPDO"
                 yield Problem(TWO_SENDERS, text, f"senders of {named}", look, pdo.turns.times)
             if pdo.floods and not pdo.is_cyclic:
-                text = f"{named} comes up to {plural(pdo.most, 'time')} in 0.1 s"
+                text = f"{named} was received up to {plural(pdo.most, 'time')} in 0.1 s"
                 yield Problem(FLOOD, text, f"the sender of {named}",
-                              "its inhibit time, and which of its values changes all the time",
+                              "its inhibit time, and which of its values changes continuously",
                               Moments.at(*pdo.floods))  # fmt: skip
         self._close()
         self._bits = 0
         for moments in self._full.values():
             share = self._most_bits / (self._bits_of_window or 1)
             text = f"frames took up to {share:.0%} of the bit rate in 0.1 s, stuff bits aside"
-            look = "which CAN-IDs come more often then than at other times"
+            look = "which CAN-IDs are more frequent then than at other times"
             if share > 1:
-                look = "whether this is the bus's bit rate: no bus carries more than that"
+                look = "whether the bit rate is right: the load cannot exceed it"
             yield Problem(LOAD, text, "all nodes", look, moments)

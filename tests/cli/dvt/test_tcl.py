@@ -128,7 +128,7 @@ def test_an_unclosed_brace_is_found_in_a_long_script_too(tmp_path: Path) -> None
     with Bench() as bench:
         ran = tcl(bench, tmp_path, "proc f {} {\n}\nwhile {1} {\n" + "  puts x\n" * 300_000)
         assert (ran.code, ran.stdout) == (2, "")
-        assert "x.tcl:3: a brace, bracket or quote that begins here is not closed" in ran.stderr
+        assert "x.tcl:3: a brace, bracket or quote opened here is not closed" in ran.stderr
 
 
 def test_files_of_its_own_folder_are_read(tmp_path: Path) -> None:
@@ -257,7 +257,7 @@ def test_a_signal_in_the_middle_of_a_change_rolls_it_back(number: signal.Signals
     process.send_signal(number)
     stdout, stderr = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 128 + number, stderr
-    assert "rolled back: everything is as it was" in stderr
+    assert "rolled back: everything is as before" in stderr
     assert stdout == ""
 
 

@@ -46,32 +46,32 @@ def ready():
 BROKEN = [
     ("pass", "ended before the script did"),
     ("sys.exit(3)", "it ended with 3"),
-    ("hear(); say(b'rubbish\\n')", "no JSON"),
-    ("hear(); say(b'\\xff\\xfe\\n')", "no JSON"),
-    ("hear(); say(b'[' * 100000 + b'\\n')", "broke its protocol"),
-    ("hear(); say(b'[' + b'1' * 100000 + b']\\n')", "no JSON"),
+    ("hear(); say(b'rubbish\\n')", "not JSON"),
+    ("hear(); say(b'\\xff\\xfe\\n')", "not JSON"),
+    ("hear(); say(b'[' * 100000 + b'\\n')", "violated its protocol"),
+    ("hear(); say(b'[' + b'1' * 100000 + b']\\n')", "not JSON"),
     ("hear(); say(b'{}\\n')", "no frame"),
     ("hear(); say(b'[]\\n')", "no frame"),
     ("hear(); say(b'[[]]\\n')", "no frame"),
-    ("hear(); say(b'[\"Gibberish\"]\\n')", "'Gibberish' may not come now"),
-    ("hear(); say(Call('store', ('1',), 1, 'x'))", "'Call' may not come now"),
-    ("hear(); say(End('done', '', 0, ''))", "'End' may not come now"),
+    ("hear(); say(b'[\"Gibberish\"]\\n')", "'Gibberish' is not allowed now"),
+    ("hear(); say(Call('store', ('1',), 1, 'x'))", "'Call' is not allowed now"),
+    ("hear(); say(End('done', '', 0, ''))", "'End' is not allowed now"),
     ("hear(); say(encode(Ready('', 0))[:5])", "ended before the script did"),
     ("hear(); say(b'[\"Ready\", \"\"]\\n')", "Ready with 1 fields"),
     ("hear(); say(b'[\"Ready\", \"\", true]\\n')", "Ready.unclosed is no int"),
     ("hear(); say(b'[\"Ready\", \"\", -1]\\n')", "Ready.unclosed is no int"),
     ("hear(); say(b'[\"Ready\", \"\", 1e999]\\n')", "Ready.unclosed is no int"),
     ("hear(); say(b'[\"Ready\", null, 0]\\n')", "Ready.missing is no str"),
-    ("ready(); say(Ready('', 0))", "'Ready' may not come now"),
-    ("ready(); say(Go())", "'Go' may not come now"),
-    ("ready(); say(CallResult(False, 'OK'))", "'CallResult' may not come now"),
-    ("ready(); say(Setup('/etc/passwd', (), 1.0, 1, 1))", "'Setup' may not come now"),
+    ("ready(); say(Ready('', 0))", "'Ready' is not allowed now"),
+    ("ready(); say(Go())", "'Go' is not allowed now"),
+    ("ready(); say(CallResult(False, 'OK'))", "'CallResult' is not allowed now"),
+    ("ready(); say(Setup('/etc/passwd', (), 1.0, 1, 1))", "'Setup' is not allowed now"),
     ("ready(); say(b'[\"Call\", \"store\", \"1\", 1, \"x\"]\\n')", "Call.texts is no tuple[str, ...]"),
     ("ready(); say(b'[\"Call\", \"store\", [1], 1, \"x\"]\\n')", "Call.texts is no tuple[str, ...]"),
     ("ready(); say(b'[\"Call\", [\"store\"], [], 1, \"x\"]\\n')", "Call.name is no str"),
     ("ready(); say(Call('nosuch', (), 1, 'x'))", "asked for 'nosuch', which is not served"),
     ("ready(); say(Call('__class__', (), 1, 'x'))", "which is not served"),
-    ("ready(); say(End('well', '', 0, ''))", "in an unknown way"),
+    ("ready(); say(End('well', '', 0, ''))", "for an unknown reason"),
     ("ready(); say(End('failed', '', 0, ''))", "x.tcl: "),
     ("ready(); say(b'x' * (17 << 20))", "a line of more than 16777216 bytes"),
     ("ready(); os.close(1); time.sleep(600)", "it was killed by SIGKILL"),
@@ -114,7 +114,7 @@ def test_who_never_begins_is_not_waited_for(tmp_path: Path) -> None:
     (tmp_path / "x.tcl").write_text("puts x\n")
     with Bench() as bench, TclProcess(fake("time.sleep(600)")) as process:
         made = TclScript(bench.session, str(tmp_path / "x.tcl"), process, LIMITS, start_s=0.2)
-        with pytest.raises(DvtcliError, match="did not begin within"):
+        with pytest.raises(DvtcliError, match="did not start within"):
             made.check()
 
 
@@ -145,7 +145,7 @@ def test_what_it_may_ask_for_is_what_a_script_may(tmp_path: Path) -> None:
             made.check()
             bench.session.started = True
             assert made.run() == 2
-        assert "--eds chooses the bus" in stderr.getvalue()
+        assert "--eds sets the bus" in stderr.getvalue()
         assert not bench.session.is_open
 
 
@@ -173,5 +173,5 @@ def test_every_frame_comes_as_it_was_sent(frame: Frame) -> None:
     assert receive(io.BytesIO(line * 2), type(frame)) == frame
     with pytest.raises(Gone):
         receive(io.BytesIO(line[:-1]), type(frame))
-    with pytest.raises(WireError, match="may not come now"):
+    with pytest.raises(WireError, match="is not allowed now"):
         decode(line, Go if not isinstance(frame, Go) else End)

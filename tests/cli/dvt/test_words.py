@@ -127,7 +127,7 @@ def test_the_node_may_be_left_out_before_a_word() -> None:
     ("line", "says"),
     [
         ("sdo_rnx 1 1800 1", "0x1800 write the 0x"),
-        ("sdo_wnx 1 0x1800 1 0x201", "3 digits are no width"),
+        ("sdo_wnx 1 0x1800 1 0x201", "3 digits are not possible"),
         ("sdo_wn 1 0x1017 0 1000", "width in bytes"),
         ("sdo_wn 1 0x1017 0 70000 2", "does not fit"),
         ("sdo_rnx 1 0x1018", "Missing argument"),

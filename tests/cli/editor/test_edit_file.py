@@ -64,9 +64,9 @@ def pdo_of(config: NetworkConfig, node_id: int, pdo: str) -> PartialPdoConfig:
 def test_nodes_of_a_network_file_are_edited_and_everything_else_is_kept(tmp_path: Path, open_terminal: Open) -> None:
     terminal = opened(tmp_path, open_terminal)
     before = read_network_config(str(tmp_path / "net.yaml"))
-    terminal.wait("no EDS is known of node 7: kept as the file has it, not edited")
+    terminal.wait("node 7 has no EDS: its part of the file is kept unchanged")
     terminal.type(F10)
-    terminal.wait("nothing to write: the file has what is shown")
+    terminal.wait("nothing to write: the file already has these values")
     terminal.type(ENTER)
     terminal.wait("FRAME OF TPDO1", "606C:00/32 Velocity actual value")
     terminal.type("d")
@@ -114,7 +114,9 @@ def test_f10_keeps_what_another_program_wrote_and_names_the_way_out(tmp_path: Pa
     theirs = PLAIN.replace("heartbeat_producer: 500", "heartbeat_producer: 900")
     (tmp_path / "net.yaml").write_text(theirs, encoding="utf-8")
     terminal.type(F10)
-    terminal.wait("not written: net.yaml changed meanwhile and is kept; F2 saves under another name")
+    terminal.wait(
+        "not written: net.yaml was changed by another program and is not overwritten; F2 saves under another name"
+    )
     terminal.type(F2)
     fill(terminal, "save as", "node.dcf")
     terminal.wait("node.dcf is not written")
@@ -152,7 +154,7 @@ def test_a_network_file_is_saved_under_another_name_and_a_dry_run_writes_none(
     terminal.type("e")
     terminal.wait("TPDO1 changed, not written")
     terminal.type(F10)
-    terminal.wait("dry run: 5:tpdo1 would be written, nothing was")
+    terminal.wait("dry run: 5:tpdo1 would be written; nothing was written")
     terminal.type(F2)
     fill(terminal, "save as", "new.yaml")
     terminal.wait("new.yaml: 5:tpdo1 written; dry run: only this file was written")
@@ -200,7 +202,7 @@ def test_a_dcf_is_edited_and_only_its_pdos_change(tmp_path: Path, open_terminal:
         ("a.txt", "", "edit takes a PDO, a network file (.yaml) or a DCF (.dcf)"),
         ("a.eds", "", "eds convert a.eds a.dcf` makes a DCF, which can be edited"),
         ("a.XDC", "", "eds convert a.XDC a.dcf` makes a DCF, which can be edited"),
-        ("a.yaml", "nodes: {a: {node_id: 5, tpdo: {1: {cob_id: 0x1B7}}}}", "no EDS is known of its nodes"),
+        ("a.yaml", "nodes: {a: {node_id: 5, tpdo: {1: {cob_id: 0x1B7}}}}", "its nodes have no EDS"),
         ("a.yaml", "nodes: {a: {node_id: 5, dcf: gen4, tpdo: {1: {mapping: [1018:01]}}}}", "not mappable"),
         ("gone.yaml", None, "No such file"),
         ("gone.dcf", None, "gone.dcf"),
@@ -290,7 +292,7 @@ def test_screens_of_a_network_file_look_as_they_did(
         terminal.wait(*texts)
         shown.append("\n".join([f"==== {view}", *terminal.lines]))
 
-    keep("as opened", "", "no EDS is known of node 7", "> ")
+    keep("as opened", "", "it has no EDS of node 7", "> ")
     keep("which RPDO", "L", "TPDO1 to which RPDO?", "6:rpdo5")
     keep("which object", "3", "which object of node 6 receives 6041:00", "skip it")
     keep("linked", ESCAPE + "L1", "6:rpdo1 receives 5:tpdo1", "check: 0 errors", "2 warnings")

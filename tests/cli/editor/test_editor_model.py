@@ -95,7 +95,7 @@ def test_a_pdo_that_is_missing_later_stands_as_it_was(edits: bool) -> None:
     if edits:
         pdos.switch(RPDO1)
     before = dict(pdos.now)
-    assert pdos.read_again({TPDO1: held()[TPDO1]}) == "RPDO1 is not there any more, it stands as it was"
+    assert pdos.read_again({TPDO1: held()[TPDO1]}) == "RPDO1 no longer exists; its old values are shown"
     assert (pdos.now, pdos.held) == (before, held())
 
 

@@ -33,7 +33,7 @@ WANTED = {
 
 def edited(open_terminal: Open, *words: str, columns: int = 80, rows: int = 24) -> Terminal:
     terminal = open_terminal("--sim", "gen4", "edit", *words, columns=columns, rows=rows)
-    terminal.wait("EDIT node 1", "as the node holds it")
+    terminal.wait("EDIT node 1", "value in the node")
     return terminal
 
 
@@ -54,7 +54,7 @@ def map_object(terminal: Terminal, text: str) -> None:
     whole = text if len(text) != 6 else f"{text[:5]}0{text[5]}"
     chosen(terminal, whole.upper())
     terminal.type(ENTER)
-    terminal.wait("is mapped; Tab goes on")
+    terminal.wait("is mapped; Tab continues")
     terminal.until(lambda: any(line.startswith(" map: _") for line in terminal.lines), "an empty filter")
 
 
@@ -119,7 +119,7 @@ def test_keys_alone_make_the_pdos_of_the_script(tmp_path: Path, open_terminal: O
             assert pdos(server) == before, "nothing is written before it is applied"
             terminal.type(DOWN)
         terminal.type(F10)
-        terminal.wait("TPDO1, TPDO2, TPDO3, TPDO4 set: ", "as the node holds it")
+        terminal.wait("TPDO1, TPDO2, TPDO3, TPDO4 set: ", "value in the node")
         terminal.type(ESCAPE)
         assert terminal.ended() == 0
         assert pdos(server) == by_script != before
@@ -134,7 +134,7 @@ def test_rules_are_said_while_one_edits_and_refuse_as_map_does(open_terminal: Op
     terminal.type(ENTER)
     terminal.wait("1018:01: not mappable")
     terminal.type(CLEAR_LINE + "zzz")
-    terminal.wait("no object has that in its number, name or unit")
+    terminal.wait("no object matches by number, name or unit")
     terminal.type(ENTER)
     terminal.wait("no object is named 'zzz'")
     terminal.type(CLEAR_LINE)
@@ -155,7 +155,7 @@ def test_rules_are_said_while_one_edits_and_refuse_as_map_does(open_terminal: Op
     terminal.type(ESCAPE)
     terminal.until(lambda: "PLAN" not in terminal.text, "the plan gone")
     terminal.type(SAVE)  # Ctrl-S applies
-    terminal.wait("TPDO1 set: ", "as the node holds it")
+    terminal.wait("TPDO1 set: ", "value in the node")
     terminal.type(ESCAPE)
     assert terminal.ended() == 0
 
@@ -165,7 +165,7 @@ def test_a_dry_run_says_that_nothing_was_written(open_terminal: Open) -> None:
     terminal.type("e")
     terminal.wait("TPDO1 changed, not applied")
     terminal.type(F10)
-    terminal.wait("dry run: TPDO1 would be set with 1 write, nothing was written")
+    terminal.wait("dry run: TPDO1 would be set with 1 write; nothing was written")
     terminal.type(ESCAPE)
     assert terminal.ended() == 0
 
@@ -206,7 +206,7 @@ def test_a_node_that_restarts_is_read_again_and_what_is_edited_stays(tmp_path: P
         terminal.type("d")
         terminal.wait("TPDO2 changed, not applied")
         assert server.dvtcli("-n", "1", "--yes", "nmt", "reset-node").returncode == 0
-        terminal.wait("the node restarted, somebody wrote to it", "TPDO2 changed, not applied")
+        terminal.wait("the node restarted, another client wrote to it", "TPDO2 changed, not applied")
         terminal.type(ESCAPE + "y")
         assert terminal.ended() == 0
 
@@ -241,7 +241,7 @@ def test_what_is_edited_is_saved_by_the_suffix(tmp_path: Path, open_terminal: Op
     terminal = edited(open_terminal, "tpdo1")
     terminal.type(F2)
     fill(terminal, "save as", "empty.dvt")
-    terminal.wait("nothing is changed, and a script has the changes")
+    terminal.wait("no device is changed; a script has the changes")
     terminal.type("d")
     terminal.wait("8 bytes free")
     terminal.type("a")
@@ -289,7 +289,7 @@ def test_all_keys_are_listed(open_terminal: Open) -> None:
     terminal.type("?")
     terminal.wait(" map: ?_")
     terminal.type(F10)
-    terminal.wait("nothing to apply: the node holds what is shown")
+    terminal.wait("nothing to apply: the node holds these values already")
 
 
 def test_what_is_applied_is_undone_at_the_prompt(open_terminal: Open) -> None:

@@ -107,7 +107,7 @@ def test_every_example_that_opens_is_saved(tmp_path: Path, name: str) -> None:
     file = tmp_path / "examples" / name
     before = file.read_bytes()
     with unedited(file) as (session, nodes):
-        assert nodes.save(session, str(file)) == f"nothing to write: {file} has what is shown"
+        assert nodes.save(session, str(file)) == f"nothing to write: {file} already has these values"
         assert file.read_bytes() == before
         pdo, timer = edit(nodes)
         node_id = nodes.nodes[0][0]
@@ -123,7 +123,7 @@ def test_what_another_program_wrote_meanwhile_is_not_overwritten(tmp_path: Path,
     with edited(file) as (session, nodes):
         theirs = file.read_bytes() + (b"# theirs\n" if kind == "yaml" else b"; theirs\r\n")
         file.write_bytes(theirs)
-        with pytest.raises(UsageError, match="changed meanwhile and is kept") as refused:
+        with pytest.raises(UsageError, match="was changed by another program and is not overwritten") as refused:
             nodes.save(session, str(file))
         assert "F2" in str(refused.value.hint)
         assert not session.questions
@@ -140,7 +140,10 @@ def test_what_is_written_while_the_question_is_open_is_not_overwritten(tmp_path:
         def consent(self, question: str | Callable[[], str], **_more: object) -> None:
             file.write_text(NETWORK.replace("700", "900"), encoding="utf-8")
 
-    with edited(file) as (_session, nodes), pytest.raises(UsageError, match="changed meanwhile and is kept"):
+    with (
+        edited(file) as (_session, nodes),
+        pytest.raises(UsageError, match="was changed by another program and is not overwritten"),
+    ):
         nodes.save(Meanwhile(), str(file))
     assert "900" in file.read_text(encoding="utf-8")
 
@@ -185,7 +188,7 @@ def test_only_the_edited_value_of_a_dcf_changes(tmp_path: Path, dcf: Path, to: s
 def test_an_unedited_file_is_copied_byte_for_byte(tmp_path: Path, dcf: Path, kind: str) -> None:
     file, copy = dcf if kind == "dcf" else network(tmp_path), tmp_path / f"copy.{kind}"
     with unedited(file) as (session, nodes):
-        assert nodes.save(session, str(copy)) == f"{copy}: a copy of {file}, nothing is changed"
+        assert nodes.save(session, str(copy)) == f"{copy}: a copy of {file}, without changes"
     assert copy.read_bytes() == file.read_bytes()
 
 
@@ -232,7 +235,7 @@ def test_the_nodes_keep_their_order(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", sorted(NOT_EDITED))
 def test_other_examples_do_not_open(name: str) -> None:
-    with pytest.raises(UsageError, match="no EDS is known of its nodes"):
+    with pytest.raises(UsageError, match="its nodes have no EDS"):
         file_to_edit(str(EXAMPLES / name))
 
 

@@ -419,9 +419,9 @@ def test_what_is_learnt_later_counts_for_what_came_before() -> None:
 def test_a_gap_is_said_and_takes_what_was_seen_with_it() -> None:
     store = FrameStore(decoder(), bitrate=500_000)
     store.take(Frame(0x701, b"\x05", timestamp_s=BEGIN_S))
-    store.gap(BEGIN_S + 9, "the bus was gone for 9 s")
+    store.gap(BEGIN_S + 9, "the bus was lost for 9 s")
     assert (store.rows, store.states, store.frames) == ({}, {}, 1)
-    assert (store.events[-1].text, store.events[-1].bad) == ("the bus was gone for 9 s", True)
+    assert (store.events[-1].text, store.events[-1].bad) == ("the bus was lost for 9 s", True)
     assert store.take(Frame(0x701, b"\x05", timestamp_s=BEGIN_S + 10)), "its state is news again"
     assert store.frames == 2
 
@@ -465,7 +465,10 @@ def _dialogs(name: str) -> Dialog:
         case "record":
             return FieldDialog("record to", "monitor.log", lambda _text: "", ".asc .blf .log .trc .mf4 .pcapng")
         case "question":
-            said = "080#: SYNC: nodes act on the RPDOs they took since the last one; send it every 20 ms until stopped?"
+            said = (
+                "080#: SYNC: nodes apply the last received RPDOs and transmit their TPDOs; "
+                "send it every 20 ms until stopped?"
+            )
             return Question(said, nothing)
     rows = ("rpdo1 6040=6 60FF=-100 every 50ms key 1", "7A0#1027 key 2", "185#0000 every 1s")
     return TransmitList([TransmitEntry(transmit_row(row)) for row in rows], *[nothing] * 5)

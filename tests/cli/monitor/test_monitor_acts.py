@@ -88,7 +88,7 @@ def test_sync_is_asked_about_as_send_asks(open_terminal: Open, answer: str, is_s
     fill(terminal, "SYNC period in ms", "0")
     terminal.wait("0: a period is 1…3600000 ms")
     fill(terminal, "SYNC period in ms", "100")
-    terminal.wait("080#: SYNC: nodes act on the RPDOs", "every 100 ms until it is stopped?", "[y/N]")
+    terminal.wait("080#: SYNC: nodes apply the last received RPDOs", "every 100 ms until it is stopped?", "[y/N]")
     terminal.type(answer)
     if not is_sent:
         terminal.wait("not done: the answer was no")
@@ -136,7 +136,7 @@ def test_a_transmit_list_is_typed_sent_edited_and_kept(tmp_path: Path, open_term
         terminal.type(ESCAPE)
         terminal.until(lambda: "TRANSMIT" not in terminal.text, "the list gone")
         terminal.type("1")
-        terminal.wait("205#06009CFFFFFF: taken by RPDO1 of node 5", "every 50 ms until it is stopped? [y/N]")
+        terminal.wait("205#06009CFFFFFF: received by RPDO1 of node 5", "every 50 ms until it is stopped? [y/N]")
         terminal.type("y")
         assert wait_for_frame(other, 0x205)[-1].data == bytes.fromhex("06009CFFFFFF")
         terminal.type("x")
@@ -148,7 +148,7 @@ def test_a_transmit_list_is_typed_sent_edited_and_kept(tmp_path: Path, open_term
         fill(terminal, "edit", "rpdo1 60FF=7")
         terminal.until(lambda: "rpdo1 60FF=7 " in terminal.text, "the edited row")
         terminal.type("s")
-        terminal.wait("205#060007000000: taken by RPDO1 of node 5")  # 6040 keeps the value it was sent with
+        terminal.wait("205#060007000000: received by RPDO1 of node 5")  # 6040 keeps the value it was sent with
         terminal.type("n")
         terminal.wait("not done: the answer was no")
         terminal.type(ESCAPE + "q")
@@ -324,7 +324,7 @@ def test_a_row_is_judged_when_it_is_typed(open_terminal: Open) -> None:
         ("rpdo1 6040=0x10000", "65536 does not fit UNSIGNED16"),
         ("rpdo1 60FF=1", "RPDO1 has no 60FF"),
         ("181#11", "0x181: the frame has 1 byte"),
-        ("7A0#1027", "7A0#1027: no node that was read uses CAN-ID 0x7A0"),
+        ("7A0#1027", "7A0#1027: no node that was read transmits CAN-ID 0x7A0"),
     ]:
         terminal.type("x")
         terminal.wait("TRANSMIT (")

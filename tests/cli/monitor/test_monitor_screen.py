@@ -162,12 +162,12 @@ def test_a_bus_that_goes_and_comes_back_is_waited_for(tmp_path: Path, open_termi
     with served(tmp_path, "gen4@5", port=port) as server:
         terminal = open_terminal(*bus_words(server.port), "monitor", "--nodes", "5", columns=120)
         terminal.until(lambda: count(terminal) > 0, "frames")
-    terminal.wait("GONE for")
+    terminal.wait("LOST for")
     before = count(terminal)
     with served(tmp_path, "gen4@5", port=port):
         terminal.until(lambda: "GONE" not in terminal.lines[0] and count(terminal) > before, "frames of now")
-        terminal.wait("the bus was gone for")
-    terminal.wait("GONE for")
+        terminal.wait("the bus was lost for")
+    terminal.wait("LOST for")
     terminal.type("q")
     assert terminal.ended() == 0
     said = terminal.written.decode().rpartition("MONITOR")[2]

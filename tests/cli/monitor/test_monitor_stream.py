@@ -67,7 +67,7 @@ def test_values_without_an_eds_are_said_to_have_no_sign(tmp_path: Path) -> None:
     with served(tmp_path, "lely@5") as server:
         done = server.dvtcli("monitor", "--nodes", "5", "--duration", "0.5")
     assert done.returncode == 0, done.stderr
-    assert "node 5 has no EDS: its values have no names, and no sign" in done.stderr
+    assert "node 5 has no EDS: its values have no names and are unsigned" in done.stderr
 
 
 def test_wrong_words_are_usage_errors() -> None:

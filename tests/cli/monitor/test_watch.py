@@ -137,7 +137,7 @@ def test_a_bus_that_goes_and_comes_back_is_waited_for(tmp_path: Path, open_termi
     with served(tmp_path, "gen4@5", port=port) as server:
         terminal = open_terminal(*bus_words(server.port), "-n", "5", "watch", "1000", "tpdo1", columns=120)
         terminal.until(lambda: "131474" in terminal.text, "a value")
-    terminal.wait("GONE for")
+    terminal.wait("LOST for")
     with served(tmp_path, "gen4@5", port=port):
         terminal.until(lambda: "GONE" not in terminal.lines[0] and "131474" in terminal.text, "values of now")
         terminal.type("q")

@@ -40,7 +40,7 @@ def test_it_says_so_waits_and_goes_on_and_nothing_that_was_read_counts(
         terminal.wait_prompt(prompt(server, "PRE-OP*> "))
         terminal.until(lambda: "F1 help" in terminal.toolbar and "GONE" not in terminal.toolbar, "the toolbar")
         terminal.run("verify")
-        terminal.wait("no longer holds what was set and not stored: TPDO1")
+        terminal.wait("has lost unstored values: TPDO1")
         terminal.wait("TPDO1  event timer is 0, expected 70")
         terminal.wait_prompt(prompt(server, "PRE-OP> "))
         terminal.run("set tpdo2 --timer 80")

@@ -48,7 +48,7 @@ def test_what_is_saved_is_checked_shown_and_written(editing: Edit) -> None:
 def test_an_unchanged_file_changes_nothing(editing: Edit) -> None:
     terminal = editing('touch "$1"')
     terminal.run("pdo edit tpdo1")
-    terminal.wait("TPDO1 is left as it is.")
+    terminal.wait("TPDO1 is not changed.")
     terminal.wait_prompt()
 
 
@@ -75,7 +75,7 @@ def test_a_wrong_text_can_be_given_up(editing: Edit) -> None:
     terminal.wait("line 1: 999 is not within 0…255")
     terminal.wait("Edit it again? [y/N]")
     terminal.type("\r")
-    terminal.wait("TPDO1 is left as it is.")
+    terminal.wait("TPDO1 is not changed.")
     terminal.wait_prompt()
 
 
@@ -113,7 +113,7 @@ def test_what_was_typed_is_kept_where_the_device_does_not_take_it(open_terminal:
     terminal = open_terminal(*words, columns=300, rows=40, environment=environment)
     terminal.wait_prompt()
     terminal.run("pdo edit tpdo1")
-    terminal.wait("your text is kept as ")
+    terminal.wait("your text is saved as ")
     terminal.wait_prompt()
     kept = re.search(r"kept as (\S+\.yaml)", terminal.text)
     assert kept is not None

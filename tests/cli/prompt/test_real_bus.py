@@ -63,7 +63,7 @@ def test_control_c_in_the_middle_of_a_change_rolls_it_back(wire: Wire, terminal:
         terminal.type(CTRL_C)
         terminal.wait("stopping at the next safe point")
     terminal.wait_prompt(prompt(wire, "PRE-OP> "))
-    terminal.wait("stopped after step", "rolled back: everything is as it was")
+    terminal.wait("stopped after step", "rolled back: everything is as before")
     assert {at: wire.device.value(*at) for at in before} == before
 
     terminal.run("map tpdo1 6041 --sync 1")
@@ -133,7 +133,7 @@ def test_a_heartbeat_that_stops_is_said(wire: Wire, terminal: Terminal) -> None:
     for _ in range(3):
         wire.say(0x705, PRE_OPERATIONAL)
     terminal.wait("NO HEARTBEAT")
-    terminal.wait("node 5  heartbeat lost: the last one came")
+    terminal.wait("node 5  heartbeat lost: the last was received")
     wire.say(0x705, PRE_OPERATIONAL)
     terminal.wait("node 5  heartbeat is back")
 
@@ -159,7 +159,7 @@ def test_a_bus_that_goes_away_is_said_and_the_prompt_stays(wire: Wire, open_term
     terminal = opened(wire, open_terminal, "--no-reconnect")
     wire.hang_up()
     terminal.wait("FAILED")
-    terminal.wait("failed (receive): no frames are received any more")
+    terminal.wait("failed (receive): no more frames are received")
     terminal.run("pdo")
     terminal.wait("error: ")
     terminal.wait_prompt(prompt(wire, "").rstrip() + "> ")

@@ -65,6 +65,6 @@ def test_what_a_signal_stops_is_put_back_and_the_program_ends_unless_it_is_contr
         assert terminal.ended() == CODES[number]
     assert wire.downloads >= step
     if line == MAP:
-        assert "rolled back: everything is as it was" in terminal.text
+        assert "rolled back: everything is as before" in terminal.text
     assert held() == before
     assert wire.device.state is NmtState.OPERATIONAL

@@ -53,7 +53,7 @@ def test_ctrl_c_stops_a_line_that_runs_without_end(gen4: Terminal) -> None:
     gen4.run("puts begun; while 1 {}")
     gen4.until(lambda: "begun" in gen4.lines, "the line's own answer")  # what was typed says `begun`, too
     gen4.type(CTRL_C)
-    gen4.wait("Tcl begins again: variables and procedures are gone")
+    gen4.wait("Tcl was restarted: its variables and procedures are lost")
     gen4.wait_prompt(MODE)
     gen4.run("exit")
     gen4.wait_prompt()

@@ -28,7 +28,7 @@ def test_lines_typed_while_a_command_runs_stand_at_the_prompt_and_do_not_run(wir
         terminal.until(lambda: wire.downloads == 1, "the first write")
         terminal.type(f"map tpdo1 606C{ENTER}cle")
         terminal.until(lambda: terminal.cursor_line == "cle", "what is typed, as the terminal itself shows it")
-    terminal.wait("what was typed meanwhile stands on the line; Enter runs it")
+    terminal.wait("the line has the input typed in between; Enter runs it")
     terminal.until(lambda: terminal.cursor_line == "  ... cle", "the second line, as a line that goes on")
     assert prompt(wire, "PRE-OP*> map tpdo1 606C") in terminal.text
     assert wire.device.value(0x1A00, 0) == b"\x01"
@@ -57,7 +57,7 @@ def test_a_terminal_that_cannot_edit_a_line_throws_away_what_was_typed_meanwhile
     terminal.type("restore\n")
     terminal.wait("restore? [y/N]")
     terminal.type("n\nread 1018:1\n")
-    terminal.wait("12 characters typed meanwhile were thrown away")
+    terminal.wait("12 characters typed in between were discarded")
     terminal.wait_prompt()
     assert "0x1018:01" not in terminal.text
 
@@ -79,7 +79,7 @@ def test_what_is_pasted_in_one_piece_runs_line_by_line(gen4: Terminal) -> None:
     gen4.type(ENTER)
     gen4.wait("0x0705302D")
     assert "0x0000001E" in gen4.text
-    assert "thrown away" not in gen4.text
+    assert "discarded" not in gen4.text
 
 
 def test_ctrl_c_at_a_question_is_no_and_the_next_line_answers_nothing(gen4: Terminal) -> None:
@@ -89,7 +89,7 @@ def test_ctrl_c_at_a_question_is_no_and_the_next_line_answers_nothing(gen4: Term
     gen4.wait("interrupted")
     gen4.wait_prompt()
     gen4.run("y")
-    gen4.wait("no command is called 'y'")
+    gen4.wait("unknown command 'y'")
     gen4.type(CTRL_C)
     gen4.wait_prompt("sim/1 PRE-OP> ")
 
@@ -104,7 +104,7 @@ def test_what_was_typed_before_a_question_answers_nothing(wire: Wire, open_termi
         terminal.until(lambda: wire.downloads == 1, "the first write")
         terminal.type(f"y{ENTER}")
         terminal.until(lambda: "y" in terminal.lines, "what is typed, as the terminal itself shows it")
-    terminal.wait("what was typed before this question does not answer it: it comes to the next line")
+    terminal.wait("input typed before this question does not answer it; it is kept for the next line")
     terminal.wait("restore? [y/N]")
     terminal.type(f"n{ENTER}")
     terminal.wait("not done: the answer was no")
@@ -117,6 +117,7 @@ def test_ctrl_c_at_the_last_question_stays(gen4: Terminal) -> None:
     gen4.type(CTRL_D)
     gen4.wait("leave? [y/N]")
     gen4.type(CTRL_C)
+    gen4.wait("note: dvtcli stays open; store stores the changes, undo reverts them")
     gen4.wait_prompt("sim/1 PRE-OP*> ")
 
 

@@ -35,5 +35,5 @@ def test_what_stands_on_a_line_can_be_printed_and_does_not_end_it(keys: str) -> 
 
 
 def test_what_is_thrown_away_is_counted() -> None:
-    assert thrown_away("y\r") == "2 characters typed meanwhile were thrown away"
+    assert thrown_away("y\r") == "2 characters typed in between were discarded"
     assert thrown_away("\x1b[12;40R") is None

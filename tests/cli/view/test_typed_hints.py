@@ -52,9 +52,9 @@ def test_every_action_has_words_and_a_call(action: Action) -> None:
         ),
         (Hint(Action.CHECK_EDS, {"file": "a b.eds"}), "`dvtcli eds check 'a b.eds'`", "`eds check 'a b.eds'`", None),
         (
-            Hint(Action.UNDO, {"all": True, "force": True}, "goes back"),
-            "`dvtcli -i socketcan -c 'can 0' -n 5 undo --all --force` goes back", "`undo --all --force` goes back",
-            "`node.undo(everything=True, force=True)` goes back",
+            Hint(Action.UNDO, {"all": True, "force": True}, "rolls back"),
+            "`dvtcli -i socketcan -c 'can 0' -n 5 undo --all --force` rolls back", "`undo --all --force` rolls back",
+            "`node.undo(everything=True, force=True)` rolls back",
         ),
         (Hint(Action.GIVE_EDS, why="helps"), "--eds FILE helps", "--eds FILE helps", "eds=FILE helps"),
     ],

@@ -107,7 +107,7 @@ def test_where_it_is_to_be_on_it_is_filled_and_enabled_on_a_can_id_that_nobody_u
 def test_where_nothing_is_known_to_be_mapped_nothing_is_sent() -> None:
     one, channel = asking()
     answer = one.ask(probe(Stand.FILLED, TEN))
-    assert (answer.code, answer.why, channel.writes) == (None, "nothing is known that it maps", [])
+    assert (answer.code, answer.why, channel.writes) == (None, "its mappable objects are unknown", [])
 
 
 def test_what_the_object_holds_afterwards_is_the_answer() -> None:
@@ -169,7 +169,7 @@ def test_no_more_is_written_than_was_announced_and_each_is_told() -> None:
     one.on_write = lambda: told.append(one.writes)
     for _ in range(3):
         one.ask(probe(Stand.EMPTY, (COUNT, b"\0")))
-    with pytest.raises(SafetyRefusal, match="node 1 was written 3 times, as many as were announced"):
+    with pytest.raises(SafetyRefusal, match="node 1 was written 3 times, the announced maximum"):
         one.ask(probe(Stand.EMPTY, (COUNT, b"\0")))
     assert (len(channel.writes), told, one.writes) == (3, [1, 2, 3], 3)
 

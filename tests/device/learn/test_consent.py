@@ -167,7 +167,7 @@ def test_a_restricted_can_id_takes_isolated() -> None:
         rows = bench.run("learn --yes --json").document["probes"]
         named = [row for row in rows if row["name"].startswith("CAN-ID")]
         assert named
-        assert all(row["accepted"] is None and "nothing else is on the bus" in row["why"] for row in named)
+        assert all(row["accepted"] is None and "no other node is on the bus" in row["why"] for row in named)
 
 
 class TestSaving:
@@ -227,7 +227,7 @@ class TestSaving:
         with own("tmcm") as bench:
             lines = bench.run("learn --yes --save pump").stdout.splitlines()
         assert lines[-2].endswith("profiles/pump.toml")
-        assert "delete it to revert this" in lines[-1]
+        assert "delete the file to revert this" in lines[-1]
 
     @pytest.mark.parametrize(("name", "code"), [("gen4", 2), ("Pump!", 2), ("mine", 2), ("../pump", 2)])
     def test_no_other_folder(self, name: str, code: int) -> None:

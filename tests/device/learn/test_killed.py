@@ -56,9 +56,9 @@ def test_recover_puts_back_what_a_killed_learn_changed(bench: Bench, step: int) 
     assert len(bench.journals()) == 1
     told = " ".join(bench.run("read", "1000")[2].split())
     assert "which asked TPDO5, RPDO5, TPDO4, RPDO1 of node 5, was interrupted: `dvtcli " in told
-    assert "recover` puts the old configuration back" in told
-    question = " ".join(bench.run("recover")[2].split()).partition("error: nobody can answer: ")[2]
-    written, _, compared = question.rpartition("as before the interrupted learning, and only compared: ")
+    assert "recover` rolls back to the old configuration" in told
+    question = " ".join(bench.run("recover")[2].split()).partition("error: no terminal to answer on: ")[2]
+    written, _, compared = question.rpartition("already as before the interrupted learning, compared only: ")
     assert set(re.findall("[TR]PDO\\d", written)) <= {"TPDO5", "RPDO5"}, "only what was written"
     assert set(re.findall("[TR]PDO\\d", question)) == {"TPDO5", "RPDO5", "TPDO4", "RPDO1"}
     assert "of node 5; recover?" in compared
@@ -69,7 +69,7 @@ def test_recover_puts_back_what_a_killed_learn_changed(bench: Bench, step: int) 
         assert set(named.split(", ")) <= {"TPDO5", "RPDO5"}, "only what was written"
         assert " more are as before" in rest
     else:
-        assert named.endswith("are as wanted already; nothing was written.")
+        assert named.endswith("are already as requested; nothing was written.")
     assert dump(bench) == before
     assert not bench.journals()
 

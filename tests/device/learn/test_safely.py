@@ -66,7 +66,7 @@ def test_all_is_as_it_was_and_what_was_read_is_read_anew() -> None:
     before = node.pdos()
     asked = ask(node)
     assert asked.writes > 100
-    assert all(answer.why != "nothing is known that it maps" for answer in asked.known[0].answers.values())
+    assert all(answer.why != "its mappable objects are unknown" for answer in asked.known[0].answers.values())
     assert node.cancellation.active, "a Ctrl-C comes too late by now"
     assert node.pdos() == before
     ask(node)
@@ -118,7 +118,7 @@ def test_what_the_device_goes_on_altering_is_left_changed_with_both_reasons(limi
     with pytest.raises(LeftChanged) as caught:
         ask(node, limit=limit)
     why = str(caught.value.why)
-    assert why.startswith("node 1 was written 20 times, as many as were announced; then, while") == (limit == 20)
+    assert why.startswith("node 1 was written 20 times, the announced maximum; then, while") == (limit == 20)
     assert "None" not in why
     assert node.pending.suspicions.keys() == {CHANGE}, "nothing is stored over it"
 

@@ -129,7 +129,7 @@ def test_how_a_device_that_saves_by_itself_is_asked_about() -> None:
     wire = VirtualWire(made(store_capability=2))
     with wire.bench({"eds": str(EDS)}) as bench:
         asked = " ".join(bench.run("learn --with-store").stderr.split())
-        assert "0x1010:01 is 2: it saves by itself, so each write wears its memory" in asked
+        assert "0x1010:01 is 2: it stores on its own, so each write wears its memory" in asked
         assert "written up to" in asked
 
 

@@ -119,12 +119,12 @@ def test_an_object_of_the_other_direction_is_asked_for(both: bool) -> None:
 
 
 @pytest.mark.parametrize(
-    ("family", "said"), [("tmcm", "nodes of its identity use the last file"), ("canopennode", "-p pump")]
+    ("family", "said"), [("tmcm", "nodes with its identity use the last file"), ("canopennode", "-p pump")]
 )
 def test_who_uses_what_was_saved_is_told(family: str, said: str) -> None:
     with own(family) as bench:
         told = " ".join(bench.run("learn --save pump --yes").stdout.split())
     assert said in told
-    assert ("of its identity" in told) == ("-p pump" not in told)
+    assert ("with its identity" in told) == ("-p pump" not in told)
     with own(family, {"profile": "pump"} if "-p" in said else {}) as bench:
         assert bench.run("node --json").document["nodes"][0]["profile"] == "pump"

@@ -90,7 +90,7 @@ def test_a_limit_that_is_proposed_limits() -> None:
     rule = next(one for one in NETWORK_RULES if one.name == "unbounded-event-pdo")
     ((_, spot, text),) = network_findings(CheckedNetwork(planted.change(SOUND), 125_000), {rule.name})
     assert (spot.node_id, str(spot.pdo)) == (5, "tpdo1")
-    assert text == "no inhibit time, no event timer; 20 ms would hold it to 3.4 %"
+    assert text == "no inhibit time, no event timer; 20 ms would limit it to 3.4 %"
 
 
 def test_rules_say_who_says_so() -> None:

@@ -68,7 +68,7 @@ def test_what_cannot_be_read_back_is_not_written(sub_index: int, text: str) -> N
 def test_a_parameter_of_another_length_is_refused(kind: object, abort: int, text: str) -> None:
     (finding,) = check_pdo(proposal(described=parameter(5, data_type=kind, line=None), event_timer=9))
     assert (finding.rule, finding.abort, finding.text) == ("parameter-length", abort, text)
-    assert typed(finding.hint) == "if the file is wrong, correct it, or give another one: --eds FILE"
+    assert typed(finding.hint) == "if the file is wrong, correct it or give another file: --eds FILE"
 
 
 def test_a_parameter_without_a_type_is_not_measured() -> None:

@@ -452,7 +452,7 @@ def test_as_many_entries_as_the_device_takes() -> None:
     room = len(dictionary("generic")[0x1A00].entries) - 1
     (over,) = [f for f in check_pdo(mapped(proposal(), *((0x6061, 0, 1),) * (room + 1))) if f.rule == "entry-count"]
     assert (over.place, over.abort) == (f"0x1A00:{room + 1:02X}", 0x0609_0011)
-    assert f"{room + 1} entries are wanted, TPDO1 of this device takes {room}" in over.text
+    assert f"{room + 1} entries were requested, TPDO1 has at most {room}" in over.text
 
 
 @pytest.mark.parametrize(("bits", "found"), [(64, []), (65, ["pdo-length"])])
@@ -466,7 +466,7 @@ def test_without_a_file_that_is_said_once() -> None:
     asked = replace(mapped(proposal(), (0x6041, 0, 16), (0x606C, 0, 32)), dictionary=None)
     (finding,) = [finding for finding in check_pdo(asked) if finding.severity is Severity.NOTE]
     assert (finding.rule, finding.place) == ("no-dictionary", "0x1A00:00")
-    assert finding.text.startswith("no EDS: nothing is known beforehand about 6041:00, 606C:00:")
+    assert finding.text.startswith("no EDS: 6041:00, 606C:00 cannot be checked beforehand")
     assert [
         f
         for f in check_pdo(replace(asked, want=replace(asked.want, mapping=asked.now.mapping)))
@@ -527,6 +527,6 @@ def test_a_finding_names_the_object_where_its_name_is_known() -> None:
     asked = proposal()
     entry = PdoMappingEntry.from_raw(0x6041_0020)
     asked = replace(asked, want=replace(asked.want, mapping=(entry,)))
-    assert '6041:00 "Statusword" has 16 bits, 32 are wanted' in [finding.text for finding in check_pdo(asked)]
+    assert '6041:00 "Statusword" has 16 bits, 32 were requested' in [finding.text for finding in check_pdo(asked)]
     nameless = replace(asked, dictionary=None, lengths={(0x6041, 0): 16})
-    assert "6041:00 has 16 bits, 32 are wanted" in [finding.text for finding in check_pdo(nameless)]
+    assert "6041:00 has 16 bits, 32 were requested" in [finding.text for finding in check_pdo(nameless)]

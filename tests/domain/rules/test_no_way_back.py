@@ -56,12 +56,12 @@ def test_the_most_that_a_device_takes_is_put_back_and_said(back: Proposal, was: 
     assert found is not None
     taken, warned = found
     assert (warned.rule, warned.severity) == ("way-back", Severity.WARNING)
-    assert warned.text.startswith(f"TPDO1 is {was} now, and a device may not take that back (")
-    assert warned.text.endswith(f": if it does not, an undo leaves it {left}")
+    assert warned.text.startswith(f"TPDO1 is {was} now, and a device may refuse that configuration (")
+    assert warned.text.endswith(f": if it does, an undo leaves it {left}")
     assert [one for one in check_pdo(replace(back, want=taken)) if one.severity is Severity.ERROR] == []
     after = put_back_finding(TPDO1, back.want, taken)
     assert after.place == "0x1800:01"
-    assert after.text == f"TPDO1 was {was}, and the device does not take that back: it is {left} now"
+    assert after.text == f"TPDO1 was {was}, and the device refuses that configuration: it is {left} now"
 
 
 def test_what_a_device_takes_back_needs_no_word() -> None:
@@ -79,6 +79,6 @@ def test_what_can_neither_be_put_back_nor_be_switched_off_is_an_error() -> None:
     assert taken == back.want
     assert (refused.rule, refused.severity, refused.place) == ("no-way-back", Severity.ERROR, "0x1800:01")
     assert refused.text.startswith(
-        "TPDO1 could not be rolled back after this, nor be switched off and emptied: COB-ID of"
+        "TPDO1 could neither be rolled back after this, nor be switched off and emptied: COB-ID of"
     )
     assert typed(refused.hint) == "choose another PDO (`pdo --all`)"

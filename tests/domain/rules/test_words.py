@@ -43,7 +43,7 @@ def changed(index: int, **attributes: object) -> ObjectDictionary:
 
 def test_too_many_bits_are_counted_and_the_last_object_is_named() -> None:
     finding = found(mapping(TPDO1, *[STATUSWORD] * 5), "pdo-length")
-    assert "would need 80 bits, a PDO holds 64" in finding.text
+    assert "would need 80 bits, a PDO has at most 64" in finding.text
     assert typed(finding.hint) == "16 bits too many: drop 6041:00, or put it into another PDO"
 
 
@@ -81,7 +81,7 @@ def test_a_file_that_says_nothing_of_mapping_is_said_to() -> None:
     silent = ObjectDictionary({0x6041: described[0x6041]}, described.info, "file.eds")
     finding = found(mapping(TPDO1, STATUSWORD, 0x6061_0008, described=silent), "mappable-unknown")
     assert finding.severity is Severity.WARNING
-    assert "file.eds does not say whether 6041:00" in finding.text
+    assert "file.eds does not state whether 6041:00" in finding.text
     assert found(mapping(TPDO1, STATUSWORD, 0x6061_0008, described=described), "mappable").severity is Severity.ERROR
 
 
@@ -179,7 +179,7 @@ def test_a_multiplexed_pdo_is_named_with_its_count() -> None:
 
 def test_what_is_fixed_says_what_else_there_is() -> None:
     held = GENERIC_FILE[0x1A00]
-    for sub_index, hint in ((0, "a profile's `filler` helps"), (1, "this device fixes what the PDO carries")):
+    for sub_index, hint in ((0, "a profile's `filler` helps"), (1, "this device has a fixed mapping for the PDO")):
         entries = {**held.entries, sub_index: replace(held.entries[sub_index], access=Access.RO)}
         described = ObjectDictionary({**GENERIC_FILE, 0x1A00: replace(held, entries=entries)}, GENERIC_FILE.info, "x")
         assert hint in typed(found(mapping(TPDO1, 0x6061_0008, described=described), "static-mapping").hint)
@@ -191,7 +191,7 @@ def test_dummies_that_a_device_has_are_listed_and_nobody_says_where_nobody_knows
         assert have in found(replace(asked, profile=replace(GENERIC, dummies=dummies)), "dummy-supported").text
     unknown = found(replace(asked, dictionary=None, profile=replace(GENERIC, dummies=None)), "dummy-unknown")
     assert unknown.severity is Severity.WARNING
-    assert unknown.text == "no file says whether this device takes the dummy 0005:00/8"
+    assert unknown.text == "no file states whether this device has the dummy 0005:00/8"
 
 
 @pytest.mark.parametrize(("stated", "refused"), [(None, []), (0, []), (1, []), (8, [3, 1]), (64, [])])

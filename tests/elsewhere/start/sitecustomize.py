@@ -9,4 +9,4 @@ try:
     {"windows": windows.become, "macos": macos.become}[os.environ["TESTS_ELSEWHERE"]]()
 except BaseException:  # noqa: BLE001 - whatever it is
     traceback.print_exc()
-    os._exit(99)  # Python would go on as what it is
+    os._exit(99)  # Python would continue as what it is

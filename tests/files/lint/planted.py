@@ -99,7 +99,7 @@ LINES = (
     Planted("line-ends", SOUND, name="lf"),
     p("long-line", "Description=A pump", f"Description={'x' * 250}", twin=f"Description={'x' * 243}"),
     p("header-case", "[2002sub1]", "[2002SUB1]", twin="[2002Sub1]"),
-    p("misspelt-key", "HighLimit=500", "HighLimt=500", said="is HighLimit meant?"),
+    p("misspelt-key", "HighLimit=500", "HighLimt=500", said="did you mean HighLimit?"),
     p("unknown-key", "HighLimit=500", "HighLimit=500\nColour=red", "Colour=red", twin="HighLimit=500\nUnit=bar"),
     p(
         "key-without-effect",
@@ -136,7 +136,7 @@ LINES = (
         "ParameterValue=a\nParameterValue=a",
         said="ParameterValue=a in line",
     ),
-    p("misspelt-section", "[DummyUsage]", "[DumyUsage]", said="is [DummyUsage] meant?"),
+    p("misspelt-section", "[DummyUsage]", "[DumyUsage]", said="did you mean [DummyUsage]?"),
     p("limit-without-sense", "DefaultValue=pump\n", "DefaultValue=pump\nHighLimit=5\n", "HighLimit=5\n"),
 )
 FILE_INFO = (

@@ -66,7 +66,7 @@ def _left_alone(text: str, where: str = "node") -> Fixture:
     closing = "}" * where.count("{")
     file = in_node(text) if where == "node" else f"{where}: {{{text}}}{closing}\n{in_node('prune: true')}"
     key = text.partition(":")[0]
-    return file, lambda config: any(note.text.startswith(f"{key} is left alone") for note in config.notes), True
+    return file, lambda config: any(note.text.startswith(f"{key} is ignored") for note in config.notes), True
 
 
 def _of_the_master(text: str) -> Fixture:

@@ -135,4 +135,4 @@ def test_a_tab_in_quotes_is_a_letter_and_one_that_indents_is_refused() -> None:
     assert isinstance(value := tree.items["a"][1], Leaf)
     assert (value.text, complaints) == ("x\t# y", [])
     for text in ("a:\n\tb: 1\n", "\ta: 1\n", "a: 1\n\tb: 2\n"):
-        assert "no YAML" in _received(text, read_tree)[1][0], text
+        assert "not YAML" in _received(text, read_tree)[1][0], text

@@ -118,7 +118,7 @@ def test_a_bus_is_drawn_as_it_is_and_compared_with_a_file(tmp_path: Path) -> Non
         bus.apply(LINE, yes=True)
         assert bus.report(tmp_path / "x.html", LINE) == ()
         same = Read((tmp_path / "x.html").read_text("utf-8"))
-        assert "None: every node holds what the file says." in same.text
+        assert "None: every node has the values of the file." in same.text
         bus.node(5).set("tpdo1", timer_ms=70, yes=True)
         with pytest.raises(SafetyRefusal):
             bus.report(tmp_path / "x.html", LINE)

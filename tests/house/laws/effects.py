@@ -24,7 +24,7 @@ MAY_READ_AND_SEND: dict[str, dict[str, str]] = {
     },
     "pdo": {"operations/changes/change.py": "`pdo edit` shows its plan, and `undo` reverts it"},
     "sync": {"operations/pdos/produce_sync.py": "SYNC changes nothing that a node holds"},
-    "verify": {"operations/pdos/look_at_frames.py": "the same, and the NMT state goes back to what it was"},
+    "verify": {"operations/pdos/look_at_frames.py": "the same, and the NMT state rolls back to what it was"},
 }
 #: what carries plans out by a method of the node, which imports do not show
 _CARRIES_OUT = ("operations/changes/change.py", "change_result")

@@ -70,7 +70,7 @@ def test_one_that_calls_the_bus_ends_a_change_of_several_nodes_which_is_put_back
         _TIMERS,
     )
     assert said.splitlines() == [
-        "a call-back must not call the bus that calls it: remember what it says, and call later",
+        "a callback must not call the bus that calls it: save the data and make the call later",
         "[10, 10]",
     ]
 

@@ -120,7 +120,7 @@ bus.node(5).map("tpdo1", "6041/16", "606C/32")
         node = bus.node(5)
         with pytest.raises(errors.SafetyRefusal, match="interrupted"):
             node.set("tpdo2", event=True)
-        with pytest.raises(errors.SafetyRefusal, match="nobody can answer"):
+        with pytest.raises(errors.SafetyRefusal, match="no terminal to answer on"):
             node.recover()
         assert node.pdo("tpdo1").config != before
         assert node.recover(yes=True)
@@ -150,7 +150,7 @@ WRONG = {
     "no such option": (lambda node: node.set("tpdo1", timr=1), errors.UsageError),
     "two kinds": (lambda node: node.set("tpdo1", sync=1, event=True), errors.UsageError),
     "no CAN-ID": (lambda node: node.set("tpdo1", cob_id=0x2000_0000), errors.UsageError),
-    "no multiple": (lambda node: node.set("tpdo1", inhibit_ms=0.05), errors.UsageError),
+    "not a multiple": (lambda node: node.set("tpdo1", inhibit_ms=0.05), errors.UsageError),
     "no index": (lambda node: node.read(0x10000), errors.UsageError),
     "no type": (lambda node: node.read(0x1017, "u17"), errors.UsageError),
     "too large": (lambda node: node.write(0x1017, 0x10000), errors.UsageError),
@@ -196,7 +196,7 @@ def test_consent_needs_yes_or_somebody_who_gives_it() -> None:
         return False
 
     with dvtcli.simulate("gen4") as bus:
-        with pytest.raises(errors.SafetyRefusal, match="nobody can answer") as refused:
+        with pytest.raises(errors.SafetyRefusal, match="no terminal to answer on") as refused:
             bus.node().restore()
         assert refused.value.hint == "give yes=True to answer yes"
         assert bus.node().restore(yes=True)
@@ -264,7 +264,7 @@ def test_a_call_back_that_raises_ends_the_change_which_is_put_back() -> None:
 def test_a_call_back_must_not_call_the_bus() -> None:
     with dvtcli.simulate("gen4", on_progress=lambda _: bus.node().pdos()) as bus:
         before = bus.node().pdo("tpdo1").config
-        with pytest.raises(errors.UsageError, match="call-back"):
+        with pytest.raises(errors.UsageError, match="callback"):
             bus.node().map("tpdo1", "6041", "606C")
         assert bus.node().pdo("tpdo1").config == before
 
@@ -325,7 +325,7 @@ def test_an_eds_is_of_one_node(tmp_path: Path) -> None:
         two.pdos()
         assert bus.node(2, eds=eds) is two
         assert bus.node(1).identity().source != two.identity().source
-        with pytest.raises(errors.UsageError, match="used already"):
+        with pytest.raises(errors.UsageError, match="used before"):
             bus.node(2, eds=family_eds("gen4"))
         with pytest.raises(errors.UsageError, match=r"[Nn]o such file"):
             bus.node(3, eds=tmp_path / "nosuch.eds")

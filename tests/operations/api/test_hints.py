@@ -38,7 +38,7 @@ def typed_words(hint: str) -> list[str]:
 @pytest.mark.together
 def test_all_hints_are_found() -> None:
     assert len(all_hints()) > 100
-    for hint in ("which one? 5", "check its supply, then try again"):
+    for hint in ("give a name: 5", "check its supply, then try again"):
         assert hint in all_hints()
 
 
@@ -96,7 +96,7 @@ SAID = {
     "nothing to map": (lambda node: node.map("tpdo1", "9999"), "`node.objects(TEXT)` searches the dictionary"),
     "no name": (
         lambda node: node.write("nonsense", 1),
-        "`node.objects(TEXT)` searches the dictionary; eds=FILE gives one",
+        "`node.objects(TEXT)` searches the dictionary; eds=FILE names the EDS",
     ),
 }
 
@@ -140,6 +140,6 @@ def test_a_store_whose_answer_went_with_the_bus_says_what_is_not_known(call: str
 
 
 def test_what_takes_a_network_back_is_a_call_of_the_bus() -> None:
-    hint = Hint(Action.FINISH_STORES, why="goes on with the stores")
+    hint = Hint(Action.FINISH_STORES, why="continues with the stores")
     said = called(hint + Hint(Action.RECOVER_ALL, why=", {} puts every node back"))
-    assert said == "`bus.finish_stores()` goes on with the stores, `bus.recover()` puts every node back"
+    assert said == "`bus.finish_stores()` continues with the stores, `bus.recover()` puts every node back"

@@ -63,7 +63,7 @@ def test_each_call_puts_back_one_more_of_earlier_programs(served: ServedBus) -> 
         undone = bus.node(5).undo()
         assert [step.object for step in undone.plan.steps] == ["1800:05"]
         assert timer(served) == before
-        with pytest.raises(errors.UsageError, match="no change of node 5 is remembered"):
+        with pytest.raises(errors.UsageError, match="the history has no change of node 5"):
             bus.node(5).undo()
     assert len([one for one in told if "this undoes the change of" in one.text]) == 2
 

@@ -52,7 +52,7 @@ def test_a_dry_run_ties_nothing() -> None:
     [
         (("digital-in", 0, "throttle"), "a pin is 1…254"),
         (("digital-in", True, "throttle"), "a pin is 1…254"),
-        (("digital-in", None, "throttle"), "can be untied, not tied"),
+        (("digital-in", None, "throttle"), "can be unlinked together, but not linked"),
         (("digital-in", 1, 1.5), "an object's name or index"),
         (("digital-in", 1, -1), "an index is 0…65535"),
         (("digital-in", 1, "nonsense"), "no object is named 'nonsense'"),

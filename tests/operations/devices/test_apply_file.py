@@ -72,8 +72,8 @@ def test_another_product_is_refused_and_another_revision_asked_about(tmp_path: P
     file.write_text(re.sub(r"(?m)^ProductNumber=.*", "ProductNumber=0", text), "utf-8")
     with Bench(("generic@5",)) as bench:
         ran = bench.run(f"clone {file} --yes")
-        assert (ran.code, "does not say which product" in ran.stderr) == (6, True)
-        assert "does not say which product" in bench.run(f"apply {file}").stderr
+        assert (ran.code, "does not name its product" in ran.stderr) == (6, True)
+        assert "does not name its product" in bench.run(f"apply {file}").stderr
 
 
 def test_a_file_without_a_value_says_nothing_of_a_device(tmp_path: Path) -> None:
@@ -156,7 +156,7 @@ def test_outputs_are_written_by_no_file_whatever_profile_the_device_has(
         ran = bench.run(f"apply {file} {names} --force --yes")
         assert (ran.code, "it is an output" in ran.stderr or "process data" in ran.stderr) == (0, True), ran
         cloned = bench.run(f"clone {file} {names} --include 6000-9FFF --yes")
-        assert cloned.code == 0 or "does not say which product" in cloned.stderr
+        assert cloned.code == 0 or "does not name its product" in cloned.stderr
         assert bench.run("read 1017 --json").document["value"] == 710
         assert held() == before
 
@@ -173,18 +173,18 @@ def test_what_is_no_configuration_is_left_and_told(tmp_path: Path) -> None:
         done = bench.run(f"apply {file} --yes --json").document
         out = {one["object"]: one["why"] for one in done["nodes"][0]["left_out"]}
         assert out["6040:00"] == "is a command or a target"
-        assert out["2000:00"] == "is manufacturer-specific, and no profile calls it configuration"
+        assert out["2000:00"] == "is manufacturer-specific, and no profile defines it as configuration"
         assert [one["object"] for one in done["nodes"][0]["objects"]] == ["1017:00"]
         assert node.sdo.upload(0x6040, 0) == bytes(2)
         shown = bench.run(f"plan {file} --include 2000").stdout
         assert "0x2000:00" in shown
         assert "0x2004:00" not in shown
-        assert "differs, not written: 2004:00 (holds 'Lift', the file says 'Crane') is manufacturer-specific" in shown
+        assert "differs, not written: 2004:00 (is 'Lift', expected 'Crane') is manufacturer-specific" in shown
         last = f"2 settings of node 1 differ from {file} and are not written: --include 2000 --include 2004 writes such"
         for line, code in ((f"diff {file}", 3), (f"plan {file} --exit-code", 3), (f"apply {file} --yes", 0)):
             ran = bench.run(line)
             assert (ran.code, last in ran.stdout, "No difference" in ran.stdout) == (code, True, False), line
-        assert "Every node holds what is written of the file already" in bench.run(f"apply {file} --yes").stdout
+        assert "Every node has the part of the file that is written already" in bench.run(f"apply {file} --yes").stdout
         verified = bench.run(f"verify {file}")
         assert (verified.code, "2000:00  is 100, expected 111" in verified.stdout) == (3, True)
         assert bench.run(f"plan {file} -o {tmp_path / 'plan.json'}").code == 0
@@ -197,11 +197,16 @@ def test_what_is_no_configuration_is_left_and_told(tmp_path: Path) -> None:
         assert [one["object"] for one in cloned["nodes"][0]["objects"]] == ["2000:00", "2004:00"]
         assert node.sdo.upload(0x2006, 0) == bytes(2), "a set point, which an RPDO can take"
         clean = bench.run(f"diff {file}")
-        assert (clean.code, "holds what is written of the file" in clean.stdout) == (0, True)
+        assert (clean.code, "holds the part of the file that is written" in clean.stdout) == (0, True)
         assert re.search(rf"not written, and may differ: dvtcli .*compare {re.escape(str(file))} --all", clean.stdout)
-        assert "2006:00 (holds 0, the file says 5) is manufacturer-specific, and a command, a target" in clean.stdout
+        assert (
+            "2006:00 (is 0, expected 5) is manufacturer-specific, and by its name a command, a target" in clean.stdout
+        )
         shown = bench.run(f"compare {file} --all")
-        assert (shown.code, "2006:00 is manufacturer-specific, and a command, a target" in shown.stdout) == (0, True)
+        assert (
+            shown.code,
+            "2006:00 is manufacturer-specific, and by its name a command, a target" in shown.stdout,
+        ) == (0, True)
         assert bench.run(f"apply {file} --include 2000-2FFF --yes --json").document["writes"] == 0
         assert bench.run(f"apply {file} --include 2006 --yes --json").document["writes"] == 1
         assert node.sdo.upload(0x2006, 0) == b"\5\0"
@@ -240,7 +245,7 @@ def test_a_command_by_its_name_is_written_only_where_it_is_named_itself(tmp_path
         assert cloned.code == 0, cloned.stderr
         sdo = bench.session.node().sdo
         assert [sdo.upload(index, 0)[0] for index in (0x2000, 0x2001, 0x2002)] == [7, 0, 7]
-        assert "2001:00 (holds 0, the file says 7) is manufacturer-specific, and a command by its name" in cloned.stdout
+        assert "2001:00 (is 0, expected 7) is manufacturer-specific, and by its name a command" in cloned.stdout
         assert "1 setting of node 5 differs" in cloned.stdout.splitlines()[-1]
         assert (bench.run(f"diff {file}").code, bench.run(f"compare {file}").code) == (3, 3)
 
@@ -267,7 +272,7 @@ def test_a_sub_index_behind_include_names_that_one_alone(tmp_path: Path) -> None
             ran = bench.run(f"{line.format(file)} --include 3001:1")
             assert ran.code == code, ran
             assert "0x3001:01" in ran.stdout
-            assert "differs, not written: 3001:02 (holds 0, the file says 8)" in ran.stdout
+            assert "differs, not written: 3001:02 (is 0, expected 8)" in ran.stdout
             assert f"{file} and is not written: --include 3001:02 writes it" in ran.stdout, "what is left, and no more"
             written = "--yes" in line
             held = [bench.session.node().sdo.upload(0x3001, part)[0] for part in (1, 2)]
@@ -284,13 +289,13 @@ def test_an_include_that_names_nothing_of_the_file_is_told(tmp_path: Path) -> No
         for word in ("30FF", "3001:9", "3001:0A"):
             for line in ("clone", "apply", "plan", "diff"):
                 ran = bench.run(f"{line} {file} --include 3001 --include {word}")
-                assert (ran.code, f"--include {word}: names nothing of {file}" in ran.stderr) == (2, True), ran
+                assert (ran.code, f"--include {word}: matches no value of {file}" in ran.stderr) == (2, True), ran
         assert bench.session.node().sdo.upload(0x3001, 1) == bytes(2)
         for word, said in (
             ("6040", "it is not written nevertheless: it is a command or a target"),
             ("1018:1", "it is not written nevertheless: it is read-only"),
             ("1017", "it is written without it"),
-            ("4000-4FFF", f"names nothing of {file}"),
+            ("4000-4FFF", f"matches nothing in {file}"),
         ):
             ran = bench.run(f"plan {file} --include {word}")
             assert (ran.code, f"--include {word}" in ran.stderr, said in ran.stderr) == (0, True, True), ran
@@ -334,16 +339,16 @@ def test_what_keeps_a_setting_is_said_alike_and_is_so(tmp_path: Path) -> None:
     eds.write_bytes(builtin_path("gen4").with_name("gen4.eds").read_bytes())
     with Bench((f"{eds}@5",)) as bench:
         assert bench.run(f"backup {file}").code == 0
-        assert "The device keeps it by itself" in bench.run("write 1017 701").stdout
+        assert "The device stores it on its own" in bench.run("write 1017 701").stdout
         assert bench.run("nmt reset-node --yes").code == 0
         assert bench.run("read 1017 --json").document["value"] == 701
         applied = bench.run(f"apply {file} --yes")
-        assert "Kept by node 5 without a store, `undo --all` reverts it." in applied.stdout, applied.stderr
+        assert "Stored by node 5 on its own, `undo --all` reverts it." in applied.stdout, applied.stderr
         assert "In RAM only" in bench.run("set tpdo1 --timer 70").stdout
         assert bench.run("write 1017 702").code == 0
         applied = bench.run(f"apply {file} --yes")
         assert "In RAM only on node 5: `store` keeps it" in applied.stdout, "of TPDO1"
-        assert "Kept by node 5 without a store: 1017:00." in applied.stdout
+        assert "Stored by node 5 on its own: 1017:00." in applied.stdout
 
 
 def test_an_empty_enabled_pdo_of_a_file_hinders_nothing_else(tmp_path: Path) -> None:
@@ -358,7 +363,7 @@ def test_an_empty_enabled_pdo_of_a_file_hinders_nothing_else(tmp_path: Path) -> 
         bench.session.node().sdo.download(0x1801, 1, (0x80000287).to_bytes(4, "little"))
         differs = bench.run(f"diff {file}")
         assert (differs.code, "0x1017:00" in differs.stdout) == (3, True), differs.stderr
-        assert "differs, not written: TPDO2 is enabled and maps nothing in the file" in differs.stdout
+        assert "differs, not written: TPDO2 is enabled without mapped objects in the file" in differs.stdout
         applied = bench.run(f"apply {file} --yes")
         assert (applied.code, "1 setting of node 7 differs" in applied.stdout.splitlines()[-1]) == (0, True)
         assert bench.session.node().sdo.upload(0x1017, 0) == (700).to_bytes(2, "little")
@@ -472,11 +477,11 @@ def test_a_number_is_written_alike_by_diff_compare_and_verify(tmp_path: Path) ->
         for line in ("write 2001 50000", "write 1014 0x80000085"):
             assert bench.run(line).code == 0, line
         diff, compared, verified = (bench.run(f"{line} {file}").stdout for line in ("diff", "compare", "verify"))
-        assert "2001:00 (holds 50000, the file says 1300)" in diff
+        assert "2001:00 (is 50000, expected 1300)" in diff
         assert re.search(r"2001:00  Maximum speed +1300 +50000", compared)
         assert "0x1014:00  is 0x80000085, expected 0x00000085" in diff
         assert re.search(r"1014:00  COB-ID EMCY +0x00000085 +0x80000085", compared)
-        assert "2001:00  is 50000, expected 1300; apply does not write it" in verified
+        assert "2001:00  is 50000, expected 1300, but apply does not write it" in verified
         assert "1014:00  is 0x80000085, expected 0x00000085" in verified
     with Bench(("generic@5",)) as bench:
         assert bench.run(f"backup {tmp_path / 'generic.jsonl'}").code == 0

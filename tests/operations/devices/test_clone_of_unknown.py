@@ -29,7 +29,7 @@ def test_a_yes_is_not_enough(kept: Path, yes: str) -> None:
     with Bench(("bare.eds@4",)) as bench:
         ran = bench.run(f"clone {kept}{yes}")
         assert bench.session.node(4).sdo.upload(*HEARTBEAT) == b"\0\0"
-    assert (ran.code, "does not say which product it is of: write it to node 4" in ran.stderr) == (6, True), ran
+    assert (ran.code, "does not name its product: write it to node 4" in ran.stderr) == (6, True), ran
     assert "--force writes it to this node" in " ".join(ran.stderr.split())
 
 
@@ -61,4 +61,4 @@ def test_the_answer_decides(kept: Path, answer: bool) -> None:
             with pytest.raises(SafetyRefusal, match="4 was not typed"):
                 node.clone(kept)
         assert node.read("1017").value == (700 if answer else 0)
-    assert "write it to node 4 all the same?" in asked[0]
+    assert "write it to node 4 anyway?" in asked[0]

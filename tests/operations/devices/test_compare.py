@@ -307,7 +307,7 @@ def test_a_backup_without_an_eds_says_what_it_is_not_for(tmp_path: Path) -> None
     bus = VirtualTimeBus([unknown(5)], simulated=False)
     with Bench((), {"node": (5,), "journal": str(tmp_path)}, bus) as bench:
         kept = backup_device(bench.session, str(tmp_path / "node.jsonl"), areas=(range(0x1000, 0x1020),))
-        assert "no EDS describes node 5: " in str(kept.text[-1])
+        assert "node 5 has no EDS: " in str(kept.text[-1])
         assert bench.run(f"compare {tmp_path / 'node.jsonl'}").code == 0
 
 

@@ -118,8 +118,8 @@ def test_without_an_eds_it_says_what_to_do(tmp_path: Path) -> None:
         node.dictionary = None
         ran = bench.run(f"export {tmp_path / 'node.dcf'}")
     assert ran.code == 2
-    assert "node 3 has no EDS here: it is not known which objects it has" in ran.stderr
-    assert "--eds FILE gives one" in ran.stderr
+    assert "node 3 has no EDS: its objects are unknown" in ran.stderr
+    assert "--eds FILE names the EDS" in ran.stderr
     assert not (tmp_path / "node.dcf").exists()
 
 

@@ -13,7 +13,10 @@ from tests.cli.commands.bench import Bench
 WRONG = {
     ("1800", "0x80"): ("take another CAN-ID at 0x1800:01 in the file", ("1800", "0x193")),
     ("1801", "0x85"): ("take another CAN-ID at 0x1801:01 in the file", ("1801", "0x193")),
-    ("1800", "0x701"): ("take one within 0x181..0x57F or 0x680..0x6DF at 0x1800:01 in the file", ("1800", "0x193")),
+    ("1800", "0x701"): (
+        "choose a CAN-ID within 0x181..0x57F or 0x680..0x6DF at 0x1800:01 in the file",
+        ("1800", "0x193"),
+    ),
     ("1801", "0x185"): (
         "bit 31 set at 0x1800:01 in the file, take another CAN-ID at 0x1801:01 in the file",
         ("1800", "0x80000185"),

@@ -12,7 +12,7 @@ from tests.harness.sample import heavy
 from tests.operations.devices.test_apply_file import made
 from tests.simulator.bench import booted
 
-SAID = "note: node 5, as {} says\n"
+SAID = "note: node 5, as in {}\n"
 
 
 @pytest.fixture

@@ -125,7 +125,7 @@ def test_nothing_on_the_list_is_written_for_a_files_sake(family: str, way: str, 
         with written(bench) as seen:
             ran = bench.run(line)
         assert {f"{index:04X}:{sub:X}" for index, sub in seen if index in NEVER} == set()
-        if "does not say which product" in ran.stderr:  # a clone replaces the same product, which is to be known
+        if "does not name its product" in ran.stderr:  # a clone replaces the same product, which is to be known
             assert (ran.code, way[:5], seen) == (6, "clone", set())
             return
         assert ran.code in (0, 3), ran.stderr

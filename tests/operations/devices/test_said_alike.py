@@ -76,7 +76,7 @@ def test_a_mapping_of_which_neither_side_says_an_entry_is_left(tmp_path: Path) -
         assert bench.run("clear tpdo1").code == 0
         found = bench.run(f"diff {file} --json")
         (left,) = (one for one in found.document["nodes"][0]["left_out"] if one["object"] == "1A00:00")
-        assert (found.code, left["remains"], left["why"]) == (3, True, "the file does not say all that it maps")
+        assert (found.code, left["remains"], left["why"]) == (3, True, "the file does not have all its mapping entries")
         assert bench.run("map tpdo1 6061 6064").code == 0
         assert bench.run(f"diff {file} --json").document["nodes"][0]["pdos"][0]["map"] == [
             ["6061:00/8", "6064:00/32"], ["6041:00/16", "6064:00/32"],

@@ -119,7 +119,7 @@ def test_a_limit_that_an_rpdo_could_take_is_a_setting_as_long_as_none_takes_it(f
         for line in ("diff", "verify"):
             ran = bench.run(f"{line} {file}")
             assert (ran.code, "3001:01" in ran.stdout, "30A0:01" in ran.stdout) == (3, True, True), line
-        assert "3001:01 (holds 1111, the file says 4760) is manufacturer-specific" in bench.run(f"diff {file}").stdout
+        assert "3001:01 (is 1111, expected 4760) is manufacturer-specific" in bench.run(f"diff {file}").stdout
         assert (
             "--include 2081 --include 3001:01 --include 30A0:01 writes such" in bench.run(f"clone {file} --yes").stdout
         )
@@ -154,7 +154,7 @@ def test_a_range_writes_nothing_that_could_act(tmp_path: Path) -> None:
             assert [sdo.upload(index + n, 0)[0] for n in range(len(names))] == [7, *[0] * (len(names) - 1)]
             assert (ran.code, "1 setting of node 5 differs" in ran.stdout) == (code, True), ran.stdout + ran.stderr
             assert "is not written: --include 2005 writes it" in ran.stdout
-            assert line == "apply" or "2002:00 (holds 0, the file says 7)," in ran.stdout
+            assert line == "apply" or "2002:00 (is 0, expected 7)," in ran.stdout
         assert bench.run(f"clone {file} --include 2000-5FFF --include 2005 --include 2002 --yes").code == 0
         assert [sdo.upload(index + n, 0)[0] for n in range(len(names))] == [7, 0, 7, 0, 0, 7, 0, 0]
 
@@ -193,5 +193,5 @@ def test_that_only_defaults_are_compared_is_said(tmp_path: Path) -> None:
         file.write_text("".join(one for one in lines if not one.startswith("ParameterValue=")), "utf-8")
         for command in ("compare", "verify"):
             ran = bench.run(f"{command} {file}")
-            said = f"note: {file} has no value of any object: its defaults are compared\n"
+            said = f"note: {file} has no values: its defaults are compared\n"
             assert (ran.code in (0, 3), ran.stderr.count(said)) == (True, 1), ran

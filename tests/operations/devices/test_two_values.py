@@ -57,7 +57,7 @@ def said(text: str, is_same: bool, last: str, place: str, folder: Path) -> None:
             text,
             f" {place} UNSIGNED32: {last}, but ParameterValue=",
             " in line ",
-            "it is not known which is meant",
+            "it is unknown which is right",
         )
 
 

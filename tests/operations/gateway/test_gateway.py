@@ -112,7 +112,9 @@ def test_who_resets_a_node_that_is_not_there_waits_alone() -> None:
         assert not first.is_answered()
         while not first.is_answered():
             assert second.ask("9 r 0x1017 0").startswith("ERROR:103 #")  # makes time go on
-        assert first.line().startswith("[1] ERROR:103 #node 7 sent no boot-up message within 10 s after its reset")
+        assert first.line().startswith(
+            "[1] ERROR:103 #node 7 sent neither a boot-up message nor an answer within 10 s after its reset"
+        )
         assert first.line() == "[2] 9"
         assert third.line().startswith("[1] ERROR:103 #node 7 did not answer")
 

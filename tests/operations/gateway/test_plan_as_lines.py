@@ -214,7 +214,7 @@ def test_a_check_may_be_indented(space: str) -> None:
         ("[1] 4 w 0x1017 0 u16", "x.309:2: data type and value are missing"),
         ("[1] lss_store", "`lss_store` is for a gateway, not for a file of lines"),
         ("[1] r p 1", "a PDO of the gateway itself is for a gateway"),
-        ("[1] 2 4 r 0x1018 1", "there is no net 2"),
+        ("[1] 2 4 r 0x1018 1", "unknown net 2"),
         ("[1] 200 start", "1…127"),
     ],
 )

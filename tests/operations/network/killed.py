@@ -50,7 +50,7 @@ def afterwards(chain: Chain, home: Path, look: Callable[[Chain], None]) -> str:
 def in_own_process(report: Path, act: Callable[[], None]) -> str:
     """What went wrong in *act*, which a copy of this process does and writes into the file *report*."""
     if not hasattr(os, "fork"):
-        pytest.skip("no fork of POSIX, by which a test goes on with a copy of the devices")
+        pytest.skip("no fork of POSIX, by which a test continues with a copy of the devices")
     report.unlink(missing_ok=True)
     child = os.fork()
     if not child:

@@ -78,7 +78,7 @@ def test_nodes_that_were_written_are_left_changed(nodes: Killable, lost_at: int)
     before = held(nodes)
     code, error = cut_off(nodes, ["apply", str(nodes.folder / "net.yaml")], lost_at, is_download)
     assert (code, error["error"]) == (7, "left_changed")
-    assert error["hint"].startswith("bring the bus back first")
+    assert error["hint"].startswith("restore the bus first")
     told_true(nodes, code, error, before)
 
 
@@ -88,9 +88,9 @@ def test_who_has_stored_is_said(nodes: Killable, lost_at: int, stored: str) -> N
     code = nodes.cut_off(["--yes", "apply", str(nodes.folder / "stored.yaml")], lost_at, is_save)
     assert code == 7, nodes.complaints
     said = " ".join(nodes.complaints.split())
-    assert "not every node is known to hold what was planned" in said
+    assert "not every node is known to have the planned values" in said
     assert stored in said
-    assert "bring the bus back first" in said
+    assert "restore the bus first" in said
     assert "nothing was written" not in said
     finished = nodes.dvtcli("recover", "--finish", "--yes")
     assert finished.returncode == 0, finished.stderr
@@ -143,5 +143,5 @@ def test_a_store_whose_proof_loses_the_bus_behind_the_reset_is_left_changed(node
     before = held(nodes)
     code, error = cut_off(nodes, ["-n", "1", "store", "--prove"], 1, is_reset)
     assert (code, error["error"]) == (7, "left_changed")
-    assert error["hint"].startswith("bring the bus back first")
+    assert error["hint"].startswith("restore the bus first")
     told_true(nodes, code, error, before)

@@ -53,7 +53,7 @@ def test_after_each_store_it_is_said_who_has_stored_and_who_may_have(home: Path,
     else:
         assert who == {"stored": "node 5", "unknown": "node 9"}
     assert (chain.stored()[5] != stored[5], chain.stored()[9] != stored[9]) == (True, writes == 18)
-    assert "not every node is known to hold" in str(raised.value.state_text)
+    assert "not every node is known to have" in str(raised.value.state_text)
     assert len(chain.journals()) == 2
     chain.bus.cut = False
     with chain.session(node=None) as session:
@@ -210,7 +210,7 @@ def test_a_bus_that_is_gone_once_all_is_back_replaces_no_fault(home: Path, node_
         chain.apply(path)
     assert (raised.value.exit_code, raised.value.node, raised.value.abort) == (1, node_id, 0x06090030)
     told = {
-        9: "rolled back: every node is as it was, read back equal; nothing was stored",
+        9: "rolled back: every node is unchanged, read back equal; nothing was stored",
         7: "rolled back: the changes are reverted on node 5, 7, read back equal; nothing was written to node 9; "
         "nothing was stored; whether node 9 restarted is not known: the bus is gone",
     }

@@ -101,7 +101,7 @@ def test_with_an_eds_its_names_are_shown(file: str) -> None:
     [
         ("eds convert two.yaml a.cdcf", 2, "for one node"),
         ("eds convert net.yaml a.cdcf --for 9", 2, "no node is '9'"),
-        ("eds convert two.yaml a.cdcf --for other", 2, "no EDS is known of other"),
+        ("eds convert two.yaml a.cdcf --for other", 2, "other has no EDS"),
         ("eds convert none.yaml a.cdcf", 2, "none.yaml"), ("eds show bad.cdcf", 4, "ends in entry 1 of 2"),
         ("eds show none.cdcf", 2, "none.cdcf"), ("eds show net.yaml --for 5", 2, "belongs to eds convert"),
         ("eds convert a.eds a.xdd --for 5", 2, "of a network file"), ("eds convert net.yaml bad.cdcf", 6, "overwrite"),
@@ -163,7 +163,7 @@ def test_it_is_asked_about_on_every_road(file: str) -> None:
     for form in ("jsonl", "yaml"):
         with Bench((manager(),), {"yes": True}) as bench:
             refused = bench.run(f"apply cut.{form}")
-            assert (refused.code, "that is no concise DCF" in refused.stderr) == (4, True), refused
+            assert (refused.code, "not a concise DCF" in refused.stderr) == (4, True), refused
             assert bench.session.node().sdo.upload(0x1F22, 5) != cut
     asks = f"download {COUNT} values to node 5 whenever that boots"
     with Bench((manager(),)) as bench:

@@ -86,7 +86,7 @@ def test_a_value_that_is_said_twice_is_written_once_with_a_note() -> None:
     with Bench() as bench:
         checked = bench.run("check bus.yml")
     assert checked.code == 0, checked
-    assert "1017:00 is what heartbeat_producer of this node sets already, to the same value" in checked.stdout
+    assert "1017:00 is already set by heartbeat_producer of this node, to the same value" in checked.stdout
     assert "100C:00 has this value already (line 11)" in checked.stdout
     made = [(one.object, one.data) for one in concise_dcf("bus.yml", "a").entries]
     assert made == [("1017:00", b"\x2c\x01"), ("100C:00", b"\x81\x00")]

@@ -134,4 +134,4 @@ def test_a_setting_that_the_file_says_and_nobody_writes(tmp_path: Path) -> None:
         held = bench.run("read 6080").stdout
     assert (ran.code, "4001" in held) == (7, True)
     assert "6080:00 is 0x00000FA1, expected 0x00000FA0" in ran.stderr
-    assert "node 1 holds 6080:00 otherwise than before" in ran.stderr
+    assert "node 1 has changed 6080:00" in ran.stderr

@@ -146,7 +146,7 @@ def test_what_a_file_cannot_say_is_named_and_what_is_not_downloaded_is_absent() 
             "2001:00",
         ]
         said = " ".join(ran.document["notes"])
-        for words in ("2001:00 (3 bytes, and no EDS tells its type)", "1010:01 (a command)", "no EDS is known"):
+        for words in ("2001:00 (3 bytes, and no EDS defines its type)", "1010:01 (a command)", "no EDS"):
             assert words in said
     (node,) = read_network_file(Path("net.yaml")).nodes
     first, second = node.pdos
@@ -195,7 +195,7 @@ def test_a_stream_that_is_broken_is_said_and_the_others_are_imported() -> None:
         bench.session.node(12).sdo.download(0x1F22, 4, b"\2\0\0\0\x17\x10")
         ran = bench.run("import net.yaml --from-manager 12")
         assert ran.code == 0
-        assert "note: node 4 is left out: 0x1F22:04 is no concise DCF: it ends in entry 1 of 2" in ran.stdout
+        assert "note: node 4 is left out: 0x1F22:04 is not a concise DCF: it ends in entry 1 of 2" in ran.stdout
     (node,) = read_network_file(Path("net.yaml")).nodes
     assert [(one.key, one.data) for one in node.objects] == [("heartbeat_producer", b"\xe8\3")]
 
@@ -218,7 +218,7 @@ def test_a_stamp_stays_one_and_stands_for_the_file() -> None:
     with Bench(("manager.eds@12",), {"yes": True}) as bench:
         downloads(bench, 3, (0x1017, 0, b"\xe8\3"), (0x1020, 1, b"\1\0\0\0"), (0x1020, 2, b"\2\0\0\0"))
         ran = bench.run("import net.yaml --from-manager 12")
-        assert "`stamp: true` is for its 0x1020, and gives it another date and time" in ran.stdout
+        assert "its 0x1020 becomes `stamp: true`, which writes another date and time" in ran.stdout
     (node,) = read_network_file(Path("net.yaml")).nodes
     assert (node.store, node.stamp, node.values) == ("all", True, ())
 
@@ -226,9 +226,9 @@ def test_a_stamp_stays_one_and_stands_for_the_file() -> None:
 def test_who_is_no_manager_or_downloads_nothing_is_refused() -> None:
     with Bench(("generic@3", "manager.eds@12"), {"yes": True}) as bench:
         ran = bench.run("import net.yaml --from-manager 3")
-        assert (ran.code, "does not tell its 0x1F22:00" in ran.stderr) == (2, True)
+        assert (ran.code, "does not return its 0x1F22:00" in ran.stderr) == (2, True)
         ran = bench.run("import net.yaml --from-manager 12")
-        assert (ran.code, "downloads nothing to any node" in ran.stderr) == (2, True)
+        assert (ran.code, "downloads no values to any node" in ran.stderr) == (2, True)
         assert bench.run("import net.yaml . --from-manager 12").code == 2
     assert not Path("net.yaml").exists()
 
@@ -238,7 +238,7 @@ def test_a_program_imports_what_a_manager_downloads() -> None:
         data = concise_bytes([ConciseEntry(0x1017, 0, b"\xe8\3")])
         bus.node(12).canopen().sdo.download(0x1F22, 3, data)
         (note,) = bus.import_network("net.yaml", from_manager=12)
-        assert "node 3: no EDS is known" in note
+        assert "node 3: no EDS" in note
         for wrong in (0, 128, "12"):
             with pytest.raises(UsageError):
                 bus.import_network("net.yaml", from_manager=wrong, yes=True)  # type: ignore[arg-type]

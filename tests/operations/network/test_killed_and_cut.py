@@ -170,7 +170,7 @@ def test_wherever_it_loses_the_bus(nodes: Killable, name: str, end_at: int) -> N
         assert (held(nodes), journals(nodes)) == (before, [])
     if code == 7:
         assert journals(nodes), error
-        assert error["hint"].startswith("bring the bus back first"), error
+        assert error["hint"].startswith("restore the bus first"), error
     if journals(nodes):
         recovered(nodes)
         assert held(nodes) == before

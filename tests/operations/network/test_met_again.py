@@ -86,7 +86,7 @@ def test_what_a_restart_took_while_nobody_listened_is_not_called_unstored(tmp_pa
             node.restart()
         session.take_bus(VirtualTimeBus([node], simulated=False))
         assert list(session.node(5).unstored) == ([] if restarted else ["TPDO1", "TPDO2"])
-    lost = "node 5 no longer holds what was set and not stored: TPDO1, TPDO2; it may have restarted"
+    lost = "node 5 has lost unstored values: TPDO1, TPDO2; it may have restarted"
     assert said == ([lost] if restarted else [])
 
 

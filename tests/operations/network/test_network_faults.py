@@ -158,7 +158,7 @@ def test_a_store_that_fails_names_who_has_stored_and_takes_nothing_back(
     assert told.get("stored", "node ") == f"node {', '.join(map(str, stored))}"
     assert str(node_id) in told.get("not stored", "") + told.get("unknown", "")
     assert [one for one in CHAIN if chain.stored()[one] != before[one]] == stored
-    assert not chain.plan().plan.changed, "every node holds what was planned"
+    assert not chain.plan().plan.changed, "every node has the planned values"
     assert len(chain.journals()) == len(CHAIN), "recover goes on, or back"
     assert chain.states() == {**OPERATIONAL, 1: NmtState.PRE_OPERATIONAL}, "what left OPERATIONAL stays where it is"
 

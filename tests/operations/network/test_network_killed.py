@@ -100,9 +100,9 @@ def test_a_kill_while_nodes_store_is_said_and_goes_back_or_on(nodes: Killable) -
     assert killed(nodes, "defaults: {store: true}\n" + FILE, 2, is_save) == -SIGKILL
     recovered = as_printed(nodes, nodes.dvtcli("recover").stderr, "recover --yes")
     assert recovered.returncode == 0, recovered.stderr
-    assert "had begun: node 1 stored what was rolled back; `dvtcli " in recovered.stderr
-    assert "-n 1 store` keeps what it holds now" in recovered.stderr
-    assert "had begun: node 3 may have stored what was rolled back" in recovered.stderr
+    assert "had started: node 1 stored the values that were rolled back; `dvtcli " in recovered.stderr
+    assert "-n 1 store` accepts its present values" in recovered.stderr
+    assert "had started: node 3 may have stored the values that were rolled back" in recovered.stderr
     assert "node 1 may have" not in recovered.stderr
     assert held(nodes) == before
     same = nodes.folder / "same.yaml"
@@ -134,12 +134,12 @@ def test_stores_that_a_kill_cut_short_are_finished(nodes: Killable) -> None:
     planned = nodes.dvtcli("plan", str(nodes.folder / "net.yaml"))
     assert " apply /" not in planned.stdout.partition("Next: dvtcli ")[2]
     assert "recover --finish` stores on the rest of them, `" in planned.stderr
-    assert "recover` takes every line of it back" in planned.stderr
+    assert "recover` rolls all its changes back" in planned.stderr
     asked = nodes.dvtcli("recover")
     assert asked.returncode == 6
     assert "stored: node 1; unknown: node 3" in asked.stderr
-    assert "recover --finish --yes` goes on" in asked.stderr
-    assert "recover --yes` goes back" in asked.stderr
+    assert "recover --finish --yes` continues" in asked.stderr
+    assert "recover --yes` rolls back" in asked.stderr
     assert nodes.dvtcli("recover", "--finish", "--dry-run").returncode == 0
     assert len(journals(nodes)) == 3, "a dry run leaves them"
     finished = as_printed(nodes, asked.stderr, "recover --finish --yes")
@@ -156,7 +156,7 @@ def test_what_is_not_verified_any_more_is_not_stored(nodes: Killable) -> None:
     bus.send(can.Message(arbitration_id=0, data=[0x81, 3], is_extended_id=False))  # node 3 loses what it did not store
     finished = nodes.dvtcli("recover", "--finish", "--yes")
     assert finished.returncode == 6
-    assert "node 3 no longer holds what was verified" in finished.stderr
+    assert "the values of node 3 differ from those verified" in finished.stderr
     assert len(journals(nodes)) == 3
 
 

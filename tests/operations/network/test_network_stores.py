@@ -220,7 +220,7 @@ def test_what_was_lost_before_its_store_is_not_to_be_stored(
     while_storing(chain, 5, restart(9))
     with pytest.raises(LeftChanged) as left:
         chain.apply(file(home))
-    assert "every node holds what was planned" not in f"{left.value} {left.value.state_text}"
+    assert "every node has the planned values" not in f"{left.value} {left.value.state_text}"
     assert "store`" not in typed(left.value.hint)
     assert ("not stored", "node 9") in left.value.details
     assert len(chain.journals()) == 2
@@ -294,7 +294,7 @@ def test_finish_beside_another_interrupted_change_says_how_to_go_on(home: Path) 
         with after.session(node=None, dry_run=True) as session:
             session.reporter = said = Said()
             assert recover(session)
-        assert [text for text in said.notes if "`-n 5 recover --finish` would go on" in text]
+        assert [text for text in said.notes if "`-n 5 recover --finish` would continue" in text]
         with after.session(node=5) as session:
             assert recover(session, finish=True)
         assert {after.stored()[one][TYPE] for one in (5, 9)} == {b"\x01"}
@@ -427,7 +427,7 @@ def test_a_test_value_that_stays_keeps_the_journals(home: Path) -> None:
     with pytest.raises(LeftChanged) as left:
         chain.apply(file(home), prove="reset")
     assert left.value.stores == WhoStored(not_stored=(9,), unknown=(5,))
-    assert "every node holds what was planned" not in f"{left.value} {left.value.state_text}"
+    assert "every node has the planned values" not in f"{left.value} {left.value.state_text}"
     assert "recover" in typed(left.value.hint)
     assert len(chain.journals()) == 2
     held.download = take  # type: ignore[method-assign]
@@ -477,9 +477,9 @@ def test_a_bus_that_is_gone_once_all_have_stored_leaves_nothing_to_store(chain: 
     left = cut_after_stores(chain, home, at)
     assert left is not None
     assert left.stores == WhoStored((5, 9), (), ())
-    assert "all of them have stored" in str(left)
-    assert "goes on with the stores" not in typed(left.hint)
-    assert "recover --finish` looks at every node once more" in typed(left.hint)
+    assert "all nodes have stored" in str(left)
+    assert "continues with the stores" not in typed(left.hint)
+    assert "recover --finish` reads every node again" in typed(left.hint)
     told = count_stores(chain)
     with chain.session(node=None) as session:
         session.reporter = said = Said()
@@ -504,12 +504,15 @@ def test_a_line_that_only_looks_at_what_was_stored_is_no_change(chain: Chain, ho
 def test_what_all_stored_and_one_lost_is_no_end_of_it(chain: Chain, home: Path) -> None:
     assert cut_after_stores(chain, home, 1) is not None
     chain.devices[5].download(*TYPE, b"\x07")
-    with chain.session(node=None) as session, pytest.raises(SafetyRefusal, match="node 5 no longer holds") as told:
+    with (
+        chain.session(node=None) as session,
+        pytest.raises(SafetyRefusal, match="the values of node 5 differ from those verified") as told,
+    ):
         recover(session, finish=True)
     assert told.value.hint is not None
     shell = TypedHints(lambda: TypedCall(node=("-n", "9"), selected=9, alone=True), told.value.node)
     said = shell.text(told.value.hint)
-    assert said.startswith("`dvtcli recover` puts every node back as before; then `dvtcli apply ")
+    assert said.startswith("`dvtcli recover` rolls every node back; then `dvtcli apply ")
     assert said.endswith("net.yaml` again")
     assert len(chain.journals()) == 2
     with chain.session(node=None) as session:
@@ -570,7 +573,7 @@ def test_finish_says_nothing_of_a_node_that_was_accepted(home: Path, *, dry_run:
     assert isinstance(done, Facts)
     assert (dict(done.rows)["looked_at"], dict(done.rows)["not_looked_at"]) == ([9], [5])
     said = typed(done.text[0])
-    assert "node 9 holds it, and node 9 had stored it" in said
-    assert said.endswith("; node 5, accepted as it was, was not looked at")
+    assert "node 9 has it, and node 9 had stored it" in said
+    assert said.endswith("; node 5, accepted before, was not read")
     assert "every" not in said
     assert "complete" not in said

@@ -129,7 +129,9 @@ def test_the_others_are_asked_and_it_goes_back(chain: Chain, home: Path, ids: tu
     assert (types(chain), chain.journals()) == (before, [])
     assert set(stamps(chain).values()) == {0}
     assert [
-        text.partition(" stored what")[0][-1] for text in said.warnings if " stored what was rolled back" in text
+        text.partition(" stored the values")[0][-1]
+        for text in said.warnings
+        if " stored the values that were rolled back" in text
     ] == [str(one) for one in IDS if one not in ids]
     assert "may have stored" not in str(said.warnings)
 
@@ -262,7 +264,7 @@ def test_all_that_was_interrupted_is_accepted_with_one_yes(chain: Chain, home: P
     refuse_stores(chain, (5, 9))
     refused(chain, file(home, stamp=False))
     held = types(chain)
-    with chain.session(node=None, yes=False) as session, pytest.raises(SafetyRefusal, match="nobody can answer") as no:
+    with chain.session(node=None, yes=False) as session, pytest.raises(SafetyRefusal, match="no terminal to answer on") as no:
         recover(session, accept=True)
     assert all(f"node {node_id}" in no.value.text for node_id in IDS)
     assert len(chain.journals()) == 3
@@ -286,7 +288,7 @@ def test_a_node_that_cannot_be_accepted_keeps_no_other_from_it(chain: Chain, hom
     with chain.session(node=None) as session, pytest.raises(InputFileError) as told:
         recover(session, accept=True)
     assert (str(told.value.place), chain.journals()) == (str(damaged), [damaged])
-    assert ("done", "node 5, 9: what it holds now is the new state") in told.value.details
+    assert ("done", "node 5, 9: its present values are accepted") in told.value.details
 
 
 def test_of_several_the_hint_names_what_can_be_set_aside(chain: Chain, home: Path) -> None:
@@ -315,8 +317,8 @@ def test_the_question_says_what_is_to_be_written_and_what_is_only_compared(chain
             recover(session)
     question = asked.questions[-1]
     back, _, same = question.partition("; ")
-    assert back == "TPDO1 of node 7, TPDO1 of node 9 will be rolled back as before the interrupted change"
-    assert same.startswith("as before the interrupted change, and only compared: TPDO1")
+    assert back == "TPDO1 of node 7, TPDO1 of node 9 will be rolled back to the state before the interrupted change"
+    assert same.startswith("already as before the interrupted change, compared only: TPDO1")
     assert same.endswith(" of node 5; recover?")
     assert len(chain.journals()) == 3
 

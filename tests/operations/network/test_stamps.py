@@ -436,13 +436,15 @@ def test_what_is_not_stored_is_not_trusted(chain: Chain, tmp_path: Path) -> None
     failing = Chain(chain.folder, ["5:store-fails"], families=NODES, operational=False)
     with pytest.raises(LeftChanged) as left:
         failing.apply(path)
-    held_but = "every node holds what was planned but the stamp of node 5, which is 0 until it has stored"
-    assert left.value.text == f"{held_but}, and what node 5, which refused to store, keeps now is not known"
+    held_but = "every node has the planned values but the stamp of node 5, which is 0 until the node has stored"
+    assert left.value.text == f"{held_but}, and node 5 refused to store: its stored values are unknown"
     assert str(left.value.state_text).startswith(f"{held_but}, read back equal;")
     with failing.session(node=None) as session, pytest.raises(LeftChanged) as again:
         recover(session, finish=True)
     assert (again.value.text, again.value.state_text) == (left.value.text, left.value.state_text)
-    first = "every node holds what was planned but the stamp of node 5, which is written first; store on node 5"
+    first = (
+        "every node has the planned values but the stamp of node 5, which is written before the stores; store on node 5"
+    )
     with failing.session(node=None, yes=False) as session, pytest.raises(SafetyRefusal, match=first):
         recover(session, finish=True)
     assert held(failing, 5) == NOTHING, "nor by another computer, which remembers nothing"

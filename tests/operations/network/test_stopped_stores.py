@@ -72,7 +72,7 @@ def test_one_while_the_first_stores_says_that_the_others_do_so_too(chain: Chain,
         done = apply_file(session, str(file(home)))
     assert said.warnings == [
         "too late to stop before the stores: node 5 has stored; node 9 still stores, so that all keep the same "
-        "(once more: at once)"
+        "configuration (Ctrl-C again: stop at once)"
     ]
     assert [one.node for one in done.stored] == [5, 9]
     assert {chain.stored()[node_id][TYPE] for node_id in (5, 9)} == {b"\x01"}
@@ -89,7 +89,7 @@ def test_a_second_one_says_of_each_node_whether_it_stored(chain: Chain, home: Pa
         while_storing(chain, 5, twice, ahead=True)
         with pytest.raises(LeftChanged) as left:
             apply_file(session, str(file(home)))
-    assert left.value.text == "every node holds what was planned, and whether node 5 stored it is not known"
+    assert left.value.text == "every node has the planned values, and whether node 5 stored it is not known"
     assert left.value.details[:2] == [("not stored", "node 9"), ("unknown", "node 5")]
     assert left.value.details[2] == ("journals", ", ".join(map(str, chain.journals())))
     assert "recover --finish` asks the nodes that" in typed(left.value.hint)

@@ -128,7 +128,7 @@ def test_a_fault_takes_it_all_back() -> None:
 def test_all_of_the_file_is_meant_and_never_some() -> None:
     """What a node downloads is whole, and links to others are in it."""
     with Session(Options(sim=(manager(),), node=(4, 5))) as session:
-        with pytest.raises(UsageError, match="some of them are named"):
+        with pytest.raises(UsageError, match="only some nodes were named"):
             plan_file(session, "net.yaml", manager=10)
         assert session.node(10).sdo.upload(0x1F22, 4) == b""
 
@@ -149,14 +149,14 @@ def test_who_is_left_out_is_said() -> None:
     with Bench((), {"yes": True}, beside([unknown(2), on_bus(manager(expects=False))])) as bench:
         ran = bench.run("apply net.yaml --to-manager 10")
         assert ran.code == 0
-        assert "node 2 spare is left out: no EDS is known of it" in ran.stderr
+        assert "node 2 spare is left out: it has no EDS" in ran.stderr
         assert "node 10 boss is left out: it is the manager" in ran.stderr
         assert "node 10 has no 0x1F26" in ran.stderr
         assert held(bench, 0x1F22, 4) == concise_dcf("net.yaml", 4).data
-        assert "gets nothing for node 2: no EDS is known" in ran.stdout
+        assert "gets no values for node 2: no EDS" in ran.stdout
         left = bench.run("diff net.yaml --to-manager 10")
         assert (left.code, "No difference" in left.stdout) == (3, False)
-        assert "node 10 gets nothing for node 2: no EDS is known" in left.stdout
+        assert "node 10 gets no values for node 2: no EDS" in left.stdout
         assert bench.run("plan net.yaml --to-manager 10 --json").document["untold"] == [2]
         assert bench.run("plan net.yaml --to-manager 10").code == 0
 
@@ -175,11 +175,11 @@ def test_who_is_silent_or_another_is_not_left_out() -> None:
 @pytest.mark.parametrize(
     ("words", "code", "said"),
     [
-        ("plan net.yaml --to-manager 11", 2, "does not tell its 0x1F22:04"),
-        ("plan net.yaml --to-manager 10", 2, "does not tell its 0x1F22:05"),
-        ("plan net.yaml --to-manager 10 --trust-stamp", 2, "none of its stamps"),
+        ("plan net.yaml --to-manager 11", 2, "does not return its 0x1F22:04"),
+        ("plan net.yaml --to-manager 10", 2, "does not return its 0x1F22:05"),
+        ("plan net.yaml --to-manager 10 --trust-stamp", 2, "not its stamps"),
         ("plan net.yaml --to-manager 128", 2, "a node-ID"),
-        ("plan alone.yaml --to-manager 10", 2, "no node that node 10 could download"),
+        ("plan alone.yaml --to-manager 10", 2, "no node for node 10"),
         ("apply plan.json --to-manager 10", 2, "a saved plan"),
     ],
 )
@@ -210,7 +210,7 @@ def test_a_node_that_only_its_device_tells_is_known_as_plan_knows_it() -> None:
         assert bench.run("apply net.yaml --to-manager 10").code == 5
     with Bench((), {"yes": True}, beside([unknown(4), on_bus(manager())])) as bench:
         ran = bench.run("apply net.yaml --to-manager 10")
-        assert (ran.code, "is left out: no EDS is known of it" in ran.stderr) == (2, True)
+        assert (ran.code, "is left out: it has no EDS" in ran.stderr) == (2, True)
 
 
 @heavy

@@ -25,8 +25,9 @@ NODES = (1, 5, 9)
 FILE = "".join(f"n{node_id}: {{node_id: {node_id}, tpdo: {{1: {{event_timer: 40}}}}}}\n" for node_id in NODES)
 #: with the action that a command line writes as its option, Python as its argument
 NOTE = (
-    "the bit rate of virtual time is not known: its 3 nodes are read slowly, and no bus load is kept free for "
-    "a running machine; give it, as name the bit rate or as bitrate = 250000 in dvtcli.toml"
+    "the bit rate of virtual time is not known: its 3 nodes are read one after the other, which takes long, and "
+    "without a limit of the bus load for a running machine; faster with name the bit rate or bitrate = 250000 in "
+    "dvtcli.toml"
 )
 
 

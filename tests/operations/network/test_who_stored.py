@@ -43,7 +43,7 @@ def test_a_node_that_does_not_keep_what_it_stores_is_not_among_those_that_stored
     code, told = error(tmp_path, "9:stores-nothing", "apply", "net.yaml", "--prove")
     assert (code, told["node"]) == (7, 9)
     assert told["stores"] == {"stored": [5], "not_stored": [], "unknown": [], "not_held": [9]}
-    assert "store --prove` shows whether the node keeps what it stores" in told["hint"]
+    assert "store --prove` shows whether the stored values survive a reset" in told["hint"]
 
 
 @pytest.mark.parametrize("fault", ["9:bus-error@1", "9:refuse@1=0x08000000"])
@@ -56,6 +56,6 @@ def test_where_nothing_is_stored_yet_the_document_has_none(tmp_path: Path, fault
 def test_without_a_journal_a_lost_bus_comes_first_too(tmp_path: Path, words: list[str]) -> None:
     code, told = error(tmp_path, "9:bus-error@2", *words)
     assert (code, told["state"]) == (7, "left_changed")
-    assert told["hint"].startswith("bring the bus back first")
+    assert told["hint"].startswith("restore the bus first")
     assert told["hint"].endswith(" apply FILE` again sets the missing values, and stores them")
     assert told["stores"] == {"stored": [5], "not_stored": [], "unknown": [9]}

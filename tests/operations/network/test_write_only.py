@@ -131,7 +131,7 @@ def test_a_device_that_gets_it_is_as_the_dcf_says() -> None:
         ("eds convert device.eds x.cdcf", "has no ParameterValue"),
         ("eds convert device.dcf x.cdcf --for 6", "is of node 5"),
         ("eds convert none.dcf x.cdcf", "none.dcf"),
-        ("eds convert bare.dcf x.cdcf", "does not say of which node it is"),
+        ("eds convert bare.dcf x.cdcf", "has no node-ID"),
         ("eds convert bare.dcf x.cdcf --for a", "by node-ID"),
     ],
 )

@@ -63,9 +63,9 @@ def test_what_was_acknowledged_is_left_changed(file: str) -> None:
         ran = network.run("apply net.yaml")
         assert (ran.code, trim(network), limits(network)) == (7, b"\x01", [bytes(2)] * 2), ran
         assert "LEFT CHANGED: 2050:00 of node 6" in ran.stderr
-        assert "every node is as it was" not in ran.stderr
+        assert "every node is unchanged" not in ran.stderr
         assert "2050:00 of node 6 is as it was" not in ran.stderr
-        assert "set it by hand: its value before is not known" in ran.stderr
+        assert "set it by hand: its old value is unknown" in ran.stderr
         assert "node 5: as before, read back equal" in ran.stderr
 
 
@@ -126,7 +126,7 @@ def test_what_was_refused_is_not_said_to_be_read(file: str) -> None:
         assert (ran.code, trim(network), limits(network)) == (1, bytes(1), [bytes(2)] * 2), ran
         nodes = "5, 6" if file == BOTH else "5"
         assert f"rolled back: the changes are reverted on node {nodes}, read back equal" in ran.stderr
-        assert "2050:00 of node 6 was refused, and its value cannot be read" in ran.stderr
+        assert "2050:00 of node 6 was refused, but its value cannot be read" in ran.stderr
 
 
 @pytest.mark.parametrize(("fault", "held"), [("lose-response@1", b"\x01"), ("silent@1", b"\0")])
@@ -136,4 +136,4 @@ def test_without_an_answer_nobody_knows_whether_it_was_written(fault: str, held:
         ran = network.run("apply net.yaml")
         assert (ran.code, trim(network)) == (5, held), ran
         assert "state   unknown: the changes are reverted on node 5, read back equal" in ran.stderr
-        assert "whether 2050:00 of node 6 was written is not known: it cannot be read" in ran.stderr
+        assert "2050:00 of node 6 cannot be read: it may have been written" in ran.stderr

@@ -113,7 +113,7 @@ def test_a_log_of_values_ends_where_the_node_sends_others_now(tmp_path: Path, po
     with served(tmp_path, "gen4@5", port=port):
         _, errors = log.communicate(PATIENCE_S)
     assert log.returncode == 6
-    assert "the nodes send other values than its columns" in errors
+    assert "the nodes transmit other values than its columns" in errors
 
 
 @pytest.mark.parametrize("words", WAITING, ids=["monitor", "log"])

@@ -235,7 +235,7 @@ def test_a_port_that_is_taken(gen4: Served) -> None:
     ("words", "code", "said"),
     [
         (("nothing",), 2, "nothing: no such family and no such file"),
-        (("gen4@1", "tmcm@1"), 2, "node-ID 1 is given twice"),
+        (("gen4@1", "tmcm@1"), 2, "node-ID 1 was given twice"),
         (("gen4", "--listen", "here"), 2, "--listen here: not HOST:PORT"),
         (("gen4", "--listen", "127.0.0.1:70000"), 2, "not HOST:PORT"),
         (("gen4", "--fault", "refuse@1"), 2, "--fault: refuse@1"),

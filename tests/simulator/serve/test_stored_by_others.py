@@ -49,7 +49,7 @@ def test_what_was_stored_is_not_named_again(server: Served, words: tuple[str, ..
     run(server, *MAP)
     assert store(server, *words)["changed"] == ["TPDO1"]
     again = store(server)
-    assert (again["changed"], again["notes"]) == ([], ["what changed since the last store is not known"])
+    assert (again["changed"], again["notes"]) == ([], ["the changes since the last store are unknown"])
     assert "changed since the last store: not known" in run(server, "store")
     run(server, "set", "tpdo2", "--timer", "70")
     assert store(server)["changed"] == ["TPDO2"]

@@ -23,7 +23,7 @@ def process(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
 
 @pytest.fixture
 def node(process: Link) -> Link:
-    """A node whose pins and motors are tied to nothing: VPDOs save themselves, a reset does not untie them."""
+    """A node whose pins and motors are not linked: VPDOs save themselves, a reset does not untie them."""
     process.restore()
     for selector in NONE:
         tie(process, selector)

@@ -32,11 +32,11 @@ def change_lines(result: Changed, width: int) -> Iterator[Line]:
         yield f"{labels} NOT undone completely; nothing was written."
         return
     if not count and result.unrestored:
-        others = f"; {labels} {_is(result)} as wanted already" if result.plan.changes else ""
+        others = f"; {labels} {_is(result)} already as requested" if result.plan.changes else ""
         yield f"{_unrestored(result)}{others}; nothing was written."
         return
     if not count:
-        yield f"{labels or 'everything'} {_is(result)} as wanted already; nothing was written."
+        yield f"{labels or 'everything'} {_is(result)} already as requested; nothing was written."
         return
     table = Table(right=frozenset({0, 2, 4}), shrink=5)
     for number, step in enumerate(result.plan.steps, 1):
@@ -70,11 +70,11 @@ def _outcome_lines(result: Changed, labels: str, writes: str) -> Iterator[Line]:
 def kept_text(result: Changed) -> str:
     """Say whether the device keeps the change without power, and what stores it if not."""
     if result.saved:
-        return "By this the device stores its settings (assumed: not published)"
+        return "This write makes the device store its settings (assumed: not published)"
     if not result.altered:
-        return "It held that before: nothing has changed"
+        return "It had this value before: nothing has changed"
     if not result.volatile:
-        return "The device keeps it by itself"
+        return "The device stores it on its own"
     return (
         "As before the change, which dvtcli did not store" if result.as_before else f"In RAM only: {typed(result.keep)}"
     )

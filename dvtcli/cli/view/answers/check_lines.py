@@ -106,4 +106,4 @@ def _finding(report: RecordingReport, found: RecordingFinding) -> Iterator[Line]
     frames = ", ".join(map(str, found.frames)) + (", …" if found.times > len(found.frames) else "")
     bus = f" on {found.bus}" if found.bus else ""
     yield f"  {found.parties}{bus}, {when}; {'frame' if len(found.frames) == 1 else 'frames'} {frames}"
-    yield f"  look first: {found.look}"
+    yield f"  check first: {found.look}"

@@ -38,7 +38,7 @@ def compared_lines(result: Compared, _width: int) -> Iterator[Line]:
     else:
         yield f"read back   {plural(result.parameters, 'parameter')} of {what}{where} equal to {result.against}"
     if result.unsaid:
-        yield f"            {result.against} says nothing of {plural(result.unsaid, 'more parameter')}: not compared"
+        yield f"            {result.against} has no value for {plural(result.unsaid, 'more parameter')}: not compared"
     if result.not_comparable:
         yield f"            {', '.join(result.not_comparable)}{where} cannot be read back: not compared"
     yield from _frame_lines(result, where)
@@ -55,7 +55,7 @@ def _compared_text(result: Compared) -> str:
 
 def _frame_lines(result: Compared, where: str) -> Iterator[Line]:
     if result.frame_asked and not result.frames:
-        yield [Cell("on the bus  "), Cell(f"no enabled TPDO{where} that could send a frame", "yellow")]
+        yield [Cell("on the bus  "), Cell(f"no enabled TPDO{where} that could transmit a frame", "yellow")]
     for pdo, frame, milliseconds in result.frames:
         if frame is None:
             yield [Cell(f"on the bus  {pdo}{where}: "), Cell(f"no frame within {milliseconds:.0f} ms", "yellow")]
@@ -98,7 +98,7 @@ def whole_compared_lines(result: WholeCompared, width: int) -> Iterator[Line]:
         yield f"not read    {join_some(result.unread)} {verb} not read by one side: not compared"
     if result.unsaid:
         silent = "one of them" if result.node is None else result.first
-        yield f"            {silent} says nothing of {plural(result.unsaid, 'more setting')}: not compared"
+        yield f"            {silent} has no value for {plural(result.unsaid, 'more setting')}: not compared"
 
 
 def _reasons(found: Iterable[ObjectDifference]) -> Iterator[Line]:

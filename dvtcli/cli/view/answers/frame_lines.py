@@ -54,7 +54,7 @@ def sent_lines(result: FramesSent, _width: int) -> Iterator[Line]:
 def replayed_lines(result: Replayed, width: int) -> Iterator[Line]:
     """Show the number of frames sent and left out, and delays; with --dry-run a table of frames to send."""
     if result.dry_run:
-        yield f"dry run: nothing was sent of {plural(result.outcome.wanted, 'frame')}"
+        yield f"dry run: none of {plural(result.outcome.wanted, 'frame')} was sent"
         table = Table(("COB-ID", "WHAT", "FRAMES", "ASKED BECAUSE"), frozenset({2}), shrink=3, wraps=True)
         for row in result.frames:
             can_id = f"0x{row.can_id:0{8 if row.extended else 3}X}"

@@ -16,9 +16,9 @@ from dvtcli.operations.results.learnt import HabitListing, LearnForecast, Learnt
 def habit_lines(result: HabitListing, width: int) -> Iterator[Line]:
     """Show forgotten habits, then a line per setting accepted only in a certain PDO or node state."""
     if result.forgotten:
-        yield f"forgotten: what {join_some(result.forgotten)} was found to want"
+        yield f"forgotten: the recorded needs of {join_some(result.forgotten)}"
     if not result.rows:
-        yield "nothing is remembered of any device"
+        yield "no needs of devices are recorded"
         return
     table = Table(("VENDOR-PRODUCT-REVISION", "REFUSED", "TIMES", "SO"), shrink=1)
     for row in result.rows:
@@ -32,13 +32,13 @@ def habit_lines(result: HabitListing, width: int) -> Iterator[Line]:
         if row.problem:
             table.add(Cell(row.name, "bold"), Cell(row.problem, "yellow"), "", "tried first")
     yield from table.lines(width)
-    yield [Cell(f"kept in {result.folder}; profiles forget NAME forgets it", "dim")]
+    yield [Cell(f"saved in {result.folder}; profiles forget NAME deletes it", "dim")]
 
 
 def _refused(wanted: Wanted) -> str:
     """Return the parameter by its place, and the refusal."""
     base = "0x1800" if wanted.direction == "tpdo" else "0x1400"
-    return f"{base}:{wanted.sub_index:02X} and alike while the PDO is on, 0x{wanted.abort:08X}"
+    return f"{base}:{wanted.sub_index:02X} and similar parameters while the PDO is on, 0x{wanted.abort:08X}"
 
 
 #: Maximum number of questions to name for a reason.
@@ -48,7 +48,7 @@ _ABSENT = "absent."
 
 def learnt_lines(result: LearntDevice, width: int) -> Iterator[Line]:
     """Show accepted values, answers to other values, and the files written."""
-    yield [Cell(f"node {result.node}", "bold"), Cell(f"  {result.title}: what it takes")]
+    yield [Cell(f"node {result.node}", "bold"), Cell(f"  {result.title}: what it accepts")]
     table = Table(("VALUE", "LEARNT", "EVIDENCE"), shrink=2)
     for learnt in result.conclusions.profile:
         table.add(learnt.key, value_text(learnt.value), Cell(_short(learnt.evidence), "dim"))
@@ -73,9 +73,9 @@ def learnt_lines(result: LearntDevice, width: int) -> Iterator[Line]:
 def _use(result: LearntDevice) -> str:
     """Say which nodes use the saved profile."""
     if result.identified:
-        return "nodes of its identity use the last file from now on; delete it to revert this"
+        return "from now on nodes with its identity use the last file; delete the file to revert this"
     name = Path(result.saved[-1]).stem
-    return f"it has no vendor-ID (0x1018:01), so no node uses the last one by itself: -p {name} says which one does"
+    return f"it has no vendor-ID (0x1018:01), so no node uses the last file automatically: -p {name} selects it"
 
 
 def _answer_lines(result: LearntDevice, width: int) -> Iterator[Line]:
@@ -156,7 +156,7 @@ def _saving(result: LearntDevice) -> Iterator[str]:
             said = f"answered 0x{answer.code:08X} ({abort_text(answer.code)})" if answer.code else "accepted"
             yield f"0x{answer.probe.label}: {answer.probe.name} {said}"
     if any(answer.probe.pdo is None and answer.accepted for answer in result.answers):
-        yield "it may boot with the values that it held before: no reset was made to check"
+        yield "it may boot with its earlier values: not checked by a reset"
 
 
 def _short(evidence: str) -> str:
@@ -183,8 +183,8 @@ def forecast_lines(result: LearnForecast, width: int) -> Iterator[Line]:
     if result.stores:
         yield [Cell("note: ", "yellow"), Cell(result.stores)]
     if any(probe.pdo is None for probe in result.probes):
-        yield [Cell("note: ", "yellow"), Cell("the node boots with its values of that moment from then on")]
+        yield [Cell("note: ", "yellow"), Cell("from then on the node boots with its values of that moment")]
     yield (
-        f"dry run: {result.likely} writes to node {result.node} where it answers as its family does, "
-        f"{result.writes} at most, and everything rolled back; nothing was sent"
+        f"dry run: {result.likely} would write to node {result.node} {result.writes} times at most if it answers as "
+        f"its family does, and roll everything back; nothing was sent"
     )

@@ -37,7 +37,7 @@ def profile_lines(result: ProfileShown, _width: int) -> Iterator[Line]:
     value_width = min(40, max(len(value) for _, value, _ in result.values))
     for key, value, reason in result.values:
         yield [Cell(f"  {key:<{key_width}}  "), Cell(f"{value:<{value_width}}"), Cell(f"  {reason}", "dim")]
-    rest = f"as {result.like} (profiles show {result.like})" if result.like else "as the EDS says, else CiA 301"
+    rest = f"as {result.like} (profiles show {result.like})" if result.like else "as in the EDS, else CiA 301"
     yield f"everything else is {rest}"
 
 
@@ -66,7 +66,7 @@ def added_lines(result: LibraryAdded, width: int) -> Iterator[Line]:
     dry = Cell(" (dry run: nothing was written)" if result.dry_run else "", "cyan")
     yield [Cell(f"{counts}{others}"), dry]
     if not result.dry_run and not all(row.outcome == REFUSED for row in result.rows):
-        which = "them from now on" if result.are_all_taken else "what `eds list` says"
+        which = "them from now on" if result.are_all_taken else "as shown by `eds list`"
         who = f"nodes of these identities use {which}"
         yield [Cell(f"{who}; kept in {_at_home(result.folder)}", "dim")]
 
@@ -100,11 +100,11 @@ def listing_lines(result: LibraryListing, width: int) -> Iterator[Line]:
         if row.problem:
             yield [Cell(f"  {row.number}: {row.problem}", "red")]
         elif row.by_hand:
-            yield [Cell(f"  {row.number}: {row.name} names another identity itself, or none: bound by hand", "dim")]
+            yield [Cell(f"  {row.number}: {row.name} has another identity or none: bound by hand", "dim")]
     yield from _first_of_several(result)
     yield [Cell(f"{plural(len(result.rows), 'file')} in {_at_home(result.folder)}", "dim")]
     if result.strangers:
-        yield [Cell(f"{plural(result.strangers, 'file')} there no `eds add` put there: not looked at", "yellow")]
+        yield [Cell(f"{plural(result.strangers, 'file')} there not added by `eds add`: not checked", "yellow")]
 
 
 def _first_of_several(result: LibraryListing) -> Iterator[Line]:
@@ -113,8 +113,8 @@ def _first_of_several(result: LibraryListing) -> Iterator[Line]:
         others = [other for other in result.rows if other.identity == row.identity and other is not row]
         if row.taken and others:
             numbers = ", ".join(str(other.number) for other in others)
-            why = "preferred" if row.preferred else "the file added last, or no DCF: `eds prefer` decides"
-            yield [Cell(f"  {row.number}: {row.name} is taken before {numbers} of its identity ({why})", "dim")]
+            why = "preferred" if row.preferred else "the file added last, or not a DCF: `eds prefer` decides"
+            yield [Cell(f"  {row.number}: {row.name} is used before {numbers} of its identity ({why})", "dim")]
 
 
 def _changed(result: LibraryListing) -> Iterator[Line]:
@@ -123,9 +123,9 @@ def _changed(result: LibraryListing) -> Iterator[Line]:
     if result.removed:
         yield [Cell(f"removed: {', '.join(result.removed)}"), dry]
     if result.preferred:
-        yield [Cell(f"{result.preferred} is taken before others of its identity"), dry]
+        yield [Cell(f"{result.preferred} is used before others of its identity"), dry]
     if result.is_alone:
-        text = "no other file is of its identity: of several revisions the device's own goes first, then the nearest"
+        text = "no other file has its identity; of several revisions, the device's own is used first, then the nearest"
         yield [Cell(f"  {text}", "yellow")]
     yield f"{plural(len(result.rows), 'file')} in the library"
 

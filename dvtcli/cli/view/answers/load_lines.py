@@ -156,11 +156,11 @@ def _too_often(result: NetworkLoad, measured: Measured | None) -> Iterator[Line]
         return
     for load in result.too_often:
         rates = [1_000_000 / float(need.stream.frame.period_us) for need in load.needs if need.stream.frame.period_us]
-        said = f"{_who(load.node, load.label)} came {measured.rate_hz(load.identifier):.1f} times a second"
+        said = f"{_who(load.node, load.label)} was received {measured.rate_hz(load.identifier):.1f} times a second"
         yield [Cell("too often  ", "bold"), Cell(f"{said}, {sum(rates):.1f} are computed at worst", "red")]
     if result.too_often:
         how = f"dvtcli diff {result.file} names the differences" if result.file else "dvtcli check --live"
-        yield [Cell("      hint: ", "cyan"), Cell(f"{how}; or two nodes have one node-ID")]
+        yield [Cell("      hint: ", "cyan"), Cell(f"{how}; or two nodes have the same node-ID")]
 
 
 def _unlimited(streams: Iterable[Stream]) -> Iterator[Line]:
@@ -179,8 +179,8 @@ def unbounded(streams: Iterable[Stream]) -> Iterator[tuple[str, str, str]]:
             "event-driven, without inhibit time and event timer",
             "--inhibit NODE:tpdoN=MS tries an inhibit time",
         ),
-        (NO_SYNC, "synchronous, and no known node sends SYNC", "--sync MS says how often it comes"),
-        ("", "its trigger is not known", "a transmission type that CiA 301 has"),
+        (NO_SYNC, "synchronous, but no known node produces SYNC", "--sync MS sets its period"),
+        ("", "its trigger is unknown", "a transmission type that CiA 301 has"),
     ):
         names = [
             _who(stream.node, stream.label)
@@ -201,9 +201,9 @@ def _in_time(result: NetworkLoad) -> Iterator[Line]:
     late = [need for need in result.need.late if need.response_us is not None or not result.need.unlimited]
     if late:
         names = join_some(_who(need.stream.node, need.stream.label) for need in late)
-        yield [Cell("late  ", "bold"), Cell(f"{names} may be there after the deadline", "red")]
+        yield [Cell("late  ", "bold"), Cell(f"{names} may miss the deadline", "red")]
     elif result.need.fits:
-        yield "every frame is there before its deadline at worst"
+        yield "every frame meets its deadline in the worst case"
     if result.fitting:
         yield "all of it fits at " + ", ".join(str(rate // 1000) for rate in result.fitting) + " kbit/s"
     elif not result.need.unlimited:

@@ -14,14 +14,15 @@ if TYPE_CHECKING:
 
 _DRY_RUN = Cell("dry run: ", "cyan")
 _WOULD = {
-    "node-id": "give node-ID {}", "store": "store node-ID {}", "assign": "look for the file's nodes and give node-IDs",
+    "node-id": "give node-ID {}", "store": "store node-ID {}",
+        "assign": "search for the nodes of the file and give node-IDs",
 }  # fmt: skip
 
 
 def found_lines(result: LssFound, width: int) -> Iterator[Line]:
     """Show the nodes found, with LSS addresses."""
     if result.dry_run:
-        yield [_DRY_RUN, Cell(f"lss {result.action} would ask the bus by LSS. Nothing was sent.")]
+        yield [_DRY_RUN, Cell(f"lss {result.action} would send LSS requests. Nothing was sent.")]
         return
     if result.nodes:
         yield from _nodes(result, width)
@@ -32,7 +33,7 @@ def found_lines(result: LssFound, width: int) -> Iterator[Line]:
     yield f"{_summary(result)} ({took})"
     if result.action == "scan" and result.nodes:
         if result.free is None:
-            yield [Cell("  no node-ID is free: somebody answers with each of 1 to 127", "dim")]
+            yield [Cell("  no node-ID is free: nodes answer with each of 1 to 127", "dim")]
             return
         yield [Cell(f"  no node answers as node {result.free}; this assigns that node-ID:", "dim")]
         yield [Cell(f"  lss node-id {result.free} {result.nodes[0].address}", "dim")]  # one row of 80 columns, to copy
@@ -46,7 +47,7 @@ def _nodes(result: LssFound, width: int) -> Iterator[Line]:
     yield from table.lines(width)
     for node in result.nodes:
         if not node.confirmed:
-            yield [Cell(f"  not exactly one node answers to {node.address}", "red")]
+            yield [Cell(f"  {node.address} is answered by no node or by several", "red")]
 
 
 def _summary(result: LssFound) -> str:
@@ -59,8 +60,8 @@ def _summary(result: LssFound) -> str:
     if not result.answered:
         return "no node without a node-ID answers"
     if result.action == "identify":
-        return "nodes without a node-ID are there; lss scan finds their addresses"
-    return "nodes without a node-ID are there that know no fast scan: lss select takes the address on the name plate"
+        return "there are nodes without a node-ID; lss scan finds their addresses"
+    return "nodes without a node-ID do not support Fastscan: use lss select with the address on the name plate"
 
 
 def changed_lines(result: LssChanged, _width: int) -> Iterator[Line]:
@@ -99,7 +100,7 @@ def bit_rate_lines(result: LssBitRate, _width: int) -> Iterator[Line]:
         yield [_DRY_RUN, Cell(f"lss bitrate would set {result.bit_rate} bit/s by LSS. Nothing was sent.")]
         return
     if not result.nodes:
-        yield f"the bus runs at {result.bit_rate} bit/s already; no node was asked, and nothing is stored by this"
+        yield f"the bus already runs at {result.bit_rate} bit/s; nothing was sent and nothing is stored"
         return
     for node in result.nodes:
         name = "no node-ID" if node.node_id == UNCONFIGURED else f"node {node.node_id}"
@@ -136,10 +137,10 @@ def _nothing(result: BitRateFound) -> str:
 def _hints(result: BitRateFound) -> Iterator[str]:
     if result.silent:
         yield (
-            "a silent bus tells no bit rate: switch a node on while it is listened to, for it says boot-up; "
-            "--for 5s; is the cable right?"
+            "the bit rate of a silent bus cannot be found: check the cable, and switch a node on meanwhile, for its "
+            "boot-up message; --for 5s"
         )
     elif not any(trial.frames for trial in result.heard):
         yield "one node alone is never acknowledged, and cannot be read while we are silent: connect a second one"
     else:
-        yield "nodes of two bit rates on one bus, or a bad line: take them off one by one"
+        yield "there are two bit rates on the bus, or a bad line: disconnect the nodes one by one"

@@ -51,7 +51,7 @@ def node_plan_lines(file: str, node: NodePlan, width: int, *, compares: bool = F
         more = plural(node.also_equal, "more setting")
         yield [Cell(f"  = {more} equal to the file, not written", "dim")]
     if node.is_asked_nothing and not any(found.rule == "asked-nothing" for found in node.findings):
-        yield [Cell("  ! ", "yellow"), Cell("the file sets nothing on it: nothing was compared")]
+        yield [Cell("  ! ", "yellow"), Cell("the file has no settings for it: nothing was compared")]
     if node.lacks:
         yield [Cell("  ! ", "yellow"), Cell(f"the device has no {join_some(node.lacks)}")]
     yield from _left_out(node)
@@ -73,7 +73,7 @@ def _left_out(node: NodePlan) -> Iterator[Line]:
     for why, places in by_why.items():
         yield [Cell("  ! ", "yellow"), Cell(f"not written: {join_some(places)} {why}")]
     if silent:
-        yield [Cell(f"  = {plural(len(silent), 'read-only object')} of the file left aside", "dim")]
+        yield [Cell(f"  = {plural(len(silent), 'read-only object')} of the file ignored", "dim")]
 
 
 def _otherwise(node: NodePlan, one: LeftOut) -> Line:
@@ -87,7 +87,7 @@ def _values(node: NodePlan, one: LeftOut) -> str:
         return ""
     index, sub_index = (int(part, 16) for part in one.object.split(":"))
     step, known = Step(index, sub_index, one.held, one.said, ""), node.understood.get(one.object)
-    return f" (holds {step_text(step, one.held, known)}, the file says {step_text(step, one.said, known)})"
+    return f" (is {step_text(step, one.held, known)}, expected {step_text(step, one.said, known)})"
 
 
 def _downloads(place: str, before: bytes | None, after: bytes | None) -> Iterator[Line]:
@@ -118,7 +118,7 @@ def _pdo(node: NodePlan, change: PdoChange, width: int, *, compares: bool) -> It
     if kind == "prune":
         yield [
             Cell(f"  {sign} ", style),
-            Cell(f"{change.label}  enabled on the node, not in the file: goes off (prune)"),
+            Cell(f"{change.label}  enabled on the node, not in the file: will be disabled (prune)"),
         ]
         return
     stays_off = not change.before.enabled and not change.after.enabled
@@ -162,10 +162,10 @@ def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
     yield from _untold(result.plan)
     if result.plan.lacking:
         what = " and ".join(sorted({"objects" if lacked.pdo is None else "PDOs" for lacked in result.plan.lacking}))
-        yield f"Nothing was written, and nothing can be: the devices lack {what} of the file."
+        yield f"Nothing was written; writing is not possible: the devices have no {what} of the file."
         return
     if not result.plan.changed and result.plan.to_do:
-        yield "Every node holds what the file says, but not everything is stored."
+        yield "Every node has the values of the file, but not everything is stored."
     elif not result.plan.changed and not result.plan.remains and not result.plan.untold:
         yield f"No difference: {_so(result.plan)}. Nothing was written."
         yield from _aside(result.plan)
@@ -224,14 +224,14 @@ def _untold(plan: NetworkPlan) -> Iterator[Line]:
     if not plan.untold:
         return
     nodes = f"node{'' if len(plan.untold) == 1 else 's'} {', '.join(map(str, plan.untold))}"
-    yield [Cell(f"! node {plan.manager} gets nothing for {nodes}: no EDS is known; dcf: names one", "yellow")]
+    yield [Cell(f"! node {plan.manager} gets no values for {nodes}: no EDS; dcf: names an EDS", "yellow")]
 
 
 def _so(plan: NetworkPlan, already: str = "") -> str:
     """Say that all nodes are as in the file, if it asks for anything."""
     if all(node.is_asked_nothing for node in plan.nodes):
-        return "the file asks for nothing"
-    return f"{_every(plan)} holds {_what(plan)}{already}"
+        return "the file has no settings"
+    return f"{_every(plan)} has {_what(plan)}{already}"
 
 
 def _every(plan: NetworkPlan) -> str:
@@ -239,7 +239,7 @@ def _every(plan: NetworkPlan) -> str:
     if plan.manager is not None:
         return f"node {plan.manager}"
     if len(plan.unread) == len(plan.nodes):
-        return f"every node, as its stamp (0x{STAMP:04X}) says,"
+        return f"every node, by its stamp (0x{STAMP:04X}),"
     if any(node.is_asked_nothing for node in plan.nodes):
         return "every node that the file sets"
     return "every node that was read" if plan.unread else "every node"
@@ -250,7 +250,7 @@ def _what(plan: NetworkPlan) -> str:
     if plan.file.startswith(("link ", "unlink ")):
         return f"what `{plan.file}` makes"
     is_all = not plan.remains and not plan.untold and not any(map(_not_written, plan.nodes))
-    return "what the file says" if is_all else "what is written of the file"
+    return "the values of the file" if is_all else "the part of the file that is written"
 
 
 def _aside(plan: NetworkPlan) -> Iterator[Line]:
@@ -330,11 +330,11 @@ def _kept(result: NetworkApplied) -> Iterator[Line]:
             told.setdefault((typed(words), reverts[node_id]), []).append(str(node_id))
     for (words, reverts_text), nodes in told.items():
         where = ", ".join(nodes)
-        text = f"In RAM only on node {where}: {words}" if words else f"Kept by node {where} without a store"
+        text = f"In RAM only on node {where}: {words}" if words else f"Stored by node {where} on its own"
         yield [Cell(f"{text}{reverts_text}.", "dim")]
     for node_id, labels in result.kept_without.items():
         if labels and node_id not in stored:
-            yield [Cell(f"Kept by node {node_id} without a store: {join_some(labels)}.", "dim")]
+            yield [Cell(f"Stored by node {node_id} on its own: {join_some(labels)}.", "dim")]
 
 
 def _reverts(node: NodePlan) -> str:
@@ -351,7 +351,7 @@ def _stored(result: NetworkApplied) -> Iterator[Line]:
     told: dict[str, list[str]] = {}
     for store in result.stored:
         if store.proof is None:
-            text = "Stored, as acknowledged by node {}. To check: store --prove, node by node"
+            text = "Stored, as acknowledged by node {}. To check, use store --prove for each node"
         elif store.proof.holds:
             text = "Stored on node {}, and proved by a restart."
         else:

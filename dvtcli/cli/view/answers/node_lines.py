@@ -26,7 +26,7 @@ def program_lines(result: ProgramLoaded, _width: int) -> Iterator[Line]:
         new = f"load {result.file} ({result.size:,} bytes) and start it"
         yield [Cell("dry run: ", "cyan"), Cell(f"would stop and clear {what}, {new}. Nothing was sent.")]
         return
-    seen = "its boot-up message was received" if result.restarted else "it says so; no boot-up message was received"
+    seen = "its boot-up message was received" if result.restarted else "it answers so; no boot-up message was received"
     yield f"{what}: {result.file}, {result.size:,} bytes in {result.seconds:.1f} s, runs: {seen}"
     yield f"  0x1F56 says {_said(result.after)} (before: {_said(result.before)}){_compared(result)}"
 
@@ -37,7 +37,7 @@ def _said(identification: int | None) -> str:
 
 def _compared(result: ProgramLoaded) -> str:
     if result.expected is None:
-        return ": compared with nothing, --expect does that"
+        return ": not compared; use --expect to compare"
     return f", as profile {result.expected_by} expects" if result.expected_by else ", as expected"
 
 
@@ -46,7 +46,7 @@ def login_lines(result: LoggedIn, _width: int) -> Iterator[Line]:
     if result.dry_run:
         yield [
             Cell("dry run: ", "cyan"),
-            Cell("the twin believes any passcode, and none was asked for. Nothing was sent."),
+            Cell("the twin accepts any passcode; none was asked for. Nothing was sent."),
         ]
     elif not result.wanted:
         yield f"node {result.node} logged out: access level {result.level}"
@@ -135,7 +135,7 @@ def _files_of_others(result: NodeListing) -> Iterator[Line]:
     """Show notes on the nodes' files, merged for nodes with the same note, and nodes without a file."""
     unknown = [str(row.node) for row in result.rows if not row.source and not row.note]
     if unknown:
-        yield [Cell(f"  no EDS is known of node {', '.join(unknown)}: `eds add FILE`, or --eds FILE", "dim")]
+        yield [Cell(f"  no EDS for node {', '.join(unknown)}: `eds add FILE`, or --eds FILE", "dim")]
     said: dict[str, list[str]] = {}
     for row in result.rows:
         if row.eds_note:
@@ -250,12 +250,12 @@ def _remembered(result: Faults) -> Iterator[Line]:
     who = f"node {result.node} ({result.name})"
     if result.cleared:
         what = f"held {len(result.rows)}" if result.rows else "was empty already"
-        end = " on its twin; the node's own was not touched" if result.dry_run else ", read back"
+        end = " on its twin; the node itself was not changed" if result.dry_run else ", read back"
         yield f"{who}: the error history {what}, and is empty now{end}"
     elif result.rows:
         yield f"{who}: errors, newest first"
     else:
-        yield f"{who}: no error is reported, no EMCY was received"
+        yield f"{who}: no error is reported and no EMCY was received"
     if not result.has_history:
         yield "it has no error history (0x1003)"
 
@@ -264,7 +264,9 @@ def _register(result: Faults) -> Line:
     if result.register is None:
         return "it has no error register (0x1001)"
     words = ", ".join(result.register_words) or "no error now"
-    still = ": still wrong, an empty history mends nothing" if result.cleared and result.register else ""
+    still = (
+        ": still wrong; clearing the history does not remove the cause" if result.cleared and result.register else ""
+    )
     return [
         Cell(f"error register 0x{result.register:02X}: "),
         Cell(words, "bold" if result.register else ""),

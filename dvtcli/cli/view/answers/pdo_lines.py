@@ -76,7 +76,7 @@ def _impossible(row: PdoRow) -> Iterator[Line]:
     if not row.config.enabled or row.config.mpdo is not None:
         return
     if row.config.bits > 64:
-        yield [Cell(f"{row.pdo.label} is enabled with {row.config.bits} bits", "red"), Cell(": a PDO holds 64")]
+        yield [Cell(f"{row.pdo.label} is enabled with {row.config.bits} bits", "red"), Cell(": a PDO has at most 64")]
     for number, entry in enumerate(row.config.mapping, 1):
         if not entry.bits:
             yield [Cell(f"{row.pdo.label} is enabled with mapping entry {number} empty", "red")]
@@ -161,7 +161,7 @@ def _multiplexed_note(row: PdoRow) -> Iterator[Line]:
     count = row.config.mpdo or 0
     if count == SAM_MPDO:
         where = "scanner list (0x1FA0…0x1FCF)" if row.pdo.is_tpdo else "dispatcher list (0x1FD0…0x1FFF)"
-        yield f"      multiplexed (SAM, count 0x{count:02X}): bit 7 of byte 0 is 0; the {where} says which objects"
+        yield f"      multiplexed (SAM, count 0x{count:02X}): bit 7 of byte 0 is 0; the objects are in the {where}"
         yield from map(_listed, row.listed or ())
         if row.listed == ():
             yield "      that list is empty, or cannot be read"

@@ -42,7 +42,9 @@ def _outcome(result: Stored) -> Iterator[Line]:
     proof = result.proof
     if proof is None:
         check = (
-            "To check: store --prove" if result.word == "store" else "Defaults come with the next reset: nmt reset-node"
+            "To check: store --prove"
+            if result.word == "store"
+            else "The defaults take effect at the next reset: nmt reset-node"
         )
         yield f"{result.word}d, {took}. {check}"
         return
@@ -60,7 +62,7 @@ def _shown_by(result: Stored, proof: Proof) -> Iterator[Line]:
     stored = result.word == "store"
     if proof.differences:
         yield [
-            Cell("NOT KEPT: " if stored else "NOT RESTORED: ", "red"),
+            Cell("NOT STORED: " if stored else "NOT RESTORED: ", "red"),
             Cell(f"{after} the node differs from {proof.against}:"),
         ]
         yield from (f"  {text}" for text in proof.differences)

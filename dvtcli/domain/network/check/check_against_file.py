@@ -20,4 +20,4 @@ def not_in_the_file(network: CheckedNetwork) -> NetFound:
     for node_id in sorted(network.present or ()):
         master = network.state.master
         if network.state.node(node_id) is None and (master is None or master.node_id != node_id):
-            yield NetSpot(node_id), "it is on the bus, and the file does not name it"
+            yield NetSpot(node_id), "it is on the bus, but not in the file"

@@ -35,8 +35,12 @@ def _unlimited(network: CheckedNetwork) -> list[NetSpot]:
     ]
 
 
-@check("unbounded-event-pdo", WARNING, "an event-driven TPDO has neither inhibit time nor event timer: its values "
-       "decide how much of the bus it takes", _TIMES)  # fmt: skip
+@check(
+    "unbounded-event-pdo",
+    WARNING,
+    "an event-driven TPDO has neither inhibit time nor event timer: its bus load depends on its values",
+    _TIMES,
+)
 def unbounded_event_pdo(network: CheckedNetwork) -> NetFound:
     """A noisy value is sent as fast as possible: on one robot, such a PDO took three quarters of the bus."""
     spots = frozenset(_unlimited(network))
@@ -53,11 +57,11 @@ def unbounded_event_pdo(network: CheckedNetwork) -> NetFound:
         taken = Fraction(100_000 * bits, time_ms * network.bit_rate)
         yield (
             at(node, pdo),
-            f"no inhibit time, no event timer; {time_ms} ms would hold it to {float(taken):.1f} %",
+            f"no inhibit time, no event timer; {time_ms} ms would limit it to {float(taken):.1f} %",
         )
 
 
-@check("timer-without-inhibit", NOTE, "an event-driven TPDO has an event timer and no inhibit time", _TIMES)
+@check("timer-without-inhibit", NOTE, "an event-driven TPDO has an event timer, but no inhibit time", _TIMES)
 def timer_without_inhibit(network: CheckedNetwork) -> NetFound:
     """A device that also sends on each change is unlimited; many devices send by the timer only."""
     for node, pdo, config in _readable(network):
@@ -76,7 +80,7 @@ def timer_below_inhibit(network: CheckedNetwork) -> NetFound:
             yield at(node, pdo), text
 
 
-@check("bus-overload", ERROR, "the frames that have a limit need more than the whole bus at worst", _ANALYSIS)
+@check("bus-overload", ERROR, "the worst-case load of the PDOs that have a limit is over 100 %", _ANALYSIS)
 def bus_overload(network: CheckedNetwork) -> NetFound:
     """Frames of low priority are never sent."""
     if network.need is not None and network.need.limited > 1:
@@ -91,7 +95,7 @@ def busy_bus(network: CheckedNetwork) -> NetFound:
         yield NetSpot(), _share(network.need)
 
 
-@check("too-late", ERROR, "a frame may be there after its deadline", _ANALYSIS)
+@check("too-late", ERROR, "the worst-case response time of a frame exceeds its deadline", _ANALYSIS)
 def too_late(network: CheckedNetwork) -> NetFound:
     """The next frame is due by then, or a consumer has timed out."""
     for need in () if network.need is None else network.need.late:
@@ -111,11 +115,11 @@ CHECKS_OF_BIT_RATE = frozenset({"bus-overload", "busy-bus", "too-late", "sync-wi
 
 def _share(need: BusNeed) -> str:
     share = f"{100 * float(need.limited):.1f} %"
-    return f"{share} of {need.bit_rate / 1000:g} kbit/s at worst; the bus load says what takes it"
+    return f"{share} of {need.bit_rate / 1000:g} kbit/s in the worst case; the bus load table shows the shares"
 
 
 @check("unknown-bit-rate", NOTE, "the bit rate is not known: load and deadlines are not checked", _ANALYSIS)
 def unknown_bit_rate(network: CheckedNetwork) -> NetFound:
     """A load too high for a slow bus may fit a fast bus."""
     if network.bit_rate is None and network.streams.streams:
-        yield NetSpot(), "the bit rate is not known: load and deadlines were not checked; give a bit rate (bit/s)"
+        yield NetSpot(), "unknown bit rate: load and deadlines were not checked; give a bit rate (bit/s)"

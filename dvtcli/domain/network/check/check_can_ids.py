@@ -131,7 +131,12 @@ def emcy_twice(network: CheckedNetwork) -> NetFound:
             yield held(node, EMCY_COB_ID), f"{identifier_text(node.emcy)} is EMCY of node {other}, too"
 
 
-@check("emcy-can-id", ERROR, "EMCY has a CAN-ID of SYNC, or one that CiA 301 restricts", "CiA 301, 7.5.2.14 and 7.3.5")
+@check(
+    "emcy-can-id",
+    ERROR,
+    "EMCY has the CAN-ID of SYNC or a CAN-ID that CiA 301 restricts",
+    "CiA 301, 7.5.2.14 and 7.3.5",
+)
 def emcy_can_id(network: CheckedNetwork) -> NetFound:
     """The emergency is taken for another service."""
     for node in network.nodes:
@@ -188,7 +193,7 @@ def time_ids_differ(network: CheckedNetwork) -> NetFound:
             yield held(node, TIME_COB_ID), f"it waits for {identifier_text(node.time)}, {sent} is sent"
 
 
-@check("two-times", ERROR, "two nodes send the time stamp with one CAN-ID", "CiA 301, 7.5.2.16")
+@check("two-times", ERROR, "two nodes transmit TIME with the same CAN-ID", "CiA 301, 7.5.2.16")
 def two_times(network: CheckedNetwork) -> NetFound:
     """Clocks jump."""
     seen: dict[Identifier, int] = {}
@@ -217,7 +222,7 @@ def can_id_of_other(network: CheckedNetwork) -> NetFound:
 
 
 @check("other-formula", WARNING, "PDO 5 to 16 is enabled on a pre-defined CAN-ID of another node-ID (node-ID + 32, 64 "
-       "or 96)", "ours: families of gateways that give PDOs 5 to 16 so, and allow node-ID 1 to 32 only")  # fmt: skip
+       "or 96)", "dvtcli's own: gateways that number PDOs 5 to 16 this way allow node-IDs 1 to 32 only")  # fmt: skip
 def other_formula(network: CheckedNetwork) -> NetFound:
     """Safe while all node-IDs are at most 32, unless a node has the other ID."""
     present = {node.node_id for node in network.nodes}
@@ -230,7 +235,12 @@ def other_formula(network: CheckedNetwork) -> NetFound:
             yield at(node, pdo), f"{config.communication.cob_id} is {owner[0].label} of node {owner[1]} by default"
 
 
-@check("node-id-of-master", ERROR, "a node has the node-ID of the master", "CiA 301, 7.3.4: a node-ID is one device's")
+@check(
+    "node-id-of-master",
+    ERROR,
+    "a node has the node-ID of the master",
+    "CiA 301, 7.3.4: each device has its own node-ID",
+)
 def node_id_of_master(network: CheckedNetwork) -> NetFound:
     """Both answer SDO requests and send the same heartbeat."""
     master = network.state.master

@@ -39,17 +39,17 @@ def _look(name: str, severity: Severity, network: CheckedNetwork) -> NetFound:
 
 #: The other rules judge a requested change, or have a network rule of their own.
 CHECKS = (
-    _judged("object-exists", ERROR, "maps an object that its device does not have"),
+    _judged("object-exists", ERROR, "maps an object that the device does not have"),
     _judged("direction", ERROR, "sends an unreadable object, or receives a read-only object"),
     _judged("mappable", ERROR, "maps an object with PDOMapping=0"),
     _judged("read-write-object", WARNING, "sends an object for RPDOs (rww)"),
     _judged("object-for-rpdos", ERROR, "sends an object for RPDOs (rww) on a device that refuses it",
             "read-write-object"),
-    _judged("entry-length", ERROR, "maps another length than the object's, or none, or more than 64 bits"),
-    _judged("granularity", ERROR, "maps a length that is no multiple of Granularity"),
+    _judged("entry-length", ERROR, "maps a length other than the object's, 0 bits, or more than 64 bits"),
+    _judged("granularity", ERROR, "maps a length that is not a multiple of Granularity"),
     _judged("dummy-direction", ERROR, "is a TPDO and skips bits"),
-    _judged("dummy-supported", ERROR, "skips bits by a dummy that its device does not have"),
-    _judged("dummy-length", ERROR, "maps a dummy of another length than its type"),
+    _judged("dummy-supported", ERROR, "skips bits with a dummy that the device does not have"),
+    _judged("dummy-length", ERROR, "maps a dummy with a length other than its type's"),
     _judged("double-target", ERROR, "is an RPDO and maps an object twice"),
     _judged("can-id-length", ERROR, "has a CAN-ID of more than 11 bits without bit 29 (frame)"),
     _judged("extended-id", ERROR, "has a CAN-ID of 29 bits on a device that takes 11"),

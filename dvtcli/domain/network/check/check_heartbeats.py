@@ -42,7 +42,7 @@ def heartbeat_not_sent(network: CheckedNetwork) -> NetFound:
                 yield held(node, CONSUMER_HEARTBEAT, _slot(node, producer)), text
 
 
-@check("heartbeat-of-nobody", WARNING, "a node waits for the heartbeat of a node that is not there", _CONSUMER)
+@check("heartbeat-of-nobody", WARNING, "a node waits for the heartbeat of a missing node", _CONSUMER)
 def heartbeat_of_nobody(network: CheckedNetwork) -> NetFound:
     """Left over from another network, or the node is missing here."""
     master = network.state.master
@@ -50,7 +50,7 @@ def heartbeat_of_nobody(network: CheckedNetwork) -> NetFound:
         for producer in node.watched:
             is_master = master is not None and master.node_id == producer
             if network.state.node(producer) is None and not is_master:
-                text = f"it waits for node {producer}, which is not one of this network"
+                text = f"it waits for node {producer}, which is not in this network"
                 yield held(node, CONSUMER_HEARTBEAT, _slot(node, producer)), text
 
 
@@ -62,23 +62,27 @@ def heartbeat_too_short(network: CheckedNetwork) -> NetFound:
         for producer, time_ms in node.watched.items():
             beat_ms = _beat_ms(network, producer) or 0
             if beat_ms and time_ms <= beat_ms:
-                text = f"it waits {time_ms} ms for node {producer}, which sends one every {beat_ms} ms"
+                text = f"it waits {time_ms} ms for node {producer}, which sends a heartbeat every {beat_ms} ms"
                 yield held(node, CONSUMER_HEARTBEAT, _slot(node, producer)), text
 
 
-@check("heartbeat-margin", WARNING, "one heartbeat that is late is an error: the consumer waits less than 1.5 of the "
-       "producer's times", "ours; CiA 301, 7.5.2.17 has it above the producer's")  # fmt: skip
+@check(
+    "heartbeat-margin",
+    WARNING,
+    "a single late heartbeat is an error: the consumer time is less than 1.5 times the producer time",
+    "ours; CiA 301, 7.5.2.17 has it above the producer's",
+)
 def heartbeat_margin(network: CheckedNetwork) -> NetFound:
     """Producers are late by their own cycle and by the bus."""
     for node in network.nodes:
         for producer, time_ms in node.watched.items():
             beat_ms = _beat_ms(network, producer) or 0
             if beat_ms < time_ms < 1.5 * beat_ms:
-                text = f"it waits {time_ms} ms for node {producer}, which sends one every {beat_ms} ms"
+                text = f"it waits {time_ms} ms for node {producer}, which sends a heartbeat every {beat_ms} ms"
                 yield held(node, CONSUMER_HEARTBEAT, _slot(node, producer)), text
 
 
-@check("heartbeat-twice", ERROR, "two entries of 0x1016 wait for one node", _CONSUMER)
+@check("heartbeat-twice", ERROR, "two entries of 0x1016 wait for the same node", _CONSUMER)
 def heartbeat_twice(network: CheckedNetwork) -> NetFound:
     """A device refuses the second entry with 0x06040043."""
     for node in network.nodes:
@@ -106,13 +110,16 @@ def heartbeat_node_id(network: CheckedNetwork) -> NetFound:
 
 
 @check(
-    "no-error-control", WARNING, "a node sends no heartbeat and is not guarded", "CiA 301, 7.2.8.3: one is mandatory"
+    "no-error-control",
+    WARNING,
+    "a node has neither heartbeat nor node guarding",
+    "CiA 301, 7.2.8.3: heartbeat or node guarding is mandatory",
 )
 def no_error_control(network: CheckedNetwork) -> NetFound:
     """A loss of the node goes unnoticed."""
     for node in network.told:
         if not node.heartbeat_ms and not node.is_guarded:
-            yield held(node, PRODUCER_HEARTBEAT), "it sends no heartbeat, and is not guarded"
+            yield held(node, PRODUCER_HEARTBEAT), "it has neither heartbeat nor node guarding"
 
 
 @check("heartbeat-and-guarding", ERROR, "a node sends a heartbeat and is guarded", _GUARDING)
@@ -123,7 +130,7 @@ def heartbeat_and_guarding(network: CheckedNetwork) -> NetFound:
             yield held(node, GUARD_TIME), f"0x1017 is {node.heartbeat_ms} ms, and it is guarded"
 
 
-@check("half-guarding", WARNING, "one of guard time and life time factor is 0, the other is not", _GUARDING)
+@check("half-guarding", WARNING, "either guard time or life time factor is 0, but not both", _GUARDING)
 def half_guarding(network: CheckedNetwork) -> NetFound:
     """Guarding stays off."""
     for node in network.told:
@@ -137,7 +144,7 @@ def guarding(network: CheckedNetwork) -> NetFound:
     """A master has to poll the node all the time."""
     for node in network.nodes:
         if node.is_guarded and not node.heartbeat_ms:
-            yield held(node, GUARD_TIME), "it is guarded; a heartbeat needs no remote frames"
+            yield held(node, GUARD_TIME), "it uses node guarding; a heartbeat needs no remote frames"
 
 
 @check("unwatched-link", WARNING, "the consumer of a PDO does not wait for the heartbeat of its producer", _CONSUMER)
@@ -151,11 +158,15 @@ def unwatched_link(network: CheckedNetwork) -> NetFound:
             continue
         if connection.producer.heartbeat_ms:
             said.add(pair)
-            yield connection.spot, f"it receives {connection.sender}, whose heartbeat the node does not watch"
+            yield connection.spot, f"it receives {connection.sender}, but does not monitor the heartbeat of that node"
 
 
-@check("goes-on-after-error", NOTE, "a node that waits for heartbeats stays as it is when one is missing (0x1029:01 is "
-       "1)", "CiA 301, 7.5.2.27")  # fmt: skip
+@check(
+    "goes-on-after-error",
+    NOTE,
+    "a heartbeat consumer does not change its NMT state when a heartbeat is missing (0x1029:01 is 1)",
+    "CiA 301, 7.5.2.27",
+)
 def goes_on_after_error(network: CheckedNetwork) -> NetFound:
     """The node's outputs keep their state."""
     for node in network.nodes:
@@ -163,7 +174,12 @@ def goes_on_after_error(network: CheckedNetwork) -> NetFound:
             yield held(node, ERROR_BEHAVIOUR, 1), "it stays in its state after a communication error"
 
 
-@check("deadline-below-period", ERROR, "an RPDO gives up before its TPDO is due", "CiA 301, 7.5.2.35: event timer")
+@check(
+    "deadline-below-period",
+    ERROR,
+    "the event timer (deadline) of an RPDO is shorter than the period of its TPDO",
+    "CiA 301, 7.5.2.35: event timer",
+)
 def deadline_below_period(network: CheckedNetwork) -> NetFound:
     """The consumer reports an error between any two frames."""
     periods = {(stream.node, stream.pdo): _longest_ms(network, stream.node, stream.pdo)
@@ -172,7 +188,10 @@ def deadline_below_period(network: CheckedNetwork) -> NetFound:
         patience = connection.takes.communication.event_timer or 0
         period = periods.get((connection.producer.node_id, connection.tpdo))
         if patience and period and patience <= period:
-            yield connection.spot, f"it gives up after {patience} ms; {connection.sender} comes every {period:g} ms"
+            yield (
+                connection.spot,
+                f"its deadline is {patience} ms; {connection.sender} is transmitted every {period:g} ms",
+            )
 
 
 def _longest_ms(network: CheckedNetwork, node_id: int | None, pdo: object) -> float | None:
@@ -187,8 +206,12 @@ def _longest_ms(network: CheckedNetwork, node_id: int | None, pdo: object) -> fl
     return max(parameter.event_timer, (parameter.inhibit_time or 0) / 10) if parameter.event_timer else None
 
 
-@check("deadline-without-timer", WARNING, "an RPDO gives up after a time, and its TPDO comes with events only",
-       "CiA 301, 7.5.2.35 and 7.5.2.37: event timer")  # fmt: skip
+@check(
+    "deadline-without-timer",
+    WARNING,
+    "an RPDO has an event timer (deadline), but its TPDO is transmitted on events only",
+    "CiA 301, 7.5.2.35 and 7.5.2.37: event timer",
+)
 def deadline_without_timer(network: CheckedNetwork) -> NetFound:
     """The consumer reports an error while no value changes."""
     for connection in network.received:
@@ -197,6 +220,6 @@ def deadline_without_timer(network: CheckedNetwork) -> NetFound:
         if connection.takes.communication.event_timer and by_event:
             yield (
                 connection.spot,
-                f"it gives up after {connection.takes.communication.event_timer} ms; "
-                f"{connection.sender} has no event timer",
+                f"its deadline is {connection.takes.communication.event_timer} ms; {connection.sender} has no event "
+                f"timer",
             )

@@ -14,19 +14,19 @@ from dvtcli.domain.network.network_state import Identifier, identifier_of
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.process_data import commanded_by_other, is_controlword
 
-_LAYOUT = "CiA 301, 7.5.2.36 and 7.5.2.38: both sides of a PDO have one layout"
+_LAYOUT = "CiA 301, 7.5.2.36 and 7.5.2.38: producer and consumer of a PDO have the same layout"
 _LENGTHS = "CiA 301, emergency error codes 0x8210 and 0x8220"
 _ONE_ID = "CiA 301, 7.3.5: a PDO has one CAN-ID"
 
 
-@check("rpdo-without-producer", WARNING, "no node sends the frames of an enabled RPDO", _ONE_ID)
+@check("rpdo-without-producer", WARNING, "no node transmits the frames of an enabled RPDO", _ONE_ID)
 def rpdo_without_producer(network: CheckedNetwork) -> NetFound:
     """A master may send it: silent if the file names a master."""
     if network.state.master is not None:
         return
     for node, pdo, config in network.rpdos:
         if identifier_of(config) not in network.sent:
-            yield at(node, pdo), f"no node here sends {config.communication.cob_id}"
+            yield at(node, pdo), f"no node of the network transmits {config.communication.cob_id}"
 
 
 @check("tpdo-without-consumer", NOTE, "no node receives an enabled TPDO", _ONE_ID)
@@ -37,7 +37,7 @@ def tpdo_without_consumer(network: CheckedNetwork) -> NetFound:
         return
     for node, pdo, config in network.tpdos:
         if identifier_of(config) not in received:
-            yield at(node, pdo), f"no RPDO here takes {config.communication.cob_id}"
+            yield at(node, pdo), f"no RPDO of the network receives {config.communication.cob_id}"
 
 
 @check("own-tpdo", ERROR, "an RPDO waits for a TPDO of its own node", "a CAN node does not receive its own frames")
@@ -49,7 +49,7 @@ def own_tpdo(network: CheckedNetwork) -> NetFound:
             yield at(node, pdo), f"{config.communication.cob_id} is sent by {sent.label} of the node itself"
 
 
-@check("frame-format", ERROR, "an RPDO has a CAN-ID of 11 bits, its TPDO of 29 bits, or the reverse",
+@check("frame-format", ERROR, "an RPDO and its TPDO have CAN-IDs of different lengths (11 and 29 bits)",
        "CiA 301, 7.5.2.35: bit 29 (frame)")  # fmt: skip
 def frame_format(network: CheckedNetwork) -> NetFound:
     """The same number is another CAN-ID."""
@@ -61,7 +61,10 @@ def frame_format(network: CheckedNetwork) -> NetFound:
 
 
 @check(
-    "heard-twice", WARNING, "two enabled RPDOs of a node have one CAN-ID", "ours: devices serve one of both, or both"
+    "heard-twice",
+    WARNING,
+    "two enabled RPDOs of a node have the same CAN-ID",
+    "dvtcli's own: a device supports 11-bit CAN-IDs, 29-bit CAN-IDs, or both",
 )
 def heard_twice(network: CheckedNetwork) -> NetFound:
     """The device decides which RPDO receives the frame."""
@@ -135,7 +138,7 @@ def data_type(network: CheckedNetwork) -> NetFound:
 @check(
     "hears-no-command",
     WARNING,
-    "a controlword receives a value that is no command",
+    "a controlword receives a value that is not a controlword",
     "CiA 402-2, 8.4: it moves the machine",
 )
 def hears_no_command(network: CheckedNetwork) -> NetFound:
@@ -162,7 +165,7 @@ def sends_nothing(network: CheckedNetwork) -> NetFound:
             yield at(node, pdo), "it is enabled and maps nothing"
 
 
-@check("takes-nothing", WARNING, "an enabled RPDO maps nothing that is kept", "CiA 301, 7.5.2.36")
+@check("takes-nothing", WARNING, "an enabled RPDO has no mapped objects, or dummies only", "CiA 301, 7.5.2.36")
 def takes_nothing(network: CheckedNetwork) -> NetFound:
     """The RPDO receives frames without effect."""
     for node, pdo, config in network.rpdos:
@@ -171,7 +174,7 @@ def takes_nothing(network: CheckedNetwork) -> NetFound:
             yield at(node, pdo), "it is enabled and maps nothing" if not config.mapping else "it maps dummies only"
 
 
-@check("no-whole-pdo", ERROR, "an enabled PDO is no whole PDO: a part of it cannot be read", "CiA 301, 7.5.2.35 to 38")
+@check("no-whole-pdo", ERROR, "an enabled PDO is incomplete: a part of it cannot be read", "CiA 301, 7.5.2.35 to 38")
 def no_whole_pdo(network: CheckedNetwork) -> NetFound:
     """The contents of its frames are unknown."""
     for node, pdo, config in network.enabled:
@@ -187,7 +190,7 @@ def too_long(network: CheckedNetwork) -> NetFound:
             yield at(node, pdo), f"it maps {config.bits} bits"
 
 
-@check("one-object-two-writers", NOTE, "two enabled RPDOs of a node write one object", "ours")
+@check("one-object-two-writers", NOTE, "two enabled RPDOs of a node write the same object", "ours")
 def one_object_two_writers(network: CheckedNetwork) -> NetFound:
     """Whichever comes last counts."""
     writers: dict[tuple[int, int, int], Pdo] = {}
@@ -210,7 +213,8 @@ def synchronous_consumer(network: CheckedNetwork) -> NetFound:
         if takes is not None and sends is not None and takes <= 240 and sends >= 254:
             yield (
                 connection.spot,
-                f"it takes over with SYNC (type {takes}), {connection.sender} comes with events (type {sends})",
+                f"it applies values at SYNC (type {takes}), but {connection.sender} is transmitted on events (type "
+                f"{sends})",
             )
 
 

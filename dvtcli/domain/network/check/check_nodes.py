@@ -29,7 +29,7 @@ def identity(network: CheckedNetwork) -> NetFound:
                 yield held(node, IDENTITY, sub_index), f"its {name} is 0x{has:08X}, the file says 0x{wanted:08X}"
 
 
-@check("eds-identity", ERROR, "the EDS, DCF, XDD or XDC of a node is for another device than it says in 0x1018",
+@check("eds-identity", ERROR, "the EDS, DCF, XDD or XDC of a node is for a device with another identity (0x1018)",
        "CiA 306, DeviceInfo; CiA 301, 7.5.2.19")  # fmt: skip
 def eds_identity(network: CheckedNetwork) -> NetFound:
     """Names and lengths may be another device's."""
@@ -40,7 +40,7 @@ def eds_identity(network: CheckedNetwork) -> NetFound:
         for sub_index, told in ((1, info.vendor_id), (2, info.product_code)):
             has = node.number(IDENTITY, sub_index)
             if told and has and told != has:
-                yield held(node, IDENTITY, sub_index), f"it says 0x{has:08X}, its file is for 0x{told:08X}"
+                yield held(node, IDENTITY, sub_index), f"it is 0x{has:08X}, its file is for 0x{told:08X}"
 
 
 @check("dcf-node-id", WARNING, "a node's DCF was made for another node-ID", "CiA 306, DeviceComissioning: NodeID")
@@ -78,13 +78,13 @@ def two_managers(network: CheckedNetwork) -> NetFound:
         yield held(first, NMT_STARTUP), "the file names a master besides"
 
 
-@check("slave-missing", ERROR, "a manager waits for a slave that is not there (0x1F81)", _BOOT)
+@check("slave-missing", ERROR, "a manager waits for a missing slave (0x1F81)", _BOOT)
 def slave_missing(network: CheckedNetwork) -> NetFound:
     """The manager may refuse to start the other nodes without it."""
     for node in _managers(network):
         for (index, slave), value in node.numbers.items():
             if index == SLAVE_ASSIGNMENT and value & _SLAVE and network.state.node(slave) is None:
-                yield held(node, index, slave), f"node {slave} is assigned, and is not one of this network"
+                yield held(node, index, slave), f"node {slave} is assigned, but not in this network"
 
 
 @check("slave-not-assigned", WARNING, "a node is not assigned to the manager of the network (0x1F81)", _BOOT)
@@ -108,7 +108,7 @@ def boot_identity(network: CheckedNetwork) -> NetFound:
             asked = node.asked.get(IDENTITY_NAMES[part - 1])
             has = node.number(IDENTITY, part) if asked is None else asked
             if has is not None and has != expected:
-                text = f"{IDENTITY_NAMES[part - 1]} of node {slave} is to be 0x{expected:08X}, and is 0x{has:08X}"
+                text = f"{IDENTITY_NAMES[part - 1]} of node {slave} is 0x{expected:08X}, expected 0x{has:08X}"
                 yield held(manager, index, slave), text
 
 
@@ -137,7 +137,7 @@ def guarded_by_manager(network: CheckedNetwork) -> NetFound:
                 yield held(manager, REQUEST_GUARDING, node.node_id), f"node {node.node_id} sends a heartbeat"
 
 
-@check("nobody-starts", NOTE, "no node is NMT master, and the file names none", _BOOT)
+@check("nobody-starts", NOTE, "no node is NMT master, and the file names no master", _BOOT)
 def nobody_starts(network: CheckedNetwork) -> NetFound:
     """Another master must start them: nodes come up in PRE-OPERATIONAL, unless they start by themselves (0x1F80)."""
     known = [node for node in network.told if node.number(NMT_STARTUP) is not None]
@@ -145,17 +145,21 @@ def nobody_starts(network: CheckedNetwork) -> NetFound:
         yield held(known[0], NMT_STARTUP), "no node starts the others, and the file names no master"
 
 
-@check("manager-misses", WARNING, "a manager says that a node of the network is not there (0x1F82)", _BOOT)
+@check("manager-misses", WARNING, "a manager reports a node of the network as missing (0x1F82)", _BOOT)
 def manager_misses(network: CheckedNetwork) -> NetFound:
     """The node answers, but has another node-ID or identity, or booted too late for the manager."""
     for manager in _managers(network):
         for node in network.nodes:
             if node is not manager and manager.number(REQUEST_NMT, node.node_id) == _MISSING:
-                yield held(manager, REQUEST_NMT, node.node_id), f"node {node.node_id} is there"
+                yield held(manager, REQUEST_NMT, node.node_id), f"node {node.node_id} is present"
 
 
-@check("boot-time", WARNING, "a manager gives up (0x1F89) before a node that it cannot do without sends its first "
-       "heartbeat", _BOOT)  # fmt: skip
+@check(
+    "boot-time",
+    WARNING,
+    "the boot time (0x1F89) of a manager ends before a mandatory slave sends its first heartbeat",
+    _BOOT,
+)
 def boot_time(network: CheckedNetwork) -> NetFound:
     """The manager then starts no node."""
     for manager in _managers(network):
@@ -167,7 +171,7 @@ def boot_time(network: CheckedNetwork) -> NetFound:
                 yield held(manager, BOOT_TIME), text
 
 
-@check("concise-dcf-form", ERROR, "a manager's download for a node (0x1F22) is no concise DCF", _DOWNLOAD)
+@check("concise-dcf-form", ERROR, "the data of a manager for a node (0x1F22) is not a concise DCF", _DOWNLOAD)
 def concise_dcf_form(network: CheckedNetwork) -> NetFound:
     """The manager configures the node not at all, or only partly."""
     for manager in _managers(network):
@@ -178,7 +182,12 @@ def concise_dcf_form(network: CheckedNetwork) -> NetFound:
                 yield held(manager, CONCISE_DCF, node_id), f"for node {node_id}: {wrong}"
 
 
-@check("concise-dcf", ERROR, "a manager downloads other values at boot-up than a node is to hold (0x1F22)", _DOWNLOAD)
+@check(
+    "concise-dcf",
+    ERROR,
+    "the values that a manager downloads at boot-up (0x1F22) differ from the node's configuration",
+    _DOWNLOAD,
+)
 def concise_dcf(network: CheckedNetwork) -> NetFound:
     """The manager overwrites the configuration, even a stored one, whenever it boots the node."""
     for manager in _managers(network):

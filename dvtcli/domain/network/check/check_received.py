@@ -37,7 +37,7 @@ def _sync_ids(state: NetworkState) -> set[Identifier]:
     return {node.sync for node in state.nodes} or {(0x080, False)}
 
 
-@check("sync-not-heard", ERROR, "PDOs are synchronous, and no SYNC was received", "CiA 301, 7.5.2.35 and 7.5.2.37")
+@check("sync-not-heard", ERROR, "PDOs are synchronous, but no SYNC was received", "CiA 301, 7.5.2.35 and 7.5.2.37")
 def sync_not_heard(network: CheckedNetwork) -> NetFound:
     """Synchronous PDOs are never sent, and never take effect."""
     traffic, periods = network.traffic, network.state.sync_periods_us
@@ -47,7 +47,7 @@ def sync_not_heard(network: CheckedNetwork) -> NetFound:
         return
     listed = join_some(f"{node.node_id}:{pdo}" for node, pdo, _ in network.synchronous)
     node, pdo, _ = network.synchronous[0]
-    yield at(node, pdo), f"no SYNC within {traffic.seconds:.1f} s, and these wait for it: {listed}"
+    yield at(node, pdo), f"no SYNC within {traffic.seconds:.1f} s; these PDOs wait for it: {listed}"
 
 
 @check("sync-heard-twice", ERROR, "more SYNC messages were received than one producer sends", _SYNC)
@@ -71,13 +71,13 @@ def _sync_spot(network: CheckedNetwork) -> NetSpot:
 def _second_counter(received: ReceivedId) -> str:
     """Proof of a second producer in the frames' data, in words; empty without proof."""
     if len(received.lengths) > 1:
-        return "some have a counter, some have none"
+        return "some have a counter, others do not"
     counters = [first_byte for first_byte in received.first_bytes if first_byte is not None]
     jumps = sum(after not in (before + 1, 1) for before, after in pairwise(counters))
     return f"its counter jumps, {jumps} times of {len(counters) - 1}" if jumps > len(counters) // 4 else ""
 
 
-@check("sync-uneven", WARNING, "SYNC comes at uneven times: two may send it", _SYNC)
+@check("sync-uneven", WARNING, "SYNC comes at uneven intervals: there may be two producers", _SYNC)
 def sync_uneven(network: CheckedNetwork) -> NetFound:
     """Two producers with the same period cause alternating short and long gaps."""
     for identifier in () if network.traffic is None else sorted(_sync_ids(network.state)):
@@ -102,7 +102,7 @@ def _more(network: CheckedNetwork, kind: str, identifier: Identifier) -> str:
     if most is None or traffic.count(identifier) <= most:
         return ""
     rate = sum(1_000_000 / float(stream.frame.period_us) for stream in streams if stream.frame.period_us)
-    return f"{traffic.rate_hz(identifier):.1f} a second were received, {rate:.1f} are to come at most"
+    return f"{traffic.rate_hz(identifier):.1f} a second were received, at most {rate:.1f} are expected"
 
 
 def _streams(network: CheckedNetwork, kind: str, identifier: Identifier) -> list[Stream]:
@@ -110,7 +110,7 @@ def _streams(network: CheckedNetwork, kind: str, identifier: Identifier) -> list
     return [stream for stream in found if (stream.frame.can_id, stream.frame.extended) == identifier]
 
 
-@check("comes-too-often", WARNING, "a TPDO comes more often than its settings allow",
+@check("comes-too-often", WARNING, "a TPDO is transmitted more often than its settings allow",
        "CiA 301, 7.5.2.37: inhibit time, event timer; SYNC")  # fmt: skip
 def comes_too_often(network: CheckedNetwork) -> NetFound:
     """Another producer uses the CAN-ID, or the device ignores its configuration."""
@@ -130,7 +130,7 @@ def other_length(network: CheckedNetwork) -> NetFound:
             yield at(node, pdo), f"{lengths} bytes were received, it maps {byte_length(config.bits)}"
 
 
-@check("not-heard", WARNING, "a TPDO with an event timer was not received, though its node is OPERATIONAL",
+@check("not-heard", WARNING, "a TPDO with an event timer was not received although its node is OPERATIONAL",
        "CiA 301, 7.5.2.37: event timer")  # fmt: skip
 def not_heard(network: CheckedNetwork) -> NetFound:
     """Consumers wait in vain."""
@@ -141,10 +141,13 @@ def not_heard(network: CheckedNetwork) -> NetFound:
             continue
         is_running = traffic.states.get(node.node_id) == [NmtState.OPERATIONAL]
         if is_running and traffic.seconds * 1000 > _PATIENCE * timer and not traffic.count(identifier_of(config)):
-            yield at(node, pdo), f"its event timer is {timer} ms, and none came within {traffic.seconds:.1f} s"
+            yield (
+                at(node, pdo),
+                f"its event timer is {timer} ms, but no frame was received within {traffic.seconds:.1f} s",
+            )
 
 
-@check("from-nobody", WARNING, "a frame was received that no node here sends", _SET)
+@check("from-nobody", WARNING, "a frame was received that no node of the network transmits", _SET)
 def from_nobody(network: CheckedNetwork) -> NetFound:
     """A controller without CANopen, another tool, or a node that was not read."""
     for identifier, received in () if network.traffic is None else sorted(network.traffic.by_id.items()):
@@ -154,7 +157,7 @@ def from_nobody(network: CheckedNetwork) -> NetFound:
             often = f"{network.traffic.rate_hz(identifier):.1f} a second" if received.frames > 1 else "once"
             yield (
                 NetSpot(),
-                f"{identifier_text(identifier)} was received, {often}, and no node that was read sends it{who}",
+                f"{identifier_text(identifier)} was received, {often}, but no node that was read transmits it{who}",
             )
 
 
@@ -182,9 +185,9 @@ def other_master(network: CheckedNetwork) -> NetFound:
         whom = "it" if spot.node_id else f"node {node_id}"
         yield spot, f"another SDO client asks {whom}: {plural(count, 'request')} that {_are(count)} not ours"
     for command, count in sorted(traffic.commands.items()):
-        yield NetSpot(), f"somebody commands: {command}{_often(count)}"
+        yield NetSpot(), f"NMT commands from an unknown sender: {command}{_often(count)}"
     if traffic.lss:
-        yield NetSpot(), f"somebody sends LSS commands: {plural(traffic.lss, 'frame')}"
+        yield NetSpot(), f"LSS commands from an unknown sender: {plural(traffic.lss, 'frame')}"
 
 
 def _are(count: int) -> str:
@@ -195,7 +198,7 @@ def _often(count: int) -> str:
     return "" if count == 1 else f", {count} times"
 
 
-@check("node-id-twice", ERROR, "two nodes seem to have the same node-ID", "CiA 301, 7.3.4: a node-ID is there once")
+@check("node-id-twice", ERROR, "two nodes seem to have the same node-ID", "CiA 301, 7.3.4: node-IDs are unique")
 def node_id_twice(network: CheckedNetwork) -> NetFound:
     """Both nodes answer each request, and one gets the other's configuration."""
     for node in network.nodes:
@@ -212,10 +215,15 @@ def _signs_of_two(network: CheckedNetwork, node_id: int) -> Iterator[str]:
         yield f"of its heartbeats {why}"
     states = [state for state in traffic.states.get(node_id, ()) if state is not NmtState.INITIALISING]
     if len(states) > 2 and not traffic.commands and not traffic.boot_ups[node_id]:
-        yield f"its heartbeats say {states[0].label} and {states[1].label} by turns, without an NMT command"
+        yield f"its heartbeats alternate between {states[0].label} and {states[1].label} without an NMT command"
 
 
-@check("heartbeat-not-heard", ERROR, "a node is to send a heartbeat, and none was received", "CiA 301, 7.5.2.18")
+@check(
+    "heartbeat-not-heard",
+    ERROR,
+    "a node is configured to send a heartbeat, but no heartbeat was received",
+    "CiA 301, 7.5.2.18",
+)
 def heartbeat_not_heard(network: CheckedNetwork) -> NetFound:
     """Heartbeat consumers take the node for lost."""
     traffic = network.traffic
@@ -224,11 +232,11 @@ def heartbeat_not_heard(network: CheckedNetwork) -> NetFound:
         if traffic is None or node.node_id in traffic.states or node.node_id in traffic.heartbeat_written:
             continue
         if 0 < wait_ms < traffic.seconds * 1000:
-            text = f"0x1017 is {node.heartbeat_ms} ms, and none came within {traffic.seconds:.1f} s"
+            text = f"0x1017 is {node.heartbeat_ms} ms, but no heartbeat was received within {traffic.seconds:.1f} s"
             yield held(node, PRODUCER_HEARTBEAT), text
 
 
-@check("heard-not-read", ERROR, "a node sends frames, and cannot be read", "ours")
+@check("heard-not-read", ERROR, "a node sends frames, but cannot be read", "ours")
 def heard_not_read(network: CheckedNetwork) -> NetFound:
     """The node's PDOs are not checked."""
     for node_id in () if network.traffic is None else sorted(network.traffic.states):

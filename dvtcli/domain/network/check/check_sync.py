@@ -17,14 +17,14 @@ _TYPES = "CiA 301, 7.5.2.35 and 7.5.2.37: transmission type"
 _COUNTER = "CiA 301, 7.5.2.20 and 7.5.2.37: SYNC counter, SYNC start value"
 
 
-@check("sync-not-produced", ERROR, "PDOs are synchronous, and neither a node nor the master sends SYNC", _TYPES)
+@check("sync-not-produced", ERROR, "PDOs are synchronous, but neither a node nor the master produces SYNC", _TYPES)
 def sync_not_produced(network: CheckedNetwork) -> NetFound:
     """Synchronous PDOs are never sent, and never take effect."""
     if network.state.master is not None:
         yield from _without_sync(network)
 
 
-@check("sync-from-elsewhere", WARNING, "PDOs are synchronous, no node sends SYNC, and no master is named", _TYPES)
+@check("sync-from-elsewhere", WARNING, "PDOs are synchronous, no node produces SYNC, and no master is named", _TYPES)
 def sync_from_elsewhere(network: CheckedNetwork) -> NetFound:
     """A device outside the network has to send SYNC."""
     if network.traffic is not None and any(network.traffic.count(node.sync) for node in network.nodes):
@@ -38,7 +38,7 @@ def _without_sync(network: CheckedNetwork) -> NetFound:
         return
     listed = join_some(f"{node.node_id}:{pdo}" for node, pdo, _ in network.synchronous)
     first, pdo, _ = network.synchronous[0]
-    yield at(first, pdo), f"no node sends SYNC, and these wait for it: {listed}"
+    yield at(first, pdo), f"no node produces SYNC; these PDOs wait for it: {listed}"
 
 
 @check("two-syncs", ERROR, "two send SYNC", "CiA 301, 7.2.5: one producer")
@@ -53,15 +53,17 @@ def two_syncs(network: CheckedNetwork) -> NetFound:
         first = first or f"node {node.node_id}"
 
 
-@check("sync-without-period", ERROR, "a node is to send SYNC, and its period is 0", "CiA 301, 7.5.2.6")
+@check("sync-without-period", ERROR, "a node is SYNC producer, but its period is 0", "CiA 301, 7.5.2.6")
 def sync_without_period(network: CheckedNetwork) -> NetFound:
     """The node sends no SYNC."""
     for node in network.told:
         if (node.number(SYNC_COB_ID) or 0) & PRODUCES and not node.number(SYNC_PERIOD):
-            yield held(node, SYNC_PERIOD), "0x1005 says that it sends SYNC, 0x1006 is 0"
+            yield held(node, SYNC_PERIOD), "0x1005 makes it SYNC producer, but 0x1006 is 0"
 
 
-@check("sync-window", ERROR, "synchronous PDOs may come after the window for them (0x1007)", "CiA 301, 7.5.2.7")
+@check(
+    "sync-window", ERROR, "synchronous PDOs may be received after the synchronous window (0x1007)", "CiA 301, 7.5.2.7"
+)
 def sync_window(network: CheckedNetwork) -> NetFound:
     """Frames after the window are discarded."""
     for need in () if network.need is None else network.need.needs:
@@ -71,7 +73,7 @@ def sync_window(network: CheckedNetwork) -> NetFound:
         node = network.state.node(stream.node)
         if node is not None:
             late = "at any time" if need.response_us is None else f"{float(need.response_us) / 1000:.2f} ms after SYNC"
-            yield at(node, stream.pdo), f"it may come {late}; the window is {stream.window_us / 1000:g} ms"
+            yield at(node, stream.pdo), f"it may be received {late}; the window is {stream.window_us / 1000:g} ms"
 
 
 @check("window-over-period", WARNING, "the window for synchronous PDOs (0x1007) is not below the period of SYNC",
@@ -82,11 +84,14 @@ def window_over_period(network: CheckedNetwork) -> NetFound:
     for node in network.nodes:
         window = node.number(SYNC_WINDOW)
         if window and period and window >= period:
-            yield held(node, SYNC_WINDOW), f"the window is {window} µs, SYNC comes every {period} µs"
+            yield held(node, SYNC_WINDOW), f"the window is {window} µs, the SYNC period {period} µs"
 
 
 @check(
-    "sync-start-without-counter", WARNING, "a TPDO waits for a value of the SYNC counter, and SYNC has none", _COUNTER
+    "sync-start-without-counter",
+    WARNING,
+    "a TPDO waits for a value of the SYNC counter, but SYNC has no counter",
+    _COUNTER,
 )
 def sync_start_without_counter(network: CheckedNetwork) -> NetFound:
     """The start value is ignored."""
@@ -106,7 +111,9 @@ def sync_start_over_counter(network: CheckedNetwork) -> NetFound:
             yield at(node, pdo), f"its SYNC start value is {start}, the counter ends with {highest}"
 
 
-@check("sync-counters-differ", WARNING, "a node counts SYNC up to another number than its producer", _COUNTER)
+@check(
+    "sync-counters-differ", WARNING, "a SYNC consumer has another counter overflow value than the producer", _COUNTER
+)
 def sync_counters_differ(network: CheckedNetwork) -> NetFound:
     """The node sees jumps of the counter, and may send an EMCY for each."""
     producer = next((node for node in network.nodes if node.produces_sync), None)
@@ -123,7 +130,7 @@ def synchronous_without_sync(network: CheckedNetwork) -> NetFound:
     for node in network.told:
         mine = [pdo for other, pdo, _ in network.synchronous if other is node]
         if mine and node.number(SYNC_COB_ID) is None:
-            yield at(node, mine[0]), "it is synchronous, and the node has no 0x1005"
+            yield at(node, mine[0]), "it is synchronous, but the node has no 0x1005"
 
 
 @check("reserved-type", ERROR, "an enabled PDO has a reserved transmission type", _TYPES)
@@ -140,4 +147,4 @@ def sent_on_request(network: CheckedNetwork) -> NetFound:
     """A master has to request it (RTR), which many controllers cannot."""
     for node, pdo, config in network.tpdos:
         if config.communication.transmission_type in (252, 253):
-            yield at(node, pdo), "it is sent when somebody asks for it (RTR)"
+            yield at(node, pdo), "it is transmitted on remote request (RTR) only"

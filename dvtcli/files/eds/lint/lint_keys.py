@@ -49,7 +49,7 @@ def misspelt_key(text: LintedText) -> Found:
     """The intended value is missing."""
     for value, near in unknown_keys(text):
         if near:
-            yield value.line, f"{value.key} is not known; is {near} meant?"
+            yield value.line, f"{value.key} is unknown; did you mean {near}?"
 
 
 @check("unknown-key", NOTE, "a key that the standard does not have", "CiA 306, 4.4 to 4.6")
@@ -69,9 +69,9 @@ def misspelt_section(text: LintedText) -> Found:
         name = section.name.replace(" ", "").lower()
         near = get_close_matches(name, SECTIONS, 1, 0.8) if len(name) <= _LONGEST else []
         if near:
-            yield section.line, f"[{section.name}] is not known; is [{SECTIONS[near[0]]}] meant?"
+            yield section.line, f"[{section.name}] is unknown; did you mean [{SECTIONS[near[0]]}]?"
         elif _NEARLY_OBJECT.fullmatch(name):
-            yield section.line, f"[{section.name}] is no object; one is [XXXX] or [XXXXsubYY] in hexadecimal"
+            yield section.line, f"[{section.name}] is not an object; write [XXXX] or [XXXXsubYY] in hexadecimal"
 
 
 @check("no-sub-number", NOTE, "an object with sub-indices has no SubNumber", "CiA 306, 4.6.3: SubNumber")

@@ -26,7 +26,7 @@ _TIME = re.compile(r"(0[1-9]|1[0-2]):[0-5][0-9](AM|PM)")
 @check("no-file-info", WARNING, "there is no FileInfo", _SOURCE)
 def no_file_info(text: LintedText) -> Found:
     """Versions of the file cannot be told apart."""
-    return no_section(text, "FileInfo", "nobody can tell two versions of the file")
+    return no_section(text, "FileInfo", "versions of the file cannot be distinguished")
 
 
 @check("missing-file-info", NOTE, "FileInfo lacks keys that it must have", _SOURCE)
@@ -64,7 +64,7 @@ def file_date(text: LintedText) -> Found:
     """The day stands in the middle."""
     for value in all_given(text.values("fileinfo"), ("creationdate", "modificationdate")):
         if _day(value) is None:
-            yield value.line, f"{quoted(value)} is no date; one is written MM-DD-YYYY"
+            yield value.line, f"{quoted(value)} is not a date; write MM-DD-YYYY"
 
 
 @check("file-time", NOTE, "a time is not written HH:MMAM or HH:MMPM", _SOURCE)
@@ -72,7 +72,7 @@ def file_time(text: LintedText) -> Found:
     """Times are in the 12-hour form."""
     for value in all_given(text.values("fileinfo"), ("creationtime", "modificationtime")):
         if not _TIME.fullmatch(value.value.upper()):
-            yield value.line, f"{quoted(value)} is no time; one is written HH:MMAM or HH:MMPM"
+            yield value.line, f"{quoted(value)} is not a time; write HH:MMAM or HH:MMPM"
 
 
 @check("modified-before-created", NOTE, "the file was modified before it was created", _SOURCE)
@@ -127,14 +127,14 @@ def missing_device_info(text: LintedText) -> Found:
     return missing_keys(text, "DeviceInfo", _NEEDED_IN_DEVICE_INFO)
 
 
-@check("vendor-id", WARNING, "the vendor-ID is 0 or missing: no node can be recognised by the file",
+@check("vendor-id", WARNING, "the vendor-ID is 0 or missing: no node can be identified by the file",
        "CiA 301, 7.5.2.21")  # fmt: skip
 def vendor_id(text: LintedText) -> Found:
     """Neither VendorNumber nor 0x1018:01 names a maker."""
     section = text.section("deviceinfo")
     if not text.file.dictionary.info.vendor_id and section is not None:
         value = text.values("deviceinfo").get("vendornumber")
-        yield section.line if value is None else value.line, "no vendor-ID: a node cannot be recognised by this file"
+        yield section.line if value is None else value.line, "no vendor-ID: a node cannot be identified by this file"
 
 
 @check("no-bit-rate", WARNING, "no bit rate is supported", _DEVICE_INFO)
@@ -181,10 +181,10 @@ def granularity_value(text: LintedText) -> Found:
     value = text.values("deviceinfo").get("granularity")
     granularity = text.file.dictionary.info.granularity
     if value is not None and granularity is not None and granularity > MAX_PDO_BITS:
-        yield value.line, f"{quoted(value)}: a PDO holds {MAX_PDO_BITS} bits"
+        yield value.line, f"{quoted(value)}: a PDO has {MAX_PDO_BITS} bits"
 
 
-@check("granularity-zero", NOTE, "Granularity=0 says that nothing can be mapped, and a mapping can be written",
+@check("granularity-zero", NOTE, "Granularity=0 means that nothing can be mapped, but a mapping is writable",
        "CiA 306, DeviceInfo: Granularity")  # fmt: skip
 def granularity_zero(text: LintedText) -> Found:
     """The access types count; tools that go by the key refuse to map."""
@@ -195,7 +195,7 @@ def granularity_zero(text: LintedText) -> Found:
         pdo = Pdo.at(index)
         entry = dictionary.entry(index, 1) if pdo is not None and pdo.mapping_index == index else None
         if entry is not None and entry.access.writable:
-            yield value.line, f"{quoted(value)} says that no mapping can change, but {entry.object} is {entry.access}"
+            yield value.line, f"{quoted(value)} means that no mapping can change, but {entry.object} is {entry.access}"
             return
 
 
@@ -213,14 +213,14 @@ def missing_dummy(text: LintedText) -> Found:
     return missing_keys(text, "DummyUsage", [f"Dummy{index:04X}" for index in DUMMY_BITS])
 
 
-@check("dummy-type", WARNING, "DummyUsage allows what is no data type of a fixed length", _DUMMIES)
+@check("dummy-type", WARNING, "DummyUsage allows what is not a data type of a fixed length", _DUMMIES)
 def dummy_type(text: LintedText) -> Found:
     """A dummy skips the bits of its data type."""
     for index in sorted(text.file.dictionary.info.dummies or ()):
         known = DATA_TYPES.get(index)
         if known is None or known.bits is None:
             value = text.values("dummyusage")[f"dummy{index:04x}"]
-            yield value.line, f"{quoted(value)}: 0x{index:04X} is no data type of a fixed length"
+            yield value.line, f"{quoted(value)}: 0x{index:04X} is not a data type of a fixed length"
 
 
 _LISTS = "CiA 306, 4.6.2"
@@ -353,7 +353,7 @@ def unknown_module(text: LintedText) -> Found:
         for module in modules.without_description(modules.connected):
             yield (
                 part.line,
-                f"module {module} is connected and not described: what it adds is not known",
+                f"module {module} is connected, but not described: its objects are unknown",
             )
 
 
@@ -362,7 +362,7 @@ def no_commissioning(text: LintedText) -> Found:
     """The file does not name its node."""
     section = text.section(_SECTION)
     if text.is_dcf and "nodeid" not in text.values(_SECTION):
-        yield section.line if section else 1, "no NodeID in [DeviceComissioning]: the node of the file is not known"
+        yield section.line if section else 1, "no NodeID in [DeviceComissioning]: the node of the file is unknown"
 
 
 @check("commissioning-spelling", NOTE, "DeviceCommissioning with two m, the standard has one",
@@ -390,7 +390,7 @@ def commissioned_bit_rate(text: LintedText) -> Found:
         return
     if rate not in _RATES:
         rates = ", ".join(map(str, _RATES))
-        yield value.line, f"{quoted(value)} is no bit rate; those are {rates} kbit/s"
+        yield value.line, f"{quoted(value)} is not a bit rate; the bit rates are {rates} kbit/s"
     elif supported and rate not in supported:
         yield value.line, f"{quoted(value)}, but BaudRate_{rate} is not 1"
 

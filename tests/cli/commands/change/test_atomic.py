@@ -80,7 +80,7 @@ def test_a_node_that_restarts_while_another_is_taken_back_is_not_called_as_it_wa
     ran = atomic(bench, tmp_path, "set 2:tpdo3 --timer 44", "set 1:tpdo1 --timer 55", "read 5FFF", options="--json")
     assert steps == [2, 2, 1, 2, 1]
     assert (ran.code, ran.documents[-1]["state"]) == (7, "left_changed")
-    assert ran.documents[-1]["why"].endswith("it restarted meanwhile")
+    assert ran.documents[-1]["why"].endswith("it restarted during the check")
 
 
 def test_a_difference_is_a_failure_too(bench: Bench, tmp_path: Path) -> None:
@@ -90,7 +90,7 @@ def test_a_difference_is_a_failure_too(bench: Bench, tmp_path: Path) -> None:
     (tmp_path / "inner.dvt").write_text("map tpdo2 6041 --cob-id 0x6A7\nread 5FFF\n")
     ran = atomic(bench, tmp_path, LINES[0], f"run {other}")
     assert ran.code == 1
-    assert "rolled back: the script's changes are reverted, read back equal" in ran.stderr
+    assert "rolled back: the changes of the script are reverted and verified" in ran.stderr
     assert held(bench) == before
 
 

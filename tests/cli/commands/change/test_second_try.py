@@ -74,7 +74,7 @@ def test_it_is_done_again_with_the_pdo_off_and_known_after_two(abort: int, check
             ran = bench.run("undo")
             assert ran.code == 0
             assert written(wire) == [place, cob_id, place, cob_id], "the first refusal may have been a passing one"
-            assert "this is remembered" in " ".join(ran.stdout.split() + ran.stderr.split())
+            assert "this is saved as a need" in " ".join(ran.stdout.split() + ran.stderr.split())
             assert bench.run("pdo --all --json").document["pdos"] == before
         with on(wire) as another:
             wire.frames()
@@ -199,14 +199,16 @@ def test_one_that_refuses_in_its_present_state_while_it_runs_is_not_remembered(t
             ran = bench.run(line)
             assert ran.code == 0, ran.stderr
             assert written(wire) == ["1800:02", "1800:01", "1800:02", "1800:01"]
-            assert "OPERATIONAL, so nothing is remembered" in " ".join(ran.stdout.split() + ran.stderr.split())
+            assert "OPERATIONAL, so no needs of devices are recorded" in " ".join(
+                ran.stdout.split() + ran.stderr.split()
+            )
         assert not list((tmp_path / "state").rglob("habits/*"))
 
 
 def test_what_is_remembered_is_shown_and_forgotten(tmp_path: Path) -> None:
     folder = kept_in(tmp_path / "state") / "habits"
     with Wire(stricter(type_while_valid=0x06090030)) as wire, on(wire) as bench:
-        assert bench.run("profiles habits").stdout == "nothing is remembered of any device\n"
+        assert bench.run("profiles habits").stdout == "no needs of devices are recorded\n"
         assert bench.run("profiles forget all").code == 0
         assert bench.run("set tpdo1 --sync 3").code == 0
         (device,) = bench.run("profiles habits --json").document["devices"]
@@ -223,7 +225,10 @@ def test_what_is_remembered_is_shown_and_forgotten(tmp_path: Path) -> None:
         assert (ran.code, device["name"] in ran.stderr) == (2, True)
         assert bench.run("profiles forget").code == 2
         assert bench.run("profiles habits tmcm").code == 2
-        assert f"forgotten: what {device['name']}" in bench.run(f"profiles forget {device['name'].lower()}").stdout
+        assert (
+            f"forgotten: the recorded needs of {device['name']}"
+            in bench.run(f"profiles forget {device['name'].lower()}").stdout
+        )
         assert not list(folder.iterdir())
     with Wire(stricter(type_while_valid=0x06090030)) as wire, on(wire) as bench:
         wire.frames()
@@ -359,7 +364,7 @@ def test_a_running_node_goes_to_pre_operational_and_back_once_and_is_known_after
             assert device.state is NmtState.OPERATIONAL
             ran = typed(bench, "undo")
             assert ran.code == 0, ran.stderr
-            assert "this is remembered" in " ".join(ran.stdout.split() + ran.stderr.split())
+            assert "this is saved as a need" in " ".join(ran.stdout.split() + ran.stderr.split())
             assert bench.run("pdo --all --json").document["pdos"] == before
         with Bench((), options) as later:
             wire.frames()
@@ -407,7 +412,7 @@ def test_what_is_refused_there_too_is_as_it_was_and_the_node_runs_again(abort: i
         assert commands(wire.frames()) == THERE_AND_BACK
         assert device.state is NmtState.OPERATIONAL
         assert bench.run("pdo --all --json").document["pdos"] == before
-        assert "nothing is remembered" in bench.run("profiles habits").stdout
+        assert "no needs of devices are recorded" in bench.run("profiles habits").stdout
 
 
 def test_that_it_went_there_and_back_is_a_finding() -> None:

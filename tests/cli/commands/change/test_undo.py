@@ -92,5 +92,5 @@ def test_a_node_of_this_process_has_no_backup_which_does_not_say_that_nothing_wa
         assert bench.run("set tpdo1 --timer 100").code == 0
         undone = bench.run("undo --backup")
         assert undone.code == 2
-        assert "it is simulated in this process, which makes none" in undone.stderr
+        assert "it is simulated in this process, for which no backups are made" in undone.stderr
         assert bench.run("undo").code == 0

@@ -101,7 +101,7 @@ def test_a_write_that_alters_nothing_is_no_change() -> None:
         assert bench.run("set tpdo1 --timer 40").code == 0
         for line in ("write 1017 500", "write 1800:5 40"):
             ran = bench.run(line)
-            assert (ran.code, "It held that before: nothing has changed." in ran.stdout) == (0, True), ran.stdout
+            assert (ran.code, "It had this value before: nothing has changed." in ran.stdout) == (0, True), ran.stdout
         assert bench.run("store").code == 0
         assert bench.run("write 1017 500").code == 0
         assert not bench.session.node().unstored

@@ -94,7 +94,7 @@ def test_verify_names_what_it_cannot_compare(bench: Bench, words: str) -> None:
     assert bench.run(f"write {words}").code == 0
     alone = bench.run("verify")
     assert alone.code == 2
-    assert f"this session's changes set {name} of node 1 only, which cannot be read back" in alone.stderr
+    assert f"this session's changes set only {name} of node 1, which cannot be read back" in alone.stderr
     assert bench.run("write 2070 5").code == 0
     ran = bench.run("verify")
     assert ran.code == 0
@@ -114,7 +114,7 @@ def test_verify_of_a_script_names_it_too(bench: Bench, tmp_path: Path) -> None:
     script.write_text("write 2050 1\n", "utf-8")
     alone = bench.run(f"verify {script}")
     assert alone.code == 2
-    assert f"{script} sets 2050:00 of node 1 only, which cannot be read back" in alone.stderr
+    assert f"{script} sets only 2050:00 of node 1, which cannot be read back" in alone.stderr
 
 
 def test_verify_of_a_device_file_names_it_too(bench: Bench, eds: Path, tmp_path: Path) -> None:
@@ -186,7 +186,7 @@ def test_an_atomic_script_that_wrote_it_is_left_changed(bench: Bench, tmp_path: 
     ran = bench.run(f"run --atomic {script}")
     assert ran.code == 7, ran
     assert "0x2050:00 is write-only: its old value is not known, it stays" in ran.stderr
-    assert "everything is as it was" not in ran.stderr
+    assert "everything is as before" not in ran.stderr
     assert "= 100 " in bench.run("read 2070").stdout
 
 
@@ -235,7 +235,7 @@ def test_a_control_word_with_a_busy_bit_is_acknowledged(eds: Path, tmp_path: Pat
         said = bench.run(f"write {place} 7")
         assert "acknowledged; it reads back a state, not the written value" in said.stdout
         assert f"0x{place} is a control word and reads back 0x8007" in said.stderr
-        assert f"{place} of node 1 only, which cannot be read back" in bench.run("verify").stderr
+        assert f"only {place} of node 1, which cannot be read back" in bench.run("verify").stderr
         assert bench.run("write 2070 9").code == 0
         assert bench.run("store").code == 0
 

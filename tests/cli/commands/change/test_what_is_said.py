@@ -84,7 +84,7 @@ def test_a_reset_without_a_boot_up_but_with_heartbeats_tells_the_state() -> None
     bus = WithoutSdo([device])  # any answer would end the wait
     with pytest.raises(NoAnswer) as caught:
         reset_and_wait(NodeAccess(bus, NODE, profile("generic")), NmtCommand.RESET_NODE)
-    assert (caught.value.state_text or "").startswith("PRE-OPERATIONAL, as its heartbeat says")
+    assert (caught.value.state_text or "").startswith("PRE-OPERATIONAL, by its heartbeat")
 
 
 @pytest.mark.parametrize(("word", "offered"), [("history", ""), ("trace", ""), ("start", ""), ("stroe", "store")])

@@ -23,9 +23,9 @@ def test_a_node_that_restarts_in_a_change_is_not_called_silent(number: int) -> N
     with sim(f"reset@{number}") as bench:
         ran = bench.run(MAP)
     assert ran.code == 5
-    assert "why     it restarted meanwhile: its boot-up message was received" in ran.stderr
+    assert "why     it restarted during the check: its boot-up message was received" in ran.stderr
     assert "hint    check its supply, then try again" in ran.stderr
-    assert "bit rate?" not in ran.stderr
+    assert "check that the bit rate" not in ran.stderr
     assert "rolled back" in ran.stderr
 
 
@@ -41,7 +41,7 @@ def test_a_node_whose_answer_was_lost_is_not_called_silent() -> None:
         ran = bench.run(MAP)
     assert ran.code == 5
     assert "why     it answers again: an answer or request may be lost or late, or it restarted unheard" in ran.stderr
-    assert "bit rate?" not in ran.stderr
+    assert "check that the bit rate" not in ran.stderr
     assert "--timeout" in ran.stderr
 
 
@@ -79,7 +79,7 @@ def test_a_node_that_stays_silent_in_the_roll_back_is_to_be_brought_back_first(t
     assert ran.code == 7
     assert "bring the node back first (power, wiring, `dvtcli " in ran.stderr
     assert " scan`); then `dvtcli " in ran.stderr
-    assert " recover` finishes it, from " in ran.stderr
+    assert " recover` finishes it, with the journal " in ran.stderr
 
 
 def test_a_bus_that_failed_is_to_be_brought_back_first() -> None:
@@ -87,7 +87,7 @@ def test_a_bus_that_failed_is_to_be_brought_back_first() -> None:
         ran = bench.run(MAP)
     assert ran.code == 7
     assert (
-        "hint    bring the bus back first (`dvtcli --sim gen4 doctor` looks at it); then check it with `dvtcli --sim"
+        "hint    restore the bus first (`dvtcli --sim gen4 doctor` checks it); then check it with `dvtcli --sim"
         in ran.stderr
     )
 
@@ -96,7 +96,7 @@ def test_answers_that_are_none_get_the_next_step() -> None:
     with sim("malformed@3") as bench:
         ran = bench.run(MAP)
     assert ran.code == 5
-    assert "hint    two nodes with one node-ID, or another SDO client? -vv shows the frames" in ran.stderr
+    assert "hint    there may be two nodes with one node-ID, or another SDO client; -vv shows the frames" in ran.stderr
 
 
 def running_master() -> StrictDevice:
@@ -110,7 +110,7 @@ def running_master() -> StrictDevice:
     ("line", "number", "said"),
     [
         ("store", 4, "0x1010:01 acknowledged the store"),
-        ("set tpdo1 --timer 40", 4, "TPDO1 was set and read back equal"),
+        ("set tpdo1 --timer 40", 4, "TPDO1 was written and verified"),
     ],
 )
 def test_a_node_that_vanishes_once_it_has_acknowledged_is_said_to_have_done_so(
@@ -121,6 +121,6 @@ def test_a_node_that_vanishes_once_it_has_acknowledged_is_said_to_have_done_so(
         assert bench.script("write 2800 0").code == 0
         ran = bench.script(line)
     assert ran.code == 5
-    assert f"state   unknown: {said} before that; it was not seen to be OPERATIONAL again" in ran.stderr
-    assert "node 1 was OPERATIONAL, and does not answer now" in ran.stderr
+    assert f"state   unknown: {said} before that; it did not become OPERATIONAL again" in ran.stderr
+    assert "node 1 was OPERATIONAL, but does not answer now" in ran.stderr
     assert "nothing was written" not in ran.stderr

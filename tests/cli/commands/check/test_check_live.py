@@ -75,7 +75,7 @@ def test_another_master_and_what_nobody_sends_are_heard() -> None:
     texts = [one["text"] for one in bus["findings"] if one["rule"] == "other-master"]
     assert texts == [
         "node 1: another SDO client asks it: 1 request that is not ours",
-        "somebody commands: nmt start 1",
+        "NMT commands from an unknown sender: nmt start 1",
     ]
 
 
@@ -93,7 +93,7 @@ def test_what_is_heard_in_a_given_time_is_judged_as_a_recording() -> None:
     assert "emergency" not in _rules(bus)
     (text,) = (one["text"] for one in bus["findings"] if one["rule"] == "refused-write")
     assert text.startswith("write to 1017:00 producer heartbeat time refused: abort 0x08000022")
-    assert " s); look first: " in text
+    assert " s); check first: " in text
     _, (short,) = _check(_bus("gen4@1", foreign=[(at - 20, *rest) for at, *rest in foreign]), "check --json")
     assert not _rules(short) & recordings, "no time is given"
     only = _check(_bus("gen4@1", foreign=foreign), "check --for 40 --rule heartbeat-stops --json")[1][0]
@@ -229,4 +229,4 @@ def test_a_name_on_another_device_than_the_file_says_stays_unknown(tmp_path: Pat
     drive = "{node_id: 9, identity: {product: 0x77}, tpdo: {1: {enabled: true, mapping: [statusword]}}}"
     file.write_text(f"nodes: {{drive: {drive}}}\n")
     of_file = _check(_bus("generic@9"), f"check {file} --live --json")[1][0]
-    assert "nothing here says" in of_file["notes"][0]["text"]
+    assert "is unknown: add `dcf:`" in of_file["notes"][0]["text"]

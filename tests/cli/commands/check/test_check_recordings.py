@@ -105,8 +105,8 @@ PLANTED: dict[str, tuple[Planted, str, float]] = {
     "sdo-given-up": ([*HEALTHY, (2.0, 1541, "4000200100000000"), (2.5, 1541, "8000200100000405")],
                      "read of 2000:01 given up: abort 0x05040000, SDO protocol timed out", 2.5),
     "absent-object": (HEALTHY + read(2.0, "1F80:00", "80PLACE00000206"),
-                      "node 5 does not have what was read: 1F80:00", 2.001),
-    "pdo-left-disabled": (HEALTHY + mapped(2.0)[:-2], "TPDO1 of node 5 was configured and left disabled", 2.001),
+                      "node 5 does not have the objects that were read: 1F80:00", 2.001),
+    "pdo-left-disabled": (HEALTHY + mapped(2.0)[:-2], "TPDO1 of node 5 was configured, but not enabled again", 2.001),
     "mapping-half-done": (HEALTHY + mapped(2.0)[:-4],
                           "TPDO1 of node 5 was disabled, written to and not enabled again", 2.001),
     "mapping-empty": (HEALTHY + mapped(2.0)[:4], "TPDO1 of node 5 has count 0", 2.001),
@@ -116,33 +116,33 @@ PLANTED: dict[str, tuple[Planted, str, float]] = {
                    "node 5: sends nothing in the 7.85 s since an NMT reset", 2.05),
     "heartbeat-stops": (WITHOUT_HEARTBEATS + heartbeats(0, 2), "node 5: sends no heartbeat in the last", 1.9),
     "heartbeat-late": (WITHOUT_HEARTBEATS + heartbeats(0, 2) + heartbeats(2.5, 4),
-                       "node 5: heartbeat 600 ms after the one before it; usual are 100 ms", 2.5),
+                       "node 5: heartbeat 600 ms after the one before; usual: 100 ms", 2.5),
     "emergency-not-reset": ([*HEALTHY, (2.02, 133, "1081010000000000")], "node 5: EMCY 0x8110, ", 2.02),
     "emergency-reset": ([*HEALTHY, (2.02, 133, "1081010000000000"), (2.52, 133, "0000000000000000")],
                         "node 5: EMCY 0x8110, ", 2.02),
     "pdo-other-length": ([*HEALTHY, (4.0, 389, "1122")], "0x185: the frame has 2 bytes, ", 4.0),
     "two-senders": (HEALTHY + pdos(2, 3, "1122", 0x3C0) + [
                         (at_s + 0.02, can_id, "112233") for at_s, can_id, _ in pdos(2, 3, can_id=0x3C0)],
-                    "0x3C0 comes with 2 and 3 bytes by turns", 2.06),
+                    "0x3C0 alternates between 2 and 3 bytes", 2.06),
     "two-nodes-answer": (HEALTHY + read(2.0, "1018:04", "43PLACE01000000") + [(2.002, 0x585, "4318100402000000")],
                          "node 5: requests are answered twice", 2.002),
     "sdo-no-answer": ([*HEALTHY, (2.0, 0x605, "4018100400000000"), *read(3.0, "1018:04", "43PLACE01000000")],
                       "node 5: 1 request without an answer", 2.0),
-    "sync-late": ([*HEALTHY, *syncs(0, 2), *syncs(2.3, 4)], "SYNC 320 ms after the one before it; usual are ", 2.305),
+    "sync-late": ([*HEALTHY, *syncs(0, 2), *syncs(2.3, 4)], "SYNC 320 ms after the one before; usual: ", 2.305),
     "sdo-segments": (HEALTHY + segmented(2.0, toggles=(0, 1, 1)), "read of 2100:03: segments are missing", 2.007),
     "sync-jitter": ([*HEALTHY, *at_times([n / 50 + 0.005 + (0.008 if n in range(31, 120, 9) else 0)
                                           for n in range(200)], 0x080, "")],
-                    "SYNC 12 to 28 ms after the one before it; usual are 20 ms", 0.633),
+                    "SYNC 12 to 28 ms after the one before; usual: 20 ms", 0.633),
     "two-sync-producers": ([*HEALTHY, *syncs(0, 4), *at_times(every(0.02, 1.009, 4), 0x080, "")],
-                  "SYNC comes after short and long times by turns", 1.105),
+                  "SYNC comes at alternately short and long intervals", 1.105),
     "two-heartbeats": ([*HEALTHY, *at_times(every(0.1, 1.033, 4), 0x705, "05")],
-                       "node 5: its heartbeats come after short and long times by turns", 1.5),
-    "rpdo-not-sent": (HEALTHY + written_rpdo(0.3), "RPDO1 of node 5 is 0x205, which no node sends", 0.301),
+                       "node 5: its heartbeats come at alternately short and long intervals", 1.5),
+    "rpdo-not-sent": (HEALTHY + written_rpdo(0.3), "RPDO1 of node 5 is 0x205, which no node transmits", 0.301),
     "two-masters": ([*HEALTHY, (2.0, 0x605, "4018100400000000"), (2.001, 0x605, "4041600000000000"),
                       (2.002, 0x585, "4318100401000000"), (2.003, 0x585, "4B41600037060000")],
                      "node 5: 1 request within another transfer", 2.001),
     "pdo-floods": ([*HEALTHY, *at_times(every(0.001, 2.0, 2.3), 0x1A5, *(f"{n:02X}" for n in range(100)))],
-                   "0x1A5 comes up to 100 times in 0.1 s", 2.0),
+                   "0x1A5 was received up to 100 times in 0.1 s", 2.0),
     "sdo-unasked": ([*HEALTHY, *read(2.0, "1018:04", "43PLACE01000000"), (2.2, 0x585, "4B41600037060000")],
                     "node 5: 1 answer without a request", 2.2),
     "error-frames": ([*HEALTHY, (2.0, 0x20000004, "0000000000000000")], "1 error frame", 2.0),
@@ -182,7 +182,7 @@ def test_a_fault_is_found_with_its_frames(tmp_path: Path, rule: str) -> None:
     shown = dvtcli("check", str(path))
     assert f"{says}" in shown.stdout
     assert f"[{rule}]" in shown.stdout
-    assert "look first: " in shown.stdout
+    assert "check first: " in shown.stdout
     assert dvtcli("check", str(path), "--without", rule).returncode == 0
 
 
@@ -449,7 +449,7 @@ def test_a_full_bus_is_found_if_its_bit_rate_is_known(tmp_path: Path) -> None:
     (text,) = full[1]
     assert re.fullmatch(r"frames took up to 1\d\d% of the bit rate in 0.1 s, stuff bits aside", text)
     shown = dvtcli("check", str(path), "--at", "250000").stdout
-    assert "look first: whether this is the bus's bit rate" in shown
+    assert "check first: whether the bit rate is right" in shown
 
 
 @pytest.mark.parametrize(("line", "is_found"), [("rpdo: {1: {cob_id: 0x205, enabled: true}}", True), ("", False)])
@@ -459,7 +459,7 @@ def test_an_rpdo_of_the_network_file_is_missed_if_the_file_names_it(tmp_path: Pa
     frames = [*heartbeats(0, 4), *at_times(every(0.1, 0.05, 4), 0x3C5, "00")]
     path = recorded(tmp_path / "run.log", frames)
     done = dvtcli("check", str(path), "-d", str(tmp_path / "net.yaml"))
-    assert ("RPDO1 of node 5 is 0x205, which no node sends" in done.stdout) is is_found, done.stdout + done.stderr
+    assert ("RPDO1 of node 5 is 0x205, which no node transmits" in done.stdout) is is_found, done.stdout + done.stderr
     path = recorded(tmp_path / "sent.log", [*frames, *at_times(every(0.1, 0.05, 4), 0x205, "00" * 8)])
     done = dvtcli("check", str(path), "-d", str(tmp_path / "net.yaml"))
     assert "rpdo-not-sent" not in done.stdout
@@ -520,8 +520,8 @@ def test_reports_for_ci(tmp_path: Path) -> None:
     (["cut.log"], 4, "damaged after"),
     (["absent.log"], 2, "No such file"),
     (["run.log", "net.yaml"], 2, "run.log is a recording"),
-    (["run.log", "--rule", "no-such"], 2, "no rule 'no-such' about recordings"),
-    (["net.yaml", "-d", "net.yaml"], 2, "-d goes with a recording only"),
+    (["run.log", "--rule", "no-such"], 2, "unknown rule 'no-such' about recordings"),
+    (["net.yaml", "-d", "net.yaml"], 2, "-d is for recordings only"),
     (["run.log", "--live"], 2, "--live is of the bus"),
 ])  # fmt: skip
 def test_what_cannot_be_checked_is_said(tmp_path: Path, words: list[str], code: int, says: str) -> None:

@@ -93,6 +93,21 @@ def test_what_cannot_be_made_is_found_and_the_rest_is_looked_at(nothing: Bench) 
     assert (link["line"], link["column"]) == (9, 7), "the RPDO stands there"
 
 
+@pytest.mark.parametrize("name", ["no_such_object", "digital_inputs"])
+def test_a_mapping_that_cannot_be_read_has_no_findings_about_the_rest_of_its_pdo(nothing: Bench, name: str) -> None:
+    """Its neighbours keep theirs."""
+    pdo = "{{enabled: true, mapping: [{}]}}"
+    other, unread = pdo.format("statusword"), pdo.format(name)
+    Path("named.yaml").write_text(f"nodes: {{a: {{node_id: 5, dcf: generic, tpdo: {{1: {unread}, 2: {other}}}}}}}\n")
+    ran = nothing.run("check named.yaml --json")
+    (file,) = ran.document["files"]
+    assert ran.code == 4
+    found = {(found["rule"], found["pdo"]) for found in file["findings"]}
+    assert ("network-file", None) in found
+    assert ("unbounded-event-pdo", "tpdo2") in found
+    assert "tpdo1" not in {pdo for _, pdo in found}
+
+
 def test_a_file_whose_identity_its_nodes_do_not_have(nothing: Bench) -> None:
     text = LINE.read_text().replace("profile: gen4", "profile: gen4\n    identity: {vendor: 0x1E, product: 1}")
     Path("other.yaml").write_text(text)

@@ -50,7 +50,7 @@ def test_the_text_has_bars_and_says_what_is_assumed(nothing: Bench) -> None:
     assert "at 500 kbit/s (assumed: -b sets another), at worst" in ran.stdout
     assert "0x185   TPDO1         5    3  inhibit 5 ms" in ran.stdout
     assert "████████████" in ran.stdout
-    assert "every frame is there before its deadline at worst" in ran.stdout
+    assert "every frame meets its deadline in the worst case" in ran.stdout
     assert "assumed: 2 nodes send an EMCY each 1000 ms at most" in ran.stdout
 
 
@@ -82,8 +82,8 @@ def test_a_node_of_which_nothing_is_known_counts_with_what_the_file_says(nothing
     ("line", "code", "said"),
     [
         ("load nowhere.yaml", 2, "nowhere.yaml"),
-        ("load {} --inhibit 9:tpdo1=10", 2, "--inhibit 9:tpdo1: no node here has it"),
-        ("load {} --inhibit drivel:tpdo1=10", 2, "--inhibit drivel:tpdo1: no node here has it"),
+        ("load {} --inhibit 9:tpdo1=10", 2, "--inhibit 9:tpdo1: no node of the network has it"),
+        ("load {} --inhibit drivel:tpdo1=10", 2, "--inhibit drivel:tpdo1: no node of the network has it"),
         ("load {} --inhibit 0x80:tpdo1=10", 2, "0x80"),
         ("load {} --inhibit tpdo1=10", 2, "--inhibit tpdo1: which node's?"),
         ("load {} --inhibit rpdo1=10", 2, "only TPDOs are inhibited"),
@@ -189,7 +189,7 @@ def test_what_comes_more_often_than_the_worst_case_of_the_file_is_said() -> None
         own = bench.run("load --for 3").stdout
     often = [one["cob_id"] for one in document["frames"] if one["measured"] and one["measured"]["too_often"]]
     assert often == [0x181]
-    assert "too often  1:tpdo1 came 100.0 times a second, 66.7 are computed at worst\n" in text
+    assert "too often  1:tpdo1 was received 100.0 times a second, 66.7 are computed at worst\n" in text
     assert "hint: dvtcli diff timers.yaml" in text
     assert "too often" not in own, "what the node holds is what it sends"
 

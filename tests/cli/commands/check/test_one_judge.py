@@ -136,7 +136,7 @@ def test_what_names_no_profile_and_no_device_file_is_an_error_with_its_place(
     complaints = found_complaints(ran)
     assert (ran.code, [place for *place, _ in complaints]) == (4, [[1, 22], [1, 41], [2, 22], [3, 22]])
     assert "text.eds is not an EDS or DCF file: it has no section" in complaints[0][2]
-    assert complaints[1][2] == "no profile is called 'gen5'; did you mean 'gen4'?"
+    assert complaints[1][2] == "unknown profile 'gen5'; did you mean 'gen4'?"
     assert complaints[2][2].startswith(f"{tmp_path / 'folder'} is a folder, and dcf names a file")
     assert "text.xdd:3" in complaints[3][2]
 
@@ -178,7 +178,7 @@ def test_no_finding_names_its_node_or_object_twice(both: Bench, tmp_path: Path) 
          ["`enabled: false` of tpdo2, take another CAN-ID, or `cob_id: auto`",
           "`enabled: false` of tpdo1, take another CAN-ID, or `cob_id: auto`"]),
         ("tpdo: {1: {cob_id: 0x601, enabled: true}}",
-         ["take one within 0x181..0x57F or 0x680..0x6DF, or `cob_id: auto`"]),
+         ["choose a CAN-ID within 0x181..0x57F or 0x680..0x6DF, or `cob_id: auto`"]),
         ("tpdo: {1: {mapping: [], enabled: true}}", ["`mapping:` of tpdo1, or `enabled: false`"]),
         ("tpdo: {1: {transmission: 253, rtr_allowed: false}}", ["`rtr_allowed: true`, or another type"]),
     ],
@@ -205,7 +205,7 @@ def test_of_nodes_without_a_dcf_it_is_said_once_that_rules_were_skipped(both: Be
     path.write_text("a: {node_id: 7, tpdo: {1: {event_timer: 5}}}\nb: {node_id: 8, tpdo: {1: {event_timer: 5}}}\n")
     (note,) = both.run(f"check {path} --json").document["files"][0]["notes"]
     assert (note["line"], note["column"]) == (1, 1)
-    assert note["text"].startswith("no EDS is known of nodes 7, 8: rules that need an EDS were skipped")
+    assert note["text"].startswith("nodes 7, 8: no EDS, so rules that need an EDS were skipped")
 
 
 MANY = """\

@@ -59,7 +59,7 @@ def test_a_list_of_nodes_keeps_the_others_unasked_and_says_so(wire: Wire, tmp_pa
     assert {one.arbitration_id for one in wire.frames() if 0x601 <= one.arbitration_id < 0x680} == {0x601, 0x605}
     with Bench((), {**wire.options, "sim": (), "node": (5, 1), "yes": True}) as bench:
         said = " ".join(bench.run(line.format(tmp_path).removesuffix(" --json")).stderr.split())
-        assert "nodes 5,1 as chosen, and who is known or heard; -n all looks for the other nodes" in said
+        assert "nodes 5,1 as chosen, and known or received nodes; -n all searches for the other nodes" in said
 
 
 def test_all_nodes_are_meant_by_all(wire: Wire) -> None:

@@ -52,14 +52,14 @@ def test_a_mapping_that_changed_meanwhile_decodes_nothing() -> None:
     record(*READ, "185#3712", "585#43001A0108006060", "185#0300")
     out, said = run("decode run.log")
     assert "=" not in out.splitlines()[-1]
-    assert "TPDO1 of node 5 was set otherwise before: what its frames carry depends on when: they stay bytes" in said
+    assert "TPDO1 of node 5 had other settings before: its mapping changed between frames: they remain bytes" in said
 
 
 def test_frames_from_before_a_download_are_not_read_by_what_it_sets() -> None:
     record("1A0#E8030000", *SET, "1A0#D2040000")
     out, said = run("decode run.log")
     assert "=" not in out.splitlines()[0] + out.splitlines()[-1]
-    assert "TPDO1 of node 6 was set after the first of its frames, and what these carry is not known" in said
+    assert "TPDO1 of node 6 was configured after its first frames, whose mapping is unknown" in said
 
 
 STARTS = "706#00"
@@ -69,7 +69,7 @@ def test_frames_of_a_node_that_started_anew_are_not_read_by_what_is_set_afterwar
     record(*SET, "1A0#D2040000", STARTS, "1A0#E8030000", *SET)
     out, said = run("decode run.log")
     assert "6064:00=" not in out
-    assert "TPDO1 of node 6 was set after the first of its frames" in said
+    assert "TPDO1 of node 6 was configured after its first frames" in said
 
 
 @pytest.mark.parametrize("between", [(STARTS,), ("1A0#E8030000",), (STARTS, *SET, STARTS)])

@@ -58,7 +58,7 @@ def said(frame: str, *, bench: Bench | None = None) -> dict[str, Any]:
         ("080#07", "counter", "7"),
         ("100#0000000001 00".replace(" ", ""), "days since 1984-01-01", "1984-01-02"),
         ("7E5#11050000", "node-ID", "5"),
-        ("7E4#1101000000000000", "error code", "it takes no such node-ID (error code 1)"),
+        ("7E4#1101000000000000", "error code", "it does not support this node-ID (error code 1)"),
         ("7E5#5100000000800001", "bit checked", "none: who is there"),
     ],
 )

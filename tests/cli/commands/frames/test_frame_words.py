@@ -51,7 +51,8 @@ WORDS = [
      "2050:01 written = 'ABCDEFGHI'"),
     (["7E5#0401000000000000"], "lss", "LSS switch state global: mode configuration"),
     (["7E5#1105000000000000"], "lss", "LSS configure node-ID: 5"),
-    (["7E4#1101000000000000"], "lss", "LSS configure node-ID: error code it takes no such node-ID (error code 1)"),
+    (["7E4#1101000000000000"], "lss",
+        "LSS configure node-ID: error code it does not support this node-ID (error code 1)"),
     (["185#10"], "pdo", ""),
     (["6FF#10"], "other", ""),
 ]  # fmt: skip

@@ -106,7 +106,10 @@ def test_a_dbc_file_of_a_network_file_says_it_and_has_it(tmp_path: Path, line: P
     with Bench((), {"yes": True}) as bench:
         ran = bench.run(f"eds convert {line} {tmp_path / 'line.dbc'}")
     (said,) = warnings(ran.stderr)
-    assert "line.yaml does not say what TPDO1, RPDO2 of node 1 map: by the default mapping of the family gen4" in said
+    assert (
+        "line.yaml does not describe what TPDO1, RPDO2 of node 1 map: taken from the default mapping of the family gen4"
+        in said
+    )
     comments = [one for one in (tmp_path / "line.dbc").read_text("cp1252").splitlines() if one.startswith("CM_ BO_")]
     assert comments[:2] == [
         'CM_ BO_ 385 "TPDO1 of node 1 (by the default mapping of the family gen4)";',

@@ -92,7 +92,7 @@ def test_a_frame_explained_says_what_is_cut_and_what_is_behind() -> None:
 def test_a_short_frame_is_one_that_an_rpdo_does_not_take() -> None:
     with Bench(("gen4",)) as bench:
         (said,) = warnings(bench.run("explain 301#010203").stderr)
-    assert "a node takes no frame that is shorter than its RPDO" in said
+    assert "a node ignores frames shorter than its RPDO" in said
 
 
 def test_every_set_bit_of_a_status_is_named() -> None:

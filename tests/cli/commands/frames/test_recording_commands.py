@@ -46,7 +46,7 @@ def test_help_names_every_format(name: str) -> None:
     silent = [suffix for suffix in FORMATS if suffix not in told]
     assert not silent, f"name {' '.join(silent)} in {place}"
     if name == "log":
-        for said in (f"Append to FILE ({' '.join(APPENDABLE)})", f"that many bytes ({' '.join(ROTATING)})"):
+        for said in (f"Append to FILE ({' '.join(APPENDABLE)})", f"this many bytes ({' '.join(ROTATING)})"):
             assert said in told, f"say “{said}” in {place} of its option"
 
 
@@ -231,16 +231,16 @@ def test_plot_draws_a_picture(tmp_path: Path, suffix: str, begin: bytes) -> None
     ("words", "code", "says"),
     [
         (["decode", "none.log"], 2, "No such file"),
-        (["decode", "empty.log"], 4, "holds no frame"),
+        (["decode", "empty.log"], 4, "has no frames"),
         (["decode", "damaged.log"], 4, "damaged.log:2"),
         (["decode", "run.xyz"], 2, ".blf (Vector binary)"),
         (["decode", "run.log", "--dbc", "none.dbc"], 2, "No such file"),
         (["decode", "run.log", "--dbc", "run.log"], 4, "-d takes a DBC file or a network file"),
-        (["decode", "run.log", "--dbc", "run.log"], 4, "is no DBC file"),
+        (["decode", "run.log", "--dbc", "run.log"], 4, "is not a DBC file"),
         (["decode", "run.log", "--dbc", GEN4], 4, "--eds gen4.eds takes an EDS"),
         (["decode", "run.log", "--csv"], 2, "need a mapping"),
         (["plot", "run.log", "velocity", "--eds", GEN4], 2, "Velocity actual value"),
-        (["plot", "run.log", "606C"], 2, "no signal is known"),
+        (["plot", "run.log", "606C"], 2, "no signals"),
         (["plot", "run.log", "606C", "--eds", GEN4, "-o", "x.gif"], 2, ".png"),
         (["plot", "nowhere.log", "velocity_actual_value"], 2, "nowhere.log: No such file"),
         (["decode", "nowhere.log", "--csv"], 2, "nowhere.log: No such file"),
@@ -294,7 +294,7 @@ def test_without_cantools_only_a_dbc_file_misses_it(tmp_path: Path, monkeypatch:
     page, dbc = tmp_path / "rep.html", tmp_path / "all.dbc"
     page.write_text("<!DOCTYPE html>", "utf-8")
     dbc.write_text('VERSION ""\n\nBU_: A\n', "utf-8")
-    with pytest.raises(InputFileError, match=r"^rep\.html is no DBC file$"):
+    with pytest.raises(InputFileError, match=r"^rep\.html is not a DBC file$"):
         read_dbc(str(page))
     with pytest.raises(UsageError, match=r"^reading all\.dbc, a DBC file, needs cantools$") as caught:
         read_dbc(str(dbc))

@@ -254,7 +254,7 @@ def test_a_file_that_changes_meanwhile_is_not_sent_further(tmp_path: Path) -> No
 
         bench.session.open_network().bus.tap(change)
         ran = bench.run(f"replay {path} --loop 3")
-        assert (ran.code, len(sent), "another file" in ran.stderr) == (6, 3, True)
+        assert (ran.code, len(sent), "is not the file" in ran.stderr) == (6, 3, True)
         assert "3 of 9 frames" in ran.stderr
 
 
@@ -273,7 +273,7 @@ def test_a_file_that_is_cut_short_meanwhile_is_no_success(tmp_path: Path) -> Non
 
         bench.session.open_network().bus.tap(shorten)
         ran = bench.run(f"replay {path}")
-        assert (ran.code, "another file" in ran.stderr, "of 900 frames" in ran.stderr) == (6, True, True)
+        assert (ran.code, "is not the file" in ran.stderr, "of 900 frames" in ran.stderr) == (6, True, True)
 
 
 def test_without_a_bit_rate_nothing_is_sent_as_fast_as_possible(tmp_path: Path) -> None:
@@ -288,7 +288,7 @@ def test_names_come_from_the_nodes_that_are_known(tmp_path: Path) -> None:
     with Bench((), {"sim": ("gen4@1",), "eds": str(family_eds("gen4"))}) as bench:
         rows = bench.run(f"replay {path} --dry-run --json").document["frames"]
         assert rows[0]["label"] == "RPDO2"
-        assert "taken by RPDO2 of node 1" in rows[0]["effects"]
+        assert "received by RPDO2 of node 1" in rows[0]["effects"]
 
 
 def test_a_dry_run_needs_no_bus(tmp_path: Path) -> None:
@@ -297,6 +297,6 @@ def test_a_dry_run_needs_no_bus(tmp_path: Path) -> None:
     ran = dvtcli("replay", str(path), "--dry-run")
     assert ran.returncode == 0, ran.stderr
     assert "SDO request to node 5: it writes" in " ".join(ran.stdout.split())
-    assert "dry run: nothing was sent of 3 frames" in ran.stdout
+    assert "dry run: none of 3 frames was sent" in ran.stdout
     assert "no bus is chosen" in ran.stderr
     assert dvtcli("replay", str(path)).returncode == 5, "who sends needs one"

@@ -231,7 +231,11 @@ def test_the_nodes_of_a_file_get_their_node_ids(tmp_path: Path) -> None:
     ("lines", "code", "said"),
     [
         (["drive: {node_id: 5, identity: {product: 0x301}}"], 6, "3 nodes fit the identity of drive"),
-        (["a: {node_id: 5, identity: {serial: 1}}", "b: {node_id: 6, identity: {serial: 1}}"], 6, "are one node"),
+        (
+            ["a: {node_id: 5, identity: {serial: 1}}", "b: {node_id: 6, identity: {serial: 1}}"],
+            6,
+            "have the same identity",
+        ),
         (["drive: {node_id: 7, identity: {serial: 1}}"], 6, "in use, and not by drive"),
         (["drive: {node_id: 5, identity: {serial: 9}}"], 1, ""),
         (["drive: {node_id: 5}"], 2, "no node has an identity"),
@@ -244,7 +248,7 @@ def test_what_is_not_clear_is_not_assigned(tmp_path: Path, lines: list[str], cod
         assert (ran.code, said in ran.stderr) == (code, True), ran.stderr
         assert [one.lss.pending for one in nodes] == [UNCONFIGURED, UNCONFIGURED, 7]
         if "in use" in said:  # the command that the hint prints frees it
-            command = ran.stderr.partition("shows who has it; `dvtcli ")[2].partition("`")[0]
+            command = ran.stderr.partition("shows the node that has it; `dvtcli ")[2].partition("`")[0]
             assert (desk.run(command).code, nodes[2].node_id) == (0, 1)
 
 
@@ -331,7 +335,7 @@ def test_who_takes_no_part_in_lss_is_named_and_the_others_store(tmp_path: Path) 
     with bench(*nodes) as desk:
         ran = desk.run(f"lss assign {file} --store --json")
     assert (ran.code, [one["name"] for one in ran.document["nodes"]]) == (0, ["a"])
-    assert "not told to store, since LSS does not reach them: b (6)" in ran.stderr
+    assert "not stored, since LSS cannot reach them: b (6)" in ran.stderr
 
 
 @pytest.mark.parametrize(("faulty", "code", "after"), [("b", 1, [5, 6]), ("a", 7, [5, 5])])
@@ -348,7 +352,7 @@ def test_where_one_does_not_store_what_it_has_it_is_said_who_has(
         ran = desk.run(f"lss assign {file} --store")
         assert (ran.code, f"refused {faulty} (node-ID" in ran.stderr) == (code, True), ran.stderr
         assert ("unknown a may have another node-ID after the next power-on" in ran.stderr) == (code == 7)
-        assert ("the same words again, or `dvtcli lss store 6`\n" in ran.stderr) == (code == 7)
+        assert ("repeat the command, or `dvtcli lss store 6`\n" in ran.stderr) == (code == 7)
         assert [one.node_id for one in nodes] == [6, 5, UNCONFIGURED]
     assert power_cycle(*nodes) == [*after, UNCONFIGURED]
 
@@ -359,7 +363,10 @@ def test_where_a_new_one_does_not_store_those_that_had_theirs_have_stored_it(tmp
     file = network(tmp_path, "a: {node_id: 5, identity: {serial: 1}}", "c: {node_id: 7, identity: {serial: 3}}")
     with bench(*nodes) as desk:
         ran = desk.run(f"lss assign {file} --store")
-        assert (ran.code, "before; a stored what it had; nobody keeps a new one" in ran.stderr) == (1, True), ran.stderr
+        assert (ran.code, "a stored its old node-ID; none has stored a new node-ID" in ran.stderr) == (
+            1,
+            True,
+        ), ran.stderr
     assert power_cycle(*nodes) == [5, UNCONFIGURED]
 
 
@@ -438,7 +445,7 @@ def test_where_a_swap_fails_both_have_what_they_had(tmp_path: Path) -> None:
     bus.tap(spoil)
     with Bench((), {"yes": True}, bus) as desk:
         ran = desk.run(f"lss assign {file}")
-        assert (ran.code, "did not come up as node 5" in ran.stderr) == (5, True), ran.stderr
+        assert (ran.code, "did not start as node 5" in ran.stderr) == (5, True), ran.stderr
         assert "plan 1: b gets node-ID 126 (now 6)" in ran.stderr
         assert [one.node_id for one in nodes] == [5, 6]
 
@@ -478,8 +485,8 @@ def test_where_one_cannot_store_all_have_what_they_had_stored_too(tmp_path: Path
     with bench(*nodes) as desk:
         ran = desk.run(f"lss assign {file} --store")
         assert (ran.code, f"refused {'abc'[which]} (node-ID {(6, 5, 7)[which]}" in ran.stderr) == (1, True), ran.stderr
-        assert "nobody keeps a new one" in ran.stderr
-        assert "the same words without --store give the new node-IDs" in ran.stderr
+        assert "none has stored a new node-ID" in ran.stderr
+        assert "the same command without --store gives the new node-IDs" in ran.stderr
         assert ("stored  b (node-ID 5" in ran.stderr) == (which != 1)  # the first one, by its node-ID
         assert [(one.node_id, one.lss.stored) for one in nodes] == [(5, 5), (6, 6), (UNCONFIGURED, UNCONFIGURED)]
 
@@ -502,7 +509,7 @@ def test_where_what_was_stored_cannot_be_taken_back_it_is_said(tmp_path: Path) -
         ran = desk.run(f"lss assign {file} --store")
         assert (ran.code, "a (node-ID 5, before none) may have node-ID 5 stored" in ran.stderr) == (7, True), ran.stderr
         assert "refused b (node-ID 6" in ran.stderr
-        assert "`dvtcli scan` show who has which node-ID, then let these have a node-ID anew" in ran.stderr
+        assert "`dvtcli scan` show the node-IDs, then let these have a node-ID anew" in ran.stderr
         assert [one.lss.stored for one in nodes] == [5, UNCONFIGURED]
 
 
@@ -572,7 +579,7 @@ def test_where_one_does_not_come_up_all_get_back_what_they_had(tmp_path: Path) -
     file = network(tmp_path, "a: {node_id: 5, identity: {serial: 1}}", "b: {node_id: 6, identity: {serial: 2}}")
     with Bench((), {"yes": True}, DeafTo(nodes, simulated=False)) as desk:
         ran = desk.run(f"lss assign {file}")
-        assert (ran.code, "did not come up as node 6" in ran.stderr, "nothing is stored" in ran.stderr) == (
+        assert (ran.code, "did not start as node 6" in ran.stderr, "nothing is stored" in ran.stderr) == (
             5,
             True,
             True,
@@ -632,7 +639,7 @@ def test_a_node_that_is_another_one_once_it_boots_is_left_and_said(tmp_path: Pat
     file = network(tmp_path, "a: {node_id: 5, identity: {serial: 1}}", "b: {node_id: 6, identity: {serial: 3}}")
     with bench(*nodes) as desk:
         ran = desk.run(f"lss assign {file}")
-        assert (ran.code, "cannot be given back" in ran.stderr) == (7, True)
+        assert (ran.code, "cannot be restored" in ran.stderr) == (7, True)
         assert [one.node_id for one in nodes] == [UNCONFIGURED, 6]
 
 
@@ -660,7 +667,7 @@ WRONG = [
     ("lss bitrate 500k --prove", "lss bitrate with --store"),
     ("lss bitrate", "takes a bit rate"),
     ("lss bitrate 500kHz", "is not a bit rate"),
-    ("lss bitrate 100k", "knows no bit rate 100000"),
+    ("lss bitrate 100k", "has no bit rate 100000"),
     ("lss select vendor=1", "product, revision, serial missing"),
     ("lss select vendor=1 vendor=2", "given twice"),
     ("lss select vendor=1 model=2", "write vendor="),
@@ -668,8 +675,8 @@ WRONG = [
     ("lss select vendor=-1 product=1 revision=1 serial=1", "32 bits"),
     ("lss node-id", "needs the node-ID"),
     ("lss node-id 128", "1…127"),
-    ("lss scan 5", "nothing is expected"),
-    ("lss store 5 6", "nothing is expected"),
+    ("lss scan 5", "unexpected"),
+    ("lss store 5 6", "unexpected"),
     ("lss identify --wait 20", "belongs to lss scan"),
     ("lss assign line.yaml --prove", "belongs to lss store"),
     ("lss node-id 5 --prove", "belongs to lss store"),

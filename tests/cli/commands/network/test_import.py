@@ -45,7 +45,7 @@ def test_links_are_found_and_plan_empty(tmp_path: Path) -> None:
         ran = bench.run(f"import {file} --json")
         assert ran.document["links"] == 1
         assert any(
-            "6:rpdo2 receives 1:tpdo2, and their layouts differ: no link" in note for note in ran.document["notes"]
+            "6:rpdo2 receives 1:tpdo2, but their layouts differ: no link" in note for note in ran.document["notes"]
         )
         assert bench.run(f"plan {file} --exit-code").code == 0
     (link,) = read_network_file(file).links
@@ -138,7 +138,7 @@ def test_a_folder_of_files_needs_no_bus(tmp_path: Path) -> None:
         ran = bench.run(f"import {file} {folder} --json")
         assert ran.code == 0, ran
         assert [(one["node"], one["name"]) for one in ran.document["nodes"]] == [(1, "tmcm_1"), (2, "gen4_2")]
-        assert ran.document["notes"] == ["gen4.eds names no node-ID of its own: it is node 2"]
+        assert ran.document["notes"] == ["gen4.eds has no node-ID: it becomes node 2"]
         assert not bench.session.is_open
         assert bench.run(f"import {file} {tmp_path / 'none'}").code == 6  # the file is there by now
         assert bench.run(f"import {tmp_path / 'b.yaml'} {tmp_path / 'none'}").code == 2
@@ -180,7 +180,7 @@ def test_what_check_finds_in_the_new_file_is_said(tmp_path: Path, monkeypatch: p
         checked = bench.run("check net.yaml --json")
         errors = checked.document["files"][0]["count"]["error"]
         assert (ran.code, checked.code, errors > 0) == (0, 4, True), ran
-        assert f"{errors} error{'s' * (errors > 1)}, to be mended first: dvtcli check net.yaml" in ran.stdout
+        assert f"{errors} error{'s' * (errors > 1)} to correct first: dvtcli check net.yaml" in ran.stdout
         assert bench.run("import net.yaml eds --json --yes").document["errors"] == errors
     with Bench(("gen4@1",)) as bench:
         assert "Check it: dvtcli check live.yaml" in bench.run("import live.yaml").stdout

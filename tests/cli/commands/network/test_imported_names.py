@@ -75,7 +75,7 @@ def test_no_name_of_a_family_is_unknown_without_the_bus(family: str, offline: Be
             assert bench.run(line).code == 0
     for file in ("net.yaml", "one.yaml"):
         assert not list(unknown_names(file, read_network_file(Path(file))))
-        assert "nothing here says" not in offline.run(f"check {file}").stdout
+        assert "is unknown: add" not in offline.run(f"check {file}").stdout
 
 
 def test_a_served_generic_device_is_decoded_by_its_family(offline: Bench) -> None:
@@ -149,4 +149,4 @@ def test_decode_says_why_a_name_is_unknown(offline: Bench) -> None:
     for words in ("decode run.log", "decode --csv run.log", "plot run.log statusword"):
         said = offline.run(f"{words} -d net.yaml").stderr
         assert "net.yaml:1:" in said
-        assert "nothing here says which object 'statusword' of node 5 is: its `dcf:`" in said
+        assert "object 'statusword' of node 5 is unknown: add `dcf:`" in said

@@ -29,7 +29,7 @@ def test_it_is_refused_before_any_write(tmp_path: Path, family: str, store: str,
         assert f"    4 |     store: {store}\n      |     ^^^^^\n" in ran.stderr
         assert "rule    store-impossible at 0x1010:" in ran.stderr
         assert "state   unchanged: nothing was written\n" in ran.stderr
-        assert ("store: true takes what the device has (0x1010:01)" in ran.stderr) == (family == "gen4")
+        assert ("store: true stores group 0x1010:01 of the device" in ran.stderr) == (family == "gen4")
         document = bench.run(line.format(file) + " --json").documents[-1]
         assert (document["error"], document["findings"][0]["rule"]) == ("rules", "store-impossible")
         assert [(one["line"], one["column"]) for one in document["complaints"]] == [(4, 5)]

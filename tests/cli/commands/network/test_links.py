@@ -58,7 +58,7 @@ def test_consumers_hear_the_producer_at_its_places_and_watch_it(bench: Bench) ->
     assert ran.code == 0, ran
     assert ran.document["schema"] == "dvtcli.apply/1"
     said = [(node["node"], one["rule"], one["text"]) for node in ran.document["nodes"] for one in node["findings"]]
-    assert (5, "link-unwatched", "node 5 does not watch node 1: it has no 0x1016") in said
+    assert (5, "link-unwatched", "node 5 does not monitor node 1: it has no 0x1016") in said
     one, two, three = pdos(bench, 1)["tpdo1"], pdos(bench, 5)["rpdo2"], pdos(bench, 6)["rpdo1"]
     assert [pdo["cob_id"] for pdo in (one, two, three)] == [0x201] * 3
     assert all(pdo["enabled"] for pdo in (one, two, three))
@@ -200,7 +200,7 @@ def test_a_link_that_stands_is_said_without_a_file(bench: Bench) -> None:
     assert bench.run("map 1:tpdo1 6041").code == 0
     assert bench.run("link 1:tpdo1 5:rpdo1").code == 0
     again = bench.run("link 1:tpdo1 5:rpdo1")
-    assert "Every node holds what `link 1:tpdo1 5:rpdo1` makes already; nothing was written." in again.stdout
+    assert "Every node has what `link 1:tpdo1 5:rpdo1` makes already; nothing was written." in again.stdout
     assert "the file" not in again.stdout
 
 

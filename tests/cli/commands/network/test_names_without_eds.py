@@ -21,7 +21,7 @@ def test_plan_names_what_gives_one_and_that_helps(tmp_path: Path) -> None:
         assert refused.code == 4
         (complaint,) = refused.documents[-1]["complaints"]
         assert (complaint["line"], complaint["column"]) == (4, 26)
-        for word in ("`dcf: drive.eds`", "a file of the library", "numbers need none"):
+        for word in ("`dcf: drive.eds`", "to the library", "numbers need no EDS"):
             assert word in complaint["text"]
         path.write_text(FILE.format(more="    dcf: generic\n"))
         with Bench((), {**wire.options, "yes": True}) as bench:
@@ -44,7 +44,7 @@ def test_check_notes_it(tmp_path: Path) -> None:
     path.write_text(FILE.format(more=""))
     with Bench(()) as bench:
         note, skipped = bench.run(f"check {path} --json").document["files"][0]["notes"]
-        assert "no EDS is known of node 1" in skipped["text"]
+        assert "node 1: no EDS" in skipped["text"]
         assert "'velocity_actual_value' of node 1" in note["text"]
         for more in ("dcf: generic", "profile: generic"):
             path.write_text(FILE.format(more=f"    {more}\n"))

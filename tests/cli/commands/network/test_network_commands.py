@@ -296,11 +296,11 @@ def test_a_node_of_which_a_file_asks_nothing_is_not_said_to_hold_it(tmp_path: Pa
     with Bench(("generic@5", "generic@9")) as bench:
         for word in ("plan", "diff"):
             ran = bench.run(f"{word} {file}")
-            assert (ran.code, ran.stderr.count("node 5: the file sets nothing on it")) == (0, 1), ran
-            assert "every node that the file sets holds what the file says" in ran.stdout
+            assert (ran.code, ran.stderr.count("node 5: the file has no settings for it")) == (0, 1), ran
+            assert "every node that the file sets has the values of the file" in ran.stdout
         file.write_text("a: {node_id: 5}\n", "utf-8")
-        assert "No difference: the file asks for nothing. Nothing was written." in bench.run(f"diff {file}").stdout
-        assert bench.run(f"apply {file}").stdout == "The file asks for nothing; nothing was written.\n"
+        assert "No difference: the file has no settings. Nothing was written." in bench.run(f"diff {file}").stdout
+        assert bench.run(f"apply {file}").stdout == "The file has no settings; nothing was written.\n"
 
 
 def test_a_plan_shows_29_bits_with_eight_digits(tmp_path: Path) -> None:

@@ -94,8 +94,8 @@ def test_values_of_a_dcf_that_no_network_file_says_are_named() -> None:
     with Bench(()) as bench:
         (note,) = bench.run("import net.yaml nl.cpj --json").document["notes"]
     assert note == (
-        "node 5: 2 other values of five.dcf left out, 1 not as by default (2002:00): apply that file itself "
-        "to write what of it is configuration"
+        "node 5: 2 other values of five.dcf left out, 1 differ from the defaults (2002:00): apply that file itself "
+        "to write its configuration objects"
     )
     assert "1014" not in Path("net.yaml").read_text("utf-8"), "the file has no value of it: the default counts"
 
@@ -137,7 +137,7 @@ def test_a_nodelist_without_any_dcf_is_refused(tmp_path: Path) -> None:
     bus = VirtualTimeBus([unknown(1), unknown(5)], simulated=False)
     with Bench((), {"node": (1, 5), "journal": str(tmp_path)}, bus) as bench:
         ran = bench.run("export a.cpj")
-        assert (ran.code, "no node that answers has an EDS here (1, 5)" in ran.stderr) == (2, True)
+        assert (ran.code, "none of the nodes has an EDS (1, 5)" in ran.stderr) == (2, True)
         assert not Path("a.cpj").exists()
         Path("a.cpj").write_text("")
         assert bench.run("export a.cpj").code == 6  # nobody says that it may be overwritten
@@ -148,7 +148,7 @@ def test_a_name_that_no_file_can_have_is_one_that_is_not_there() -> None:
         Path("long.cpj").write_text(f"[Topology]\nNodes=1\nNode1Present=1\nNode1DCFName={dcf}\n")
         with Bench(()) as bench:
             ran = bench.run("import out.yaml long.cpj")
-            assert (ran.code, "the DCF of node 1 is not there" in ran.stderr) == (4, True), ran
+            assert (ran.code, "the DCF of node 1 does not exist" in ran.stderr) == (4, True), ran
 
 
 OWN = """; a comment
@@ -180,16 +180,16 @@ def test_names_node_ids_and_what_is_left_out_come_from_the_list() -> None:
     assert [(one["node"], one["name"]) for one in ran.document["nodes"]] == [(2, "left_valve_2")]
     assert ran.document["notes"] == [
         "net.cpj: network Other is left out: one file, one bus", "net.cpj: not present: node 7",
-        "node 9 is left out: net.cpj names no DCF of it",
-        "node 2: 8 other values of left.dcf left out, all as by default: apply that file itself "
-        "to write what of it is configuration",
+        "node 9 is left out: net.cpj has no DCF for it",
+        "node 2: 8 other values of left.dcf left out, all equal to the defaults: apply that file itself to write its "
+        "configuration objects",
     ]  # fmt: skip
 
 
 @pytest.mark.parametrize(
     ("text", "code", "said"),
     [
-        ("[Nodes]\n", 4, "[Topology]"), ("[Topology]\nNode1Present=1\n", 2, "names no DCF"),
+        ("[Nodes]\n", 4, "[Topology]"), ("[Topology]\nNode1Present=1\n", 2, "lists no DCF"),
         ("[Topology]\nNode1Present=1\nNode1DCFName=none.dcf\n", 4, "net.cpj:3"),
         ("[Topology]\nNode1Present=1\nNode1DCFName=net.cpj\n", 4, "not an EDS or DCF"),
     ],

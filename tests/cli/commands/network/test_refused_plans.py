@@ -36,7 +36,7 @@ def test_what_only_looks_does_not_say_that_force_sends_it(line: str, file: Path)
         assert ran.stderr.startswith(f"{file}:8:19: error: node 5: 1018:01")
         assert "not changed" not in ran.stderr
         assert "sends it" not in ran.stderr
-        assert "nothing was written; --force continues nevertheless, and writes nothing" in ran.stderr
+        assert "nothing was written; --force continues anyway, and writes nothing" in ran.stderr
         assert bench.run(f"{line} {file} --force").code == (0 if line == "plan" else 3)
         assert "Statusword" in bench.run("pdo tpdo1").stdout
 
@@ -75,7 +75,7 @@ def test_an_unknown_name_hides_no_other_entry_that_is_wrong(line: str, tmp_path:
     column = 1 + file.read_text().splitlines()[1].index(words)
     for word, text in (
         ("no_such_name", "no object is named"),
-        ("6041/8", "has 16 bits, only 8 are wanted"),
+        ("6041/8", "has 16 bits, only 8 were requested"),
         ("1018:1", "is not mappable"),
         ("5FFF", "0x5FFF is not in generic.eds"),
     ):

@@ -252,7 +252,7 @@ def test_what_a_script_does_not_say_is_not_called_equal_to_it(
         document = bench.run(f"verify {script} --json").document
         assert (document["equal"], document["parameters"], document["unsaid"]) == (True, compared, unsaid)
         text = bench.run(f"verify {script}").stdout
-        assert f"says nothing of {unsaid} more parameter" in text
+        assert f"has no value for {unsaid} more parameter" in text
         whole = bench.run("verify --json").document
         assert (whole["parameters"], whole["unsaid"]) == (compared + unsaid, 0), "the session read all of them back"
 

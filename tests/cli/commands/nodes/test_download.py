@@ -155,7 +155,7 @@ def test_a_restart_that_was_not_heard_is_not_denied(tmp_path: Path) -> None:
     with loading.bench:
         ran = loading.run()
     assert ran.code == 0, ran.stderr
-    assert "runs: it says so; no boot-up message was received" in " ".join(ran.stdout.split())
+    assert "runs: it answers so; no boot-up message was received" in " ".join(ran.stdout.split())
 
 
 def test_an_intel_hex_file(loading: Loading, tmp_path: Path) -> None:
@@ -217,19 +217,19 @@ def test_another_program_than_there_is(loading: Loading) -> None:
 
 
 CASES = {
-    "refuse@1=0x08000022": (1, FACTORY_PROGRAM, "its old program runs"),
+    "refuse@1=0x08000022": (1, FACTORY_PROGRAM, "its old firmware runs"),
     "lose-response@1": (0, PROGRAM, "runs"),
-    "refuse@2=0x06060000": (7, FACTORY_PROGRAM, "its old program or none"),
+    "refuse@2=0x06060000": (7, FACTORY_PROGRAM, "the old firmware or none"),
     "lose-request@2": (0, PROGRAM, "runs"),
     "lose-response@2": (0, PROGRAM, "runs"),
-    "reset@2": (7, FACTORY_PROGRAM, "its old program or none"),
-    "refuse@3=0x06060000": (7, None, "no program"),
-    "reset@3": (7, None, "no program"),
-    "silent@3": (7, None, "no program"),
+    "reset@2": (7, FACTORY_PROGRAM, "the old firmware or none"),
+    "refuse@3=0x06060000": (7, None, "no complete firmware"),
+    "reset@3": (7, None, "no complete firmware"),
+    "silent@3": (7, None, "no complete firmware"),
     "refuse@4=0x08000000": (7, PROGRAM, "was loaded and not started"),
     "lose-response@4": (0, PROGRAM, "runs"),
     "silent@4": (7, PROGRAM, "whether it runs is not known"),
-    "flash-fails": (7, None, "no program"),
+    "flash-fails": (7, None, "no complete firmware"),
 }
 
 
@@ -271,7 +271,7 @@ def test_without_expect_the_profile_says_what_is_expected(tmp_path: Path) -> Non
 def test_where_no_profile_says_it_is_shown(tmp_path: Path) -> None:
     made = Loading(tmp_path, profile="generic")
     with made.bench:
-        assert "compared with nothing" in made.run().stdout
+        assert "not compared" in made.run().stdout
 
 
 @pytest.mark.parametrize(
@@ -279,7 +279,7 @@ def test_where_no_profile_says_it_is_shown(tmp_path: Path) -> None:
     [
         (f"1 = {crc32(PROGRAM)}", 0, "as profile mine expects"),
         ("1 = 0x10203", 7, "expected is 0x00010203"),
-        ("2 = 0x10203", 0, "compared with nothing"),
+        ("2 = 0x10203", 0, "not compared"),
     ],
 )
 def test_a_profile_of_ones_own(
@@ -319,7 +319,7 @@ def test_power_loss_at_any_frame(at: int, tmp_path: Path) -> None:
         assert made.held == held, ran.stderr
         assert (ran.code == 0) == ("runs:" in ran.stdout)
         if ran.code == 7:
-            assert made.held is None or "its old program or none" in ran.stderr or made.held == PROGRAM
+            assert made.held is None or "the old firmware or none" in ran.stderr or made.held == PROGRAM
             assert "was not completed" in made.bench.run("read 1000").stderr
         frames = 1 << 30
         assert made.run("--expect", "crc32").code == 0
@@ -335,7 +335,7 @@ def test_what_was_not_completed_is_said_until_it_is_forgotten(tmp_path: Path) ->
     bus = VirtualTimeBus([device(1, "loader")], simulated=False)
     with Bench((), {"node": 1, "profile": "loader", "journal": str(tmp_path / "state")}, bus) as again:
         said = " ".join(again.run("read 1000").stderr.split())
-        assert "it holds no program" in said
+        assert "no complete firmware" in said
         assert "load the program again" in said
         assert again.run("download --forget").code == 0
         assert "nothing was noted" in again.run("download --forget").stdout

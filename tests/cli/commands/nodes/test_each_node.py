@@ -82,7 +82,10 @@ def test_lines_that_are_about_one_node_refuse_several() -> None:
         with Bench(NODES, {"node": named}) as bench:
             for line in ("map tpdo1 6041", "write 1017 500"):
                 ran = bench.run(line)
-                assert (ran.code, "several nodes, and this is about one" in ran.stderr) == (2, True), line
+                assert (ran.code, "several nodes are selected, but the command is for one node" in ran.stderr) == (
+                    2,
+                    True,
+                ), line
 
 
 @pytest.mark.parametrize("named", [(1, 7), "all"])

@@ -85,7 +85,7 @@ def test_what_cannot_be_stored_is_said_in_one_sentence_with_the_maker_s_way() ->
         ran = bench.run("write 2017 1")
         assert ran.code == 0
         assert "In RAM only" not in ran.stdout
-        assert "stores its settings (assumed" in ran.stdout
+        assert "store its settings (assumed" in ran.stdout
         assert not bench.session.node().unstored
         assert bench.run("write 2017 1 --json").document["stored"]
         assert len(bench.session.node().history) == 1, "a save is nothing to undo"

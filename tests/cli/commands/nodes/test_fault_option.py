@@ -88,7 +88,7 @@ def test_another_pdo_that_was_altered_beside_a_change_is_not_stored(line: str, a
         assert bench.run(line).code == 0
         ran = bench.run("store")
         assert ran.code == 6
-        assert "TPDO2 is not as it was read back" in ran.stderr
+        assert "TPDO2 differs from its verified value" in ran.stderr
         assert bench.run("store --force").code == 0
 
 

@@ -63,7 +63,7 @@ def test_a_history_that_fills_again_is_not_called_empty() -> None:
     with bench("emcy=0x3210", "alters@1=1003:00:1") as one:
         ran = one.run("faults --clear --json")
         assert (ran.code, ran.document["state"]) == (1, "unknown")
-        assert "0x0000" in ran.document["error"] or "came again" in ran.document["why"]
+        assert "0x0000" in ran.document["error"] or "occurred again" in ran.document["why"]
 
 
 def test_a_familys_own_list_is_read_position_by_position() -> None:

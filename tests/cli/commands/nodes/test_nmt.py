@@ -168,7 +168,7 @@ def test_all_are_listened_for_before_they_are_reset(line: str, selected: int | N
     ):
         ran = bench.run(line)
         assert ran.code == 6
-        assert "node 9 says operation enabled (0x6041 is 0x1237)" in ran.stderr
+        assert "node 9 has operation enabled (0x6041 is 0x1237)" in ran.stderr
         assert not any(frame.arbitration_id == 0 for frame in wire.frames()), "nothing was sent"
         document = bench.run(f"{line} --yes --json").document
         assert [one["node"] for one in document["nodes"]] == [1, 9], "their boot-ups were received"
@@ -182,7 +182,7 @@ def test_where_nobody_is_heard_a_reset_of_all_is_asked_for(eds: str) -> None:
         bench.run("doctor")  # the boot-up of a node that was just switched on is over
         ran = bench.run("nmt reset-node all")
         assert ran.code == 6
-        assert "no node is seen" in ran.stderr
+        assert "no node was received" in ran.stderr
         assert "--yes" in ran.stderr
         assert not any(frame.arbitration_id == 0 for frame in wire.frames())
         assert bench.run("nmt reset-node all --yes").code == 0
@@ -227,7 +227,7 @@ def test_where_it_is_not_told_whether_a_drive_moves_it_is_asked(line: str, code:
     with Wire(node) as wire, Bench((), {**wire.options, "eds": eds}) as bench:
         ran = bench.run(line)
         assert ran.code == (6 if asked else 0), ran.stderr
-        assert not asked or "does not tell whether its operation is enabled (0x6041: abort 0x08000022)" in ran.stderr
+        assert not asked or "does not show whether its operation is enabled (0x6041: abort 0x08000022)" in ran.stderr
         assert bench.run(f"{line} --yes").code == 0
 
 
@@ -244,7 +244,7 @@ def test_a_node_that_is_heard_and_answers_nothing_is_asked_about(eds: str) -> No
         with Bench((), {**wire.options, "node": 9, "timeout": 0.1}) as other:
             ran = other.run("nmt reset-node")
             assert ran.code == 6
-            assert "node 9 does not answer whether its operation is enabled (0x6041)" in ran.stderr
+            assert "node 9 does not answer a read of its statusword (0x6041)" in ran.stderr
 
 
 def test_all_are_reset_or_who_is_not_is_named() -> None:

@@ -69,7 +69,7 @@ def test_a_limit_is_written_in_volts(truck: Bench) -> None:
     ("value", "says", "hint"),
     [
         ("48mA", "it is in V, mV, kV, not in mA", "0.0 V to 4095.94 V"),
-        ("48.01V", "the nearest are 48.0 V (768) and 48.06 V (769)", "a number alone is raw"),
+        ("48.01V", "the nearest values are 48.0 V (768) and 48.06 V (769)", "a number alone is raw"),
         ("5000V", "80000 does not fit UNSIGNED16", "0.0 V to 4095.94 V"),
         ("48.5", "is not a number", "with the unit"),
     ],

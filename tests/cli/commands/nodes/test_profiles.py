@@ -112,7 +112,7 @@ def test_an_eds_tells_the_family_of_a_device_that_does_not(tmp_path: Path) -> No
             ":4",
             "store.timeout_s: must be a number of seconds",
         ),
-        ("like = 'pump'\nname = 'pump'\ntitle = 'P'\n", ":1", "no built-in profile is called 'pump'"),
+        ("like = 'pump'\nname = 'pump'\ntitle = 'P'\n", ":1", "unknown built-in profile 'pump'"),
         ("name = 'pump'\n", ":1", "the key 'title' is missing"),
         ("name = 'other'\ntitle = 'P'\n", "", "the profile is called 'other', and its file pump.toml"),
         ("name = \n", ":1", "Invalid value"),

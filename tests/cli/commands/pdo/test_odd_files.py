@@ -100,7 +100,7 @@ def test_another_parameter_of_another_length(direction: str, sub: int) -> None:
 @both
 def test_a_mapping_with_its_count_only(direction: str) -> None:
     with bench(changed(direction, entries=[])) as one:
-        refused_before_any_write(one, f"map {direction}1 {BASE[direction]:X}:1", "takes 0", "06090011")
+        refused_before_any_write(one, f"map {direction}1 {BASE[direction]:X}:1", "has at most 0", "06090011")
         assert one.run(f"disable {direction}1").code == 0
 
 
@@ -120,7 +120,7 @@ def test_a_mapping_with_a_gap(direction: str) -> None:
     del eds.objects[MAPPING[direction]][1][3]
     with bench(eds) as one:
         objects = " ".join(f"{BASE[direction]:X}:{n}" for n in (1, 2, 3))
-        refused_before_any_write(one, f"map {direction}1 {objects}", "3 entries are wanted", "takes 2")
+        refused_before_any_write(one, f"map {direction}1 {objects}", "3 entries were requested", "has at most 2")
         assert one.run(f"map {direction}1 {BASE[direction]:X}:1 {BASE[direction]:X}:2").code == 0
 
 
@@ -140,22 +140,24 @@ def test_more_than_8_entries_where_the_file_has_them(direction: str, entries: in
         assert (back.code, "it is off and empty now" in back.stderr) == (1, True), "it was enabled and empty"
         if entries < 64:
             more = f"{objects} {BASE[direction]:X}:{entries + 1:X}"
-            refused_before_any_write(one, f"map {direction}1 {more}", f"takes {entries}")
+            refused_before_any_write(one, f"map {direction}1 {more}", f"has at most {entries}")
 
 
 @both
 def test_a_pdo_that_is_enabled_and_empty(direction: str) -> None:
     with bench(changed(direction, entries=[0, 0, 0, 0])) as one:
-        refused_before_any_write(one, f"set {direction}1 --inhibit 5", "maps nothing: an empty PDO cannot be enabled")
+        refused_before_any_write(
+            one, f"set {direction}1 --inhibit 5", "has no mapped objects: an empty PDO cannot be enabled"
+        )
         ran = one.run(f"map {direction}1 {BASE[direction]:X}:2")
         name = direction.upper()
         assert ran.code == 0
-        assert f"{name}1 is enabled and empty now, and a device may not take that back" in ran.stderr
+        assert f"{name}1 is enabled and empty now, and a device may refuse that configuration" in ran.stderr
         assert "an undo leaves it off and empty" in ran.stderr
         back = one.run("undo")
         assert back.code == 1
         assert (
-            f"{name}1 was enabled and empty, and the device does not take that back: it is off and empty now"
+            f"{name}1 was enabled and empty, and the device refuses that configuration: it is off and empty now"
             in back.stderr
         )
         (row,) = one.run(f"pdo {direction}1 --json").document["pdos"]
@@ -168,7 +170,7 @@ def test_a_roll_back_of_a_pdo_that_was_enabled_and_empty(direction: str) -> None
         ran = one.run(f"map {direction}1 {BASE[direction]:X}:2 {BASE[direction]:X}:3")
         assert ran.code == 1, ran
         assert "it is off and empty now" in ran.stderr
-        assert "rolled back as far as the device takes it" in ran.stderr
+        assert "rolled back as far as the device accepts" in ran.stderr
 
 
 def test_a_mapping_that_the_file_itself_forbids() -> None:
@@ -261,7 +263,7 @@ def test_what_could_be_enabled_and_never_disabled_again_is_not_enabled() -> None
     limited = var("COB-ID", U32, 0x80000191, HighLimit=0x7FFFFFFF)
     with bench(changed("tpdo", sub1=limited)) as one:
         for line in ("enable tpdo1", "map tpdo1 6000:2"):
-            refused_before_any_write(one, line, "could not be rolled back after this", "no-way-back")
+            refused_before_any_write(one, line, "could neither be rolled back after this", "no-way-back")
         assert one.run("map tpdo1 6000:2 --off").code == 0
         assert one.run("undo").code == 0
 
@@ -281,7 +283,7 @@ def test_a_store_that_takes_no_signature(access: str) -> None:
     eds.record(0x1011, "Restore", {1: var("Load all", U32, 1, access)})
     with bench(eds) as one:
         for word in ("store", "restore"):
-            refused_before_any_write(one, word, f"is {access} in", "it takes no signature")
+            refused_before_any_write(one, word, f"is {access} in", "it accepts no signature")
 
 
 def test_a_dummy_that_the_file_denies_is_refused_also_where_the_profile_has_it() -> None:

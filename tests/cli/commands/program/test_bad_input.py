@@ -24,12 +24,12 @@ WRONG = [
     ("map tpdo1 5FFF:0", 1, "0x5FFF is not in gen4.eds"),
     ("map tpdo1 6C01:40", 1, '6C01 "Analogue inputs" has 00, 01'),
     ("map tpdo1 statusward", 2, "map tpdo1 statusword`?"),
-    ("map tpdo1 6041/8", 1, "only 8 are wanted"),
-    ("map tpdo1 6041/32", 1, "has 16 bits, 32 are wanted"),
+    ("map tpdo1 6041/8", 1, "only 8 were requested"),
+    ("map tpdo1 6041/32", 1, "has 16 bits, 32 were requested"),
     ("map tpdo1 6041/65", 2, "a length in bits, 1..64"),
     ("map tpdo1 6041/x", 2, "a length in bits, 1..64"),
     ("map tpdo1 1018:1", 1, "is not mappable"),
-    ("map tpdo1 606C 606C 6041", 1, "80 bits, a PDO holds 64"),
+    ("map tpdo1 606C 606C 6041", 1, "80 bits, a PDO has at most 64"),
     ("map tpdo1 dummy/16", 1, "a TPDO cannot skip bits"),
     ("map rpdo1 dummy/65", 2, "1..64"),
     ("map rpdo1 6041", 1, "cannot be an RPDO's target"),
@@ -44,7 +44,7 @@ WRONG = [
     ("read 6041 --as u65", 2, "types are bool"),
     # COB-IDs
     ("map tpdo1 6041 --cob-id 201", 2, "0x201?"),
-    ("map tpdo1 6041 --cob-id 0x80201", 2, "is an extended one"),
+    ("map tpdo1 6041 --cob-id 0x80201", 2, "is an extended CAN-ID"),
     ("map tpdo1 6041 --extended", 2, "--cob-id CAN_ID says which"),
     ("set tpdo1 --extended", 2, "--cob-id CAN_ID says which"),
     ("set tpdo1 --cob-id auto --extended", 2, "--cob-id CAN_ID says which"),
@@ -55,7 +55,7 @@ WRONG = [
     ("map tpdo1 6041 --cob-id 0x081", 1, "this node's EMCY"),
     ("map tpdo1 6041 --cob-id 0x281", 1, "already used by TPDO2"),
     ("map tpdo1 6041 --cob-id 0x701", 1, "restricted by CiA 301: heartbeats"),
-    ("map tpdo1 6041 --no-rtr", 1, "wants bit 30 (no RTR) clear"),
+    ("map tpdo1 6041 --no-rtr", 1, "needs bit 30 (no RTR) clear"),
     # numbers
     ("map tpdo1 6041 --type 245", 1, "is reserved for a TPDO"),
     ("map tpdo1 6041 --type 256", 2, "0…255"),
@@ -63,7 +63,7 @@ WRONG = [
     ("map tpdo1 6041 --type 1e1", 2, "is not a number"),
     ("map tpdo1 6041 --sync 0", 2, "1…240"),
     ("map tpdo1 6041 --sync 1 --event", 2, "exclude each other"),
-    ("map tpdo1 6041 --inhibit 0.05", 2, "no multiple of 0.1 ms"),
+    ("map tpdo1 6041 --inhibit 0.05", 2, "not a multiple of 0.1 ms"),
     ("map tpdo1 6041 --inhibit -1", 2, "not within"),
     ("map tpdo1 6041 --inhibit nan", 2, "not a time in milliseconds"),
     ("map tpdo1 6041 --timer 40000", 1, "32767"),
@@ -120,14 +120,14 @@ WRONG = [
     ("undo", 2, "nothing to undo"),
     ("restore", 6, "--yes"),
     ("verify --frame", 2, "nothing to compare"),
-    ("bogus", 2, "no command is called 'bogus'"),
+    ("bogus", 2, "unknown command 'bogus'"),
     ("mpa tpdo1 6041", 2, "did you mean 'map'"),
     ("map tpdo1 6041 -Z", 2, "-Z"),
     ("map tpdo1 6041 --inhibt 3", 2, "--inhibit"),
-    ("pdo --sim gen4", 2, "give it when dvtcli starts"),
-    ("pdo -n 5", 2, "give it when dvtcli starts"),
+    ("pdo --sim gen4", 2, "give it at the start of dvtcli"),
+    ("pdo -n 5", 2, "give it at the start of dvtcli"),
     ("pdo --timeout 0", 2, "0.001…600"),
-    ("help bogus", 2, "no command"),
+    ("help bogus", 2, "unknown command"),
 ]
 
 
@@ -187,8 +187,8 @@ def test_a_node_that_is_not_there_is_no_answer() -> None:
 @pytest.mark.parametrize("lines", [("read 1017", "recover --accept --finish"), ("recover --accept --finish",)])
 def test_an_option_stands_behind_the_place_of_its_line(lines: tuple[str, ...]) -> None:
     with Bench(("gen4",), {"yes": True}) as bench:
-        assert bench.run(lines[-1]).stderr.startswith("error: --accept and --finish: one excludes the other")
-        said = f"test.dvt:{len(lines)}: error: --accept and --finish: one excludes the other"
+        assert bench.run(lines[-1]).stderr.startswith("error: --accept and --finish: they exclude each other")
+        said = f"test.dvt:{len(lines)}: error: --accept and --finish: they exclude each other"
         assert bench.script(*lines).stderr.startswith(said)
         assert bench.script("read 1017 --timeout 700").stderr.startswith("test.dvt:1: error: --timeout 700: a time-out")
 

@@ -132,7 +132,7 @@ def test_of_two_packages_with_one_name_it_is_said_which_is_opened(tmp_path: Path
     first = opened.removeprefix("line-gateway  of ").partition(";")[0]
     assert {first, never.removeprefix("that of ")} == both
     package = first.partition(":")[0]
-    assert twice["hint"] == f"-i line-gateway opens that of {package}: uninstall the package that is not meant"
+    assert twice["hint"] == f"-i line-gateway opens that of {package}: uninstall the wrong package"
     chosen = run(
         ["--json", "-i", "line-gateway", "-c", "nowhere", "read", "1000"], cwd=tmp_path,
         env=environment() | {"HOME": str(tmp_path), "PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])},
@@ -163,7 +163,7 @@ def test_a_broken_profile_and_a_folder_that_is_none_fail(tmp_path: Path) -> None
     (tmp_path / "file").touch()
     code, found = doctor(tmp_path, "--journal", str(tmp_path / "file" / "below"))
     assert (code, found["state"]["verdict"]) == (6, "fail")
-    assert f"{tmp_path / 'file'} is not used: it is a file, and no folder" in found["state"]["text"]
+    assert f"{tmp_path / 'file'} is not used: it is a file, not a folder" in found["state"]["text"]
 
 
 @pytest.mark.parametrize("kept", ["journals", "home"])
@@ -215,7 +215,7 @@ def test_what_is_heard_on_a_bus() -> None:
         found = checks(bench.run("doctor --json").document)
         assert found["bus"]["verdict"] == "ok"
         assert found["heartbeats"]["text"] == "heard of node 1"
-        assert "no EDS is known" in found["node"]["text"]
+        assert "it has no EDS" in found["node"]["text"]
 
 
 def test_no_adapter_is_missed_where_the_bus_needs_none() -> None:

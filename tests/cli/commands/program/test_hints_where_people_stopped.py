@@ -56,7 +56,7 @@ def test_help_network_is_a_topic() -> None:
 
 
 @pytest.mark.parametrize(("words", "says"), [
-    (["--sim", "gen4"], "there is no command: standard input is empty"),
+    (["--sim", "gen4"], "no command: standard input is empty"),
     (["--sim", "scan"], "`dvtcli --sim gen4 scan`"),
     (["--sim", "gen4", "--sim", "pdo"], "`dvtcli --sim gen4 pdo`"),
 ])  # fmt: skip

@@ -89,7 +89,7 @@ def test_the_state_names_what_went_out() -> None:
         bus.left = 1
         ran = bench.run("nmt start")
         assert ran.code == 5
-        assert "state   unknown: NMT start to node 3 went out before that; read the device again" in ran.stderr
+        assert "state   unknown: NMT start to node 3 was sent before that; read the device again" in ran.stderr
         assert "unchanged" in bench.run("nmt start").stderr  # of another line: nothing goes out any more
 
 

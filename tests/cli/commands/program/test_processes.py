@@ -71,7 +71,7 @@ def test_the_documents_have_the_stable_fields() -> None:
         ("objects", "unchanged: nothing was written"),
         ("pdo tpdo1 --json", "unchanged: nothing was written"),
         ("--help", "unchanged: nothing was written"),
-        ("map tpdo1 606C --json", "written as planned, and read back equal before that"),
+        ("map tpdo1 606C --json", "written as planned and verified before that"),
     ],
 )
 def test_results_that_a_full_disk_loses_are_said(line: str, state: str) -> None:

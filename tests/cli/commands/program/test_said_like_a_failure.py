@@ -41,7 +41,7 @@ def test_a_store_that_was_not_kept_says_that_what_was_set_is_lost() -> None:
     with sim("stores-nothing") as bench:
         bench.run(MAP)
         said = rows(bench.run("store --prove"))
-        assert said["error"] == "error: node 1 acknowledged the store and did not keep it"
+        assert said["error"] == "error: node 1 acknowledged the store but did not keep it"
         assert said["why"] == "after the reset TPDO1 differs from what was stored"
         assert "again" in said["hint"]
         assert said["state"] == (
@@ -64,9 +64,9 @@ def test_a_store_that_is_not_proved_says_that_the_test_value_was_put_back(fault:
         ran = bench.script(MAP, "store --prove")
         said = rows(ran)
         assert said["error"] == "test.dvt:2: error: node 1 acknowledged the store, and that it keeps it is not proved"
-        assert said["why"] == "RAM is kept over a reset, or it was saved by itself"
+        assert said["why"] == "RAM is kept over a reset, or the device stored on its own"
         assert said["hint"].endswith(" store --prove power` finds out")
-        assert "8 PDOs read back equal after the reset, and could be lost with the power" in said["state"]
+        assert "8 PDOs read back equal after the reset, and could be lost at power-off" in said["state"]
         assert "0x1802:05 (event timer of TPDO3) is rolled back to 0, read back equal" in said["state"]
         assert said["state"].endswith("the changes of test.dvt:1 stay, read back equal")
 
@@ -196,7 +196,7 @@ def test_a_device_that_refuses_the_canary_is_not_said_to_have_no_pdo_that_is_off
     with sim(*(f"refuse@{number}=0x06090030" for number in range(1, 40))) as bench:
         ran = bench.run("store --prove --json")
     assert (ran.code, ran.document["state"]) == (1, "unchanged")
-    assert "it lets nothing be changed harmlessly to test the reset" in ran.document["why"]
+    assert "it has nothing that can be changed harmlessly to test the reset" in ran.document["why"]
     with sim("refuse@4=0x06090030") as bench:
         document = bench.run("store --prove --json").answer
     assert document["canary"] is None

@@ -92,7 +92,7 @@ def test_a_folder_in_which_everybody_can_put_another_is_refused(here: Place) -> 
     write(here.project / "dvtcli.toml", here.bus)
     here.project.chmod(0o777)
     error = here.refused()
-    assert f"everybody can write its folder {here.project}" in error["text"]
+    assert f"its folder {here.project} is writable by everybody" in error["text"]
     assert f"chmod o-w {here.project}" in error["hint"]
     here.project.chmod(0o1777)  # as /tmp: nobody can put another in the place of ours
     assert here.read() == GEN4

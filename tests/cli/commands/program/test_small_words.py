@@ -54,10 +54,10 @@ def test_a_folder_is_no_file_to_save_to(tmp_path: Path) -> None:
         ran = bench.run(f"save {tmp_path}")
         assert ran.code == 2
         assert f"{tmp_path} is a folder" in ran.stderr
-        assert f"name a file in it, as {tmp_path}/NAME.dvt" in ran.stderr
+        assert f"give a file in it, such as {tmp_path}/NAME.dvt" in ran.stderr
         ran = bench.run(f"save {tmp_path}/none/x.dvt")
         assert ran.code == 2
-        assert f"there is no folder {tmp_path}/none" in ran.stderr
+        assert f"no such folder: {tmp_path}/none" in ran.stderr
     assert list(tmp_path.iterdir()) == []
 
 
@@ -107,7 +107,7 @@ def test_a_second_axis_that_is_enabled_is_not_reset_unasked(tmp_path: Path) -> N
         for line in ("nmt reset-node", "store --prove"):
             ran = bench.run(line)
             assert ran.code == 6
-            assert "node 1 says operation enabled (0x6841 is 0x1237)" in ran.stderr
+            assert "node 1 has operation enabled (0x6841 is 0x1237)" in ran.stderr
         node.set_value(0x6841, 0, b"\x50\x02")
         assert bench.run("nmt reset-node").code == 0
 
@@ -121,7 +121,7 @@ def test_a_simulated_drive_that_was_enabled_here_is_not_reset_unasked(line: str)
             assert bench.run(f"write 6040 {word}").code == 0
         ran = bench.run(line)
         assert ran.code == 6
-        assert "node 1 says operation enabled (0x6041 is " in ran.stderr
+        assert "node 1 has operation enabled (0x6041 is " in ran.stderr
         assert bench.run("write 6040 6").code == 0
         assert bench.run(line).code == 0
 

@@ -73,7 +73,7 @@ def test_a_line_answers_for_itself_and_not_for_those_before_it() -> None:
             assert bench.session.state_now() == (state, None), line
         bench.session.started = False  # the program's only line
         assert bench.run("map tpdo1 6041").code == 0
-        assert bench.session.state_now() == ("unknown", "written as planned, and read back equal before that")
+        assert bench.session.state_now() == ("unknown", "written as planned and verified before that")
 
 
 def test_what_a_dry_run_writes_to_a_twin_is_written_to_nobody() -> None:

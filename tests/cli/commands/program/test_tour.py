@@ -47,7 +47,7 @@ def test_own_lines_run_and_the_step_stays(open_terminal: Open) -> None:  # noqa:
     terminal.until(lambda: terminal.cursor_line == "tour>", "the tour's prompt")
     assert "2/9" not in terminal.text
     terminal.run("bogus")
-    terminal.wait("no command is called 'bogus'")
+    terminal.wait("unknown command 'bogus'")
     terminal.until(lambda: terminal.cursor_line == "tour>", "the tour's prompt")
     terminal.run("pdo")
     terminal.wait("2/9")

@@ -81,7 +81,7 @@ def test_an_alias_that_misleads_needs_a_trusted_file(word: str, text: str) -> No
     withheld = withheld_aliases(found)
     assert withheld is not None
     assert f"{word} in [aliases] does not count" in str(withheld)
-    assert ("rename what is the name of a command" in str(withheld)) == (word == "MAP")
+    assert ("rename aliases that are the name of a command" in str(withheld)) == (word == "MAP")
     trust_settings()
     trusted = settings_here(content)
     assert withheld_aliases(trusted) is None
@@ -284,7 +284,7 @@ def test_no_passcode_is_sent_where_a_project_s_file_says(tmp_path: Path) -> None
         run(["trust"], cwd=tmp_path, env=own_environment(tmp_path))
         code, error = login("--yes")
         assert code == 6
-        assert f"nobody can answer: {file} chose the bus" in error
+        assert f"no terminal to answer on: {file} sets the bus" in error
         file.write_text("[bus.bench]\n" + words)
         assert login("--bus", "bench")[0] == 6, "the name is the user's, the address is not"
         assert login("--bus", "bench", DVTCLI_CONFIG=str(file))[0] == 0

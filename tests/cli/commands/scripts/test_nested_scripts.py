@@ -16,7 +16,7 @@ def test_a_wrong_line_in_an_inner_script_stops_the_outer_one_before_its_first_li
     with Bench() as bench:
         ran = bench.script("map tpdo1 606C", f"run {middle}")
         assert ran.code == 2
-        assert f"{inner}:3: no command is called 'bogus'" in ran.stderr
+        assert f"{inner}:3: unknown command 'bogus'" in ran.stderr
         assert ran.stdout == ""
         assert not bench.session.record.lines
 

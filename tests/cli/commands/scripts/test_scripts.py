@@ -14,7 +14,7 @@ from tests.harness.sample import heavy
 def test_a_malformed_line_stops_the_script_before_its_first_line() -> None:
     with Bench() as bench:
         for wrong, text in [
-            ("bogus", "no command is called 'bogus'"),
+            ("bogus", "unknown command 'bogus'"),
             ("map tpdo1 6041 --cob-id 201", "0x201?"),
             ("map tpdo1 statusward", "did you mean `map tpdo1 statusword`?"),
             ("map tpdo1 6041 --bogus", "--bogus"),
@@ -35,7 +35,7 @@ def test_an_option_that_chooses_the_bus_is_refused_in_a_line() -> None:
         with Bench() as bench:
             ran = bench.script(f"pdo {option}")
             assert ran.code == 2
-            assert "give it when dvtcli starts" in ran.stderr
+            assert "give it at the start of dvtcli" in ran.stderr
             assert "test.dvt:1" in ran.stderr
 
 

@@ -41,7 +41,7 @@ def test_a_frame_that_does_not_come_says_its_line() -> None:
     with Bench(("generic",), {"yes": True}) as bench:
         ran = bench.script("set tpdo1 --sync 240", "disable tpdo1", "verify tpdo1 --frame")
         assert ran.code == 1
-        assert "test.dvt:3: error: no frame was seen" in ran.stderr
+        assert "test.dvt:3: error: no frame was received" in ran.stderr
 
 
 def test_at_a_prompt_and_in_documents_nothing_is_said_twice() -> None:

@@ -58,7 +58,7 @@ def test_undo_to_what_was_found_leaves_nothing_to_store() -> None:
 def test_a_simulated_node_is_on_no_real_bus(words: tuple[str, ...]) -> None:
     done = dvtcli("--sim", "gen4", *words, "pdo")
     assert done.returncode == 2
-    assert "a simulated node lives on no real bus" in done.stderr
+    assert "a simulated node has its own bus" in done.stderr
 
 
 def test_a_folder_that_cannot_hold_a_journal_is_no_bug(tmp_path: Path) -> None:
@@ -70,7 +70,7 @@ def test_a_folder_that_cannot_hold_a_journal_is_no_bug(tmp_path: Path) -> None:
     try:
         code, _, err = bench.run("set", "tpdo2", "--timer", "7")
         assert code == 6, err
-        assert "it is a file, and no folder" in err
+        assert "it is a file, not a folder" in err
         assert bench.wire.downloads == 0
         assert bench.run("read", "1018:1")[0] == 0
     finally:
@@ -119,7 +119,7 @@ def test_a_restart_that_nobody_heard_is_seen_behind_the_store(line: str) -> None
         assert bench.run(line).code == 0
         ran = bench.run("store --json")
         assert (ran.code, ran.document["state"]) == (1, "unknown"), ran.stdout
-        assert "node 5 does not hold the values to be stored" in ran.document["text"]
+        assert "node 5 does not have the values to be stored" in ran.document["text"]
         assert isinstance(served, Restarting)
         served.restarts = False
         assert bench.run("store").code == 6, "nor is it stored later"

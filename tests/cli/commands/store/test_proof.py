@@ -76,7 +76,7 @@ def test_what_was_not_kept_is_named() -> None:
         assert bench.run(MAP).code == 0
         ran = bench.run("store --prove")
         assert ran.code == 1
-        assert "NOT KEPT" in ran.stdout
+        assert "NOT STORED" in ran.stdout
         assert "TPDO1: 0x1A00 is 6041:00/16, expected 6064:00/32 606C:00/32" in ran.stdout
         assert "proved" not in ran.stdout
         assert mapping(bench) == DEFAULT
@@ -105,13 +105,13 @@ def test_ram_that_is_kept_proves_nothing(fault: str) -> None:
         before = timers(bench)
         ran = bench.run("store --prove")
         assert ran.code == 1
-        assert "NOT PROVED: RAM is kept over a reset, or it was saved by itself." in ran.stdout
+        assert "NOT PROVED: RAM is kept over a reset, or the device stored on its own." in ran.stdout
         assert "store --prove power" in ran.stderr
         assert timers(bench) == before, "the canary was rolled back"
         assert mapping(bench) == MAPPED
         document = proved(bench.run("store --prove --json"))
         assert (document["proved"], document["stored"], document["differences"]) == (False, True, [])
-        assert document["unproved"] == "RAM is kept over a reset, or it was saved by itself"
+        assert document["unproved"] == "RAM is kept over a reset, or the device stored on its own"
 
 
 def test_a_device_that_says_that_it_saves_by_itself_is_not_told_to_store_for_a_proof() -> None:
@@ -346,7 +346,7 @@ def test_a_power_cycle_shows_a_store_that_was_none(tmp_path: Path) -> None:
         with Hand(wire, node, bench):
             ran = bench.run("store --prove power")
         assert ran.code == 1
-        assert "NOT KEPT: after the power cycle" in ran.stdout
+        assert "NOT STORED: after the power cycle" in ran.stdout
 
 
 def test_a_power_cycle_needs_somebody_or_yes() -> None:
@@ -566,10 +566,10 @@ def test_what_was_not_stored_now_is_not_called_proved(faults: tuple[str, ...], t
     file.write_text("drive: {node_id: 5, store: true, tpdo: {1: {event_timer: 80}}}\n", "utf-8")
     with Bench(("generic@5",), {"fault": faults, "yes": True}) as bench:
         first = bench.run(f"apply {file}")
-        assert (first.code, "To check: store --prove, node by node" in first.stdout) == (0, True)
+        assert (first.code, "To check, use store --prove for each node" in first.stdout) == (0, True)
         again = bench.run(f"apply {file} --prove")
         assert (again.code, "nothing was written" in again.stdout) == (0, True)
-        assert "node 5 stored nothing now, so nothing is proved of what it keeps; `dvtcli " in again.stderr
+        assert "node 5 stored nothing now, so its stored values are not proved; `dvtcli " in again.stderr
         assert bench.run("store --prove").code == (1 if faults else 0)
 
 

@@ -121,8 +121,8 @@ def test_a_master_that_obeys_no_reset_is_not_told_to_store() -> None:
         for line, hint in (("store --prove", "store --prove power"), ("restore --prove", "switch the node off and on")):
             ran = bench.run(line)
             assert (ran.code, ran.stdout) == (1, ""), ran
-            assert "node 1 obeys no NMT reset: nothing was stored or restored" in ran.stderr
-            assert "0x5800:00 says that it is an NMT master" in ran.stderr
+            assert "node 1 ignores the NMT reset: nothing was stored or restored" in ran.stderr
+            assert "0x5800:00 makes it an NMT master" in ran.stderr
             assert hint in ran.stderr
 
 
@@ -137,5 +137,5 @@ def test_a_network_with_a_node_that_cannot_be_proved_is_not_written(tmp_path: Pa
         before = [bench.run(f"read {one}:1017").stdout for one in (1, 2)]
         ran = bench.run(f"apply {file} --prove")
         assert ran.code == 1, ran
-        assert "node 2 obeys no NMT reset" in ran.stderr
+        assert "node 2 ignores the NMT reset" in ran.stderr
         assert [bench.run(f"read {one}:1017").stdout for one in (1, 2)] == before

@@ -29,7 +29,7 @@ def test_no_node_stores_if_another_one_altered_a_pdo_that_nobody_wrote(
         assert [session.run(line).code for line in LINES] == [0, 0]
         ran = session.run(store)
     assert ran.code == 6
-    assert "node 9 is not stored: TPDO2 is not as it was read back" in ran.stderr
+    assert "node 9 is not stored: TPDO2 differs from its verified value" in ran.stderr
     assert [stored_pdos(one) for one in devices] == stored
 
 
@@ -49,6 +49,6 @@ def test_a_store_that_fails_behind_another_one_is_left_changed_and_says_who_stor
         ran = session.run("store --json")
     assert ran.code == 7
     error = ran.documents[-1]
-    assert error["text"] == "node 5 stored, and what node 9, which refused to store, keeps now is not known"
+    assert error["text"] == "node 5 stored, and node 9 refused to store: its stored values are unknown"
     assert (error["stores"]["stored"], error["stores"]["unknown"]) == ([5], [9])
     assert "-n 9 store` stores the rest" in error["hint"]
