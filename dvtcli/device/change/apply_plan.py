@@ -323,7 +323,7 @@ def _remembered(node: ReadableNode, times: int, what: str) -> str:
         return "if it happens again, it is remembered"
     if not name_of(node.identity()):
         return f"from now on it is {what} first; the node says no identity, so no later process knows"
-    return "this is saved as a need of this device"
+    return "this is saved as a need of devices like this one"
 
 
 def _may_pass(node: ReadableNode, refused: DeviceRefused) -> bool:

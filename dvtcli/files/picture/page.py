@@ -85,7 +85,7 @@ def _card(picture: NetworkPicture, node: PictureNode, pdo: PicturePdo, partners:
     facts = filter(None, (byte_count(pdo), timing(pdo), odd))
     verb = "received by" if pdo.is_tpdo else "receives"
     names = ", ".join(f"{end_text(end)} {_name(picture, end.node_id)}".rstrip() for end in pdo.partners)
-    nobody = "no node here receives it" if pdo.is_tpdo else "no node of the network transmits it"
+    nobody = "no node of the network receives it" if pdo.is_tpdo else "no node of the network transmits it"
     rows = tuple(_row(number, field, partners) for number, field in enumerate(pdo.fields, 1))
     return FrameCard(
         f"{pdo.end.pdo}-{node.node_id}", pdo.end.pdo.label, node_text(picture, node.node_id), pdo.is_tpdo,

@@ -158,7 +158,7 @@ class ConfiguredNode(ReadNode):
             timer_ms=timer_ms, sync_start=sync_start, rtr=rtr, extended=extended, enabled=enabled,
         )  # fmt: skip
         if all(value is None for value in options.values()):
-            raise UsageError("nothing to set: give transmission_type, timer_ms or cob_id, …")
+            raise UsageError("nothing to set: give transmission_type, timer_ms, cob_id or another option")
         asked, wanted = request(options), pdo_of(pdo)
         return self._change(lambda node: configure(self._calls.session, node, {wanted: asked}), yes=yes, force=force)
 

@@ -146,7 +146,7 @@ def _accepted_ids(part: GroupMember) -> list[int]:
 
 def _not_looked_at(part: GroupMember) -> str:
     ids = _accepted_ids(part)
-    return f"; node {join_some(map(str, ids))}, accepted before, was not read" if ids else ""
+    return f"; node {join_some(map(str, ids))}, accepted as found, was not read" if ids else ""
 
 
 def _claims(

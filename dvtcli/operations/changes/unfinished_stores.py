@@ -77,7 +77,7 @@ def not_all_stored(stores: Stores, journals: Sequence[Path], unstamped: Sequence
 def _held(stores: Stores, unstamped: Sequence[int]) -> str:
     """Say who holds planned values: accepted nodes are unverified; a stamp is 0 until its node stores."""
     accepted = [node_id for node_id, state in stores.states.items() if state.is_accepted]
-    who = f"every node except {join_some(map(str, accepted))}, accepted before," if accepted else "every node"
+    who = f"every node except {join_some(map(str, accepted))}, accepted as found," if accepted else "every node"
     but = (
         f" but the stamp of node {join_some(map(str, unstamped))}, which is 0 until the node has stored"
         if unstamped

@@ -498,7 +498,7 @@ def _way_back(bus: CanopenBus, bit_rate: int) -> int:
     if before is None:
         raise SafetyRefusal(
             f"the bit rate of {bus.name} is unknown, so it could not be restored",
-            hint=Hint(Action.GIVE_BIT_RATE, why="says it") + Hint(Action.LISTEN_BIT_RATE, why="finds it"),
+            hint=Hint(Action.GIVE_BIT_RATE, why="gives it") + Hint(Action.LISTEN_BIT_RATE, why="finds it"),
         )
     if before not in BIT_TIMINGS:
         raise SafetyRefusal(f"{bus.name} runs at {before} bit/s, which LSS could not restore")

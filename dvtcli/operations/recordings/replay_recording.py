@@ -189,13 +189,13 @@ class _Part:
             said = ", ".join(f"{reason} ({count})" for reason, count in found.left_out.items() if count)
             raise UsageError(
                 f"nothing of {self._path.name} is to be sent: {said}",
-                hint=Hint(Action.DECODE, {"file": self._path}, "shows its present values"),
+                hint=Hint(Action.DECODE, {"file": self._path}, "shows its contents"),
             )
         if self._choice.channel is None and len(found.channels) > 1:
             named = join_some(sorted(found.channels))
             raise UsageError(
                 f"{self._path.name} has frames of several channels: {named}",
-                hint=Hint(Action.GIVE, {"from_channel": min(found.channels)}, "selects a node")
+                hint=Hint(Action.GIVE, {"from_channel": min(found.channels)}, "selects a channel")
                 + Hint(Action.GIVE, {"from_channel": "all"}, ", {} sends them all"),
             )
         return found

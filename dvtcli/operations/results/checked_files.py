@@ -45,7 +45,7 @@ def rules_among(
             raise UsageError(f"unknown rule {name!r} about {about}", hint=hint)
     chosen = tuple(rule for name, rule in known.items() if name not in without and (not only or name in only))
     if not chosen:
-        hint = "leave this rule out"
+        hint = "choose at least one rule"
         raise UsageError("no rule is left to check", given={"without": None}, hint=hint)
     return chosen
 

@@ -197,7 +197,7 @@ class DeviceFiles:
             return None
         if (unlike := self._unlike_modules(node_id, path)) and self.is_news(unlike):
             return Hint(
-                Action.GIVE, {"modules": "1,1,2"}, f"{verbatim(unlike)}: its objects may differ; {{}} names its EDS"
+                Action.GIVE, {"modules": "1,1,2"}, f"{verbatim(unlike)}: its objects may differ; {{}} names its modules"
             )
         attached = self._attached(node_id, path)
         if attached is None and (described.connected or self._chosen_modules(node_id) is not None):

@@ -141,7 +141,7 @@ class SteadyListener:
 
 def left_alone(name: str, slept_s: float) -> BusUnavailable:
     """Make the error for the bus *name* after the computer slept *slept_s* seconds without recording."""
-    return BusUnavailable(f"{name} was not changed", why=f"this computer slept for {slept_s:.0f} s")
+    return BusUnavailable(f"{name} was not read for a while", why=f"this computer slept for {slept_s:.0f} s")
 
 
 def goes_on(session: SessionNodes, *, unasked: bool) -> bool:

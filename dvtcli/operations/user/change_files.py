@@ -121,7 +121,7 @@ def _how_to_finish(journal: Journal) -> Hint:
             f"a change of {labels} of node {node_id} was interrupted: {{}} rolls back to the old configuration",
         )
     accepted = [store.node_id for store in journal.part.stores if store.is_accepted]
-    but = f" except {join_some(map(str, accepted))}, accepted before" if accepted else ""
+    but = f" except {join_some(map(str, accepted))}, accepted as found" if accepted else ""
     back = Hint(Action.RECOVER_ALL, why=f", {{}} rolls all its changes back, on all nodes{but}")
     if journal.part.stores and not any(store.waits for store in journal.part.stores):
         said = f"{verbatim(journal.part.name)} was interrupted after nodes had stored its changes, {changed}"

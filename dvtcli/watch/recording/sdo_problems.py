@@ -166,7 +166,7 @@ class SdoProblems:
             places = join_some(place for place, _ in reads)
             yield Problem(
                 ABSENT, f"node {node_id} does not have the objects that were read: {places}",
-                f"SDO client and node {node_id}", "none, if a tool was searching for objects",
+                f"SDO client and node {node_id}", "nothing, if a tool was searching for objects",
                 Moments.at(*sorted(each.first for _, each in reads)), node_id,
             )  # fmt: skip
 
@@ -200,13 +200,13 @@ def _left(node_id: int, pdo: Pdo, writes: _PdoWrites) -> Iterator[Problem]:
     look = "the client's actions after the last of these frames: was a write refused, or was it ended?"
     if writes.disabled is not None and writes.count and writes.count == writes.entries and not writes.refused:
         rule, begin, how = LEFT_OFF, writes.disabled, "was configured, but not enabled again"
-        look = "none, if the PDO should be off"
+        look = "nothing, if the PDO should be off"
     elif writes.disabled is not None and is_begun:
         rule, begin = HALF_DONE, writes.disabled
         how = "was disabled, written to and not enabled again"
     elif writes.disabled is not None and writes.count == 0 and writes.went_on:
         rule, begin, how = LEFT_OFF, writes.disabled, "was emptied, but not enabled again"
-        look = "none, if the PDO should be off"
+        look = "nothing, if the PDO should be off"
     elif writes.count == 0:
         rule, begin = (HALF_DONE if is_begun else EMPTY), writes.disabled or writes.last
         how = "has count 0 although its entries were written" if is_begun else "has count 0"

@@ -264,7 +264,10 @@ def test_all_that_was_interrupted_is_accepted_with_one_yes(chain: Chain, home: P
     refuse_stores(chain, (5, 9))
     refused(chain, file(home, stamp=False))
     held = types(chain)
-    with chain.session(node=None, yes=False) as session, pytest.raises(SafetyRefusal, match="no terminal to answer on") as no:
+    with (
+        chain.session(node=None, yes=False) as session,
+        pytest.raises(SafetyRefusal, match="no terminal to answer on") as no,
+    ):
         recover(session, accept=True)
     assert all(f"node {node_id}" in no.value.text for node_id in IDS)
     assert len(chain.journals()) == 3

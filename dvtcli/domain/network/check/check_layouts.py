@@ -64,7 +64,7 @@ def frame_format(network: CheckedNetwork) -> NetFound:
     "heard-twice",
     WARNING,
     "two enabled RPDOs of a node have the same CAN-ID",
-    "dvtcli's own: a device supports 11-bit CAN-IDs, 29-bit CAN-IDs, or both",
+    "dvtcli's own: devices serve one of the two RPDOs, or both",
 )
 def heard_twice(network: CheckedNetwork) -> NetFound:
     """The device decides which RPDO receives the frame."""
