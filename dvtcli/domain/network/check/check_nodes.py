@@ -108,7 +108,8 @@ def boot_identity(network: CheckedNetwork) -> NetFound:
             asked = node.asked.get(IDENTITY_NAMES[part - 1])
             has = node.number(IDENTITY, part) if asked is None else asked
             if has is not None and has != expected:
-                text = f"{IDENTITY_NAMES[part - 1]} of node {slave} is 0x{has:08X}, but the manager expects 0x{expected:08X}"
+                name = IDENTITY_NAMES[part - 1]
+                text = f"{name} of node {slave} is 0x{has:08X}, but the manager expects 0x{expected:08X}"
                 yield held(manager, index, slave), text
 
 
