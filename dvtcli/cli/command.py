@@ -139,7 +139,7 @@ def of_line(ctx: click.Context) -> DvtCommand:
 def _notation_notes(values: Iterable[Any]) -> Iterator[str]:
     """Iterate over remarks on the notation of typed words."""
     for value in values:
-        if isinstance(value, tuple):
+        if type(value) is tuple:
             yield from _notation_notes(value)
         elif note := getattr(value, "notation_note", None):
             yield note
@@ -155,8 +155,7 @@ def _of_several(session: SessionNodes, ctx: click.Context) -> bool:
 def _names_node(values: Iterable[Any]) -> bool:
     """Whether a word of the line names its node (`3:6041`)."""
     return any(
-        _names_node(value) if isinstance(value, tuple) else getattr(value, "node_id", None) is not None
-        for value in values
+        _names_node(value) if type(value) is tuple else getattr(value, "node_id", None) is not None for value in values
     )
 
 

@@ -42,7 +42,7 @@ def _repeated(given: dict[str, Any]) -> Iterator[str]:
     """Return the options of *given* that select the bus and the node's files, as typed."""
     for name, option in _REPEATED.items():
         value = given.get(name, ())
-        for word in value if isinstance(value, tuple) else (value,):
+        for word in value if type(value) is tuple else (value,):
             yield option
             yield str(word)
 
@@ -228,7 +228,7 @@ class Conversation(Session):
 
         given = {name: value for name, (value, where) in self.settings.typed.items() if where == typed_name(name)}
         nodes = given.get("node")
-        word = ",".join(map(str, nodes)) if isinstance(nodes, tuple) else str(nodes)
+        word = ",".join(map(str, nodes)) if type(nodes) is tuple else str(nodes)
         return TypedCall(
             tuple(_repeated(given)),
             () if nodes is None else ("-n", word),

@@ -234,7 +234,7 @@ def filled(template: str, arguments: Mapping[str, Any]) -> list[str]:
         elif mark == "?":
             found += [other] if arguments.get(name) not in (None, False) else []
         elif (value := arguments.get(name)) is not None:
-            found += map(str, value if isinstance(value, tuple) else (value,))
+            found += map(str, value if type(value) is tuple else (value,))
         elif mark:
             found.append(other)
     return found

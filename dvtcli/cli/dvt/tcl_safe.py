@@ -143,7 +143,7 @@ def _arguments(line: Sequence[str], session: Conversation) -> list[str]:
     except (click.ClickException, click.exceptions.Exit, UsageError):
         return []
     own = [ctx.params[param.name] for param in ctx.command.params if param.name and not getattr(param, "hidden", False)]
-    texts = [text for value in own for text in (value if isinstance(value, tuple) else (value,))]
+    texts = [text for value in own for text in (value if type(value) is tuple else (value,))]
     return [text for text in texts if isinstance(text, str)]
 
 

@@ -28,7 +28,7 @@ from dvtcli.domain.rules.pdo_mapping import known_dummies
 from dvtcli.domain.shown_value import value_text
 from dvtcli.domain.text import join_some
 from dvtcli.errors import BusUnavailable, DvtcliError, UsageError
-from dvtcli.operations.exchange.edit_file import save_edited
+from dvtcli.operations.exchange.save_edited import save_edited
 from dvtcli.operations.pdos.edit_pdos import judge_edited, plan_edited
 from dvtcli.operations.pdos.list_pdos import last_frame
 from dvtcli.operations.values.named_objects import entry_at

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.device.restarts import held_plans, refuse_after_restarts
-from dvtcli.domain.hint import Action, Hint, verbatim
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.text import join_some
 from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, LeftChanged, NoAnswer, Restarted, SdoProtocolError
@@ -44,7 +44,7 @@ class NodeRolledBack:
             if self.node.guard is not None:
                 self.node.guard.own_journal.end_group()
         except (DvtcliError, KeyboardInterrupt) as failed:
-            return left_of(self.node, self.made, cause, failed)
+            return _left_of(self, cause, failed)
         from dvtcli.device.change.undo_plan import unknown_before
 
         unknown = unknown_before(self.made)
@@ -89,17 +89,15 @@ def undo_patiently(node: Node, *, force: bool) -> tuple[Finding, ...]:
                 node.gate.renew()  # where that fails too, the next try finds out
 
 
-def left_of(node: Node, plans: list[Plan], cause: str, failed: BaseException) -> LeftChanged:
-    """Return the error for *plans* remaining on *node*, with `recover` as the hint if a journal exists."""
-    from dvtcli.device.change.failed_change import BUS_BACK, not_rolled_back
+def _left_of(rolled_back: NodeRolledBack, cause: str, failed: BaseException) -> LeftChanged:
+    """Return the error for the changes that remain, with `recover` as the hint if a journal exists."""
+    from dvtcli.device.change.failed_change import BUS_BACK, name_journal, not_rolled_back
 
-    left = not_rolled_back(plans, node.node_id, cause, str(failed) or "interrupted")
+    node = rolled_back.node
+    left = not_rolled_back(rolled_back.made, node.node_id, cause, str(failed) or "interrupted")
     left.__cause__ = failed
     path = node.guard.open_journal() if node.guard is not None else None
-    if path is not None:
-        finish = Hint(Action.RECOVER, why=f"finishes it, with the journal {verbatim(path)}")
-        left.place = str(path)
-        left.hint = finish.after(BUS_BACK if isinstance(failed, BusUnavailable) else None)
+    name_journal(left, path, BUS_BACK if isinstance(failed, BusUnavailable) else None)
     return left
 
 
@@ -323,7 +321,7 @@ class ScriptChanges:
             while self._made(node):
                 tried.not_put_back += undo_patiently(node, force=self._lost)
         except (DvtcliError, KeyboardInterrupt) as failed:
-            tried.failure = left_of(node, made, cause, failed)
+            tried.failure = _left_of(tried, cause, failed)
         return tried
 
     def _name_left(
@@ -350,7 +348,6 @@ class ScriptChanges:
         )
 
     def _committed(self, cause: str) -> LeftChanged:
-        from dvtcli.domain.hint import Action, Hint
 
         return LeftChanged(
             f"{cause}; the changes of the lines before {self.final} cannot be rolled back after that line",

@@ -247,14 +247,14 @@ def _behind_options(words: list[str], arguments: Mapping[str, Any]) -> list[str]
 
 def _flat(arguments: Mapping[str, Any]) -> Iterator[Any]:
     for value in arguments.values():
-        yield from value if isinstance(value, tuple) else (value,)
+        yield from value if type(value) is tuple else (value,)
 
 
 def _of_node(call: TypedCall, node: Any) -> Sequence[str]:
     """Return the words to select *node*, or the node of *call*."""
     if node is None or node == call.selected or (isinstance(node, int) and call.node == ("-n", str(node))):
         return call.node if call.alone else ()
-    return ("-n", ",".join(map(str, node)) if isinstance(node, tuple | list) else str(node))
+    return ("-n", ",".join(map(str, node)) if type(node) in (tuple, list) else str(node))
 
 
 def typed(hint: Hint | str | None) -> str:

@@ -14,6 +14,8 @@ from dvtcli.domain.text import hex_preview, join_some
 from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, JournalKept, LeftChanged, NoAnswer, SdoAborted
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from dvtcli.device.change.changeable import Changeable
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.device.observe import InitialState
@@ -144,9 +146,14 @@ def left_open(node: Changeable, left: LeftChanged) -> None:
     node.pending.suspicions[CHANGE] = left.text
     node.mark_unknown()
     if node.guard is not None:
-        left.place = str(node.guard.own_journal.path)
-        finish = Hint(Action.RECOVER, why=f"finishes it, with the journal {verbatim(left.place)}")
-        left.hint = finish.after(brought_back_first(left.hint))
+        name_journal(left, node.guard.own_journal.path, brought_back_first(left.hint))
+
+
+def name_journal(left: LeftChanged, path: Path | None, first: Hint | None) -> None:
+    """Add the journal at *path* to *left*, with `recover` as the next step after *first*; nothing without a journal."""
+    if path is not None:
+        left.place = str(path)
+        left.hint = Hint(Action.RECOVER, why=f"finishes it, with the journal {verbatim(path)}").after(first)
 
 
 def end_change(node: Changeable, plan: Plan, back: Callable[[], None], *, keep_journal: bool) -> None:

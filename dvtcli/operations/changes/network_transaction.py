@@ -10,13 +10,13 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.failed_change import BUS_BACK, beside, not_rolled_back
+from dvtcli.device.change.failed_change import BUS_BACK, beside, name_journal, not_rolled_back
 from dvtcli.device.change.journal import combine_plans
 from dvtcli.device.change.roll_back import PATIENCE_S, RETRY_S, first_difference
 from dvtcli.device.change.undo_plan import UndoRequest
 from dvtcli.device.change.untouched_pdos import as_they_are, present_beside
 from dvtcli.device.observe import MAX_READS
-from dvtcli.domain.hint import Action, Hint, as_hint, verbatim
+from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.domain.plan import Change, PdoChange, Plan, ValueChange
 from dvtcli.domain.text import join_some
 from dvtcli.errors import (
@@ -333,7 +333,7 @@ class NetworkTransaction:
         try:
             put(node)
         except (DvtcliError, KeyboardInterrupt) as failed:
-            failures[node_id] = self._left(node, fault, failed)
+            failures[node_id] = self._left(node_id, fault, failed)
 
     def _settle_all(self, failures: dict[int, LeftChanged], fault: BaseException) -> None:
         """Verify all nodes until two passes in a row find them as before, then clear the roll-back.
@@ -352,9 +352,9 @@ class NetworkTransaction:
                 continue
             if node_id in unsettled:
                 restarts = DeviceRefused(f"it restarted during each of {MAX_READS} reads")
-                failures[node_id] = self._left(self.nodes[node_id], fault, restarts)
+                failures[node_id] = self._left(node_id, fault, restarts)
             elif written := [one for one in self._acknowledged if one[0] == node_id]:
-                failures[node_id] = self._left_written(self.nodes[node_id], fault, written)
+                failures[node_id] = self._left_written(node_id, fault, written)
             else:
                 self._try(node_id, failures, fault, self._forget)
         for node_id in self.nodes.keys() - taken:
@@ -415,21 +415,19 @@ class NetworkTransaction:
         if self._alone:
             _end_journal(node)
 
-    def _left(self, node: Node, fault: BaseException, failed: BaseException) -> LeftChanged:
-        """Describe what stays changed on *node*; `recover` uses its journal, if any."""
+    def _left(self, node_id: int, fault: BaseException, failed: BaseException) -> LeftChanged:
+        """Describe what stays changed on the node; `recover` uses its journal, if any."""
         why = failed.why or failed.text if isinstance(failed, LeftChanged) else str(failed) or "interrupted"
-        left = not_rolled_back([self.plans[node.node_id]], node.node_id, str(fault) or "interrupted", why)
-        path = node.guard.open_journal() if node.guard is not None else None
-        if path is not None:
-            finish = Hint(Action.RECOVER, why=f"finishes it, with the journal {verbatim(path)}")
-            left.place = str(path)
-            left.hint = finish.after(BUS_BACK if isinstance(failed, BusUnavailable) else None)
+        left = not_rolled_back([self.plans[node_id]], node_id, str(fault) or "interrupted", why)
+        guard = self.nodes[node_id].guard
+        path = guard.open_journal() if guard is not None else None
+        name_journal(left, path, BUS_BACK if isinstance(failed, BusUnavailable) else None)
         return left
 
-    def _left_written(self, node: Node, fault: BaseException, written: Sequence[_WriteOnly]) -> LeftChanged:
-        """Describe acknowledged write-only values of *node*; all else was rolled back and read back equal."""
+    def _left_written(self, node_id: int, fault: BaseException, written: Sequence[_WriteOnly]) -> LeftChanged:
+        """Describe acknowledged write-only values of the node; all else was rolled back and read back equal."""
         names = join_some(dict.fromkeys(change.label for _, change in written))
-        left = self._left(node, fault, DeviceRefused(f"{names} was acknowledged, but its old value cannot be read"))
+        left = self._left(node_id, fault, DeviceRefused(f"{names} was acknowledged, but its old value cannot be read"))
         by_hand = "set it by hand: its old value is unknown"
         ends = None if left.place is None else Hint(Action.RECOVER, why="{} ends the change then")
         left.hint = as_hint(by_hand) if ends is None else ends.after(as_hint(by_hand))

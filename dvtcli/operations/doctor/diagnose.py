@@ -287,7 +287,7 @@ def _settings(session: SessionUser) -> Check:
 
 
 def _shown(value: object) -> str:
-    return " ".join(map(str, value)) if isinstance(value, tuple) else str(value)
+    return " ".join(map(str, value)) if type(value) is tuple else str(value)
 
 
 def _library_settings(options: dict[str, object]) -> Iterator[tuple[str, object, str]]:

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from dvtcli.device.file_fits import refuse_unlike_file
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.bus_need import bus_need
 from dvtcli.domain.network.frame_streams import streams_of
@@ -24,7 +23,6 @@ from dvtcli.domain.network.network_config import (
 )
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import Severity
-from dvtcli.domain.script_line import change_lines
 from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import DeviceRefused, RuleError, UsageError
 from dvtcli.files.dcf.change_values import change_values
@@ -37,16 +35,14 @@ from dvtcli.files.network.read_network import read_network
 from dvtcli.files.network.write_network import write_network
 from dvtcli.files.network.yaml_tree import Branch, count_aliases, read_tree
 from dvtcli.operations.changes.change import configure
-from dvtcli.operations.devices.export_dcf import dcf_of, is_exported, left_out
-from dvtcli.operations.devices.read_whole_device import described, read_every_object
 from dvtcli.operations.exchange.export_network import SUFFIXES as NETWORK_SUFFIXES
-from dvtcli.operations.exchange.export_network import exported_node, mapped_word
+from dvtcli.operations.exchange.export_network import mapped_word
 from dvtcli.operations.network.check_networks import CheckOptions, judged_file
 from dvtcli.operations.network.described_network import described_network, simulation_of, words_of
 from dvtcli.operations.network.network_load import USUAL_BIT_RATE
 from dvtcli.operations.pdos.edit_pdos import Configs, edited_plan, judge_edited
 from dvtcli.operations.plans.read_network_config import read_network_config
-from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of, script_of_lines
+from dvtcli.operations.session.save_script import make_file, place_of
 from dvtcli.operations.user.options import Options
 
 if TYPE_CHECKING:
@@ -55,7 +51,6 @@ if TYPE_CHECKING:
     from dvtcli.domain.pdo import PdoConfig
     from dvtcli.domain.profile import ObjectAddress
     from dvtcli.domain.rules.finding import Finding
-    from dvtcli.operations.devices.read_whole_device import WholeDevice
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
@@ -536,60 +531,3 @@ class EditedDcf:
             raise UsageError(f"{path} is not written: it cannot have {out}", place=str(path))
         self._opened.replace(session, path, text.data)
         return f"{path}: {edits} written"
-
-
-def save_edited(session: SessionNodes, node: Node, held: Configs, changed: Configs, file: str) -> str:
-    """Write *node* with its *changed* PDOs, which it *held* otherwise, to *file*; returns what was written.
-
-    By the suffix, a network file of all its PDOs, a DCF or XDC of its whole configuration, else a script of the
-    changes. Asks before it overwrites. Raises UsageError for a script without changes.
-    """
-    name, path = file.lower(), place_of(file)
-    if name.endswith(NETWORK_SUFFIXES):
-        return _save_network(session, node, {**held, **changed}, path)
-    if name.endswith(VALUE_SUFFIXES):
-        return _save_dcf(session, node, held, changed, path)
-    if not changed:
-        raise UsageError(
-            "no device is changed; a script has the changes",
-            hint=Hint(Action.SAVE_SCRIPT, {"all": True}, "{} writes all values of the node"),
-        )
-    ask_before_overwriting(session, path)
-    lines = change_lines(edited_plan(node.node_id, held, changed))
-    make_file(session, path, script_of_lines(session, node.node_id, lines))
-    return f"{path}: a script of {plural(len(lines), 'line')}"
-
-
-def _save_network(session: SessionNodes, node: Node, pdos: Configs, path: Path) -> str:
-    found = exported_node(session, node, pdos, path)
-    ask_before_overwriting(session, path)
-    text = write_network(NetworkConfig((found.config,)), f"Node {node.node_id} as edited", found.remarks)
-    make_file(session, path, text)
-    note = f"; {found.left_out_note}" if found.left_out else ""
-    return f"{path}: a network file with {plural(len(found.config.pdos), 'PDO')}{note}"
-
-
-def _save_dcf(session: SessionNodes, node: Node, held: Configs, changed: Configs, path: Path) -> str:
-    described(node)
-    refuse_unlike_file(node.node_id, node.unlike_file, force=session.options.force)
-    ask_before_overwriting(session, path)
-    whole = with_edited(read_every_object(session, node, only=is_exported), held, changed)
-    text, _eds = dcf_of(session, whole, path.name)
-    make_file(session, path, text.data)
-    out = left_out(whole, text)
-    note = f"; left out: {join_some(f'{place} ({why})' for place, why in out.items())}" if out else ""
-    return f"{path}: the node with {plural(len(text.said), 'object')}{note}"
-
-
-def with_edited(whole: WholeDevice, held: Configs, changed: Configs) -> WholeDevice:
-    """Return *whole* with the values that the *changed* PDOs come to, which it *held* otherwise.
-
-    Raises UsageError if the EDS lacks an object of them.
-    """
-    objects = dict(whole.objects)
-    for _change, step in edited_plan(whole.node.node_id, held, changed).steps_in_order():
-        place = step.index, step.sub_index
-        if place not in objects:
-            raise UsageError(f"a DCF cannot have {step.object}: it is not in the EDS", node=whole.node.node_id)
-        objects[place] = replace(objects[place], data=step.after, abort=None, unread=None, changes=False)
-    return replace(whole, objects=objects)

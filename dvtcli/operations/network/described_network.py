@@ -41,7 +41,7 @@ from dvtcli.operations.user.options import Options
 from dvtcli.operations.values.named_objects import is_name
 
 if TYPE_CHECKING:
-    from dvtcli.device.node import Node
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.network.network_plan import NetworkPlan
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.files.device_library import Match
@@ -143,7 +143,7 @@ def _as_said(file: str, config: NetworkConfig) -> NetworkState | None:
     return NetworkState(tuple(sorted(nodes, key=lambda node_state: node_state.node_id)), file=file)
 
 
-def _said_pdos(node: Node, config: NodeConfig, log: FileLog) -> dict[Pdo, PdoConfig] | None:
+def _said_pdos(node: ReadableNode, config: NodeConfig, log: FileLog) -> dict[Pdo, PdoConfig] | None:
     """Return the PDOs of *node*, which holds default values, with those of *config*; None as `_as_said`."""
     held, wanted = dict[Pdo, PdoConfig](), dict[Pdo, PdoConfig]()
     for present in node.present():

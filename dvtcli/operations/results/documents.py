@@ -83,8 +83,8 @@ def brief(value: object) -> str:
 def _in_short(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.4g}"
-    is_text = isinstance(value, str | bytes)
-    return f"{len(value)} in all" if isinstance(value, Sized) and not is_text else brief(value)
+    is_one = isinstance(value, str | bytes) or (isinstance(value, tuple) and type(value) is not tuple)  # named tuples
+    return f"{len(value)} in all" if isinstance(value, Sized) and not is_one else brief(value)
 
 
 R = TypeVar("R")

@@ -96,4 +96,4 @@ def _lines(file: File, *, changed: bool) -> list[str]:
 
 
 def _shown(value: object) -> str:
-    return " ".join(map(str, value)) if isinstance(value, tuple) else str(value)
+    return " ".join(map(str, value)) if type(value) is tuple else str(value)
