@@ -49,6 +49,7 @@ PARTS = {
     "rooms": "house:rooms",
     "senders": "house:senders",
     "walks": "walks:walks",
+    "roll-backs": "walks:roll_backs",
     "faults": "faults:faults",
     "signals": "faults:signals",
     "python-calls": "api:calls",

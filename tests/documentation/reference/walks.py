@@ -1,6 +1,6 @@
-"""The way of a command through the code: each function from the command's own to the first SDO download or upload.
+"""The way of a command through the code: each function from the command's own to an SDO download or upload.
 
-`python -m tests.documentation.reference.walks FILE WORDS…` runs one command and prints its walk as JSON.
+`python -m tests.documentation.reference.walks FILE END WITHIN WORDS…` runs one command and writes its walk as JSON.
 """
 
 from __future__ import annotations
@@ -10,45 +10,82 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, NamedTuple
 
 from dvtcli.cli.main import main
 from tests.documentation.reference.markdown import code, table
 from tests.house.source import PACKAGE
 from tests.surroundings import ROOT, homes
 
-_NETWORK = "nodes:\n  drive:\n    node_id: 1\n    tpdo:\n      3:\n        cob_id: 0x381\n        mapping: [6041]\n"
-#: the words of each command, and the call at which its walk ends
-WALKS: dict[str, tuple[list[str], str]] = {
-    "map": (["--sim", "gen4", "-y", "map", "tpdo3", "6041"], "download"),
-    "store": (["--sim", "gen4", "-y", "store"], "download"),
-    "apply": (["--sim", "gen4", "-y", "apply", "net.yaml"], "download"),
-    "export": (["--sim", "gen4", "export", "x.dcf"], "upload"),
+_NODE = "  {name}:\n    node_id: {id}\n    tpdo:\n      3:\n        cob_id: 0x38{id}\n        mapping: [6041]\n"
+_FILES = {
+    "net.yaml": "nodes:\n" + _NODE.format(name="drive", id=1),
+    "two.yaml": "nodes:\n" + _NODE.format(name="drive", id=1) + _NODE.format(name="pump", id=5),
 }
+
+
+class Walk(NamedTuple):
+    """A command in *words*, and the SDO call that *end*s its walk: the first, or the first *within* that function."""
+
+    title: str
+    words: tuple[str, ...]
+    end: str = "download"
+    within: str = ""
+
+
+WALKS = (
+    Walk("`map`, to the first SDO download", ("--sim", "gen4", "-y", "map", "tpdo3", "6041")),
+    Walk("`store`, to the first SDO download", ("--sim", "gen4", "-y", "store")),
+    Walk("`apply`, to the first SDO download", ("--sim", "gen4", "-y", "apply", "net.yaml")),
+    Walk("`export`, to the first SDO upload", ("--sim", "gen4", "export", "x.dcf"), "upload"),
+)
+_REFUSED = "--fault", "1:refuse@3=0x08000000"
+ROLL_BACKS = (
+    Walk(
+        "`map`, whose third download is refused, to the first download of the roll-back",
+        ("--sim", "gen4", *_REFUSED, "-y", "map", "tpdo3", "6041"),
+        within="_roll_back",
+    ),
+    Walk(
+        "`apply` of two nodes, of which the second refuses, to the first download of the roll-back of the first",
+        ("--sim", "gen4", "--sim", "gen4@5", "--fault", "5:refuse@2=0x08000000", "-y", "apply", "two.yaml"),
+        within="take_back",
+    ),
+)
 
 
 def walks() -> Iterator[str]:
     """A table for each command: its functions from the command to the first request on the SDO channel."""
-    for name, (words, end) in WALKS.items():
-        steps = walk(words, end)
-        yield f"`{name}`, to the first SDO {end}: {len(steps)} functions."
+    return _tables(WALKS)
+
+
+def roll_backs() -> Iterator[str]:
+    """A table for each refused command: its functions from the command to the first write of the roll-back."""
+    return _tables(ROLL_BACKS)
+
+
+def _tables(shown: Iterable[Walk]) -> Iterator[str]:
+    for each in shown:
+        steps = walk(each)
+        yield f"{each.title}: {len(steps)} functions."
         yield ""
         yield from table(("file", "function"), ((code(file), function) for file, function in steps))
         yield ""
 
 
-def walk(words: list[str], end: str) -> list[tuple[str, str]]:
-    """The (file, function) pairs that `dvtcli WORDS` has entered when it first calls *end* of an SDO channel."""
+def walk(of: Walk) -> list[tuple[str, str]]:
+    """The (file, function) pairs that the command has entered when its walk ends."""
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         (place / ".git").mkdir()
-        (place / "net.yaml").write_text(_NETWORK, encoding="utf-8")
+        for name, text in _FILES.items():
+            (place / name).write_text(text, encoding="utf-8")
         kept = place / "walk.json"
         ran = subprocess.run(
-            [sys.executable, "-m", "tests.documentation.reference.walks", str(kept), end, *words],
+            [sys.executable, "-m", "tests.documentation.reference.walks", str(kept), of.end, of.within, *of.words],
             cwd=place,
             env={"PATH": "", "PYTHONPATH": str(ROOT), **homes(place / "home")},
             capture_output=True,
@@ -56,25 +93,27 @@ def walk(words: list[str], end: str) -> list[tuple[str, str]]:
             check=False,
         )
         if not kept.exists():
-            raise AssertionError(f"dvtcli {' '.join(words)} called no {end}: {ran.stderr}")
+            raise AssertionError(f"dvtcli {' '.join(of.words)} called no {of.end}: {ran.stderr}")
         return [(file, function) for file, function in json.loads(kept.read_text("utf-8"))]
 
 
-def _keep_walk(path: Path, end: str) -> None:
-    """Write the functions that are running at the first call of *end* in bus/sdo to *path*."""
+def _keep_walk(path: Path, end: str, within: str) -> None:
+    """Write the functions that run at the first call of *end* in bus/sdo, or the first *within* that one, to *path*."""
 
     def look(frame: FrameType, event: str, _argument: Any) -> None:
         at = frame.f_code
         if event != "call" or at.co_name != end or Path(at.co_filename).parent != PACKAGE / "bus" / "sdo":
             return
-        sys.setprofile(None)
-        threading.setprofile(None)
-        if path.exists():
-            return
         steps = _ours(frame)
         if threading.current_thread() is not threading.main_thread():
             main_thread = threading.main_thread().ident
             steps = _ours(sys._current_frames()[main_thread or 0]) + steps
+        if within and not any(function.rpartition(".")[2] == within for _, function in steps):
+            return
+        sys.setprofile(None)
+        threading.setprofile(None)
+        if path.exists():
+            return
         first = steps.index(next(step for step in steps if step[1] == "command"))
         path.write_text(json.dumps(steps[first:]), encoding="utf-8")
 
@@ -94,6 +133,6 @@ def _ours(frame: FrameType | None) -> list[tuple[str, str]]:
 
 
 if __name__ == "__main__":
-    _keep_walk(Path(sys.argv[1]), sys.argv[2])
-    sys.argv = ["dvtcli", *sys.argv[3:]]
+    _keep_walk(Path(sys.argv[1]), sys.argv[2], sys.argv[3])
+    sys.argv = ["dvtcli", *sys.argv[4:]]
     main()
