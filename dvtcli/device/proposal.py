@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
-from functools import cache
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 from dvtcli.device.other_producers import producers, producers_of, services_taken
@@ -40,6 +39,21 @@ class LazyMapping(Mapping[Pdo, T], Generic[T]):
 
     def __len__(self) -> int:
         return sum(1 for _ in self)
+
+
+class _Once(Generic[T]):
+    """The result of *load*, called at the first use; much cheaper to make than a `functools.cache`."""
+
+    __slots__ = ("_found", "_load")
+
+    def __init__(self, load: Callable[[], T]) -> None:
+        self._load = load
+        self._found: tuple[T] | None = None
+
+    def __call__(self) -> T:
+        if self._found is None:
+            self._found = (self._load(),)
+        return self._found[0]
 
 
 #: What other nodes send, asked for when a rule first looks at it.
@@ -79,8 +93,8 @@ def proposal(
         node.profile,
         node.dictionary,
         lengths,
-        cache(lambda: {**taken(), **service_ids(node.read_cache.look(), node.node_id, node.dictionary)}),
-        cache(beside),
+        _Once(lambda: {**taken(), **service_ids(node.read_cache.look(), node.node_id, node.dictionary)}),
+        _Once(beside),
         cob_ids,
         absent,
     )
@@ -91,10 +105,11 @@ def _others(
 ) -> tuple[Mapping[Pdo, PdoConfig], Mapping[Pdo, CobId]]:
     """The other PDOs of *node* after the plan, and their COB-IDs, each read on first use."""
 
-    @cache
-    def cob_ids() -> Mapping[Pdo, CobId]:
+    def read() -> Mapping[Pdo, CobId]:
         held = {**node.known_cob_ids(), **{one: config.communication.cob_id for one, config in together.items()}}
         return {other: cob_id for other, cob_id in held.items() if other != pdo}
+
+    cob_ids = _Once(read)
 
     def whole(other: Pdo) -> PdoConfig:
         return together[other] if other in together else node.known_pdo(other)
@@ -124,7 +139,7 @@ def resolve(
     *elsewhere* are the future PDOs of the other nodes, None for the present. Raises RuleError for an object missing in
     the EDS, UsageError for any other unresolvable request.
     """
-    beside = elsewhere or cache(lambda: producers(node.neighbours()))
+    beside = elsewhere or _Once(lambda: producers(node.neighbours()))
     held = proposal(node, pdo, now, now, elsewhere=beside)
     if isinstance(want, PdoRequest):
         if want.extended and not isinstance(want.cob_id, int):

@@ -13,7 +13,7 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
 from dvtcli.domain.mpdo_lists import ListedObjects, listed_objects
 from dvtcli.domain.object_dictionary import ObjectDictionary
-from dvtcli.domain.pdo import MAX_PDO_NUMBER, Direction, Pdo, PdoCommunicationParameter, PdoConfig, is_mpdo
+from dvtcli.domain.pdo import MAX_PDO_NUMBER, PDO_INDICES, Direction, Pdo, PdoCommunicationParameter, PdoConfig, is_mpdo
 from dvtcli.domain.ports import SdoReader
 from dvtcli.domain.services import (
     SDO_CHANNEL_INDICES,
@@ -261,7 +261,7 @@ def present_pdos(sdo: SdoReader, dictionary: ObjectDictionary | None) -> list[Pd
     """The PDOs of the node, TPDOs first: from the EDS, even incomplete, or by asking the node without an EDS."""
     if dictionary is None:
         return [pdo for direction in (Direction.TPDO, Direction.RPDO) for pdo in _probe(sdo, direction)]
-    listed = {pdo for pdo in map(Pdo.at, dictionary) if pdo is not None}
+    listed = {pdo for pdo in map(Pdo.at, dictionary.indices_among(PDO_INDICES)) if pdo is not None}
     return sorted(listed, key=lambda pdo: (not pdo.is_tpdo, pdo.number))
 
 

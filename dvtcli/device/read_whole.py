@@ -19,6 +19,7 @@ from dvtcli.errors import NoAnswer, SdoAborted
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.device.node_parts import ReadableNode
+    from dvtcli.domain.ports import SdoReader
     from dvtcli.domain.profile import ObjectAddress
 
 #: told of each object before it is read: index, sub-index, how many of how many were read, seconds left (None: unknown)
@@ -27,6 +28,8 @@ OnObject = Callable[[int, int, int, int, float | None], None]
 MOST_BYTES = 16 << 20
 _REFUSED_ON_SCAN = 0x02
 _DEVICE_TYPE = (0x1000, 0)
+#: device type and identity: no value of a device that runs changes them
+_FIXED = (0x1000, 0x1018)
 #: program data (CiA 302-3), the operating system's channels, from which each upload takes something (CiA 301)
 _PROGRAM, _CHANNELS = 0x1F50, range(0x1023, 0x1027)
 #: how long is waited before a second look: what a device measures anew, it does within that (s)
@@ -78,8 +81,8 @@ def read_whole(
     """Read *entries* of *node* once, and twice if *again* is true for an entry.
 
     Objects that are write-only, flagged against reading, or secret by *known* are skipped; their result is an abort.
-    Each upload runs within *around*. Does not detect a restart meanwhile (`read_together` does). Raises NoAnswer if the
-    node falls silent.
+    What only a restart changes (0x1000, 0x1018) is not read again if it was read since. Each upload runs within
+    *around*. Does not detect a restart meanwhile (`read_together` does). Raises NoAnswer if the node falls silent.
     """
     found = {read_object.place: read_object for read_object in (_judged(entry, known) for entry in entries)}
     reading = _DeviceReading(node, on_object, around)
@@ -88,7 +91,7 @@ def read_whole(
     if twice:
         node.bus.sleep(PAUSE_S)
     second = {place: replace(found[place], data=None) for place in twice}
-    reading.read(second, twice)
+    reading.read(second, twice, anew=True)
     for place, one in second.items():
         found[place] = replace(found[place], changes=one.data != found[place].data)
     return found
@@ -128,26 +131,32 @@ class _DeviceReading:
     on_object: OnObject
     around: Callable[[OdEntry], AbstractContextManager[None]]
 
-    def read(self, found: dict[ObjectAddress, ReadObject], places: Collection[ObjectAddress]) -> None:
-        """Read the objects at *places* into *found*."""
+    def read(
+        self, found: dict[ObjectAddress, ReadObject], places: Collection[ObjectAddress], *, anew: bool = False
+    ) -> None:
+        """Read the objects at *places* into *found*; *anew*: none of them from the read cache."""
         now_s = self.node.bus.now_s
         since_s, size = now_s(), 0
         for number, place in enumerate(places):
             left_s = (now_s() - since_s) / number * (len(places) - number) if number >= _PACE_FROM else None
             self.on_object(*place, number, len(places), left_s)
-            one = replace(found[place], unread=Unread.TOO_MUCH) if size > MOST_BYTES else self._asked(found[place])
+            one = found[place]
+            is_fixed = place[0] in _FIXED and not anew
+            if size > MOST_BYTES:
+                one = replace(one, unread=Unread.TOO_MUCH)
+            else:
+                one = self._asked(one, self.node.read_cache if is_fixed else self.node.sdo)
             size += len(one.data or b"")
             found[place] = one
 
-    def _asked(self, one: ReadObject) -> ReadObject:
-        sdo = self.node.sdo
+    def _asked(self, one: ReadObject, reader: SdoReader) -> ReadObject:
         try:
             with self.around(one.entry):
-                return replace(one, data=sdo.upload(*one.place))
+                return replace(one, data=reader.upload(*one.place))
         except SdoAborted as aborted:
             return replace(one, abort=aborted.code)
         except NoAnswer:
-            sdo.upload(*_DEVICE_TYPE)  # the node is there, and silent about this object
+            self.node.sdo.upload(*_DEVICE_TYPE)  # the node is there, and silent about this object
             return replace(one, unread=Unread.SILENT)
 
 

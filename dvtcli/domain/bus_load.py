@@ -5,6 +5,8 @@ Pure arithmetic of classical CAN (ISO 11898-1): headers, CRC-15, stuff bits.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 _CRC_15 = 0x4599
 #: CRC delimiter, acknowledge and its delimiter, seven end-of-frame bits: never stuffed
 TRAILER = 10
@@ -53,13 +55,41 @@ def frame_bits(can_id: int, data: bytes = b"", extended: bool = False, remote: b
     *can_id* has 11 bits, or 29 if *extended*; *data* has 0..8 bytes. A *remote* frame carries the length of
     *data* and no data.
     """
-    content, bits = _stuffed_part(can_id, data, extended, remote)
-    fill = -bits % 8
-    state, total = _IDLE, bits + TRAILER + INTERFRAME
+    sent = b"" if remote else data
+    state, bits, crc = _head(can_id, len(data), extended, remote, len(sent))
+    state, stuffed, crc_of_data = _body(state, sent)
+    crc ^= crc_of_data
+    # A bit unlike the last one fills the CRC's second byte: no stuff bit follows it.
+    state, stuffed_first = _STUFF_TABLE[state << 8 | crc >> 7]
+    return bits + stuffed + stuffed_first + _STUFF_TABLE[state << 8 | (crc << 1 & 0xFE | ~crc & 1)][1]
+
+
+@lru_cache(maxsize=4096)
+def _head(can_id: int, length: int, extended: bool, remote: bool, sent: int) -> tuple[int, int, int]:
+    """State after the control field, bits of a frame with *sent* bytes as far as known, CRC with data of 0.
+
+    A bus repeats CAN-IDs and data: each is counted once, as the CRC is the XOR of the CRCs of its parts.
+    """
+    content, bits = header(can_id, length, extended, remote)
+    fill, crc = -bits % 8, 0
+    state, total = _IDLE, bits + 8 * sent + _CRC_BITS + TRAILER + INTERFRAME
     for byte in ((_FILL & (1 << fill) - 1) << bits | content).to_bytes((bits + fill) // 8, "big"):
         state, stuffed = _STUFF_TABLE[state << 8 | byte]
         total += stuffed
-    return total
+    for byte in content.to_bytes((bits + 7) // 8, "big") + bytes(sent):  # leading zeros do not change a CRC
+        crc = (crc << 8 & 0x7FFF) ^ _CRC_TABLE[crc >> 7 ^ byte]
+    return state, total, crc
+
+
+@lru_cache(maxsize=4096)
+def _body(state: int, data: bytes) -> tuple[int, int, int]:
+    """State after *data*, its stuff bits from *state* on, and its own CRC."""
+    total = crc = 0
+    for byte in data:
+        state, stuffed = _STUFF_TABLE[state << 8 | byte]
+        total += stuffed
+        crc = (crc << 8 & 0x7FFF) ^ _CRC_TABLE[crc >> 7 ^ byte]
+    return state, total, crc
 
 
 def most_frame_bits(data_bytes: int, *, extended: bool = False, remote: bool = False) -> int:
@@ -87,15 +117,3 @@ def header(can_id: int, length: int, extended: bool, remote: bool) -> tuple[int,
         base, extension = can_id >> 18 & 0x7FF, can_id & 0x3FFFF
         return base << 27 | 0b11 << 25 | extension << 7 | remote << 6 | length, 39
     return (can_id & 0x7FF) << 7 | remote << 6 | length, 19
-
-
-def _stuffed_part(can_id: int, data: bytes, extended: bool, remote: bool) -> tuple[int, int]:
-    """Bits from the start of the frame to the CRC's end as a number, and their count."""
-    content, bits = header(can_id, len(data), extended, remote)
-    sent = b"" if remote else data
-    content, bits = content << 8 * len(sent) | int.from_bytes(sent, "big"), bits + 8 * len(sent)
-    # Leading zeros do not change a CRC that starts at 0, so whole bytes can be looked up.
-    crc = 0
-    for byte in content.to_bytes((bits + 7) // 8, "big"):
-        crc = (crc << 8 & 0x7FFF) ^ _CRC_TABLE[crc >> 7 ^ byte]
-    return content << _CRC_BITS | crc, bits + _CRC_BITS

@@ -32,7 +32,7 @@ _MAPPING = {Direction.RPDO: 0x1600, Direction.TPDO: 0x1A00}
 _DIRECTIONS = {base: direction for bases in (_COMMUNICATION, _MAPPING) for direction, base in bases.items()}
 #: optional parameters, by sub-index of the communication parameter
 _OPTIONAL = {2: "transmission type", 3: "inhibit time", 5: "event timer", 6: "SYNC start value"}
-_FIRST_INDEX, _LAST_INDEX = 0x1400, 0x1BFF
+PDO_INDICES = range(0x1400, 0x1C00)
 _DEFAULT_CAN_ID = {Direction.RPDO: 0x200, Direction.TPDO: 0x180}
 
 
@@ -58,7 +58,7 @@ class Pdo:
     @classmethod
     def at(cls, index: int) -> Pdo | None:
         """The PDO with its communication or mapping parameter at *index*, or None."""
-        if not _FIRST_INDEX <= index <= _LAST_INDEX:
+        if index not in PDO_INDICES:
             return None
         base = index - index % MAX_PDO_NUMBER
         return cls(_DIRECTIONS[base], index - base + 1)

@@ -6,12 +6,12 @@ from collections import OrderedDict
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from dvtcli.domain.pdo import PDO_INDICES
 from dvtcli.domain.ports import Frame
 
 #: Maximum number of remembered CAN-IDs; a new CAN-ID replaces the one silent for longest.
 MOST = 512
-#: PDO parameters, and the CAN-IDs of SDO requests and heartbeats; a heartbeat with data 0 is a boot-up
-_PDO_PARAMETERS = range(0x1400, 0x1C00)
+#: CAN-IDs of SDO requests and heartbeats; a heartbeat with data 0 is a boot-up
 _REQUESTS, _HEARTBEATS = range(0x601, 0x680), range(0x701, 0x780)
 #: command specifiers of SDO downloads: expedited and segmented, block
 _DOWNLOADS = (1, 6)
@@ -68,7 +68,7 @@ class LastFrames:
             self._set_s[can_id & 0x7F, 0] = now_s
         elif can_id in _REQUESTS and data[0] >> 5 in _DOWNLOADS:
             index = int.from_bytes(data[1:3], "little")
-            if index in _PDO_PARAMETERS:
+            if index in PDO_INDICES:
                 self._set_s[can_id & 0x7F, index] = now_s
 
     def set_s(self, node_id: int, indices: Iterable[int]) -> float:

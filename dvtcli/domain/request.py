@@ -127,7 +127,7 @@ def _requested(request: PdoRequest, proposal: Proposal, lengths: Mapping[ObjectA
         want = PdoConfig(communication, _entries(request.objects, proposal, lengths), unread=now.lacking)
     elif request.mpdo is not None and request.mpdo != now.count:
         want = PdoConfig(communication, (), request.mpdo, unread=now.lacking)
-    return _with_cob_id(want, _cob_id(request, replace(proposal, want=want)))
+    return _with_cob_id(want, _cob_id(request, proposal, want))
 
 
 def instead_findings(want: AnyPdoRequest, proposal: Proposal) -> Iterator[Finding]:
@@ -189,8 +189,8 @@ def _pick(asked: int | None, held: int | None) -> int | None:
     return held if asked is None else asked
 
 
-def _cob_id(request: PdoRequest, proposal: Proposal) -> CobId:
-    """The COB-ID for *request*, given all other values of *proposal*."""
+def _cob_id(request: PdoRequest, proposal: Proposal, want: PdoConfig) -> CobId:
+    """The COB-ID for *request*, given *proposal* and all other values in *want*."""
     held = proposal.now.communication.cob_id
     enabled = proposal.now.enabled if request.enabled is None else request.enabled
     flags = replace(held, valid=enabled, rtr_allowed=_rtr(request, proposal))
@@ -199,6 +199,7 @@ def _cob_id(request: PdoRequest, proposal: Proposal) -> CobId:
             raise ValueError(f"CAN-ID 0x{request.cob_id:X} has more than 11 bits: it is an extended CAN-ID (29 bits)")
         return replace(flags, can_id=request.cob_id, extended=request.extended)
     kept = replace(flags, extended=held.extended or request.extended)
+    proposal = replace(proposal, want=want)
     if request.cob_id == "keep" or (request.cob_id is None and (not enabled or _legal(proposal, kept))):
         return kept
     automatic = automatic_can_id(proposal)

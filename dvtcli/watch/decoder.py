@@ -157,24 +157,33 @@ class Decoder:
         return self.layout(frame).values(frame)
 
 
+#: signals of a mapping, and the function that reads their values
+SignalsOfMappings = dict[tuple[PdoMappingEntry, ...], tuple[tuple[Signal, ...], Callable[[bytes], list[Value | None]]]]
+
+
 def pdo_layouts(
     node_id: int,
     configs: Mapping[Pdo, PdoConfig],
     dictionary: ObjectDictionary | None,
     scalings: ObjectScalings,
     source: str = "",
+    known: SignalsOfMappings | None = None,
 ) -> dict[Address, Layout]:
     """Layouts of a node's enabled PDOs; a TPDO takes precedence over an RPDO with the same COB-ID.
 
-    *scalings* gives the scaling of objects, *source* the origin of the mapping in words.
+    *scalings* gives the scaling of objects, *source* the origin of the mapping in words. *known* keeps the signals of
+    mappings from call to call, for nodes with the same *dictionary* and *scalings*.
     """
+    known = {} if known is None else known
     layouts: dict[Address, Layout] = {}
     for pdo, config in sorted(configs.items(), key=lambda item: not item[0].is_tpdo):
         if config.enabled:
             cob_id = config.communication.cob_id
             service = Service("pdo", pdo.label, node_id)
             bits = sum(entry.bits for entry in config.mapping)
-            signals, read = _signals(config.mapping, dictionary, scalings)
+            if config.mapping not in known:
+                known[config.mapping] = _signals(config.mapping, dictionary, scalings)
+            signals, read = known[config.mapping]
             layout = Layout(
                 service, signals, read, config.mapping, is_consumers=not pdo.is_tpdo, source=source,
                 byte_length=byte_length(bits) if config.mpdo is None else None, mpdo=config.mpdo,

@@ -4,9 +4,9 @@
     python -m tests.benchmarks --compare BEFORE.json AFTER.json
     python -m tests.benchmarks --page RUN.json...
 
-NAME chooses of startup, decode, long, eds, files, sdo, requests, writes; --page prints runs as a table for a page.
-dvtcli and what it is compared with are measured in turn, so that what else the machine does falls on both; ratios are
-those of each round. The bench_*.py files beside this one measure more.
+NAME chooses of startup, decode, long, eds, files, sdo, requests, watch, writes; --page prints runs as a table for a
+page. dvtcli and what it is compared with are measured in turn, so that what else the machine does falls on both; ratios
+are those of each round. The bench_*.py files beside this one measure more.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from tests.benchmarks import (
     bench_requests,
     bench_sdo,
     bench_startup,
+    bench_watch,
     bench_writes,
 )
 from tests.benchmarks.figures import Figure, as_json, comparison, figures_in, page, table
@@ -45,6 +46,7 @@ FIGURES: dict[str, Callable[[int], Iterator[Figure]]] = {
     "files": bench_files.figures,
     "sdo": bench_sdo.figures,
     "requests": bench_requests.figures,
+    "watch": bench_watch.figures,
     "writes": writes,
 }
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.domain.pdo import Pdo
+from dvtcli.files.eds.reader import read_eds
 from tests.cli.prompt.wire import Wire
 from tests.recovery.bench import Bench
 from tests.simulator.serve.served import served
@@ -168,6 +169,16 @@ def test_other_commands_read_nothing_twice_either(bench: Counted, line: str) -> 
     before, after = bench.reads(line)
     assert not twice(before)
     assert not twice(after)
+
+
+def test_a_backup_reads_twice_only_what_may_change_by_itself(tmp_path: Path) -> None:
+    bench = Counted(tmp_path)
+    _, read = bench.reads(f"backup {tmp_path / 'drive.jsonl'}")
+    described = read_eds(bench.wire.eds).dictionary.entries()
+    moving = {entry.object for entry in described if entry.pdo_mapping and entry.access.writable}
+    bench.wire.close()
+    assert twice(read) == moving
+    assert {"1000:00", "1018:01"} <= set(read)
 
 
 def test_an_undo_reads_the_other_pdos_at_most_twice_before_its_write_and_behind_it(bench: Counted) -> None:

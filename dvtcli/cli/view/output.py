@@ -382,6 +382,7 @@ class ProgressLine:
         self._stream = stream
         self._terminal_s, self._pipe_s = terminal_s, pipe_s
         self._since_s: float | None = None
+        self._is_terminal = False
         self._tenth = 0
         self._said: set[str] = set()
         self._said_s = float("-inf")
@@ -390,12 +391,13 @@ class ProgressLine:
     def show(self, text: str, done: int, total: int) -> None:
         """Show *text*, and *done* of *total* (0: unknown) parts."""
         now_s = time.monotonic()
-        self._since_s = now_s if self._since_s is None else self._since_s
-        is_terminal = self._stream.isatty() and os.environ.get("TERM") != "dumb"
-        if now_s - self._since_s < (self._terminal_s if is_terminal else self._pipe_s):
+        if self._since_s is None:
+            self._since_s = now_s
+            self._is_terminal = self._stream.isatty() and os.environ.get("TERM") != "dumb"
+        if now_s - self._since_s < (self._terminal_s if self._is_terminal else self._pipe_s):
             return
         try:
-            if is_terminal:
+            if self._is_terminal:
                 columns = os.get_terminal_size(self._stream.fileno()).columns or 80
                 self._stream.write(f"{_ERASE}{text[: columns - 1]}")
                 self._is_shown = True

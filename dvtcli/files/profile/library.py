@@ -100,13 +100,23 @@ def folder() -> Path:
 
 def own_names() -> tuple[str, ...]:
     """Return the names of the user's own profiles, sorted, without opening files."""
-    return tuple(sorted(path.stem for path in folder().glob("*.toml")))
+    return tuple(sorted(path.stem for path in _own_paths()))
+
+
+def _own_paths() -> list[Path]:
+    """Return the user's own files, sorted. Does not use `glob`, which is slow: each node of a bus asks for them."""
+    own = folder()
+    try:
+        names = sorted(os.listdir(own))  # noqa: PTH208 - `iterdir` makes a Path of every name
+    except (FileNotFoundError, NotADirectoryError, PermissionError):  # then the built-in profiles count
+        return []
+    return [own / name for name in names if os.path.normcase(name).endswith(".toml")]
 
 
 def _own_files() -> OwnFiles:
     """Return the present state of the user's own files, to detect outdated caches."""
     found = []
-    for path in sorted(folder().glob("*.toml")):
+    for path in _own_paths():
         with suppress(OSError):  # a link to nowhere: whoever reads it says so
             found.append((path, file_state(path)))
     return tuple(found)

@@ -13,14 +13,14 @@ from dvtcli.domain.object_syntax import parse_object
 from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.network.described_nodes import NETWORK_SUFFIXES, network_config_of
 from dvtcli.operations.values.object_values import scalings_of
-from dvtcli.watch.decoder import Decoder, pdo_layouts
+from dvtcli.watch.decoder import Decoder, SignalsOfMappings, pdo_layouts
 from dvtcli.watch.sdo_servers import described_servers
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.network.network_config import NetworkConfig, ValueConfig
     from dvtcli.domain.network.network_state import NodeState
-    from dvtcli.domain.object_scalings import Rules
+    from dvtcli.domain.object_scalings import ObjectScalings, Rules
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.ports import CanopenBus
     from dvtcli.operations.session.session_nodes import SessionNodes
@@ -49,20 +49,19 @@ def _network_layouts(file: str, network_config: NetworkConfig, reporter: Reporte
     """
     from dvtcli.files.network.read_physical import rules_by_node
     from dvtcli.operations.network.described_network import described_pdos, unknown_names
-    from dvtcli.watch.decoder import Decoder
 
     state = described_pdos(file, network_config)
     for note in unknown_names(file, network_config):
         place = f"{file}:{note.mark.line}:{note.mark.column}"
         reporter.note(f"{place}: {note.text}; frames with such a name stay bytes")
-    rules, decoder = rules_by_node(network_config.nodes), Decoder()
+    rules, decoder, kinds = rules_by_node(network_config.nodes), Decoder(), _Kinds()
     written = {node.node_id: _numbers(node.values) for node in network_config.nodes}
     for node in state.nodes:
         said = {pdo: config for pdo, config in node.pdos.items() if pdo not in node.guessed}
-        decoder.add(_layouts(node, said, rules.get(node.node_id, {}), f"the mapping in {Path(file).name}"))
+        decoder.add(kinds.layouts(node, said, rules.get(node.node_id, {}), f"the mapping in {Path(file).name}"))
     for node in state.nodes:
         for pdo, whose in node.guessed.items():
-            layouts = _layouts(node, {pdo: node.pdos[pdo]}, rules.get(node.node_id, {}), whose)
+            layouts = kinds.layouts(node, {pdo: node.pdos[pdo]}, rules.get(node.node_id, {}), whose)
             decoder.add({address: _as_guess(file, layout) for address, layout in layouts.items()})
         decoder.add(described_servers(node.node_id, node.dictionary, written.get(node.node_id)))
     return decoder.layouts
@@ -79,11 +78,24 @@ def _numbers(values: Iterable[ValueConfig]) -> dict[tuple[int, int], int]:
     return found
 
 
-def _layouts(node: NodeState, pdos: Mapping[Pdo, PdoConfig], rules: Rules, source: str) -> Mapping[Address, Layout]:
-    from dvtcli.operations.values.object_values import scalings_of
-    from dvtcli.watch.decoder import pdo_layouts
+class _Kinds:
+    """The scalings and signals of the nodes of a file, made once for all nodes with the same dictionary and profile."""
 
-    return pdo_layouts(node.node_id, pdos, node.dictionary, scalings_of(node.profile, node.dictionary, [rules]), source)
+    def __init__(self) -> None:
+        self._known: dict[tuple[int, int], tuple[NodeState, ObjectScalings, SignalsOfMappings]] = {}
+
+    def layouts(
+        self, node: NodeState, pdos: Mapping[Pdo, PdoConfig], rules: Rules, source: str
+    ) -> Mapping[Address, Layout]:
+        """Return the layouts of *pdos* of *node*, whose own scalings are *rules*."""
+        kind = id(node.dictionary), id(node.profile)
+        found = None if rules else self._known.get(kind)
+        if found is None:
+            found = node, scalings_of(node.profile, node.dictionary, [rules]), SignalsOfMappings()
+            if not rules:
+                self._known[kind] = found  # with the node: its dictionary and profile keep their numbers
+        _, scalings, signals = found
+        return pdo_layouts(node.node_id, pdos, node.dictionary, scalings, source, signals)
 
 
 def _as_guess(file: str, layout: Layout) -> Layout:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.device.proposal import resolve, untyped_lengths
-from dvtcli.device.read_pdos import WHATEVER, read_pdo
+from dvtcli.device.read_pdos import WHATEVER, read_cob_id, read_pdo
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.network.heartbeats import MISSED, watch_time_ms
@@ -125,6 +125,7 @@ def described_pdos(file: str, config: NetworkConfig) -> NetworkState:
 def _as_said(file: str, config: NetworkConfig) -> NetworkState | None:
     """Return the PDOs of *config* on its simulated nodes; None if one of them cannot be made as it stands."""
     words, log, nodes = words_of(file, config), FileLog(file, network_text(file)), list[NodeState]()
+    read: dict[DeviceWord, Mapping[Pdo, PdoConfig]] = {}
     options = simulation_of(words, force=True)
     with Session(options) as session:
         if words:
@@ -135,7 +136,10 @@ def _as_said(file: str, config: NetworkConfig) -> NetworkState | None:
                 nodes.append(told_state(told))
                 continue
             node = session.node(told.node_id)
-            pdos = _said_pdos(node, told, log)
+            held = _held_pdos(node, read.get(word, {}))
+            if word not in read:
+                read[word] = {pdo: config for pdo, config in held.items() if _is_alike(node.dictionary, pdo, config)}
+            pdos = _said_pdos(node, told, held, log)
             if pdos is None:
                 return None
             state = NodeState(told.node_id, told.name, pdos, {}, node.dictionary, node.profile)
@@ -143,12 +147,38 @@ def _as_said(file: str, config: NetworkConfig) -> NetworkState | None:
     return NetworkState(tuple(sorted(nodes, key=lambda node_state: node_state.node_id)), file=file)
 
 
-def _said_pdos(node: ReadableNode, config: NodeConfig, log: FileLog) -> dict[Pdo, PdoConfig] | None:
-    """Return the PDOs of *node*, which holds default values, with those of *config*; None as `_as_said`."""
-    held, wanted = dict[Pdo, PdoConfig](), dict[Pdo, PdoConfig]()
-    for present in node.present():
+def _held_pdos(node: ReadableNode, alike: Mapping[Pdo, PdoConfig]) -> dict[Pdo, PdoConfig]:
+    """Read the PDOs of *node*; of those in *alike*, from a node of the same word, only the COB-ID."""
+    held: dict[Pdo, PdoConfig] = {}
+    for pdo in node.present():
+        if (same := alike.get(pdo)) is not None:
+            communication = replace(same.communication, cob_id=read_cob_id(node.sdo, pdo))
+            held[pdo] = replace(same, communication=communication)
+            continue
         with suppress(SdoAborted):  # neither COB-ID nor mapping: no such PDO
-            held[present] = read_pdo(node.sdo, present, WHATEVER)
+            held[pdo] = read_pdo(node.sdo, pdo, WHATEVER)
+    return held
+
+
+def _is_alike(dictionary: ObjectDictionary | None, pdo: Pdo, config: PdoConfig) -> bool:
+    """Tell whether *pdo* (by default *config*) is the same on any node of *dictionary*, but for its COB-ID."""
+    if dictionary is None or not config.has_cob_id:
+        return False
+    described = (dictionary.get(index) for index in (pdo.communication_index, pdo.mapping_index))
+    return not any(
+        entry.default_relative or entry.value_relative
+        for described_object in described
+        if described_object is not None
+        for entry in described_object.entries.values()
+        if (entry.index, entry.sub_index) != (pdo.communication_index, 1)
+    )
+
+
+def _said_pdos(
+    node: ReadableNode, config: NodeConfig, held: Mapping[Pdo, PdoConfig], log: FileLog
+) -> dict[Pdo, PdoConfig] | None:
+    """Return the PDOs of *node*, which it *held* by default, with those of *config*; None as `_as_said`."""
+    wanted: dict[Pdo, PdoConfig] = {}
     for pdo in config.pdos:
         request = pdo_request(node, pdo, log)
         if log.count or pdo.pdo not in held or held[pdo.pdo].unread:

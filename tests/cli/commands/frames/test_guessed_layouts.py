@@ -10,6 +10,7 @@ import pytest
 
 from dvtcli.domain.network.network_config import NetworkConfig
 from dvtcli.domain.network.network_state import NetworkState
+from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import DvtcliError
 from dvtcli.operations.frames.layouts import file_layouts
@@ -131,11 +132,30 @@ def test_what_a_file_says_itself_is_laid_out_as_its_plan_would(tmp_path: Path, f
         "unknown": "1: {mapping: [No such name]}",
     }
     for said in tpdos.values():
-        file.write_text(f"nodes: {{a: {{node_id: 3, dcf: {family}, tpdo: {{{said}}}}}, b: {{node_id: 4}}}}\n")
+        like = f"{{node_id: 5, dcf: {family}, tpdo: {{{said}}}}}"
+        file.write_text(
+            f"nodes: {{a: {{node_id: 3, dcf: {family}, tpdo: {{{said}}}}}, b: {{node_id: 4}}, c: {like}}}\n"
+        )
         wanted_config = read_network_config(str(file))
         assert outcome(described_pdos, str(file), wanted_config) == outcome(
             described_network, str(file), wanted_config
         ), said
+
+
+def test_defaults_that_follow_the_node_id_are_those_of_each_node(tmp_path: Path) -> None:
+    text = family_eds("generic").read_text("utf-8")
+    section = text.index("[1800sub5]")
+    behind = text.index("DefaultValue=", section) + len("DefaultValue=")
+    end = text.index("\n", behind)
+    (tmp_path / "drive.eds").write_text(f"{text[:behind]}$NODEID+0x10{text[end:]}", "utf-8")
+    file = tmp_path / "net.yaml"
+    file.write_text("nodes: {a: {node_id: 3, dcf: drive.eds}, b: {node_id: 5, dcf: drive.eds}, c: {node_id: 9}}\n")
+    state = described_pdos(str(file), read_network_config(str(file)))
+    first, second = (node.pdos for node in state.nodes if node.pdos)
+    tpdo1, tpdo2 = Pdo.parse("tpdo1"), Pdo.parse("tpdo2")
+    assert [pdos[tpdo1].communication.event_timer for pdos in (first, second)] == [0x13, 0x15]
+    assert [pdos[tpdo2].communication.cob_id.can_id for pdos in (first, second)] == [0x283, 0x285]
+    assert first[tpdo2].mapping == second[tpdo2].mapping
 
 
 def outcome(describe: Callable[..., NetworkState], file: str, wanted_config: NetworkConfig) -> object:
