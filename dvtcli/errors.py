@@ -142,13 +142,15 @@ class UsageError(DvtcliError):
 class InputFileError(DvtcliError):
     """A file's content is invalid; *place* is `FILE:LINE` or `FILE:LINE:COLUMN`.
 
-    *complaints* are all errors in the file, if more than the first was searched; *outcome*: the action not done.
+    *complaints* are all errors in the file, if more than the first was searched; *outcome*: the action not done, empty
+    if none was meant. *hides_others*: checks that need a correct file were skipped.
     """
 
     exit_code = 4
     slug = "input_file"
     complaints: tuple[FileComplaint, ...] = ()
     outcome = "nothing was sent"
+    hides_others = False
 
 
 class RuleError(DvtcliError):

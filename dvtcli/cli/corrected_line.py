@@ -36,6 +36,8 @@ _MOST_WORDS = 40
 _ANSWERED_AT_ONCE = frozenset({"-h", "--help", "--version"})
 #: a PDO, perhaps misspelt, with its node
 _LIKE_A_PDO = re.compile(r"((?:\d{1,3}:)?)([A-Za-z]{3,5})[-_]?(\d{1,3})")
+#: the nearest words, at the end of a message
+_SUGGESTION = re.compile(r"[;,.]? \(?did you mean [^?]*\?\)?$", re.IGNORECASE)
 #: the message about a name with blanks
 _ONE_NAME = re.compile("'([^']+)' is one name")
 _DIRECTIONS = ("tpdo", "rpdo")
@@ -62,11 +64,18 @@ def with_correction(
     line = corrected(words, session)
     if line is not None and session.is_secret(prompt_line(line)):
         return error  # a passcode is not repeated
+    if line is not None:
+        error.text = without_suggestion(error.text)  # the hint has it
     if line is not None and in_file:
         error.hint = f"did you mean `{prompt_line(line)}`?"
     elif line is not None:
         error.hint = Hint(Action.CORRECT, {"words": tuple(line)}, "did you mean {}?")
     return error
+
+
+def without_suggestion(text: str) -> str:
+    """Return a message without the nearest words at its end."""
+    return _SUGGESTION.sub("", text)
 
 
 def corrected(words: Sequence[str], session: Conversation) -> list[str] | None:

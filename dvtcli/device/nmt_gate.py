@@ -153,6 +153,8 @@ class Gate:
     #: the question before the node leaves OPERATIONAL for a change taken only in PRE-OPERATIONAL, whatever its
     #: profile; None: the profile alone counts
     wanted: Callable[[str], None] | None = None
+    #: whether the node will be reset before it goes back
+    resets: bool = False
     _vanished: bool = False
 
     def enter(self) -> None:
@@ -165,7 +167,9 @@ class Gate:
     @property
     def question(self) -> str:
         """The question to the user before the node leaves OPERATIONAL."""
-        return f"node {self.access.node_id} is OPERATIONAL; take it to PRE-OPERATIONAL for this change, and back?"
+        reset = ", reset it" if self.resets else ""
+        what = f"take it to PRE-OPERATIONAL for this change{reset}, and back?"
+        return f"node {self.access.node_id} is OPERATIONAL; {what}"
 
     def enter_agreed(self) -> None:
         """Enter PRE-OPERATIONAL regardless of the profile, after the user agreed."""

@@ -347,6 +347,8 @@ class Node(Changeable):
 
     def was_undone(self, applied: Applied, count: int) -> None:
         """Record that *applied* undid the newest *count* plans of this session."""
+        from dvtcli.device.store.unstored import mark_restored
+
         self.history, self.undid_own = self.history[: len(self.history) - count], True
         for _ in range(count):
             del self.order[max(number for number, node_id in enumerate(self.order) if node_id == self.node_id)]
@@ -356,6 +358,7 @@ class Node(Changeable):
             self.pending.partly_stored = True  # stored changes were undone: no number of changes matches
         if self.pending.is_as_stored(len(self.history)) and not (applied.findings or applied.not_put_back):
             self.pending.unstored.clear()  # the device holds what was stored, or found, again
+        mark_restored(self, self.history, applied)
 
     def undo_plans(self, asked: UndoRequest) -> tuple[Applied, int]:
         """Undo the changes in *asked* and return the number of plans. Raises the errors of `plan_undo`."""

@@ -116,6 +116,8 @@ def _root(text: str) -> MappingNode:
     from ruamel.yaml.error import MarkedYAMLError, YAMLError
     from ruamel.yaml.nodes import MappingNode, ScalarNode
 
+    from dvtcli.files.network.yaml_tree import yaml_problem
+
     if len(text) > MOST_CHARACTERS:
         raise InputFileError(f"{len(text)} characters are no PDO")
     try:
@@ -124,7 +126,7 @@ def _root(text: str) -> MappingNode:
         node = yaml.compose(text)
     except MarkedYAMLError as wrong:
         mark = wrong.problem_mark or wrong.context_mark
-        raise wrong_at(mark.line + 1 if mark else 1, str(wrong.problem or wrong.context)) from wrong
+        raise wrong_at(mark.line + 1 if mark else 1, yaml_problem(wrong)) from wrong
     except (YAMLError, RecursionError, ValueError) as wrong:
         raise wrong_at(1, f"not YAML: {str(wrong).splitlines()[0] if str(wrong) else 'too deep'}") from wrong
     if not isinstance(node, MappingNode):

@@ -141,7 +141,11 @@ class FileNodes:
         self._links: dict[Endpoint, EditedLink] = {}
         self.name = edited.file
         nodes = [session.node(node_id) for node_id in session.open_network().simulated_ids]
-        self.nodes: Sequence[tuple[int, str]] = [(node.node_id, node.title) for node in nodes if node.pdos()]
+        self.nodes: Sequence[tuple[int, str]] = [
+            (node.node_id, f"{name} ({node.title})" if (name := edited.names.get(node.node_id)) else node.title)
+            for node in nodes
+            if node.pdos()
+        ]
         if not self.nodes:
             raise UsageError(f"{edited.file} has no PDO to edit", place=edited.file)
 

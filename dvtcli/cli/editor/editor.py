@@ -214,10 +214,8 @@ class Editor:
             _ALWAYS[key](self)
         elif text == "?" and self.view.pane != OBJECTS:
             self._help()
-        elif text == "n" and self.view.has_nodes and self.view.pane != OBJECTS:
-            self._choose_node()
-        elif text == "L" and self.view.has_nodes and self.view.pane != OBJECTS:
-            self._link()
+        elif text in _OF_NODES and self.view.pane != OBJECTS:
+            self._press_of_nodes(text)
         elif self.view.pane == PDOS:
             self._press_pdos(key, text)
         elif self.view.pane == FRAME:
@@ -408,7 +406,8 @@ class Editor:
         view.filter.press("c-e", "")
         view.filter.press("c-u", "")
         view.object_cursor.chosen = view.object_cursor.top = 0
-        self.say(f"{entry.object}/{entry.bits} is mapped; Tab continues, Enter maps another")
+        switch = "" if self.pdos.now[pdo].enabled else f"; {pdo.label} is off: Tab, then e enables it"
+        self.say(f"{entry.object}/{entry.bits} is mapped; Enter maps another, Tab leaves the list{switch}")
 
     def _insert(self, entry: PdoMappingEntry) -> None:
         """Map *entry* behind all others."""
@@ -433,7 +432,11 @@ class Editor:
 
         def work() -> str:
             result = plan_edited(self._session, self.node.node_id, self.pdos.held, changed)
-            self._dialogs.append(TextDialog("PLAN", list(self._plan_lines(result)), "f5"))
+            held = self.pdos.held
+            off = [pdo.label for pdo, config in changed.items() if not (config.enabled or held[pdo].enabled)]
+            left = f"{join_some(off)} {'stays' if len(off) == 1 else 'stay'} off: e enables a PDO"
+            lines = [*self._plan_lines(result), *([[Cell(left, "yellow")]] if off else [])]
+            self._dialogs.append(TextDialog("PLAN", lines, "f5"))
             return ""
 
         self.beside.start("plan", work)
@@ -465,11 +468,18 @@ class Editor:
         """Return the changed PDOs in words, of all nodes of a file."""
         return [pdo.label for pdo in self.pdos.changed()] if self._file is None else self._file.changed()
 
+    def _press_of_nodes(self, text: str) -> None:
+        """Take a key for a file with several nodes."""
+        if not self.view.has_nodes:
+            self.say(f"{text} needs a network file with several nodes: dvtcli edit FILE", bad=True)
+        else:
+            _OF_NODES[text](self)
+
     def _link(self) -> None:
         """Choose an RPDO of another node, and let it receive the chosen TPDO."""
         pdo, file = self.view.pdo, self._file
         if file is None or not pdo.is_tpdo:
-            self.say(f"L links a TPDO to an RPDO, and {pdo.label} is an RPDO", bad=True)
+            self.say(f"{pdo.label} is an RPDO: choose a TPDO with up and down, then L links an RPDO to it", bad=True)
             return
 
         def made(said: str, is_bad: bool) -> None:
@@ -536,6 +546,10 @@ class Editor:
             application.exit()
 
 
+_OF_NODES: Mapping[str, Callable[[Editor], None]] = {
+    "n": Editor._choose_node,  # noqa: SLF001
+    "L": Editor._link,  # noqa: SLF001
+}
 _ALWAYS: Mapping[str, Callable[[Editor], None]] = {
     "tab": lambda editor: editor._next_pane(1),  # noqa: SLF001
     "s-tab": lambda editor: editor._next_pane(-1),  # noqa: SLF001

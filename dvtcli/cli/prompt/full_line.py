@@ -24,7 +24,7 @@ from prompt_toolkit.validation import ValidationError, Validator
 
 from dvtcli.cli.boundary import usage_error
 from dvtcli.cli.catalogue import command_names
-from dvtcli.cli.corrected_line import corrected
+from dvtcli.cli.corrected_line import corrected, without_suggestion
 from dvtcli.cli.lexer import split
 from dvtcli.cli.parse_line import parse
 from dvtcli.cli.prompt.completer import LineCompleter
@@ -40,6 +40,8 @@ from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError
 from dvtcli.files.user_folders import user_folder
 
 if TYPE_CHECKING:
+    from prompt_toolkit.data_structures import Size
+
     from dvtcli.cli.conversation import Conversation
     from dvtcli.cli.prompt.status import Status
 
@@ -51,16 +53,19 @@ _ANSWERED_AT_ONCE = frozenset({"-h", "--help", "--version"})
 
 
 class Refused(ValidationError):
-    """An invalid line; *rest* is the part of the message beyond prompt_toolkit's single row.
+    """An invalid line: *said* is the whole message, *rest* its part beyond prompt_toolkit's single row.
 
-    *line* is the corrected line, None if none is near.
+    *line* is the corrected line, None if none is near. On a terminal with _TALL *rows* the message stands at the line
+    alone: the toolbar is far away.
     """
 
-    def __init__(self, place: int, text: str, columns: int, line: str | None = None) -> None:
-        said = text if line is None else f"corrected to `{line}`, Enter runs it; before: {text}"
-        first, *more = wrapped([Cell(safe(said))], columns)
-        super().__init__(place, _text(first).rstrip())
-        self.rest = " ".join(_text(line) for line in more)
+    def __init__(self, place: int, text: str, size: Size, line: str | None = None) -> None:
+        said = text if line is None else f"corrected to `{line}`, Enter runs it; before: {without_suggestion(text)}"
+        self.said = safe(said)
+        first, *more = wrapped([Cell(self.said)], size.columns)
+        is_tall = size.rows >= _TALL
+        super().__init__(place, "" if is_tall else _text(first).rstrip())
+        self.rest = "" if is_tall else " ".join(_text(line) for line in more)
         self.line = line
 
 
@@ -69,14 +74,11 @@ def _text(cells: list[Cell]) -> str:
 
 
 class LineValidator(Validator):
-    """Refuses an invalid line of *session*, with the cursor at the wrong word.
+    """Refuses an invalid line of *session*, with the cursor at the wrong word; *size* returns the terminal's size."""
 
-    *columns* returns the terminal's width.
-    """
-
-    def __init__(self, session: Conversation, columns: Callable[[], int]) -> None:
+    def __init__(self, session: Conversation, size: Callable[[], Size]) -> None:
         self._session = session
-        self._columns = columns
+        self._size = size
 
     def validate(self, document: Document) -> None:
         """Raise ValidationError for the first typed line that cannot be parsed.
@@ -88,7 +90,7 @@ class LineValidator(Validator):
             wrong = self._wrong(line)
             if wrong is not None:
                 better = self._corrected(line) if len(lines) == 1 else None
-                raise Refused(_place(document.text, wrong), wrong, self._columns(), better)
+                raise Refused(_place(document.text, wrong), wrong, self._size(), better)
 
     def _corrected(self, line: str) -> str | None:
         """Return *line* as it can be read, with its destination; None if nothing is near, or an alias makes it."""
@@ -237,8 +239,8 @@ _TALL = 30
 def prompt_session(session: Conversation, status: Status, show_help: Callable[[str], None]) -> PromptSession[str]:
     """Return the input line for *session*; *show_help* prints help for the line so far."""
 
-    def columns() -> int:
-        return get_app().output.get_size().columns
+    def size() -> Size:
+        return get_app().output.get_size()
 
     def types_tcl() -> bool:
         return session.tcl is not None and session.tcl.on
@@ -257,7 +259,7 @@ def prompt_session(session: Conversation, status: Status, show_help: Callable[[s
         complete_style=CompleteStyle.COLUMN,
         lexer=LineLexer(session.aliases, types_tcl),
         bottom_toolbar=lambda: _toolbar(status, types_tcl=types_tcl()),
-        validator=LineValidator(session, columns),
+        validator=LineValidator(session, size),
         validate_while_typing=False,
         input_processors=[AfterInput(_said_at_line)],
         prompt_continuation=lambda _width, _number, wrapped: "" if wrapped else CONTINUED,
@@ -283,12 +285,11 @@ def _toolbar(status: Status, *, types_tcl: bool) -> StyleAndTextTuples:
 
 
 def _said_at_line() -> StyleAndTextTuples:
-    """Return the line's error after the line, if the toolbar is far away."""
-    application = get_app()
-    wrong = application.current_buffer.validation_error
-    if wrong is None or application.output.get_size().rows < _TALL:
+    """Return the line's error after the line, if it does not stand in the toolbar."""
+    wrong = get_app().current_buffer.validation_error
+    if not isinstance(wrong, Refused) or wrong.message:
         return []
-    return [("", "  "), ("class:validation-toolbar", wrong.message.partition("\n")[0])]
+    return [("", "  "), ("class:validation-toolbar", wrong.said)]
 
 
 def _color_depth(color: str) -> ColorDepth | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 
 from dvtcli.cli.view.lines import Cell, Line, columns, part
 from dvtcli.cli.view.typed_hints import error_text
@@ -21,13 +21,16 @@ _LONGEST = 90
 _AHEAD = 40
 
 
-def complaint_lines(complaints: Sequence[FileComplaint], most: int, outcome: str) -> Iterator[Line]:
-    """Show up to *most* complaints with source lines; *outcome* says that nothing was done."""
-    for complaint in complaints[:most]:
+def _complaint_lines(error: InputFileError) -> Iterator[Line]:
+    """Show the complaints of *error* with source lines, how many there are, and that nothing was done."""
+    for complaint in error.complaints[:_MOST_COMPLAINTS]:
         yield [Cell(f"{complaint.place}: "), Cell("error: ", "red"), Cell(complaint.text, "bold")]
         yield from source_lines(complaint)
-    more = f" ({most} shown)" if len(complaints) > most else ""
-    yield f"{plural(len(complaints), 'error')}{more}. {outcome[:1].upper()}{outcome[1:]}."
+    more = f" ({_MOST_COMPLAINTS} shown)" if len(error.complaints) > _MOST_COMPLAINTS else ""
+    sentences = [f"{plural(len(error.complaints), 'error')}{more}", f"{error.outcome[:1].upper()}{error.outcome[1:]}"]
+    if error.hides_others:
+        sentences.append("Further errors may show once these are corrected")
+    yield " ".join(f"{sentence}." for sentence in sentences if sentence)
 
 
 def source_lines(complaint: FileComplaint) -> Iterator[Line]:
@@ -133,7 +136,7 @@ def _file(error: DvtcliError) -> str | None:
 def error_lines(error: DvtcliError, at: str | None = None) -> Iterator[Line]:
     """Show the error, most important line first; *at* is `FILE:LINE` of the failing script line."""
     if isinstance(error, InputFileError) and error.complaints:
-        yield from complaint_lines(error.complaints, _MOST_COMPLAINTS, error.outcome)
+        yield from _complaint_lines(error)
         yield from _rows([*error.details, *_hint_row(error.hint)])
         return
     if isinstance(error, RuleError) and any(finding.complaint for finding in error.findings):

@@ -125,10 +125,24 @@ def squeezed(text: str, width: int) -> str:
     return begin + end
 
 
+#: blanks; a word, also with blanks in back-quotes
+_PIECES = re.compile(r"\s+|(?:`[^`]*`|\S)+")
+_WORDS = re.compile(r"\s+|\S+")
+
+
+def pieces(text: str, width: int) -> Iterator[str]:
+    """Split *text* where a line may be broken: blanks and words in turn.
+
+    A command in back-quotes is one word if it fits in *width* columns: it can be copied.
+    """
+    for piece in _PIECES.findall(text):
+        yield from [piece] if "`" not in piece or columns(piece) <= width else _WORDS.findall(piece)
+
+
 def broken(text: str, width: int) -> list[str]:
-    """Wrap *text* at *width* columns between words; a wider word stays whole on its own line."""
+    """Wrap *text* at *width* columns between the words of `pieces`; a wider word stays whole on its own line."""
     lines: list[str] = []
-    for word in text.split():
+    for word in (piece for piece in pieces(text, width) if not piece.isspace()):
         if lines and columns(f"{lines[-1]} {word}") <= width:
             lines[-1] += f" {word}"
         else:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, TextIO
 
 import click
 
-from dvtcli.cli.view.lines import Cell, Line, columns
+from dvtcli.cli.view.lines import Cell, Line, columns, pieces
 from dvtcli.domain.hint import Hint
 from dvtcli.domain.text import ascii_only, in_encoding, safe
 
@@ -18,11 +17,10 @@ if TYPE_CHECKING:
 
 #: Maximum length of a label, i.e. a first cell with the other cells aligned after it.
 _WIDEST_LABEL = 14
-_PIECES = re.compile(r"\s+|\S+")
 
 
 def wrapped(cells: Sequence[Cell], width: int) -> Iterator[list[Cell]]:
-    """Wrap *cells* at *width* characters between words, with later lines indented like the first.
+    """Wrap *cells* at *width* characters between the words of `pieces`, with later lines indented like the first.
 
     A wider word stays whole on its own line.
     """
@@ -33,7 +31,7 @@ def wrapped(cells: Sequence[Cell], width: int) -> Iterator[list[Cell]]:
     indent = indent if indent < width // 2 else 0
     line: list[Cell] = []
     used = 0
-    for piece in _pieces(cells):
+    for piece in _pieces(cells, width - indent):
         if used + columns(piece.text) <= width or used <= indent:
             line.append(piece)
             used += columns(piece.text)
@@ -54,10 +52,9 @@ def _indent(cells: Sequence[Cell]) -> int:
     return len(text) - len(text.lstrip(" "))
 
 
-def _pieces(cells: Sequence[Cell]) -> Iterator[Cell]:
+def _pieces(cells: Sequence[Cell], width: int) -> Iterator[Cell]:
     for cell in cells:
-        for match in _PIECES.finditer(cell.text):
-            yield Cell(match[0], cell.style)
+        yield from (Cell(piece, cell.style) for piece in pieces(cell.text, width))
 
 
 def with_hints(line: Line, hints: Callable[[], TypedHints]) -> str | Cell | Sequence[Cell]:

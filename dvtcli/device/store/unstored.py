@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
@@ -15,11 +15,12 @@ from dvtcli.domain.plan import PdoChange, alters
 from dvtcli.errors import InputFileError, SafetyRefusal, SdoAborted, UsageError
 
 if TYPE_CHECKING:
+    from dvtcli.device.change.applied import Applied
     from dvtcli.device.change.change_history import ChangeHistory
     from dvtcli.device.change.changeable import Changeable
     from dvtcli.device.change.plan_document import Identity
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
-    from dvtcli.domain.plan import Change
+    from dvtcli.domain.plan import Change, Plan
 
 
 def held_unstored(node: ReadableNode, history: ChangeHistory, identity: Identity) -> Mapping[str, int]:
@@ -62,6 +63,30 @@ def _is_held(node: ReadableNode, change: Change) -> bool:
         place = change.step.index, change.step.sub_index
         return change.step.before is not None and not list(value_differences(node, {place: change.step.after}))
     return False
+
+
+def may_be_unstored(node: Changeable, history: Sequence[Plan], labels: Iterable[str]) -> set[str]:
+    """The labels of changes by dvtcli that *node* may not have stored; *history* are the changes of this session.
+
+    All *labels* if the stored values are no state of this session, as after a partial store.
+    """
+    pending, wanted = node.pending, set(labels)
+    if pending.partly_stored or len(history) < pending.stored_at:
+        return wanted
+    since = history[max(pending.stored_at, pending.lost_until) :]
+    unstored = {change.label for plan in since for change in plan.changes if alters(change)}
+    if node.guard is not None:
+        unstored |= last_unstored(node, node.guard.history, node.identity()).keys()
+    return wanted & unstored
+
+
+def mark_restored(node: Changeable, history: Sequence[Plan], applied: Applied) -> None:
+    """Drop the unstored changes that the undo *applied* returned to the stored values; *history* as above."""
+    if applied.findings or applied.not_put_back or applied.unrestored:
+        return
+    labels = {change.label for change in applied.plan.changes}
+    for label in labels - may_be_unstored(node, history, labels):
+        node.pending.unstored.pop(label, None)
 
 
 def prepare_store(node: Changeable, *, force: bool = False, confirm: bool = True) -> None:

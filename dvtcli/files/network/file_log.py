@@ -77,9 +77,9 @@ class FileLog:
         if not self._complaints:
             return
         found = sorted(self._complaints)
-        outcome = "nothing was written" if read else "nothing was sent"
-        error = InputFileError(f"{self.file}: {plural(len(found), 'error')}; {outcome}", place=found[0].place)
-        error.outcome = outcome
+        error = InputFileError(f"{self.file}: {plural(len(found), 'error')}", place=found[0].place)
+        error.outcome = "nothing was written" if read else "nothing was sent"
+        error.hides_others = not read
         error.complaints = tuple(found[:MOST_COMPLAINTS])
         raise error
 

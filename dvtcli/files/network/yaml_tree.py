@@ -12,6 +12,7 @@ from dvtcli.domain.network.network_config import Mark
 
 if TYPE_CHECKING:
     from ruamel.yaml import YAML
+    from ruamel.yaml.error import MarkedYAMLError
     from ruamel.yaml.nodes import MappingNode, Node, ScalarNode
 
     from dvtcli.files.network.file_log import FileLog
@@ -102,12 +103,18 @@ def _general_tree(text: str, log: FileLog) -> Tree | None:
         return None if root is None else _Grower(log).tree(root)
     except MarkedYAMLError as wrong:
         mark = wrong.problem_mark or wrong.context_mark
-        said = str(wrong.problem or wrong.context)
+        said = yaml_problem(wrong)
         log.complain(Mark(mark.line + 1, mark.column + 1) if mark else Mark(1, 1), f"not YAML: {said}")
     except (YAMLError, RecursionError, ValueError) as wrong:
         said = "nested too deep" if isinstance(wrong, RecursionError) else f"{wrong} ".splitlines()[0].strip()
         log.complain(Mark(1, 1), f"not YAML: {said}")
     return None
+
+
+def yaml_problem(wrong: MarkedYAMLError) -> str:
+    """Say what is *wrong* at its place."""
+    said = str(wrong.problem or wrong.context)
+    return "use spaces in place of this tab" if said.startswith(r"found character '\t'") else said
 
 
 def count_aliases(text: str) -> int:

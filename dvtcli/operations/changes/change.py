@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from dvtcli.device.store.unstored import last_unstored
+from dvtcli.device.store.unstored import may_be_unstored
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.plan import PdoChange, ValueChange, alters
 from dvtcli.domain.process_data import is_standard_command
@@ -109,7 +109,7 @@ def change_result(
 
 def _is_as_stored(node: Node, applied: Applied) -> bool:
     """Tell whether no store by dvtcli took another value than *applied* rolled back to."""
-    return not may_be_unstored(node, [change.label for change in applied.plan.changes if alters(change)])
+    return not may_be_unstored(node, node.history, [change.label for change in applied.plan.changes if alters(change)])
 
 
 def keep_words(node: Node, plan: Plan) -> Hint | str:
@@ -150,21 +150,6 @@ def names(node: NodeDescription, changes: Iterable[object]) -> dict[str, str]:
             for entry in change.after.mapping:
                 found[entry.object] = node.dictionary.display_name(entry.index, entry.sub_index)
     return found
-
-
-def may_be_unstored(node: Node, labels: Iterable[str]) -> set[str]:
-    """The labels of changes by dvtcli that *node* may not have stored.
-
-    All *labels* if the stored values are no state of this session, as after a partial store.
-    """
-    pending, wanted = node.pending, set(labels)
-    if pending.partly_stored or len(node.history) < pending.stored_at:
-        return wanted
-    since = node.history[max(pending.stored_at, pending.lost_until) :]
-    unstored = {change.label for plan in since for change in plan.changes if alters(change)}
-    if node.guard is not None:
-        unstored |= last_unstored(node, node.guard.history, node.identity()).keys()
-    return wanted & unstored
 
 
 def takes_store(node: Node) -> bool:

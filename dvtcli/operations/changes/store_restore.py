@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -30,7 +31,7 @@ from dvtcli.operations.results import Stored
 from dvtcli.operations.session.consent import consent_to_reset
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from dvtcli.device.node import Node
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
@@ -65,11 +66,12 @@ def store_settings(
         return _skipped(session, node, sub_index)
     restart = _restart(session, node, prove, wait_s) if prove else None
     boot_ups = node.bus.boot_ups(node.node_id)
-    prepare_store(node, force=session.options.force)
     before = place = None
-    if restart is not None:
-        before = Snapshot.now(node)
-        place = prepare_proof(node, before, sub_index, restart)
+    with _resetting(node, restart):
+        prepare_store(node, force=session.options.force)
+        if restart is not None:
+            before = Snapshot.now(node)
+            place = prepare_proof(node, before, sub_index, restart)
     stored_at = node.pending.stored_at
     done = write_signature(
         node.access,
@@ -95,6 +97,16 @@ def store_settings(
         node.node_id, done.place, "store", done.seconds, node.profile.store.timeout_s, changed, session.dry_run, proof,
         because=because, prove_asked=prove is not None, all_known=node.guard is None and done.sub_index in GROUPS,
     )  # fmt: skip
+
+
+@contextmanager
+def _resetting(node: Node, restart: Restart | None) -> Iterator[None]:
+    """A block in which the question before *node* leaves OPERATIONAL names the reset of *restart*."""
+    node.gate.resets = restart is not None and restart.by != POWER  # a power cycle has a question of its own
+    try:
+        yield
+    finally:
+        node.gate.resets = False
 
 
 def look_before_stores(
@@ -202,11 +214,12 @@ def _reset(node: ReadableNode, command: NmtCommand) -> None:
 
 def restore_defaults(session: SessionNodes, node: Node, sub_index: int | None, *, prove: bool) -> Stored:
     """Restore the node's defaults (0x1011), active after its next reset; *prove* resets and reads it."""
+    asked, prove = prove, prove and not session.dry_run  # a twin has no defaults but those of its file
+    resets = ", and is reset now" if prove else ""
     session.consent(
-        f"node {node.node_id} will lose its settings and stored values and return to its defaults; restore?",
+        f"node {node.node_id} will lose its settings and stored values and return to its defaults{resets}; restore?",
         node.node_id,
     )
-    asked, prove = prove, prove and not session.dry_run  # a twin has no defaults but those of its file
     if prove:
         refuse_deaf_to_reset(node, _UNPROVED)
         consent_to_reset(session, [node.node_id])

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from dvtcli.device.change.backups import backups, of_this_device, remarks, way_to
 from dvtcli.device.change.private_file import unreadable
+from dvtcli.device.store.unstored import mark_restored
 from dvtcli.device.target_config import TargetConfig
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Pdo
@@ -258,6 +259,7 @@ def _forget(session: SessionUser, remembered_device: RememberedDevice, applied: 
     )
     if not session.dry_run:
         remembered_device.guard.history.forget(undone, applied.plan)
+        mark_restored(remembered_device.node, remembered_device.node.history, applied)
 
 
 def _remembered_devices(

@@ -135,7 +135,7 @@ def wanted_alone(node: Node, held: HeldDevice) -> TargetConfig | None:
     if not _says_anything(held):
         return None
     node.read_anew()
-    for unlike in identity_errors(node, _network_config(held, node.node_id).identity, force=False):
+    for unlike in identity_errors(node, _network_config(held, node.node_id), held.name, force=False):
         raise unlike
     _refuse_other_modules(held, node, force=False)
     found = config_of_file(node, held)

@@ -124,6 +124,11 @@ class EditedFile(Protocol):
         ...
 
     @property
+    def names(self) -> Mapping[int, str]:
+        """The names of nodes in the file, by node-ID."""
+        ...
+
+    @property
     def options(self) -> Options:
         """The options of a session with simulated nodes for the file's nodes."""
         ...
@@ -263,6 +268,11 @@ class EditedNetwork:
                 place=file,
                 hint="set dcf: next to node_id",
             )
+
+    @property
+    def names(self) -> Mapping[int, str]:
+        """The names of the file's nodes, by node-ID."""
+        return {node.node_id: node.name for node in self._config.nodes}
 
     @property
     def options(self) -> Options:
@@ -486,6 +496,7 @@ class EditedDcf:
     """A DCF; its values of PDOs are edited."""
 
     notes: tuple[str, ...] = ()
+    names: Mapping[int, str] = {}
 
     def __init__(self, opened: OpenedFile) -> None:
         self._opened, self.file = opened, opened.file

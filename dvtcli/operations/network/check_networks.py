@@ -133,7 +133,11 @@ def _report(
     file: str, options: CheckOptions, rules: tuple[LintRule, ...], on_bus: Mapping[int, DeviceWord]
 ) -> NetworkReport:
     """Report on *file*; raises InputFileError or UsageError if it cannot be read."""
-    config = read_network_config(file)
+    try:
+        config = read_network_config(file)
+    except InputFileError as wrong:
+        wrong.outcome = ""  # nothing was to be sent
+        raise
     state, findings = judged_file(file, config, options, on_bus)
     nodes = tuple((node.name, node.node_id, len(node.pdos)) for node in config.nodes)
     shown = tuple(finding for finding in findings if options.shows_all or not finding.is_aside)

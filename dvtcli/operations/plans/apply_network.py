@@ -60,7 +60,7 @@ def apply_network(
     asked = False
     if planned:
         if asks or any(nodes[node_plan.node_id].access.state() is NmtState.OPERATIONAL for node_plan in planned):
-            session.consent(_question(nodes, planned, f"{name}:" if name else "apply"))
+            session.consent(_question(nodes, planned, f"{name}:" if name else "apply", prove))
             asked = True
         plan = _listened(session, plan)
     started = time.monotonic()  # nobody's time to think counts
@@ -173,10 +173,12 @@ def _equal(nodes: Mapping[int, ReadableNode], planned: Sequence[NodePlan]) -> tu
     )
 
 
-def _question(nodes: Mapping[int, Node], planned: list[NodePlan], name: str) -> str:
+def _question(nodes: Mapping[int, Node], planned: list[NodePlan], name: str, prove: str | None) -> str:
     writes = plural(sum(len(plan.plan) for plan in planned), "write")
     stores = [str(plan.node_id) for plan in planned if plan.stores]
     store = f", and store on node {', '.join(stores)}" if stores else ""
+    if stores and prove == "reset":
+        store += f", then reset {'it' if len(stores) == 1 else 'them'}"
     doubts = "".join(f"{plan.doubt}; " for plan in planned if plan.doubt)
     moved = [said.text for plan in planned for said in plan.findings if said.rule in MOVES]
     doubts += "".join(f"{text}; " for text in moved)

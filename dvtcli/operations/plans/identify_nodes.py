@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.file_fits import refuse_unlike_file
 from dvtcli.device.read_pdos import read_identity
+from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.network.network_state import IDENTITY_NAMES
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SafetyRefusal, SdoProtocolError
 from dvtcli.operations.plans.read_network_config import eds_of
 from dvtcli.operations.results.failures import together
@@ -20,12 +22,15 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.file_complaint import FileComplaint
-    from dvtcli.domain.network.network_config import ExpectedIdentity, NetworkConfig, NodeConfig
+    from dvtcli.domain.network.network_config import ExpectedIdentity, Mark, NetworkConfig, NodeConfig
     from dvtcli.operations.session.session_nodes import SessionNodes
 
 #: Vendor, product, revision and serial number, by their sub-indices of 0x1018.
 _IDENTITY_PARTS = range(1, 5)
 _ATTACH = "connect the right device, or correct its identity in the file"
+_OTHER_DCF = Hint(None, why="name the EDS of this device with `dcf:`; without an EDS fewer rules are checked") + Hint(
+    Action.FORCE, why="uses this file"
+)
 
 
 @dataclass(slots=True)
@@ -69,7 +74,8 @@ def identify_nodes(session: SessionNodes, file: str, config: NetworkConfig) -> I
                 raise silent[node.node_id]
             found = session.network.node(node.node_id)
             session.network.describe(node.node_id)
-            failures = list(identity_errors(found, node.identity, force=session.options.force))
+            described = node if session.options.eds is None else replace(node, dcf=None)
+            failures = list(identity_errors(found, described, file, force=session.options.force))
         except (NoAnswer, SdoProtocolError) as failed:
             failures = [failed]
         met.failures += failures
@@ -129,20 +135,30 @@ def is_wanted(node: ReadableNode, wanted: ExpectedIdentity) -> bool:
     return all(number is None or number == told for number, told in parts)
 
 
-def identity_errors(node: Node, wanted: ExpectedIdentity, *, force: bool) -> Iterator[DvtcliError]:
-    """Yield why *node* is not the device *wanted*, or not the device of its EDS."""
+def identity_errors(node: Node, config: NodeConfig, file: str, *, force: bool) -> Iterator[DvtcliError]:
+    """Yield why *node* is not the device of *config* in *file*, or not the device of its EDS."""
     held = node.identity()
-    for name in ("vendor", "product", "revision", "serial"):
-        number = getattr(wanted, name)
+    for sub_index, name in zip(_IDENTITY_PARTS, IDENTITY_NAMES, strict=True):
+        number = getattr(config.identity, name)
         if number is not None and held[name] != number:
             is_now = "none" if held[name] is None else f"0x{held[name]:08X}"
             what = f"node {node.node_id} has {name} {is_now}, not 0x{number:08X}"
-            text = f"another device than the file describes: {what}"
-            yield SafetyRefusal(text, node=node.node_id, hint=_ATTACH)
+            refused = SafetyRefusal(f"another device than the file describes: {what}", node=node.node_id, hint=_ATTACH)
+            yield _placed(refused, file, config.identity_marks.get(sub_index))
     try:
         refuse_unlike_file(node.node_id, node.unlike_file, force=force)
     except SafetyRefusal as refused:
-        yield refused
+        if config.dcf is not None:
+            refused.hint = _OTHER_DCF
+        yield _placed(refused, file, None if config.dcf is None else config.dcf.mark)
+
+
+def _placed(refused: SafetyRefusal, file: str, mark: Mark | None) -> SafetyRefusal:
+    """Return *refused* with its place in *file*, if *mark* is known."""
+    if mark is not None and mark.line:
+        refused.place = f"{file}:{mark.line}:{mark.column}"
+        refused.text = f"{refused.place}: {refused.text}"
+    return refused
 
 
 def _weight(failure: DvtcliError) -> int:

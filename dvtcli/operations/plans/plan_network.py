@@ -115,40 +115,41 @@ def plan_network_config(
             of_network=of_network,
             failures=failures,
             by_rules=by_rules,
+            received=received,
         )
         if not as_far and failures is None:
             refuse_lacking(plan)
-        refuse_heard(session, plan, received, placed_in(config, log))
     return with_unknown_syncs(session, replace(plan, has_sync_master=_master_syncs(config)), frames)
 
 
-def refuse_heard(session: SessionNodes, plan: NetworkPlan, received: ReceivedIds, placed: Placed) -> None:
-    """Raises RuleError if a TPDO of *plan* would get a CAN-ID *received* from an unknown sender, unless forced.
+def _received_refusals(
+    session: SessionNodes, plan: NetworkPlan, received: ReceivedIds, placed: Placed
+) -> Iterator[RuleError]:
+    """Yield an error for each node of *plan* with a TPDO that would get a CAN-ID *received* from an unknown sender.
 
     *placed* gives a finding its place in the file.
     """
-    refused: list[RuleError] = []
-    for node in plan.nodes if received.bus is not None and not session.options.force else ():
+    for node in plan.nodes if received.bus is not None else ():
         changes = [change for change in node.plan.changes if isinstance(change, PdoChange)]
         held = {pdo: (want, want) for pdo, want in node.wanted.items()}  # unless the plan changes it
         pdos = held | {change.pdo: (change.before, change.after) for change in changes}
         findings = seen_producer_findings(session.node(node.node_id), pdos, received)
         if found := [placed(node.node_id, finding) for finding in findings]:
-            refused.append(RuleError(f"node {node.node_id}: {found[0].text}", found, node=node.node_id))
-    if refused:
-        raise together(refused)
+            yield RuleError(f"node {node.node_id}: {found[0].text}", found, node=node.node_id)
 
 
 def checked_network(session: Session, plan: NetworkPlan, received: ReceivedIds, *, of_device: bool) -> NetworkPlan:
     """Judge *plan* of a file without a network, a saved plan or a plan *of_device*, by the rules of networks.
 
-    Raises RuleError for their errors, or if a TPDO gets a CAN-ID *received* from an unknown sender, unless forced.
+    Raises RuleError with their errors and with TPDOs that would get a CAN-ID *received* from an unknown sender, unless
+    forced.
     """
     config = NetworkConfig(tuple(NodeConfig(node.name, node.node_id) for node in plan.nodes))
     plan = judge_network(session, plan, config, FileLog(plan.file, ""), of_device=of_device)
-    if (refused := refusals(plan.nodes)) and not session.options.force:
-        raise together(refused)
-    refuse_heard(session, plan, received, in_objects(plan.nodes))
+    if not session.options.force:
+        refused = [*refusals(plan.nodes), *_received_refusals(session, plan, received, in_objects(plan.nodes))]
+        if refused:
+            raise together(refused)
     return plan
 
 
@@ -176,6 +177,7 @@ def _plan_network_config(
     of_network: bool,
     failures: list[DvtcliError] | None,
     by_rules: bool,
+    received: ReceivedIds,
 ) -> NetworkPlan:
     met = identify_nodes(session, log.file, config)
     unread = trusted(met.nodes, config) if trust_stamp else frozenset()
@@ -200,6 +202,7 @@ def _plan_network_config(
         plan = judge_network(session, plan, config, log)
     if not session.options.force:
         met.failures += refusals(plan.nodes)
+        met.failures += _received_refusals(session, plan, received, placed_in(config, log))
     if (met.failures or failures is not None) and missing.found:
         lacking = missing_error(missing.found)
         lacking.findings = tuple(

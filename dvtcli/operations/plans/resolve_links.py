@@ -217,13 +217,18 @@ class _Linking:
         """Return the wanted COB-ID, the TPDO's own if it may stay, else a free COB-ID; None if none is free."""
         held = producer.config.communication.cob_id
         said = self._pdos.get(link.producer)
-        if said is not None and isinstance(said.cob_id, int):
-            return held
+        if (said is not None and isinstance(said.cob_id, int)) or self._is_given(link.consumers, held):
+            return held  # the rules tell what else sends it
         used = set(self._used(link, producer))
         if may_keep(held, {can_id for can_id, extended in used if extended == held.extended}):
             return held
         can_id = free_can_id(link.producer, {can_id for can_id, extended in used if not extended})
         return None if can_id is None else replace(held, can_id=can_id, extended=False)
+
+    def _is_given(self, consumers: Iterable[Endpoint], cob_id: CobId) -> bool:
+        """Tell whether the file gives one of *consumers* the CAN-ID of *cob_id*."""
+        given = (pdo for end in consumers for pdo in _node(self.before, end.node_id).pdos if pdo.pdo == end.pdo)
+        return any((pdo.cob_id, pdo.extended) == (cob_id.can_id, cob_id.extended) for pdo in given)
 
     def _used(self, link: LinkConfig, producer: LinkSide) -> Iterator[tuple[int, bool]]:
         """Yield every used CAN-ID, and whether it is a 29-bit identifier."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from dvtcli.domain.cob_id import CobId, can_id_text
 from dvtcli.domain.lint.lint_rule import ERROR, WARNING, LintRule
@@ -16,6 +17,7 @@ from dvtcli.watch.layout_fit import misfit
 from dvtcli.watch.recording.node_problems import NodeProblems
 from dvtcli.watch.recording.problems import Moment, Moments, Problem, TimesOf
 from dvtcli.watch.recording.sdo_problems import Channel
+from dvtcli.watch.recording.written_mappings import WrittenMappings
 from dvtcli.watch.sdo_transfers import SdoStep
 
 LENGTH = LintRule("pdo-other-length", ERROR, "a PDO has another length than is mapped", "CiA 301, 7.4.7")
@@ -36,19 +38,42 @@ _FIRST_ANSWERS = (2, 3)
 _PATIENCE_S = 1.0
 
 
+class _Misfit(NamedTuple):
+    """A mismatch in words: frames of *length* bytes, a layout of *mapped* bytes for *node* (0: unknown)."""
+
+    text: str
+    node: int
+    label: str
+    length: int
+    mapped: int
+    is_consumers: bool
+
+    @classmethod
+    def of(cls, frame: Frame, layout: Layout) -> _Misfit | None:
+        """Compare *frame* with *layout*; None if it fits."""
+        text, mapped = "" if layout.guess else misfit(frame, layout), layout.byte_length
+        if not text or mapped is None:
+            return None
+        service = layout.service
+        return cls(text, service.node or 0, service.label, len(frame.data), mapped, layout.is_consumers)
+
+    def fits(self, mapped: int) -> bool:
+        """Tell whether the frame fits a mapping of *mapped* bytes."""
+        return self.length == mapped or (self.is_consumers and self.length > mapped)
+
+
 @dataclass(slots=True)
 class _Lengths:
     """The lengths of a CAN-ID's frames: the last, the one before it, and changes back to that.
 
-    *misfit* says what is wrong with the last, empty if nothing is; *node* is its sender, 0 if unknown. *is_pdo*: the
-    CAN-ID is that of a known PDO, or of one in the pre-defined connection set.
+    *misfit* says what is wrong with the last, None if nothing is. *is_pdo*: the CAN-ID is that of a known PDO, or of
+    one in the pre-defined connection set.
     """
 
     last: int = -1
     before: int = -1
     changes: list[Moment] = field(default_factory=list)
-    misfit: str = ""
-    node: int = 0
+    misfit: _Misfit | None = None
     is_pdo: bool = False
 
 
@@ -58,7 +83,7 @@ class LengthProblems:
 
     layout_of: Callable[[Frame], Layout]
     _lengths: dict[Address, _Lengths] = field(default_factory=lambda: defaultdict(_Lengths))
-    _misfits: TimesOf[tuple[str, int]] = field(default_factory=TimesOf)
+    _misfits: TimesOf[_Misfit] = field(default_factory=TimesOf)
 
     def take(self, moment: Moment, frame: Frame) -> None:
         """Look at *frame*."""
@@ -70,41 +95,45 @@ class LengthProblems:
                 seen.changes.append(moment)
             seen.before, seen.last = seen.last, length
             layout = self.layout_of(frame)
-            seen.misfit, seen.node = "" if layout.guess else misfit(frame, layout), layout.service.node or 0
+            seen.misfit = _Misfit.of(frame, layout)
             seen.is_pdo = not frame.extended and layout.service.kind == "pdo"
-        if seen.misfit:
-            self._misfits.note(moment, (seen.misfit, seen.node))
+        if seen.misfit is not None:
+            self._misfits.note(moment, seen.misfit)
 
     @property
     def sent(self) -> Collection[Address]:
         """The CAN-IDs of all frames so far, remote ones aside."""
         return self._lengths.keys()
 
-    def problems(self) -> Iterator[Problem]:
-        """Return PDOs of a wrong length, and those whose length changes to and fro."""
+    def problems(self, mappings: WrittenMappings) -> Iterator[Problem]:
+        """Return PDOs of a wrong length, which *mappings* may explain, and those whose length changes to and fro."""
         two = {address for address, seen in self._lengths.items() if seen.is_pdo and len(seen.changes) >= _ENOUGH}
         for address in sorted(two):
             seen, can_id = self._lengths[address], can_id_text(address[0], extended=address[1])
             text = f"{can_id} alternates between {seen.before} and {plural(seen.last, 'byte')}"
             look = f"which nodes have {can_id} in a TPDO"
             yield Problem(TWO_SENDERS, text, f"senders of {can_id}", look, Moments.at(*seen.changes))
-        for (text, node_id), moments in self._misfits.items():
-            yield Problem(LENGTH, text, f"node {node_id}" if node_id else "the sender",
-                          "whether the node's mapping is that of the file, and whether another node sends it",
-                          moments, node_id or None)  # fmt: skip
+        for found, moments in self._misfits.items():
+            node_id = found.node
+            cause = mappings.cause(node_id, found.label, moments.first, found.mapped, found.fits)
+            look = cause or "whether the node's mapping is that of the file, and whether another node sends it"
+            parties = f"node {node_id}" if node_id else "the sender"
+            yield Problem(LENGTH, found.text, parties, look, moments, node_id or None)
 
 
 @dataclass(slots=True)
 class AnswerProblems:
-    """Watches for SDO requests that get two answers, or none."""
+    """Watches for SDO requests that get two answers, or none; *nodes* knows which nodes are STOPPED or silent."""
 
+    nodes: NodeProblems
     #: requests that are not answered yet, by node and object
     _asked: dict[Channel, Counter[bytes]] = field(default_factory=lambda: defaultdict(Counter))
-    #: the answer to each node's last request, and the time of a request without one
+    #: the answer to each node's last request, and of a request without one the time, and why if the node was STOPPED
     _answered: dict[Channel, bytes | None] = field(default_factory=dict)
-    _waiting: dict[Channel, Moment] = field(default_factory=dict)
+    _waiting: dict[Channel, tuple[Moment, str]] = field(default_factory=dict)
     _twice: TimesOf[Channel] = field(default_factory=TimesOf)
-    _never: TimesOf[Channel] = field(default_factory=TimesOf)
+    #: with why the node answered nothing, empty if unknown
+    _never: TimesOf[tuple[Channel, str]] = field(default_factory=TimesOf)
     _unasked: TimesOf[Channel] = field(default_factory=TimesOf)
     #: nodes that answer at all: tools ask every node-ID
     _present: set[Channel] = field(default_factory=set)
@@ -135,9 +164,13 @@ class AnswerProblems:
             self._waiting.pop(channel, None)
         elif step.step == "start":
             if channel in self._waiting and not is_other:
-                self._never.note(self._waiting[channel], channel)
-            self._waiting[channel] = moment
+                self._not_answered(channel, moment)
+            self._waiting[channel] = moment, self.nodes.stopped(channel[0])
             self._asked[channel][data[1:4]] += 1
+
+    def _not_answered(self, channel: Channel, now: Moment) -> None:
+        asked, stopped = self._waiting[channel]
+        self._never.note(asked, (channel, stopped or self.nodes.silence(channel[0], now)))
 
     def _answer(self, moment: Moment, channel: Channel, data: bytes, step: SdoStep) -> None:
         """Look at an answer: of two to one request, the second is a finding."""
@@ -164,15 +197,15 @@ class AnswerProblems:
             yield Problem(UNASKED, text, f"SDO client and node {node_id}",
                           "whether two nodes have this node-ID, and whether frames are missing in the recording",
                           moments, node_id)  # fmt: skip
-        for channel, moment in self._waiting.items():
-            if end.time_s - moment.time_s > _PATIENCE_S:
-                self._never.note(moment, channel)
+        for channel, (asked, _) in self._waiting.items():
+            if end.time_s - asked.time_s > _PATIENCE_S:
+                self._not_answered(channel, end)
         self._waiting = {}
-        for channel, moments in self._never.items():
+        for (channel, silence), moments in self._never.items():
             if channel in self._present:
                 node_id = channel[0]
                 text = f"node {node_id}: {plural(moments.times, 'request')} without an answer"
-                look = "whether the node restarted or was busy at that time"
+                look = silence or "whether the node restarted or was busy at that time"
                 yield Problem(NO_ANSWER, text, f"SDO client and node {node_id}", look, moments, node_id)
 
 

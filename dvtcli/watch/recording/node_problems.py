@@ -59,6 +59,8 @@ class _NodeSeen:
     state_before: NmtState | None = None
     state_turns: list[Moment] = field(default_factory=list)
     emergencies: dict[int, Moments] = field(default_factory=dict)
+    #: its last SDO response
+    answered: Moment | None = None
 
 
 @dataclass(slots=True)
@@ -70,6 +72,8 @@ class NodeProblems:
     _late: list[tuple[int, float, PeriodicFrames]] = field(default_factory=list)
     _syncs: list[PeriodicFrames] = field(default_factory=lambda: [PeriodicFrames()])
     _ended: list[tuple[int, int, Moments]] = field(default_factory=list)
+    #: by node-ID (0: all other nodes), what showed STOPPED, and in which frame; None for another state
+    _stopped: dict[int, tuple[str, int] | None] = field(default_factory=dict)
 
     def take(self, moment: Moment, frame: Frame, before: Moment) -> None:
         """Look at *frame*, of NMT, EMCY, SDO or error control; any frame came *before*."""
@@ -94,7 +98,25 @@ class NodeProblems:
         elif service == _REQUESTS and data[1:4] == _SYNC_PERIOD and data[0] >> 5 == 1:
             self._syncs.append(PeriodicFrames())
         elif service == _ANSWERS:
-            node.is_alive, node.gone = True, None
+            node.is_alive, node.gone, node.answered = True, None, moment
+            self._stopped[node_id] = None
+
+    def stopped(self, node_id: int) -> str:
+        """Say why node *node_id* is STOPPED now, as what to check first; empty if it is not known to be."""
+        stop = self._stopped.get(node_id, self._stopped.get(0))
+        return f"{stop[0]} in frame {stop[1]}: a STOPPED node answers no SDO request" if stop is not None else ""
+
+    def silence(self, node_id: int, now: Moment) -> str:
+        """Say why node *node_id* answers no SDO request *now*: it is STOPPED, or its heartbeats end; else empty."""
+        if stopped := self.stopped(node_id):
+            return stopped
+        node = self._nodes.get(node_id)
+        if node is None or node.is_guarded or (last := node.heartbeats.last) is None:
+            return ""
+        period_s, is_later = node.heartbeats.period_s, node.answered is not None and node.answered > last
+        if is_later or not period_s or now.time_s - last.time_s <= PATIENCE * period_s:
+            return ""
+        return f"whether the node was on: it sent no heartbeat after frame {last.number}"
 
     def operational(self, node_id: int) -> tuple[Moment, Moment] | None:
         """The first and the last heartbeat of *node_id* in OPERATIONAL."""
@@ -108,6 +130,9 @@ class NodeProblems:
     def _command(self, moment: Moment, data: bytes) -> None:
         if len(data) != 2:
             return
+        if not data[1]:
+            self._stopped.clear()
+        self._stopped[data[1]] = ("the NMT stop", moment.number) if data[0] == NmtCommand.STOP else None
         for node_id, node in self._nodes.items():
             if data[1] in (0, node_id):
                 node.state_before = None
@@ -128,6 +153,10 @@ class NodeProblems:
 
     def _error_control(self, moment: Moment, node_id: int, node: _NodeSeen, state: int, silent_s: float) -> None:
         node.gone = None
+        if state != NmtState.STOPPED:
+            self._stopped[node_id] = None
+        elif self.stopped(node_id) == "":
+            self._stopped[node_id] = "the heartbeat", moment.number
         if state != NmtState.INITIALISING:
             node.is_alive = True
             node.heartbeats.take(moment, silent_s)

@@ -23,6 +23,7 @@ from dvtcli.watch.recording.node_problems import NODE_RULES, NodeProblems
 from dvtcli.watch.recording.problems import Moment, Problem, TimesOf, joined
 from dvtcli.watch.recording.sdo_problems import SDO_RULES, SdoProblems
 from dvtcli.watch.recording.stream_problems import STREAM_RULES, StreamProblems
+from dvtcli.watch.recording.written_mappings import WrittenMappings
 from dvtcli.watch.sdo_servers import SDO_SERVERS, server_layouts
 from dvtcli.watch.sdo_transfers import SdoTransfers
 
@@ -54,8 +55,9 @@ class RecordingCheck:
         rpdos: Mapping[NodePdo, Address] | None = None, bit_rate: int | None = None,
     ) -> None:  # fmt: skip
         self._layout_of = layout_of
-        self._sdo, self._answers, self._masters = SdoProblems(name_of), AnswerProblems(), MasterProblems()
-        self._nodes, self._lengths = NodeProblems(), LengthProblems(layout_of)
+        self._nodes, self._lengths, self._mappings = NodeProblems(), LengthProblems(layout_of), WrittenMappings()
+        self._sdo, self._answers = SdoProblems(name_of, self._nodes.silence), AnswerProblems(self._nodes)
+        self._masters = MasterProblems()
         self._rpdos, self._streams = RpdoProblems(rpdos or {}), StreamProblems(bit_rate)
         self._transfers = SdoTransfers()
         self._last: Moment | None = None
@@ -109,6 +111,7 @@ class RecordingCheck:
             self._sdo.start(node_id)
             self._answers.start(node_id)
             self._masters.start(node_id)
+            self._mappings.start(moment, node_id)
 
     def _take_sdo(self, channel: tuple[int, str], moment: Moment, frame: Frame, *, request: bool) -> None:
         if channel[1] == _DEFAULT:
@@ -120,6 +123,7 @@ class RecordingCheck:
         is_other = self._masters.take_sdo(moment, channel, step, request=request)
         self._answers.take(moment, channel, frame.data, step, request=request, is_other=is_other)
         self._rpdos.take(moment, channel[0], step)
+        self._mappings.take(moment, channel[0], step)
         if step.step == "done" and step.place is not None and step.place[0] in SDO_SERVERS:
             servers = server_layouts(channel[0], {step.place: int.from_bytes(step.data, "little")})
             self._servers |= servers
@@ -146,7 +150,7 @@ class RecordingCheck:
             yield from self._nodes.problems(self._last)
             yield from self._answers.problems(self._last)
             yield from self._masters.problems()
-            yield from self._lengths.problems()
+            yield from self._lengths.problems(self._mappings)
             yield from self._rpdos.problems(self._lengths.sent, self._nodes)
             yield from self._streams.problems()
         for moments in self._errors.values():

@@ -73,11 +73,16 @@ class _AbortedTransfer:
 
 @dataclass(slots=True)
 class SdoProblems:
-    """Watches the SDO transfers of each node; *name_of* gives the name of a node's object, empty if unknown."""
+    """Watches the SDO transfers of each node; *name_of* gives the name of a node's object, empty if unknown.
+
+    *silence_of* says why a node answers nothing at a moment, empty if unknown.
+    """
 
     name_of: Callable[[int, int, int], str]
+    silence_of: Callable[[int, Moment], str]
     _refused: TimesOf[_AbortedTransfer] = field(default_factory=TimesOf)
-    _given_up: TimesOf[_AbortedTransfer] = field(default_factory=TimesOf)
+    #: with why the node answered nothing
+    _given_up: TimesOf[tuple[_AbortedTransfer, str]] = field(default_factory=TimesOf)
     #: object and direction of the transfer in progress
     _asked: dict[Channel, tuple[bytes, bool]] = field(default_factory=dict)
     _incomplete: TimesOf[tuple[int, str, bool]] = field(default_factory=TimesOf)
@@ -112,7 +117,10 @@ class SdoProblems:
             asked, is_write = data[1:4], False
         index, sub_index, code = int.from_bytes(asked[:2], "little"), asked[2], int.from_bytes(data[4:], "little")
         transfer = _AbortedTransfer(node_id, index, sub_index, is_write, code)
-        (self._given_up if by_client else self._refused).note(moment, transfer)
+        if by_client:
+            self._given_up.note(moment, (transfer, self.silence_of(node_id, moment)))
+        else:
+            self._refused.note(moment, transfer)
         if is_write and not by_client and (pdo := Pdo.at(index)) is not None:
             writes = self._pdos.setdefault((node_id, pdo), _PdoWrites())
             writes.refused += 1
@@ -147,8 +155,8 @@ class SdoProblems:
                 yield self._aborted_transfer(
                     REFUSED_WRITE if transfer.is_write else REFUSED_READ, "refused", transfer, moments
                 )
-        for transfer, moments in self._given_up.items():
-            yield self._aborted_transfer(GIVEN_UP, "given up", transfer, moments)
+        for (transfer, silence), moments in self._given_up.items():
+            yield self._aborted_transfer(GIVEN_UP, "given up", transfer, moments, silence)
         for (node_id, place, is_write), moments in self._incomplete.items():
             text = f"{'write to' if is_write else 'read of'} {place}: segments are missing or repeated"
             look = "the toggle bits of its segments, and whether frames are missing in the recording"
@@ -170,12 +178,14 @@ class SdoProblems:
                 Moments.at(*sorted(each.first for _, each in reads)), node_id,
             )  # fmt: skip
 
-    def _aborted_transfer(self, rule: LintRule, how: str, transfer: _AbortedTransfer, moments: Moments) -> Problem:
+    def _aborted_transfer(
+        self, rule: LintRule, how: str, transfer: _AbortedTransfer, moments: Moments, silence: str = ""
+    ) -> Problem:
         node_id, place = transfer.node_id, transfer.place
         named = " ".join(filter(None, (place, self.name_of(node_id, transfer.index, transfer.sub_index))))
         text = f"{'write to' if transfer.is_write else 'read of'} {named} {how}: "
         text += f"abort 0x{transfer.code:08X}, {abort_text(transfer.code)}"
-        look = _LOOK.get(transfer.code, "whether the object and its value are what the node's EDS describes")
+        look = silence or _LOOK.get(transfer.code, "whether the object and its value are what the node's EDS describes")
         return Problem(rule, text, f"SDO client and node {node_id}", look, moments, node_id, place)
 
 

@@ -15,5 +15,6 @@ def test_what_is_wrong_stands_behind_the_line_until_it_is_mended(open_terminal: 
     terminal.until(lambda: "nonsensical" in terminal.cursor_line, "the line")
     terminal.type(ENTER)
     terminal.until(lambda: "no object is named" in terminal.cursor_line, "what is wrong, after the line")
+    assert terminal.text.count("no object is named") == 1, "the toolbar does not say it again"
     terminal.type("x")
     terminal.until(lambda: terminal.cursor_line.endswith("nonsensicalx"), "the line alone")

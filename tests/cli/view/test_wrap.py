@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvtcli.cli.view.lines import Cell
+from dvtcli.cli.view.lines import Cell, broken
 from dvtcli.cli.view.paint import wrapped
 
 
@@ -35,3 +35,22 @@ def test_no_word_is_cut_or_lost_and_only_a_long_word_is_too_wide(words: list[str
     lines = texts([Cell(" ".join(words))], width)
     assert " ".join(lines).split() == words
     assert all(len(line) <= width or line.count(" ") == 0 for line in lines)
+
+
+def test_a_command_in_back_quotes_is_not_broken_if_it_fits_in_a_line() -> None:
+    hint = [Cell("  hint    ", "dim"), Cell("first `map 5:rpdo2 6040`, then (`link 1:tpdo1`).")]
+    assert texts(hint, 34) == ["  hint    first", "          `map 5:rpdo2 6040`, then", "          (`link 1:tpdo1`)."]
+    assert texts([Cell("see `aaaa bbbb cccc` now")], 10) == ["see `aaaa", "bbbb cccc`", "now"]
+    assert broken("first `map 5:rpdo2 6040`, then", 20) == ["first", "`map 5:rpdo2 6040`,", "then"]
+
+
+@given(st.lists(st.text("ab`", min_size=1, max_size=12), min_size=1), st.integers(5, 40))
+def test_back_quotes_lose_no_word(words: list[str], width: int) -> None:
+    assert " ".join(texts([Cell(" ".join(words))], width)).split() == words
+    assert " ".join(broken(" ".join(words), width)).split() == words
+
+
+@given(st.lists(st.text("ab", min_size=1, max_size=5), min_size=1, max_size=5), st.text("ab ", max_size=30))
+def test_a_command_that_fits_can_be_copied(command: list[str], before: str) -> None:
+    quoted = f"`{' '.join(command)}`"
+    assert any(quoted in line for line in texts([Cell(f"{before} {quoted} then")], 31))

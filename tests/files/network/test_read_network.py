@@ -219,6 +219,7 @@ def test_what_is_wrong_in_a_node_is_said(text: str, says: str) -> None:
         ("nodes: {'a:b': {node_id: 5}}\n", 1, "'a:b' is no name: a node is called by a word without a colon"),
         ("nodes: {a: 5}\n", 1, "keys and values of node a belong here, not 5"),
         ("defualts: {prune: true}\na: {node_id: 1}\n", 1, "did you mean 'defaults'?"),
+        ("a:\n\tnode_id: 1\n", 2, "not YAML: use spaces in place of this tab"),
         ("a: 1\n b: 2\n", 2, "not YAML: mapping values are not allowed here"),
         ("a: {node_id: 1}\n---\nb: {}\n", 2, "not YAML: but found another document"),
         ("a: &x {<<: *x}\n", 1, "an alias stands inside of what it repeats"),

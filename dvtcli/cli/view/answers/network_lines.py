@@ -121,8 +121,9 @@ def _pdo(node: NodePlan, change: PdoChange, width: int, *, compares: bool) -> It
             Cell(f"{change.label}  enabled on the node, not in the file: will be disabled (prune)"),
         ]
         return
-    stays_off = not change.before.enabled and not change.after.enabled
-    yield [Cell(f"  {sign} ", style), Cell(change.label), Cell("  stays off" if stays_off else "", "dim")]
+    is_off = not change.before.enabled and not change.after.enabled
+    off = "  stays off: the file does not enable it" if is_off else ""
+    yield [Cell(f"  {sign} ", style), Cell(change.label), Cell(off, "dim")]
     table = Table(indent=6, shrink=3)
     for key, was, will in differing(change):
         if key == "map":
@@ -268,8 +269,11 @@ def _not_written(node: NodePlan) -> list[str]:
     ]
 
 
+_ONLY_NODES = "Frames of other nodes are not counted."
+
+
 def _load(need: BusNeed) -> Iterator[Line]:
-    """Show the worst-case bus load after the change."""
+    """Show the worst-case bus load of the plan's nodes after the change."""
     rate, share = f"{need.bit_rate / 1000:g} kbit/s", f"{100 * float(need.limited):.1f} %"
     if need.unlimited:
         from dvtcli.cli.view.answers.load_lines import unbounded
@@ -278,14 +282,15 @@ def _load(need: BusNeed) -> Iterator[Line]:
         yield [
             Cell("Worst-case bus load afterwards is "),
             Cell("unbounded", "red"),
-            Cell(f": {whose}. All other frames: {share} at {rate}."),
+            Cell(f": {whose}. All other frames: {share} at {rate}. {_ONLY_NODES}"),
         ]
     else:
         late = join_some(
             f"{stream_need.stream.node}:{stream_need.stream.pdo or stream_need.stream.kind}"
             for stream_need in need.late
         )
-        yield f"Worst-case bus load at {rate} afterwards: {share}{f'; too late: {late}' if late else ''}."
+        too_late = f"; too late: {late}" if late else ""
+        yield f"Worst-case bus load at {rate} afterwards: {share}{too_late}. {_ONLY_NODES}"
 
 
 def applied_lines(result: NetworkApplied, _width: int) -> Iterator[Line]:

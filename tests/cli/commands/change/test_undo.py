@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.pdo import Direction, Pdo
 from tests.cli.commands.bench import Bench
+from tests.cli.commands.bus import Wire, device
 
 TPDO1 = Pdo(Direction.TPDO, 1)
 STEPS = [
@@ -55,8 +56,37 @@ def test_undo_brings_everything_back(lines: list[str], at_once: bool) -> None:
                 ran = bench.run("undo")
                 assert ran.code == 0, ran.stderr
                 assert read_pdo(node.sdo, TPDO1) == state
+                left = {change.label for plan in node.history for change in plan.changes}
+                assert set(node.unstored) <= left
         assert read_pdo(node.sdo, TPDO1) == before
         assert node.upload(0x1017, 0) == heartbeat
+
+
+def test_what_an_undo_returned_to_its_stored_state_is_not_unstored() -> None:
+    """Of several changes only those that are left are unstored, and those of which a store took another value."""
+    with Bench() as bench:
+        node = bench.session.node()
+        for line in ("map tpdo1 606C", "map tpdo2 6041", "map tpdo3 6041", "set tpdo1 --timer 5"):
+            assert bench.run(line).code == 0
+        for left in (["TPDO1", "TPDO2", "TPDO3"], ["TPDO1", "TPDO2"], ["TPDO1"], []):
+            assert bench.run("undo").code == 0
+            assert sorted(node.unstored) == sorted(left)
+        for line in ("map tpdo1 606C", "store", "map tpdo2 6041", "undo"):
+            assert bench.run(line).code == 0
+        assert list(node.unstored) == []
+        assert bench.run("undo").code == 0
+        assert list(node.unstored) == ["TPDO1"], "its stored value is another"
+
+
+def test_an_undo_of_an_earlier_process_s_change_leaves_nothing_unstored() -> None:
+    with Wire(device("gen4")) as wire:
+        for stores, left in ((False, []), (True, ["TPDO1"])):
+            with Bench((), {**wire.options, "yes": True}) as first:
+                assert first.run("map tpdo1 6041 606C").code == 0
+                assert not stores or first.run("store").code == 0
+            with Bench((), {**wire.options, "yes": True}) as second:
+                assert second.run("undo").code == 0
+                assert list(second.session.node().unstored) == left
 
 
 @pytest.mark.parametrize("line", ["write 2005:1 1", "write 2005:1 1 --json"])

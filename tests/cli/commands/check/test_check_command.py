@@ -41,7 +41,7 @@ def test_every_error_has_its_line_and_a_caret(bench: Bench, tmp_path: Path) -> N
         "    7 |         inhibt_time: 10",
         "    8 |       600: {}",
         "      |       ^^^",
-        "2 errors. Nothing was sent.",
+        "2 errors. Further errors may show once these are corrected.",
     ]
 
 

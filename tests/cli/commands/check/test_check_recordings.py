@@ -268,6 +268,76 @@ def test_a_healthy_bus_has_no_problem(bus: str) -> None:
     assert findings(HEALTHY_BUSES[bus]) == []
 
 
+TIME_OUT = [(2.0, 0x605, "4000200100000000"), (2.5, 0x605, "8000200100000405")]
+SILENT = [*TIME_OUT, (2.6, 0x605, "4018100400000000"), (4.0, 0x080, "")]
+ALIVE, STOP = heartbeats(0, 4), (1.0, 0x000, "0205")
+STOPPED_LATER = [*heartbeats(0, 1), *heartbeats(1.0, 4, state=4)]
+
+
+def looks(planted: Planted, rules: set[str]) -> set[str]:
+    """What to check first, of each problem by *rules* in *planted* frames."""
+    check = RecordingCheck(Decoder().layout, lambda _node_id, _index, _sub_index: "")
+    for number, (at_s, can_id, data) in enumerate(sorted(planted), 1):
+        check.take(number, Frame(can_id, bytes.fromhex(data), timestamp_s=at_s))
+    return {problem.look for problem in check.problems() if problem.rule.name in rules}
+
+
+def number_of(planted: Planted, at_s: float, can_id: int) -> int:
+    (number,) = [n for n, frame in enumerate(sorted(planted), 1) if frame[:2] == (at_s, can_id)]
+    return number
+
+
+ANSWERED_ONCE = read(0.05, "1018:04", "43PLACE01000000")
+
+
+@pytest.mark.parametrize(("frames", "at_s", "can_id", "says"), [
+    ([*STOPPED_LATER, STOP], 1.0, 0x000, "the NMT stop in frame {}: a STOPPED node answers no SDO request"),
+    ([STOP], 1.0, 0x000, "the NMT stop in frame {}: a STOPPED node answers no SDO request"),
+    ([(1.0, 0x000, "0200")], 1.0, 0x000, "the NMT stop in frame {}: a STOPPED node answers no SDO request"),
+    (STOPPED_LATER, 1.0, 0x705, "the heartbeat in frame {}: a STOPPED node answers no SDO request"),
+    (heartbeats(0, 1.5), 1.4, 0x705, "whether the node was on: it sent no heartbeat after frame {}"),
+])  # fmt: skip
+def test_a_stopped_or_silent_node_is_named_as_the_cause(frames: Planted, at_s: float, can_id: int, says: str) -> None:
+    """The transfers that were given up, and the requests without an answer, follow from it."""
+    planted = [*frames, *SILENT, *ANSWERED_ONCE]
+    looked = looks(planted, {"sdo-given-up", "sdo-no-answer"})
+    assert looked == {says.format(number_of(planted, at_s, can_id))}
+
+
+@pytest.mark.parametrize("frames", [
+    ALIVE, [*ALIVE, STOP], [*ALIVE, STOP, (1.5, 0x000, "0105")], [*ALIVE, STOP, (1.5, 0x000, "8000")],
+    [STOP, (1.5, 0x705, "00"), (1.6, 0x705, "7F")], [STOP, *read(1.5, "1018:04", "43PLACE01000000")],
+    [*ALIVE, (1.0, 0x000, "0206")],
+])  # fmt: skip
+def test_a_node_in_another_state_is_not_the_cause(frames: Planted) -> None:
+    looked = looks([*frames, *SILENT, *ANSWERED_ONCE], {"sdo-given-up", "sdo-no-answer"})
+    assert looked == {
+        "whether the node is on, and how busy it and the bus are",
+        "whether the node restarted or was busy at that time",
+    }
+
+
+@pytest.mark.parametrize(("first_s", "says"), [
+    (1.0, "check first: the mapping of TPDO1: SDO writes changed it to 6 bytes in frame "),
+    (1.0, None),
+    (0.0, "check first: whether the node's mapping is that of the file"),
+])  # fmt: skip
+def test_a_mapping_written_in_the_recording_is_named_as_the_cause(
+    tmp_path: Path, first_s: float, says: str | None
+) -> None:
+    """By a file with the mapping of before, with that of after, and without any write of a mapping."""
+    is_after = says is None
+    mapping = "[6041, 606C]" if is_after else "[6041]"
+    (tmp_path / "net.yaml").write_text(f"drive: {{node_id: 5, dcf: generic, tpdo: {{1: {{mapping: {mapping}}}}}}}\n")
+    written = mapped(1.0) if first_s else []
+    frames = [*pdos(0, 1, "1122"), *written, *pdos(1.1, 3)]
+    path = recorded(tmp_path / "run.log", frames)
+    shown = dvtcli("check", str(path), "-d", str(tmp_path / "net.yaml"), "--rule", "pdo-other-length").stdout
+    number = number_of(frames, 1.041, 0x585) if first_s else ""
+    expected = f"check first: the mapping of TPDO1: SDO writes changed it to 6 bytes only in frame {number}"
+    assert (expected if says is None else f"{says}{number}") in shown, shown
+
+
 def blocks(at_s: float, size: int, *, is_write: bool) -> Planted:
     """A transfer of 2100:03 of node 5 by blocks of 127 segments, whose numbers look like all command specifiers."""
     value = bytes(number % 251 for number in range(size))

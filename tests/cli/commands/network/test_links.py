@@ -228,6 +228,27 @@ def test_links_of_a_file_are_planned_and_applied(bench: Bench, tmp_path: Path) -
     assert (ran.code, ran.documents[-1]["findings"][0]["rule"]) == (1, "link-can-id")
 
 
+@pytest.mark.parametrize("consumer_first", [True, False])
+def test_a_can_id_with_two_producers_is_the_only_error_of_their_link(
+    bench: Bench, tmp_path: Path, *, consumer_first: bool
+) -> None:
+    """The link keeps the CAN-ID that the file gives its RPDO: another CAN-ID would be an error that follows."""
+    file = tmp_path / "net.yaml"
+    nodes = (
+        "  motor: {node_id: 5, rpdo: {2: {cob_id: 0x181, mapping: [controlword]}}}\n",
+        "  drive: {node_id: 1, tpdo: {1: {mapping: [statusword]}}}\n",
+        "  other: {node_id: 6, tpdo: {1: {cob_id: 0x181, mapping: [statusword]}}}\n",
+    )
+    text = "".join(nodes if consumer_first else reversed(nodes))
+    file.write_text(f"nodes:\n{text}links: [{{from: drive:tpdo1, to: motor:rpdo2, heartbeat: false}}]\n")
+    for line in ("plan", "diff", "apply"):
+        ran = bench.run(f"{line} {file} --json")
+        found = [(one["rule"], one["text"]) for one in ran.document["findings"]]
+        assert ran.code == 1
+        assert found == [("can-id-clash", "CAN-ID 0x181 is already sent by TPDO1 of node 1")]
+        assert ran.document["text"] == "node 6: CAN-ID 0x181 is already sent by TPDO1 of node 1"
+
+
 def test_programs_link_and_unlink() -> None:
     with dvtcli.simulate("gen4@1", "tmcm@5") as bus:
         bus.node(5).map("rpdo2", "60FF", "6040", enabled=False)

@@ -85,7 +85,10 @@ def test_a_pdo_that_gets_a_mapping_and_stays_off_is_said_to(bench: Bench, tmp_pa
     assert [line for line in shown if "TPDO" in line] == ["  ~ TPDO4"]
     path.write_text("n: {node_id: 1, tpdo: {1: {mapping: [606C]}, 4: {mapping: [606C]}}}\n")
     shown = bench.run(f"plan {path}").stdout.splitlines()
-    assert [line for line in shown if "TPDO" in line] == ["  ~ TPDO1  stays off", "  ~ TPDO4"]
+    assert [line for line in shown if "TPDO" in line] == [
+        "  ~ TPDO1  stays off: the file does not enable it",
+        "  ~ TPDO4",
+    ]
 
 
 BESIDE = """nodes:

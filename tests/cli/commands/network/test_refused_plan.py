@@ -44,3 +44,19 @@ def test_an_eds_that_was_chosen_before_stays_chosen(tmp_path: Path) -> None:
         assert bench.run("read statusword").code == 0
         assert bench.session.network.files.own_eds == {1: own}
         assert bench.session.network.files.own_profile == {}
+
+
+@pytest.mark.parametrize("command", ["plan", "diff", "apply"])
+def test_a_node_that_is_not_the_device_of_its_file_is_named_with_the_line(tmp_path: Path, command: str) -> None:
+    path = tmp_path / "net.yaml"
+    path.write_text("one:\n  node_id: 1\n  dcf: generic\n  identity: {vendor: 0x1E, product: 9}\n")
+    with Bench(("gen4",), {"yes": True}) as bench:
+        ran = bench.run(f"{command} {path} --json")
+        assert (ran.code, ran.document["file"]) == (6, f"{path}:4:28")
+        assert ran.document["text"].startswith(f"{path}:4:28: another device than the file describes: ")
+        (also,) = ran.document["also"]
+        assert also.startswith(f"{path}:3:8: the EDS is another device's: generic.eds is about product ")
+        path.write_text("one:\n  node_id: 1\n  dcf: generic\n")
+        ran = bench.run(f"{command} {path} --json")
+        assert (ran.code, ran.document["file"]) == (6, f"{path}:3:8")
+        assert "name the EDS of this device with `dcf:`" in ran.document["hint"]

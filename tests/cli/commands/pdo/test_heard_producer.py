@@ -97,6 +97,18 @@ def test_so_it_is_of_a_file_that_names_one_of_two_nodes(tmp_path: Path, verb: st
         assert bench.run(f"{verb} {file} --force").code == 0
 
 
+@pytest.mark.parametrize("verb", ["plan", "diff", "apply"])
+def test_it_is_told_with_the_other_errors_of_the_file(tmp_path: Path, verb: str) -> None:
+    bus = stranger_sends(0x1A5, tmp_path)
+    file = tmp_path / "net.yml"
+    pdos = "1: {enabled: true, cob_id: 0x1A5}, 2: {enabled: true, cob_id: 0x601}"
+    file.write_text(f"a: {{node_id: 5, dcf: io.eds, tpdo: {{{pdos}}}}}\n", "utf-8")
+    with Bench((), {"yes": True}, bus) as bench:
+        ran = bench.run(f"{verb} {file} --json")
+        assert ran.code == 1, ran.stdout
+        assert {one["rule"] for one in ran.document["findings"]} >= {"one-producer", "can-id-restricted"}
+
+
 @heavy
 def test_what_the_node_itself_sends_is_no_second_producer(tmp_path: Path) -> None:
     bus = stranger_sends(0x1A5, tmp_path)

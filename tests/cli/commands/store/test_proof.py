@@ -82,6 +82,24 @@ def test_what_was_not_kept_is_named() -> None:
         assert mapping(bench) == DEFAULT
 
 
+def test_the_question_before_a_proof_names_the_reset(tmp_path: Path) -> None:
+    file = tmp_path / "net.yaml"
+    file.write_text("a: {node_id: 1, dcf: gen4, tpdo: {1: {event_timer: 70}}, store: true}\n")
+    with Bench(("gen4",)) as bench:
+        for line in ("nmt start", "map tpdo1 6041", "set tpdo1 --timer 5"):
+            assert bench.run(f"{line} --yes").code == 0
+        for line, says in (
+            ("store --prove", "take it to PRE-OPERATIONAL for this change, reset it, and back?"),
+            ("restore --prove", "return to its defaults, and is reset now; restore?"),
+            ("restore", "return to its defaults; restore?"),
+            ("set tpdo1 --timer 6", "take it to PRE-OPERATIONAL for this change, and back?"),
+            (f"apply {file} --prove", "and store on node 1, then reset it?"),
+            (f"apply {file}", "and store on node 1?"),
+        ):
+            ran = bench.run(line)
+            assert (ran.code, says in ran.stderr) == (6, True), ran
+
+
 def test_what_was_not_kept_is_neither_proved_nor_stored_in_json() -> None:
     with sim("stores-nothing") as bench:
         bench.run("set tpdo1 --timer 70")
