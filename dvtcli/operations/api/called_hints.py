@@ -26,8 +26,9 @@ CALLS: dict[Action, str] = {
     Action.SHOW_FAULTS: "node.faults()",
     Action.VERIFY: "node.verify({file})",
     Action.MONITOR: "dvtcli monitor",
-    Action.MAP: "node.map({pdo}, …{off? enabled=False})",
-    Action.SET_PDO: "node.set({pdo}, …)",
+    Action.MAP: "node.map({pdo}, OBJECT {off?enabled=False})",
+    Action.SET_PDO: "node.set({pdo} {cob_id=} {extended?extended=True} {rtr?rtr=True} {no_rtr?rtr=False} "
+    "{inhibit?inhibit_ms=}{inhibit} {sync_start=})",
     Action.CLEAR: "node.clear({pdo})",
     Action.ENABLE: "node.enable({pdo})",
     Action.DISABLE: "node.disable({pdo})",
@@ -56,7 +57,7 @@ CALLS: dict[Action, str] = {
     Action.CHECK_SETUP: "dvtcli doctor",
     Action.TRUST: "dvtcli trust",
     Action.LISTEN_BIT_RATE: "dvtcli bitrate",
-    Action.SERVE: "dvtcli sim NODE… --listen HOST:PORT",
+    Action.SERVE: "dvtcli sim NODE --listen HOST:PORT",
     Action.CORRECT: "dvtcli LINE",
     Action.RUN: "dvtcli run FILE",
     Action.CHECK: "bus.check({file|FILE})",
@@ -80,7 +81,7 @@ CALLS: dict[Action, str] = {
     Action.REMOVE_EDS: "dvtcli eds remove FILE",
     Action.LOG: "node.record(FILE)",
     Action.LOG_VALUES: "dvtcli log FILE --decode",
-    Action.READ_VALUES: "dvtcli read OBJECT… --every TIME",
+    Action.READ_VALUES: "dvtcli read OBJECT --every TIME",
     Action.SAVE_PLAN: "dvtcli plan FILE -o PLAN",
     Action.CONVERT: "dvtcli.convert({file|FILE}, {target|TARGET}{of?, node=}{of})",
     Action.EXPORT: "node.export({file|FILE} {twice?twice=True})",
@@ -116,10 +117,12 @@ ARGUMENTS: dict[Action, str] = {
 }
 #: arguments without a call -> the command
 _COMMANDS = {
-    "accept": "dvtcli recover --accept", "discard": "dvtcli recover --discard", "backup": "dvtcli undo --backup"
+    "accept": "dvtcli recover --accept", "discard": "dvtcli recover --discard", "backup": "dvtcli undo --backup",
+    "mpdo": "dvtcli set PDO --mpdo KIND",
 }  # fmt: skip
 #: placeholders for words known only to the user
 _PLACEHOLDERS = frozenset({"FILE", "ID", "NAME", "NODE", "NUMBER", "OBJECT", "S", "TIME", "TYPE", "VALUE", "WHEN"})
+_HEXADECIMAL = re.compile(r"0x[0-9A-F]+")
 _FIELD = re.compile(r"\{(\w+)(?:(\?|=|\|)([^{}]*))?\}")
 
 
@@ -156,7 +159,8 @@ def _argument(given: tuple[str, Any]) -> str:
 
 
 def _value(given: Any) -> str:
-    return str(given) if isinstance(given, int) or str(given) in _PLACEHOLDERS else repr(str(given))
+    is_plain = isinstance(given, int | float) or str(given) in _PLACEHOLDERS or _HEXADECIMAL.fullmatch(str(given))
+    return str(given) if is_plain else repr(str(given))
 
 
 def _filled(template: str, arguments: Mapping[str, Any]) -> str:

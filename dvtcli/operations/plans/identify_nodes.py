@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 #: Vendor, product, revision and serial number, by their sub-indices of 0x1018.
 _IDENTITY_PARTS = range(1, 5)
 _ATTACH = "connect the right device, or correct its identity in the file"
-_OTHER_DCF = Hint(None, why="name the EDS of this device with `dcf:`; without an EDS fewer rules are checked") + Hint(
+_OTHER_DCF = Hint(None, why="name the EDS of this device with dcf:; without an EDS fewer rules are checked") + Hint(
     Action.FORCE, why="uses this file"
 )
 

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 from dvtcli.device.heartbeat_slots import heartbeat_slots
+from dvtcli.device.read_pdos import read_optional
 from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.network.frame_streams import SYNCHRONOUS
 from dvtcli.domain.network.heartbeats import watched_ms
 from dvtcli.domain.network.network_config import (
     Endpoint,
@@ -16,14 +20,17 @@ from dvtcli.domain.network.network_config import (
     NodeConfig,
     PartialPdoConfig,
 )
-from dvtcli.errors import UsageError
+from dvtcli.domain.network.network_state import SYNC_COB_ID
+from dvtcli.domain.rules.finding import warning
+from dvtcli.domain.services import PRODUCES
+from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.operations.plans.plan_network import plan_network_config
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.cob_id import CobId
-    from dvtcli.domain.network.network_plan import NetworkPlan
+    from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
     from dvtcli.operations.results.networks import NetworkApplied
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.session.session_nodes import SessionNodes
@@ -50,7 +57,7 @@ def link_pdos(
     config = NetworkConfig(
         tuple(NodeConfig("", node_id) for node_id in ids), (LinkConfig(producer, tuple(consumers), heartbeat),)
     )
-    return _carried_out(session, _spelled("link", producer, consumers), config, on_plan)
+    return _carried_out(session, _spelled("link", producer, consumers), config, on_plan, producer)
 
 
 def unlink_pdos(
@@ -124,9 +131,33 @@ def _no_watches(
     return (HeartbeatWatch(producer, 0),)
 
 
-def _carried_out(session: Session, name: str, config: NetworkConfig, on_plan: OnPlan) -> NetworkApplied:
+def _carried_out(
+    session: Session, name: str, config: NetworkConfig, on_plan: OnPlan, producer: Endpoint | None = None
+) -> NetworkApplied:
     from dvtcli.operations.plans.apply_network import apply_network
 
     plan = plan_network_config(session, config, FileLog(name, ""), of_network=True)
+    if producer is not None and not plan.unknown_syncs:
+        plan = replace(plan, nodes=tuple(_with_sync_finding(session, node, producer) for node in plan.nodes))
     on_plan(plan)
     return apply_network(session, plan, name=name, asks=False)
+
+
+def _with_sync_finding(session: SessionNodes, planned: NodePlan, producer: Endpoint) -> NodePlan:
+    """Warn in the plan of the *producer*'s node if its TPDO will be synchronous and no known node produces SYNC."""
+    if planned.node_id != producer.node_id:
+        return planned
+    wanted = planned.wanted.get(producer.pdo)
+    kind = None if wanted is None else wanted.communication.transmission_type
+    if kind not in SYNCHRONOUS or any(_produces_sync(session, node) for node in session.known_ids()):
+        return planned
+    place = f"0x{producer.pdo.communication_index:04X}:02"
+    text = f"{producer.pdo.label} is synchronous (type {kind}), and no known node produces SYNC, for which it waits"
+    found = warning("link-no-sync", place, text, Hint(Action.CHECK_SYNC, why="listens for SYNC"))
+    return replace(planned, findings=(*planned.findings, found))
+
+
+def _produces_sync(session: SessionNodes, node_id: int) -> bool:
+    with suppress(NoAnswer, SdoAborted, SdoProtocolError):  # a node that is off produces none
+        return bool((read_optional(session.node(node_id).read_cache, SYNC_COB_ID, 0, 4) or 0) & PRODUCES)
+    return False

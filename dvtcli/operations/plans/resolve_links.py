@@ -28,7 +28,7 @@ from dvtcli.domain.network.network_config import (
 )
 from dvtcli.domain.object_syntax import parse_object
 from dvtcli.domain.rules import errors_in
-from dvtcli.domain.rules.finding import ERROR, Finding, Rule, error, note, warning
+from dvtcli.domain.rules.finding import ERROR, WARNING, Finding, Rule, error, note, warning
 from dvtcli.errors import RuleError
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.operations.plans.resolve_names import pdo_request
@@ -146,6 +146,8 @@ def _configured_ms(said: Iterable[ObjectConfig], held_ms: int) -> int:
 RULES = (
     Rule("link-can-id", ERROR, "the two sides of a link were given different CAN-IDs, or no CAN-ID is free",
          "CiA 301, 7.3.5: a PDO has one CAN-ID"),
+    Rule("link-no-sync", WARNING, "`link`: the TPDO is synchronous, and no known node produces SYNC",
+         "CiA 301, 7.5.2.37: transmission type"),
 )  # fmt: skip
 
 

@@ -148,7 +148,9 @@ class RunningRecording:
             text += f"; the bus was gone {len(listener.gaps_s)}x, for {sum(listener.gaps_s):.1f} s in all"
         failure: DvtcliError | None = None
         if session.cancellation.requested:
-            failure = ended_with(session.cancellation.exit_code, "the recording was interrupted")
+            failure = ended_with(
+                session.cancellation.exit_code, "the recording was ended by a signal; its file is complete"
+            )
         elif listener.is_gone:
             failure = BusUnavailable("the bus was gone when the recording ended")
         return Facts("log", rows, (text,), failure)

@@ -296,7 +296,7 @@ def test_screens_of_a_network_file_look_as_they_did(
     keep("which RPDO", "L", "TPDO1 to which RPDO?", "6:rpdo5")
     keep("which object", "3", "which object of node 6 receives 6041:00", "skip it")
     keep("linked", ESCAPE + "L1", "6:rpdo1 receives 5:tpdo1", "check: 0 errors", "2 warnings")
-    keep("which node", "n", "which node?", "6 Gen4")
+    keep("which node", "n", "which node?", "6 other (Gen4)")
     keep("other node", "2", "node 6 ", "RPDO1 changed, not written", "check: 0 errors", "2 warnings")
     keep("save", F2, "save as: pdos.dvt_", "Esc no")
     keep("leaving", ESCAPE + ESCAPE, "6:rpdo1 changed and not written: leave without?")

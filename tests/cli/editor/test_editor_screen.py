@@ -54,7 +54,7 @@ def map_object(terminal: Terminal, text: str) -> None:
     whole = text if len(text) != 6 else f"{text[:5]}0{text[5]}"
     chosen(terminal, whole.upper())
     terminal.type(ENTER)
-    terminal.wait("is mapped; Tab continues")
+    terminal.wait("is mapped; Enter maps another, Tab leaves the list")
     terminal.until(lambda: any(line.startswith(" map: _") for line in terminal.lines), "an empty filter")
 
 

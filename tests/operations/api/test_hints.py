@@ -83,6 +83,16 @@ def test_what_was_given_wrongly_is_an_argument_here_and_an_option_there(
         (Hint(Action.GIVE, {"heartbeat": False}, "leaves it"), "heartbeat=False leaves it"),
         (Hint(Action.RECOVER, {"accept": True}, "takes it"), "`dvtcli recover --accept` takes it"),
         (Hint(Action.LSS_STORE, {"of": "NODE"}, "or {}"), "or `bus.lss.store(NODE)`"),
+        (Hint(Action.MAP, {"pdo": "tpdo1", "off": True}), "`node.map('tpdo1', OBJECT, enabled=False)`"),
+        (
+            Hint(Action.SET_PDO, {"pdo": "tpdo1", "cob_id": "0x191", "no_rtr": True}, "does it"),
+            "`node.set('tpdo1', cob_id=0x191, rtr=False)` does it",
+        ),
+        (
+            Hint(Action.SET_PDO, {"pdo": "tpdo1", "inhibit": 1.5, "extended": False}),
+            "`node.set('tpdo1', inhibit_ms=1.5)`",
+        ),
+        (Hint(Action.SET_PDO, {"pdo": "tpdo1", "mpdo": "sam"}), "`dvtcli set PDO --mpdo KIND`"),
         (Hint(Action.SEND_SYNC, {"count": 100, "period": 20}), "`bus.sync(100, period_ms=20)`"),
     ],
 )

@@ -249,6 +249,20 @@ def test_a_can_id_with_two_producers_is_the_only_error_of_their_link(
         assert ran.document["text"] == "node 6: CAN-ID 0x181 is already sent by TPDO1 of node 1"
 
 
+def test_a_link_of_a_synchronous_tpdo_warns_without_a_sync_producer(bench: Bench) -> None:
+    assert bench.run("map 1:tpdo1 6041 606C --cob-id 0x201 --sync 1").code == 0
+    assert bench.run("map 6:rpdo1 60FF --off").code == 0
+    ran = bench.run("link 1:tpdo1 6:rpdo1 --dry-run")
+    said = "TPDO1 is synchronous (type 1), and no known node produces SYNC, for which it waits"
+    assert (ran.code, said in ran.stderr) == (0, True), ran
+    for line in ("write 6:1006 20000", "write 6:1005 0x40000080"):
+        assert bench.run(line).code == 0
+    assert "SYNC" not in bench.run("link 1:tpdo1 6:rpdo1 --dry-run").stderr
+    for line in ("write 6:1005 0x80", "set 1:tpdo1 --event"):
+        assert bench.run(line).code == 0
+    assert "SYNC" not in bench.run("link 1:tpdo1 6:rpdo1").stderr
+
+
 def test_programs_link_and_unlink() -> None:
     with dvtcli.simulate("gen4@1", "tmcm@5") as bus:
         bus.node(5).map("rpdo2", "60FF", "6040", enabled=False)

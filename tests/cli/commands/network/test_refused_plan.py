@@ -59,4 +59,4 @@ def test_a_node_that_is_not_the_device_of_its_file_is_named_with_the_line(tmp_pa
         path.write_text("one:\n  node_id: 1\n  dcf: generic\n")
         ran = bench.run(f"{command} {path} --json")
         assert (ran.code, ran.document["file"]) == (6, f"{path}:3:8")
-        assert "name the EDS of this device with `dcf:`" in ran.document["hint"]
+        assert "name the EDS of this device with dcf:" in ran.document["hint"]
