@@ -82,7 +82,7 @@ def _nothing_to_clear(access: NodeAccess) -> DeviceRefused:
     own = access.profile.fault_list
     what = "see its manual for clearing errors"
     if own is not None:
-        what = f"its own list (0x{own.code[0]:04X}) has the present errors: an error leaves it when its cause is gone"
+        what = f"its own list (0x{own.code[0]:04X}) lists the present errors; an error disappears with its cause"
     return DeviceRefused(
         f"node {access.node_id} has no error history to clear",
         node=access.node_id,

@@ -139,7 +139,7 @@ class LssMaster:
         asked += [self._told(lss.INQUIRE + part) for part in range(lss.PARTS)]
         if any(len(answers) > 1 for answers in asked):
             raise DeviceRefused(
-                "several nodes are being configured at once", why="a question was answered more than once",
+                "several nodes are being configured at once", why="an inquiry got more than one answer",
                 hint=Hint(Action.LSS_SCAN, why="lets all wait again, and lists them")
                 + Hint(Action.LSS_SELECT, why="selects a node"),
             )  # fmt: skip

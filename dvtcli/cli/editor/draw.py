@@ -46,7 +46,7 @@ _ALWAYS = (
 #: every key, for the list of F1
 ALL_KEYS = (
     ("Tab, Shift-Tab", "next and previous pane: PDOs, frame, objects"),
-    ("up, down, wheel", "choose a row; a click chooses, too"),
+    ("up, down, wheel", "choose a row, as does a click"),
     ("Enter", "PDOs: to the frame; frame: edit the value; objects: map"),
     ("a, r", "add an object behind the last; replace the chosen object"),
     ("d, Delete", "remove the chosen object"),

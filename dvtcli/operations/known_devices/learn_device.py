@@ -172,7 +172,7 @@ def _prepared(session: SessionNodes, node: Node, *, isolated: bool, with_store: 
         raise DeviceRefused(
             f"node {node.node_id} has no PDO that could be asked",
             node=node.node_id,
-            why="none has a mapping and a COB-ID that can be written, and a configuration that it accepts again",
+            why="no PDO has a writable mapping and COB-ID, and accepts its own configuration again",
             hint=Hint(Action.SHOW_PDOS, {"all": True}, "shows them; clear one"),
         )
     instead = mapped_subjects(node, pdos, asked)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session_nodes import SessionNodes
 
 RULES = (
-    Rule("signature", ERROR, "`write` to 0x1010 or 0x1011 of anything but its signature",
+    Rule("signature", ERROR, "`write` to 0x1010 or 0x1011 with a value other than its signature",
          "CiA 301, 7.5.2.13 and 7.5.2.14", (Abort.CANNOT_STORE,)),
 )  # fmt: skip
 

@@ -31,7 +31,7 @@ def look(session: SessionNodes, node: ReadableNode, pdos: list[Pdo]) -> tuple[Lo
     started = found is not NmtState.OPERATIONAL
     with node.cancellation.guard():
         if started:
-            question = f"node {node.node_id} will be started for a moment, its machine may move; start it?"
+            question = f"node {node.node_id} will be started for a moment, and its machine may move; start it?"
             session.consent(question, node.node_id)
             node.access.request(NmtState.OPERATIONAL)
         try:

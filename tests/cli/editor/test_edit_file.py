@@ -280,6 +280,14 @@ def test_a_link_offers_a_heartbeat_consumer_if_the_file_has_the_heartbeat(
     assert [(watch.producer, watch.time_ms) for watch in drive.watches] == ([(6, 1250)] if answer == "y" else [])
 
 
+def test_an_rpdo_as_the_producer_of_a_link_is_refused_with_what_to_do(tmp_path: Path, open_terminal: Open) -> None:
+    terminal = opened(tmp_path, open_terminal)
+    terminal.type(DOWN * 5)
+    terminal.until(lambda: any(line.startswith(">  RPDO1") for line in terminal.lines), "RPDO1")
+    terminal.type("L")
+    terminal.wait("RPDO1 is an RPDO: choose a TPDO with up and down, then L links an RPDO to it")
+
+
 @pytest.mark.parametrize(("columns", "rows"), [(80, 24), (120, 40)])
 def test_screens_of_a_network_file_look_as_they_did(
     request: pytest.FixtureRequest, tmp_path: Path, open_terminal: Open, columns: int, rows: int
@@ -292,7 +300,7 @@ def test_screens_of_a_network_file_look_as_they_did(
         terminal.wait(*texts)
         shown.append("\n".join([f"==== {view}", *terminal.lines]))
 
-    keep("as opened", "", "it has no EDS of node 7", "> ")
+    keep("as opened", "", "node 7 has no EDS", "> ")
     keep("which RPDO", "L", "TPDO1 to which RPDO?", "6:rpdo5")
     keep("which object", "3", "which object of node 6 receives 6041:00", "skip it")
     keep("linked", ESCAPE + "L1", "6:rpdo1 receives 5:tpdo1", "check: 0 errors", "2 warnings")

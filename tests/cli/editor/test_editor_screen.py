@@ -125,6 +125,25 @@ def test_keys_alone_make_the_pdos_of_the_script(tmp_path: Path, open_terminal: O
         assert pdos(server) == by_script != before
 
 
+def test_a_pdo_that_stays_off_is_said_with_the_key_that_enables_it(open_terminal: Open) -> None:
+    terminal = open_terminal("--sim", "gen4", "edit", "tpdo3", columns=120)
+    terminal.wait("FRAME OF TPDO3")
+    terminal.type("a")
+    terminal.wait(" map: _")
+    map_object(terminal, "606C")
+    terminal.wait("TPDO3 is off: Tab, then e enables it")
+    terminal.type(F5)
+    terminal.wait("TPDO3 stays off: e enables a PDO")
+
+
+@pytest.mark.parametrize("key", ["n", "L"])
+def test_a_key_for_several_nodes_says_what_it_needs(open_terminal: Open, key: str) -> None:
+    terminal = open_terminal("--sim", "gen4", "edit")
+    terminal.wait("PDOS")
+    terminal.type(key)
+    terminal.wait(f"{key} needs a network file with several nodes: dvtcli edit FILE")
+
+
 def test_rules_are_said_while_one_edits_and_refuse_as_map_does(open_terminal: Open) -> None:
     terminal = edited(open_terminal, "tpdo1")
     terminal.type("a")
