@@ -378,7 +378,7 @@ class Life:
         (
             None,
             False,
-            "it answers again: a request or its answer was lost or late, or the node restarted unnoticed",
+            "it answers again: a request or answer was lost or late, or it restarted unnoticed",
             "try again; if it repeats",
         ),
         ("no acknowledgement", False, "no acknowledgement", "try again; if it repeats"),

@@ -383,8 +383,7 @@ class Transaction:
             silent.why, silent.hint = "it restarted during the check: its boot-up message was received", TRY_AGAIN
         else:
             silent.why = (
-                silent.why
-                or "it answers again: a request or its answer was lost or late, or the node restarted unnoticed"
+                silent.why or "it answers again: a request or answer was lost or late, or it restarted unnoticed"
             )
             silent.hint = Hint(
                 Action.GIVE_TIMEOUT,
