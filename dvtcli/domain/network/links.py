@@ -105,7 +105,7 @@ RULES = (
     Rule("link-part", WARNING, "an object receives some bits of a longer object", "ours"),
     Rule("link-command", WARNING, "a controlword receives a value that is not a controlword",
          "CiA 402-2, 8.4: it moves the machine"),
-    Rule("link-target", NOTE, "a target or an output receives another kind of value (`hears-no-target` in `check`)",
+    Rule("link-target", NOTE, "a target or an output receives another kind of value (of a network: hears-no-target)",
          "CiA 401-1, CiA 402-2"),
     Rule("link-object", WARNING, "a PDO of a link maps an object that its file excludes", "both devices' files"),
 )  # fmt: skip

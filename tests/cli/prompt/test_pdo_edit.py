@@ -115,6 +115,6 @@ def test_what_was_typed_is_kept_where_the_device_does_not_take_it(open_terminal:
     terminal.run("pdo edit tpdo1")
     terminal.wait("your text is saved as ")
     terminal.wait_prompt()
-    kept = re.search(r"kept as (\S+\.yaml)", terminal.text)
+    kept = re.search(r"saved as (\S+\.yaml)", terminal.text)
     assert kept is not None
     assert "type: 1" in Path(kept[1]).read_text("utf-8")

@@ -149,7 +149,7 @@ def hears_no_command(network: CheckedNetwork) -> NetFound:
 @check(
     "hears-no-target",
     NOTE,
-    "a target or an output receives another kind of value (`link-target` of a link)",
+    "a target or an output receives another kind of value (of a link: link-target)",
     "CiA 401-1, CiA 402-2: it moves the machine",
 )
 def hears_no_target(network: CheckedNetwork) -> NetFound:

@@ -255,6 +255,8 @@ def test_a_link_of_a_synchronous_tpdo_warns_without_a_sync_producer(bench: Bench
     ran = bench.run("link 1:tpdo1 6:rpdo1 --dry-run")
     said = "TPDO1 is synchronous (type 1), and no known node produces SYNC, for which it waits"
     assert (ran.code, said in ran.stderr) == (0, True), ran
+    nodes = bench.run("link 1:tpdo1 6:rpdo1 --dry-run --json").document["nodes"]
+    assert "link-no-sync" in {found["rule"] for node in nodes for found in node["findings"]}
     for line in ("write 6:1006 20000", "write 6:1005 0x40000080"):
         assert bench.run(line).code == 0
     assert "SYNC" not in bench.run("link 1:tpdo1 6:rpdo1 --dry-run").stderr
