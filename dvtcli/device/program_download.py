@@ -87,6 +87,9 @@ class ProgramDownload:
             self._control(STOP)
         except (NoAnswer, SdoProtocolError):
             self._await_answer()  # possibly restarted into the boot loader
+        except SdoAborted:
+            if self._when_asked(PROGRAM_CONTROL) not in (STOP, CLEAR):  # some loaders refuse to stop what is stopped
+                raise
         if self._read(PROGRAM_CONTROL) == START:
             raise DeviceRefused(f"node {self.node_id} did not stop its firmware", node=self.node_id)
         if self.cancellation.requested:

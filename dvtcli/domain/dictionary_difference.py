@@ -80,6 +80,18 @@ def without_values(dictionary: ObjectDictionary) -> ObjectDictionary:
     return ObjectDictionary(objects, info, dictionary.source)
 
 
+def without_scalings(dictionary: ObjectDictionary) -> ObjectDictionary:
+    """The dictionary without units and factors, for which CiA 306 has no keys."""
+    objects = {
+        index: replace(
+            dictionary[index],
+            entries={sub: replace(entry, unit="", factor="") for sub, entry in dictionary[index].entries.items()},
+        )
+        for index in dictionary
+    }
+    return ObjectDictionary(objects, dictionary.info, dictionary.source)
+
+
 def _described_alone(one: OdObject) -> OdObject:
     return replace(one, entries={sub: _of_any_device(entry) for sub, entry in one.entries.items()})
 

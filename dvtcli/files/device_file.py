@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from datetime import datetime
 
     from dvtcli.domain.object_dictionary import ObjectDictionary
+    from dvtcli.files.dcf.write_dcf import DcfText
     from dvtcli.files.eds.writer import KeptText
     from dvtcli.files.xdd.xdd_reader import XddFile
 
@@ -102,6 +103,20 @@ def device_file_bytes(
     from dvtcli.files.eds.writer import eds_bytes, eds_text
 
     return eds_bytes(eds_text(dictionary, name, description, made, said, keeps))
+
+
+def change_values(data: bytes, source: str, values: Mapping[tuple[int, int], bytes], node_id: int) -> DcfText:
+    """Return the DCF or XDC *data* (named *source*) with *values* of *node_id*; every other byte of the file stays.
+
+    Raises InputFileError if *data* is neither, or no value can be written.
+    """
+    if is_xml(data, source):
+        from dvtcli.files.xdd.change_values import change_values as change_xdc
+
+        return change_xdc(data, source, values, node_id)
+    from dvtcli.files.dcf.change_values import change_values as change_dcf
+
+    return change_dcf(data, source, values, node_id)
 
 
 def is_xml(data: bytes, name: str) -> bool:

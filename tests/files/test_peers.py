@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from canopen.objectdictionary import import_od
 
-from dvtcli.domain.dictionary_difference import without_values
+from dvtcli.domain.dictionary_difference import differences, without_values
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.files.dcf.write_dcf import Commissioned, write_dcf
 from dvtcli.files.device_file import (
@@ -24,6 +24,7 @@ from dvtcli.files.device_file import (
 )
 from tests.corpus.oddities import ODDITIES, odd_files
 from tests.house.source import PACKAGE
+from tests.process import documents, run
 from tests.real_files import real_files
 from tests.small_eds import plain, var
 
@@ -123,6 +124,39 @@ def test_a_file_without_units_gets_none_that_dcfgen_would_refuse(family: str, tm
 @pytest.mark.parametrize("number", range(len(ODDITIES)))
 def test_peers_open_what_is_made_of_odd_files(number: int, tmp_path: Path) -> None:
     assert newly_refused(odd_files(number + 1)[-1].write(tmp_path), tmp_path) == {}
+
+
+@pytest.mark.needs("dcf")
+@pytest.mark.parametrize("name", ["plain.eds", "plain.dcf"])
+@pytest.mark.parametrize("path", FAMILIES, ids=lambda path: path.stem)
+def test_peers_open_a_plain_file_of_each_family(path: Path, name: str, tmp_path: Path) -> None:
+    """Units, modules and safety keys, which dcfgen refuses, are left out, and named; all else stays."""
+    done = run(("eds", "convert", str(path), str(tmp_path / name), "--plain", "--json"), cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    data = (tmp_path / name).read_bytes()
+    assert canopen_refuses(data, name) is None
+    assert dcfgen_refuses(data, name, tmp_path) is None
+    before, after = read_device_file(path), parse_device_file(data, name)
+    lost = {difference.what for difference in differences(before.dictionary, after.dictionary)}
+    assert lost <= {"unit", "factor"}
+    said = " ".join(documents(done.stdout)[0]["losses"])
+    assert all(word in said for word in LOST.get(path.stem, ()))
+
+
+#: what a plain file of a family lacks
+LOST = {
+    "coupler": ("15 sections", "[SupportedModules]"), "espac": ("unit of",), "gen4": ("unit of",),
+    "generic": ("unit of",), "roboteq": ("unit of",), "safety": ("SRDOMapping", "CANopenSafetySupported"),
+    "tmcm": ("unit of",),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("words", [("gen4", "p.xdd"), ("gen4", "p.xdc"), ("net.yaml", "p.dbc"), ("net.yaml", "p.cdcf")])
+def test_only_an_eds_or_dcf_is_plain(words: tuple[str, str], tmp_path: Path) -> None:
+    (tmp_path / "net.yaml").write_text("nodes: {a: {node_id: 5, dcf: gen4}}\n")
+    done = run(("eds", "convert", *words, "--plain"), cwd=tmp_path)
+    assert (done.returncode, f"{words[1]} is no EDS or DCF; only these can be plain" in done.stderr) == (2, True)
+    assert not (tmp_path / words[1]).exists()
 
 
 @pytest.mark.needs("dcf")

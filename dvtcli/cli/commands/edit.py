@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 @click.argument("what", type=PdoOrFile(), required=False, metavar="[PDO|FILE]")
 @click.pass_obj
 def command(session: Conversation, /, what: NodePdo | str | None) -> None:
-    """Edit the PDOs of the node, beginning with PDO, or those of a network file or a DCF without a bus.
+    """Edit the PDOs of the node, beginning with PDO, or those of a network file, a DCF or an XDC, without a bus.
 
     PDOs, the frame of one, and the objects that it may map; Tab continues to the next. Nothing is written before F10
     (or Ctrl-S), which writes like map; F5 shows the plan, F2 saves a script, a network file or a DCF, F1 lists the
@@ -28,7 +28,7 @@ def command(session: Conversation, /, what: NodePdo | str | None) -> None:
     edit tpdo1
     edit 5:rpdo2
     edit net.yaml       its nodes by their EDS or family; F10 writes the file
-    edit node5.dcf
+    edit node5.dcf      or an XDC
     """
     if isinstance(what, str):
         from dvtcli.cli.editor.edit_loop import edit_file

@@ -25,30 +25,35 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Conversion:
-    """The *node* of a network file, by name or node-ID, and options for a DBC file."""
+    """The *node* of a network file, by name or node-ID, options for a DBC file, and whether an EDS is *plain*."""
 
     node: str | None
     options: DbcOptions
+    plain: bool
 
     def refuse(self) -> None:
         """Raise UsageError if any option is given, for use with other actions."""
         if self.node is not None:
             raise UsageError("--for belongs to eds convert", hint="eds convert net.yaml node5.cdcf --for 5")
+        if self.plain:
+            raise UsageError("--plain belongs to eds convert", hint="eds convert drive.eds plain.eds --plain")
         if self.options:
             text = "--with, --split-bits and --all belong to eds convert"
             raise UsageError(text, hint="eds convert net.yaml net.dbc --all")
 
 
 def convert_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add `--for` and the options of a DBC file, as one *conversion*."""
+    """Add `--for`, `--plain` and the options of a DBC file, as one *conversion*."""
 
     @dbc_options
     @wraps(command)
-    def with_conversion(*values: Any, node: str | None, options: DbcOptions, **others: Any) -> Any:
-        return command(*values, conversion=Conversion(node, options), **others)
+    def with_conversion(*values: Any, node: str | None, options: DbcOptions, plain: bool, **others: Any) -> Any:
+        return command(*values, conversion=Conversion(node, options, plain), **others)
 
     help_ = "convert: the node of a network file, name or node-ID."
-    return click.option("--for", "node", type=TEXT, metavar="NODE", help=help_)(with_conversion)
+    with_node = click.option("--for", "node", type=TEXT, metavar="NODE", help=help_)(with_conversion)
+    help_ = "convert: an EDS or DCF without units, modules and safety keys, which some tools refuse."
+    return click.option("--plain", is_flag=True, help=help_)(with_node)
 
 
 _IDENTITY = ("vendor", "product", "revision")
@@ -122,6 +127,7 @@ def command(
     eds convert drive.eds drive.xdd
     eds convert press.dcf press.xdc
     eds convert coupler.eds coupler.dcf --modules 1,1,2    of a modular device, with its modules
+    eds convert drive.eds plain.eds --plain    for dcfgen and other strict readers
     eds convert press.yaml ram.cdcf --for ram
     eds convert press.dcf press.cdcf
     eds convert press.yaml press.dbc
@@ -186,7 +192,7 @@ def _convert(session: Conversation, files: tuple[str, ...], conversion: Conversi
 
     if len(files) != 2:
         raise UsageError("eds convert takes two files", hint="eds convert drive.eds drive.xdd")
-    return convert_file(session, *files, conversion.node, conversion.options)
+    return convert_file(session, *files, conversion.node, conversion.options, plain=conversion.plain)
 
 
 def _show(session: SessionUser, file: str) -> Facts:

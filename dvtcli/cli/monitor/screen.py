@@ -8,8 +8,10 @@ from dvtcli.cli.monitor.graph import graph
 from dvtcli.cli.monitor.monitor_state import GRAPH, PICTURE, RAW, TABLE, Moment, View
 from dvtcli.cli.monitor.signal_lines import (
     Lines,
+    faded,
     frame_lines,
     heads,
+    is_silent,
     row_line,
     signal_line,
     title_of,
@@ -226,7 +228,8 @@ def _table(store: FrameStore, view: View, moment: Moment, width: int, room: int)
         if pair is None:
             lines.append(row_line(row, store, moment, width, with_words=view.mode != RAW))
         else:
-            lines.append(signal_line(*pair, view, moment, width, chosen=chosen))
+            line = signal_line(*pair, view, moment, width, chosen=chosen)
+            lines.append(faded(line) if is_silent(row, moment) else line)
     idle = sum(_is_idle(row, view, moment) for row in _rows(store, view))
     if idle:
         lines.append([Cell(f"  {plural(idle, 'idle SDO row')} left out: f sdo shows them", "dim")])

@@ -15,12 +15,14 @@ from dvtcli.domain.text import safe
 from dvtcli.operations.results.pdos import MappedName, PdoRow
 from dvtcli.watch.decoder import Signal
 from dvtcli.watch.seen import FrameStore, SeenFrame
-from dvtcli.watch.statistics import ValueHistory, spark
+from dvtcli.watch.statistics import GRACE_S, ValueHistory, spark
 
 #: a change is bright for this long (s)
 FRESH_S = 0.5
 #: columns of a value on a narrow and on a WIDE screen
 VALUE, LONG_VALUE, WIDE = 16, 20, 100
+#: the rate and the period of a frame that is overdue
+SILENT = "-"
 #: columns of a frame's title and rate
 _BEFORE_RATE = 32
 #: columns of a node's name in a frame's line
@@ -42,14 +44,14 @@ def row_line(row: SeenFrame, store: FrameStore, moment: Moment, width: int, *, w
     """Return a frame's line, with the node's name if space permits; *with_words*: what it says goes before bytes."""
     rate, jitter = row.rhythm.rate_hz(moment.now_s), row.rhythm.jitter_s()
     title = title_of(row, store.decoder.called)
-    text = "" if rate is None else f"{rate:.1f} Hz" if rate < 1000 else f"{rate:.0f} Hz"
+    text = rate_text(rate)
     spread = "" if jitter is None or not rate else f"±{1000 * jitter:.{1 if jitter < 0.1 else 0}f} ms"
-    period = "" if not rate else period_text(1 / rate)
+    period = SILENT if is_silent(row, moment) else "" if not rate else period_text(1 / rate)
     number = row.service.node or 0
     name = "" if number in store.decoder.called else store.decoder.names.get(number, "")
     cells = [
         Cell(title, "bold"),
-        Cell(text.rjust(max(len(text) + 1, _BEFORE_RATE - len(title))), "yellow" if rate == 0 else ""),
+        Cell(text.rjust(max(len(text) + 1, _BEFORE_RATE - len(title)))),
         Cell(f" {period:>8}"),
         *([Cell(f" {spread:>8}", "dim")] if width >= WIDE else ()),
         Cell(f" {_count(row.count):>6}"),
@@ -59,7 +61,25 @@ def row_line(row: SeenFrame, store: FrameStore, moment: Moment, width: int, *, w
     is_wide = not words or sum(columns(cell.text) for cell in (*cells, *data, *words)) <= width
     cells += [*(data if is_wide else ()), *words]
     named = Cell(f"{'' if row.remote else '   ' * (8 - len(row.data))} {name}", "dim")
-    return [*cells, named] if sum(columns(cell.text) for cell in (*cells, named)) <= width else cells
+    cells = [*cells, named] if sum(columns(cell.text) for cell in (*cells, named)) <= width else cells
+    return faded(cells) if is_silent(row, moment) else cells
+
+
+def is_silent(row: SeenFrame, moment: Moment) -> bool:
+    """Whether the frame is overdue by several of its periods."""
+    return moment.now_s - row.last_s > GRACE_S and row.rhythm.rate_hz(moment.now_s) == 0
+
+
+def rate_text(rate: float | None) -> str:
+    """Frames per second in words; `-` for a frame that is overdue, empty if unknown."""
+    if rate is None:
+        return ""
+    return SILENT if rate == 0 else f"{rate:.1f} Hz" if rate < 1000 else f"{rate:.0f} Hz"
+
+
+def faded(line: list[Cell]) -> list[Cell]:
+    """Return *line* without bright colours, except the mark of the chosen signal."""
+    return [cell if cell.style == "cyan" else Cell(cell.text, "dim") for cell in line]
 
 
 def heads(width: int) -> list[Cell]:

@@ -15,7 +15,7 @@ from prompt_toolkit.key_binding import KeyBindings
 from dvtcli.cli.monitor.graph import graph
 from dvtcli.cli.monitor.monitor_state import GRAPH, TABLE, Moment, View
 from dvtcli.cli.monitor.screen import GRAPH_S, head_line, scrolled
-from dvtcli.cli.monitor.signal_lines import FRESH_S, Lines, age, levels, value_of, with_more
+from dvtcli.cli.monitor.signal_lines import FRESH_S, Lines, age, levels, rate_text, value_of, with_more
 from dvtcli.cli.screen.full_screen import LEAVE_S, GoneBus, MappingReader, bind, bind_leaving, show
 from dvtcli.cli.screen.widgets import cut, filled
 from dvtcli.cli.view.lines import Cell
@@ -343,8 +343,8 @@ def _pdo_line(board: Board, pdo: WatchedPdo, moment: Moment) -> list[Cell]:
     title, row = Cell(f"{label} node {node}", "bold"), board.row(pdo)
     if row is None:
         return [title, Cell("  no frame yet", "yellow")]
-    rate = row.rhythm.rate_hz(moment.now_s)
-    said = "" if rate is None else f"  {rate:.1f} Hz"
+    rate = rate_text(row.rhythm.rate_hz(moment.now_s))
+    said = f"  {rate}" if rate else ""
     can_id = can_id_text(row.can_id, extended=row.extended)
     return [
         title,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
@@ -174,10 +175,31 @@ def show(
     *mouse* gets what the mouse does; without it the terminal keeps the mouse to itself.
     """
     try:
-        with _held_signals() as came, session.output.held():
+        with _held_signals() as came, session.output.held(), _short_collections():
             _application(session, screen, keys, duration_s, came, mouse).run()
     finally:
         screen.leave()
+
+
+#: new objects that begin a collection of cycles while a screen is shown: as many as one picture leaves behind
+_OBJECTS_OF_A_PICTURE = 5_000
+
+
+@contextmanager
+def _short_collections() -> Iterator[None]:
+    """Collect cycles after each picture, in a millisecond, and look at no object from before the screen.
+
+    prompt_toolkit leaves 4,800 objects in a cycle for each picture of 120 x 40. A key waits for a collection of twenty
+    of them, or for one of all objects of a large EDS, longer than for its own picture.
+    """
+    before = gc.get_threshold()
+    gc.freeze()
+    gc.set_threshold(_OBJECTS_OF_A_PICTURE)
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
+        gc.unfreeze()
 
 
 @contextmanager
@@ -258,7 +280,6 @@ def _application(
         style=Style.from_dict(STYLE),
         full_screen=True,
         refresh_interval=REDRAW_S,
-        min_redraw_interval=REDRAW_S / 2,
         before_render=gather,
         color_depth=ColorDepth.DEPTH_1_BIT if session.output.color == "never" else None,
     )

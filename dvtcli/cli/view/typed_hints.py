@@ -80,7 +80,8 @@ COMMANDS: dict[Action, str] = {
     Action.LOG_VALUES: "log {file|FILE} --decode",
     Action.READ_VALUES: "read {objects|OBJECT…} --every {time|TIME} {file?-o} {file}",
     Action.SAVE_PLAN: "plan FILE -o PLAN.json",
-    Action.CONVERT: "eds convert {file|FILE} {target|TARGET} {services?--with} {services} {of?--for} {of}",
+    Action.CONVERT: "eds convert {file|FILE} {target|TARGET} {services?--with} {services} {of?--for} {of} "
+    "{plain?--plain}",
     Action.EXPORT: "export {file|FILE} {services?--with} {services} {twice?--twice}",
     Action.IMPORT: "import {file|FILE}",
     Action.BACKUP: "backup {file|FILE}",

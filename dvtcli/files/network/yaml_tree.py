@@ -66,6 +66,7 @@ MOST_ENTRIES = 80_000
 MOST_VALUES = 400_000
 #: white space in a line, and the begin of a comment or an end of the line
 _BLANKS, _BEHIND_BLANKS = " \t", "#\n\r\0\x85\u2028\u2029"
+_TAB_INDENTS = "a tab is no indentation: YAML takes spaces there"
 _TAG = "tag:yaml.org,2002:"
 _TYPES = {"int", "float", "bool", "null", "str"}
 
@@ -127,9 +128,9 @@ def count_aliases(text: str) -> int:
 
 
 def _yaml() -> YAML:
-    """Make ruamel's reader, which takes tabs in front of a comment or the end of a line, too (YAML 1.2, 6.6)."""
+    """Make ruamel's reader, with tabs as white space where YAML 1.2 has them so (6.2 and 6.6): not in indentation."""
     from ruamel.yaml import YAML
-    from ruamel.yaml.scanner import Scanner
+    from ruamel.yaml.scanner import Scanner, ScannerError
 
     class TabScanner(Scanner):
         def scan_to_next_token(self) -> None:
@@ -139,10 +140,16 @@ def _yaml() -> YAML:
                 blanks = 1
                 while self.reader.peek(blanks) in _BLANKS:
                     blanks += 1
-                if self.reader.peek(blanks) not in _BEHIND_BLANKS:
-                    return  # a token: its tab is an error
+                if self.reader.peek(blanks) not in _BEHIND_BLANKS and self._indents():
+                    raise ScannerError(None, None, _TAB_INDENTS, self.reader.get_mark())
                 self.reader.forward(blanks)
                 super().scan_to_next_token()
+
+        def _indents(self) -> bool:
+            """Tell whether a tab here is part of an indentation: of a line, or of what `-` or `?` begins."""
+            reader = self.reader
+            before = reader.buffer[reader.pointer - reader.column : reader.pointer].rstrip(_BLANKS)
+            return not before or before[-1] in "-?"
 
     yaml = YAML(typ="safe", pure=True)
     yaml.Scanner = TabScanner

@@ -23,13 +23,17 @@ _SEPARATOR = " "
 
 @dataclass(slots=True)
 class XmlElement:
-    """An element: local *name*, *line* (from 1), attributes and child elements; *text* is its own characters."""
+    """An element: local *name*, *line* (from 1), attributes and child elements; *text* is its own characters.
+
+    *start* is the number of bytes before it in the file.
+    """
 
     name: str
     line: int
     attributes: dict[str, str]
     children: list[XmlElement] = field(default_factory=list)
     text: str = ""
+    start: int = 0
 
     def all(self, name: str) -> list[XmlElement]:
         """The children called *name*."""
@@ -130,7 +134,7 @@ class _XmlReading:
         if len(self._open) >= _MOST_DEPTH or len(attributes) > _MOST_ATTRIBUTES:
             self._fail(f"is nested deeper than {_MOST_DEPTH} elements, or one has very many attributes", "no XDD is")
         named = {key.rpartition(_SEPARATOR)[2]: value for key, value in attributes.items()}
-        element = XmlElement(local, self._parser.CurrentLineNumber, named)
+        element = XmlElement(local, self._parser.CurrentLineNumber, named, start=self._parser.CurrentByteIndex)
         if self._open:
             self._open[-1].children.append(element)
         else:

@@ -83,7 +83,7 @@ CALLS: dict[Action, str] = {
     Action.LOG_VALUES: "dvtcli log FILE --decode",
     Action.READ_VALUES: "dvtcli read OBJECT --every TIME",
     Action.SAVE_PLAN: "dvtcli plan FILE -o PLAN",
-    Action.CONVERT: "dvtcli.convert({file|FILE}, {target|TARGET}{of?, node=}{of})",
+    Action.CONVERT: "dvtcli.convert({file|FILE}, {target|TARGET}{of?, node=}{of}{plain?, plain=True})",
     Action.EXPORT: "node.export({file|FILE} {twice?twice=True})",
     Action.IMPORT: "bus.import_network({file|FILE})",
     Action.BACKUP: "node.backup({file|FILE})",

@@ -144,7 +144,7 @@ def check_options(
     )
 
 
-def convert(
+def convert(  # noqa: PLR0913 - each option of a conversion by its name
     file: str | Path,
     target: str | Path,
     *,
@@ -153,6 +153,7 @@ def convert(
     split_bits: bool = False,
     everything: bool = False,
     eds: str | Path | None = None,
+    plain: bool = False,
     yes: bool = False,
 ) -> tuple[str, ...]:
     """Convert *file* to *target*, in the format of its suffix: EDS to XDD, DCF to XDC, and back.
@@ -160,7 +161,8 @@ def convert(
     A network file becomes the concise DCF (.cdcf) of *node*, by name or node-ID (None: its only node), or a DBC file
     (.dbc) of all nodes: *services* (`nmt`, `sync`, `emcy`, `heartbeat`, `sdo`) adds their frames, *split_bits* makes a
     signal of each named bit, *everything* adds disabled PDOs. A recording becomes a DBC file of the PDOs in its SDO
-    transfers, with names of *eds* (None: by the recorded identity). Returns what *target* lacks. Overwriting needs
+    transfers, with names of *eds* (None: by the recorded identity). A *plain* EDS or DCF has no units, modules and
+    safety keys, which some tools refuse. Returns what *target* lacks. Overwriting needs
     *yes*. Raises UsageError for another suffix, if a file cannot be read or written, or if a recording has no mapping;
     InputFileError if *file* is invalid.
     """
@@ -170,8 +172,9 @@ def convert(
     source, chosen = str(path("file", file)), str(path("target", target))
     described = None if eds is None else str(path("eds", eds))
     options = dbc_options(services, split_bits=split_bits, everything=everything)
+    flags(plain=plain)
     with errors_in_calls(), Session(Options(yes=yes, eds=described)) as session:
-        done = dict(convert_file(session, source, chosen, node, options).rows)
+        done = dict(convert_file(session, source, chosen, node, options, plain=plain).rows)
     return tuple(done.get("left_out") or done.get("losses") or ())
 
 

@@ -8,7 +8,12 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from dvtcli.domain.dictionary_difference import DictionaryDifference, differences, without_values
+from dvtcli.domain.dictionary_difference import (
+    DictionaryDifference,
+    differences,
+    without_scalings,
+    without_values,
+)
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.concise_dcf import SUFFIX as CONCISE_SUFFIX
 from dvtcli.domain.object_dictionary import Commissioning
@@ -101,10 +106,11 @@ _OF_EVERY_FILE = (("FileRevision", "0"), ("FileRevision", "0x0"), ("EDSVersion",
 _BESIDE = ("value_relative", "default_relative", "low_relative", "high_relative")
 
 
-def convert_device_file(session: SessionUser, file: str, target: str) -> Facts:
+def convert_device_file(session: SessionUser, file: str, target: str, *, plain: bool = False) -> Facts:
     """Convert the device file or simulated family *file* to the format of *target*'s suffix, and list what is lost.
 
-    An EDS or XDD has no values of a node. Asks before overwriting. Raises UsageError if *target* has another suffix, or
+    An EDS or XDD has no values of a node. A *plain* EDS or DCF has only the keys and sections that every reader takes:
+    no units, modules and safety keys. Asks before overwriting. Raises UsageError if *target* has another suffix, or
     a file cannot be read or written; InputFileError if *file* is invalid.
     """
     path = place_of(target, "NAME.xdd")
@@ -113,10 +119,13 @@ def convert_device_file(session: SessionUser, file: str, target: str) -> Facts:
         raise UsageError(
             f"{target}: unknown format", hint=f"a name that ends in {', '.join((*DEVICE_SUFFIXES, '.cdcf'))}"
         )
+    if plain and suffix in XDD_SUFFIXES:
+        raise _not_plain(target)
     read = _read(file, session.options.chosen_modules)
     wanted = read.dictionary if suffix in VALUE_SUFFIXES else without_values(read.dictionary)
+    wanted = without_scalings(wanted) if plain else wanted
     said = file_info(read)
-    keeps = _kept(read, suffix)
+    keeps = None if plain else _kept(read, suffix)
     data = device_file_bytes(wanted, path.name, f"made from {Path(file).name}", None, said, keeps)
     again = parse_device_file(data, path.name)
     losses = [
@@ -128,6 +137,11 @@ def convert_device_file(session: SessionUser, file: str, target: str) -> Facts:
     ask_before_overwriting(session, path)
     make_file(session, path, data)
     return _answer(file, target, len(again.dictionary), losses, notes)
+
+
+def _not_plain(target: str) -> UsageError:
+    hint = Hint(Action.CONVERT, {"file": "drive.eds", "target": "plain.eds", "plain": True})
+    return UsageError(f"{target} is no EDS or DCF; only these can be plain", given={"plain": None}, hint=hint)
 
 
 def _kept(read: EdsFile | XddFile, suffix: str) -> KeptText | None:
@@ -200,7 +214,7 @@ class DeviceFileFormat(ConversionFormat):
 
     def write(self, session: Session, wanted: Converted) -> Facts:
         """Write it by `convert_device_file`; raises UsageError for another suffix."""
-        return convert_device_file(session, wanted.source, wanted.target)
+        return convert_device_file(session, wanted.source, wanted.target, plain=wanted.plain)
 
 
 class ConciseDcfFormat(ConversionFormat):
@@ -224,13 +238,19 @@ def conversion_formats() -> Mapping[str, ConversionFormat]:
 
 
 def convert_file(
-    session: Session, file: str, target: str, node: str | int | None = None, options: DbcOptions | None = None
+    session: Session,
+    file: str,
+    target: str,
+    node: str | int | None = None,
+    options: DbcOptions | None = None,
+    *,
+    plain: bool = False,
 ) -> Facts:
     """Convert *file* to the format of *target*'s suffix, and list what is lost.
 
     An EDS or XDD has no values of a node. A .cdcf is of *node* of a network file, a .dbc of all nodes of a network file
-    or recording, by *options*. Asks before overwriting. Raises UsageError if *target* has another suffix, or a file
-    cannot be read or written; InputFileError if *file* is invalid.
+    or recording, by *options*. *plain*: an EDS or DCF for every reader. Asks before overwriting. Raises UsageError if
+    *target* has another suffix, or a file cannot be read or written; InputFileError if *file* is invalid.
     """
     kind = _format_of(target)
     if options and not kind.has_options:
@@ -243,7 +263,9 @@ def convert_file(
         raise UsageError(
             "a node of a network file is chosen for a concise DCF", given={"node": node}, hint=kind.instead_of_a_node
         )
-    return kind.write(session, Converted(file, target, node, options or DbcOptions()))
+    if plain and not isinstance(kind, DeviceFileFormat):
+        raise _not_plain(target)
+    return kind.write(session, Converted(file, target, node, options or DbcOptions(), plain))
 
 
 def _format_of(target: str) -> ConversionFormat:
@@ -254,9 +276,10 @@ def _format_of(target: str) -> ConversionFormat:
 
 @dataclass(frozen=True, slots=True)
 class Converted:
-    """A request: *source* to *target*; the *node* of a network file, by name or node-ID; *dbc* options."""
+    """A request: *source* to *target*; the *node* of a network file, by name or node-ID; *dbc* options; *plain*."""
 
     source: str
     target: str
     node: str | int | None = None
     dbc: DbcOptions = field(default_factory=DbcOptions)
+    plain: bool = False

@@ -1,4 +1,4 @@
-"""Edit the PDOs of a network file's nodes, or of a DCF, without a bus: simulated nodes hold what the file says."""
+"""Edit the PDOs of a network file's nodes, or of a DCF or XDC, without a bus: simulated nodes hold its values."""
 
 from __future__ import annotations
 
@@ -25,8 +25,7 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import Severity
 from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import DeviceRefused, RuleError, UsageError
-from dvtcli.files.dcf.change_values import change_values
-from dvtcli.files.device_file import VALUE_SUFFIXES
+from dvtcli.files.device_file import VALUE_SUFFIXES, change_values
 from dvtcli.files.eds.ini import MOST_BYTES
 from dvtcli.files.input_file import read_input
 from dvtcli.files.network.file_log import FileLog
@@ -57,7 +56,7 @@ if TYPE_CHECKING:
 
 _COMMENT = re.compile(r"(?:^|\s)#")
 #: suffixes of the files of which `eds convert` makes a DCF
-_CONVERTED = (".eds", ".xdd", ".xdc")
+_CONVERTED = (".eds", ".xdd")
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,14 +166,17 @@ class EditedFile(Protocol):
 
 
 def file_to_edit(file: str) -> EditedFile:
-    """Read *file*, a network file or a DCF; raises UsageError for another suffix, and the errors of reading it."""
+    """Read *file*, a network file, a DCF or an XDC.
+
+    Raises UsageError for another suffix, and the errors of reading it.
+    """
     name = file.lower()
     if name.endswith(NETWORK_SUFFIXES):
         return EditedNetwork(OpenedFile(file, MOST_OF_NETWORK, "network file"), read_network_config(file))
-    if name.endswith(".dcf"):
-        return EditedDcf(OpenedFile(file, MOST_BYTES, "DCF"))
+    if name.endswith(VALUE_SUFFIXES):
+        return EditedValues(OpenedFile(file, MOST_BYTES, "DCF or XDC"))
     raise UsageError(
-        f"{file}: edit takes a PDO, a network file (.yaml) or a DCF (.dcf)",
+        f"{file}: edit takes a PDO, a network file (.yaml), a DCF (.dcf) or an XDC (.xdc)",
         place=file,
         hint=_as_dcf(file) if name.endswith(_CONVERTED) else None,
     )
@@ -187,14 +189,14 @@ def _as_dcf(file: str) -> Hint:
 
 
 def refuse_other_values(edited: str, file: str) -> None:
-    """Raise UsageError if *file* is a DCF or XDC, and *edited* is another kind of file.
+    """Raise UsageError if *file* is a DCF or XDC; *edited* is another kind of file.
 
     A simulated node has values of its own for the objects that the file does not name.
     """
     if not file.lower().endswith(VALUE_SUFFIXES):
         return
-    if edited.lower().endswith(".dcf"):
-        hint = Hint(Action.CONVERT, {"file": edited, "target": file}, "{} makes an XDC of the saved DCF")
+    if edited.lower().endswith(VALUE_SUFFIXES):
+        hint = Hint(Action.CONVERT, {"file": edited, "target": file}, "{} makes it of the saved file")
     else:
         hint = Hint(Action.EXPORT, {"file": file}, "{} reads it from the device, once the network file is applied")
     raise UsageError(
@@ -492,8 +494,8 @@ def _lost(old: str, config: NetworkConfig, written: NetworkConfig) -> Iterator[s
         )
 
 
-class EditedDcf:
-    """A DCF; its values of PDOs are edited."""
+class EditedValues:
+    """A DCF or XDC; its values of PDOs are edited."""
 
     notes: tuple[str, ...] = ()
     names: Mapping[int, str] = {}
@@ -507,19 +509,19 @@ class EditedDcf:
         return Options(sim=(str(Path(self.file)),), force=True)
 
     def fill(self, session: Session) -> None:
-        """Do nothing: a simulated device holds the values of its DCF."""
+        """Do nothing: a simulated device holds the values of its DCF or XDC."""
         session.bus.read_at_once()
 
     def lacks(self, _link: EditedLink) -> bool:
-        """Return False: a DCF has no links."""
+        """Return False: neither DCF nor XDC has links."""
         return False
 
     def link_note(self, _link: EditedLink) -> str:
-        """Return nothing: a DCF has no links."""
+        """Return nothing: neither DCF nor XDC has links."""
         return ""
 
     def offered_watch_ms(self, _link: EditedLink, _slots: Mapping[int, int]) -> int | None:
-        """Return None: a DCF has no links."""
+        """Return None: neither DCF nor XDC has links."""
         return None
 
     def judge(self, edits: Edits) -> Judged:
@@ -528,8 +530,8 @@ class EditedDcf:
         return Judged(findings)
 
     def write(self, session: SessionUser, edits: Edits, file: str) -> str:
-        """Write the values of the edited PDOs; every other byte of the DCF stays."""
-        path = place_of(file, "NAME.dcf")
+        """Write the values of the edited PDOs; every other byte of the file stays."""
+        path = place_of(file, f"NAME{Path(self.file).suffix.lower()}")
         if not edits:
             return self._opened.copy(session, path)
         values: dict[ObjectAddress, bytes] = {}

@@ -23,6 +23,7 @@ from dvtcli.watch.recording.stream_problems import LOAD
 if TYPE_CHECKING:
     from dvtcli.domain.lint.lint_rule import LintRule
     from dvtcli.domain.network.network_config import NetworkConfig
+    from dvtcli.domain.pdo import PdoCommunicationParameter
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.watch.decoder import Address, Decoder
     from dvtcli.watch.explain.known_node import KnownNode
@@ -90,16 +91,17 @@ class _Known:
     decoder: Decoder | None
     described: Callable[[int], KnownNode]
     rpdos: Mapping[NodePdo, Address]
+    tpdos: Mapping[NodePdo, PdoCommunicationParameter]
     bit_rate: int | None
 
 
 def _known(session: SessionNodes, options: RecordingOptions) -> _Known:
     is_given = options.dbc is not None or session.base.eds is not None
     dbc, config = options.dbc, network_config_of(options.dbc)
-    rpdos, bit_rate = ({}, None) if dbc is None or config is None else _of_network(dbc, config)
+    rpdos, tpdos, bit_rate = ({}, {}, None) if dbc is None or config is None else _of_network(dbc, config)
     return _Known(
         decoder_for(session, None, dbc, config=config) if is_given else None,
-        described_nodes(session, dbc, config), rpdos, options.bit_rate or bit_rate,
+        described_nodes(session, dbc, config), rpdos, tpdos, options.bit_rate or bit_rate,
     )  # fmt: skip
 
 
@@ -140,7 +142,8 @@ def _report_of(
             first_s = recorded.frame.timestamp_s
         last_s = recorded.frame.timestamp_s
         if (check := checks.get(recorded.channel)) is None:
-            check = checks[recorded.channel] = RecordingCheck(decoder.layout, name_of, known.rpdos, known.bit_rate)
+            check = RecordingCheck(decoder.layout, name_of, known.rpdos, known.bit_rate, known.tpdos)
+            checks[recorded.channel] = check
         if recorded.error:
             check.take_error(number, last_s)
         else:
@@ -167,18 +170,25 @@ def _asked(rules: Sequence[LintRule], bit_rate: int | None) -> tuple[FileRule, .
     return tuple(FileRule(rule.name, str(rule.severity), rule.sense, rule.source) for rule in judged)
 
 
-def _of_network(file: str, network_config: NetworkConfig) -> tuple[dict[NodePdo, Address], int | None]:
-    """Return the enabled RPDOs that the network *file*, read as *network_config*, itself names, and its bit rate."""
+def _of_network(
+    file: str, network_config: NetworkConfig
+) -> tuple[dict[NodePdo, Address], dict[NodePdo, PdoCommunicationParameter], int | None]:
+    """Return the enabled RPDOs and TPDOs that the network *file*, read as *network_config*, names, and its bit rate."""
     from dvtcli.operations.network.described_network import described_pdos
 
     named = {(node.node_id, pdo.pdo) for node in network_config.nodes for pdo in node.pdos}
-    found: dict[NodePdo, Address] = {}
+    rpdos: dict[NodePdo, Address] = {}
+    tpdos: dict[NodePdo, PdoCommunicationParameter] = {}
     for node in described_pdos(file, network_config).nodes:
         for pdo, config in node.pdos.items():
             is_meant = (node.node_id, pdo) in named or pdo not in node.guessed
-            if config.enabled and not pdo.is_tpdo and is_meant:
-                found[node.node_id, pdo] = identifier_of(config)
-    return found, network_config.master.bit_rate if network_config.master is not None else None
+            if not config.enabled or not is_meant:
+                continue
+            if pdo.is_tpdo:
+                tpdos[node.node_id, pdo] = config.communication
+            else:
+                rpdos[node.node_id, pdo] = identifier_of(config)
+    return rpdos, tpdos, network_config.master.bit_rate if network_config.master is not None else None
 
 
 def _finding(problem: Problem, bus: str) -> RecordingFinding:

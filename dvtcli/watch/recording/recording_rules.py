@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 
 from dvtcli.domain.lint.lint_rule import ERROR, WARNING, LintRule
+from dvtcli.domain.pdo import PdoCommunicationParameter
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.text import plural
 from dvtcli.watch.decoder import Address, Layout
@@ -22,7 +23,7 @@ from dvtcli.watch.recording.master_problems import MASTER_RULES, MasterProblems
 from dvtcli.watch.recording.node_problems import NODE_RULES, NodeProblems
 from dvtcli.watch.recording.problems import Moment, Problem, TimesOf, joined
 from dvtcli.watch.recording.sdo_problems import SDO_RULES, SdoProblems
-from dvtcli.watch.recording.stream_problems import STREAM_RULES, StreamProblems
+from dvtcli.watch.recording.stream_problems import STREAM_RULES, KnownTpdos, StreamProblems
 from dvtcli.watch.recording.written_mappings import WrittenMappings
 from dvtcli.watch.sdo_servers import SDO_SERVERS, server_layouts
 from dvtcli.watch.sdo_transfers import SdoTransfers
@@ -47,19 +48,21 @@ class RecordingCheck:
     """Checks the frames of one bus in order.
 
     *layout_of* a frame is what its sender maps; *name_of* node-ID, index and sub-index is an object's name, or empty.
-    *rpdos* are the RPDOs that a file describes, with their CAN-IDs; *bit_rate* is the bus's (bit/s), None: unknown.
+    *rpdos* are the RPDOs that a file describes, with their CAN-IDs, *tpdos* its TPDOs with their parameters; *bit_rate*
+    is the bus's (bit/s), None: unknown.
     """
 
     def __init__(
         self, layout_of: Callable[[Frame], Layout], name_of: Callable[[int, int, int], str],
         rpdos: Mapping[NodePdo, Address] | None = None, bit_rate: int | None = None,
+        tpdos: Mapping[NodePdo, PdoCommunicationParameter] | None = None,
     ) -> None:  # fmt: skip
         self._layout_of = layout_of
         self._nodes, self._lengths, self._mappings = NodeProblems(), LengthProblems(layout_of), WrittenMappings()
         self._sdo, self._answers = SdoProblems(name_of, self._nodes.silence), AnswerProblems(self._nodes)
         self._masters = MasterProblems()
         self._rpdos, self._streams = RpdoProblems(rpdos or {}), StreamProblems(bit_rate)
-        self._transfers = SdoTransfers()
+        self._tpdos, self._transfers = KnownTpdos(tpdos or {}), SdoTransfers()
         self._last: Moment | None = None
         self._errors: TimesOf[str] = TimesOf()
         self._watches: dict[Address, _Watch] = {}
@@ -124,6 +127,7 @@ class RecordingCheck:
         self._answers.take(moment, channel, frame.data, step, request=request, is_other=is_other)
         self._rpdos.take(moment, channel[0], step)
         self._mappings.take(moment, channel[0], step)
+        self._tpdos.take(channel[0], step)
         if step.step == "done" and step.place is not None and step.place[0] in SDO_SERVERS:
             servers = server_layouts(channel[0], {step.place: int.from_bytes(step.data, "little")})
             self._servers |= servers
@@ -152,7 +156,7 @@ class RecordingCheck:
             yield from self._masters.problems()
             yield from self._lengths.problems(self._mappings)
             yield from self._rpdos.problems(self._lengths.sent, self._nodes)
-            yield from self._streams.problems()
+            yield from self._streams.problems(self._tpdos.event_driven())
         for moments in self._errors.values():
             yield Problem(
                 ERROR_FRAMES, plural(moments.times, "error frame"), "all nodes",

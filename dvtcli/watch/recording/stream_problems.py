@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from dvtcli.domain.bus_load import least_frame_bits
+from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.lint.lint_rule import WARNING, LintRule
+from dvtcli.domain.network.frame_streams import EVENT_DRIVEN
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.text import plural
 from dvtcli.watch.decoder import Address
 from dvtcli.watch.recording.beats import AlternatingFrames
-from dvtcli.watch.recording.frame_problems import TWO_SENDERS
+from dvtcli.watch.recording.frame_problems import TWO_SENDERS, NodePdo
 from dvtcli.watch.recording.problems import Moment, Moments, Problem, TimesOf
+from dvtcli.watch.sdo_transfers import SdoStep
 
 FLOOD = LintRule(
     "pdo-floods", WARNING, "a PDO is transmitted far more often than usual", "CiA 301, 7.5.2.37: inhibit time"
@@ -82,6 +87,43 @@ class _Pdo:
         return is_long and len(self.floods) > _NEARLY_ALL * self.windows - 1 and self.fewest >= _EVEN * self.most
 
 
+#: sub-indices of a TPDO's communication parameter, and the bytes of the longest value
+_COB_ID, _TYPE, _EVENT_TIMER, _LONGEST = 1, 2, 5, 4
+
+
+class KnownTpdos:
+    """The COB-ID, type and event timer of TPDOs: as *described*, and as written or read by SDO in the recording."""
+
+    def __init__(self, described: Mapping[NodePdo, PdoCommunicationParameter]) -> None:
+        #: all values by TPDO and sub-index
+        self._values: dict[NodePdo, dict[int, set[int]]] = defaultdict(lambda: defaultdict(set))
+        for key, parameter in described.items():
+            values = self._values[key]
+            values[_COB_ID].add(parameter.cob_id.raw)
+            values[_EVENT_TIMER].add(parameter.event_timer or 0)
+            if parameter.transmission_type is not None:
+                values[_TYPE].add(parameter.transmission_type)
+
+    def take(self, node_id: int, step: SdoStep) -> None:
+        """Look at a *step* of an SDO transfer of *node_id*: it may have a TPDO's parameter."""
+        if step.step != "done" or step.place is None or not 0 < len(step.data) <= _LONGEST:
+            return
+        index, sub_index = step.place
+        pdo = Pdo.at(index)
+        if pdo is not None and pdo.is_tpdo and index == pdo.communication_index:
+            self._values[node_id, pdo][sub_index].add(int.from_bytes(step.data, "little"))
+
+    def event_driven(self) -> Collection[Address]:
+        """Return the CAN-IDs of TPDOs that only events transmit: their type was never another, their timer always 0."""
+        cob_ids = [
+            CobId.from_raw(raw)
+            for values in self._values.values()
+            if values[_TYPE] and values[_TYPE] <= {*EVENT_DRIVEN} and values[_EVENT_TIMER] == {0}
+            for raw in values[_COB_ID]
+        ]
+        return {(cob_id.can_id, cob_id.extended) for cob_id in cob_ids}
+
+
 class StreamProblems:
     """Watches how often PDOs come, and the load of a bus of *bit_rate* (bit/s; None: unknown, and not judged)."""
 
@@ -124,8 +166,11 @@ class StreamProblems:
             self._full.note(self._begin, "")
             self._most_bits = max(self._most_bits, self._bits)
 
-    def problems(self) -> Iterator[Problem]:
-        """Return PDOs that flood the bus, and times at which it was full."""
+    def problems(self, event_driven: Collection[Address]) -> Iterator[Problem]:
+        """Return PDOs that flood the bus, and times at which it was full.
+
+        Of the CAN-IDs *event_driven* it is known that only events transmit them: no timer makes them come evenly.
+        """
         for (can_id, extended), pdo in sorted(self._pdos.items()):
             pdo.judge(self._syncs)
             named = f"0x{can_id:0{8 if extended else 3}X}"
@@ -133,7 +178,7 @@ class StreamProblems:
                 text = f"{named} alternates between two values, each with its own period"
                 look = f"which nodes have {named} in a TPDO"
                 yield Problem(TWO_SENDERS, text, f"senders of {named}", look, pdo.turns.times)
-            if pdo.floods and not pdo.is_cyclic:
+            if pdo.floods and ((can_id, extended) in event_driven or not pdo.is_cyclic):
                 text = f"{named} was received up to {plural(pdo.most, 'time')} in 0.1 s"
                 yield Problem(FLOOD, text, f"the sender of {named}",
                               "its inhibit time, and which of its values changes continuously",

@@ -66,7 +66,7 @@ def test_nodes_of_a_network_file_are_edited_and_everything_else_is_kept(tmp_path
     before = read_network_config(str(tmp_path / "net.yaml"))
     terminal.wait("node 7 has no EDS: its part of the file is kept unchanged")
     terminal.type(F10)
-    terminal.wait("nothing to write: the file already has these values")
+    terminal.wait("nothing to write: the file has these values already")
     terminal.type(ENTER)
     terminal.wait("FRAME OF TPDO1", "606C:00/32 Velocity actual value")
     terminal.type("d")
@@ -115,7 +115,7 @@ def test_f10_keeps_what_another_program_wrote_and_names_the_way_out(tmp_path: Pa
     (tmp_path / "net.yaml").write_text(theirs, encoding="utf-8")
     terminal.type(F10)
     terminal.wait(
-        "not written: net.yaml was changed by another program and is not overwritten; F2 saves under another name"
+        "not written: net.yaml was changed by another program and is not overwritten; F2", "saves under another name"
     )
     terminal.type(F2)
     fill(terminal, "save as", "node.dcf")
@@ -199,9 +199,10 @@ def test_a_dcf_is_edited_and_only_its_pdos_change(tmp_path: Path, open_terminal:
 @pytest.mark.parametrize(
     ("name", "text", "said"),
     [
-        ("a.txt", "", "edit takes a PDO, a network file (.yaml) or a DCF (.dcf)"),
+        ("a.txt", "", "edit takes a PDO, a network file (.yaml), a DCF (.dcf) or an XDC (.xdc)"),
         ("a.eds", "", "eds convert a.eds a.dcf` makes a DCF, which can be edited"),
-        ("a.XDC", "", "eds convert a.XDC a.dcf` makes a DCF, which can be edited"),
+        ("a.XDD", "", "eds convert a.XDD a.dcf` makes a DCF, which can be edited"),
+        ("a.XDC", "", "a.XDC is not well-formed XML"),
         ("a.yaml", "nodes: {a: {node_id: 5, tpdo: {1: {cob_id: 0x1B7}}}}", "its nodes have no EDS"),
         ("a.yaml", "nodes: {a: {node_id: 5, dcf: gen4, tpdo: {1: {mapping: [1018:01]}}}}", "not mappable"),
         ("gone.yaml", None, "No such file"),

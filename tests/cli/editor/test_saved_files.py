@@ -95,6 +95,22 @@ def dcf(tmp_path: Path, exported: Path) -> Path:
     return file
 
 
+@pytest.fixture(scope="module")
+def exported_xdc(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("exported_xdc")
+    assert run(("--sim", "gen4@9", "export", "n.xdc"), cwd=folder).returncode == 0
+    return folder / "n.xdc"
+
+
+@pytest.fixture
+def xdc(tmp_path: Path, exported_xdc: Path) -> Path:
+    """An XDC with lines of Windows, and a comment that nobody reads."""
+    file = tmp_path / "x.xdc"
+    lines = exported_xdc.read_text(encoding="utf-8").splitlines()
+    file.write_bytes("\r\n".join([*lines, "<!-- as the machine's builder wants it -->", ""]).encode())
+    return file
+
+
 #: examples without an EDS of a node: `edit` says so
 NOT_EDITED = {"stamped.yaml", "traction.yaml"}
 
@@ -117,11 +133,16 @@ def test_every_example_that_opens_is_saved(tmp_path: Path, name: str) -> None:
     assert next(one for one in node.pdos if one.pdo == pdo).event_timer == timer
 
 
-@pytest.mark.parametrize("kind", ["yaml", "dcf"])
-def test_what_another_program_wrote_meanwhile_is_not_overwritten(tmp_path: Path, dcf: Path, kind: str) -> None:
-    file = dcf if kind == "dcf" else network(tmp_path)
+THEIRS = {"yaml": b"# theirs\n", "dcf": b"; theirs\r\n", "xdc": b"<!-- theirs -->"}
+
+
+@pytest.mark.parametrize("kind", ["yaml", "dcf", "xdc"])
+def test_what_another_program_wrote_meanwhile_is_not_overwritten(
+    tmp_path: Path, dcf: Path, xdc: Path, kind: str
+) -> None:
+    file = {"dcf": dcf, "xdc": xdc}.get(kind) or network(tmp_path)
     with edited(file) as (session, nodes):
-        theirs = file.read_bytes() + (b"# theirs\n" if kind == "yaml" else b"; theirs\r\n")
+        theirs = file.read_bytes() + THEIRS[kind]
         file.write_bytes(theirs)
         with pytest.raises(UsageError, match="was changed by another program and is not overwritten") as refused:
             nodes.save(session, str(file))
@@ -148,9 +169,9 @@ def test_what_is_written_while_the_question_is_open_is_not_overwritten(tmp_path:
     assert "900" in file.read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("kind", ["yaml", "dcf"])
-def test_ones_own_writing_is_not_taken_for_another_programs(tmp_path: Path, dcf: Path, kind: str) -> None:
-    file = dcf if kind == "dcf" else network(tmp_path)
+@pytest.mark.parametrize("kind", ["yaml", "dcf", "xdc"])
+def test_ones_own_writing_is_not_taken_for_another_programs(tmp_path: Path, dcf: Path, xdc: Path, kind: str) -> None:
+    file = {"dcf": dcf, "xdc": xdc}.get(kind) or network(tmp_path)
     with edited(file) as (session, nodes):
         nodes.save(session, str(file))
         first = file.read_bytes()
@@ -158,11 +179,11 @@ def test_ones_own_writing_is_not_taken_for_another_programs(tmp_path: Path, dcf:
         assert file.read_bytes() == first
 
 
-@pytest.mark.parametrize(("kind", "suffix"), [("yaml", "dcf"), ("yaml", "xdc"), ("dcf", "xdc")])
+@pytest.mark.parametrize(("kind", "suffix"), [("yaml", "dcf"), ("yaml", "xdc"), ("dcf", "xdc"), ("xdc", "dcf")])
 def test_values_that_only_a_simulated_node_has_are_not_written(
-    tmp_path: Path, dcf: Path, kind: str, suffix: str
+    tmp_path: Path, dcf: Path, xdc: Path, kind: str, suffix: str
 ) -> None:
-    file, made = dcf if kind == "dcf" else network(tmp_path), tmp_path / f"made.{suffix}"
+    file, made = {"dcf": dcf, "xdc": xdc}.get(kind) or network(tmp_path), tmp_path / f"made.{suffix}"
     with edited(file) as (session, nodes):
         with pytest.raises(UsageError, match="it has the values of a whole device") as refused:
             nodes.save(session, str(made))
@@ -184,9 +205,24 @@ def test_only_the_edited_value_of_a_dcf_changes(tmp_path: Path, dcf: Path, to: s
     assert [now for _was, now in differing] == [f"ParameterValue=0x{timer:04X}\r\n".encode()]
 
 
-@pytest.mark.parametrize("kind", ["yaml", "dcf"])
-def test_an_unedited_file_is_copied_byte_for_byte(tmp_path: Path, dcf: Path, kind: str) -> None:
-    file, copy = dcf if kind == "dcf" else network(tmp_path), tmp_path / f"copy.{kind}"
+@pytest.mark.parametrize("to", ["x.xdc", "y.xdc"])
+def test_only_the_edited_value_of_an_xdc_changes(tmp_path: Path, xdc: Path, to: str) -> None:
+    before = xdc.read_bytes()
+    with unedited(xdc) as (session, nodes):
+        pdo, timer = edit(nodes)
+        assert nodes.save(session, str(tmp_path / to)) == f"{tmp_path / to}: 9:{pdo} written"
+    after = (tmp_path / to).read_bytes()
+    old, new = before.split(b"\n"), after.split(b"\n")
+    differing = [(was, now) for was, now in zip(old, new, strict=True) if was != now]
+    assert len(differing) == 1
+    assert f'actualValue="0x{timer:04X}"'.encode() in differing[0][1]
+    with unedited(tmp_path / to) as (_session, nodes):
+        assert nodes.editor(None).pdos.held[pdo].communication.event_timer == timer
+
+
+@pytest.mark.parametrize("kind", ["yaml", "dcf", "xdc"])
+def test_an_unedited_file_is_copied_byte_for_byte(tmp_path: Path, dcf: Path, xdc: Path, kind: str) -> None:
+    file, copy = {"dcf": dcf, "xdc": xdc}.get(kind) or network(tmp_path), tmp_path / f"copy.{kind}"
     with unedited(file) as (session, nodes):
         assert nodes.save(session, str(copy)) == f"{copy}: a copy of {file}, without changes"
     assert copy.read_bytes() == file.read_bytes()

@@ -23,6 +23,7 @@ from dvtcli.cli.monitor.screen import picture, signal_at
 from dvtcli.cli.monitor.signal_lines import age
 from dvtcli.cli.monitor.transmit_list import TransmitEntry, TransmitList
 from dvtcli.cli.screen.widgets import Choices, Dialog, FieldDialog, Question
+from dvtcli.cli.view.lines import Cell
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_scalings import ObjectRange, ObjectScalings
@@ -414,6 +415,31 @@ def test_what_is_learnt_later_counts_for_what_came_before() -> None:
     assert row.histories[0] is history, "what is as before keeps its course"
     store.know(Decoder())
     assert (row.service.label, row.histories) == ("RPDO1?", [])
+
+
+def test_a_silent_frame_has_no_rate_and_fades_with_its_signals() -> None:
+    """Four of its periods and a second after the last frame; other rows stay as they are."""
+    store = FrameStore(decoder())
+    for number in range(20):
+        store.take(Frame(0x201, bytes.fromhex("000A24FAFFFF3712"), timestamp_s=BEGIN_S + number / 100))
+    for number in range(40):
+        store.take(Frame(0x701, b"\x05", timestamp_s=BEGIN_S + number / 10))
+
+    def drawn(now_s: float) -> dict[str, list[Cell]]:
+        lines = picture(store, View(chosen=2), Moment("sim", now_s, 0, BEGIN_S + now_s), 120, 24)[3:8]
+        return {"".join(cell.text for cell in line).strip(): line for line in lines}
+
+    bright, silent = drawn(0.2), drawn(3.95)
+    (row,) = [text for text in silent if text.startswith("0x201")]
+    assert row.split()[4:8] == ["-", "-", "20", "3.8"]
+    assert "Hz" not in row
+    pdo = [line for text, line in silent.items() if not text.startswith("0x701")]
+    assert {cell.style for line in pdo for cell in line if cell.text.strip(" >")} == {"dim"}
+    (heartbeat,) = [line for text, line in silent.items() if text.startswith("0x701")]
+    assert "bold" in {cell.style for cell in heartbeat}
+    assert {"bold", "green"} <= {cell.style for line in bright.values() for cell in line}
+    (same,) = [text for text in bright if text.startswith("0x201")]
+    assert same.split()[4:8] == ["100.0", "Hz", "10.0", "ms"]
 
 
 def test_a_gap_is_said_and_takes_what_was_seen_with_it() -> None:

@@ -12,7 +12,16 @@ from hypothesis import strategies as st
 
 from dvtcli.errors import InputFileError
 from dvtcli.files.network.file_log import FileLog
-from dvtcli.files.network.yaml_tree import Branch, Leaf, OtherYamlError, PlainYaml, Tree, _general_tree, read_tree
+from dvtcli.files.network.yaml_tree import (
+    Branch,
+    Leaf,
+    OtherYamlError,
+    PlainYaml,
+    Tree,
+    YamlList,
+    _general_tree,
+    read_tree,
+)
 from examples.many_nodes import network
 from tests.surroundings import ROOT
 
@@ -129,10 +138,36 @@ def test_a_tab_in_front_of_a_comment_or_the_end_of_a_line_is_white_space(text: s
     assert tree == general(text.replace("\t", " "))[0]
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a:\t1\n", "a: \t1\n", "a:\t\t'x'\n", "a:\n  b:\t1\n  c: 2\n", "a: {b:\t1,\tc: [1,\t2\t]\t}\n", "a\t: 1\n",
+        "a:\t&x 1\nb:\t*x\n", "- a:\t1\n  b:\t2\n", "a:\t1\t# c\r\n",
+    ],
+)  # fmt: skip
+def test_a_tab_between_a_key_and_its_value_is_white_space(text: str) -> None:
+    """YAML 1.2, 6.2: separation spaces; only an indentation has none."""
+    tree, complaints = _received(text, read_tree)
+    assert tree is not None
+    assert not complaints
+    assert without_marks(tree) == without_marks(general(text.replace("\t", " "))[0])
+
+
+def without_marks(tree: object) -> object:
+    """*tree* without the places of its values."""
+    if isinstance(tree, Leaf):
+        return tree.text, tree.kind
+    if isinstance(tree, YamlList):
+        return [without_marks(item) for item in tree.items]
+    assert isinstance(tree, Branch)
+    return {key: without_marks(value) for key, (_name, value) in tree.items.items()}
+
+
 def test_a_tab_in_quotes_is_a_letter_and_one_that_indents_is_refused() -> None:
     tree, complaints = _received('a: "x\t# y"\t# c\n', read_tree)
     assert isinstance(tree, Branch)
     assert isinstance(value := tree.items["a"][1], Leaf)
     assert (value.text, complaints) == ("x\t# y", [])
-    for text in ("a:\n\tb: 1\n", "\ta: 1\n", "a: 1\n\tb: 2\n"):
-        assert "not YAML" in _received(text, read_tree)[1][0], text
+    for text in ("a:\n\tb: 1\n", "\ta: 1\n", "a: 1\n\tb: 2\n", "-\ta: 1\n", "- \t- 1\n", "a:\n - 1\n \t- 2\n"):
+        said = _received(text, read_tree)[1][0]
+        assert "not YAML: a tab is no indentation: YAML takes spaces there" in said, text

@@ -263,6 +263,50 @@ HEALTHY_BUSES: dict[str, Planted] = {
 }  # fmt: skip
 
 
+def parameters(kind: int, timer_ms: int, *, is_read: bool) -> Planted:
+    """The COB-ID, type and event timer of TPDO1 of node 5, written or read before anything else."""
+    values = ("1800:01", "85010000"), ("1800:02", f"{kind:02X}"), ("1800:05", timer_ms.to_bytes(2, "little").hex())
+    return [
+        row
+        for number, (place, value) in enumerate(values)
+        for row in (
+            read(number / 100, place, f"{0x43 | (4 - len(value) // 2) << 2:02X}PLACE{value:0<8}")
+            if is_read
+            else write(number / 100, place, value)
+        )
+    ]
+
+
+@pytest.mark.parametrize("is_read", [True, False])
+@pytest.mark.parametrize(
+    ("kind", "timer_ms", "is_found"), [(255, 0, True), (254, 0, True), (255, 1, False), (1, 0, False)]
+)
+def test_an_even_flood_of_events_alone_is_told_from_a_cyclic_pdo(
+    kind: int, timer_ms: int, is_read: bool, is_found: bool
+) -> None:
+    """Frames each 1 ms are all that is sent: the PDO's parameters in the recording tell which it is."""
+    syncs_1_ms = _SYNCS_1_MS if kind == 1 else []
+    frames = [*parameters(kind, timer_ms, is_read=is_read), *syncs_1_ms, *counted(jittered(0.001, 0.05, 3), 0x185)]
+    found = [("pdo-floods", "0x185 was received up to 100 times in 0.1 s")] if is_found else []
+    assert findings(frames) == found
+
+
+def test_a_timer_that_was_switched_off_at_the_end_is_no_flood() -> None:
+    frames = [*parameters(255, 1, is_read=False), *counted(every(0.001, 0.05, 3), 0x185)]
+    assert findings([*frames, *write(3.0, "1800:05", "0000")]) == []
+
+
+@pytest.mark.parametrize(("timer", "is_found"), [("", True), (", event_timer: 1", False)])
+def test_a_network_file_tells_an_even_flood_from_a_timer(tmp_path: Path, timer: str, is_found: bool) -> None:
+    path = recorded(tmp_path / "run.log", counted(every(0.001, 0, 3), 0x185))
+    (tmp_path / "net.yaml").write_text(
+        "nodes: {drive: {node_id: 5, dcf: gen4, tpdo: {1: {cob_id: 0x185, transmission: 255, mapping: "
+        f"[6041:00]{timer}}}}}}}}}\n"
+    )
+    done = dvtcli("check", str(path), "-d", str(tmp_path / "net.yaml"), "--rule", "pdo-floods")
+    assert (done.returncode, "[pdo-floods]" in done.stdout) == (3 if is_found else 0, is_found), done.stdout
+
+
 @pytest.mark.parametrize("bus", HEALTHY_BUSES)
 def test_a_healthy_bus_has_no_problem(bus: str) -> None:
     assert findings(HEALTHY_BUSES[bus]) == []

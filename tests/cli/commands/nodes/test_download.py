@@ -119,6 +119,30 @@ def test_a_loader_that_clears_only_once_is_not_given_up(refusal: int, absent: tu
     assert (ran.code, loading.held, loading.control) == (0, PROGRAM, 1), ran
 
 
+class _Stopped(BootLoader):
+    """A boot loader that refuses to stop a program; its program control reads *said* at first."""
+
+    def __init__(self, said: int) -> None:
+        super().__init__()
+        self._control = said
+
+    def take(self, index: int, data: bytes, state: NmtState) -> bool:
+        if index == 0x1F51 and data == b"\0":
+            raise Refusal(0x06090030)
+        return super().take(index, data, state)
+
+
+@pytest.mark.parametrize(("said", "code"), [(0, 0), (3, 0), (1, 1), (0x81, 1)])
+def test_a_loader_that_refuses_to_stop_what_is_stopped_is_not_given_up(said: int, code: int, tmp_path: Path) -> None:
+    """One that runs its program, or says something else, is: nothing was cleared then."""
+    loading = Loading(tmp_path)
+    loading.bus.nodes[0].device.loader = _Stopped(said)
+    with loading.bench:
+        ran = loading.run()
+    assert (ran.code, loading.held == PROGRAM) == (code, code == 0), ran
+    assert ("0x06090030" in ran.stderr) == (code == 1)
+
+
 def test_a_loader_that_does_not_clear_is_said(tmp_path: Path) -> None:
     loading = Loading(tmp_path, "lose-request@2", "refuse@3=0x06090030")
     with loading.bench:
