@@ -92,7 +92,7 @@ def newly_refused(path: Path, folder: Path) -> dict[str, str]:
     """
     data = path.read_bytes()
     is_xml = path.suffix.lower() not in EDS_SUFFIXES
-    found = {}
+    found: dict[str, str] = {}
     for peer, refuses in (("canopen", canopen_refuses), ("dcfgen", partial(dcfgen_refuses, folder=folder))):
         if peer == "dcfgen" if is_xml else refuses(data, path.name):
             continue

@@ -192,14 +192,15 @@ def _short_collections() -> Iterator[None]:
     prompt_toolkit leaves 4,800 objects in a cycle for each picture of 120 x 40. A key waits for a collection of twenty
     of them, or for one of all objects of a large EDS, longer than for its own picture.
     """
-    before = gc.get_threshold()
+    before, is_first = gc.get_threshold(), not gc.get_freeze_count()
     gc.freeze()
     gc.set_threshold(_OBJECTS_OF_A_PICTURE)
     try:
         yield
     finally:
         gc.set_threshold(*before)
-        gc.unfreeze()
+        if is_first:
+            gc.unfreeze()
 
 
 @contextmanager
