@@ -31,6 +31,10 @@ class Carrier:
         """Whether the other end is gone although the driver raises no error."""
         return False
 
+    def may_have_frames(self) -> bool:
+        """Whether a read may return something at once, a frame or an error; True if only a read can tell."""
+        return True
+
     def is_full(self, error: Exception) -> bool:
         """Whether sending failed with *error* because a queue was full, so that a retry may succeed."""
         return getattr(error, "error_code", None) == errno.ENOBUFS

@@ -32,7 +32,7 @@ _TEXTS = {
 }
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class ErrorFrames:
     """Error frames of a bus: their number, and kinds not yet reported."""
 

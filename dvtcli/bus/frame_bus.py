@@ -97,7 +97,7 @@ class ReadBus(WatchedBus, Generic[M]):
 
     def take(self, inbox: Inbox, deadline_s: float) -> bytes | None:
         """Wait for an item of `_deliver` in *inbox* until *deadline_s* (of `now_s`); None if none came."""
-        if self._gave_turn_for(inbox, deadline_s):
+        if self._turns is not None and self._gave_turn_for(inbox, deadline_s):
             item = None if inbox.empty() else inbox.get_nowait()
             return None if isinstance(item, Wake) else item
         return self._receiver.take(inbox, deadline_s)

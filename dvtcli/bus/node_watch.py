@@ -141,7 +141,7 @@ SECOND_ANSWERS = 3
 _RESETTING_S = 5.0
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class Oddities:
     """Signs already reported, so that each is reported once; *now_s* returns the bus's time in seconds."""
 

@@ -7,6 +7,7 @@ import select
 import socket
 import subprocess
 import sys
+from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
@@ -206,6 +207,8 @@ class ServerCarrier(Carrier):
     def __init__(self, bus: can.BusABC) -> None:
         link = getattr(bus, "_SocketCanDaemonBus__socket", None)  # not accessible otherwise: no fileno(), no property
         self._link = link if isinstance(link, socket.socket) else None
+        #: frames that the driver has read from the connection and not returned yet
+        self._read_ahead: deque[object] | None = getattr(bus, "_SocketCanDaemonBus__message_buffer", None)
         if self._link is not None:
             self._link.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
             for name, value in _KEEP_ALIVE:
@@ -217,6 +220,21 @@ class ServerCarrier(Carrier):
         link = self._link
         return link is not None and bool(select.select([link], [], [], 0)[0]) and not link.recv(1, socket.MSG_PEEK)
 
+    def may_have_frames(self) -> bool:
+        """Whether frames, an error or the end of the connection may be waiting."""
+        if self._link is None or self._read_ahead is None or self._read_ahead or _LOOK is None:
+            return True
+        try:
+            self._link.recv(1, _LOOK)
+        except BlockingIOError:
+            return False
+        except OSError:  # a read raises it, too, and reports it
+            return True
+        return True
+
+
+#: flags of a receive that takes nothing and does not wait; None if this system has no such receive
+_LOOK = int(socket.MSG_PEEK | socket.MSG_DONTWAIT) if hasattr(socket, "MSG_DONTWAIT") else None
 
 #: interfaces that echo sent frames only with receive_own_messages
 _NO_ECHO_UNASKED = frozenset({"socketcan", "virtual"})

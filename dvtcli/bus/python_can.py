@@ -65,17 +65,16 @@ class Echoes:
         """Whether a received *message* is the echo of a sent message; each has one echo."""
         if not self._sent:
             return False
-        key = _key(message)
+        can_id = message.arbitration_id
         with self._lock:
-            place = next((place for place, (sent, _) in enumerate(self._sent) if sent == key), None)
-            if place is None:
-                return False
-            self._echoing = True
-            sent_s = self._sent[place][1]
-            del self._sent[place]
-            while self._sent and sent_s - self._sent[0][1] > LOST_AFTER_S:
-                self._sent.popleft()
-            return True
+            for place, (sent, sent_s) in enumerate(self._sent):
+                if sent[0] == can_id and sent == _key(message):
+                    self._echoing = True
+                    del self._sent[place]
+                    while self._sent and sent_s - self._sent[0][1] > LOST_AFTER_S:
+                        self._sent.popleft()
+                    return True
+        return False
 
     def caught_up(self, now_s: float) -> None:
         """Drop old messages at *now_s*, when all received frames are read: their echoes will not come.
@@ -93,9 +92,11 @@ class Echoes:
         if self._echoing is not None or not self._sent:
             return
         with self._lock:
-            asked = [place for place, (sent, _) in enumerate(self._sent) if sent[0] == can_id]
-            for _ in range(asked[0] + 1 if asked else 0):
-                self._sent.popleft()
+            for place, (sent, _) in enumerate(self._sent):
+                if sent[0] == can_id:
+                    for _ in range(place + 1):
+                        self._sent.popleft()
+                    return
 
 
 def _key(message: can.Message) -> _Sent:
@@ -188,6 +189,13 @@ class CanBus(FrameBus[can.Message]):
         self._hear_all()
         self._carrier.make_room()
         return super().tap(callback)
+
+    def drain(self) -> None:
+        """Deliver received frames without waiting."""
+        if self._carrier.may_have_frames():
+            super().drain()
+        else:
+            self.echoes.caught_up(monotonic())
 
     def receive(self, duration_s: float) -> Iterator[Frame]:
         """Yield every frame received within *duration_s* (s) of this call, and frames since the last `send`."""

@@ -120,8 +120,8 @@ class Receiver(Generic[M]):
                 if not self._lead_when_quiet(me):
                     self._closing.wait(min(left_s, QUIET_S))
                     continue
-                while not self._followers and not self._closed and (left_s := end_s - monotonic()) > 0:
-                    self._read_one(min(left_s, SLICE_S))
+                while not self._followers and not self._closed and (left_s := end_s - (now_s := monotonic())) > 0:
+                    self._read_one(min(left_s, SLICE_S), now_s)
             finally:
                 self._leave(me)
 
@@ -144,13 +144,12 @@ class Receiver(Generic[M]):
 
         The machine ran other work, or stood still. With *anew* no thread has waited until now.
         """
-        self._note_delay(counts=not anew)
+        self._note_delay(monotonic(), counts=not anew)
         return self._delay_s
 
-    def _note_delay(self, waited_s: float = 0.0, *, counts: bool = True) -> None:
-        """Count the time since the last call, less *waited_s* and the computing time of this process."""
+    def _note_delay(self, now_s: float, waited_s: float = 0.0, *, counts: bool = True) -> None:
+        """Count the time from the last call to *now_s*, less *waited_s* and the computing time of this process."""
         with self._delay_lock:
-            now_s = monotonic()
             passed_s = now_s - self._seen_s
             self._seen_s = now_s
             if passed_s < LATE_S + waited_s and self._passed_s + passed_s < EXACT_S:
@@ -191,11 +190,12 @@ class Receiver(Generic[M]):
         while inbox.empty():
             if self._closed:
                 raise bus_closed()
-            left_s = deadline_s - monotonic()
+            now_s = monotonic()
+            left_s = deadline_s - now_s
             if left_s <= 0:
                 self._read_waiting()  # the thread is late, not the answer
                 break
-            self._read_one(self._slice_s(left_s))
+            self._read_one(self._slice_s(left_s) if self._followers else min(left_s, SLICE_S), now_s)
         return None if inbox.empty() else inbox.get_nowait()
 
     def _follow(self, inbox: SimpleQueue[T | Wake], deadline_s: float) -> T | Wake | None:
@@ -211,19 +211,16 @@ class Receiver(Generic[M]):
 
     def _slice_s(self, left_s: float) -> float:
         """Time to read at once with *left_s* to go, so that no follower waits much longer than requested."""
-        if not self._followers:
-            return min(left_s, SLICE_S)
         with self._mutex:
             first_s = min(self._followers.values(), default=inf)
         return max(min(left_s, SLICE_S, first_s - monotonic()), 0.0)
 
     def _end_times(self, until_s: float) -> None:
         """End the waits of followers with deadlines up to *until_s*, since all frames until then were read."""
-        if self._followers:
-            with self._mutex:
-                for follower in [one for one, deadline_s in self._followers.items() if deadline_s <= until_s]:
-                    self._followers[follower] = inf  # notify only once
-                    follower.put(_TIME_IS_OVER)
+        with self._mutex:
+            for follower in [one for one, deadline_s in self._followers.items() if deadline_s <= until_s]:
+                self._followers[follower] = inf  # notify only once
+                follower.put(_TIME_IS_OVER)
 
     def _leave(self, who: object) -> None:
         """Stop waiting; a leader promotes a follower without an item."""
@@ -241,16 +238,14 @@ class Receiver(Generic[M]):
             if self._closed:
                 self._no_leader.notify_all()
 
-    def _read_one(self, wait_s: float) -> None:
-        self._note_delay()
-        began_s = monotonic()
+    def _read_one(self, wait_s: float, now_s: float) -> None:
+        self._note_delay(now_s)
         message = self._read(wait_s)
-        self._note_delay(wait_s)
+        self._note_delay(monotonic(), wait_s)
         if message is not None:
             self._deliver(message)
-            self._end_times(began_s - GRACE_S)  # for a bus that is never quiet
-        else:
-            self._end_times(began_s)
+        if self._followers:
+            self._end_times(now_s if message is None else now_s - GRACE_S)  # for a bus that is never quiet
 
     def _read_waiting(self) -> None:
         read, deliver = self._read, self._deliver
@@ -258,7 +253,8 @@ class Receiver(Generic[M]):
         for _ in range(BACKLOG):
             message = read(0.0)
             if message is None:
-                self._end_times(began_s)
+                if self._followers:
+                    self._end_times(began_s)
                 break
             deliver(message)
 

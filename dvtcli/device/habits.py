@@ -37,7 +37,7 @@ class Habit(NamedTuple):
     abort: int
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class Habits:
     """Writes that device types accept only with the PDO disabled or in PRE-OPERATIONAL, in files of *folder*.
 

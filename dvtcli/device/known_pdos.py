@@ -46,7 +46,7 @@ T = TypeVar("T")
 PASSING_S, _AGAIN_S = 0.5, 0.1
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, init=False, eq=False, repr=False)
 class KnownPdos:
     """A node on a bus, with its dictionary (None without an EDS), its profile, and its PDOs as read or set.
 

@@ -17,7 +17,7 @@ from dvtcli.errors import DeviceRefused, DvtcliError, NoAnswer, SdoAborted, SdoP
 CONFIRM_TIMEOUT_S = 2.0
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class NodeAccess:
     """State and abort reasons of one node, read according to its *profile*."""
 
@@ -137,7 +137,7 @@ class NodeAccess:
         )
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class Gate:
     """Keeps a node PRE-OPERATIONAL during work on it, if its profile requires.
 

@@ -136,7 +136,7 @@ def _cob_id(node: ReadableNode, sdo: SdoReader, pdo: Pdo, known: Mapping[Pdo, Co
         return known.get(pdo)
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class Senders:
     """The TPDOs of *nodes*, as read for this plan, and their COB-IDs after the plan or by a file.
 
@@ -233,7 +233,7 @@ class Senders:
 LISTENED_S, AT_ONCE_S = 0.1, 0.01
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class ReceivedIds:
     """Counts of received frames per CAN-ID (with true for 29 bits), and the CAN-IDs sent from here.
 

@@ -31,7 +31,7 @@ def read_side_by_side(nodes: Iterable[OnBus], jobs: Sequence[Callable[[], None]]
         raise faults[0]
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class ReadCache:
     """The objects read from *node_id* on *bus*, by index and sub-index; *channel* reads the others."""
 

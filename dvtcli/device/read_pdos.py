@@ -225,7 +225,7 @@ def _entries(told: _Told, pdo: Pdo, count: int) -> Iterator[int | None]:
     return (told.number(pdo.mapping_index, number, 4) for number in range(1, min(count, MAX_ENTRIES) + 1))
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class _Told:
     """The answers of a device about one PDO: *unread* are the unreadable places, *first* the first refusal."""
 

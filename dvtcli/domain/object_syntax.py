@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import NamedTuple
 
 from dvtcli.domain.mapping import MAX_PDO_BITS
@@ -22,11 +23,16 @@ _BITS = re.compile(r"[0-9]{1,3}")
 
 
 class UnknownName(ValueError):
-    """A name unknown to all dictionaries; *similar* are close names."""
+    """A name unknown to all dictionaries; *find_similar* looks for close names."""
 
-    def __init__(self, text: str, similar: Iterable[str] = ()) -> None:
+    def __init__(self, text: str, find_similar: Callable[[], Iterable[str]] = tuple) -> None:
         super().__init__(text)
-        self.similar = tuple(similar)
+        self._find_similar = find_similar
+
+    @cached_property
+    def similar(self) -> tuple[str, ...]:
+        """Close names, best first; looking for them takes milliseconds."""
+        return tuple(self._find_similar())
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +110,8 @@ def resolve_object(
 def _by_name(text: str, dictionary: ObjectDictionary, aliases: Mapping[str, str]) -> tuple[int, int]:
     found = dictionary.find(text)
     if not found:
-        raise UnknownName(f"no object is named {text!r} in {dictionary.source}", similar(text, dictionary, aliases))
+        close = partial(similar, text, dictionary, aliases)
+        raise UnknownName(f"no object is named {text!r} in {dictionary.source}", close)
     chosen = _only(found, dictionary, text)
     if chosen is None:
         which = ", ".join(entry.object for entry in found[:6])

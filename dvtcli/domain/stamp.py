@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 from datetime import date, timedelta
 from typing import NamedTuple
@@ -54,7 +53,9 @@ class Stamp:
     @classmethod
     def of(cls, words: str) -> Stamp:
         """The own stamp for the configuration *words*; another configuration has the same once in 2 to the 34."""
-        number = int.from_bytes(hashlib.sha256(words.encode()).digest(), "big")
+        from hashlib import sha256  # loads OpenSSL
+
+        number = int.from_bytes(sha256(words.encode()).digest(), "big")
         number, day = divmod(number, _LAST_DAY - _FIRST_DAY + 1)
         quotient = number % _QUOTIENTS
         days = _FIRST_DAY + day

@@ -18,7 +18,7 @@ from dvtcli.errors import InputFileError
 FIRST_BYTE_S = 8.0
 
 
-@dataclass
+@dataclass(eq=False, repr=False)
 class _Pipes:
     """Cached contents of pipes, by device and inode: a command may open a pipe's name twice."""
 

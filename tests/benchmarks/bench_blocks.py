@@ -9,7 +9,6 @@ transfers. No real time, so that the figures are the same everywhere.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import NamedTuple
 
 from dvtcli.simulator.device.strict_device import StrictDevice
@@ -30,7 +29,7 @@ class Measured(NamedTuple):
 
 def measure(size: int, bitrate: int = 500_000, *, block_size: int = 127) -> list[Measured]:
     """A download and an upload of *size* bytes at *bitrate* (bit/s); a *block_size* of 0: by segments."""
-    node = StrictDevice(dictionary("generic"), replace(load_family("generic"), block_size=block_size), 1)
+    node = StrictDevice(dictionary("generic"), load_family("generic")._replace(block_size=block_size), 1)
     node.boot_up()
     node.take_outbox()
     node.set_value(0x1017, 0, bytes(2))  # no heartbeat

@@ -30,7 +30,7 @@ def pattern(size: int) -> bytes:
 
 
 def device(**differing: Any) -> StrictDevice:
-    return StrictDevice(dictionary("generic"), replace(load_family("generic"), **differing), 1)
+    return StrictDevice(dictionary("generic"), load_family("generic")._replace(**differing), 1)
 
 
 class Line(VirtualTimeBus):

@@ -10,6 +10,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from struct import pack
 
 import pytest
 from can.interfaces import BACKENDS
@@ -17,6 +18,7 @@ from can.interfaces import BACKENDS
 from dvtcli.bus.opening import open_bus
 from dvtcli.bus.python_can_settings import given_settings
 from dvtcli.cli.view.typed_hints import typed
+from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.errors import BusUnavailable, NoAnswer
 
@@ -183,6 +185,33 @@ def test_a_server_that_goes_away_while_nothing_is_sent(socketcand: tuple[int, li
         list(bus.receive(60))
     assert "closed the connection" in str(caught.value.why)
     assert "server" in typed(caught.value.hint)
+    bus.close()
+
+
+@pytest.mark.parametrize("linger_s", [None, 0], ids=["closed", "reset"])
+def test_a_server_that_has_gone_is_noticed_before_anything_is_sent(
+    socketcand: tuple[int, list[socket.socket]], linger_s: int | None
+) -> None:
+    port, connections = socketcand
+    bus = open_bus("socketcand", "can0", None, {"host": "127.0.0.1", "port": port})
+    assert bus.nodes_seen() == {}
+    if linger_s is not None:
+        connections[-1].setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, pack("ii", 1, linger_s))
+    connections[-1].close()
+    with pytest.raises(BusUnavailable) as caught:
+        bus.sdo(1).download(0x1017, 0, b"\0\0")
+    assert caught.value.state == "unchanged"
+    bus.close()
+
+
+def test_frames_that_the_driver_has_read_ahead_are_not_missed(socketcand: tuple[int, list[socket.socket]]) -> None:
+    """Three boot-ups in one packet: the first is waited for, the others are there without another packet."""
+    port, connections = socketcand
+    bus = open_bus("socketcand", "can0", None, {"host": "127.0.0.1", "port": port})
+    assert bus.nodes_seen() == {}
+    connections[-1].sendall(b"".join(b"< frame 70%d 1.0 00 >" % node_id for node_id in (1, 2, 3)))
+    assert bus.wait_boot_up(1, 0, 10)
+    assert bus.nodes_seen() == dict.fromkeys((1, 2, 3), NmtState.PRE_OPERATIONAL)
     bus.close()
 
 

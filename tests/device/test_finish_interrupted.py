@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from dvtcli.device.change.apply_plan import apply_plan
+from dvtcli.device.change.expected_refusals import put_back_findings
 from dvtcli.device.change.journal import Journal
-from dvtcli.device.change.undo_plan import put_back_findings
 from dvtcli.device.habits import OFTEN_ENOUGH, Habit
 from dvtcli.device.store.pending import CHANGE
 from dvtcli.domain.nmt import NmtCommand, NmtState
@@ -82,7 +82,7 @@ def test_it_is_started_only_where_it_was_found_operational(
 
 @pytest.mark.parametrize("abort", [0x08000022, 0x08000000])
 def test_a_device_that_is_known_to_want_pre_operational_is_brought_there_first(tmp_path: Path, abort: int) -> None:
-    kind = replace(load_family("generic"), pre_operational_writes=((0x1400, 0x1BFF),), wrong_state=abort)
+    kind = load_family("generic")._replace(pre_operational_writes=((0x1400, 0x1BFF),), wrong_state=abort)
     device = StrictDevice(dictionary("generic"), kind, NODE)
     device.set_value(0x1018, 1, (0xABC).to_bytes(4, "little"))
     device.boot_up()

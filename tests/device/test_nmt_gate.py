@@ -18,7 +18,7 @@ from tests.laws.bench import NODE, DirectBus, DirectSdo, booted, dictionary, pro
 
 def driven(*, master: bool, family: str = "gen4") -> tuple[NodeAccess, DirectBus]:
     """A vehicle that is being driven: it stays OPERATIONAL whatever it is asked."""
-    behaviour = replace(load_family(family), stays_operational=True)
+    behaviour = load_family(family)._replace(stays_operational=True)
     device = StrictDevice(dictionary("gen4"), behaviour, NODE)
     device.boot_up()
     device.take_outbox()

@@ -87,7 +87,7 @@ def test_a_file_with_some_pdo_mapping_means_no_where_it_is_silent() -> None:
     (8, None, 0x06040041), (1, None, 0), (0, None, 0), (64, None, 0), (None, None, 0), (8, 1, 0), (1, 8, 0x06040041),
 ])  # fmt: skip
 def test_granularity(stated: int | None, family: int | None, code: int) -> None:
-    subject = client(*tpdo(), INPUT, info=DeviceInfo(granularity=stated), family=replace(GENERIC, granularity=family))
+    subject = client(*tpdo(), INPUT, info=DeviceInfo(granularity=stated), family=GENERIC._replace(granularity=family))
     assert code_of(subject, 0x1A00, 1, 0x60000004, 4) == code
 
 
@@ -144,7 +144,7 @@ def test_an_object_of_unknown_type_takes_any_length() -> None:
 
 def test_entries_end_where_the_file_or_the_family_ends() -> None:
     assert code_of(client(*tpdo(2), INPUT), 0x1A00, 0, 3, 1) == 0x06040042
-    narrow = client(*tpdo(4), INPUT, family=replace(GENERIC, max_entries=2))
+    narrow = client(*tpdo(4), INPUT, family=GENERIC._replace(max_entries=2))
     assert code_of(narrow, 0x1A00, 0, 3, 1) == 0x06040042
     assert code_of(narrow, 0x1A00, 3, 0x60000008, 4) == 0x06090011
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
 from dvtcli.domain.nmt import NmtState
@@ -72,7 +70,7 @@ def test_e3_store_hardware_failure() -> None:
 
 def test_e2_store_only_pre_operational_without_an_extended_error() -> None:
     device = booted()
-    family = replace(device.family, pre_operational_writes=((0x1010, 0x1010),))
+    family = device.family._replace(pre_operational_writes=((0x1010, 0x1010),))
     device = StrictDevice(device.dictionary, family, 1)
     device.state = NmtState.OPERATIONAL
     with pytest.raises(Aborted) as caught:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import threading
 from binascii import crc_hqx
-from collections.abc import Callable
 from struct import Struct
-from typing import TypeVar
 
 from dvtcli.bus.sdo.dialogue import Dialogue
 from dvtcli.bus.sdo.sdo_link import DroppedAnswers
@@ -15,7 +13,6 @@ from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, SdoProtocolError
 
 #: consumer heartbeat times (CiA 301, 7.5.2.17)
 _HEARTBEAT_CONSUMERS = 0x1016
-T = TypeVar("T")
 
 
 class SdoChannel:
@@ -38,14 +35,15 @@ class SdoChannel:
         *timeout_s* for each answer and *retries* override the bus's. Raises SdoAborted, NoAnswer, SdoProtocolError,
         BusUnavailable.
         """
-        link = self._client.link
-        link.begin_transfer(self._turn)
+        client = self._client
+        client.link.begin_transfer(self._turn)
         try:
-            data = self._run(lambda: self._client.upload(index, sub_index), timeout_s, retries)
+            self._limit(timeout_s, retries)
+            data = client.upload(index, sub_index)
             self._note(index, sub_index, data)
             return data
         finally:
-            link.end_transfer(self._turn)
+            client.link.end_transfer(self._turn)
 
     def download(self, index: int, sub_index: int, data: bytes, *, timeout_s: float | None = None) -> None:
         """Write an object; a request is never repeated, since the device may have accepted it.
@@ -57,7 +55,8 @@ class SdoChannel:
         link.begin_transfer(self._turn)
         try:
             link.note_act(f"SDO download to 0x{index:04X}:{sub_index:02X} of node {node_id}")
-            self._run(lambda: self._client.download(index, sub_index, data), timeout_s, 0)
+            self._limit(timeout_s, 0)
+            self._client.download(index, sub_index, data)
         except (NoAnswer, SdoProtocolError, BusUnavailable) as error:
             if self._client.requested:
                 error.state = "unknown"
@@ -72,15 +71,15 @@ class SdoChannel:
         if index == _HEARTBEAT_CONSUMERS and sub_index:
             self._client.link.consumes_heartbeat(self._client.node_id, sub_index, consumes=any(data))
 
-    def _run(self, transfer: Callable[[], T], timeout_s: float | None, retries: int | None) -> T:
+    def _limit(self, timeout_s: float | None, retries: int | None) -> None:
+        """Limit the next transfer; None stands for the bus's limits."""
         client = self._client
         client.timeout_s = client.settings.timeout_s if timeout_s is None else timeout_s
         client.retries = client.settings.retries if retries is None else retries
-        return transfer()
 
 
-#: command specifier, index and sub-index
-_INITIATE = Struct("<BHB")
+#: command specifier, index and sub-index; the same with four bytes of 0
+_INITIATE, _INITIATE_EMPTY = Struct("<BHB"), Struct("<BHB4x")
 _TOGGLE, _EXPEDITED, _SIZE_GIVEN, _LAST = 0x10, 0x02, 0x01, 0x01
 #: No object of a CANopen device is larger; a longer transfer would never end.
 MOST_BYTES = 1 << 20
@@ -104,14 +103,16 @@ class StrictSdoClient(Dialogue):
         Reading has no side effects, so a transfer with faulty segments is repeated up to `retries` times.
         """
         left = self.retries
-        in_blocks = self.takes_blocks and self.link.takes_bursts()
+        in_blocks = self.takes_blocks
         while True:
-            answer = self.request_response(_INITIATE.pack(0x40, index, sub_index) + bytes(4))
-            if answer[0] & _EXPEDITED:
-                unused = answer[0] >> 2 & 3 if answer[0] & _SIZE_GIVEN else 0
+            answer = self.request_response(_INITIATE_EMPTY.pack(0x40, index, sub_index))
+            first = answer[0]
+            if first & _EXPEDITED:
+                unused = first >> 2 & 3 if first & _SIZE_GIVEN else 0
                 return answer[4 : 8 - unused]
-            announced = int.from_bytes(answer[4:], "little") if answer[0] & _SIZE_GIVEN else None
-            if in_blocks and announced is not None and MOST_BYTES >= announced >= _BLOCKS_FROM:
+            announced = int.from_bytes(answer[4:], "little") if first & _SIZE_GIVEN else None
+            is_long = announced is not None and MOST_BYTES >= announced >= _BLOCKS_FROM
+            if in_blocks and is_long and self.link.takes_bursts():
                 in_blocks = False
                 self.abort()
                 if (data := self._upload_blocks(index, sub_index)) is not None:

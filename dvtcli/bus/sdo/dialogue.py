@@ -152,11 +152,11 @@ class Dialogue:
     def request_response(self, request: bytes) -> bytes:
         """Send *request* and return its own answer. Raises SdoAborted, NoAnswer, SdoProtocolError."""
         kind = request[0] >> 5
-        attempts = 1
-        if kind in _INITIATE:
+        attempts, initiates = 1, kind in _INITIATE
+        if initiates:
             self.requested = False
         self.link.await_share()
-        if kind in _INITIATE:
+        if initiates:
             self.begin(request[1:4])
             if kind in (_UPLOAD, _BLOCK_UPLOAD):  # only these may be repeated: they have no side effects
                 attempts += self.retries

@@ -113,7 +113,7 @@ class DroppedAnswers:
         return f"{self.stale} stale, {self.foreign} foreign, {self.malformed} malformed"
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class SdoSettings:
     """*timeout_s* for each answer, and the number (0..) of repetitions of a read's first request after it."""
 

@@ -34,7 +34,7 @@ def part(text: str | Hint) -> Cell | Hint:
     return Cell(text) if isinstance(text, str) else text
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class Table:
     """Rows of cells in aligned columns; *right* are the right-aligned columns.
 

@@ -163,7 +163,7 @@ class TypedCall(NamedTuple):
     script: str = ""
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class TypedHints:
     """Writes hints for the user of a call; *node* is the failed node."""
 

@@ -54,7 +54,7 @@ class GroupMember(NamedTuple):
     equal: tuple[Storing, ...] = ()
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class ChangeGroup:
     """The current change group, shared by all nodes of a session; without an id each change is separate."""
 

@@ -30,7 +30,7 @@ from dvtcli.domain.script_line import backup_lines, backup_of, serial_line
 from dvtcli.errors import InputFileError, SafetyRefusal
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class BackingUp:
     """The backups in *folder* of the node at *node_id* on *bus*; *history* is the change history of `undo`."""
 
@@ -86,7 +86,7 @@ def _is_in(made: Collection[set[str]], pdo: Pdo, config: PdoConfig) -> bool:
     return any(lines.issuperset(backup_of(pdo, config)) for lines in made)
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class ChangeGuard:
     """The files of one node on the bus called *bus*: journals and backups below *folder*, locks in *locks*.
 

@@ -117,7 +117,7 @@ def has_serial(identity: Identity) -> bool:
     return identity.get("serial") not in _NO_SERIAL
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class ChangeHistory:
     """The changes on *bus*, in files of *folder*; *say* shows failures to record a change."""
 

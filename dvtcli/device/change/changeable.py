@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from dvtcli.device.habits import Habits
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, init=False, eq=False, repr=False)
 class Changeable(KnownPdos):
     """A node with known PDOs and the tools to change them safely."""
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.plan import Change
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class Expected:
     """PDOs and single objects, by index and sub-index, as last read back."""
 

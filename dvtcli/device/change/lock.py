@@ -63,7 +63,7 @@ def _holder(process: str, since: str, command: str) -> LockHolder:
     return LockHolder(process[:20], since[:40], command[:80])
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class NodeLock:
     """The right to write to *node_id* on the bus called *bus*; *folder* has a file for each.
 

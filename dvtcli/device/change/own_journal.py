@@ -28,7 +28,7 @@ _ROOM, _MORE = 500, 100
 ROOM_OF_TEST = 5000
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class OwnJournal:
     """The journal of this process for the node of *lock*, among *journals*; *group* is the current change group.
 

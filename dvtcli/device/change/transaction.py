@@ -7,6 +7,7 @@ from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field
 
 from dvtcli.device.cancellation import Cancellation
+from dvtcli.device.change.expected_refusals import put_back_findings
 from dvtcli.device.change.failed_change import (
     TRY_AGAIN,
     left_changed,
@@ -23,7 +24,6 @@ from dvtcli.device.change.roll_back import (
     held_otherwise,
     roll_back_patiently,
 )
-from dvtcli.device.change.undo_plan import put_back_findings
 from dvtcli.device.change.untouched_pdos import UntouchedPdos, altered_too, is_of_pdo
 from dvtcli.device.observe import MAX_READS, NeverRestarts, RebootMonitor, observed, restarted_since_read
 from dvtcli.domain.hint import Action, Hint
@@ -48,7 +48,7 @@ _LONG_BYTES = 1000
 _AT_ONCE = 4
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class AcknowledgedSteps:
     """The last acknowledged value of each readable object."""
 
@@ -82,7 +82,7 @@ class AcknowledgedSteps:
             return True
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class Transaction:
     """One run of a plan on a device.
 

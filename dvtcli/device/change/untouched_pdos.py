@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.ports import SdoReader, SdoTransport
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class UntouchedPdos:
     """The PDOs outside a plan: their *cob_ids* before the plan, and *wholes*, the PDOs read completely.
 

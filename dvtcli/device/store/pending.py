@@ -15,7 +15,7 @@ EVERYTHING, COMMUNICATION = 1, 2
 CHANGE, VERIFY, REBOOT = "change", "verify", "reboot"
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class Pending:
     """*unstored* maps the label of each unstored change to its index; *suspicions* maps causes to reasons."""
 
@@ -101,7 +101,7 @@ class Pending:
         return lost
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class BootSnapshot:
     """The PDOs as first read after boot-up number *boot_ups* (0: none received), before any write."""
 

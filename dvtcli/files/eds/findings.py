@@ -27,7 +27,7 @@ class EdsFinding(NamedTuple):
     value_unread: bool = False
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class Findings:
     """Findings collected while a file, or a single object, is read."""
 

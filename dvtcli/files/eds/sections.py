@@ -45,7 +45,7 @@ _SAME = {"devicecommissioning": "devicecomissioning"}
 Parts = list[IniSection]
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class ObjectSections:
     """An object's sections: *own*, by sub-index, tables of a compact object, and *links* to other objects."""
 
@@ -67,7 +67,7 @@ class ObjectSections:
         yield from self.sub_indices.values()
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class EdsLayout:
     """A file's sections by meaning, *objects* by index only; *stray* sections have no known meaning.
 

@@ -83,7 +83,7 @@ def _change_files(session: SessionUser, bus: CanopenBus, group: ChangeGroup) -> 
     )  # fmt: skip
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class Network:
     """An open *bus* with its nodes and their *files*."""
 

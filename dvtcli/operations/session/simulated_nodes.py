@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -119,8 +118,7 @@ def _family_of_file(dictionary: ObjectDictionary) -> Family:
     """
     profile = profile_of(dictionary)
     known = learnt_family(profile, None) or family_named(profile.name)
-    return replace(
-        family_named("generic"),
+    return family_named("generic")._replace(
         state_object=known.state_object,
         state_request=known.state_request,
         master_object=known.master_object,

@@ -27,7 +27,7 @@ def twin_of(network: Network) -> Network:
     def device_for(node_id: int, backing: Callable[[int, int], bytes]) -> StrictDevice:
         node = network.node(node_id)
         kind = ReversedDevice if node.profile.reversed_entries else StrictDevice
-        family = replace(_family(network, node), filler=node.profile.filler or 0)
+        family = _family(network, node)._replace(filler=node.profile.filler or 0)
         return kind(node.dictionary or ObjectDictionary({}), family, node_id, backing=backing)
 
     bus = TwinBus(network.bus, device_for)

@@ -6,9 +6,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtState
@@ -19,12 +19,11 @@ from dvtcli.domain.profile import BitPolicy
 Object = tuple[int, int]
 Range = tuple[int, int]
 
-_NO_ANSWERS: Mapping[Direction, Mapping[str, int]] = MappingProxyType({})
+_NOTHING: Mapping[Any, Any] = MappingProxyType({})
 _KEEP = MappingProxyType({Direction.TPDO: BitPolicy.KEEP, Direction.RPDO: BitPolicy.KEEP})
 
 
-@dataclass(frozen=True, slots=True)
-class PinCopy:
+class PinCopy(NamedTuple):
     """One group of virtual PDOs: sub-index k of *selector* names the object tied to physical pin k.
 
     *pins* are the objects of the physical side in pin order, each for eight pins if *bitwise*, a bit each. With
@@ -69,8 +68,7 @@ class ErrorList:
     code: Object
 
 
-@dataclass(frozen=True, slots=True)
-class Family:
+class Family(NamedTuple):
     """The behaviour of a device family; the defaults are a plain CiA 301 device.
 
     - *absent*: objects of the EDS missing in the device, with the abort code; sub-index 0 for a whole object.
@@ -127,12 +125,12 @@ class Family:
     title: str = "CiA 301 device"
     #: its special features, in a few words
     about: str = ""
-    absent: Mapping[Object, int] = field(default_factory=dict)
+    absent: Mapping[Object, int] = _NOTHING
     granularity: int | None = None
     max_entries: int = 64
     max_entry_bits: int = 64
     dummies: frozenset[int] | None = None
-    rtr_bit: Mapping[Direction, BitPolicy] = field(default_factory=lambda: _KEEP)
+    rtr_bit: Mapping[Direction, BitPolicy] = _KEEP
     extended_ids: bool = True
     transmission_types: tuple[Range, ...] = ((0, 240), (252, 255))
     rpdo_counts_syncs: bool = False
@@ -151,8 +149,8 @@ class Family:
     zero_bits_counted: bool = False
     empty_pdos_enabled: bool = False
     restricted_ids_refused: bool = True
-    answers: Mapping[Direction, Mapping[str, int]] = field(default_factory=lambda: _NO_ANSWERS)
-    pdo_types: Mapping[Direction, tuple[tuple[int, int, int], ...]] = field(default_factory=dict)
+    answers: Mapping[Direction, Mapping[str, int]] = _NOTHING
+    pdo_types: Mapping[Direction, tuple[tuple[int, int, int], ...]] = _NOTHING
     max_inhibit_time: int = 0xFFFF
     max_event_timer: int = 0xFFFF
     filler: int = 0
@@ -169,7 +167,7 @@ class Family:
     clears_stamp: bool = True
     login: Login | None = None
     extended_error: Object | None = None
-    reasons: Mapping[int, int] = field(default_factory=dict)
+    reasons: Mapping[int, int] = _NOTHING
     error_list: ErrorList | None = None
     state_object: Object | None = None
     state_request: Object | None = None

@@ -18,7 +18,7 @@ _SYNC_RTR, _FIRST_EVENT_DRIVEN = 252, 254
 NEVER = float("inf")
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class EventTiming:
     """The times of an event-driven TPDO in seconds, 0 for none: minimum and maximum between two frames.
 
@@ -52,7 +52,7 @@ class EventTiming:
         self.due_s = max(self.event_due_s, self.inhibited_until_s)
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class Tpdo:
     """One enabled TPDO: its configuration, and its state since it was enabled or the node was started.
 
@@ -147,7 +147,7 @@ SHORT_PDO, LONG_PDO, RPDO_TIMED_OUT = 0x8210, 0x8220, 0x8250
 _COB_ID, _TRANSMISSION_TYPE, _INHIBIT_TIME, _EVENT_TIMER, _SYNC_START = 1, 2, 3, 5, 6
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class _Rpdo:
     """One enabled RPDO; *waiting* is data to apply after *syncs* more SYNCs."""
 

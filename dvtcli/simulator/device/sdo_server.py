@@ -23,7 +23,7 @@ _MOST_BYTES = 1 << 20
 _OUT_OF_MEMORY = 0x0504_0005
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class _SegmentedTransfer:
     """A segmented transfer: *multiplexer* is index and sub-index as on the wire, *size* the announced size."""
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import TypeVar
@@ -294,7 +293,7 @@ def _read(name: str) -> Item:
 def _family(name: str, item: Item) -> Family:
     given = item.table({"like": lambda item: load_family(_known(item)), **FAMILY_KEYS})
     base: Family = given.pop("like", GENERIC)
-    return replace(base, name=name, **given)
+    return base._replace(name=name, **given)
 
 
 def _known(item: Item) -> str:

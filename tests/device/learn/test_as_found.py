@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -105,7 +104,7 @@ def test_commands_end_the_same_on_a_device_and_on_what_was_learnt_of_it(family: 
 @pytest.mark.counted
 def test_commands_end_the_same_whichever_check_a_device_answers_otherwise(check: str) -> None:
     answers = {way: {check: OTHERWISE} for way in Direction}
-    family, options = replace(load_family("generic"), answers=answers), {"eds": str(family_eds("generic"))}
+    family, options = load_family("generic")._replace(answers=answers), {"eds": str(family_eds("generic"))}
 
     def original() -> StrictDevice:
         return awake(StrictDevice(dictionary("generic"), family, 1), {})

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -92,7 +91,7 @@ def test_a_dry_run_knows_how_many_writes_there_will_be(family: str, options: str
 def test_a_dry_run_is_tried_on_the_family_that_was_learnt() -> None:
     """A device that takes no transmission type 254 is like no other: its twin refuses that, too."""
     types = {Direction.TPDO: ((0, 253, 0), (254, 254, 0x06090030), (255, 255, 0))}
-    odd = replace(load_family("generic"), pdo_types=types)
+    odd = load_family("generic")._replace(pdo_types=types)
     node, eds = StrictDevice(read_eds(family_eds("generic")).dictionary, odd, 1), {"eds": str(family_eds("generic"))}
     wire = VirtualWire(node)
     with wire.bench(eds) as bench:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -53,7 +52,7 @@ def test_what_the_device_lacks_is_lacking(absent: dict[tuple[int, int], int]) ->
     listed = read_eds(EDS).dictionary
     wanted = {place: code for place, code in absent.items() if listed.entry(*place) is not None}
     assert wanted
-    original = replace(load_family("generic"), absent=wanted)
+    original = load_family("generic")._replace(absent=wanted)
     _, learnt = learnt_of(EDS, original)
     own = {place: code for place, code in learnt.absent.items() if place[1] != 4}  # which CIA 301 reserves
     assert own == wanted
@@ -87,7 +86,7 @@ def test_limits_of_the_file_are_learnt(checked: bool, tmp_path: Path) -> None:
     eds = limited(tmp_path / "limited.eds", narrow=not checked)
     names = [f"{name}-{side}-limit" for name in ("cob-id", "type", "inhibit", "event") for side in ("below", "above")]
     answers = {} if checked else {way: dict.fromkeys(names, 0) for way in Direction}
-    original = replace(load_family("generic"), answers=answers)
+    original = load_family("generic")._replace(answers=answers)
     ran, learnt = learnt_of(eds, original)
     found, asked = differing(eds, original, learnt)
     assert asked >= 60

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import pytest
 
@@ -24,7 +23,7 @@ FAMILIES = ("canopennode", "generic", "lely")
 def refusing(family: str, *checks: str) -> StrictDevice:
     """A device of *family* that refuses what *checks* are about, with a code of its own."""
     answers = {way: dict.fromkeys(checks, NO) for way in Direction}
-    one = StrictDevice(dictionary(family), replace(load_family(family), answers=answers), 1)
+    one = StrictDevice(dictionary(family), load_family(family)._replace(answers=answers), 1)
     one.boot_up()
     return one
 

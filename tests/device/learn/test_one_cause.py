@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -52,7 +51,7 @@ def values(ran: Ran, where: str = "profile") -> dict[str, object]:
 @heavy
 def test_a_boolean_that_a_granularity_of_8_keeps_out_says_nothing_of_its_access(tmp_path: Path) -> None:
     eds = described([("rw", 0x01), ("ro", 0x05), ("rw", 0x05), ("ro", 0x07)])
-    ran = learnt(tmp_path, eds, replace(load_family("generic"), granularity=8))
+    ran = learnt(tmp_path, eds, load_family("generic")._replace(granularity=8))
     assert ran.code == 0, ran
     assert (values(ran)["rw_in_tpdo"], values(ran)["rw_in_rpdo"]) == ("fine", "fine")
     assert "rw" in values(ran, "family")["tpdo_access"]  # type: ignore[operator]
@@ -64,9 +63,9 @@ def test_a_boolean_that_a_granularity_of_8_keeps_out_says_nothing_of_its_access(
 
 @pytest.mark.parametrize("direction", list(Direction))
 def test_an_access_that_is_refused_with_every_length_is_learnt(direction: Direction, tmp_path: Path) -> None:
-    own, family = ("ro", "rw"), replace(load_family("generic"), tpdo_access=frozenset({Access.RO}))
+    own, family = ("ro", "rw"), load_family("generic")._replace(tpdo_access=frozenset({Access.RO}))
     if direction is Direction.RPDO:
-        own, family = ("rww", "rw"), replace(load_family("generic"), rpdo_access=frozenset({Access.RWW}))
+        own, family = ("rww", "rw"), load_family("generic")._replace(rpdo_access=frozenset({Access.RWW}))
     ran = learnt(tmp_path, described([(access, kind) for kind in (0x05, 0x07) for access in own]), family)
     assert values(ran)[f"rw_in_{direction}"] == "error"
 
@@ -74,7 +73,7 @@ def test_an_access_that_is_refused_with_every_length_is_learnt(direction: Direct
 def test_objects_that_are_refused_for_their_access_are_not_too_long(tmp_path: Path) -> None:
     """Only rw objects have 32 bits, and the device sends none that is rw."""
     eds = described([("ro", 0x05), ("ro", 0x06), ("rw", 0x07)])
-    ran = learnt(tmp_path, eds, replace(load_family("generic"), tpdo_access=frozenset({Access.RO})))
+    ran = learnt(tmp_path, eds, load_family("generic")._replace(tpdo_access=frozenset({Access.RO})))
     assert values(ran).get("max_entry_bits") in (None, 32), ran
 
 
@@ -125,10 +124,9 @@ taking = st.sets(st.sampled_from([Access.RW, Access.RWW, Access.WO]), min_size=1
 def test_nothing_is_learnt_that_is_not_so(
     tmp_path: Path, chosen: list[tuple[Access, int]], sends: set[Access], takes: set[Access], step: int, most: int
 ) -> None:
-    family = replace(
-        load_family("generic"), tpdo_access=frozenset(sends), rpdo_access=frozenset(takes), granularity=step,
-        max_entry_bits=most,
-    )  # fmt: skip
+    family = load_family("generic")._replace(
+        tpdo_access=frozenset(sends), rpdo_access=frozenset(takes), granularity=step, max_entry_bits=most
+    )
     ran = learnt(tmp_path, described([(str(access), kind) for access, kind in chosen]), family)
     assert ran.code == 0, ran
     found, of_family = values(ran), values(ran, "family")

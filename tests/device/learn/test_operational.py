@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -41,7 +40,7 @@ QUESTIONS = [
     ids=["none", "all", "another code", "mappings of RPDOs"],
 )
 def test_what_operational_refuses_is_learnt(behaviour: dict[str, object], gate: PreOperational) -> None:
-    node = StrictDevice(read_eds(EDS).dictionary, replace(load_family("generic"), **behaviour), 1)
+    node = StrictDevice(read_eds(EDS).dictionary, load_family("generic")._replace(**behaviour), 1)
     wire = VirtualWire(node)
     with wire.bench({"eds": str(EDS)}) as bench:
         assert bench.run("nmt start").code == 0
@@ -61,7 +60,7 @@ def test_what_operational_refuses_is_learnt(behaviour: dict[str, object], gate: 
 
 @heavy
 def test_without_isolated_operational_says_nothing() -> None:
-    family = replace(load_family("generic"), pre_operational_writes=(PDOS,))
+    family = load_family("generic")._replace(pre_operational_writes=(PDOS,))
     node = StrictDevice(read_eds(EDS).dictionary, family, 1)
     wire = VirtualWire(node)
     with wire.bench({"eds": str(EDS)}) as bench:
@@ -96,7 +95,7 @@ def test_a_family_s_other_ranges_stay() -> None:
 
 @heavy
 def test_rules_that_hold_in_operational_only_are_learnt() -> None:
-    family = replace(load_family("generic"), pdo_rules_always=False)
+    family = load_family("generic")._replace(pdo_rules_always=False)
     node = StrictDevice(read_eds(EDS).dictionary, family, 1)
     wire = VirtualWire(node)
     with wire.bench({"eds": str(EDS), "profile": "generic"}) as bench:

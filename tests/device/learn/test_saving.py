@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -37,7 +36,7 @@ TPDO1 = Pdo.parse("tpdo1")
 
 def made(**behaviour: object) -> StrictDevice:
     """A CiA 301 device that saves as *behaviour* says."""
-    return StrictDevice(read_eds(EDS).dictionary, replace(load_family("generic"), **behaviour), 1)
+    return StrictDevice(read_eds(EDS).dictionary, load_family("generic")._replace(**behaviour), 1)
 
 
 def signatures(wire: VirtualWire) -> list[bytes]:

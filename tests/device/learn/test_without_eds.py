@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -102,7 +101,7 @@ def test_an_object_of_the_other_direction_is_asked_for(both: bool) -> None:
     family = load_family("generic")
     if both:
         every = family.tpdo_access | family.rpdo_access
-        family = replace(family, tpdo_access=every, rpdo_access=every)
+        family = family._replace(tpdo_access=every, rpdo_access=every)
     node = StrictDevice(unknown_dictionary(), family, 1)
     wire = VirtualWire(node)
     with wire.bench({"profile": "generic"}) as bench:

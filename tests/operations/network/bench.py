@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +36,7 @@ Layouts = tuple[tuple[int, ...], tuple[int, ...]]
 
 def device(node_id: int, family: str, *, clears_stamp: bool = True) -> StrictDevice:
     """A device in PRE-OPERATIONAL with a stored heartbeat; RAM and what is stored differ in a PDO that changes."""
-    behaviour = replace(load_family(family), clears_stamp=clears_stamp)
+    behaviour = load_family(family)._replace(clears_stamp=clears_stamp)
     made = StrictDevice(dictionary(family), behaviour, node_id)
     made.boot_up()
     made.set_value(0x1017, 0, _HEARTBEAT_MS.to_bytes(2, "little"))

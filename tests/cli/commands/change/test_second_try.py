@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import can
@@ -32,7 +31,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def stricter(kind: type[StrictDevice] = StrictDevice, node_id: int = 1, **codes: int) -> StrictDevice:
     """A device that refuses parameters of a PDO that is on: `type_while_valid=0x06090030`."""
     answers = {name.replace("_", "-"): code for name, code in codes.items()}
-    family = replace(load_family("generic"), answers=dict.fromkeys(Direction, answers))
+    family = load_family("generic")._replace(answers=dict.fromkeys(Direction, answers))
     device = kind(read_eds(family_eds("generic")).dictionary, family, node_id)
     device.set_value(0x1018, 1, (0xABC).to_bytes(4, "little"))
     return device
@@ -319,7 +318,7 @@ def test_a_refusal_of_a_node_that_runs_hints_to_stop_it(abort: int, line: str, y
 
 def gated(family: str, abort: int, first: int = 0x1400, last: int = 0x1BFF) -> StrictDevice:
     """A device of *family* that takes writes to PDOs in PRE-OPERATIONAL only, and answers *abort* otherwise."""
-    kind = replace(load_family(family), pre_operational_writes=((first, last),), wrong_state=abort)
+    kind = load_family(family)._replace(pre_operational_writes=((first, last),), wrong_state=abort)
     device = StrictDevice(read_eds(family_eds(family)).dictionary, kind, 1)
     device.set_value(0x1018, 1, (0xABC).to_bytes(4, "little"))
     return device

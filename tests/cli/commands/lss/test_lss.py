@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -400,7 +399,7 @@ def test_where_going_back_fails_half_way_it_is_said_which_node_id_each_has(tmp_p
 def test_going_back_counts_once_nobody_answers_with_the_new_node_id(tmp_path: Path) -> None:
     """LSS tells the node-ID that a node was given, not the one that it has: who answers on the bus is looked at."""
     nodes = [unconfigured(1, node_id=11), unconfigured(2, node_id=12)]
-    nodes[0].lss._family = replace(nodes[0].family, lss_tells_pending=True)
+    nodes[0].lss._family = nodes[0].family._replace(lss_tells_pending=True)
     file = network(tmp_path, "a: {node_id: 5, identity: {serial: 1}}", "b: {node_id: 6, identity: {serial: 2}}")
     bus = VirtualTimeBus(nodes, simulated=False)
 
@@ -620,7 +619,7 @@ def test_where_one_does_not_take_its_node_id_the_others_have_theirs_or_are_named
 ) -> None:
     nodes = [unconfigured(1 + at, families[at], before[at]) for at in range(3)]
     for one in nodes:
-        one.lss._family = replace(one.family, lss_tells_pending=tells_pending)
+        one.lss._family = one.family._replace(lss_tells_pending=tells_pending)
     failing(nodes[which], how, 5 + which, before[which])
     lines = (f"{name}: {{node_id: {5 + at}, identity: {{serial: {1 + at}}}}}" for at, name in enumerate("abc"))
     file = network(Path.cwd(), *lines)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from binascii import crc32
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -109,7 +108,7 @@ class _Once(BootLoader):
 @pytest.mark.parametrize("refusal", [0x06090030, 0x08000020, 0x08000022])
 def test_a_loader_that_clears_only_once_is_not_given_up(refusal: int, absent: tuple[int, ...], tmp_path: Path) -> None:
     """The answer to the first command is lost, and the second is refused: there is nothing to clear."""
-    family = replace(load_family("loader"), absent={(index, 0): 0x06020000 for index in absent})
+    family = load_family("loader")._replace(absent={(index, 0): 0x06020000 for index in absent})
     loading = Loading(tmp_path, "lose-response@2", device_=StrictDevice(dictionary("loader"), family, 1))
     node = loading.bus.nodes[0].device
     node.loader = _Once()
@@ -162,7 +161,7 @@ def test_another_refusal_of_the_flash_status_ends_it(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("absent", [(0x1F57,), (0x1F56,), (0x1F56, 0x1F57)])
 def test_a_loader_without_status_or_identification(absent: tuple[int, ...], tmp_path: Path) -> None:
-    family = replace(load_family("loader"), absent={(index, 0): 0x06020000 for index in absent})
+    family = load_family("loader")._replace(absent={(index, 0): 0x06020000 for index in absent})
     loading = Loading(tmp_path, device_=StrictDevice(dictionary("loader"), family, 1), profile="generic")
     for index in absent:
         with pytest.raises(Refusal):
@@ -175,7 +174,7 @@ def test_a_loader_without_status_or_identification(absent: tuple[int, ...], tmp_
 def test_a_restart_that_was_not_heard_is_not_denied(tmp_path: Path) -> None:
     """Some devices send no boot-up message: whether this one restarted nobody knows."""
     loading = Loading(tmp_path)
-    loading.bus.nodes[0].device.family = replace(loading.bus.nodes[0].device.family, boot_up_message=False)
+    loading.bus.nodes[0].device.family = loading.bus.nodes[0].device.family._replace(boot_up_message=False)
     with loading.bench:
         ran = loading.run()
     assert ran.code == 0, ran.stderr

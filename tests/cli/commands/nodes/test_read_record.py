@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import pytest
 
@@ -117,7 +116,7 @@ def test_a_program_is_not_read_by_the_way() -> None:
 
 
 def test_an_entry_that_is_refused_is_named() -> None:
-    family = replace(load_family("generic"), absent={(0x1018, 2): Abort.DEVICE_STATE})
+    family = load_family("generic")._replace(absent={(0x1018, 2): Abort.DEVICE_STATE})
     bus = VirtualTimeBus([StrictDevice(dictionary("generic"), family, 1)])
     with Bench((), {"node": 1, "profile": "generic"}, bus) as bench:
         ran = bench.run("read 1018")
