@@ -323,6 +323,7 @@ class FrameBus(ReadBus[M]):
         if function in _SDO_IDS:
             if function == ANSWER_ID:
                 self._traffic.answered(message)
+                self._watch.answered(node_id)
                 self._answered(node_id)
             elif not extended:
                 self._watch.request_of_another(self._frame_of(message))
@@ -349,5 +350,4 @@ class FrameBus(ReadBus[M]):
             self._watch.emergency(self._frame_of(message))
 
     def _answered(self, node_id: int) -> None:
-        """Note an SDO answer of *node_id* to any client."""
-        self._watch.answered(node_id)
+        """Called for an SDO answer of *node_id* to any client."""

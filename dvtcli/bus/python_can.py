@@ -29,6 +29,8 @@ _Sent = tuple[int, bool, bool, bytes]
 
 #: maximum number of frames waiting for their echo; no more are sent between two reads
 MOST_REMEMBERED = 1024
+#: number of answered requests without any echo after which the bus is known not to echo
+NONE_IN = 64
 #: a controller may send by priority; an echo this late (s) after its sending, or a later frame's echo, was lost
 LOST_AFTER_S = 1.0
 
@@ -36,13 +38,15 @@ LOST_AFTER_S = 1.0
 class Echoes:
     """Messages sent, for detection of their echoes.
 
-    Whether a bus echoes is learnt: an echo comes before the answer to its message.
+    Whether a bus echoes is learnt: an echo comes before the answer to its message. After `NONE_IN` answers without a
+    single echo there are none: a bus echoes every frame or no frame.
     """
 
     def __init__(self) -> None:
         #: whether the bus echoes, None if not yet known
         self._echoing: bool | None = None
         self._sent: deque[tuple[_Sent, float]] = deque(maxlen=MOST_REMEMBERED)
+        self._answered_without = 0
         self._lock = threading.Lock()
 
     def rule_out(self) -> None:
@@ -63,7 +67,7 @@ class Echoes:
 
     def is_echo(self, message: can.Message) -> bool:
         """Whether a received *message* is the echo of a sent message; each has one echo."""
-        if not self._sent:
+        if self._echoing is False or not self._sent:
             return False
         can_id = message.arbitration_id
         with self._lock:
@@ -96,6 +100,10 @@ class Echoes:
                 if sent[0] == can_id:
                     for _ in range(place + 1):
                         self._sent.popleft()
+                    self._answered_without += 1
+                    if self._answered_without == NONE_IN:
+                        self._echoing = False
+                        self._sent.clear()
                     return
 
 
@@ -251,7 +259,13 @@ class CanBus(FrameBus[can.Message]):
             if self._closed:
                 raise bus_closed()
             try:
-                self._send_once(message)
+                with self._send_lock:
+                    self.echoes.expect(message, monotonic())
+                    try:
+                        self._bus.send(message)
+                    except BaseException:
+                        self.echoes.unsent()
+                        raise
                 break
             except BUS_FAILURES as error:
                 is_full = self._carrier.is_full(error)
@@ -263,15 +277,6 @@ class CanBus(FrameBus[can.Message]):
                     raise failure from error
                 sleep(0.002)
         self._traffic.sent(message)
-
-    def _send_once(self, message: can.Message) -> None:
-        with self._send_lock:
-            self.echoes.expect(message, monotonic())
-            try:
-                self._bus.send(message)
-            except BaseException:
-                self.echoes.unsent()
-                raise
 
     def _read(self, wait_s: float) -> can.Message | None:
         if self._changing:
@@ -305,4 +310,3 @@ class CanBus(FrameBus[can.Message]):
 
     def _answered(self, node_id: int) -> None:
         self.echoes.answered(REQUEST_ID + node_id)
-        super()._answered(node_id)

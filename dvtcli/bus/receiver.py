@@ -144,10 +144,10 @@ class Receiver(Generic[M]):
 
         The machine ran other work, or stood still. With *anew* no thread has waited until now.
         """
-        self._note_delay(monotonic(), counts=not anew)
+        self._note_delay(monotonic(), 0.0, not anew)
         return self._delay_s
 
-    def _note_delay(self, now_s: float, waited_s: float = 0.0, *, counts: bool = True) -> None:
+    def _note_delay(self, now_s: float, waited_s: float = 0.0, counts: bool = True) -> None:
         """Count the time from the last call to *now_s*, less *waited_s* and the computing time of this process."""
         with self._delay_lock:
             passed_s = now_s - self._seen_s
@@ -167,7 +167,8 @@ class Receiver(Generic[M]):
             if self._closed:
                 raise bus_closed()
             if self._take_lead(inbox):
-                self._followers.pop(inbox, None)
+                if self._followers:
+                    self._followers.pop(inbox, None)
                 return True
             self._followers[inbox] = deadline_s
             return False
@@ -194,9 +195,10 @@ class Receiver(Generic[M]):
             left_s = deadline_s - now_s
             if left_s <= 0:
                 self._read_waiting()  # the thread is late, not the answer
-                break
-            self._read_one(self._slice_s(left_s) if self._followers else min(left_s, SLICE_S), now_s)
-        return None if inbox.empty() else inbox.get_nowait()
+                return None if inbox.empty() else inbox.get_nowait()
+            slice_s = left_s if left_s < SLICE_S else SLICE_S
+            self._read_one(self._slice_s(slice_s) if self._followers else slice_s, now_s)
+        return inbox.get_nowait()
 
     def _follow(self, inbox: SimpleQueue[T | Wake], deadline_s: float) -> T | Wake | None:
         """The next item or note; the reading thread reports the deadline, once nothing is waiting.
@@ -209,11 +211,11 @@ class Receiver(Generic[M]):
         except Empty:
             return None
 
-    def _slice_s(self, left_s: float) -> float:
-        """Time to read at once with *left_s* to go, so that no follower waits much longer than requested."""
+    def _slice_s(self, most_s: float) -> float:
+        """Time to read at once, *most_s* at most, so that no follower waits much longer than requested."""
         with self._mutex:
             first_s = min(self._followers.values(), default=inf)
-        return max(min(left_s, SLICE_S, first_s - monotonic()), 0.0)
+        return max(min(most_s, first_s - monotonic()), 0.0)
 
     def _end_times(self, until_s: float) -> None:
         """End the waits of followers with deadlines up to *until_s*, since all frames until then were read."""
@@ -239,7 +241,8 @@ class Receiver(Generic[M]):
                 self._no_leader.notify_all()
 
     def _read_one(self, wait_s: float, now_s: float) -> None:
-        self._note_delay(now_s)
+        if now_s - self._seen_s >= LATE_S:
+            self._note_delay(now_s)
         message = self._read(wait_s)
         self._note_delay(monotonic(), wait_s)
         if message is not None:

@@ -13,7 +13,7 @@ import can
 import pytest
 
 from dvtcli.bus.node_watch import SECOND_ANSWERS
-from dvtcli.bus.python_can import LOST_AFTER_S, MOST_REMEMBERED, CanBus, Echoes
+from dvtcli.bus.python_can import LOST_AFTER_S, MOST_REMEMBERED, NONE_IN, CanBus, Echoes
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import NoAnswer
@@ -219,6 +219,30 @@ def test_an_answer_to_a_late_request_does_not_end_an_echoing_bus() -> None:
     assert echoes.is_echo(message(REQUEST, READ_DEVICE_TYPE))
     echoes.expect(message(REQUEST, READ_IDENTITY), 1.0)
     echoes.answered(REQUEST)
+    assert echoes.is_echo(message(REQUEST, READ_IDENTITY))
+
+
+def exchanged_without_echoes(echoes: Echoes, count: int) -> None:
+    for number in range(count):
+        echoes.expect(message(REQUEST, READ_DEVICE_TYPE), float(number))
+        echoes.answered(REQUEST)
+
+
+def test_a_bus_without_an_echo_in_many_exchanges_has_none_and_each_request_is_another_s() -> None:
+    echoes = Echoes()
+    exchanged_without_echoes(echoes, NONE_IN)
+    echoes.expect(message(REQUEST, READ_DEVICE_TYPE), 0.0)
+    assert not echoes.is_echo(message(REQUEST, READ_DEVICE_TYPE))
+
+
+@pytest.mark.parametrize("before", [0, NONE_IN - 1])
+def test_one_echo_among_many_exchanges_is_enough(before: int) -> None:
+    echoes = Echoes()
+    exchanged_without_echoes(echoes, before)
+    echoes.expect(message(REQUEST, READ_DEVICE_TYPE), 0.0)
+    assert echoes.is_echo(message(REQUEST, READ_DEVICE_TYPE))
+    exchanged_without_echoes(echoes, NONE_IN)
+    echoes.expect(message(REQUEST, READ_IDENTITY), 0.0)
     assert echoes.is_echo(message(REQUEST, READ_IDENTITY))
 
 

@@ -40,7 +40,8 @@ class SdoChannel:
         try:
             self._limit(timeout_s, retries)
             data = client.upload(index, sub_index)
-            self._note(index, sub_index, data)
+            if index == _HEARTBEAT_CONSUMERS:
+                self._note_consumer(sub_index, data)
             return data
         finally:
             client.link.end_transfer(self._turn)
@@ -62,13 +63,14 @@ class SdoChannel:
                 error.state = "unknown"
             raise
         else:
-            self._note(index, sub_index, data)
+            if index == _HEARTBEAT_CONSUMERS:
+                self._note_consumer(sub_index, data)
         finally:
             link.end_transfer(self._turn)
 
-    def _note(self, index: int, sub_index: int, data: bytes) -> None:
+    def _note_consumer(self, sub_index: int, data: bytes) -> None:
         """Inform the bus about a heartbeat consumer: a late heartbeat stops its machine."""
-        if index == _HEARTBEAT_CONSUMERS and sub_index:
+        if sub_index:
             self._client.link.consumes_heartbeat(self._client.node_id, sub_index, consumes=any(data))
 
     def _limit(self, timeout_s: float | None, retries: int | None) -> None:

@@ -18,7 +18,14 @@ from dvtcli.domain.object_scalings import Standard
 from dvtcli.domain.profile import GENERIC, DeviceProfile, ObjectAddress
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.input_file import read_input
-from dvtcli.files.profile.toml import builtin_names, builtin_path, may_be_of, physical_rules, read_profile
+from dvtcli.files.profile.toml import (
+    builtin_names,
+    builtin_path,
+    builtin_profile,
+    may_be_of,
+    physical_rules,
+    read_profile,
+)
 from dvtcli.files.toml_item import Item, Schema, integer, read_toml, string, suggest
 from dvtcli.files.user_folders import family_path, file_state, user_folder
 
@@ -175,7 +182,7 @@ def load_profile(name: str) -> DeviceProfile:
 @cache
 def _loaded(name: str, _own: OwnFiles) -> DeviceProfile:
     path = profile_path(name)
-    profile = read_profile(profile_text(name), f"{name}/{path.name}" if name not in own_names() else str(path))
+    profile = read_profile(profile_text(name), str(path)) if name in own_names() else builtin_profile(name)
     if profile.name != name:
         raise InputFileError(
             f"{path}: the profile is called {profile.name!r}, and its file {path.name}",

@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from fractions import Fraction
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -76,6 +77,12 @@ def builtin_path(name: str) -> Path:
     return family_path(name, _FILE)
 
 
+@cache
+def builtin_profile(name: str) -> DeviceProfile:
+    """Read the built-in profile *name*, once. Raises InputFileError with line and key if malformed."""
+    return read_profile(builtin_path(name).read_text(encoding="utf-8"), f"{name}/{_FILE}")
+
+
 def may_be_of(name: str, vendor_id: int) -> bool:
     """Whether the built-in profile *name* may apply to the vendor *vendor_id*, without parsing it."""
     text = builtin_path(name).read_text(encoding="utf-8")
@@ -106,8 +113,7 @@ def _over(base: Any, given: Any) -> Any:
 def _base(item: Item) -> DeviceProfile:
     if item.value not in builtin_names():
         item.fail(f"unknown built-in profile {item.shown}", suggest(str(item.value), builtin_names()))
-    path = builtin_path(str(item.value))
-    return read_profile(path.read_text(encoding="utf-8"), f"{path.parent.name}/{path.name}")
+    return builtin_profile(str(item.value))
 
 
 def _name(item: Item) -> str:
