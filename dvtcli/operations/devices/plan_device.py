@@ -231,7 +231,7 @@ def _refuse_nothing(held: HeldDevice) -> None:
             hint=Hint(Action.COMPARE, {"file": held.name})
             + Hint(Action.VERIFY, {"file": held.name}, " and {} take its defaults")
             + Hint(Action.RESTORE, why="brings a device's own")
-            + Hint(Action.EXPORT, {"file": "x.dcf"}, "writes one"),
+            + Hint(Action.EXPORT, {"file": "x.dcf"}, "writes a DCF"),
         )
 
 

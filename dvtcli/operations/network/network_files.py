@@ -170,17 +170,17 @@ def _plan_of(
     if manager is not None:
         raise UsageError(
             f"{file} is a saved plan, which already lists the values to write",
-            hint=Hint(Action.PLAN) + Hint(Action.GIVE, {"to_manager": "NODE"}, " {} makes one"),
+            hint=Hint(Action.PLAN) + Hint(Action.GIVE, {"to_manager": "NODE"}, " {} makes a plan"),
         )
     if include:
         raise UsageError(
             f"{file} is a saved plan, which already lists the values to write",
-            hint=Hint(Action.PLAN) + Hint(Action.GIVE, {"include": "OBJECT"}, " {} makes one"),
+            hint=Hint(Action.PLAN) + Hint(Action.GIVE, {"include": "OBJECT"}, " {} makes a plan"),
         )
     if trust_stamp:
         raise UsageError(
             f"{file} is a saved plan, which already has the values that were read",
-            hint=Hint(Action.PLAN) + Hint(Action.GIVE, {"trust_stamp": True}, " {} makes one"),
+            hint=Hint(Action.PLAN) + Hint(Action.GIVE, {"trust_stamp": True}, " {} makes a plan"),
         )
     tell_unknown_bit_rate(session, len(saved.nodes))
     nodes = {node_plan.node_id: session.node(node_plan.node_id) for node_plan in saved.nodes}

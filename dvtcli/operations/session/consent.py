@@ -48,7 +48,7 @@ def concise_doubt(node: NodeDescription, sub_index: int, data: bytes, *, force: 
                 node=node.node_id,
                 place=place,
                 why=str(wrong),
-                hint=Hint(Action.CONVERT, {"file": "net.yaml", "target": "node5.cdcf"}, "makes one")
+                hint=Hint(Action.CONVERT, {"file": "net.yaml", "target": "node5.cdcf"}, "makes a concise DCF")
                 + Hint(Action.FORCE, why="writes it anyway"),
             ) from wrong
         count = f"{len(data)} bytes that are not a concise DCF"

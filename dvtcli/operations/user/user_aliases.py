@@ -21,7 +21,7 @@ def list_aliases(settings: Settings, usable: dict[str, str]) -> Facts:
     rows = [{"name": word, "line": line, "file": files[word]} for word, line in sorted(usable.items())]
     width = max(map(len, usable), default=0)
     lines = [f"{word:<{width}} = {line}" for word, line in sorted(usable.items())]
-    text = tuple(lines) or ("no aliases; to make one: alias v = read 606C",)
+    text = tuple(lines) or ("no aliases; an example: alias v = read 606C",)
     return Facts("alias", (("aliases", rows), ("changed", False), ("dry_run", False)), text)
 
 
