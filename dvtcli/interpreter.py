@@ -1,4 +1,4 @@
-"""The command line to start a Python process with code of ours."""
+"""The Python that runs dvtcli: how to start another process of it, and how a missing package gets into it."""
 
 import sys
 
@@ -6,6 +6,18 @@ import sys
 AS_PYTHON = "--as-python"
 
 
+def is_frozen() -> bool:
+    """Whether dvtcli runs from a program that `scripts/freeze.py` made, with a Python of its own."""
+    return bool(getattr(sys, "frozen", False))
+
+
 def python_words() -> list[str]:
     """This Python, to be followed by its options and `-m MODULE` or `-c CODE`; a frozen program is its own Python."""
-    return [sys.executable, AS_PYTHON] if getattr(sys, "frozen", False) else [sys.executable]
+    return [sys.executable, AS_PYTHON] if is_frozen() else [sys.executable]
+
+
+def how_to_install(requirement: str) -> str:
+    """How to get the missing package *requirement*: pip's line; a frozen program cannot be given any."""
+    if is_frozen():
+        return f"this program was made without {requirement}: install dvtcli with pip to have it"
+    return f"pip install '{requirement}'"

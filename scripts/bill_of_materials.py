@@ -6,12 +6,16 @@ It lists dvtcli and each package that it needs, with version and licence, and no
 from __future__ import annotations
 
 import json
+import platform
 import re
 import sys
+from contextlib import suppress
 from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from pathlib import Path
 
 ROOT = "canopen-dvtcli"
+#: what python-can's serial and gs_usb interfaces need, which the extra `freeze` brings
+FOR_ADAPTERS = ("pyserial", "gs-usb")
 
 
 def needed(name: str, found: dict[str, Distribution]) -> None:
@@ -49,10 +53,24 @@ def component(key: str, package: Distribution) -> dict[str, object]:
     return described
 
 
-def bill() -> dict[str, object]:
-    """The document; equal for equal versions. PackageNotFoundError if dvtcli is not installed here."""
+def python() -> dict[str, object]:
+    """The interpreter that runs this, which a frozen program brings."""
+    release = f"pkg:generic/python@{platform.python_version()}"
+    return {
+        "type": "platform", "name": "python", "version": platform.python_version(), "bom-ref": release, "purl": release
+    }  # fmt: skip
+
+
+def bill(*, frozen: bool = False) -> dict[str, object]:
+    """The document; equal for equal versions. PackageNotFoundError if dvtcli is not installed here.
+
+    For a *frozen* program also Python, and the packages that adapters need.
+    """
     found: dict[str, Distribution] = {}
     needed(ROOT, found)
+    for name in FOR_ADAPTERS if frozen else ():
+        with suppress(PackageNotFoundError):  # then the program does not have it either
+            needed(name, found)
     links = []
     for key, package in sorted(found.items()):
         names = {normal(re.split(r"[^\w.-]", line)[0]) for line in package.requires or () if "extra ==" not in line}
@@ -63,14 +81,17 @@ def bill() -> dict[str, object]:
         "specVersion": "1.6",
         "version": 1,
         "metadata": {"component": component(ROOT, found[ROOT])},
-        "components": [component(key, package) for key, package in sorted(found.items()) if key != ROOT],
+        "components": [
+            *([python()] if frozen else []),
+            *(component(key, package) for key, package in sorted(found.items()) if key != ROOT),
+        ],
         "dependencies": links,
     }
 
 
-def write_bill(path: Path) -> None:
+def write_bill(path: Path, *, frozen: bool = False) -> None:
     """Write the bill to *path*."""
-    path.write_text(json.dumps(bill(), indent=1) + "\n", encoding="utf-8")
+    path.write_text(json.dumps(bill(frozen=frozen), indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -23,31 +23,7 @@ from tempfile import TemporaryDirectory
 
 from bill_of_materials import write_bill
 
-#: Packages whose modules are imported by names that only running code knows (commands and results, python-can's
-#: interfaces), and the distributions whose metadata name their entry points and versions.
-WHOLE_PACKAGES = {"dvtcli": "canopen-dvtcli", "can": "python-can"}
-#: The program: dvtcli, or the Python that dvtcli asks for (`dvtcli.interpreter`).
-START = """
-import runpy
-import sys
-
-from dvtcli.interpreter import AS_PYTHON
-
-if sys.argv[1:2] == [AS_PYTHON]:
-    words = sys.argv[2:]
-    while words[0] in ("-I", "-S", "-P"):
-        del words[0]
-    if words[0] == "-m":
-        sys.argv = words[1:]
-        runpy.run_module(words[1], run_name="__main__", alter_sys=True)
-    else:
-        sys.argv = ["-c", *words[2:]]
-        exec(words[1], {"__name__": "__main__"})
-else:
-    from dvtcli.__main__ import entry
-
-    sys.exit(entry())
-"""
+RECIPE = Path(__file__).parent / "frozen" / "dvtcli.spec"
 
 
 def freeze(folder: Path, *, one_file: bool = False) -> Path:
@@ -56,21 +32,13 @@ def freeze(folder: Path, *, one_file: bool = False) -> Path:
         from PyInstaller.__main__ import run
     except ImportError as missing:
         raise SystemExit("PyInstaller is not installed: pip install '.[freeze]'") from missing
-    name = title() if one_file else "dvtcli"
-    words = ["--name", name, "--onefile" if one_file else "--onedir", "--console", "--noconfirm", "--clean"]
-    if sys.platform == "linux" and shutil.which("strip"):  # half of the size, which one file unpacks at each start
-        words.append("--strip")
-    words += ["--log-level", "WARN", "--distpath", str(folder), "--collect-data", "dvtcli"]
-    for package, distribution in WHOLE_PACKAGES.items():
-        words += ["--collect-submodules", package, "--recursive-copy-metadata", distribution]
     with TemporaryDirectory(prefix="dvtcli-freeze-") as work:
-        start = Path(work, "start_dvtcli.py")
-        start.write_text(START, encoding="utf-8")
-        run([str(start), *words, "--workpath", str(Path(work, "work")), "--specpath", work])
+        words = ["--noconfirm", "--clean", "--log-level", "WARN", "--distpath", str(folder), "--workpath", work]
+        run([*words, str(RECIPE), "--", title(), "one-file" if one_file else "folder"])
     suffix = ".exe" if sys.platform == "win32" else ""
     if one_file:
-        return folder / f"{name}{suffix}"
-    write_bill(folder / "dvtcli" / "sbom.cdx.json")
+        return folder / f"{title()}{suffix}"
+    write_bill(folder / "dvtcli" / "sbom.cdx.json", frozen=True)
     return folder / "dvtcli" / f"dvtcli{suffix}"
 
 

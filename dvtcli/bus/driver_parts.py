@@ -12,6 +12,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
 
+from dvtcli.interpreter import how_to_install
+
 
 @dataclass(frozen=True, slots=True)
 class Driver:
@@ -65,7 +67,7 @@ def _lacks(driver: Driver, libraries: tuple[str, ...]) -> Iterator[str]:
     if driver.needs_kernel and (why := _kernel_lacks()):
         yield why
     if driver.package and not _is_installed(driver.package):
-        yield f"pip install '{driver.package}'"
+        yield how_to_install(driver.package)
     if libraries and (why := _not_loaded(libraries)):
         yield f"{driver.maker} {why}"
 
@@ -99,11 +101,18 @@ def _not_loaded(libraries: tuple[str, ...]) -> str | None:
         try:
             CDLL(library)
         except OSError as failed:
-            failures.append(str(failed))
+            failures.append(str(failed.__cause__ or failed))  # a frozen program's loader wraps the system's words
         else:
             return None
-    unfound = all("cannot open shared object" in text or "not find" in text for text in failures)
-    return f"is not installed ({libraries[0]})" if unfound else f"cannot be loaded: {failures[0]}"
+    found = [text for text in failures if not says_absent(text)]
+    return f"cannot be loaded: {found[0]}" if found else f"is not installed ({libraries[0]})"
+
+
+def says_absent(text: str) -> bool:
+    """Whether *text*, with which Linux, Windows or macOS refused to load a library, says that there is no such file."""
+    return any(words in text for words in ("cannot open shared object", "not find", "image not found")) or (
+        "(no such file" in text and "(mach-o" not in text and "(not a mach-o" not in text
+    )
 
 
 if __name__ == "__main__":

@@ -27,7 +27,7 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.domain.text import plural
 from dvtcli.errors import BusUnavailable
-from dvtcli.interpreter import python_words
+from dvtcli.interpreter import how_to_install, python_words
 
 #: errors of python-can's drivers if a driver, a setting or a device is missing
 OPEN_FAILURES = (
@@ -118,7 +118,7 @@ def _hint(config: Mapping[str, object], error: Exception) -> Hint | str:
     if isinstance(error, ImportError | can.CanInterfaceNotImplementedError):
         package = _DRIVER_PACKAGES.get(interface)
         if package:
-            return f"its driver is missing: pip install '{package}'"
+            return f"its driver is missing: {how_to_install(package)}"
     if is_missing(error) and (install := what_to_install(interface)) is not None:
         return install
     return _setting_hint(interface, channel, error)

@@ -8,6 +8,7 @@ from typing import Any
 
 from dvtcli.domain.hint import Hint, as_hint
 from dvtcli.errors import UsageError
+from dvtcli.interpreter import how_to_install
 from dvtcli.version import DISTRIBUTION
 
 
@@ -29,5 +30,5 @@ def extra(package: str, name: str, purpose: str) -> Any:
 
 
 def _missing(package: str, name: str, purpose: str, instead: Hint | str = "") -> UsageError:
-    hint = as_hint(f"pip install '{DISTRIBUTION}[{name}]'")
+    hint = as_hint(how_to_install(f"{DISTRIBUTION}[{name}]"))
     return UsageError(f"{purpose} needs {package}", hint=hint + instead if instead else hint)

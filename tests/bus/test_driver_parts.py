@@ -11,7 +11,7 @@ from pathlib import Path
 import can
 import pytest
 
-from dvtcli.bus.driver_parts import DRIVERS, missing_parts
+from dvtcli.bus.driver_parts import DRIVERS, missing_parts, says_absent
 from tests.process import environment
 
 on_linux = pytest.mark.skipif(sys.platform != "linux", reason="LD_LIBRARY_PATH names the folder of libraries")
@@ -56,6 +56,28 @@ def test_a_missing_module_is_named_with_what_installs_it(tmp_path: Path) -> None
     found = missing(tmp_path, without_packages=True)
     assert found["slcan"] == ["pip install 'python-can[serial]'"]
     assert "pip install 'python-can[gs-usb]'" in (found["gs_usb"] or [])
+
+
+@pytest.mark.parametrize(
+    ("text", "absent"),
+    [
+        ("libcanlib.so: cannot open shared object file: No such file or directory", True),
+        ("/usr/lib/libcanlib.so: invalid ELF header", False),
+        ("libcanlib.so: wrong ELF class: ELFCLASS32", False),
+        ("Could not find module 'PCANBasic.dll' (or one of its dependencies). Try using the full path", True),
+        ("[WinError 193] %1 is not a valid Win32 application", False),
+        ("dlopen(libPCBUSB.dylib, 6): image not found", True),
+        ("dlopen(libPCBUSB.dylib, 0x0006): tried: 'libPCBUSB.dylib' (no such file), '/usr/lib/libPCBUSB.dylib' (no such"
+         " file, not in dyld cache)", True),
+        ("dlopen(libPCBUSB.dylib, 0x0006): tried: 'libPCBUSB.dylib' (no such file), '/usr/local/lib/libPCBUSB.dylib'"
+         " (mach-o file, but is an incompatible architecture (have 'x86_64', need 'arm64'))", False),
+        ("dlopen(libPCBUSB.dylib, 0x0006): tried: 'libPCBUSB.dylib' (not a mach-o file), '/usr/lib/libPCBUSB.dylib' (no"
+         " such file)", False),
+    ],
+)  # fmt: skip
+def test_a_library_that_is_absent_is_told_from_one_that_is_broken(text: str, absent: bool) -> None:
+    """In the words of Linux, Windows and macOS."""
+    assert says_absent(text) is absent
 
 
 @pytest.mark.parametrize(

@@ -85,11 +85,11 @@ def main() -> None:
                 for chosen in (constraints, None):
                     installed(python, package.resolve(), chosen)
         for program in asked.frozen:
-            form = "folder" if (program.parent / "_internal").is_dir() else "one file"
+            form = "frozen folder" if (program.parent / "_internal").is_dir() else "frozen, one file"
             home = Path(place, form)
             home.mkdir()
             whole = program.parent if form == "folder" else program
-            row("its own", "frozen", f"{form} without Python", "", size(whole), tried(program.resolve(), home))
+            row("its own", "newest", form, "", size(whole), tried(program.resolve(), home))
 
 
 if __name__ == "__main__":

@@ -5,8 +5,11 @@ Nothing lists folders or reads sources at run time, and data files are found by 
 
 from __future__ import annotations
 
+import ast
 import compileall
+import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -18,8 +21,11 @@ import pytest
 
 from dvtcli.cli.help.guide import TOPICS
 from dvtcli.files.user_folders import family_files
+from dvtcli.interpreter import AS_PYTHON
+from tests.house.draw import nodes
+from tests.house.laws.source_tree import SourceTree, imported
 from tests.house.source import PACKAGE
-from tests.process import environment
+from tests.process import ROOT, environment
 
 #: a command, what it is told on standard input, and what it prints
 COMMANDS = (
@@ -80,24 +86,92 @@ def test_a_command_runs(form: Callable[[Path], Path], command: str, typed: str, 
     assert found.stdout.startswith(f"{where}{os.sep}"), found.stdout
 
 
+@pytest.fixture
+def frozen(pytestconfig: pytest.Config) -> str:
+    """What `scripts/freeze.py` made, as `--frozen PROGRAM` names it."""
+    if (program := pytestconfig.getoption("--frozen")) is None:
+        pytest.skip("--frozen PROGRAM names none")
+    return str(Path(program).resolve())
+
+
 @every_command
 def test_a_command_of_the_frozen_program_runs(
-    command: str, typed: str, printed: str, tmp_path: Path, pytestconfig: pytest.Config
+    command: str, typed: str, printed: str, tmp_path: Path, frozen: str
 ) -> None:
-    """`--frozen PROGRAM` names what `scripts/freeze.py` made."""
-    if (program := pytestconfig.getoption("--frozen")) is None:
-        pytest.skip("--frozen PROGRAM names none")
-    assert printed in run([program], tmp_path / "nothing", command, typed)
+    assert printed in run([frozen], tmp_path / "nothing", command, typed)
 
 
-def test_a_tcl_script_runs_in_the_frozen_program(tmp_path: Path, pytestconfig: pytest.Config) -> None:
+def test_a_tcl_script_runs_in_the_frozen_program(tmp_path: Path, frozen: str) -> None:
     """Its interpreter is a process of its own, of the same program."""
-    if (program := pytestconfig.getoption("--frozen")) is None:
-        pytest.skip("--frozen PROGRAM names none")
     pytest.importorskip("tkinter", reason="Tcl is in python3-tk")
     script = tmp_path / "a.tcl"
     script.write_text("dvtcli pdo tpdo1\n", encoding="utf-8")
-    assert "TPDO1" in run([program], tmp_path / "nothing", f"--sim gen4 run {script}", "")
+    assert "TPDO1" in run([frozen], tmp_path / "nothing", f"--sim gen4 run {script}", "")
+
+
+def as_python(frozen: str, code: str, **variables: str) -> str:
+    """What *code* prints in the Python of the program *frozen*."""
+    words = [frozen, AS_PYTHON, "-c", code]
+    return subprocess.run(words, env=environment() | variables, text=True, capture_output=True, check=True).stdout
+
+
+def test_the_frozen_program_imports_little_before_dvtcli(frozen: str) -> None:
+    """Each of these takes a tenth of dvtcli's own start, or more."""
+    imported = set(as_python(frozen, "import sys; print(*sys.modules)").split())
+    slow = {"inspect", "zipfile", "pkgutil", "multiprocessing", "subprocess", "tempfile", "pathlib", "usb"}
+    assert imported & slow == set()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only on Linux a variable names the program's libraries")
+def test_programs_that_the_frozen_one_starts_have_the_users_libraries(frozen: str) -> None:
+    code = "import os; print(os.environ.get('LD_LIBRARY_PATH'), os.environ.get('LD_LIBRARY_PATH_ORIG'))"
+    assert as_python(frozen, code).split() == ["None", "None"]
+    assert as_python(frozen, code, LD_LIBRARY_PATH="/a:/b").split() == ["/a:/b", "None"]
+    again = f"import subprocess; subprocess.run([{frozen!r}, {AS_PYTHON!r}, '-c', {code!r}], check=True)"
+    assert as_python(frozen, again, LD_LIBRARY_PATH="/a").split() == ["/a", "None"]
+
+
+def test_doctor_of_the_frozen_program_says_what_is_missing_and_names_no_pip(tmp_path: Path, frozen: str) -> None:
+    told = json.loads(run([frozen], tmp_path / "nothing", "--sim gen4 --json doctor", ""))
+    (drivers,) = [check["text"] for check in told["checks"] if check["check"] == "drivers"]
+    assert "pip install" not in drivers
+    assert "dynlib" not in drivers, "these are words of the frozen program's loader"
+    ready = drivers.partition("ready: ")[2].partition(";")[0]
+    assert "slcan" in ready, "pyserial is included"
+
+
+def test_the_frozen_folder_lists_each_package_in_it(frozen: str) -> None:
+    if not (folder := Path(frozen).parent / "_internal").is_dir():
+        pytest.skip("it is one file")
+    bill = json.loads((folder.parent / "sbom.cdx.json").read_text("utf-8"))
+    named = {component["name"] for component in bill["components"]}
+    assert {"python", "pyserial", "gs-usb", "pyusb"} <= named
+    there = {path.name.rpartition("-")[0] for path in folder.glob("*.dist-info")} - {"canopen_dvtcli"}
+    assert {re.sub(r"[-_.]+", "-", name).lower() for name in there} <= named
+
+
+def test_a_frozen_program_names_no_pip_for_what_it_lacks() -> None:
+    code = "import sys; from dvtcli.interpreter import how_to_install as how; print(how('a[b]')); "
+    told = subprocess.run(
+        [sys.executable, "-c", f"{code} sys.frozen = True; print(how('a[b]'))"],
+        env=environment(), text=True, capture_output=True, check=True,
+    )  # fmt: skip
+    installed, frozen = told.stdout.splitlines()
+    assert installed == "pip install 'a[b]'"
+    assert frozen.startswith("this program was made without a[b]: ")
+
+
+@pytest.mark.together
+def test_what_is_left_out_of_the_frozen_program_is_never_imported() -> None:
+    recipe = ast.parse((ROOT / "scripts/frozen/dvtcli.spec").read_text("utf-8"))
+    (left_out,) = [
+        set(ast.literal_eval(line.value))
+        for line in recipe.body
+        if isinstance(line, ast.Assign) and ast.unparse(line.targets[0]) == "LEFT_OUT"
+    ]
+    modules = {name for _, tree in SourceTree.of_the_package() for node in nodes(tree) for name in imported(node)}
+    assert left_out
+    assert left_out & {name.partition(".")[0] for name in modules} == set()
 
 
 def test_tables_of_data_files_name_what_is_there() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import re
 import shutil
@@ -24,6 +25,8 @@ from tests.process import ROOT, dvtcli, environment
 
 #: distribution -> the package that it brings, where that has another name
 BRINGS = {"python-can": "can", "prompt-toolkit": "prompt_toolkit", "ruamel.yaml": "ruamel"}
+#: what a user installs for a task; the other extras are for who works on dvtcli
+USERS_EXTRAS = ("dbc", "plot", "mdf", "hex", "parquet")
 PROJECT = tomllib.loads(text("pyproject.toml"))["project"]
 #: file of the wheel's data folder -> what prints it
 SHARED = {
@@ -85,17 +88,23 @@ def test_both_are_equal_however_often_and_wherever_they_are_built(tmp_path: Path
 
 
 @pytest.mark.needs("cyclonedx")
-def test_the_bill_of_materials_is_cyclonedx_and_names_every_package_that_is_needed(tmp_path: Path) -> None:
+@pytest.mark.parametrize("frozen", [False, True], ids=["installed", "frozen"])
+def test_the_bill_of_materials_is_cyclonedx_and_names_every_package_that_is_needed(
+    frozen: bool, tmp_path: Path
+) -> None:
     from cyclonedx.schema import SchemaVersion
     from cyclonedx.validation.json import JsonStrictValidator
 
-    subprocess.run([sys.executable, ROOT / "scripts/bill_of_materials.py", tmp_path / "bill.json"], check=True)
+    write = f"from pathlib import Path; from bill_of_materials import *; write_bill(Path('bill.json'), frozen={frozen})"
+    search = environment() | {"PYTHONPATH": str(ROOT / "scripts")}
+    subprocess.run([sys.executable, "-c", write], check=True, cwd=tmp_path, env=search)
     bill = (tmp_path / "bill.json").read_text("utf-8")
     assert JsonStrictValidator(SchemaVersion.V1_6).validate_str(bill) is None
     named = {component["name"] for component in json.loads(bill)["components"]}
     needed = {re.split(r"[^\w.-]", line)[0].replace(".", "-") for line in PROJECT["dependencies"]}
     assert needed < named, "and what these need"
     assert "pytest" not in named
+    assert ("python" in named, "pyserial" in named) == (frozen, frozen)
 
 
 def test_the_version_stands_in_one_place() -> None:
@@ -114,6 +123,16 @@ def test_each_dependency_has_a_lower_bound_and_each_upper_bound_a_reason() -> No
 
 @pytest.mark.together
 def test_every_dependency_is_imported() -> None:
-    names = {re.split(r"[<>=~! ]", word)[0] for word in PROJECT["dependencies"]}
-    modules = {name for _, tree in SourceTree.of_the_package() for node in nodes(tree) for name in imported(node)}
-    assert {BRINGS.get(name, name) for name in names} <= {name.partition(".")[0] for name in modules}
+    """Those of an extra perhaps by their names, when they are needed."""
+    tree = SourceTree.of_the_package()
+    modules = {name.partition(".")[0] for _, file in tree for node in nodes(file) for name in imported(node)}
+    assert {BRINGS.get(name, name) for name in distributions(PROJECT["dependencies"])} <= modules
+
+    words = {node.value for _, file in tree for node in nodes(file) if isinstance(node, ast.Constant)}
+    for extra in USERS_EXTRAS:
+        assert distributions(PROJECT["optional-dependencies"][extra]) <= modules | words, extra
+
+
+def distributions(requirements: list[str]) -> set[str]:
+    """The names in *requirements*."""
+    return {re.split(r"[<>=~! \[]", requirement)[0] for requirement in requirements}

@@ -21,6 +21,7 @@ from dvtcli.errors import UsageError
 from dvtcli.files.bounded_child import die_of, go_on, limit
 from dvtcli.files.recordings.recorded_lines import NoFrameError
 from dvtcli.files.recordings.recording_format import RecordingFormat
+from dvtcli.interpreter import how_to_install
 from dvtcli.version import DISTRIBUTION
 
 #: what asammdf may take: memory beside the file itself (bytes), of which its own libraries are 250 MB, and time of the
@@ -45,7 +46,7 @@ class MdfFormat(RecordingFormat):
         if sys.modules.get("asammdf", sys) is None:
             del sys.modules["asammdf"]
         if find_spec("asammdf") is None:
-            raise UsageError(".mf4 files need asammdf", hint=f"pip install '{DISTRIBUTION}[mdf]'")
+            raise UsageError(".mf4 files need asammdf", hint=how_to_install(f"{DISTRIBUTION}[mdf]"))
 
     def writer(self, path: Path, *, append: bool, most_bytes: int) -> Any:
         """As for every format; by a module of python-can that has asammdf."""
