@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import sys
 import sysconfig
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import pytest
@@ -57,6 +57,9 @@ def test_workflows_may_read_only_and_end() -> None:
         for name, job in document["jobs"].items():
             assert "permissions" not in job or name == "publish", f"{path.name}: {name}"
             assert "timeout-minutes" in job or name == "types", f"{path.name}: {name}"
+            for step in job["steps"]:
+                if step.get("uses", "").startswith("actions/checkout@"):
+                    assert step["with"]["persist-credentials"] is False, "what runs afterwards need not read them"
     publish = read(ROOT / ".github/workflows/release.yml")["jobs"]["publish"]
     assert publish["if"] == "github.ref_type == 'tag'"
     assert set(publish["permissions"]) == {"contents", "id-token", "attestations"}
@@ -83,6 +86,14 @@ def test_the_container_runs_as_a_user_from_the_wheel() -> None:
     assert [line for line in steps if line.startswith("USER ")] == ["USER 1000"]
     assert steps[-1] == 'ENTRYPOINT ["dvtcli"]'
     assert any(line.startswith("COPY canopen_dvtcli-*.whl") for line in steps)
+    (made,) = re.findall(
+        r"install -d -o dvtcli -g dvtcli -m 700((?:[ \\\n]+/home/dvtcli/[\w./]+)+)$", "\n".join(lines), re.M
+    )
+    folders = [PurePosixPath(word) for word in made.replace("\\", " ").split()]
+    home = PurePosixPath("/home/dvtcli")
+    assert folders[-1] == home / ".local/state/dvtcli", "where the volume is mounted"
+    above = {parent for folder in folders for parent in folder.parents if home in parent.parents}
+    assert above <= set(folders), "install leaves a parent that it makes to root: then `eds add` has no folder"
 
 
 def test_the_container_file_has_no_fault_that_hadolint_finds() -> None:
