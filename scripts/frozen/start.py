@@ -5,13 +5,6 @@ import sys
 
 from dvtcli.interpreter import AS_PYTHON
 
-# The program's own libraries are found by a variable that pagers, editors and drivers' tools must not see.
-LIBRARIES = "LD_LIBRARY_PATH"
-if (users := os.environ.pop(f"{LIBRARIES}_ORIG", None)) is not None:
-    os.environ[LIBRARIES] = users
-elif sys.platform.startswith("linux"):
-    os.environ.pop(LIBRARIES, None)
-
 if sys.argv[1:2] == [AS_PYTHON]:
     if os.path.isdir(tcl := os.path.join(sys._MEIPASS, "_tcl_data")):  # noqa: PTH112, PTH118, SLF001 - pathlib takes long
         os.environ["TCL_LIBRARY"] = tcl

@@ -25,6 +25,7 @@ from dvtcli.interpreter import AS_PYTHON
 from tests.house.draw import nodes
 from tests.house.laws.source_tree import SourceTree, imported
 from tests.house.source import PACKAGE
+from tests.posix import needs_shell
 from tests.process import ROOT, environment
 
 #: a command, what it is told on standard input, and what it prints
@@ -124,11 +125,17 @@ def test_the_frozen_program_imports_little_before_dvtcli(frozen: str) -> None:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only on Linux a variable names the program's libraries")
 def test_programs_that_the_frozen_one_starts_have_the_users_libraries(frozen: str) -> None:
-    code = "import os; print(os.environ.get('LD_LIBRARY_PATH'), os.environ.get('LD_LIBRARY_PATH_ORIG'))"
-    assert as_python(frozen, code).split() == ["None", "None"]
-    assert as_python(frozen, code, LD_LIBRARY_PATH="/a:/b").split() == ["/a:/b", "None"]
+    code = "from dvtcli.interpreter import changed_variables; print(changed_variables())"
     again = f"import subprocess; subprocess.run([{frozen!r}, {AS_PYTHON!r}, '-c', {code!r}], check=True)"
-    assert as_python(frozen, again, LD_LIBRARY_PATH="/a").split() == ["/a", "None"]
+    for started in (code, again):
+        assert as_python(frozen, started).strip() == str({"LD_LIBRARY_PATH": ""})
+        assert as_python(frozen, started, LD_LIBRARY_PATH="/a:/b").strip() == str({"LD_LIBRARY_PATH": "/a:/b"})
+
+
+def test_the_frozen_program_finds_its_libraries_in_each_of_its_processes(frozen: str) -> None:
+    code = "import sys, os; print(sys._MEIPASS in os.environ.get('LD_LIBRARY_PATH', '').split(':'))"
+    again = f"import subprocess; subprocess.run([{frozen!r}, {AS_PYTHON!r}, '-c', {code!r}], check=True)"
+    assert [as_python(frozen, started).strip() for started in (code, again)] == [str(sys.platform == "linux")] * 2
 
 
 def test_doctor_of_the_frozen_program_says_what_is_missing_and_names_no_pip(tmp_path: Path, frozen: str) -> None:
@@ -146,8 +153,25 @@ def test_the_frozen_folder_lists_each_package_in_it(frozen: str) -> None:
     bill = json.loads((folder.parent / "sbom.cdx.json").read_text("utf-8"))
     named = {component["name"] for component in bill["components"]}
     assert {"python", "pyserial", "gs-usb", "pyusb"} <= named
-    there = {path.name.rpartition("-")[0] for path in folder.glob("*.dist-info")} - {"canopen_dvtcli"}
+    there = {path.name.partition("-")[0] for path in folder.glob("*.dist-info")} - {"canopen_dvtcli"}
     assert {re.sub(r"[-_.]+", "-", name).lower() for name in there} <= named
+
+
+@needs_shell
+def test_a_program_of_the_user_gets_the_users_variables_from_a_frozen_one() -> None:
+    code = (
+        "import sys; sys.frozen = True; from dvtcli.cli.prompt.redirect import _started; "
+        "program = _started(['env']); program.stdin.close(); sys.exit(program.wait())"
+    )
+    for variables, expected in (
+        ({"LD_LIBRARY_PATH": "/own:/users", "LD_LIBRARY_PATH_ORIG": "/users"}, ["LD_LIBRARY_PATH=/users"]),
+        ({"LD_LIBRARY_PATH": "/own"}, ["LD_LIBRARY_PATH="]),
+        ({}, []),
+    ):
+        told = subprocess.run(
+            [sys.executable, "-c", code], env=environment() | variables, text=True, capture_output=True, check=True
+        )
+        assert [line for line in told.stdout.splitlines() if line.startswith("LD_LIBRARY_PATH=")] == expected
 
 
 def test_a_frozen_program_names_no_pip_for_what_it_lacks() -> None:

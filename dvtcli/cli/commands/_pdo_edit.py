@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.errors import DvtcliError, InputFileError, RuleError, SafetyRefusal, UsageError
+from dvtcli.interpreter import changed_variables
 from dvtcli.operations.pdos.edit_pdos import configure_from_text, keep_text, pdo_as_text
 from dvtcli.operations.results import Facts
 
@@ -46,7 +47,7 @@ def edit(session: Conversation, pdo: Pdo, node_id: int | None) -> Changed | Fact
 def _edited(text: str) -> str | None:
     """Return *text* after editing. Raises UsageError if no editor works."""
     try:
-        return click.edit(text, extension=".yaml", require_save=False)
+        return click.edit(text, env=changed_variables(), extension=".yaml", require_save=False)
     except UnicodeDecodeError as wrong:
         raise InputFileError("the saved file is not UTF-8 text; the PDO is unchanged") from wrong
     except (click.ClickException, ValueError) as failed:

@@ -16,6 +16,7 @@ from typing import IO, TextIO, cast
 from dvtcli.cli.prompt.line import Destination
 from dvtcli.cli.view.output import Output
 from dvtcli.errors import UsageError
+from dvtcli.interpreter import changed_variables
 
 #: How `less` shows results if the user says nothing else: colours, long lines cut, gone if one screen is enough.
 LESS = "-SRXF"
@@ -59,8 +60,9 @@ def _program(command: str) -> AbstractContextManager[TextIO]:
     return _fed(_started([*shell, command]))
 
 
-def _started(words: list[str], environment: dict[str, str] | None = None) -> subprocess.Popen[str]:
-    """Start a program that reads its input. Raises UsageError on failure."""
+def _started(words: list[str], **variables: str) -> subprocess.Popen[str]:
+    """Start a program that reads its input, with *variables* unless they are set. Raises UsageError on failure."""
+    environment = variables | dict(os.environ) | changed_variables()
     try:
         return subprocess.Popen(  # noqa: S603 - the user's own program, from the user's own keyboard
             words, stdin=subprocess.PIPE, text=True, encoding="utf-8", errors="backslashreplace", env=environment
@@ -110,7 +112,7 @@ def paged(text: str) -> bool:
     program = shutil.which(words[0]) if words and words[0] != "cat" else None
     if program is None or not sys.stdin.isatty():
         return False
-    process = _started([program, *words[1:]], {"LESS": LESS, **os.environ})
+    process = _started([program, *words[1:]], LESS=LESS)
     with suppress(BrokenPipeError), _fed(process) as stream:
         stream.write(text)
     return process.returncode == 0
