@@ -26,7 +26,8 @@ from tests.house.draw import nodes
 from tests.house.laws.source_tree import SourceTree, imported
 from tests.house.source import PACKAGE
 from tests.posix import needs_shell
-from tests.process import ROOT, environment
+from tests.process import environment
+from tests.surroundings import ROOT
 
 #: a command, what it is told on standard input, and what it prints
 COMMANDS = (
