@@ -210,6 +210,17 @@ def _chain(node: ast.AST) -> str:
     return node.id if isinstance(node, ast.Name) else ""
 
 
+def typing_only(tree: ast.Module) -> set[int]:
+    """The nodes that only a type checker looks at."""
+    return {
+        id(child)
+        for node in nodes(tree)
+        if isinstance(node, ast.If) and _chain(node.test).endswith("TYPE_CHECKING")
+        for statement in node.body
+        for child in ast.walk(statement)
+    }
+
+
 def _texts(tree: ast.Module) -> Iterator[str]:
     for node in nodes(tree):
         if isinstance(node, ast.Constant) and isinstance(node.value, str):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
 
-from tests.house.draw import nodes, parsed
+from tests.house.draw import nodes, parsed, room_of, typing_only
 from tests.surroundings import ROOT
 
 PACKAGE = ROOT / "dvtcli"
@@ -28,8 +28,7 @@ class Module:
     @property
     def room(self) -> str:
         """The folder it lives in, or its own name where it is a flat file."""
-        first = self.path.relative_to(PACKAGE).parts[0]
-        return first.removesuffix(".py")
+        return room_of(self.name)
 
     @cached_property
     def text(self) -> str:
@@ -41,12 +40,7 @@ class Module:
 
     def imports(self) -> Iterator[tuple[str, int, bool]]:
         """Every imported module with its line, and whether it is for the type checker only."""
-        typing_only = {
-            child
-            for node in nodes(self.tree)
-            if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
-            for child in ast.walk(node)
-        }
+        for_types = typing_only(self.tree)
         for node in nodes(self.tree):
             if isinstance(node, ast.ImportFrom):
                 assert not node.level, f"{self.name}:{node.lineno}: a relative import"
@@ -57,7 +51,7 @@ class Module:
                 names = [alias.name for alias in node.names]
             else:
                 continue
-            yield from ((name, node.lineno, node in typing_only) for name in names)
+            yield from ((name, node.lineno, id(node) in for_types) for name in names)
 
 
 @cache

@@ -66,6 +66,25 @@ def test_files_of_strangers_have_one_door() -> None:
     assert found - {"files/input_file.py"} == MAY_OPEN.keys()
 
 
+#: the function that makes text of a CAN-ID (three digits, or eight if it has 29 bits), another program's protocol, and
+#: probes of 11 bits
+_WRITES_CAN_IDS = ("domain/cob_id.py", "simulator/network/hub_client.py", "domain/learning/")
+_THREE_DIGITS = re.compile(r"\{[^{}]*\b(can_id|identifier|cob_id|sync|emcy|time|address)\b[^{}]*:03[xX]\}")
+
+
+def test_no_other_place_writes_a_can_id_with_three_digits() -> None:
+    assert [
+        f"{module.name}: {line.strip()}"
+        for module in MODULES
+        for line in module.text.splitlines()
+        if not module.name.startswith(_WRITES_CAN_IDS)
+        and _THREE_DIGITS.search(line)
+        and "RESTRICTED" not in line
+        and "default_can_id" not in line
+    ] == []
+    assert all(map(_THREE_DIGITS.search, ('f"0x{node.emcy[0]:03X} is"', 'f"0x{frame.can_id:03X}"')))
+
+
 #: inner rooms that write command lines, with what for
 _WRITES_LINES = {
     "domain/script_line.py": "lines of scripts",
@@ -81,11 +100,20 @@ _TYPED = re.compile(
 )
 
 
+def test_a_command_holds_words_and_options_only() -> None:
+    """Its work is an operation, which other programs can call: it imports no device, bus, rule or file format."""
+    rooms = ("device", "bus", "watch", "files", "simulator", "domain.rules", "domain.plan", "domain.end_state")
+    for module in MODULES:
+        for imported, line, typing_only in module.imports() if module.name.startswith("cli/commands/") else ():
+            inner = imported.startswith(tuple(f"dvtcli.{room}" for room in rooms))
+            assert typing_only or not inner, f"{module.name}:{line} imports {imported}"
+
+
 def test_inner_rooms_name_no_command_and_no_option() -> None:
     """What to do next is a Hint, and what was given wrongly a name: `cli` writes options, the API arguments."""
     found = {
         module.name: f"{node.lineno} {node.value}"
-        for module in modules()
+        for module in MODULES
         if module.room in ("domain", "device", "bus", "files", "watch", "simulator", "operations", "errors")
         for node in _texts(module.tree)
         if _TYPED.search(node.value)

@@ -6,9 +6,9 @@ import ast
 from collections.abc import Iterator
 from functools import cache
 
-from tests.house.draw import nodes
+from tests.house.draw import nodes, typing_only
 from tests.house.laws.origins import origins
-from tests.house.laws.source_tree import SourceTree, dotted, typing_only
+from tests.house.laws.source_tree import SourceTree, dotted
 
 #: where buses are made of one another
 _MAKERS = ("bus/", "simulator/network/")

@@ -167,9 +167,7 @@ def nothing_is_swallowed(tree: SourceTree) -> Iterator[str]:
     for file, module in tree:
         for node in nodes(module):
             line = f"{file}:{getattr(node, 'lineno', 0)}"
-            if isinstance(node, ast.Try | ast.TryStar):
-                yield from (f"{file}:{left.lineno} leaves `finally`" for left in _leaving(node.finalbody))
-            elif _may_answer(node):
+            if _may_answer(node):
                 yield f"{line} may swallow what its block raises"
             elif isinstance(node, ast.Attribute) and dotted(node) in _HOOKS and file not in MAY_EXIT:
                 yield f"{line} {dotted(node)}"
@@ -225,15 +223,6 @@ def _keeps(node: ast.AST) -> bool:
     """Whether *node* gives something a name that is read: not `_`."""
     names = [one.id if isinstance(one, ast.Name) else "" for one in getattr(node, "targets", ())]
     return isinstance(node, ast.Assign) and names != ["_"]
-
-
-def _leaving(body: list[ast.stmt]) -> Iterator[ast.stmt]:
-    """What leaves a `finally` on its own, and whatever was on its way with it."""
-    for node in body:
-        if isinstance(node, ast.Return | ast.Break | ast.Continue):
-            yield node
-        elif not isinstance(node, ast.FunctionDef | ast.For | ast.While | ast.ClassDef):
-            yield from _leaving([child for child in ast.iter_child_nodes(node) if isinstance(child, ast.stmt)])
 
 
 def _may_answer(node: ast.AST) -> bool:

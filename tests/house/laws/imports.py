@@ -7,10 +7,10 @@ import re
 import sys
 from collections.abc import Iterator
 
-from tests.house.draw import nodes
+from tests.house.draw import nodes, typing_only
 from tests.house.laws.imports_allowed import DOORS, KNOWN, ONLY_IN
 from tests.house.laws.origins import named, origins
-from tests.house.laws.source_tree import SourceTree, dotted, imported, typing_only
+from tests.house.laws.source_tree import SourceTree, dotted, imported
 
 #: rooms that need nothing but the standard library
 _GROUND = ("version.py", "domain/", "device/", "simulator/device/", "errors.py")

@@ -5,10 +5,10 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator
 
-from tests.house.draw import parsed
+from tests.house.draw import parsed, typing_only
 from tests.house.laws.imports import BY_NAME
 from tests.house.laws.imports_allowed import ONLY_IN
-from tests.house.laws.source_tree import SourceTree, dotted, imported, typing_only
+from tests.house.laws.source_tree import SourceTree, dotted, imported
 
 #: what `--help` must not pay for: every library but click, and what of the standard library is large
 _HEAVY = (

@@ -13,18 +13,10 @@ from tests.house.laws.source_tree import SourceTree, dotted
 #: what puts something on a bus
 _SENDING = frozenset(
     {
-        "download",
-        "send",
-        "send_nmt",
-        "send_sdo",
-        "send_message",
-        "send_periodic",
-        "send_request",
-        "transmit",
-        "send_sync",
-        "canopen",
+        "download", "send", "send_nmt", "send_sdo", "send_message", "send_periodic", "send_request", "transmit",
+        "send_sync", "canopen",
     }
-)
+)  # fmt: skip
 _BY_NAME = frozenset({"getattr", "attrgetter", "methodcaller", "__getattribute__", "vars", "getmembers"})
 #: what makes a way to any name, which must be read here
 _MADE = frozenset({"attrgetter", "methodcaller"})

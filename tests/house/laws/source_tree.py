@@ -6,7 +6,7 @@ import ast
 from collections.abc import Iterator, Mapping
 from functools import cache, cached_property
 
-from tests.house.draw import House, nodes, parsed
+from tests.house.draw import House, parsed
 
 
 class SourceTree:
@@ -46,17 +46,6 @@ class SourceTree:
 
 def _dotted(file: str) -> str:
     return f"dvtcli.{file}".removesuffix(".py").removesuffix("/__init__").replace("/", ".").removesuffix(".__init__")
-
-
-def typing_only(tree: ast.Module) -> set[int]:
-    """The nodes that only a type checker looks at."""
-    return {
-        id(child)
-        for node in nodes(tree)
-        if isinstance(node, ast.If) and dotted(node.test).endswith("TYPE_CHECKING")
-        for statement in node.body
-        for child in ast.walk(statement)
-    }
 
 
 def imported(node: ast.AST) -> list[str]:

@@ -9,8 +9,8 @@ import ast
 from collections.abc import Callable, Iterator
 from functools import cache
 
-from tests.house.draw import nodes
-from tests.house.laws.source_tree import SourceTree, dotted, typing_only
+from tests.house.draw import nodes, typing_only
+from tests.house.laws.source_tree import SourceTree, dotted
 
 #: a name at the top of a file: the file, and the name
 Top = tuple[str, str]

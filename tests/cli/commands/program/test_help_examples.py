@@ -18,7 +18,7 @@ from dvtcli.cli.lexer import split
 from dvtcli.simulator.network.family_file import family_eds
 from tests.cli.commands.bench import Bench
 from tests.cli.commands.frames.test_recording_commands import DBC
-from tests.house.test_commands import examples
+from tests.cli.commands.program.test_every_command import examples
 from tests.process import PATIENCE_S, ROOT, dvtcli, environment, start
 from tests.small_eds import plain, var
 from tests.small_recording import ramp

@@ -10,12 +10,6 @@ BREAKS = [
     Break("swallowing", "device/node.py", in_a_function("try:", "    node()", "except:", "    pass")),
     Break("swallowing", "files/dbc.py", in_a_function("try:", "    node()", "except (OSError, BaseException): ...")),
     Break("swallowing", "files/dbc.py", in_a_function("with contextlib.suppress(Exception):", "    node()")),
-    Break("swallowing", "device/node.py", in_a_function("try:", "    node()", "finally:", "    return 0")),
-    Break(
-        "swallowing",
-        "device/node.py",
-        in_a_function("for one in node:", "    try:", "        one()", "    finally:", "        continue"),
-    ),
     Break("swallowing", "device/node.py", in_a_function("try:", "    node()", "except DvtcliError:", "    return 0")),
     Break("swallowing", "device/node.py", in_a_function("with suppress(DvtcliError):", "    node()")),
     Break(
