@@ -1,4 +1,4 @@
-"""A `ReadBus` whose messages are CAN frames: SDO runs over them, and node messages are recognised."""
+"""A bus whose messages are read one at a time; if they are CAN frames, SDO runs over them, and NMT is recognised."""
 
 from __future__ import annotations
 
@@ -27,20 +27,101 @@ from dvtcli.bus.sdo.sdo_link import (
 from dvtcli.bus.watched_bus import NMT_CAN_ID, WatchedBus, act_of
 from dvtcli.domain.cob_id import fits
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.ports import Frame
+from dvtcli.domain.ports import Frame, SdoTransport
 from dvtcli.errors import BusUnavailable, UsageError
 
 M = TypeVar("M")
 
 
+def _inside(inbox: SimpleQueue[Frame | Wake]) -> Iterator[Frame]:
+    """The frames in *inbox* now, without later frames."""
+    for _ in range(inbox.qsize()):
+        frame = inbox.get_nowait()
+        if not isinstance(frame, Wake):
+            yield frame
+
+
+class _Ready(SimpleQueue[bool | Wake]):
+    """An inbox with an item as soon as *ready*, regardless of the delivery."""
+
+    def __init__(self, ready: Callable[[], bool]) -> None:
+        self._ready = ready
+
+    def empty(self) -> bool:
+        """Whether nothing is ready, and no note of the receiver is here."""
+        return super().empty() and not self._ready()
+
+    def get_nowait(self) -> bool | Wake:
+        """The receiver's note, else True for ready."""
+        return True if super().empty() else super().get_nowait()
+
+
+class SdoChannels:
+    """The channels over *link*; all share *settings*."""
+
+    def __init__(self, link: SdoLink, settings: SdoSettings) -> None:
+        self._link = link
+        self._settings = settings
+        self._lock = threading.Lock()
+        self._clients: dict[int, StrictSdoClient] = {}
+        self._channels: dict[int, SdoChannel] = {}
+
+    def channel(self, node_id: int) -> SdoChannel:
+        """The channel of *node_id*; always the same object for the same node."""
+        if node_id not in self._channels:
+            with self._lock:
+                if node_id not in self._channels:
+                    client = self._clients[node_id] = StrictSdoClient(node_id, self._link, self._settings)
+                    self._channels[node_id] = SdoChannel(client)
+        return self._channels[node_id]
+
+    def receive(self, node_id: int, can_id: int, data: bytes, *, extended: bool) -> None:
+        """Process a frame of *node_id*'s channel, a request or an answer."""
+        client = self._clients.get(node_id)
+        if client is not None:
+            client.receive(can_id, data, extended=extended)
+
+    def restarted(self, node_id: int) -> None:
+        """Process a boot-up of *node_id*: earlier requests are lost."""
+        client = self._clients.get(node_id)
+        if client is not None:
+            client.inbox.put(RESTARTED)
+
+    def repeated(self, node_id: int) -> int:
+        """Number of repeated uploads of *node_id* so far."""
+        client = self._clients.get(node_id)
+        return 0 if client is None else client.repeated
+
+    def dropped(self) -> dict[int, DroppedAnswers]:
+        """Number of discarded answers so far, by node-ID."""
+        return {node_id: channel.dropped for node_id, channel in dict(self._channels).items()}
+
+
+_SDO_IDS = (ANSWER_ID, REQUEST_ID)
+#: LSS slaves' answers (CiA 305), defined here to avoid the import of LSS in every command
+_LSS_ANSWER_ID = 0x7E4
+
+#: number of nodes asked at once if nothing runs: enough to use the wire with servers that take 10 ms
+MOST_AT_ONCE = 64
+#: the same if the bit rate is unknown
+FEW_AT_ONCE = 8
+#: time without PDOs after which nothing runs on the bus (s)
+QUIET_S = 10.0
+
+
 class ReadBus(WatchedBus, Generic[M]):
-    """A `WatchedBus` whose messages are read one at a time; *frame_of* converts a message to a frame."""
+    """A `WatchedBus` whose messages are read one at a time; *frame_of* converts a message to a frame.
+
+    With *carries_frames* the messages are CAN frames: a subclass has `_send`, and its `_deliver` hands data frames to
+    `_understand`. Without, as behind a gateway, it has a `_channel` and a `_command` of its own.
+    """
 
     def __init__(
         self,
         name: str,
         frame_of: Callable[[M], Frame],
         *,
+        carries_frames: bool = True,
         simulated: bool = False,
         timeout_s: float = DEFAULT_TIMEOUT_S,
         retries: int = DEFAULT_RETRIES,
@@ -49,6 +130,11 @@ class ReadBus(WatchedBus, Generic[M]):
         super().__init__(name, simulated=simulated, timeout_s=timeout_s, retries=retries, bitrate=bitrate)
         self._receiver: Receiver[M] = Receiver(self._read_or_fail, self._deliver)
         self._traffic: Traffic[M] = Traffic(frame_of, self.now_s)
+        self._frame_of = frame_of
+        self._carries_frames = carries_frames
+        self._sdo_channels = SdoChannels(self, self.settings)
+        #: time of the last PDO
+        self._pdo_s = float("-inf")
         self._life_waiters: WeakSet[SimpleQueue[bool | Wake]] = WeakSet()
         self._close_lock = threading.Lock()
         self._closed = False
@@ -169,117 +255,24 @@ class ReadBus(WatchedBus, Generic[M]):
         """Read until *ready*, or *deadline_s*: frames received by then are read."""
         self._receiver.take(_Ready(ready), deadline_s)
 
-
-def _inside(inbox: SimpleQueue[Frame | Wake]) -> Iterator[Frame]:
-    """The frames in *inbox* now, without later frames."""
-    for _ in range(inbox.qsize()):
-        frame = inbox.get_nowait()
-        if not isinstance(frame, Wake):
-            yield frame
-
-
-class _Ready(SimpleQueue[bool | Wake]):
-    """An inbox with an item as soon as *ready*, regardless of the delivery."""
-
-    def __init__(self, ready: Callable[[], bool]) -> None:
-        self._ready = ready
-
-    def empty(self) -> bool:
-        """Whether nothing is ready, and no note of the receiver is here."""
-        return super().empty() and not self._ready()
-
-    def get_nowait(self) -> bool | Wake:
-        """The receiver's note, else True for ready."""
-        return True if super().empty() else super().get_nowait()
-
-
-class SdoChannels:
-    """The channels over *link*; all share *settings*."""
-
-    def __init__(self, link: SdoLink, settings: SdoSettings) -> None:
-        self._link = link
-        self._settings = settings
-        self._lock = threading.Lock()
-        self._clients: dict[int, StrictSdoClient] = {}
-        self._channels: dict[int, SdoChannel] = {}
-
-    def channel(self, node_id: int) -> SdoChannel:
-        """The channel of *node_id*; always the same object for the same node."""
-        if node_id not in self._channels:
-            with self._lock:
-                if node_id not in self._channels:
-                    client = self._clients[node_id] = StrictSdoClient(node_id, self._link, self._settings)
-                    self._channels[node_id] = SdoChannel(client)
-        return self._channels[node_id]
-
-    def receive(self, node_id: int, can_id: int, data: bytes, *, extended: bool) -> None:
-        """Process a frame of *node_id*'s channel, a request or an answer."""
-        client = self._clients.get(node_id)
-        if client is not None:
-            client.receive(can_id, data, extended=extended)
-
-    def restarted(self, node_id: int) -> None:
-        """Process a boot-up of *node_id*: earlier requests are lost."""
-        client = self._clients.get(node_id)
-        if client is not None:
-            client.inbox.put(RESTARTED)
-
-    def repeated(self, node_id: int) -> int:
-        """Number of repeated uploads of *node_id* so far."""
-        client = self._clients.get(node_id)
-        return 0 if client is None else client.repeated
-
-    def dropped(self) -> dict[int, DroppedAnswers]:
-        """Number of discarded answers so far, by node-ID."""
-        return {node_id: channel.dropped for node_id, channel in dict(self._channels).items()}
-
-
-_SDO_IDS = (ANSWER_ID, REQUEST_ID)
-#: LSS slaves' answers (CiA 305), defined here to avoid the import of LSS in every command
-_LSS_ANSWER_ID = 0x7E4
-
-#: number of nodes asked at once if nothing runs: enough to use the wire with servers that take 10 ms
-MOST_AT_ONCE = 64
-#: the same if the bit rate is unknown
-FEW_AT_ONCE = 8
-#: time without PDOs after which nothing runs on the bus (s)
-QUIET_S = 10.0
-
-
-class FrameBus(ReadBus[M]):
-    """A CanopenBus over CAN frames; the parameters are those of `ReadBus`."""
-
-    def __init__(
-        self,
-        name: str,
-        frame_of: Callable[[M], Frame],
-        *,
-        simulated: bool = False,
-        timeout_s: float = DEFAULT_TIMEOUT_S,
-        retries: int = DEFAULT_RETRIES,
-        bitrate: int | None = None,
-    ) -> None:
-        super().__init__(name, frame_of, simulated=simulated, timeout_s=timeout_s, retries=retries, bitrate=bitrate)
-        self._frame_of = frame_of
-        self._channels = SdoChannels(self, self.settings)
-        #: time of the last PDO
-        self._pdo_s = float("-inf")
-
     @property
     def carries_frames(self) -> bool:
-        """Always true: the bus carries only frames."""
-        return True
+        """Whether the messages are CAN frames."""
+        return self._carries_frames
 
     @property
     def carries_remote_frames(self) -> bool:
         """Whether a remote frame can be sent."""
-        return True
+        return self._carries_frames
 
     def send(self, frame: Frame) -> None:
         """Send a frame (SYNC, a PDO); answers are kept for a `receive` within the next second.
 
-        Raises UsageError if the CAN-ID does not fit: drivers cut off its bits, and 0x800 would be an NMT command.
+        Raises UsageError if the bus carries no frames, or the CAN-ID does not fit: drivers cut off its bits, and 0x800
+        would be an NMT command.
         """
+        if not self._carries_frames:
+            super().send(frame)
         if not fits(frame.can_id, extended=frame.extended):
             raise UsageError(f"CAN-ID 0x{frame.can_id:X} has more than {29 if frame.extended else 11} bits: not sent")
         self.drain()
@@ -291,9 +284,12 @@ class FrameBus(ReadBus[M]):
         """Send an SDO frame (SdoLink)."""
         self._send(can_id, data)
 
-    @abstractmethod
     def _send(self, can_id: int, data: bytes, *, extended: bool = False, remote: bool = False, dlc: int = 0) -> None:
-        """Send a frame (*dlc* for a remote frame only), and inform observers. Raises BusUnavailable."""
+        """Send a frame (*dlc* for a remote frame only), and inform observers. Raises BusUnavailable.
+
+        Without a subclass's own the bus carries no frames: UsageError.
+        """
+        super().send(Frame(can_id, data, extended, remote, dlc=dlc))
 
     def _most_at_once(self) -> int:
         """1 while a machine may be running, or if the bit rate and the pace are unknown.
@@ -308,14 +304,14 @@ class FrameBus(ReadBus[M]):
             return MOST_AT_ONCE
         return 1 if self.unknown_pace is None else FEW_AT_ONCE
 
-    def _channel(self, node_id: int) -> SdoChannel:
-        return self._channels.channel(node_id)
+    def _channel(self, node_id: int) -> SdoTransport:
+        return self._sdo_channels.channel(node_id)
 
     def _repeated(self, node_id: int) -> int:
-        return self._channels.repeated(node_id)
+        return self._sdo_channels.repeated(node_id)
 
     def _dropped(self) -> dict[int, DroppedAnswers]:
-        return self._channels.dropped()
+        return self._sdo_channels.dropped()
 
     def _understand(self, message: M, can_id: int, data: bytes | bytearray, *, extended: bool) -> None:
         """Deliver data frame *message* to its receivers."""
@@ -327,7 +323,7 @@ class FrameBus(ReadBus[M]):
                 self._answered(node_id)
             elif not extended:
                 self._watch.request_of_another(self._frame_of(message))
-            self._channels.receive(node_id, can_id, bytes(data), extended=extended)
+            self._sdo_channels.receive(node_id, can_id, bytes(data), extended=extended)
         elif can_id > EMERGENCY + 0x7F and function < ANSWER_ID:
             self._pdo_s = monotonic()
         elif not extended:
@@ -340,7 +336,7 @@ class FrameBus(ReadBus[M]):
             self._heartbeat(self._frame_of(message))
             if data == b"\0":
                 self._traffic.answered(message)
-                self._channels.restarted(can_id & 0x7F)
+                self._sdo_channels.restarted(can_id & 0x7F)
         elif can_id == NMT_CAN_ID:
             self._received_command(bytes(data))
         elif can_id == _LSS_ANSWER_ID:

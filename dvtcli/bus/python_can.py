@@ -15,13 +15,12 @@ from dvtcli.bus.bit_rate_setter import BitRateSetter
 from dvtcli.bus.can_message import frame_of
 from dvtcli.bus.carrier import Carrier
 from dvtcli.bus.error_frames import ErrorFrames
-from dvtcli.bus.frame_bus import FrameBus
+from dvtcli.bus.frame_bus import ReadBus
 from dvtcli.bus.receiver import Tap, bus_closed
-from dvtcli.bus.sdo.client import SdoChannel
 from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, REQUEST_ID
 from dvtcli.bus.watched_bus import NMT_CAN_ID
 from dvtcli.domain.nmt import NmtCommand
-from dvtcli.domain.ports import Frame
+from dvtcli.domain.ports import Frame, SdoTransport
 from dvtcli.errors import BusUnavailable
 
 #: a sent frame: CAN-ID, extended, remote, data
@@ -127,7 +126,7 @@ LEAST_BIT_RATE = 125_000
 HEARD_S = 0.25
 
 
-class CanBus(FrameBus[can.Message]):
+class CanBus(ReadBus[can.Message]):
     """A CanopenBus on a python-can *bus*, called *name* on screens.
 
     *carrier* adds the driver's state. The waiting thread reads the bus. *timeout_s* (s) and *retries* are those of
@@ -227,7 +226,7 @@ class CanBus(FrameBus[can.Message]):
         self._hear_all()
         return super()._most_at_once() if monotonic() - self._hears_all_s >= HEARD_S else 1
 
-    def _channel(self, node_id: int) -> SdoChannel:
+    def _channel(self, node_id: int) -> SdoTransport:
         if self._last_asked not in (None, node_id):  # parallel requests to several nodes may follow
             self._hear_all()
         self._last_asked = node_id

@@ -59,7 +59,13 @@ class GatewayBus(ReadBus[str]):
     """Nodes behind a gateway on *link*; a message is one line."""
 
     def __init__(self, link: socket.socket, name: str, *, timeout_s: float, retries: int) -> None:
-        super().__init__(name, lambda line: boot_up_of(line) or Frame(0, b""), timeout_s=timeout_s, retries=retries)
+        super().__init__(
+            name,
+            lambda line: boot_up_of(line) or Frame(0, b""),
+            carries_frames=False,
+            timeout_s=timeout_s,
+            retries=retries,
+        )
         self._link = link
         self._rest = b""
         self._lines: deque[str] = deque()
