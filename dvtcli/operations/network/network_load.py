@@ -11,13 +11,15 @@ from dvtcli.domain.network.frame_streams import WhatIf, streams_of
 from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.network.network_state import NetworkState
 from dvtcli.domain.pdo import Pdo
-from dvtcli.errors import UsageError
+from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.network.live_network import answering, has_bus, listen, present, refuse_without_bus
 from dvtcli.operations.plans.network_states import network_after, network_state
 from dvtcli.operations.results.loads import Measured, NetworkLoad
 from dvtcli.watch.statistics import FrameCount
 
 if TYPE_CHECKING:
+    from dvtcli.domain.network.bus_need import BusNeed
+    from dvtcli.domain.network.network_plan import NetworkPlan
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.session.session_nodes import SessionNodes
 
@@ -109,3 +111,18 @@ def _what_if(session: SessionNodes, state: NetworkState, options: LoadOptions) -
 
 def _us(time_ms: float | None) -> int | None:
     return None if time_ms is None else round(time_ms * 1000)
+
+
+def load_after(session: SessionNodes, plan: NetworkPlan) -> BusNeed | None:
+    """Compute the worst-case bus load after *plan*; None if the bit rate is unknown.
+
+    Reads all PDOs of its nodes; None if a node cannot, or must not, be read.
+    """
+    bit_rate = session.wire.bitrate or session.options.bitrate
+    if bit_rate is None or plan.unread:
+        return None
+    try:
+        state = network_state(session.node(node.node_id) for node in plan.nodes)
+    except (NoAnswer, SdoAborted, SdoProtocolError):
+        return None
+    return bus_need(streams_of(network_after(state, plan)), bit_rate)

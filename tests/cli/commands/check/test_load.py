@@ -11,8 +11,7 @@ import pytest
 
 from dvtcli.cli.view.answers.load_lines import load_lines
 from dvtcli.cli.view.lines import Line
-from dvtcli.operations.network.load_after import load_after
-from dvtcli.operations.network.network_load import LoadOptions, network_load
+from dvtcli.operations.network.network_load import LoadOptions, load_after, network_load
 from dvtcli.operations.plans.plan_network import plan_network
 from dvtcli.operations.session.simulated_nodes import simulated_device, simulated_nodes
 from tests.cli.commands.bench import Bench, Ran
