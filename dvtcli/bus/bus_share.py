@@ -75,7 +75,7 @@ class WirePace:
         return counted - _MOST_BITS
 
 
-class KeptPace:
+class PaceLimiter:
     """The pace of *bus*, whose frames are counted from the first waiting request until `rest`."""
 
     def __init__(self, bus: CanopenBus) -> None:
@@ -133,11 +133,11 @@ class BusShare:
         bits = EXCHANGE_BITS if is_request else frame_bits(frame.can_id, frame.data, frame.extended, frame.remote)
         self._frames.append((self._now_s(), bits))
         self._bits += bits
-        self._forget()
+        self._expire()
 
     def wait_s(self) -> float:
         """Waiting time (s) for the next exchange as known now; 0 if the share has room."""
-        self._forget()
+        self._expire()
         left = self._bits
         if left <= self._room:
             return 0.0
@@ -147,14 +147,14 @@ class BusShare:
                 return max(at_s + self.window_s - self._now_s(), TICK_S)
         return self.window_s
 
-    def _forget(self) -> None:
+    def _expire(self) -> None:
         """Drop frames older than the window."""
         since_s = self._now_s() - self.window_s
         while self._frames and self._frames[0][0] <= since_s:
             self._bits -= self._frames.popleft()[1]
 
 
-class KeptShare:
+class ShareLimiter:
     """The load of *bus*, at *bit_rate* bit/s, measured only while a limit applies."""
 
     def __init__(self, bus: CanopenBus, bit_rate: int) -> None:

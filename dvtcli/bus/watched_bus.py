@@ -22,7 +22,7 @@ from dvtcli.domain.ports import Emergency, Frame, NodeEvent, ReceivedEmergency, 
 from dvtcli.errors import BusUnavailable, SafetyRefusal, UsageError
 
 if TYPE_CHECKING:
-    from dvtcli.bus.bus_share import KeptPace, KeptShare
+    from dvtcli.bus.bus_share import PaceLimiter, ShareLimiter
 
 
 NMT_CAN_ID = 0x000
@@ -84,11 +84,11 @@ class WatchedBus(ABC):
         self._turns: Turns | None = None
         self._percent = DEFAULT_SHARE_PERCENT
         #: the load limiter, once a machine may run
-        self._share: KeptShare | None = None
+        self._share: ShareLimiter | None = None
         self._share_lock = Lock()
         #: present SDO transfers by their channel's lock, and their pace once there are several
         self._transfers: set[Lock] = set()
-        self._pace: KeptPace | None = None
+        self._pace: PaceLimiter | None = None
         #: 0x1016 entries known to be non-zero, by node-ID and sub-index
         self._consumers: set[tuple[int, int]] = set()
         self._oddities = Oddities(self.now_s)
@@ -253,9 +253,9 @@ class WatchedBus(ABC):
         """Wait until an exchange keeps the load within the share for a running machine."""
         with self._share_lock:
             if self._share is None:
-                from dvtcli.bus.bus_share import KeptShare
+                from dvtcli.bus.bus_share import ShareLimiter
 
-                self._share = KeptShare(self, bit_rate)
+                self._share = ShareLimiter(self, bit_rate)
         percent = self._percent if self._percent < 100 and self._may_run() else 0
         if percent:
             self.drain()
@@ -265,9 +265,9 @@ class WatchedBus(ABC):
         """Wait until a parallel request may go."""
         with self._share_lock:
             if self._pace is None:
-                from dvtcli.bus.bus_share import KeptPace
+                from dvtcli.bus.bus_share import PaceLimiter
 
-                self._pace = KeptPace(self)
+                self._pace = PaceLimiter(self)
         self._pace.wait(bit_rate)
 
     def delay_s(self, *, anew: bool) -> float:  # noqa: ARG002 - as SdoLink has it

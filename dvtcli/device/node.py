@@ -28,7 +28,7 @@ class Node(Changeable):
     history: list[Plan] = field(default_factory=list)
     #: node-IDs of this session's changes on all nodes, oldest first
     order: list[int] = field(default_factory=list)
-    #: label -> change of this line kept by the node without a store
+    #: label -> change of this line that the node keeps without a store
     kept_by_itself: dict[str, Change] = field(default_factory=dict)
     #: boot-up messages seen when the first of them was read back
     kept_boot_ups: int = 0
@@ -149,13 +149,13 @@ class Node(Changeable):
         findings: tuple[Finding, ...] = (),
         *,
         force: bool = False,
-        kept: bool = True,
+        remembered: bool = True,
         initial_state: InitialState | None = None,
         is_part_of_group: bool = False,
     ) -> Applied:
         """Run a checked *plan* inside the gate; on a real bus with lock, backup and journal.
 
-        With *kept*, `undo` can revert the plan. *initial_state* is the result of `begin_change` before the reads that
+        With *remembered* `undo` can revert it. *initial_state* is the result of `begin_change` before the reads that
         the plan is based on. *is_part_of_group* marks one of several plans, which end a configuration stamp themselves.
         """
         from dvtcli.device.access_level import level_findings
@@ -167,7 +167,7 @@ class Node(Changeable):
         self.answered_otherwise = {}
         if len(plan):
             plan, warnings = with_undo_findings(self, plan if is_part_of_group else self._with_stamp_ended(plan))
-            locked = (*level_findings(self.access, plan), *(warnings if kept else ()))
+            locked = (*level_findings(self.access, plan), *(warnings if remembered else ()))
             refuse(
                 locked, f"{join_some(change.label for change in plan.changes)} not changed", self.node_id, force=force
             )
@@ -177,8 +177,8 @@ class Node(Changeable):
                 plan,
                 findings,
                 initial_state,
-                lambda carried_out, boot_ups: self._done(carried_out, boot_ups, kept=kept),
-                is_kept=kept,
+                lambda carried_out, boot_ups: self._done(carried_out, boot_ups, remembered=remembered),
+                is_remembered=remembered,
             )
             findings += self._unreadable_findings(plan)
         else:
@@ -189,7 +189,7 @@ class Node(Changeable):
                 from dvtcli.device.change.apply_plan import look_again
 
                 look_again(self, plan, initial_state)
-            self.unchanged_commands += kept and not is_part_of_group
+            self.unchanged_commands += remembered and not is_part_of_group
             self._remember(plan.changes)
         unreadable = tuple(finding.place.removeprefix("0x") for finding in self._unreadable_findings(plan))
         return Applied(plan, findings, unreadable=unreadable)
@@ -221,7 +221,7 @@ class Node(Changeable):
 
         return with_stamp_ended(self, plan)
 
-    def _done(self, plan: Plan, boot_ups: int, *, kept: bool) -> None:
+    def _done(self, plan: Plan, boot_ups: int, *, remembered: bool) -> None:
         """Record *plan* as verified after *boot_ups* boot-ups, before any later step can fail.
 
         These boot-ups cleared earlier changes, but nothing of the plan.
@@ -233,9 +233,9 @@ class Node(Changeable):
         self.await_no_restart()
         self.gate.done.append(set_words(plan))
         saves = any(self.saves((step.index, step.sub_index)) for step in plan.steps)
-        if kept and not saves and any(map(alters, plan.changes)):
+        if remembered and not saves and any(map(alters, plan.changes)):
             self.keep(plan)
-        elif kept and not saves:
+        elif remembered and not saves:
             self.unchanged_commands += 1
         self._remember(plan.changes)
         needed = self.profile.store.needed_for
@@ -299,10 +299,10 @@ class Node(Changeable):
         place = change.step.index, change.step.sub_index
         if self.saves(place):
             return
-        kept, other = self.wanted_values, self.unreadable_values
+        values, other = self.wanted_values, self.unreadable_values
         if not change.is_readable or change.label in self.answered_otherwise:
-            kept, other = other, kept
-        kept[place] = change.step.after
+            values, other = other, values
+        values[place] = change.step.after
         other.pop(place, None)
 
     def was_reset(self, *, communication: bool) -> tuple[str, ...]:
@@ -353,7 +353,7 @@ class Node(Changeable):
         for _ in range(count):
             del self.order[max(number for number, node_id in enumerate(self.order) if node_id == self.node_id)]
         if self.guard is not None:
-            self.guard.history.forget_own(count, applied.plan)
+            self.guard.history.drop_own(count, applied.plan)
         if len(self.history) < self.pending.stored_at:
             self.pending.partly_stored = True  # stored changes were undone: no number of changes matches
         if self.pending.is_as_stored(len(self.history)) and not (applied.findings or applied.not_put_back):
@@ -363,7 +363,7 @@ class Node(Changeable):
     def undo_plans(self, asked: UndoRequest) -> tuple[Applied, int]:
         """Undo the changes in *asked* and return the number of plans. Raises the errors of `plan_undo`."""
 
-        from dvtcli.device.change.expected_refusals import foreseen, put_back_findings
+        from dvtcli.device.change.expected_refusals import foreseen, substitute_findings
         from dvtcli.device.change.undo_plan import plan_undo, undo_plan_of
 
         initial_state = self.begin_change(ignores_restarts=asked.rolls_back)
@@ -373,15 +373,17 @@ class Node(Changeable):
             self.known_pdos()  # including PDOs outside the plan, for side effects
             if self.bus.boot_ups(self.node_id) != boot_ups:
                 back = plan_undo(self, asked)
-        others = () if asked.is_part_of_group or not len(back.plan) else self._beside(back.plan)
+        others = () if asked.is_part_of_group or not len(back.plan) else self._untouched(back.plan)
         try:
             applied = self._apply_undo(back.plan, back.unknown, initial_state, is_patient=bool(foreseen(back.undone)))
         except DeviceRefused:
             if not foreseen(back.undone) or self.bus.boot_ups(self.node_id) != initial_state.boot_ups:
                 raise
-            plan = self.observed(lambda: undo_plan_of(self, back.undone, as_taken=True, rolls_back=asked.rolls_back))
-            applied = self.apply(plan, back.unknown, kept=False, initial_state=initial_state)
-            applied = applied._replace(not_put_back=put_back_findings(foreseen(back.undone)))
+            plan = self.observed(
+                lambda: undo_plan_of(self, back.undone, with_substitutes=True, rolls_back=asked.rolls_back)
+            )
+            applied = self.apply(plan, back.unknown, remembered=False, initial_state=initial_state)
+            applied = applied._replace(not_put_back=substitute_findings(foreseen(back.undone)))
         if others and self.bus.boot_ups(self.node_id) == boot_ups:  # otherwise the restart is reported: it cleared RAM
             self._roll_back_side_effects(applied.plan, others)
             if self.bus.boot_ups(self.node_id) != boot_ups:
@@ -391,11 +393,11 @@ class Node(Changeable):
         self.undone_earlier += not asked.own
         return applied._replace(unrestored=back.unrestored), len(back.undone)
 
-    def _beside(self, plan: Plan) -> tuple[PdoChange, ...]:
+    def _untouched(self, plan: Plan) -> tuple[PdoChange, ...]:
         """The PDOs not written by *plan*, as last read, each as a change to its present values."""
-        from dvtcli.device.change.untouched_pdos import as_they_are, present_beside
+        from dvtcli.device.change.untouched_pdos import as_they_are, untouched_pdos
 
-        present = present_beside(self, plan)
+        present = untouched_pdos(self, plan)
         return as_they_are({pdo: config for pdo, config in self.last_read.items() if pdo in present})
 
     def _roll_back_side_effects(self, plan: Plan, others: Sequence[PdoChange]) -> None:
@@ -412,7 +414,7 @@ class Node(Changeable):
             return
         try:
             back = (plan_pdo(change.pdo, self.pdo(change.pdo), change.before) for change in altered)
-            self.apply(Plan(self.node_id, tuple(back)), kept=False)
+            self.apply(Plan(self.node_id, tuple(back)), remembered=False)
             own = [change for change in plan.changes if isinstance(change, PdoChange)]
             still = self.observed(lambda: altered_of(self.sdo, (*own, *others)))
         except DvtcliError as failed:
@@ -430,7 +432,7 @@ class Node(Changeable):
         deadline_s = self.bus.now_s() + (PATIENCE_S if is_patient else 0)
         while True:
             try:
-                return self.apply(plan, unknown, kept=False, initial_state=initial_state)
+                return self.apply(plan, unknown, remembered=False, initial_state=initial_state)
             except DeviceRefused as refused:
                 passing = refused.abort is not None and may_pass(refused.abort)
                 if not passing or self.bus.now_s() >= deadline_s:

@@ -60,14 +60,14 @@ class Step:
 class PdoChange(NamedTuple):
     """A PDO change from *before* to *after*, with its steps.
 
-    *back* is the configuration to restore if the device refuses *before*, None if no refusal is expected.
+    *substitute* is the configuration to restore if the device refuses *before*, None if no refusal is expected.
     """
 
     pdo: Pdo
     before: PdoConfig
     after: PdoConfig
     steps: tuple[Step, ...]
-    back: PdoConfig | None = None
+    substitute: PdoConfig | None = None
 
     @property
     def label(self) -> str:
@@ -205,21 +205,21 @@ def _communication_index(index: int) -> int | None:
     return None if pdo is None else pdo.communication_index
 
 
-def plan_pdo(pdo: Pdo, now: PdoConfig, want: PdoConfig, *, off: bool = False) -> PdoChange:
+def plan_pdo(pdo: Pdo, now: PdoConfig, want: PdoConfig, *, disabled_first: bool = False) -> PdoChange:
     """The fewest writes that bring *pdo* from *now* to *want* in the order of CiA 301 (7.5.2.36, 7.5.2.38).
 
     Disable (bit 31 of the word that was read, bits 30 and 29 kept), communication parameters that differ,
-    mapping count 0, all entries, count, enable. The PDO is disabled only if necessary and if still enabled. With *off*
-    it is disabled for any difference, for devices that require this.
+    mapping count 0, all entries, count, enable. The PDO is disabled only if necessary and if still enabled; with
+    *disabled_first* for any difference, for devices that require this.
     """
-    return PdoChange(pdo, now, want, tuple(_pdo_steps(pdo, now, want, off=off)))
+    return PdoChange(pdo, now, want, tuple(_pdo_steps(pdo, now, want, disabled_first=disabled_first)))
 
 
-def _pdo_steps(pdo: Pdo, now: PdoConfig, want: PdoConfig, *, off: bool) -> Iterator[Step]:
+def _pdo_steps(pdo: Pdo, now: PdoConfig, want: PdoConfig, *, disabled_first: bool) -> Iterator[Step]:
     index = pdo.communication_index
     held = now.communication.cob_id
     wanted = want.communication.cob_id
-    if disables(now, want) or (off and now.enabled and now != want):
+    if disables(now, want) or (disabled_first and now.enabled and now != want):
         disabled = wanted if wanted == held.disabled() else held.disabled()
         yield _cob_id_step(index, held, disabled, "disable the PDO (bit 31)")
         held = disabled

@@ -103,7 +103,7 @@ class FrameReader:
         if is_answer:
             self._guarded.discard(service.node)
         if frame.data == b"\0":
-            self._transfers.forget(service.node)
+            self._transfers.drop(service.node)
         return _state(frame.data[0], is_boot_up=frame.data == b"\0", is_answer=is_answer)
 
     def _emergency(self, service: Service, frame: Frame) -> Reading:

@@ -11,7 +11,7 @@ HEARTBEAT_TIME = 0x1017
 #: CAN-ID of a heartbeat, without the node-ID
 HEARTBEATS = 0x700
 #: A heartbeat is missing after this many periods plus this time (s).
-PERIODS, GRACE_S = 2, 0.5
+MISSING_AFTER_PERIODS, GRACE_S = 2, 0.5
 
 
 @dataclass(slots=True)
@@ -64,7 +64,7 @@ class Heartbeats:
         if beat is None or period_s is None:
             return None
         age_s = now_s - beat.last_s
-        return age_s, age_s > PERIODS * period_s + GRACE_S
+        return age_s, age_s > MISSING_AFTER_PERIODS * period_s + GRACE_S
 
 
 @dataclass(frozen=True, slots=True)

@@ -79,7 +79,7 @@ class ReceivedObjects:
             return None
         service, node_id = frame.can_id & 0x780, frame.can_id & 0x7F
         if is_boot_up(frame) and node_id in self._nodes:
-            self._transfers.forget(node_id)
+            self._transfers.drop(node_id)
             self._nodes[node_id].last = dict(self._nodes[node_id].stored)
         if service not in (_REQUESTS, _ANSWERS) or len(frame.data) != _SDO_BYTES:
             return None

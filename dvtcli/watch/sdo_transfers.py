@@ -195,7 +195,11 @@ class _LastFrame(NamedTuple):
 
     @classmethod
     def after(cls, last: _LastFrame | None, data: bytes, *, request: bool) -> _LastFrame:
-        """What *data* is behind *last*; two servers' answers about one object are no block."""
+        """Return the frame with *data*, sent after *last* on the same channel.
+
+        Numbers that rise without a frame in the other direction are a block's segments; answers of two servers about
+        one object are not.
+        """
         number, place = data[0], data[1:4]
         if last is None or last.request != request or data[0] == ABORT:
             return cls(request, number, place)
@@ -213,7 +217,7 @@ class SdoTransfers:
         self._running: dict[Channel, _Transfer] = {}
         self._last: dict[Channel, _LastFrame] = {}
 
-    def forget(self, node: int | None) -> None:
+    def drop(self, node: int | None) -> None:
         """Drop the transfers of *node*, as after its boot-up."""
         for channel in [channel for channel in self._running if channel[0] == node]:
             del self._running[channel]

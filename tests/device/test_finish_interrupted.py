@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.device.change.apply_plan import apply_plan
-from dvtcli.device.change.expected_refusals import put_back_findings
+from dvtcli.device.change.expected_refusals import substitute_findings
 from dvtcli.device.change.journal import Journal
 from dvtcli.device.habits import OFTEN_ENOUGH, Habit
 from dvtcli.device.store.pending import CHANGE
@@ -102,4 +102,4 @@ def test_a_device_that_is_known_to_want_pre_operational_is_brought_there_first(t
 
 
 def test_only_what_was_foreseen_is_said_of_what_was_put_back(bench: Bench) -> None:
-    assert put_back_findings((*timed(bench, 77).changes, *bench.plan().changes)) == ()
+    assert substitute_findings((*timed(bench, 77).changes, *bench.plan().changes)) == ()

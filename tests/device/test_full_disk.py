@@ -139,7 +139,7 @@ def test_one_that_was_recovered_elsewhere_is_gone_too(keep: Keep, warned: list[s
     second.lock.take()
     second.journals.folder.mkdir(parents=True)
     with files_end_at(0):
-        second.forget(found)
+        second.delete_journal(found)
     assert not found.path.exists()
     assert len(warned) == 1
 
@@ -171,7 +171,7 @@ def test_a_disk_that_takes_a_part_of_a_lock_s_note_leaves_the_one_before(
     keep: Keep, tmp_path: Path, taken: int
 ) -> None:
     guard = keep()
-    guard.hold()
+    guard.take_lock()
     guard.lock.note(tmp_path / "first.json")
     held = guard.lock.path.read_bytes()
     with files_end_at(len(held) + taken), pytest.raises(OSError, match=TOO_LARGE):

@@ -41,9 +41,9 @@ def test_the_first_value_and_the_last_one_count() -> None:
 
 def test_what_the_first_one_is_put_back_to_counts() -> None:
     plans = [timed(TPDO1, 0, 5), timed(TPDO1, 5, 9)]
-    first = Plan(NODE, tuple(one._replace(back=at(TPDO1, 1)) for one in plans[0].changes))  # type: ignore[call-arg]
+    first = Plan(NODE, tuple(one._replace(substitute=at(TPDO1, 1)) for one in plans[0].changes))  # type: ignore[call-arg]
     (change,) = combine_plans(NODE, [first, plans[1]]).changes
-    assert change.back == at(TPDO1, 1)  # type: ignore[union-attr]
+    assert change.substitute == at(TPDO1, 1)  # type: ignore[union-attr]
 
 
 def test_changes_of_several_pdos_and_objects_stay_in_order() -> None:

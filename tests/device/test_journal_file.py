@@ -36,7 +36,7 @@ PLAN = Plan(
         plan_pdo(Pdo.parse("rpdo512"), BARE, FULL),
         ValueChange(Step(0xFFFF, 0xFF, b"\1\2", b"\3\4", "write")),
         ValueChange(Step(0x2000, 0, None, b"", "write")),
-        plan_pdo(Pdo.parse("tpdo3"), ODD, BARE)._replace(back=HALF),
+        plan_pdo(Pdo.parse("tpdo3"), ODD, BARE)._replace(substitute=HALF),
     ),
 )
 

@@ -68,7 +68,7 @@ def test_a_journal_in_another_folder_is_found_through_the_lock(keep: Keep, tmp_p
         second.refuse_while_open()
     assert caught.value.place == str(first.journals.path(5))
     second.journals.folder.mkdir(parents=True)
-    second.forget(found)
+    second.delete_journal(found)
     assert not found.path.exists()
     assert second.lock.noted() is None
 
@@ -166,7 +166,7 @@ def test_who_recovers_writes_and_who_finds_a_journal_does_not(keep: Keep) -> Non
     assert found is not None
     third.lock.take()
     third.journals.folder.mkdir(parents=True)
-    third.forget(found)
+    third.delete_journal(found)
     third.lock.release()
     assert one.lock.is_free()
     assert one.lock.meanwhile.command == "recover"
@@ -307,7 +307,7 @@ def test_what_was_recovered_elsewhere_is_not_noted_any_more_beside_one_that_does
     assert found is not None
     second.lock.take()
     second.journals.write(PLAN, IDENTITY, None, GroupMember("5f"))  # of a whole that is complete
-    second.forget(found)
+    second.delete_journal(found)
     assert second.journals.path(5).exists()
     assert (second.lock.noted(), second.open_journal()) == (None, None)
 
@@ -321,7 +321,7 @@ def test_where_one_of_ours_is_open_the_lock_says_what_it_said(keep: Keep) -> Non
     second.lock.take()
     own = second.journals.write(Plan(5, PLAN.changes * 2), IDENTITY, None)
     second.lock.note(own)
-    second.forget(found)
+    second.delete_journal(found)
     assert second.lock.noted() == second.open_journal() == own
 
 
@@ -333,7 +333,7 @@ def test_a_lock_that_names_another_file_than_a_journal_of_its_node_leaves_that_a
     one, other = keep(), tmp_path / "letters" / name
     other.parent.mkdir()
     other.write_text("dear reader")
-    one.hold()
+    one.take_lock()
     one.lock.note(other)
     assert one.open_journal() is None
     one.begin(PLAN, IDENTITY, 127, dict)

@@ -190,7 +190,7 @@ def test_what_is_recovered_is_forgotten_and_so_is_what_undo_knew_of_it(keep: Kee
     make(one, 0x2001)
     history = ChangeHistory(tmp_path / "changes", "can0")
     assert len(history.entries(5, IDENTITY)) == 2
-    one.forget(journal(one))
+    one.delete_journal(journal(one))
     assert history.entries(5, IDENTITY) == []
     assert (one.open_journal(), one.lock.noted(), markers(one)) == (None, None, 0)
     make(one, 0x2002)
@@ -204,8 +204,8 @@ def test_a_journal_that_was_kept_elsewhere_is_forgotten_there(keep: Keep) -> Non
     second = keep(name="elsewhere")
     found = second.interrupted()
     assert found is not None
-    second.hold()
-    second.forget(found)
+    second.take_lock()
+    second.delete_journal(found)
     assert (one.open_journal(), second.open_journal(), markers(one)) == (None, None, 0)
 
 
@@ -219,13 +219,13 @@ def test_what_is_set_aside_blocks_nothing_and_is_kept(keep: Keep) -> None:
 
 def test_the_lock_is_kept_only_where_there_is_a_journal(keep: Keep) -> None:
     one = keep()
-    assert (one.held_journal(), one.lock.held) == (None, False)
-    one.hold()
-    assert (one.held_journal(), one.lock.held) == (None, True), "whoever held it before holds it still"
+    assert (one.journal_under_lock(), one.lock.held) == (None, False)
+    one.take_lock()
+    assert (one.journal_under_lock(), one.lock.held) == (None, True), "whoever held it before holds it still"
     make(one, 0x2000)
     let_go(one)
     assert not one.lock.held
-    assert (one.held_journal(), one.lock.held) == (one.journals.path(5), True)
+    assert (one.journal_under_lock(), one.lock.held) == (one.journals.path(5), True)
 
 
 def test_a_change_alone_is_over_with_its_end(keep: Keep) -> None:
@@ -272,13 +272,13 @@ def test_a_journal_of_ours_stays_where_another_one_was_recovered(keep: Keep) -> 
     old = journal(one)
     let_go(one)
     second = keep(name="elsewhere", group=ChangeGroup())
-    second.hold()
+    second.take_lock()
     own = second.journals.write(plan(5, 0x2007), IDENTITY, 5)
-    second.forget(old)
+    second.delete_journal(old)
     assert (one.journals.path(5).exists(), own.exists()) == (False, True)
     assert second.open_journal() == own
     own.write_text("{", "utf-8")
-    second.forget(old)
+    second.delete_journal(old)
     assert own.exists(), "whatever it is, it was not recovered"
 
 
@@ -293,7 +293,7 @@ def prepared(guard: ChangeGuard, *indices: int) -> None:
 
 def part(guard: ChangeGuard, index: int) -> None:
     """Carry one part of them out, which is not remembered by itself."""
-    guard.begin(plan(guard.node_id, index), IDENTITY, 5, dict, is_kept=False)
+    guard.begin(plan(guard.node_id, index), IDENTITY, 5, dict, is_remembered=False)
     assert index in indices(guard)
     guard.own_journal.carried_out()
     guard.own_journal.end()

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import pytest
 
-from dvtcli.device.change.untouched_pdos import cob_ids_beside
+from dvtcli.device.change.untouched_pdos import untouched_cob_ids
 from dvtcli.device.known_pdos import PASSING_S
 from dvtcli.device.node import Node
 from dvtcli.domain.cob_id import CobId
@@ -28,11 +28,11 @@ def test_the_cob_ids_of_the_others_are_known_also_of_a_multiplexed_pdo(count: in
     node = Node(DirectBus(device, channel), NODE, dictionary("generic"))
     now = node.pdos()
     moved = replace(now[TPDO1], communication=replace(now[TPDO1].communication, cob_id=CobId(0x190)))
-    beside = cob_ids_beside(node, Plan(NODE, (plan_pdo(TPDO1, now[TPDO1], moved),)))
+    beside = untouched_cob_ids(node, Plan(NODE, (plan_pdo(TPDO1, now[TPDO1], moved),)))
     assert beside.keys() == now.keys() - {TPDO1}
     assert all(cob_id == now[pdo].communication.cob_id for pdo, cob_id in beside.items())
     timed = replace(now[TPDO1], communication=replace(now[TPDO1].communication, event_timer=5))
-    assert cob_ids_beside(node, Plan(NODE, (plan_pdo(TPDO1, now[TPDO1], timed),))) == {}
+    assert untouched_cob_ids(node, Plan(NODE, (plan_pdo(TPDO1, now[TPDO1], timed),))) == {}
 
 
 @dataclass

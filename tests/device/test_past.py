@@ -116,13 +116,13 @@ def test_what_is_put_back_is_forgotten_and_nothing_else(tmp_path: Path) -> None:
     second.add(plan(9, 3), IDENTITY)
     second.add(plan(value=4), IDENTITY, "four")
     second.add(plan(value=5), IDENTITY)
-    second.forget_own(1, BACK)
+    second.drop_own(1, BACK)
     assert values(second) == [1, 2, 4]
     second.drop(5, IDENTITY, ["four"])
     assert values(second) == [1, 2], "as `recover` does"
-    second.forget_own(3, BACK)
+    second.drop_own(3, BACK)
     assert (values(second), values(second, node_id=9)) == ([1], [])
-    first.forget(first.entries(5, IDENTITY), BACK)
+    first.drop_entries(first.entries(5, IDENTITY), BACK)
     assert values(first) == []
 
 
@@ -212,17 +212,17 @@ def test_what_cannot_be_written_is_said_and_has_its_place_among_the_session_s_ch
     folder.rename(tmp_path / "away")
     folder.write_text("in the way", "utf-8")
     history.add(plan(value=2), IDENTITY)
-    history.forget_own(1, BACK)
+    history.drop_own(1, BACK)
     history.add(plan(value=2), IDENTITY)
-    history.forget(held, BACK)
+    history.drop_entries(held, BACK)
     folder.unlink()
     (tmp_path / "away").rename(folder)
     undone = "it is rolled back, but the history for undo cannot be written: Not a directory"
     refused = f"{folder} is not used: it is a file, not a folder"
     assert said == [*2 * [f"the change is done, but cannot be saved for a later undo: {refused}"], undone]
-    history.forget_own(1, BACK)
+    history.drop_own(1, BACK)
     assert values(history) == [1], "the one that is forgotten is the one that was never written"
-    history.forget_own(1, BACK)
+    history.drop_own(1, BACK)
     assert values(history) == []
 
 
@@ -232,15 +232,15 @@ def test_what_is_put_back_after_it_was_stored_is_remembered_for_the_next_store_o
         history.add(plan(value=value), IDENTITY)
     history.was_stored(5, IDENTITY, ["2000:00"])
     history.add(plan(value=3), IDENTITY)
-    history.forget_own(1, BACK)
+    history.drop_own(1, BACK)
     assert [one.undoes for one in history.all_of(5, IDENTITY)] == [False, False], "what it put back had not been stored"
-    history.forget_own(1, BACK)
+    history.drop_own(1, BACK)
     undone = history.all_of(5, IDENTITY)[-1]
     assert (undone.undoes, undone.plan, undone.stored) == (True, BACK, frozenset())
     newest = history.newest(5, IDENTITY)
     assert (values(history), newest) == ([1], history.entries(5, IDENTITY)[0]), "no `undo` reverts an `undo`"
     assert history.tops(None) == [newest]
-    history.forget(history.entries(5, IDENTITY), Plan(5, ()))
+    history.drop_entries(history.entries(5, IDENTITY), Plan(5, ()))
     assert history.all_of(5, IDENTITY) == [undone]
     assert (history.newest(5, IDENTITY), history.newest_of_all(), history.moved(7, IDENTITY)) == (None, None, None)
     history.was_stored(5, IDENTITY, ["2000:00"])
@@ -251,7 +251,7 @@ def test_what_is_put_back_under_another_node_id_is_remembered_there(tmp_path: Pa
     history = ChangeHistory(tmp_path, "can0")
     history.add(plan(), IDENTITY)
     history.was_stored(5, IDENTITY, ["2000:00"])
-    history.forget(history.entries(5, IDENTITY), Plan(7, BACK.changes))
+    history.drop_entries(history.entries(5, IDENTITY), Plan(7, BACK.changes))
     assert history.all_of(5, IDENTITY) == []
     assert [one.undoes for one in history.all_of(7, IDENTITY)] == [True]
 

@@ -81,7 +81,7 @@ def test_what_a_device_does_not_take_back_becomes_what_it_takes_and_that_is_the_
     channel.device.set_value(*TYPE, b"\xf5")  # a reserved transmission type, which it came with and refuses
     before = node.pdo(TPDO1)
     after, back = with_(before, transmission_type=255), with_(before, transmission_type=254)
-    change = plan_pdo(TPDO1, before, after)._replace(back=back)
+    change = plan_pdo(TPDO1, before, after)._replace(substitute=back)
     channel.device.set_value(*TYPE, b"\xff")
     plan, findings = recover(node, journal(node, change))
     assert node.pdo(TPDO1) == back
@@ -93,7 +93,7 @@ def test_what_could_be_put_back_is_planned_though_a_refusal_was_foreseen(node: N
     before = node.pdo(TPDO1)
     half_done = with_(before, event_timer=50)
     node.bus.sdo(NODE).download(*TIMER, b"\x32\0")
-    change = plan_pdo(TPDO1, before, half_done)._replace(back=with_(before, event_timer=60))
+    change = plan_pdo(TPDO1, before, half_done)._replace(substitute=with_(before, event_timer=60))
     plan, findings = recover(node, journal(node, change))
     assert (plan.changes, findings, node.pdo(TPDO1)) == ((plan_pdo(TPDO1, half_done, before),), (), before)
 

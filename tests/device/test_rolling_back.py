@@ -105,7 +105,7 @@ def test_a_journal_puts_back_what_the_device_takes_wherever_the_change_was_kille
     assert bool(before.inconsistency) is one.is_tpdo
     entry = PdoMappingEntry((INPUTS if one.is_tpdo else OUTPUTS), 3, 8)
     back = PdoConfig(replace(before.communication, cob_id=before.communication.cob_id.disabled()), ())
-    change = plan_pdo(one, before, PdoConfig(before.communication, (entry,)))._replace(back=back)
+    change = plan_pdo(one, before, PdoConfig(before.communication, (entry,)))._replace(substitute=back)
     journals = Journals(Path("journals").resolve(), "direct")
     journals.write(Plan(NODE, (change,)), {}, None)
     for step in change.steps[:steps]:
@@ -129,7 +129,7 @@ def with_weaker_way_back(sdo: SdoReader) -> PdoChange:
     before = read_pdo(sdo, TPDO1)
     want = replace(before, mapping=(PdoMappingEntry(0x606C, 0, 32),))
     off = replace(before.communication, cob_id=before.communication.cob_id.disabled())
-    return plan_pdo(TPDO1, before, want)._replace(back=PdoConfig(off, ()))
+    return plan_pdo(TPDO1, before, want)._replace(substitute=PdoConfig(off, ()))
 
 
 @pytest.mark.parametrize("at", range(1, 6))
@@ -174,7 +174,7 @@ def test_a_refusal_that_lasts_leads_there_whatever_reason_it_gives() -> None:
     before = read_pdo(sdo, TPDO1)
     back = PdoConfig(replace(before.communication, cob_id=before.communication.cob_id.disabled()), ())
     entry = PdoMappingEntry(INPUTS, 3, 8)
-    change = plan_pdo(TPDO1, before, PdoConfig(before.communication, (entry,)))._replace(back=back)
+    change = plan_pdo(TPDO1, before, PdoConfig(before.communication, (entry,)))._replace(substitute=back)
     for step in change.steps:
         sdo.download(step.index, step.sub_index, step.after)
     assert roll_back_patiently(sdo, [change], InstantClock(), lambda: None) == (change,)

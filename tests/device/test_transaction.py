@@ -278,15 +278,15 @@ def enabled(sdo: DirectSdo) -> PdoChange:
 
 def test_another_pdo_that_the_device_moves_along_is_told_and_put_back(sdo: DirectSdo) -> None:
     change, told = enabled(sdo), []
-    wholes = {TPDO2: read_pdo(sdo, TPDO2)}
-    others = {TPDO2: wholes[TPDO2].communication.cob_id}
+    configs = {TPDO2: read_pdo(sdo, TPDO2)}
+    others = {TPDO2: configs[TPDO2].communication.cob_id}
     note: Callable[[Sequence[Change]], None] = lambda changes: told.append([one.label for one in changes])  # noqa: E731
-    error = failed(altering(sdo, 1), change, others=UntouchedPdos(others, wholes), on_altered=note)
+    error = failed(altering(sdo, 1), change, others=UntouchedPdos(others, configs), on_altered=note)
     assert str(error) == f"node {NODE} took TPDO1, but changed TPDO2 as a side effect"
     assert (error.place, error.state, error.state_text) == ("1801:01", "rolled_back", None)
     assert error.why == f"0x1801:01 was 0x{others[TPDO2].raw:08X}, is 0x40000281"
     assert told == [["TPDO1", "TPDO2"]]
-    assert {TPDO2: read_pdo(sdo, TPDO2), TPDO1: read_pdo(sdo, TPDO1)} == {**wholes, TPDO1: change.before}
+    assert {TPDO2: read_pdo(sdo, TPDO2), TPDO1: read_pdo(sdo, TPDO1)} == {**configs, TPDO1: change.before}
 
 
 def test_of_one_that_was_not_read_whole_the_cob_id_is_put_back_and_that_is_said(sdo: DirectSdo) -> None:

@@ -158,8 +158,8 @@ def test_one_value_is_undone_only_where_the_old_one_is_known() -> None:
 @given(pdos, config_pairs())
 def test_a_device_that_wants_a_pdo_off_first_gets_it_off_for_any_change_and_for_none_else(pdo: Pdo, pair: Pair) -> None:
     a, b = pair
-    steps = plan_pdo(pdo, a, b, off=True).steps
-    assert plan_pdo(pdo, a, a, off=True).steps == ()
+    steps = plan_pdo(pdo, a, b, disabled_first=True).steps
+    assert plan_pdo(pdo, a, a, disabled_first=True).steps == ()
     if a.enabled and a != b:
         assert steps[0].object == f"{pdo.communication_index:04X}:01"
         assert steps[0].after[3] & 0x80

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from dvtcli.domain.network.check.network_rules import network_findings
 from dvtcli.domain.ports import Frame
 from dvtcli.watch.decoder import Decoder
-from dvtcli.watch.heartbeats import GRACE_S, PERIODS, Heartbeats
+from dvtcli.watch.heartbeats import GRACE_S, MISSING_AFTER_PERIODS, Heartbeats
 from dvtcli.watch.seen import FrameStore
 from dvtcli.watch.statistics import GRACE_S as ROW_GRACE_S
 from tests.domain.network_check.planted import SOUND, CheckedNetwork, hears
@@ -76,7 +76,7 @@ def test_nothing_is_missing_while_the_node_keeps_its_new_period(old_ms: int, new
         silence = heartbeats.silence_s(NODE, just_before_s)
         assert silence is None or not silence[1], f"{silence} at {just_before_s}"
         assert store.rows[0x700 + NODE, False].rhythm.rate_hz(just_before_s) != 0.0
-    gone_s = last_s + PERIODS * new_ms / 1000 + GRACE_S + ROW_GRACE_S
+    gone_s = last_s + MISSING_AFTER_PERIODS * new_ms / 1000 + GRACE_S + ROW_GRACE_S
     silence = heartbeats.silence_s(NODE, gone_s)
     assert silence is not None
     assert silence[1], "a node that is gone is missed by the new period"
@@ -89,7 +89,7 @@ def test_a_write_that_the_node_refused_changes_nothing(old_ms: int) -> None:
         heartbeats.take(frame, at_s)
     for frame in REFUSED:
         heartbeats.take(frame, at_s)
-    late_s = at_s + PERIODS * old_ms / 1000 + GRACE_S
+    late_s = at_s + MISSING_AFTER_PERIODS * old_ms / 1000 + GRACE_S
     before, after = heartbeats.silence_s(NODE, late_s - 0.01), heartbeats.silence_s(NODE, late_s + 0.01)
     assert (before and before[1], after and after[1]) == (False, True)
 

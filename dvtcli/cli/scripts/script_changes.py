@@ -250,10 +250,10 @@ class ScriptChanges:
             return
         from dvtcli.device.change.own_journal import complete_groups
 
-        kept = complete_groups(self._journals())
-        self._session.group.end()
-        if kept is not None:
-            raise kept
+        try:
+            complete_groups(self._journals())
+        finally:
+            self._session.group.end()
 
     def end(self, *, complete: bool) -> None:
         """End the script, *complete* or failed; `recover` handles changes that could not be rolled back."""

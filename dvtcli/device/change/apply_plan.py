@@ -24,11 +24,11 @@ from dvtcli.device.change.roll_back import first_difference
 from dvtcli.device.change.transaction import Transaction
 from dvtcli.device.change.untouched_pdos import (
     UntouchedPdos,
-    cob_ids_beside,
     is_of_pdo,
-    present_beside,
-    unlike_kept,
-    wholes_beside,
+    unlike_backups,
+    untouched_cob_ids,
+    untouched_configs,
+    untouched_pdos,
 )
 from dvtcli.device.habits import OFTEN_ENOUGH, Habit, name_of
 from dvtcli.device.proposal import proposal
@@ -58,16 +58,16 @@ def apply_plan(
     findings: tuple[Finding, ...] = (),
     *,
     done: Callable[[Plan, int], None] = lambda _plan, _boot_ups: None,
-    is_kept: bool = False,
+    is_remembered: bool = False,
     keep_journal: bool = False,
 ) -> None:
     """Take *node* to where *plan* ends, or leave it as it was; a signal waits for a safe point, or comes too late.
 
     *initial_state* is the node's state when the plan was made; None: it is read now. *findings* are what the rules
     said of the plan; they explain a refusal of something that was forced. *done* is called with the plan and the
-    number of boot-ups so far once the plan was read back, before anything else can fail. *is_kept* says that `undo` is
-    to remember the change. With *keep_journal* the journal of a change that stands is left open: the caller rolls the
-    change back. Raises LeftChanged, which names the journal, if the plan fails and the roll-back fails too.
+    number of boot-ups so far once the plan was read back, before anything else can fail. With *is_remembered* `undo`
+    can revert the change later. With *keep_journal* the journal stays open after a complete change: the caller rolls it
+    back. Raises LeftChanged, which names the journal, if the plan fails and the roll-back fails too.
     """
     with node.cancellation.guard():
         initial_state = node.begin_change() if initial_state is None else initial_state
@@ -75,18 +75,26 @@ def apply_plan(
         is_watched = _is_watched(node, plan)
         if is_watched:
             node.known_pdos()
-        cob_ids = cob_ids_beside(node, plan)
+        cob_ids = untouched_cob_ids(node, plan)
         if node.guard is not None:
             pdos, held = node.known_pdos, node.last_read
             node.guard.begin(
-                plan, node.identity(), initial_state.state, pdos, held, is_test=keep_journal, is_kept=is_kept
+                plan,
+                node.identity(),
+                initial_state.state,
+                pdos,
+                held,
+                is_test=keep_journal,
+                is_remembered=is_remembered,
             )
         try:
-            beside = wholes_beside(node, plan, initial_state)
+            untouched = untouched_configs(node, plan, initial_state)
             untold = any(config.lacking for config in node.last_read.values())
             enter(node, initial_state)
             node.require_not_restarted(initial_state)
-            others = UntouchedPdos(cob_ids, beside, partial(present_beside, node, plan), partial(unlike_kept, node))
+            others = UntouchedPdos(
+                cob_ids, untouched, partial(untouched_pdos, node, plan), partial(unlike_backups, node)
+            )
             transaction = _transaction(node, plan, others, initial_state)
             try:
                 transaction.run()
@@ -102,7 +110,7 @@ def apply_plan(
             restore_nmt_state(node, error, initial_state)
             raise
         node.answered_otherwise = dict(transaction.answered_otherwise)
-        node.expected.seen(beside, whole=is_watched and not untold)
+        node.expected.seen(untouched, whole=is_watched and not untold)
         if node.guard is not None:
             node.guard.own_journal.carried_out()
         done(plan, transaction.boot_ups_verified)
@@ -212,7 +220,7 @@ def apply_with_retry(
     initial_state: InitialState | None,
     done: Callable[[Plan, int], None],
     *,
-    is_kept: bool = False,
+    is_remembered: bool = False,
 ) -> tuple[Plan, tuple[Finding, ...]]:
     """Apply *plan*; return the plan in its final form, and *findings* with the device's requirements.
 
@@ -223,7 +231,7 @@ def apply_with_retry(
     """
     plan = _as_known(node, plan)
 
-    run: _ApplyOnce = partial(apply_plan, node, findings=findings, done=done, is_kept=is_kept)
+    run: _ApplyOnce = partial(apply_plan, node, findings=findings, done=done, is_remembered=is_remembered)
     if _wants_pre_operational(node, plan) and present_state(node.access) is NmtState.OPERATIONAL:
         node.gate.wanted = node.gate.consent
     try:
@@ -377,5 +385,5 @@ def _errors(node: ReadableNode, change: PdoChange, now: PdoConfig, want: PdoConf
 
 def _with_off(plan: Plan, change: PdoChange) -> Plan:
     """*plan* with the PDO of *change* disabled before its first write."""
-    off = plan_pdo(change.pdo, change.before, change.after, off=True)._replace(back=change.back)
+    off = plan_pdo(change.pdo, change.before, change.after, disabled_first=True)._replace(substitute=change.substitute)
     return replace(plan, changes=tuple(off if planned is change else planned for planned in plan.changes))

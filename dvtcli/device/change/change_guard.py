@@ -13,7 +13,7 @@ from dvtcli.device.change.change_group import ChangeGroup, GroupMember
 from dvtcli.device.change.change_history import ChangeHistory
 from dvtcli.device.change.journal import Journal, Journals, read_journal
 from dvtcli.device.change.lock import NodeLock
-from dvtcli.device.change.own_journal import ROOM_OF_TEST, OwnJournal, journal_files, room_beside
+from dvtcli.device.change.own_journal import ROOM_OF_TEST, OwnJournal, journal_files, journal_room
 from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.change.private_file import (
     check_folder,
@@ -48,7 +48,7 @@ class BackingUp:
         unlike = [(pdo, config) for pdo, config in held.items() if not _is_in(made, pdo, config)]
         return not made or (bool(unlike) and not self._remembered(identity) >= set(unlike))
 
-    def unlike_kept(self, identity: Identity, held: Mapping[Pdo, PdoConfig]) -> list[Pdo]:
+    def unlike_backups(self, identity: Identity, held: Mapping[Pdo, PdoConfig]) -> list[Pdo]:
         """The PDOs in *held* that match neither a backup of this device nor a remembered change.
 
         Raises SafetyRefusal if other users can write to the folder.
@@ -149,20 +149,20 @@ class ChangeGuard:
                     raise
                 return None  # a process at work a moment ago has ended its change
 
-    def held_journal(self) -> Path | None:
+    def journal_under_lock(self) -> Path | None:
         """As `open_journal`, but under the lock: a change in progress is not an interrupted change.
 
         Raises SafetyRefusal if another dvtcli is working on the node. Keeps the lock only if there is a journal.
         """
         taken = not self.lock.held
-        self.hold()
+        self.take_lock()
         with self._files("read"):
             path = self.open_journal()
         if taken and path is None:
             self.lock.release()
         return path
 
-    def hold(self) -> None:
+    def take_lock(self) -> None:
         """Take the lock, even with an unfinished change. Raises SafetyRefusal if another dvtcli holds the lock."""
         with self._files("read"):
             self.lock.take()
@@ -195,18 +195,20 @@ class ChangeGuard:
         asked: tuple[str, ...] = (),
         *,
         is_test: bool = False,
-        is_kept: bool = True,
+        is_remembered: bool = True,
     ) -> None:
-        """Prepare the first write of *plan*: take the lock, back up the PDOs if needed, put the journal on disk.
+        """Take the lock, back up the PDOs if needed, and write the journal, before the first write of *plan*.
 
-        *held* are freshly read PDOs to decide whether a backup is needed; *pdos* reads all PDOs, for a backup only. If
-        *plan* continues or rolls back a group, the values from before the group count. *asked* are the PDOs probed by
-        `learn`; *is_test*: *plan* only tests a store; *is_kept*: `undo` remembers the plan.
+        A backup is needed if a PDO of *held*, as just read, is in no backup and no remembered change; *pdos* reads all
+        PDOs for it. Within a group the values from before the group are backed up. The other arguments are those of
+        `OwnJournal.begin`. Raises SafetyRefusal if another dvtcli has the lock, or a file cannot be written.
         """
-        if is_kept or not self.own_journal.is_begun:  # part of a begun group, or its roll-back: backed up already
+        if is_remembered or not self.own_journal.is_begun:  # part of a begun group, or its roll-back: backed up already
             self._back_up(identity, pdos, held or {})
-        room = room_beside(held or {})
-        self.own_journal.begin(plan, identity, nmt_state, asked, is_test=is_test, is_kept=is_kept, room=room)
+        room = journal_room(held or {})
+        self.own_journal.begin(
+            plan, identity, nmt_state, asked, is_test=is_test, is_remembered=is_remembered, room=room
+        )
 
     def prepare(
         self,
@@ -215,17 +217,17 @@ class ChangeGuard:
         nmt_state: int | None,
         pdos: Callable[[], Mapping[Pdo, PdoConfig]],
         held: Mapping[Pdo, PdoConfig],
-        ends: GroupMember,
+        group: GroupMember,
         *,
         proves: bool = False,
     ) -> None:
         """Do the work of `begin` for a whole group, before the first write to any node.
 
-        *ends* has the stores at the end of the group; *proves* adds their tests.
+        *group* has the stores at its end; *proves* adds their tests.
         """
         self._back_up(identity, pdos, held)
-        room = room_beside(held) + (ROOM_OF_TEST if proves else 0)
-        self.own_journal.prepare(plan, identity, nmt_state, room=room, ends=ends)
+        room = journal_room(held) + (ROOM_OF_TEST if proves else 0)
+        self.own_journal.prepare(plan, identity, nmt_state, room=room, group=group)
 
     def _back_up(
         self, identity: Identity, pdos: Callable[[], Mapping[Pdo, PdoConfig]], held: Mapping[Pdo, PdoConfig]
@@ -241,19 +243,20 @@ class ChangeGuard:
                 path = self._backing_up.make(identity, whole, {pdo for pdo in whole if self.is_fixed(pdo)})
                 self.say(f"backup of node {self.node_id}: {path}")
 
-    def unlike_kept(self, identity: Identity, held: Mapping[Pdo, PdoConfig]) -> list[Pdo]:
+    def unlike_backups(self, identity: Identity, held: Mapping[Pdo, PdoConfig]) -> list[Pdo]:
         """The PDOs in *held* that match neither a backup of the device nor a remembered change."""
         with self._files("read"):
-            return self._backing_up.unlike_kept(identity, held)
+            return self._backing_up.unlike_backups(identity, held)
 
     def remember(self, plan: Plan) -> None:
         """Let a later `undo` revert *plan*, registered by `begin` and now verified."""
         self.history.add(plan, self.own_journal.identity, self.own_journal.entry)
 
-    def forget(self, journal: Journal, back: Plan | None = None) -> None:
-        """Remove the recovered *journal*, wherever stored; the journal of another change of the node stays.
+    def delete_journal(self, journal: Journal, back: Plan | None = None) -> None:
+        """Remove *journal*, whose change was rolled back, from its folder and, if it is the same, from ours.
 
-        *back* are the restored values if the replaced values are stored, or may be: the next store must include them.
+        Its entries leave the history of `undo`. *back* is the roll-back if the values that it replaced are stored, or
+        may be: the next store must include the present values. The journal of another change of the node stays.
         """
         with self._files("removed"):
             remove(journal.path)
@@ -261,7 +264,7 @@ class ChangeGuard:
         self.own_journal.detach()
         with self._files("removed"):
             if self._is_gone_or(journal, self.journals.path(self.node_id)):
-                self.own_journal.forget()
+                self.own_journal.delete()
             elif self.open_journal() is None:
                 self.lock.note(None)
             Journals(journal.path.parent, journal.bus).tidy(journal.part.group_id)

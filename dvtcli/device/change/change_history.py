@@ -211,7 +211,7 @@ class ChangeHistory:
             with suppress(InputFileError):
                 yield from [entry for entry in self._read(path) if undoing or not entry.undoes][-1:]
 
-    def forget(self, entries: Sequence[ChangeHistoryEntry], back: Plan) -> None:
+    def drop_entries(self, entries: Sequence[ChangeHistoryEntry], back: Plan) -> None:
         """Drop *entries* of one device, undone by *back*; *back* is recorded if they were stored."""
         for path in {self.path(entry.plan.node_id, entry.identity) for entry in entries}:
             self._drop(path, [entry.id for entry in entries], back)
@@ -257,7 +257,7 @@ class ChangeHistory:
         except (OSError, SafetyRefusal) as failed:
             self.say(f"it cannot be marked as stored for a later undo: {_why(failed)}")
 
-    def forget_own(self, count: int, back: Plan) -> None:
+    def drop_own(self, count: int, back: Plan) -> None:
         """Drop the last *count* changes of this process, undone by *back*."""
         last, self._own = self._own[-count:], self._own[:-count]
         dropped = [change for change in last if change is not None]

@@ -27,15 +27,15 @@ def _foreseen(node: NodeDescription, change: Change) -> tuple[Change, Finding | 
         return change, None
     back = Proposal(node.node_id, change.pdo, change.after, change.before, {}, node.profile, node.dictionary)
     found = way_back(back)
-    return (change, None) if found is None else (change._replace(back=found[0]), found[1])
+    return (change, None) if found is None else (change._replace(substitute=found[0]), found[1])
 
 
-def put_back_findings(changes: Iterable[Change]) -> tuple[Finding, ...]:
+def substitute_findings(changes: Iterable[Change]) -> tuple[Finding, ...]:
     """A warning for each of *changes* restored to a substitute value."""
     return tuple(
-        put_back_finding(change.pdo, change.before, change.back)
+        put_back_finding(change.pdo, change.before, change.substitute)
         for change in changes
-        if isinstance(change, PdoChange) and change.back is not None
+        if isinstance(change, PdoChange) and change.substitute is not None
     )
 
 
@@ -45,4 +45,4 @@ def foreseen(plans: Iterable[Plan]) -> list[PdoChange]:
     for change in (change for plan in plans for change in plan.changes):
         if isinstance(change, PdoChange):
             first.setdefault(change.pdo, change)
-    return [change for change in first.values() if change.back is not None]
+    return [change for change in first.values() if change.substitute is not None]

@@ -123,7 +123,7 @@ def not_rolled_back(plans: Iterable[Plan], node_id: int, fault: str, why: str) -
     )
 
 
-def beside(told: DvtcliError, others: Iterable[BaseException]) -> list[tuple[str, str]]:
+def also_lines(told: DvtcliError, others: Iterable[BaseException]) -> list[tuple[str, str]]:
     """Labelled lines for *others* beside the reported error *told*, each text once.
 
     Several nodes asked in parallel report the same lost bus.

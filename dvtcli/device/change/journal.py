@@ -439,7 +439,7 @@ def covers(kept: Plan, plan: Plan) -> bool:
 
 
 def _before(change: Change) -> object:
-    return (change.before, change.back) if isinstance(change, PdoChange) else change.step.before
+    return (change.before, change.substitute) if isinstance(change, PdoChange) else change.step.before
 
 
 def _key(change: Change) -> object:
@@ -480,6 +480,6 @@ def _counts(change: Change, pdos: dict[Pdo, PdoChange]) -> bool:
 def _joined(first: Change, last: Change) -> Change:
     if isinstance(first, PdoChange):
         assert isinstance(last, PdoChange)  # noqa: S101 - one key, one kind
-        return last._replace(before=first.before, back=first.back)
+        return last._replace(before=first.before, substitute=first.substitute)
     assert isinstance(last, ValueChange)  # noqa: S101
     return ValueChange(replace(last.step, before=first.step.before))

@@ -25,19 +25,19 @@ _RESTARTS = f"the node restarted, or lost an answer, each of {MAX_READS} times t
 class Guarded(NamedTuple):
     """The values of *node_id* that must be as before *changes*, read through *sdo*.
 
-    *beside*, possibly incomplete, is reported only if different.
+    *untouched*, possibly incomplete, is reported only if different.
     """
 
     node_id: int
     sdo: SdoReader
     reboot_monitor: RebootMonitor
     changes: Sequence[Change]
-    beside: Sequence[Change] = ()
+    untouched: Sequence[Change] = ()
 
     @property
     def all(self) -> tuple[Change, ...]:
         """All changes to compare."""
-        return (*self.changes, *self.beside)
+        return (*self.changes, *self.untouched)
 
 
 def name_left(left: LeftChanged, guarded: Iterable[Guarded], *, stopped: bool = False) -> None:

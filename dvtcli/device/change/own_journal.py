@@ -46,7 +46,7 @@ class OwnJournal:
     #: the changes to roll back
     _contents: JournalContents = field(default_factory=JournalContents)
     #: values possibly altered as a side effect, each as a change to its present value
-    _beside: Plan | None = None
+    _may_be_altered: Plan | None = None
     #: the present content of the journal
     _on_disk: tuple[Plan, GroupMember] | None = None
 
@@ -82,18 +82,18 @@ class OwnJournal:
 
     def also_cover(self, plan: Plan | None) -> None:
         """Add *plan* to the journal: present values that the changes may alter as a side effect."""
-        self._beside = plan
+        self._may_be_altered = plan
 
-    def prepare(self, plan: Plan, identity: Identity, nmt_state: int | None, *, room: int, ends: GroupMember) -> None:
+    def prepare(self, plan: Plan, identity: Identity, nmt_state: int | None, *, room: int, group: GroupMember) -> None:
         """Put the journal of the whole *plan* on disk, before the first write to any node of a group.
 
         Later versions need no more space: *room* is how many bytes to reserve, beside those for the progress of the
-        stores in *ends*. Raises SafetyRefusal if the journal cannot be kept.
+        stores of *group*. Raises SafetyRefusal if the journal cannot be kept.
         """
         before, self.identity = self._copy(), identity
         with self._files("kept"):
             self.entry = self._contents.prepare(self.group, plan, nmt_state)
-            self._keep_or(before, room + Journals.length_of(ends.final, (*ends.stores, *ends.equal)))
+            self._keep_or(before, room + Journals.length_of(group.final, (*group.stores, *group.equal)))
 
     def begin(
         self,
@@ -103,24 +103,26 @@ class OwnJournal:
         asked: tuple[str, ...] = (),
         *,
         is_test: bool = False,
-        is_kept: bool = True,
+        is_remembered: bool = True,
         room: int = 0,
     ) -> None:
-        """Put the journal on disk before the first write of *plan* to the device with this *identity*.
+        """Write the journal to disk before the first write of *plan* to the device with this *identity*.
 
-        *asked* are the PDOs probed by `learn`; *is_test*: the plan only tests a store; *is_kept*: `undo` remembers the
-        plan. A plan not kept and already covered by the journal needs no space. *room* is how many bytes to reserve for
-        later versions.
+        After a kill `recover` then restores the values before *plan*, or before its group. *nmt_state* is the node's
+        state now, None if unknown. *asked* are the PDOs that `learn` probes. *is_test*: *plan* only tests a store.
+        *is_remembered*: `undo` can revert *plan* later. *room* is the number of bytes to reserve for later versions.
+        A plan without these three that only rolls back a part of the group is in the journal already: a full disk does
+        not stop it. Raises SafetyRefusal if the journal cannot be written.
         """
         before, self.identity = self._copy(), identity
-        covered = not (is_kept or is_test or asked) and self._contents.is_begun and self._puts_back(plan)
+        covered = not (is_remembered or is_test or asked) and self._contents.is_begun and self._puts_back(plan)
         if covered and self._on_disk is not None and self._on_disk[1] == self._contents.part:
             self._contents.in_hand = plan
             return
         with self._files("kept"):
             self.entry = self._contents.begin(self.group, plan, nmt_state, asked, is_test=is_test)
             try:
-                self._keep_or(before, room if is_kept else 0)
+                self._keep_or(before, room if is_remembered else 0)
             except (OSError, SafetyRefusal):
                 if not covered:
                     raise
@@ -154,7 +156,7 @@ class OwnJournal:
     def _guarded(self) -> Plan:
         """Everything to roll back, with the values possibly altered as a side effect."""
         plan = self._contents.plan
-        return plan if self._beside is None else combine_plans(plan.node_id, [self._beside, plan])
+        return plan if self._may_be_altered is None else combine_plans(plan.node_id, [self._may_be_altered, plan])
 
     def _write(self, room: int = 0) -> None:
         plan = self._guarded()
@@ -177,7 +179,7 @@ class OwnJournal:
         self._contents.end_test()
         if self._contents.is_begun:  # what it says of the change in hand is so, also where that was undone
             return
-        self.forget()
+        self.delete()
 
     def adopt(self, journal: Journal) -> None:
         """Take over *journal* of a group that another process left verified on every node, to complete the group."""
@@ -217,14 +219,14 @@ class OwnJournal:
         """Remove the journal after this node's part of the group was rolled back and verified."""
         if self._contents.is_begun and self._contents.in_hand is None:
             whole = self._contents.part.group_id
-            self.forget()
+            self.delete()
             self._tidy(whole)
 
     def detach(self) -> None:
         """Forget the changes of this process, but leave the files on disk."""
-        self._contents, self._on_disk, self._beside = JournalContents(), None, None
+        self._contents, self._on_disk, self._may_be_altered = JournalContents(), None, None
 
-    def forget(self) -> None:
+    def delete(self) -> None:
         """Remove the journal: nothing must be rolled back any more.
 
         Raises JournalKept if the file remains. A removal that may not survive a power failure, or a note left in the
@@ -259,10 +261,10 @@ class OwnJournal:
         return journal_files(self.journals, self.lock.node_id, what)
 
 
-def complete_groups(journals: Iterable[OwnJournal]) -> JournalKept | None:
-    """Call `complete_group` on all *journals*; return the first failure with the others beside.
+def complete_groups(journals: Iterable[OwnJournal]) -> None:
+    """Complete the group of *journals*: remove each, so that `recover` no longer reverts the changes.
 
-    The journals of the other nodes are removed all the same.
+    Raises JournalKept if some cannot be removed, after all others were; the first has the others in its details.
     """
     kept: list[JournalKept] = []
     for journal in journals:
@@ -270,13 +272,12 @@ def complete_groups(journals: Iterable[OwnJournal]) -> JournalKept | None:
             journal.complete_group()
         except JournalKept as failed:
             kept.append(failed)
-    if not kept:
-        return None
-    kept[0].details += [("also", other.text) for other in kept[1:]]
-    return kept[0]
+    if kept:
+        kept[0].details += [("also", other.text) for other in kept[1:]]
+        raise kept[0]
 
 
-def room_beside(held: Mapping[Pdo, PdoConfig]) -> int:
+def journal_room(held: Mapping[Pdo, PdoConfig]) -> int:
     """The further bytes a journal may need: for its words, and for the PDOs *held*, should a device alter them."""
     return _ROOM + sum(len(json.dumps(change_document(plan_pdo(pdo, one, one)))) + _MORE for pdo, one in held.items())
 

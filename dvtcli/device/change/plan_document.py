@@ -30,7 +30,7 @@ def change_document(change: Change) -> dict[str, Any]:
         said = {} if step.reason == _NO_REASON else {"reason": step.reason}
         return {"object": [step.index, step.sub_index], "before": held, "after": step.after.hex(), **said}
     before, after = _config_document(change.before), _config_document(change.after)
-    back = None if change.back is None else _config_document(change.back)
+    back = None if change.substitute is None else _config_document(change.substitute)
     return {"pdo": str(change.pdo), "before": before, "after": after, "back": back}
 
 
@@ -77,7 +77,7 @@ def read_change(document: Any) -> Change:
         pdo = Pdo.parse(str(document["pdo"]))
         before, after = (_config(document.get(key)) for key in ("before", "after"))
         back = None if document.get("back") is None else _config(document["back"])
-        change: PdoChange = plan_pdo(pdo, before, after)._replace(back=back)
+        change: PdoChange = plan_pdo(pdo, before, after)._replace(substitute=back)
         return change
     return _value(document)
 

@@ -9,11 +9,11 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.expected_refusals import put_back_findings
+from dvtcli.device.change.expected_refusals import substitute_findings
 from dvtcli.device.change.left_behind import Guarded, failure_sentence, name_left
 from dvtcli.device.change.roll_back import roll_back_patiently, unreadable_now
 from dvtcli.device.change.undo_plan import undo_plan_of
-from dvtcli.device.change.untouched_pdos import altered_of, as_they_are, is_of_pdo, others_left, present_beside
+from dvtcli.device.change.untouched_pdos import altered_of, as_they_are, is_of_pdo, others_left, untouched_pdos
 from dvtcli.device.observe import MAX_READS, RestartCounter
 from dvtcli.device.stamped import NO_STAMP, held_stamp, is_stamp, stamp_back
 from dvtcli.device.store.pending import CHANGE
@@ -57,13 +57,14 @@ _SILENT = (NoAnswer, SdoProtocolError, BusUnavailable, KeyboardInterrupt)
 class Recovery:
     """The recovery of *node* from an interrupted change, to the former values in *journal*.
 
-    *plan* is the intended roll-back from the initial state, *as_taken* the roll-back with values accepted instead.
+    *plan* is the intended roll-back from the initial state, *with_substitutes* the same with values
+    that the device accepts instead.
     """
 
     node: Changeable
     journal: Journal
     plan: Plan
-    as_taken: Plan
+    with_substitutes: Plan
     #: the changes to roll back, newest last, without our stamp, which is removed
     changes: tuple[Change, ...]
     #: the PDOs outside the journal before the roll-back, and the boot-ups at that time
@@ -84,10 +85,10 @@ class Recovery:
         node.read_anew()
         boot_ups = node.bus.boot_ups(node.node_id)
         plan = undo_plan_of(node, [journal.plan], patient=True)
-        as_taken = undo_plan_of(node, [journal.plan], as_taken=True, patient=True)
-        present = present_beside(node, journal.plan) if is_of_pdo(journal.plan) else []
+        with_substitutes = undo_plan_of(node, [journal.plan], with_substitutes=True, patient=True)
+        present = untouched_pdos(node, journal.plan) if is_of_pdo(journal.plan) else []
         others = as_they_are(_readable(node, present))
-        return cls(node, journal, plan, as_taken, _without_stamp(node, journal.plan, plan), others, boot_ups)
+        return cls(node, journal, plan, with_substitutes, _without_stamp(node, journal.plan, plan), others, boot_ups)
 
     def ahead(self) -> Iterator[Plan]:
         """The parts to write before `roll_back` if several nodes recover together, a part per phase except the last.
@@ -95,7 +96,7 @@ class Recovery:
         If a refusal is expected, only PDOs are disabled: `roll_back` finds an accepted value.
         """
         changes = self.journal.plan.changes
-        foreseen = any(isinstance(change, PdoChange) and change.back is not None for change in changes)
+        foreseen = any(isinstance(change, PdoChange) and change.substitute is not None for change in changes)
         for number, phase in enumerate(phases([self.plan])[:-1]):
             left_out = foreseen and number > 1
             yield next((part for part in phase if not left_out), Plan(self.node.node_id, ()))
@@ -206,13 +207,13 @@ class Recovery:
         *stored*: a store has saved the replaced values, or may have; the present values are not stored then.
         """
         if self.node.guard is not None:
-            self.node.guard.forget(self.journal, self._held_now() if stored else None)
+            self.node.guard.delete_journal(self.journal, self._held_now() if stored else None)
         self.node.pending.suspicions.pop(CHANGE, None)
-        return self.as_taken if self._otherwise else self.plan, put_back_findings(self._otherwise)
+        return self.with_substitutes if self._otherwise else self.plan, substitute_findings(self._otherwise)
 
     def _held_now(self) -> Plan:
         """The plan from the values of the interrupted change to the accepted roll-back."""
-        taken = {change.pdo: change.back for change in self._otherwise}
+        taken = {change.pdo: change.substitute for change in self._otherwise}
         changes: list[Change] = []
         for change in self.changes:
             if isinstance(change, PdoChange):

@@ -49,7 +49,7 @@ def roll_back_patiently(
     Includes changes not begun, since a reboot returns them to the stored values. Each try reads the device again and
     writes differences only. A try proves nothing and is repeated if the *reboot_monitor* saw a restart or an upload was
     repeated meanwhile. *before_retry* makes the device writable again. After `PATIENCE_S` a last try raises its error.
-    Returns the changes with *before* refused and *back* accepted; a temporary refusal counts in the last try only.
+    Returns the changes restored to their *substitute*; a temporary refusal counts in the last try only.
     """
     reboot_monitor = reboot_monitor or NeverRestarts()
     deadline = clock.now_s() + PATIENCE_S
@@ -74,8 +74,8 @@ def roll_back_once(sdo: SdoTransport, changes: Sequence[Change], *, is_last_try:
     """Restore *before* of every change, last change first, and verify; the first failure is raised at the end.
 
     Reads the device first, since after a time-out the last write may have arrived or not. Verifies after the last write
-    only, since restoring one PDO may alter another. Returns the changes restored to *back* instead; *is_last_try*
-    allows *back* after a temporary refusal.
+    only, since restoring one PDO may alter another. Returns the changes restored to *substitute* instead; *is_last_try*
+    allows that after a temporary refusal.
     """
     failures: list[Exception] = []
     fillers = _fillers(changes)
@@ -99,8 +99,8 @@ def roll_back_once(sdo: SdoTransport, changes: Sequence[Change], *, is_last_try:
     otherwise = []
     for change in changes:
         difference = first_difference(sdo, change, wanted_before=True)
-        if difference and isinstance(change, PdoChange) and change.back is not None:
-            difference = first_difference(sdo, change._replace(after=change.back))
+        if difference and isinstance(change, PdoChange) and change.substitute is not None:
+            difference = first_difference(sdo, change._replace(after=change.substitute))
             otherwise.append(change)
         if difference:
             raise DeviceRefused(f"{change.label} does not read back as it was", place=change.label, why=difference)
@@ -143,16 +143,16 @@ def _roll_back_dependent(sdo: SdoTransport, changes: Sequence[ValueChange]) -> N
 
 
 def _roll_back_otherwise(sdo: SdoTransport, change: PdoChange, refused: SdoAborted, *, is_last_try: bool) -> bool:
-    """Restore with the PDO disabled if a parameter was refused while enabled, else restore *back*; false if neither.
+    """Restore with the PDO disabled if a parameter was refused while enabled, else its substitute; false if neither.
 
-    As long as the refusal may be temporary, *back* is not used unless *is_last_try*.
+    As long as the refusal may be temporary, the substitute is not used unless *is_last_try*.
     """
     held = read_pdo(sdo, change.pdo)
     parameter = refused.index == change.pdo.communication_index and refused.sub_index != 1
     if held.enabled and parameter:
-        steps = plan_pdo(change.pdo, held, change.before, off=True).steps
-    elif change.back is not None and (is_last_try or not may_pass(refused.code)):
-        steps = plan_pdo(change.pdo, held, change.back).steps
+        steps = plan_pdo(change.pdo, held, change.before, disabled_first=True).steps
+    elif change.substitute is not None and (is_last_try or not may_pass(refused.code)):
+        steps = plan_pdo(change.pdo, held, change.substitute).steps
     else:
         return False
     for step in steps:

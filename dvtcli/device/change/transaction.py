@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field
 
 from dvtcli.device.cancellation import Cancellation
-from dvtcli.device.change.expected_refusals import put_back_findings
+from dvtcli.device.change.expected_refusals import substitute_findings
 from dvtcli.device.change.failed_change import (
     TRY_AGAIN,
     left_changed,
@@ -247,7 +247,7 @@ class Transaction:
         """Untouched PDOs that differ after the roll-back, in words; empty after a restart meanwhile."""
         if self.reboot_monitor.boot_ups() != self._boot_ups_back:
             return self._altered()
-        return {**self.others.altered_whole(self.sdo), **self._altered()}
+        return {**self.others.altered_configs(self.sdo), **self._altered()}
 
     def _restarted(self) -> bool:
         return self.reboot_monitor.boot_ups() != self._boot_ups
@@ -261,7 +261,7 @@ class Transaction:
             otherwise = self._roll_back_side_effects(fault, second)
         if isinstance(fault, DvtcliError):
             self._say_unreadable(fault)
-            fault.details += [("rolled back", finding.text) for finding in put_back_findings(otherwise)]
+            fault.details += [("rolled back", finding.text) for finding in substitute_findings(otherwise)]
             if otherwise and fault.state == "rolled_back":
                 fault.state_text = "rolled back as far as the device accepts, and verified; nothing was stored"
             fault.node = self.plan.node_id
@@ -302,8 +302,8 @@ class Transaction:
         from dvtcli.device.change.left_behind import Guarded, failure_sentence, name_left
 
         left = left_changed(self.plan, fault, second)
-        beside = tuple(self.others.unchanged())
-        guarded = Guarded(self.plan.node_id, self.sdo, self.reboot_monitor, self.plan.changes, beside)
+        untouched = tuple(self.others.unchanged())
+        guarded = Guarded(self.plan.node_id, self.sdo, self.reboot_monitor, self.plan.changes, untouched)
         name_left(left, [guarded], stopped=isinstance(second, KeyboardInterrupt))
         left.text = failure_sentence(left, self.plan.node_id, "rolled back") or left.text
         return left
@@ -360,7 +360,7 @@ class Transaction:
             return
         own = join_some(change.label for change in self.plan.changes)
         try:
-            unlike = self.others.unlike_kept(unread)
+            unlike = self.others.unlike_backups(unread)
         except DvtcliError as failed:  # somebody else can write where the backups are: they prove nothing
             fault.details.append(("also", failed.text))
             unlike = tuple(unread)
@@ -403,7 +403,7 @@ class Transaction:
         disturbance_count = self.reboot_monitor.disturbance_count()
         otherwise, differing = self._restored(self.plan.changes)
         sure = sure and self.reboot_monitor.disturbance_count() == disturbance_count
-        self._left = {} if sure else {pdo: why for pdo, why in differing.items() if pdo not in self.others.wholes}
+        self._left = {} if sure else {pdo: why for pdo, why in differing.items() if pdo not in self.others.configs}
         altered = self.others.changes(self.sdo, [pdo for pdo in differing if pdo not in self._left])
         if not altered:
             return otherwise

@@ -130,20 +130,25 @@ def refuse_unknown(back: UndoPlan) -> None:
 
 
 def undo_plan_of(
-    node: KnownPdos, plans: Iterable[Plan], *, as_taken: bool = False, rolls_back: bool = False, patient: bool = False
+    node: KnownPdos,
+    plans: Iterable[Plan],
+    *,
+    with_substitutes: bool = False,
+    rolls_back: bool = False,
+    patient: bool = False,
 ) -> Plan:
     """The plan from present values of *node* to the values before the oldest of *plans* (oldest first).
 
     The caller has invalidated reads from before its lock. A write-only object stays unchanged (`unknown_before`). With
-    *as_taken* a PDO with an expected refusal gets a value accepted instead. Only with *rolls_back* (nothing stored
-    since) our stamp returns (`stamp_back`). With *patient* objects unreadable at present are left out; else raises
-    SdoAborted.
+    *with_substitutes* a PDO with an expected refusal gets its substitute. Only with *rolls_back* (nothing stored since)
+    our stamp returns (`stamp_back`). With *patient* objects unreadable at present are left out; else raises SdoAborted.
     """
     pdos: dict[Pdo, PdoConfig] = {}
     values: dict[tuple[int, int], Step] = {}
     for change in (change for plan in reversed(list(plans)) for change in reversed(plan.changes)):
         if isinstance(change, PdoChange):
-            pdos[change.pdo] = change.back if as_taken and change.back is not None else change.before
+            substitute = change.substitute if with_substitutes else None
+            pdos[change.pdo] = change.before if substitute is None else substitute
         else:
             values[change.step.index, change.step.sub_index] = change.step
     changes = [plan_pdo(pdo, node.known_pdo(pdo), before) for pdo, before in pdos.items()]
@@ -189,11 +194,11 @@ def _is_filler(config: PdoConfig) -> bool:
 
 
 def refuse_unless_left(node: Changeable, plans: Sequence[Plan], count: int) -> int:
-    """How many of the newest of *plans* (oldest first) to roll back for *count* to be gone.
+    """Return how many of the newest of *plans* (oldest first) an undo of *count* plans covers.
 
-    The result is *count* if *node* still has exactly their results. A node with values from before the newest plans, as
-    after a reset, has lost these: they count, but need no roll-back. Raises SafetyRefusal naming the difference if the
-    node has other values.
+    This is *count* if *node* has the values that these plans left. If a reset brought back the values from before some
+    of the newest plans, it is the number of these, if larger: they are undone already. Raises SafetyRefusal with the
+    first difference if the node has other values, as after a change by another tool.
     """
     refuse_gap(node, plans[-count:])
     found = config_differences(node, _ends(plans[-count:]))

@@ -28,17 +28,18 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True, eq=False, repr=False)
 class UntouchedPdos:
-    """The PDOs outside a plan: their *cob_ids* before the plan, and *wholes*, the PDOs read completely.
+    """The PDOs that a plan does not write, to find and roll back the device's side effects on them.
 
-    *present* lists them all for a roll-back and may read the node. *unlike_kept* compares PDOs not read before the plan
-    with backup and history.
+    Read before the plan: *cob_ids*, their COB-IDs, and *configs*, the configurations of those read completely. A
+    roll-back asks *present* for all of them, which may read the node, and *unlike_backups* for those of which nothing
+    proves that they are as before: they were not read before the plan, and match no backup and no remembered change.
     """
 
     cob_ids: Mapping[Pdo, CobId] = field(default_factory=dict)
-    wholes: Mapping[Pdo, PdoConfig] = field(default_factory=dict)
+    configs: Mapping[Pdo, PdoConfig] = field(default_factory=dict)
     present: Callable[[], Sequence[Pdo]] = tuple
     #: selects the PDOs that match neither backup nor history
-    unlike_kept: Callable[[Mapping[Pdo, PdoConfig]], Sequence[Pdo]] = tuple
+    unlike_backups: Callable[[Mapping[Pdo, PdoConfig]], Sequence[Pdo]] = tuple
     #: the PDOs outside a roll-back, as before the plan or, if not read, at the start of the roll-back
     _before: dict[Pdo, PdoConfig] = field(default_factory=dict)
     #: altered PDOs restored in their COB-ID only
@@ -63,22 +64,24 @@ class UntouchedPdos:
                 held[pdo] = read_pdo(sdo, pdo, WHATEVER)
         self._before = {change.pdo: change.before for change in as_they_are(held)}
         if not restarted:
-            self._before = {pdo: self._as_before(pdo, config) for pdo, config in self._before.items()} | {**self.wholes}
+            self._before = {pdo: self._as_before(pdo, config) for pdo, config in self._before.items()} | {
+                **self.configs
+            }
 
     def unread(self) -> dict[Pdo, PdoConfig]:
         """The PDOs read at the start of the roll-back but not before the plan, with these values."""
-        return {pdo: config for pdo, config in self._before.items() if pdo not in self.wholes}
+        return {pdo: config for pdo, config in self._before.items() if pdo not in self.configs}
 
-    def altered_whole(self, sdo: SdoReader) -> dict[Pdo, str]:
+    def altered_configs(self, sdo: SdoReader) -> dict[Pdo, str]:
         """The PDOs changed since the start of the roll-back, each with the difference in words."""
         altered = altered_of(sdo, (PdoChange(pdo, before, before, ()) for pdo, before in self._before.items()))
         return {change.pdo: difference for change, difference in altered.items()}
 
     def unchanged(self) -> Iterator[Change]:
         """Each PDO, or its COB-ID if nothing else was read, as a change to its former values."""
-        yield from as_they_are(self.wholes)
+        yield from as_they_are(self.configs)
         for pdo, cob_id in self.cob_ids.items():
-            if pdo not in self.wholes:
+            if pdo not in self.configs:
                 raw = cob_id.raw.to_bytes(4, "little")
                 yield ValueChange(Step(pdo.communication_index, 1, raw, raw, "as before"))
 
@@ -92,8 +95,8 @@ class UntouchedPdos:
 
     def _as_before(self, pdo: Pdo, held: PdoConfig) -> PdoConfig:
         """The configuration of *pdo* before the plan, completed from *held*, read after its start."""
-        if pdo in self.wholes:
-            return self.wholes[pdo]
+        if pdo in self.configs:
+            return self.configs[pdo]
         cob_id = self.cob_ids.get(pdo, held.communication.cob_id)
         if cob_id != held.communication.cob_id:
             self._in_part.append(pdo)
@@ -122,7 +125,7 @@ def altered_too(plan: Plan, altered: Mapping[Pdo, str]) -> DeviceRefused:
     )
 
 
-def cob_ids_beside(node: ReadableNode, plan: Plan) -> dict[Pdo, CobId]:
+def untouched_cob_ids(node: ReadableNode, plan: Plan) -> dict[Pdo, CobId]:
     """The COB-IDs outside *plan*, to compare directly afterwards; empty if *plan* writes no COB-ID.
 
     Without PDOs that are compared whole after the complete change.
@@ -133,7 +136,7 @@ def cob_ids_beside(node: ReadableNode, plan: Plan) -> dict[Pdo, CobId]:
     return {pdo: cob_id for pdo, cob_id in node.known_cob_ids().items() if pdo not in own}
 
 
-def wholes_beside(node: ReadableNode, plan: Plan, initial_state: InitialState) -> dict[Pdo, PdoConfig]:
+def untouched_configs(node: ReadableNode, plan: Plan, initial_state: InitialState) -> dict[Pdo, PdoConfig]:
     """The PDOs outside *plan* read whole since *initial_state*, to compare before a store."""
     if not is_of_pdo(plan) or node.bus.boot_ups(node.node_id) != initial_state.boot_ups:
         return {}
@@ -141,12 +144,12 @@ def wholes_beside(node: ReadableNode, plan: Plan, initial_state: InitialState) -
     return {pdo: config for pdo, config in movable(node.last_read).items() if pdo not in own}
 
 
-def unlike_kept(node: Changeable, held: Mapping[Pdo, PdoConfig]) -> Sequence[Pdo]:
+def unlike_backups(node: Changeable, held: Mapping[Pdo, PdoConfig]) -> Sequence[Pdo]:
     """The PDOs *held* that match neither this session's reads, nor a backup, nor a remembered change."""
     unlike = {pdo: config for pdo, config in held.items() if node.expected.pdos.get(pdo) != config}
     if not unlike or node.guard is None:
         return tuple(unlike)
-    return node.guard.unlike_kept(node.identity(), unlike)
+    return node.guard.unlike_backups(node.identity(), unlike)
 
 
 def movable(pdos: Mapping[Pdo, PdoConfig]) -> dict[Pdo, PdoConfig]:
@@ -184,7 +187,7 @@ def others_left(plan: Plan, altered: Mapping[PdoChange, str], failed: DvtcliErro
     return left
 
 
-def present_beside(node: ReadableNode, plan: Plan) -> list[Pdo]:
+def untouched_pdos(node: ReadableNode, plan: Plan) -> list[Pdo]:
     """The PDOs not written by *plan*."""
     own = {*_own(plan), *(Pdo.at(change.step.index) for change in plan.changes if isinstance(change, ValueChange))}
     return [pdo for pdo in node.present() if pdo not in own]

@@ -39,7 +39,7 @@ class Restart(NamedTuple):
     """A way to clear the RAM of a node, *by* a method of `domain.proof`; *run* returns after the boot-up message."""
 
     by: str
-    run: Callable[[], None]
+    run: Callable[[], object]
     communication: bool = False
 
     @property
@@ -148,7 +148,7 @@ def _refuse_altered(node: Node, before: Snapshot, place: AnyPlace) -> None:
     )
     try:
         if changes:
-            node.apply(Plan(node.node_id, changes), kept=False)
+            node.apply(Plan(node.node_id, changes), remembered=False)
         left = _unlike(node, before, node.pdos())
     except DvtcliError as failed:
         left = [failed.text]

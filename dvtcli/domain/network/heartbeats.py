@@ -17,11 +17,11 @@ RULES = (
 )  # fmt: skip
 
 #: Consumer time in heartbeat periods: the default of `heartbeat_multiplier` in a network file.
-MISSED = 3
+CONSUMER_PERIODS = 3
 LONGEST_MS = 0xFFFF
 
 
-def watch_time_ms(producer_ms: int, multiplier: float = MISSED) -> int | None:
+def watch_time_ms(producer_ms: int, multiplier: float = CONSUMER_PERIODS) -> int | None:
     """Consumer time in ms for a heartbeat sent every *producer_ms* (1..65535); None if no longer time is possible.
 
     The time is *multiplier* (1 and up) times the producer's.

@@ -159,7 +159,7 @@ class NetworkPlan:
     #: parts of the file that devices lack: the plan then has only the other differences, and cannot be applied
     lacking: tuple[MissingObject, ...] = ()
     #: PDOs that the file only links with missing PDOs: their intended configuration is unknown
-    torn: tuple[tuple[int, Pdo], ...] = ()
+    unlinked: tuple[tuple[int, Pdo], ...] = ()
 
     @property
     def changed(self) -> bool:

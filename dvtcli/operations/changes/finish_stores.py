@@ -216,7 +216,7 @@ def _store(
                     guard.own_journal.adopt(waited[guard.node_id])
             _roll_back_tests(nodes, tests)
             for node_id, changes in stamps.items():
-                nodes[node_id].apply(Plan(node_id, tuple(changes)), kept=False)
+                nodes[node_id].apply(Plan(node_id, tuple(changes)), remembered=False)
             store_each(session, part.name, transaction, claims, [guard.own_journal for guard in guards])
             for guard in guards:
                 guard.own_journal.complete_group()

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 from dvtcli.bus.turns import one_by_one
 from dvtcli.device.change.change_group import GroupMember
 from dvtcli.device.change.expected_refusals import with_undo_findings
-from dvtcli.device.change.own_journal import complete_groups
-from dvtcli.device.change.untouched_pdos import as_they_are, present_beside, wholes_beside
+from dvtcli.device.change.untouched_pdos import as_they_are, untouched_configs, untouched_pdos
 from dvtcli.device.stamped import is_stamp
 from dvtcli.domain.network.network_plan import phases
 from dvtcli.domain.plan import PdoChange, Plan
@@ -58,9 +57,11 @@ def apply_together(
         for node_id, plan in plans.items():
             if len(plan):
                 transaction.plans[node_id], _ = with_undo_findings(nodes[node_id], plan)
-                own = present_beside(nodes[node_id], transaction.guarded(node_id))
-                read = wholes_beside(nodes[node_id], plan, initial_states[node_id])
-                transaction.beside[node_id] = as_they_are({pdo: config for pdo, config in read.items() if pdo in own})
+                own = untouched_pdos(nodes[node_id], transaction.guarded(node_id))
+                read = untouched_configs(nodes[node_id], plan, initial_states[node_id])
+                transaction.untouched[node_id] = as_they_are(
+                    {pdo: config for pdo, config in read.items() if pdo in own}
+                )
     except BaseException:
         with transaction:  # nothing was written: the change ends, so that the next one is not taken for a part of it
             raise
@@ -150,7 +151,7 @@ class _Run:
                     part,
                     self.findings[part.node_id],
                     force=self.session.options.force,
-                    kept=False,
+                    remembered=False,
                     initial_state=self.initial_states[part.node_id],
                     is_part_of_group=True,
                 )
@@ -189,10 +190,3 @@ def _stop_if_cancelled(session: SessionUser, where: str = "before the next part"
         stopped = Interrupted(f"stopped {where}")
         stopped.exit_code = session.cancellation.exit_code
         raise stopped
-
-
-def complete(transaction: NetworkTransaction) -> None:
-    """Keep the changes; raises JournalKept if a journal cannot be removed."""
-    kept = complete_groups(transaction.journals())
-    if kept is not None:
-        raise kept

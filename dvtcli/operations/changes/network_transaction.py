@@ -10,11 +10,11 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.failed_change import BUS_BACK, beside, name_journal, not_rolled_back
+from dvtcli.device.change.failed_change import BUS_BACK, also_lines, name_journal, not_rolled_back
 from dvtcli.device.change.journal import combine_plans
 from dvtcli.device.change.roll_back import PATIENCE_S, RETRY_S, first_difference
 from dvtcli.device.change.undo_plan import UndoRequest
-from dvtcli.device.change.untouched_pdos import as_they_are, present_beside
+from dvtcli.device.change.untouched_pdos import as_they_are, untouched_pdos
 from dvtcli.device.observe import MAX_READS
 from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.domain.plan import Change, PdoChange, Plan, ValueChange
@@ -93,20 +93,20 @@ def difference_from_before(node: ReadableNode, plan: Plan) -> str | None:
     def look() -> str | None:
         for change in plan.changes:
             found = first_difference(node.sdo, change, wanted_before=True)
-            if found and not is_otherwise(node, change):
+            if found and not holds_substitute(node, change):
                 return f"{change.label}: {found}"
         return None
 
     return node.observed(look)
 
 
-def is_otherwise(node: ReadableNode, change: Change) -> bool:
+def holds_substitute(node: ReadableNode, change: Change) -> bool:
     """Tell whether *node* holds the substitute that it takes instead of its old value."""
-    if not isinstance(change, PdoChange) or change.back is None:
+    if not isinstance(change, PdoChange) or change.substitute is None:
         return False
     if first_difference(node.sdo, change, wanted_before=True) is None:
         return False
-    return first_difference(node.sdo, change._replace(after=change.back)) is None
+    return first_difference(node.sdo, change._replace(after=change.substitute)) is None
 
 
 def all_back(
@@ -171,7 +171,7 @@ class NetworkTransaction:
     #: unchanged values that each node must hold, each as a change to itself
     held: dict[int, Sequence[Change]] = field(default_factory=dict)
     #: the unwritten PDOs, as at the start of the roll-back or read before
-    beside: dict[int, Sequence[Change]] = field(default_factory=dict)
+    untouched: dict[int, Sequence[Change]] = field(default_factory=dict)
     #: whether it is a change by itself, and no line of an atomic script
     _alone: bool = field(init=False)
     _before: dict[int, NodeBefore] = field(init=False)
@@ -205,7 +205,7 @@ class NetworkTransaction:
 
     def guarded(self, node_id: int) -> Plan:
         """Return what a fault rolls back on a node: its plan, and values that the plan may alter."""
-        held = (*self.held.get(node_id, ()), *self.beside.get(node_id, ()))
+        held = (*self.held.get(node_id, ()), *self.untouched.get(node_id, ()))
         return Plan(node_id, (*self.plans[node_id].changes, *held))
 
     def __enter__(self) -> NetworkTransaction:
@@ -254,13 +254,13 @@ class NetworkTransaction:
             changed.node: changed for changed in faults if isinstance(changed, LeftChanged) and changed.node is not None
         }
         if isinstance(fault, DvtcliError):
-            fault.details += beside(
+            fault.details += also_lines(
                 fault, (exception for exception in faults[1:] if not isinstance(exception, Interrupted | LeftChanged))
             )
         with self.session.cancellation.rolling_back(), self.session.agreed():
             for node_id in dict.fromkeys(part.node_id for part in self.done if part.node_id not in failures):
                 with suppress(NoAnswer, SdoAborted, SdoProtocolError, BusUnavailable):  # its first write says why
-                    self._read_beside(node_id)
+                    self._read_untouched(node_id)
             for part in reversed(self.done):
                 if part.node_id not in failures:
                     self._try(part.node_id, failures, fault, lambda node, part=part: put_back(node, part))  # type: ignore[misc]
@@ -274,13 +274,13 @@ class NetworkTransaction:
         elif isinstance(fault, DvtcliError) and fault.state != "left_changed" and self.done:
             self._report_all_rolled_back(fault)
 
-    def _read_beside(self, node_id: int) -> None:
+    def _read_untouched(self, node_id: int) -> None:
         """Read the unwritten PDOs before the roll-back's first write."""
         node, guarded = self.nodes[node_id], self.guarded(node_id)
         node.read_anew()
-        present = present_beside(node, guarded)
+        present = untouched_pdos(node, guarded)
         others = {pdo: config for pdo, config in node.known_pdos().items() if pdo in present}
-        self.beside[node_id] = (*self.beside.get(node_id, ()), *as_they_are(others))
+        self.untouched[node_id] = (*self.untouched.get(node_id, ()), *as_they_are(others))
 
     def _report_all_rolled_back(self, fault: DvtcliError) -> None:
         back, unwritten = self._others(())
@@ -405,7 +405,7 @@ class NetworkTransaction:
             put_back(node, plan)
             if difference := difference_from_before(node, plan):
                 raise DeviceRefused("it does not read back with its old values", why=difference)
-        untaken = [change.label for change in plan.changes if is_otherwise(node, change)]
+        untaken = [change.label for change in plan.changes if holds_substitute(node, change)]
         if untaken:
             raise DeviceRefused(f"the device refuses the old values of {join_some(untaken)}")
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from dvtcli.bus.turns import one_by_one
 from dvtcli.device.change.change_group import Storing
 from dvtcli.device.change.own_journal import complete_groups
-from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, SafetyRefusal
+from dvtcli.errors import DeviceRefused, DvtcliError, JournalKept, LeftChanged, SafetyRefusal
 from dvtcli.operations.changes.possible_stores import store_group
 from dvtcli.operations.changes.store_restore import end_stamp, store_settings
 from dvtcli.operations.changes.unfinished_stores import (
@@ -53,8 +53,9 @@ def store_network(
         return store_each(session, transaction.name, on_way, claims, transaction.journals(), prove)
     except BaseException as fault:
         if isinstance(fault, LeftChanged) and not (on_way.lost or on_way.failed):
-            kept = complete_groups(transaction.journals())  # all have stored: nothing of that is to be taken back
-            if kept is not None:
+            try:
+                complete_groups(transaction.journals())  # all have stored: nothing must be rolled back
+            except JournalKept as kept:
                 fault.details.append(("also", f"{kept.text}: {kept.why}"))
         elif isinstance(fault, LeftChanged) and not transaction.journals():
             done = [state.node_id for state in on_way.states.values() if state.is_done]

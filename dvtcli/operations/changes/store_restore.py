@@ -194,7 +194,7 @@ def _restart(session: SessionNodes, node: ReadableNode, way: str, wait_s: float)
         )
         return Restart(POWER, lambda: _power_cycle(session, node, wait_s))
     consent_to_reset(session, [node.node_id])
-    return Restart(RESET_NODE, lambda: _reset(node, NmtCommand.RESET_NODE))
+    return Restart(RESET_NODE, lambda: reset_and_wait(node.access, NmtCommand.RESET_NODE))
 
 
 def _power_cycle(session: SessionUser, node: ReadableNode, wait_s: float) -> None:
@@ -206,10 +206,6 @@ def _power_cycle(session: SessionUser, node: ReadableNode, wait_s: float) -> Non
 
     with node.cancellation.guard():  # a Ctrl-C is looked for between two moments of waiting, and torn apart is nothing
         await_power_cycle(node.access, wait_s, lambda: session.reporter.instruct(text), stop)
-
-
-def _reset(node: ReadableNode, command: NmtCommand) -> None:
-    reset_and_wait(node.access, command)
 
 
 def restore_defaults(session: SessionNodes, node: Node, sub_index: int | None, *, prove: bool) -> Stored:
@@ -227,7 +223,9 @@ def restore_defaults(session: SessionNodes, node: Node, sub_index: int | None, *
     communication = sub_index == COMMUNICATION
     command = NmtCommand.RESET_COMMUNICATION if communication else NmtCommand.RESET_NODE
     restart = Restart(
-        RESET_COMM if communication else RESET_NODE, lambda: _reset(node, command), communication=communication
+        RESET_COMM if communication else RESET_NODE,
+        lambda: reset_and_wait(node.access, command),
+        communication=communication,
     )
     state = node.access.state() if prove else None
     before, lost = _before_restore(node, restart) if prove else (None, ())
@@ -277,7 +275,7 @@ def end_stamp(session: SessionUser, node: Node, why: str) -> bool:
     if held is not None and held.is_own:
         session.reporter.note(f"0x1020 of node {node.node_id} <- 0: {why}")
         ending = stamp_changes(held, NO_STAMP, why)
-        node.apply(Plan(node.node_id, ending), force=session.options.force, kept=False)
+        node.apply(Plan(node.node_id, ending), force=session.options.force, remembered=False)
         return True
     return False
 

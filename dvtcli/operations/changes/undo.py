@@ -258,7 +258,7 @@ def _forget(session: SessionUser, remembered_device: RememberedDevice, applied: 
         _undone_text(undone, remembered_device.node.node_id, gone=count > 1 and not len(applied.plan))
     )
     if not session.dry_run:
-        remembered_device.guard.history.forget(undone, applied.plan)
+        remembered_device.guard.history.drop_entries(undone, applied.plan)
         mark_restored(remembered_device.node, remembered_device.node.history, applied)
 
 

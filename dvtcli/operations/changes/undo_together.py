@@ -15,12 +15,13 @@ from dvtcli.device.change.applied import Applied
 from dvtcli.device.change.apply_plan import enter
 from dvtcli.device.change.expected_refusals import foreseen
 from dvtcli.device.change.journal import combine_plans
+from dvtcli.device.change.own_journal import complete_groups
 from dvtcli.device.change.undo_plan import UndoPlan, UndoRequest, plan_undo, refuse_unknown
-from dvtcli.device.change.untouched_pdos import as_they_are, present_beside
+from dvtcli.device.change.untouched_pdos import as_they_are, untouched_pdos
 from dvtcli.domain.plan import STAMP, Change, PdoChange, Plan, ValueChange, plan_pdo
 from dvtcli.operations.changes.change import change_result
 from dvtcli.operations.changes.final_verify import AlsoExpected, NoOtherExpectations, require_held
-from dvtcli.operations.changes.network_phases import apply_together, complete
+from dvtcli.operations.changes.network_phases import apply_together
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -83,12 +84,12 @@ def undo_together(session: Session, undoings: Sequence[NodeUndo]) -> tuple[Chang
         for fault in session.bus.side_by_side([partial(_read_pdos, nodes[node_id]) for node_id in written]):
             raise fault
         for node_id in written:
-            held[node_id] += _beside(nodes[node_id], Plan(node_id, (*plans[node_id].changes, *held[node_id])))
+            held[node_id] += _untouched(nodes[node_id], Plan(node_id, (*plans[node_id].changes, *held[node_id])))
 
         equal = {node_id: held[node_id] for node_id, back in backs.items() if not len(back.plan)}
         also = AlsoExpected(held, others=_EqualNodes(nodes, equal))
         with apply_together(session, nodes, plans, found, "undo of all", findings, also) as transaction:
-            complete(transaction)
+            complete_groups(transaction.journals())
     done = []
     for undoing in undoings:
         node, back = undoing.node, backs[undoing.node.node_id]
@@ -121,9 +122,9 @@ def _read_pdos(node: ReadableNode) -> None:
     node.known_pdos()
 
 
-def _beside(node: ReadableNode, plan: Plan) -> tuple[Change, ...]:
+def _untouched(node: ReadableNode, plan: Plan) -> tuple[Change, ...]:
     """List the PDOs of *node* outside *plan*: the undo may have side effects on them."""
-    present = present_beside(node, plan)
+    present = untouched_pdos(node, plan)
     return as_they_are({pdo: config for pdo, config in node.last_read.items() if pdo in present})
 
 

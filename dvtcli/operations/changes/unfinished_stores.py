@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.failed_change import BUS_BACK, beside, brought_back_first
+from dvtcli.device.change.failed_change import BUS_BACK, also_lines, brought_back_first
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.stamp import WhoStored
 from dvtcli.domain.text import join_some
@@ -191,7 +191,7 @@ def lost_settings(name: str, stores: Stores, lost: Sequence[BaseException]) -> L
         finish = Hint(Action.FINISH_STORES, why="rolls that back and continues the stores")
         left.hint = finish.after(brought_back_first(first.hint)) + _ALL_BACK
         left.details += first.details
-    left.details += beside(left, others)
+    left.details += also_lines(left, others)
     _say_who(stores, left)
     left.state_text = "not every node is known to have the planned values; stored values remain stored"
     return left

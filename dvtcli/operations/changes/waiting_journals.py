@@ -124,7 +124,7 @@ def waiting_paths(session: SessionNodes, file: str | None, refused: list[DvtcliE
 def _of_node(session: SessionNodes, node_id: int) -> list[Path]:
     guard = session.open_network().node(node_id).guard
     if guard is not None:
-        path = guard.open_journal() if session.dry_run else guard.held_journal()
+        path = guard.open_journal() if session.dry_run else guard.journal_under_lock()
     else:
         journals = Journals(session.state_folder / "journals", session.wire.name)
         path = journals.path(node_id) if journals.counts(journals.path(node_id)) else None
@@ -157,7 +157,7 @@ def _held_file(session: SessionNodes, path: Path) -> list[Path]:
         # on another bus, nobody here works on its node
         guard = network.node(journal.plan.node_id).guard
         if guard is not None:
-            guard.hold()
+            guard.take_lock()
     return [path] if path.exists() else []
 
 
@@ -181,5 +181,5 @@ def _is_held(session: SessionNodes, journal: Journal) -> bool:
     with suppress(NoAnswer):  # it is not there: who puts it back says so
         guard = session.open_network().node(journal.plan.node_id).guard
         if guard is not None:
-            guard.hold()
+            guard.take_lock()
     return journal.path.exists()

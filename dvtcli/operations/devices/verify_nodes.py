@@ -71,7 +71,7 @@ def _verified(
     lacking = () if plan is None else plan.lacking
     if plan is not None and lacking and pdos:
         asked = {(session.node_id() if node_id is None else node_id, pdo) for node_id, pdo in pdos}
-        if not asked.isdisjoint((*((lacked.node_id, lacked.pdo) for lacked in lacking), *plan.torn)):
+        if not asked.isdisjoint((*((lacked.node_id, lacked.pdo) for lacked in lacking), *plan.unlinked)):
             refuse_lacking(plan)
         lacking = ()
     if plan is not None and lacking and not any(wanted.values()):
@@ -135,7 +135,7 @@ def _device_wishes(
 def _network_wishes(session: Session, file: str) -> tuple[dict[int, TargetConfig], NetworkPlan]:
     from dvtcli.operations.plans.plan_network import plan_network
 
-    plan = plan_network(session, file, as_far=True)
+    plan = plan_network(session, file, lists_missing=True)
     return {node.node_id: _node_wish(node) for node in plan.nodes}, plan
 
 

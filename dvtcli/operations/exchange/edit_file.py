@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.bus_need import bus_need
 from dvtcli.domain.network.frame_streams import streams_of
-from dvtcli.domain.network.heartbeats import MISSED, watch_time_ms
+from dvtcli.domain.network.heartbeats import CONSUMER_PERIODS, watch_time_ms
 from dvtcli.domain.network.network_config import (
     Endpoint,
     HeartbeatWatch,
@@ -330,7 +330,7 @@ class EditedNetwork:
         is_watched = any(watch.producer == producer.node_id for watch in consumer.watches)
         if config.links or not period_ms or is_watched or len(consumer.watches) >= len(slots):
             return None
-        return watch_time_ms(period_ms, MISSED if config.multiplier is None else config.multiplier)
+        return watch_time_ms(period_ms, CONSUMER_PERIODS if config.multiplier is None else config.multiplier)
 
     def judge(self, edits: Edits) -> Judged:
         """Return the findings of `check`, and the worst-case bus load."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from dvtcli.bus.bus_share import KeptShare
+from dvtcli.bus.bus_share import ShareLimiter
 from dvtcli.bus.watched_bus import DEFAULT_SHARE_PERCENT, NMT_CAN_ID
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.text import plural
@@ -94,7 +94,7 @@ class _Putting:
         self._cancellation = cancellation
         self._always = always_share
         self._percent = session.options.bus_share or DEFAULT_SHARE_PERCENT
-        self._share = None if self.bus.bitrate is None else KeptShare(self.bus, self.bus.bitrate)
+        self._share = None if self.bus.bitrate is None else ShareLimiter(self.bus, self.bus.bitrate)
         self._looked_s, self._runs = float("-inf"), False
 
     def put(self, frame: Frame, due_s: float | None) -> bool:

@@ -30,9 +30,9 @@ from dvtcli.operations.plans.read_network_config import read_network_config
 from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkReport, NetworksChecked
 from dvtcli.simulator.network.family_file import family_of
 from dvtcli.watch.decoder import Decoder
-from dvtcli.watch.recording.frame_problems import LENGTH, NOT_SENT
-from dvtcli.watch.recording.recording_rules import RecordingCheck
-from dvtcli.watch.recording.stream_problems import LOAD
+from dvtcli.watch.recording_checks.frame_problems import LENGTH, NOT_SENT
+from dvtcli.watch.recording_checks.recording_rules import RecordingCheck
+from dvtcli.watch.recording_checks.stream_problems import LOAD
 
 if TYPE_CHECKING:
     from dvtcli.domain.lint.lint_rule import LintRule

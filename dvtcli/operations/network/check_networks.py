@@ -90,7 +90,7 @@ def chosen_rules(options: CheckOptions) -> tuple[LintRule, ...]:
 
 def traffic_rules() -> tuple[LintRule, ...]:
     """List the rules about recordings that are asked of a bus; error frames have a rule of networks."""
-    from dvtcli.watch.recording.recording_rules import ERROR_FRAMES, RECORDING_RULES
+    from dvtcli.watch.recording_checks.recording_rules import ERROR_FRAMES, RECORDING_RULES
 
     return tuple(rule for rule in RECORDING_RULES if rule is not ERROR_FRAMES)
 

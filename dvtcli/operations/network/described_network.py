@@ -15,7 +15,7 @@ from dvtcli.device.proposal import resolve, untyped_lengths
 from dvtcli.device.read_pdos import WHATEVER, read_cob_id, read_pdo
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.network.heartbeats import MISSED, watch_time_ms
+from dvtcli.domain.network.heartbeats import CONSUMER_PERIODS, watch_time_ms
 from dvtcli.domain.network.network_config import (
     Endpoint,
     ExpectedIdentity,
@@ -253,7 +253,9 @@ def _watching(config: NetworkConfig, node: NodeConfig, links: Collection[LinkCon
         producer, hears = link.producer.node_id, any(end.node_id == node.node_id for end in link.consumers)
         time_ms = link.heartbeat or _said_heartbeat_ms(config, producer)
         late_ms = (
-            watch_time_ms(time_ms, MISSED if config.multiplier is None else config.multiplier) if time_ms else None
+            watch_time_ms(time_ms, CONSUMER_PERIODS if config.multiplier is None else config.multiplier)
+            if time_ms
+            else None
         )
         if hears and link.heartbeat is not False and late_ms and producer not in watched:
             found[producer] = HeartbeatWatch(producer, late_ms)

@@ -56,7 +56,9 @@ def plan_file(
     """
 
     def read() -> tuple[NetworkPlan, BusNeed | None]:
-        plan = _plan_of(session, file, trust_stamp=trust_stamp, include=include, manager=manager, as_far=saved is None)
+        plan = _plan_of(
+            session, file, trust_stamp=trust_stamp, include=include, manager=manager, lists_missing=saved is None
+        )
         return plan, None if manager is not None or plan.lacking else load_after(session, plan)
 
     plan, need = session.read_together(read)
@@ -127,7 +129,13 @@ def may_store(file: str) -> bool:
 
 
 def _new_plan(
-    session: Session, file: str, *, trust_stamp: bool, include: tuple[str, ...], manager: int | None, as_far: bool
+    session: Session,
+    file: str,
+    *,
+    trust_stamp: bool,
+    include: tuple[str, ...],
+    manager: int | None,
+    lists_missing: bool,
 ) -> NetworkPlan:
     """Plan *file* by its suffix; raises UsageError for options of the other kind of file."""
     if manager is not None:
@@ -145,7 +153,7 @@ def _new_plan(
                 "select objects of a DCF, an XDC or a backup only; a network file lists its objects itself",
                 given={"include": None},
             )
-        return plan_network(session, file, trust_stamp=trust_stamp, as_far=as_far)
+        return plan_network(session, file, trust_stamp=trust_stamp, lists_missing=lists_missing)
     if trust_stamp:
         raise UsageError("only the nodes of a network file have a stamp", given={"trust_stamp": True})
     from dvtcli.operations.devices.plan_device import DeviceOptions, plan_device
@@ -160,13 +168,15 @@ def _plan_of(
     trust_stamp: bool,
     include: tuple[str, ...],
     manager: int | None,
-    as_far: bool = False,
+    lists_missing: bool = False,
 ) -> NetworkPlan:
     with _opened(file):
         is_saved = not is_about_device(file) and is_network_plan(Path(file))
         saved = read_network_plan(Path(file)) if is_saved else None
     if saved is None:
-        return _new_plan(session, file, trust_stamp=trust_stamp, include=include, manager=manager, as_far=as_far)
+        return _new_plan(
+            session, file, trust_stamp=trust_stamp, include=include, manager=manager, lists_missing=lists_missing
+        )
     if manager is not None:
         raise UsageError(
             f"{file} is a saved plan, which already lists the values to write",

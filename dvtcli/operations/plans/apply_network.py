@@ -10,6 +10,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.change_group import Storing
+from dvtcli.device.change.own_journal import complete_groups
 from dvtcli.device.seen_state import present_state
 from dvtcli.domain.network.links import MOVES
 from dvtcli.domain.nmt import NmtState
@@ -17,7 +18,7 @@ from dvtcli.domain.script_line import change_lines
 from dvtcli.domain.text import plural
 from dvtcli.operations.changes.change import keep_words
 from dvtcli.operations.changes.final_verify import AlsoExpected, ExpectedAtStore
-from dvtcli.operations.changes.network_phases import apply_together, complete
+from dvtcli.operations.changes.network_phases import apply_together
 from dvtcli.operations.changes.possible_stores import refuse_unprovable_stores
 from dvtcli.operations.changes.store_network import store_network
 from dvtcli.operations.pdos.sync import short_frames
@@ -82,7 +83,7 @@ def apply_network(
             _keep(session, nodes, transaction.plans)
             at_store = _claims_at_store(session, transaction, claims, found)
             stored = store_network(session, transaction, stores, at_store, prove, equal)
-            complete(transaction)
+            complete_groups(transaction.journals())
     kept = {
         node_plan.node_id: keep_words(nodes[node_plan.node_id], node_plan.plan)
         for node_plan in planned

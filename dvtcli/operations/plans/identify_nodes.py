@@ -63,10 +63,10 @@ class IdentifiedNodes:
 
 def identify_nodes(session: SessionNodes, file: str, config: NetworkConfig) -> IdentifiedNodes:
     """Identify the nodes of *config*, each with its EDS or profile."""
-    met = IdentifiedNodes()
+    identified = IdentifiedNodes()
     for node in config.nodes:
         _choose_files(session, file, node)
-        met.boot_ups[node.node_id] = session.bus.boot_ups(node.node_id)
+        identified.boot_ups[node.node_id] = session.bus.boot_ups(node.node_id)
     silent = _ask_all(session, [node.node_id for node in config.nodes])
     for node in config.nodes:
         try:
@@ -78,11 +78,11 @@ def identify_nodes(session: SessionNodes, file: str, config: NetworkConfig) -> I
             failures = list(identity_errors(found, described, file, force=session.options.force))
         except (NoAnswer, SdoProtocolError) as failed:
             failures = [failed]
-        met.failures += failures
+        identified.failures += failures
         if not failures:
-            met.nodes[node.node_id] = found
-    _joined(met.failures)
-    return met
+            identified.nodes[node.node_id] = found
+    _joined(identified.failures)
+    return identified
 
 
 def _ask_all(session: SessionNodes, ids: Sequence[int]) -> dict[int, DvtcliError]:
@@ -95,11 +95,11 @@ def _ask_all(session: SessionNodes, ids: Sequence[int]) -> dict[int, DvtcliError
 
     def ask(node_id: int) -> None:
         try:
-            met = network.nodes.get(node_id)
-            if met is not None:
-                met.read_anew()
+            known = network.nodes.get(node_id)
+            if known is not None:
+                known.read_anew()
             for sub_index in _IDENTITY_PARTS:
-                read_identity(network.files.read_cache(node_id) if met is None else met.read_cache, sub_index)
+                read_identity(network.files.read_cache(node_id) if known is None else known.read_cache, sub_index)
         except (NoAnswer, SdoProtocolError) as failed:
             silent[node_id] = failed
 
@@ -118,8 +118,8 @@ def _joined(failures: list[DvtcliError]) -> None:
 
 
 def _choose_files(session: SessionNodes, file: str, node: NodeConfig) -> None:
-    files, met = session.network.files, session.network.nodes
-    if node.profile is not None and session.options.profile is None and node.node_id not in met:
+    files, known = session.network.files, session.network.nodes
+    if node.profile is not None and session.options.profile is None and node.node_id not in known:
         files.own_profile[node.node_id] = node.profile
     path = None if session.options.eds is not None else eds_of(file, node)
     if path is not None:

@@ -228,10 +228,10 @@ def judge_network(
 ) -> NetworkPlan:
     """Judge the state after *plan* by the rules of networks: errors, and warnings about what *config* names.
 
-    Reads its nodes, except those that must not be read. If they are only a part of the file's nodes, only errors count:
-    a warning may miss another node. An error by a rule about one device becomes a warning if the device already holds
-    the PDO so and the plan does not change it; so does every error if *log* is of a device's file. CAN-IDs of the
-    session's other nodes count.
+    Returns *plan* with the findings, at their places in the file of *log*. Reads the nodes of the plan, except those
+    that it skips for their stamp; CAN-IDs of the session's other nodes count, too. If the plan has not all nodes of the
+    file, there are errors only: a warning may be wrong without the others. An error about what the plan does not change
+    becomes a warning if its rule is about one device, and with *of_device* (the file of one device) for every rule.
     """
     from dvtcli.domain.network.check.checked_network import CheckedNetwork, mark_of
     from dvtcli.domain.network.check.network_rules import (
@@ -271,8 +271,8 @@ def judge_network(
             continue
         superseded |= {(node_id, spot.pdo, name) for name in SUPERSEDED.get(rule.name, ())}
         is_changed = (node_id, spot.index if spot.pdo is None else spot.pdo) in changed
-        is_kept = (of_device or rule.name in OF_ONE_DEVICE) and not is_changed
-        severity = WARNING if is_kept and rule.severity is ERROR else rule.severity
+        is_unchanged = (of_device or rule.name in OF_ONE_DEVICE) and not is_changed
+        severity = WARNING if is_unchanged and rule.severity is ERROR else rule.severity
         counts = severity is ERROR or (severity is WARNING and is_named and is_whole)
         if counts and (node_id, text) not in texts:
             label = "" if spot.pdo is None or text.startswith(spot.pdo.label) else f"{spot.pdo.label}: "

@@ -75,7 +75,7 @@ def without_missing(
         for place, mark in places[node_id].items():
             missing.look_at(nodes[node_id], place, mark)
     left = missing.left_of(nodes, config)
-    missing.torn = missing.torn_of(config, left)
+    missing.unlinked = missing.unlinked_of(config, left)
     return left, missing
 
 
@@ -113,11 +113,11 @@ def _place_of(node: NodeDescription, one: ObjectConfig | ValueConfig) -> Place |
 
 @dataclass(slots=True)
 class MissingObjects:
-    """The missing objects (*found*) and PDOs linked with them (*torn*); *log* has their places in the file."""
+    """The missing objects (*found*) and PDOs linked with them (*unlinked*); *log* has their places in the file."""
 
     log: FileLog
     found: list[MissingObject] = field(default_factory=list)
-    torn: tuple[tuple[int, Pdo], ...] = ()
+    unlinked: tuple[tuple[int, Pdo], ...] = ()
     _places: set[tuple[int, Place]] = field(default_factory=set)
 
     def of(self, node_id: int) -> tuple[str, ...]:
@@ -176,7 +176,7 @@ class MissingObjects:
             objects=tuple(filter(is_there, config.objects)), values=tuple(filter(is_there, config.values)),
         )  # fmt: skip
 
-    def torn_of(self, config: NetworkConfig, left: NetworkConfig) -> tuple[tuple[int, Pdo], ...]:
+    def unlinked_of(self, config: NetworkConfig, left: NetworkConfig) -> tuple[tuple[int, Pdo], ...]:
         """List the other ends of links of *config* missing in *left*: their configuration is unknown."""
         linked = {link.producer for link in left.links}
         gone = [end for link in config.links if link.producer not in linked for end in link.ends]

@@ -39,7 +39,7 @@ from dvtcli.operations.plans.read_network_config import (
     tell_unknown_bit_rate,
 )
 from dvtcli.operations.plans.resolve_names import ResolvedConfig, resolve_node_config
-from dvtcli.operations.plans.stamping import stamping, stamps_of, trusted
+from dvtcli.operations.plans.stamping import nodes_by_stamp, stamping, stamps_of
 from dvtcli.operations.results.failures import missing_error, together
 
 if TYPE_CHECKING:
@@ -63,14 +63,14 @@ RULES = (
 ASKS_NOTHING = "the file has no settings for it: nothing is written or compared"
 
 
-def plan_network(session: Session, file: str, *, trust_stamp: bool = False, as_far: bool = False) -> NetworkPlan:
+def plan_network(session: Session, file: str, *, trust_stamp: bool = False, lists_missing: bool = False) -> NetworkPlan:
     """Plan the writes that bring the nodes of the network *file* to its values; reads them, writes nothing.
 
-    *trust_stamp* skips nodes whose stamp (0x1020) matches, and reports them. *as_far* lists objects that devices lack
-    as `lacking` and plans the rest, if nothing else is wrong; without it they are a RuleError. Raises SafetyRefusal if
-    a node is another device, InputFileError with all errors of the file, even those that only a node's dictionary
-    shows, RuleError with all refusals of the rules, NoAnswer for silent nodes: the first of these that applies, with
-    all other errors in its details.
+    *trust_stamp* skips nodes whose stamp (0x1020) matches, and reports them. With *lists_missing* the plan lists
+    objects that devices lack as `lacking` and has the rest, if nothing else is wrong; without it they are a RuleError.
+    Raises SafetyRefusal if a node is another device, InputFileError with all errors of the file, even those that only a
+    node's dictionary shows, RuleError with all refusals of the rules, NoAnswer for silent nodes: the first of these
+    that applies, with all other errors in its details.
     """
     config = read_network_config(file)
     for note in config.notes:
@@ -78,7 +78,9 @@ def plan_network(session: Session, file: str, *, trust_stamp: bool = False, as_f
     config = of_nodes(session, file, config, named_nodes(session))
     tell_unknown_bit_rate(session, len(config.nodes))
     log = FileLog(file, network_text(file))
-    plan = plan_network_config(session, config, log, trust_stamp=trust_stamp, as_far=as_far, of_network=True)
+    plan = plan_network_config(
+        session, config, log, trust_stamp=trust_stamp, lists_missing=lists_missing, of_network=True
+    )
     undescribed = [node.node_id for node in plan.nodes if session.node(node.node_id).dictionary is None]
     if undescribed:
         session.reporter.note(f"{file}: {skipped_rules(undescribed)}")
@@ -91,15 +93,15 @@ def plan_network_config(
     log: FileLog,
     *,
     trust_stamp: bool = False,
-    as_far: bool = False,
+    lists_missing: bool = False,
     of_network: bool = False,
     failures: list[DvtcliError] | None = None,
     by_rules: bool = True,
 ) -> NetworkPlan:
     """Plan the writes that bring the nodes of *config* to its values; *log* gets words without meaning.
 
-    *of_network* adds the rules of networks for the state after the plan. *trust_stamp*, *as_far* and errors are as in
-    `plan_network`; if *failures* is given, errors are appended to it, and the plan has the rest.
+    *of_network* adds the rules of networks for the state after the plan. *trust_stamp*, *lists_missing* and errors are
+    as in `plan_network`; if *failures* is given, errors are appended to it, and the plan has the rest.
     Without *by_rules* the plan has no findings of the rules of single nodes.
     """
     with (
@@ -107,7 +109,7 @@ def plan_network_config(
         received_ids(session.bus) as received,
         session.network.as_it_was_if_refused(),
     ):
-        plan = _plan_network_config(
+        plan = _identify_and_plan(
             session,
             config,
             log,
@@ -117,7 +119,7 @@ def plan_network_config(
             by_rules=by_rules,
             received=received,
         )
-        if not as_far and failures is None:
+        if not lists_missing and failures is None:
             refuse_lacking(plan)
     return with_unknown_syncs(session, replace(plan, has_sync_master=_master_syncs(config)), frames)
 
@@ -168,7 +170,7 @@ def with_unknown_syncs(session: SessionNodes, plan: NetworkPlan, frames: ShortFr
     return replace(plan, unknown_syncs=tuple(sorted({*plan.unknown_syncs, *found})))
 
 
-def _plan_network_config(
+def _identify_and_plan(
     session: Session,
     config: NetworkConfig,
     log: FileLog,
@@ -179,40 +181,40 @@ def _plan_network_config(
     by_rules: bool,
     received: ReceivedIds,
 ) -> NetworkPlan:
-    met = identify_nodes(session, log.file, config)
-    unread = trusted(met.nodes, config) if trust_stamp else frozenset()
+    identified = identify_nodes(session, log.file, config)
+    unread = nodes_by_stamp(identified.nodes, config) if trust_stamp else frozenset()
     planned: list[NodePlan] = []
     missing = MissingObjects(log)
     try:
-        read, missing = without_missing(met.nodes, config.of(met.nodes.keys() - unread), log)
-        planned = _judged(session, met, read, log, by_rules=by_rules)
+        read, missing = without_missing(identified.nodes, config.of(identified.nodes.keys() - unread), log)
+        planned = _judged(session, identified, read, log, by_rules=by_rules)
     except (InputFileError, RuleError, NoAnswer, SdoProtocolError) as failed:
-        met.failures.append(failed)
-    planned += (_unread(met.nodes[node.node_id], node) for node in config.nodes if node.node_id in unread)
+        identified.failures.append(failed)
+    planned += (_unread(identified.nodes[node.node_id], node) for node in config.nodes if node.node_id in unread)
     nodes = (
         _with_nothing_asked(
-            replace(node_plan, lacks=missing.of(node_plan.node_id), boot_ups=met.boot_ups[node_plan.node_id]),
+            replace(node_plan, lacks=missing.of(node_plan.node_id), boot_ups=identified.boot_ups[node_plan.node_id]),
             config,
             log,
         )
         for node_plan in sorted(planned, key=lambda planned_node: planned_node.node_id)
     )
-    plan = NetworkPlan(log.file, tuple(nodes), lacking=tuple(missing.found), torn=missing.torn)
-    if of_network and all(isinstance(failure, RuleError | InputFileError) for failure in met.failures):
+    plan = NetworkPlan(log.file, tuple(nodes), lacking=tuple(missing.found), unlinked=missing.unlinked)
+    if of_network and all(isinstance(failure, RuleError | InputFileError) for failure in identified.failures):
         plan = judge_network(session, plan, config, log)
     if not session.options.force:
-        met.failures += refusals(plan.nodes)
-        met.failures += _received_refusals(session, plan, received, placed_in(config, log))
-    if (met.failures or failures is not None) and missing.found:
+        identified.failures += refusals(plan.nodes)
+        identified.failures += _received_refusals(session, plan, received, placed_in(config, log))
+    if (identified.failures or failures is not None) and missing.found:
         lacking = missing_error(missing.found)
         lacking.findings = tuple(
             replace(missing_object.finding, complaint=missing_object.complaint) for missing_object in missing.found
         )
-        met.failures.append(lacking)
+        identified.failures.append(lacking)
     if failures is None:
-        met.end()
+        identified.end()
     else:
-        failures += met.failures
+        failures += identified.failures
     return plan
 
 
@@ -231,13 +233,13 @@ def _unread(node: ReadableNode, config: NodeConfig) -> NodePlan:
 
 
 def _judged(
-    session: SessionNodes, met: IdentifiedNodes, config: NetworkConfig, log: FileLog, *, by_rules: bool
+    session: SessionNodes, identified: IdentifiedNodes, config: NetworkConfig, log: FileLog, *, by_rules: bool
 ) -> list[NodePlan]:
     """Plan each identified node and judge it *by_rules*; errors are added to its failures.
 
     If names of a node are unknown, its other PDOs and all other nodes are judged all the same.
     """
-    nodes = met.nodes
+    nodes = identified.nodes
     said: Mapping[int, tuple[Finding, ...]] = {}
     stamps, placed = stamps_of(nodes, config), placed_in(config, log)
     try:
@@ -248,25 +250,25 @@ def _judged(
             config, said = found.config, found.findings
     except RuleError as refused:
         refused.findings = tuple(placed(refused.node, finding) for finding in refused.findings)
-        met.failures.append(refused)
+        identified.failures.append(refused)
     resolved = {}
     for node in config.nodes:
         resolved[node.node_id] = resolve_node_config(nodes[node.node_id], node, log)
     planned, refusals = plans_of(nodes, config, resolved, stamps)
     for error in refusals:
         error.findings = tuple(placed(error.node, finding) for finding in error.findings)
-        met.failures.append(error)
+        identified.failures.append(error)
     planned = [replace(plan, findings=(*said.get(plan.node_id, ()), *plan.findings)) for plan in planned]
     if by_rules:
         planned = judge_plans(nodes, planned, force=session.options.force, placed=placed)
     try:
         refuse_stores_of(nodes, config, log)
     except RuleError as refused:
-        met.failures.append(refused)
+        identified.failures.append(refused)
     try:
         log.end(read=True)
     except InputFileError as wrong:
-        met.failures.append(wrong)
+        identified.failures.append(wrong)
     return planned
 
 

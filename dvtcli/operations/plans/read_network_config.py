@@ -158,16 +158,16 @@ def _without_torn_links(config: NetworkConfig, chosen: NetworkConfig) -> tuple[N
 
     One end of such a link must not change while the other stays: the RPDO would receive another layout.
     """
-    links, torn = chosen.links, {end for link in config.links if link not in chosen.links for end in link.ends}
-    while shared := [link for link in links if not torn.isdisjoint(link.ends)]:
+    links, unlinked = chosen.links, {end for link in config.links if link not in chosen.links for end in link.ends}
+    while shared := [link for link in links if not unlinked.isdisjoint(link.ends)]:
         links = tuple(link for link in links if link not in shared)
-        torn |= {end for link in shared for end in link.ends}
+        unlinked |= {end for link in shared for end in link.ends}
     nodes = tuple(
-        replace(node, pdos=tuple(pdo for pdo in node.pdos if Endpoint(node.node_id, pdo.pdo) not in torn))
+        replace(node, pdos=tuple(pdo for pdo in node.pdos if Endpoint(node.node_id, pdo.pdo) not in unlinked))
         for node in chosen.nodes
     )
     ids = {node.node_id for node in chosen.nodes}
-    alone = sorted((end for end in torn if end.node_id in ids), key=lambda end: (end.node_id, str(end.pdo)))
+    alone = sorted((end for end in unlinked if end.node_id in ids), key=lambda end: (end.node_id, str(end.pdo)))
     return replace(chosen, nodes=nodes, links=links), alone
 
 

@@ -12,7 +12,7 @@ from dvtcli.device.proposal import resolve, untyped_lengths
 from dvtcli.device.read_pdos import service_ids
 from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.network.heartbeats import MISSED, slot_for, watch_time_ms, watched_ms
+from dvtcli.domain.network.heartbeats import CONSUMER_PERIODS, slot_for, watch_time_ms, watched_ms
 from dvtcli.domain.network.links import LinkSide, agrees, free_can_id, linked, may_keep, object_remarks
 from dvtcli.domain.network.network_config import (
     Endpoint,
@@ -101,7 +101,7 @@ class LinkedHeartbeats:
         slots = self._slots[consumer]
         if watched_ms(slots, producer) > time_ms:
             return
-        multiplier = MISSED if self.before.multiplier is None else self.before.multiplier
+        multiplier = CONSUMER_PERIODS if self.before.multiplier is None else self.before.multiplier
         late_ms, sub_index = watch_time_ms(time_ms, multiplier), slot_for(slots, producer)
         if late_ms is None or sub_index is None:
             text = f"node {consumer} does not monitor node {producer}: {_why_not(slots, sub_index, time_ms)}"

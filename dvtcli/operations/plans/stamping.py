@@ -132,7 +132,7 @@ def stamping(node: Node, wanted: Stamp | None, changes: Sequence[Change]) -> Sta
     return Stamping(values, stamp_changes(held, wanted, f"stamp: {wanted}") if due else ())
 
 
-def trusted(nodes: Mapping[int, Node], config: NetworkConfig) -> frozenset[int]:
+def nodes_by_stamp(nodes: Mapping[int, Node], config: NetworkConfig) -> frozenset[int]:
     """List nodes whose stamp proves that they hold and have stored their part of *config*.
 
     Excluded are nodes with a change to recover or a remembered change not stored. Linked nodes are trusted together or

@@ -16,9 +16,9 @@ from dvtcli.operations.frames.recorded import decoder_for, standard_input
 from dvtcli.operations.network.described_nodes import described_nodes, network_config_of
 from dvtcli.operations.results.checked_files import FileRule, rules_among
 from dvtcli.operations.results.checked_recordings import RecordingFinding, RecordingReport, RecordingsChecked
-from dvtcli.watch.recording.problems import Problem
-from dvtcli.watch.recording.recording_rules import RECORDING_RULES, UNREADABLE, RecordingCheck
-from dvtcli.watch.recording.stream_problems import LOAD
+from dvtcli.watch.recording_checks.problems import Problem
+from dvtcli.watch.recording_checks.recording_rules import RECORDING_RULES, UNREADABLE, RecordingCheck
+from dvtcli.watch.recording_checks.stream_problems import LOAD
 
 if TYPE_CHECKING:
     from dvtcli.domain.lint.lint_rule import LintRule
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.watch.decoder import Address, Decoder
     from dvtcli.watch.explain.known_node import KnownNode
-    from dvtcli.watch.recording.frame_problems import NodePdo
+    from dvtcli.watch.recording_checks.frame_problems import NodePdo
 
 #: standard input
 STDIN = "-"

@@ -53,7 +53,7 @@ def note_use(known: str, path: str) -> None:
         return
 
 
-def forget(path: str, *, dry_run: bool = False) -> bool:
+def revoke(path: str, *, dry_run: bool = False) -> bool:
     """End the trust in *path*, even if the file is gone; returns whether it was trusted.
 
     *dry_run* changes nothing. Raises OSError if impossible.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from dvtcli.domain.profile import Severity
-from dvtcli.watch.recording.recording_rules import RECORDING_RULES, UNREADABLE
+from dvtcli.watch.recording_checks.recording_rules import RECORDING_RULES, UNREADABLE
 from tests.documentation.reference.markdown import cell, code
 from tests.documentation.reference.markdown import table as markdown_table
 

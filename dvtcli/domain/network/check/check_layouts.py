@@ -183,8 +183,8 @@ def no_whole_pdo(network: CheckedNetwork) -> NetFound:
 
 
 @check("too-long", ERROR, "an enabled PDO maps more than 64 bits", "CiA 301, 7.5.2.36 and 7.5.2.38")
-def too_long(network: CheckedNetwork) -> NetFound:
-    """The mapping exceeds the length of a frame."""
+def pdo_length(network: CheckedNetwork) -> NetFound:
+    """The limit of `pdo-length` (of a change, and of `eds check`) and of `too-many-bits` (of a simulated device)."""
     for node, pdo, config in network.enabled:
         if config.bits > 64:
             yield at(node, pdo), f"it maps {config.bits} bits"

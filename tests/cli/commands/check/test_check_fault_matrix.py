@@ -12,7 +12,7 @@ from pathlib import Path
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import BusUnavailable
 from dvtcli.watch.decoder import Decoder
-from dvtcli.watch.recording.recording_rules import RecordingCheck
+from dvtcli.watch.recording_checks.recording_rules import RecordingCheck
 from tests.faults.matrix import Cell, Run, cells_of, groups
 from tests.faults.sequences import FAULTS, SEQUENCES, UNHEARD
 from tests.harness.sample import heavy

@@ -12,7 +12,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.operations.network.check_live import check_live
 from dvtcli.operations.network.check_networks import CheckOptions
 from dvtcli.operations.session.simulated_nodes import simulated_device, simulated_nodes
-from dvtcli.watch.recording.recording_rules import RECORDING_RULES
+from dvtcli.watch.recording_checks.recording_rules import RECORDING_RULES
 from tests.cli.commands.bench import Bench
 from tests.domain.network_check.planted import concise
 from tests.harness.sample import heavy

@@ -21,7 +21,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.files.recordings.read_recording import read_recording
 from dvtcli.files.recordings.recorder import Recorder
 from dvtcli.watch.decoder import Decoder
-from dvtcli.watch.recording.recording_rules import RECORDING_RULES, RecordingCheck
+from dvtcli.watch.recording_checks.recording_rules import RECORDING_RULES, RecordingCheck
 from tests.files.recordings import BEGIN_S
 from tests.process import PATIENCE_S, documents, dvtcli
 from tests.simulator.serve.served import bus_words, own_environment, served

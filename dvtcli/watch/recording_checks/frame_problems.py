@@ -14,10 +14,10 @@ from dvtcli.domain.ports import Frame
 from dvtcli.domain.text import plural
 from dvtcli.watch.decoder import Address, Layout
 from dvtcli.watch.layout_fit import misfit
-from dvtcli.watch.recording.node_problems import NodeProblems
-from dvtcli.watch.recording.problems import Moment, Moments, Problem, TimesOf
-from dvtcli.watch.recording.sdo_problems import Channel
-from dvtcli.watch.recording.written_mappings import WrittenMappings
+from dvtcli.watch.recording_checks.node_problems import NodeProblems
+from dvtcli.watch.recording_checks.problems import Moment, Moments, Problem, TimesOf
+from dvtcli.watch.recording_checks.sdo_problems import Channel
+from dvtcli.watch.recording_checks.written_mappings import WrittenMappings
 from dvtcli.watch.sdo_transfers import SdoStep
 
 LENGTH = LintRule("pdo-other-length", ERROR, "a PDO has another length than is mapped", "CiA 301, 7.4.7")

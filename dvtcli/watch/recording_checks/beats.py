@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from statistics import median
 
-from dvtcli.watch.recording.problems import Moment, Moments
+from dvtcli.watch.recording_checks.problems import Moment, Moments
 
 #: gaps from which a period is known, gaps that are kept, and how many periods a gap may take
-_ENOUGH, _MOST_GAPS, PATIENCE = 4, 1_000, 2.5
+_ENOUGH, _MOST_GAPS, LATE_AFTER_PERIODS = 4, 1_000, 2.5
 #: the share of the period by which a gap is uneven; how many uneven ones there are at least, and of how many
 _UNEVEN, _FEW, _ONE_OF = 0.3, 3, 20
 #: a gap is shorter than its neighbours by this factor; two gaps together differ by this share at most
@@ -47,10 +47,11 @@ class AlternatingFrames:
 
 @dataclass(slots=True)
 class PeriodicFrames:
-    """Heartbeats of a node, or SYNC, since a start or another period: the last, the gaps (s), and odd gaps.
+    """The heartbeats of one node, or the SYNC messages, since the node's start or the last change of their period.
 
-    A long gap has its time (s), the time without any frame before its end (s), and the moment of its end; an uneven
-    gap its time and that moment.
+    *last* is the moment of the last one, *gaps_s* are the times between two (s) and *count* is their number. *long* are
+    the gaps that may be late: their time (s), how long there was no frame at all before their end (s), and the moment
+    of that end. *uneven* are gaps far from the period: time (s) and moment of the end. *turns* tells two senders apart.
     """
 
     last: Moment | None = None
@@ -70,7 +71,7 @@ class PeriodicFrames:
                 self.gaps_s.append(gap_s)
                 if self.count <= _ENOUGH:
                     self._early_s = median(self.gaps_s)
-            if self.count <= _ENOUGH or gap_s > PATIENCE * self._early_s:
+            if self.count <= _ENOUGH or gap_s > LATE_AFTER_PERIODS * self._early_s:
                 self.long.append((gap_s, silent_s, moment))
             if self.count <= _ENOUGH or abs(gap_s - self._early_s) > _UNEVEN / 2 * self._early_s:
                 self.uneven.append((gap_s, moment))
@@ -88,7 +89,7 @@ class PeriodicFrames:
         return [
             (gap_s, moment)
             for gap_s, silent_s, moment in self.long
-            if gap_s > PATIENCE * period_s > 0 and gap_s - silent_s > (PATIENCE - 1) * period_s
+            if gap_s > LATE_AFTER_PERIODS * period_s > 0 and gap_s - silent_s > (LATE_AFTER_PERIODS - 1) * period_s
         ]
 
     def jitter(self) -> list[tuple[float, Moment]]:
@@ -97,6 +98,6 @@ class PeriodicFrames:
         found = [
             (gap_s, moment)
             for gap_s, moment in self.uneven
-            if gap_s <= PATIENCE * period_s and abs(gap_s - period_s) > _UNEVEN * period_s
+            if gap_s <= LATE_AFTER_PERIODS * period_s and abs(gap_s - period_s) > _UNEVEN * period_s
         ]
         return found if len(found) >= max(_FEW, self.count / _ONE_OF) else []

@@ -9,8 +9,8 @@ from dvtcli.domain.emergency_codes import emergency_text
 from dvtcli.domain.lint.lint_rule import ERROR, WARNING, LintRule
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
-from dvtcli.watch.recording.beats import PATIENCE, PeriodicFrames
-from dvtcli.watch.recording.problems import Moment, Moments, Problem, TimesOf
+from dvtcli.watch.recording_checks.beats import LATE_AFTER_PERIODS, PeriodicFrames
+from dvtcli.watch.recording_checks.problems import Moment, Moments, Problem, TimesOf
 
 BOOT_UP = LintRule(
     "boot-up-in-operation", ERROR, "a node restarted without an NMT command", "CiA 301, 7.2.8.3.3: boot-up"
@@ -114,7 +114,7 @@ class NodeProblems:
         if node is None or node.is_guarded or (last := node.heartbeats.last) is None:
             return ""
         period_s, is_later = node.heartbeats.period_s, node.answered is not None and node.answered > last
-        if is_later or not period_s or now.time_s - last.time_s <= PATIENCE * period_s:
+        if is_later or not period_s or now.time_s - last.time_s <= LATE_AFTER_PERIODS * period_s:
             return ""
         return f"whether the node was on: it sent no heartbeat after frame {last.number}"
 
@@ -214,7 +214,7 @@ class NodeProblems:
         yield from _of_two(node_id, node)
         yield from _late(node_id, period_s, heartbeats)
         silent_s = end.time_s - heartbeats.last.time_s
-        if silent_s > PATIENCE * period_s:
+        if silent_s > LATE_AFTER_PERIODS * period_s:
             text = f"sends no heartbeat in the last {silent_s:.3g} s; before, its period was {1000 * period_s:.0f} ms"
             yield _of_node(STOPS, node_id, text, Moments.at(heartbeats.last),
                            "whether the node is on, bus off, or was unplugged")  # fmt: skip

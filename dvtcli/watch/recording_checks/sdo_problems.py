@@ -9,7 +9,7 @@ from dvtcli.domain.abort import Abort, abort_text
 from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, LintRule
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.text import join_some
-from dvtcli.watch.recording.problems import Moment, Moments, Problem, TimesOf
+from dvtcli.watch.recording_checks.problems import Moment, Moments, Problem, TimesOf
 from dvtcli.watch.sdo_transfers import SdoStep
 
 REFUSED_WRITE = LintRule("refused-write", ERROR, "a node refused a write", "CiA 301, table 22: SDO abort codes")

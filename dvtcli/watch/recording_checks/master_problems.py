@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from dvtcli.domain.lint.lint_rule import WARNING, LintRule
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.text import plural
-from dvtcli.watch.recording.problems import Moment, Moments, Problem, TimesOf
-from dvtcli.watch.recording.sdo_problems import Channel
+from dvtcli.watch.recording_checks.problems import Moment, Moments, Problem, TimesOf
+from dvtcli.watch.recording_checks.sdo_problems import Channel
 from dvtcli.watch.sdo_transfers import SdoStep
 
 TWO_MASTERS = LintRule(

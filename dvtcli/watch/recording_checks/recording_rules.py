@@ -11,7 +11,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.domain.text import plural
 from dvtcli.watch.decoder import Address, Layout
 from dvtcli.watch.received_objects import is_boot_up
-from dvtcli.watch.recording.frame_problems import (
+from dvtcli.watch.recording_checks.frame_problems import (
     FRAME_RULES,
     RPDO_RULES,
     AnswerProblems,
@@ -19,12 +19,12 @@ from dvtcli.watch.recording.frame_problems import (
     NodePdo,
     RpdoProblems,
 )
-from dvtcli.watch.recording.master_problems import MASTER_RULES, MasterProblems
-from dvtcli.watch.recording.node_problems import NODE_RULES, NodeProblems
-from dvtcli.watch.recording.problems import Moment, Problem, TimesOf, joined
-from dvtcli.watch.recording.sdo_problems import SDO_RULES, SdoProblems
-from dvtcli.watch.recording.stream_problems import STREAM_RULES, KnownTpdos, StreamProblems
-from dvtcli.watch.recording.written_mappings import WrittenMappings
+from dvtcli.watch.recording_checks.master_problems import MASTER_RULES, MasterProblems
+from dvtcli.watch.recording_checks.node_problems import NODE_RULES, NodeProblems
+from dvtcli.watch.recording_checks.problems import Moment, Problem, TimesOf, joined
+from dvtcli.watch.recording_checks.sdo_problems import SDO_RULES, SdoProblems
+from dvtcli.watch.recording_checks.stream_problems import STREAM_RULES, KnownTpdos, StreamProblems
+from dvtcli.watch.recording_checks.written_mappings import WrittenMappings
 from dvtcli.watch.sdo_servers import SDO_SERVERS, server_layouts
 from dvtcli.watch.sdo_transfers import SdoTransfers
 
@@ -110,7 +110,7 @@ class RecordingCheck:
         self._nodes.take(moment, frame, self._last or moment)
         if is_boot_up(frame):
             node_id = frame.can_id & 0x7F
-            self._transfers.forget(node_id)
+            self._transfers.drop(node_id)
             self._sdo.start(node_id)
             self._answers.start(node_id)
             self._masters.start(node_id)

@@ -14,9 +14,9 @@ from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.text import plural
 from dvtcli.watch.decoder import Address
-from dvtcli.watch.recording.beats import AlternatingFrames
-from dvtcli.watch.recording.frame_problems import TWO_SENDERS, NodePdo
-from dvtcli.watch.recording.problems import Moment, Moments, Problem, TimesOf
+from dvtcli.watch.recording_checks.beats import AlternatingFrames
+from dvtcli.watch.recording_checks.frame_problems import TWO_SENDERS, NodePdo
+from dvtcli.watch.recording_checks.problems import Moment, Moments, Problem, TimesOf
 from dvtcli.watch.sdo_transfers import SdoStep
 
 FLOOD = LintRule(

@@ -8,7 +8,7 @@ from dvtcli.errors import InputFileError, SafetyRefusal, UsageError
 from dvtcli.operations.results import Facts
 from dvtcli.operations.user.settings import File
 from dvtcli.operations.user.settings_search import NAME, SettingsFile, project_file
-from dvtcli.operations.user.trusted_settings import forget, is_trusted, real_path, trust
+from dvtcli.operations.user.trusted_settings import is_trusted, real_path, revoke, trust
 
 
 def trust_settings(
@@ -26,7 +26,7 @@ def trust_settings(
         _refuse_hidden(file, commands)
     try:
         if remove or file is None:
-            changed = forget(where, dry_run=dry_run)
+            changed = revoke(where, dry_run=dry_run)
         else:
             changed = not is_trusted(file.digest)
             if not dry_run:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from dvtcli.domain.frame import byte_length
 from dvtcli.domain.pdo import Pdo, is_mpdo
 from dvtcli.domain.text import plural
-from dvtcli.watch.recording.problems import Moment
+from dvtcli.watch.recording_checks.problems import Moment
 from dvtcli.watch.sdo_transfers import SdoStep
 
 #: a node's PDO: node-ID and label
