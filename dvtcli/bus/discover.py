@@ -13,12 +13,13 @@ import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from dvtcli.bus.kernel_links import kernel_links
 from dvtcli.interpreter import python_words
 
-#: Time for drivers to find their adapters, in seconds.
-PATIENCE_S = 8.0
+#: Time for the process that asks the drivers, in seconds; it gives the drivers themselves less (`drivers`).
+PATIENCE_S = 40.0
 _PERHAPS = "a serial port: only if an slcan adapter is on it"
 _SERIAL_PORTS = ("ttyUSB*", "ttyACM*", "cu.usbmodem*", "cu.usbserial*")
 
@@ -33,9 +34,17 @@ class FoundInterface:
     problem: str | None = None
 
 
-def find_interfaces() -> list[FoundInterface]:
-    """All possible CAN interfaces, surest first; drivers get `PATIENCE_S`."""
-    return [*links(), *adapters(), *serial_ports()]
+class InterfaceSearch(NamedTuple):
+    """Interfaces *found*, surest first, and drivers *unanswered*: whether their adapters exist is unknown."""
+
+    found: list[FoundInterface]
+    unanswered: tuple[str, ...] = ()
+
+
+def find_interfaces() -> InterfaceSearch:
+    """All possible CAN interfaces of this machine."""
+    found, unanswered = adapters()
+    return InterfaceSearch([*links(), *found, *serial_ports()], unanswered)
 
 
 def links() -> list[FoundInterface]:
@@ -43,15 +52,14 @@ def links() -> list[FoundInterface]:
     return [FoundInterface("socketcan", link.name, link.about, link.problem) for link in kernel_links()]
 
 
-def adapters(interfaces: Sequence[str] = (), *, patience_s: float = PATIENCE_S) -> list[FoundInterface]:
+def adapters(interfaces: Sequence[str] = (), *, patience_s: float = PATIENCE_S) -> InterfaceSearch:
     """Adapters on this machine found by the drivers of *interfaces* (default: all with safe detection)."""
-    command = [*python_words(), "-m", "dvtcli.bus.drivers", *interfaces]
-    lines = (_output(command, patience_s) or "").splitlines()
-    configurations = json.loads(lines[-1]) if lines else []
-    return [
-        FoundInterface(configuration["interface"], configuration["channel"], configuration["about"])
-        for configuration in configurations
-    ]
+    lines = (_output([*python_words(), "-m", "dvtcli.bus.drivers", *interfaces], patience_s) or "").splitlines()
+    if not lines:
+        return InterfaceSearch([], tuple(interfaces) or ("all drivers",))
+    answer = json.loads(lines[-1])
+    found = [FoundInterface(row["interface"], row["channel"], row["about"]) for row in answer["found"]]
+    return InterfaceSearch(found, tuple(answer["unanswered"]))
 
 
 def drivers_missing(*, patience_s: float = PATIENCE_S) -> dict[str, list[str] | None]:

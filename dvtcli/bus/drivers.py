@@ -10,6 +10,8 @@ import json
 import os
 import sys
 from collections.abc import Mapping
+from threading import Thread
+from time import monotonic
 
 import can
 from can.interfaces import BACKENDS
@@ -98,26 +100,37 @@ class PcanCarrier(Carrier):
 
 #: networks, invented channels, interfaces found by `discover` itself, and a driver that loads a local library
 NOT_ASKED = frozenset({"virtual", "udp_multicast", "socketcand", "socketcan", "serial", "slcan", "robotell", "neousys"})
-#: Time for all drivers, in seconds; shorter than the parent process's patience.
-_LOOK_S = 6.0
+#: Time for all drivers together, in seconds; shorter than the parent process's patience.
+_LOOK_S = 15.0
+#: python-can's own time-out per driver, which hides what did not answer: longer than ours
+_FOREVER_S = 600.0
 
 
-def main(interfaces: list[str]) -> None:
-    """Print the channels found as one line, and exit without waiting for drivers that hang."""
+def main(interfaces: list[str], look_s: float = _LOOK_S) -> None:
+    """Print the channels found and the drivers that did not answer as one line; exit without waiting for them."""
     asked = interfaces or sorted(set(BACKENDS) - NOT_ASKED)
-    found = [channel for name in asked for channel in _detected(name)]
-    sys.stdout.write("\n" + json.dumps(found) + "\n")
+    channels: dict[str, list[dict[str, str]]] = {}
+    threads = [Thread(target=_detect, args=(name, channels), daemon=True) for name in asked]
+    deadline = monotonic() + look_s
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(max(0.0, deadline - monotonic()))
+    answered = dict(channels)
+    found = [channel for name in asked for channel in answered.get(name, ())]
+    answer = {"found": found, "unanswered": [name for name in asked if name not in answered]}
+    sys.stdout.write("\n" + json.dumps(answer) + "\n")
     sys.stdout.flush()
     os._exit(0)
 
 
-def _detected(interface: str) -> list[dict[str, str]]:
-    """Channels found by a driver; none if it is missing or broken."""
+def _detect(interface: str, channels: dict[str, list[dict[str, str]]]) -> None:
+    """Put the channels found by a driver into *channels*; none if it is missing or broken."""
     try:
-        configurations = can.detect_available_configs(interface, timeout=_LOOK_S / 3)
+        configurations = can.detect_available_configs(interface, timeout=_FOREVER_S)
     except Exception:  # noqa: BLE001 - whatever a driver raises means that it finds nothing
-        return []
-    return [
+        configurations = []
+    channels[interface] = [
         {
             "interface": str(configuration["interface"]),
             "channel": str(configuration.get("channel", "0")),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
 import sys
 from itertools import count
 from pathlib import Path
@@ -9,44 +11,74 @@ from pathlib import Path
 import can
 import pytest
 
-from dvtcli.bus.discover import FoundInterface, adapters, find_interfaces, serial_ports
+from dvtcli.bus.discover import FoundInterface, InterfaceSearch, adapters, find_interfaces, serial_ports
 from dvtcli.bus.opening import open_bus
 from tests.harness.sample import heavy
+from tests.process import environment
 
 _NUMBERS = count(1)
 
 
 @heavy
 def test_drivers_are_asked_in_a_process_of_their_own() -> None:
-    (found,) = adapters(["virtual"], patience_s=60)
-    assert found.interface == "virtual"
-    assert adapters(["nosuch"], patience_s=60) == []
+    ((found,), unanswered) = adapters(["virtual"])
+    assert (found.interface, unanswered) == ("virtual", ())
+    assert adapters(["nosuch"]) == InterfaceSearch([])
+
+
+def _driver(folder: Path, name: str, detection: str) -> None:
+    """Make the package *name* with a python-can driver, whose detection has the lines *detection*."""
+    (folder / f"{name}.py").write_text(
+        "import os, time, can\n"
+        "class Bus(can.BusABC):\n"
+        "    @staticmethod\n"
+        "    def _detect_available_configs():\n" + detection,
+        encoding="utf-8",
+    )
+    (folder / f"{name}-1.dist-info").mkdir()
+    (folder / f"{name}-1.dist-info" / "METADATA").write_text(f"Name: {name}\nVersion: 1\n")
+    (folder / f"{name}-1.dist-info" / "entry_points.txt").write_text(f"[can.interface]\n{name} = {name}:Bus\n")
 
 
 def test_a_driver_may_print_what_it_likes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "noisy.py").write_text(
-        "import os, can\n"
-        "class Bus(can.BusABC):\n"
-        "    @staticmethod\n"
-        "    def _detect_available_configs():\n"
-        "        os.write(1, b'\\xff\\xfe looking\\n')\n"
-        "        return [{'interface': 'noisy', 'channel': '\u00e9'}]\n",
-        encoding="utf-8",
+    _driver(
+        tmp_path,
+        "noisy",
+        "        os.write(1, b'\\xff\\xfe looking\\n')\n        return [{'interface': 'noisy', 'channel': '\u00e9'}]\n",
     )
-    (tmp_path / "noisy-1.dist-info").mkdir()
-    (tmp_path / "noisy-1.dist-info" / "METADATA").write_text("Name: noisy\nVersion: 1\n")
-    (tmp_path / "noisy-1.dist-info" / "entry_points.txt").write_text("[can.interface]\nnoisy = noisy:Bus\n")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    assert adapters(["noisy"], patience_s=60) == [FoundInterface("noisy", "\u00e9")]
+    assert adapters(["noisy"]) == InterfaceSearch([FoundInterface("noisy", "\u00e9")])
 
 
-def test_a_driver_that_takes_too_long_finds_nothing() -> None:
-    assert adapters(["virtual"], patience_s=0.001) == []
+def test_a_process_that_ends_without_an_answer_leaves_all_drivers_unknown() -> None:
+    assert adapters(["virtual"], patience_s=0.001) == InterfaceSearch([], ("virtual",))
+    assert adapters(patience_s=0.001) == InterfaceSearch([], ("all drivers",))
+
+
+def test_a_driver_that_hangs_is_named_and_the_others_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    _driver(tmp_path, "stuck", "        time.sleep(600)\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    code = "from dvtcli.bus.drivers import main; main(['stuck', 'virtual'], 5.0)"
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    answer = json.loads(ran.stdout)
+    assert answer["unanswered"] == ["stuck"]
+    assert [row["interface"] for row in answer["found"]] == ["virtual"]
+
+
+@heavy
+def test_doctor_does_not_say_none_if_a_driver_ended_the_search(tmp_path: Path) -> None:
+    _driver(tmp_path, "deadly", "        os._exit(3)\n")
+    ran = subprocess.run(
+        [sys.executable, "-m", "dvtcli", "doctor", "--json"],
+        env=environment() | {"PYTHONPATH": str(tmp_path)}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    (row,) = [row for row in json.loads(ran.stdout)["checks"] if row["check"] == "interface"]
+    assert (row["verdict"], row["text"]) == ("warn", "unknown adapters: no answer from all drivers")
 
 
 @heavy
 def test_looking_for_everything_never_fails() -> None:
-    assert all(one.interface not in ("virtual", "udp_multicast", "socketcand") for one in find_interfaces())
+    assert all(one.interface not in ("virtual", "udp_multicast", "socketcand") for one in find_interfaces().found)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="ports are told by the registry")

@@ -35,11 +35,14 @@ def first_start(session: Conversation) -> None:
         return
     from dvtcli.bus.discover import find_interfaces
     from dvtcli.bus.python_can_settings import is_configured
+    from dvtcli.domain.text import join_some
 
     if is_configured():
         return
     session.output.lines(["No CAN interface is configured. Searching this machine for CAN interfaces …"])
-    found = find_interfaces()
+    found, unanswered = find_interfaces()
+    if unanswered:
+        session.output.warning(f"no answer from {join_some(unanswered)}: its adapters are unknown")
     choice = _choose(session, found)
     if choice is None:
         return

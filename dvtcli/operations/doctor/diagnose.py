@@ -329,7 +329,7 @@ def _interfaces(session: SessionUser) -> Iterator[Check]:
     from dvtcli.bus.discover import find_interfaces
 
     others = list(_transports())
-    found = find_interfaces()
+    found, unanswered = find_interfaces()
     for interface in found:
         verdict = "warn" if interface.problem else "ok"
         yield Check(
@@ -338,7 +338,10 @@ def _interfaces(session: SessionUser) -> Iterator[Check]:
             f"{interface.interface} {interface.channel}  {interface.about}".rstrip(),
             interface.problem,
         )
-    if not found:
+    if unanswered:
+        cure = "disconnect the adapter and connect it again, or reinstall the driver; then repeat this"
+        yield Check("interface", "warn", f"unknown adapters: no answer from {join_some(unanswered)}", cure)
+    elif not found:
         on_a_line = session.options.interface in _OVER_A_LINE
         needless = bool(session.options.sim or others or on_a_line)
         hint = (
