@@ -56,4 +56,4 @@ class ProgramNotes:
         return f"{said}{stage.value}; {_NEXT}"
 
 
-_NEXT = "load the program again, or forget that if the device is all right"
+_NEXT = "download the firmware again, or forget the interrupted download if the device is all right"

@@ -93,7 +93,7 @@ def test_a_file_without_an_end_is_an_error(line: str) -> None:
 def test_a_journal_that_cannot_be_read_is_a_damaged_journal(tmp_path: Path) -> None:
     journals = Journals(tmp_path, "bus")
     journals.path(1).mkdir(parents=True)
-    with pytest.raises(InputFileError, match="not a journal"):
+    with pytest.raises(InputFileError, match="not a usable journal"):
         journals.find(1)
 
 
@@ -126,7 +126,7 @@ def test_a_private_character_is_not_taken_for_an_apostrophe() -> None:
 
 
 def test_more_commands_than_a_person_writes_are_no_script() -> None:
-    with pytest.raises(InputFileError, match="no script"):
+    with pytest.raises(InputFileError, match="a script has at most"):
         script_lines(b"pdo\n" * (MOST_COMMANDS + 1), "x.dvt")
 
 

@@ -459,8 +459,8 @@ class Editor:
 
     def _apply(self) -> None:
         if not self._changes():
-            holder = "node holds" if self._file is None else "file has"
-            self.say(f"nothing to {'apply' if self._file is None else 'write'}: the {holder} these values already")
+            act, holder = ("apply", "node") if self._file is None else ("write", "file")
+            self.say(f"nothing to {act}: the {holder} already has these values")
             return
         self._end(APPLY)
 

@@ -128,7 +128,7 @@ def _said(session: SessionUser, part: GroupMember, who: str, ids: str) -> str:
     if session.dry_run:
         said = f"node {ids} would store" if ids else f"{who} has it{_had_stored(part)}; the journals are kept"
         return f"dry run: {said}{_not_looked_at(part)}"
-    done = f"node {ids} stored" if ids else f"{who} holds it{_had_stored(part)}"
+    done = f"node {ids} stored" if ids else f"{who} has it{_had_stored(part)}"
     is_whole = "ended" if _accepted_ids(part) else "complete"
     return f"{part.name} is {is_whole}: {done}{_not_looked_at(part)}"
 

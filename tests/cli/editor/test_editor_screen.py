@@ -308,7 +308,7 @@ def test_all_keys_are_listed(open_terminal: Open) -> None:
     terminal.type("?")
     terminal.wait(" map: ?_")
     terminal.type(F10)
-    terminal.wait("nothing to apply: the node holds these values already")
+    terminal.wait("nothing to apply: the node already has these values")
 
 
 def test_what_is_applied_is_undone_at_the_prompt(open_terminal: Open) -> None:

@@ -197,7 +197,7 @@ def test_what_is_no_configuration_is_left_and_told(tmp_path: Path) -> None:
         assert [one["object"] for one in cloned["nodes"][0]["objects"]] == ["2000:00", "2004:00"]
         assert node.sdo.upload(0x2006, 0) == bytes(2), "a set point, which an RPDO can take"
         clean = bench.run(f"diff {file}")
-        assert (clean.code, "holds the part of the file that is written" in clean.stdout) == (0, True)
+        assert (clean.code, "has the part of the file that is written" in clean.stdout) == (0, True)
         assert re.search(rf"not written, and may differ: dvtcli .*compare {re.escape(str(file))} --all", clean.stdout)
         assert (
             "2006:00 (is 0, expected 5) is manufacturer-specific, and by its name a command, a target" in clean.stdout

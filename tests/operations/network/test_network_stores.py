@@ -309,7 +309,7 @@ def test_a_program_finishes_the_stores_or_goes_back_on_all_nodes(chain: Chain, h
 
     def finished(after: Chain) -> None:
         with after.session(node=None, yes=False) as session, Bus(session) as bus:
-            with pytest.raises(SafetyRefusal, match="nobody can answer"):
+            with pytest.raises(SafetyRefusal, match="no terminal to answer on"):
                 bus.finish_stores()
             assert bus.finish_stores(yes=True) == (5, 9)
             assert bus.finish_stores(yes=True) == bus.recover(yes=True) == ()

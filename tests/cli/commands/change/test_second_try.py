@@ -198,9 +198,7 @@ def test_one_that_refuses_in_its_present_state_while_it_runs_is_not_remembered(t
             ran = bench.run(line)
             assert ran.code == 0, ran.stderr
             assert written(wire) == ["1800:02", "1800:01", "1800:02", "1800:01"]
-            assert "OPERATIONAL, so no needs of devices are recorded" in " ".join(
-                ran.stdout.split() + ran.stderr.split()
-            )
+            assert "OPERATIONAL, so nothing is remembered" in " ".join(ran.stdout.split() + ran.stderr.split())
         assert not list((tmp_path / "state").rglob("habits/*"))
 
 

@@ -359,7 +359,7 @@ def test_what_was_not_completed_is_said_until_it_is_forgotten(tmp_path: Path) ->
     with Bench((), {"node": 1, "profile": "loader", "journal": str(tmp_path / "state")}, bus) as again:
         said = " ".join(again.run("read 1000").stderr.split())
         assert "no complete firmware" in said
-        assert "load the program again" in said
+        assert "download the firmware again" in said
         assert again.run("download --forget").code == 0
         assert "nothing was noted" in again.run("download --forget").stdout
 
