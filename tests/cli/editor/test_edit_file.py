@@ -66,7 +66,7 @@ def test_nodes_of_a_network_file_are_edited_and_everything_else_is_kept(tmp_path
     before = read_network_config(str(tmp_path / "net.yaml"))
     terminal.wait("node 7 has no EDS: its part of the file is kept unchanged")
     terminal.type(F10)
-    terminal.wait("nothing to write: the file has these values already")
+    terminal.wait("nothing to write: the file already has these values")
     terminal.type(ENTER)
     terminal.wait("FRAME OF TPDO1", "606C:00/32 Velocity actual value")
     terminal.type("d")
