@@ -16,6 +16,7 @@ from time import perf_counter, process_time
 import can
 import canopen
 
+from dvtcli.bus.opening import open_bus
 from dvtcli.bus.python_can import CanBus
 from tests.benchmarks.bench_serve import Sim, sim
 from tests.benchmarks.figures import Figure
@@ -83,7 +84,8 @@ def rates(client: Callable[[], object], requests: int) -> tuple[float, float]:
 
 def socketcand_us(server: Sim, requests: int) -> tuple[float, float]:
     """Processor time (µs) of this process for an upload over socketcand: by our client, and by canopen's."""
-    with closing(CanBus(server.bus(), "socketcand:can0", timeout_s=5)) as bus:
+    where = {"host": "127.0.0.1", "port": server.port}
+    with closing(open_bus("socketcand", "can0", None, where, timeout_s=5)) as bus:  # as a command opens it
         own = upload_us(bus.sdo(NODE).upload, requests)
     network = canopen.Network()
     network.NOTIFIER_CYCLE = 0.02
