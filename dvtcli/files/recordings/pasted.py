@@ -185,22 +185,26 @@ def _is_clock(times: list[float]) -> bool:
     return min(behind[-part:]) > max(behind[:part]) and back < (max(behind) - min(behind)) / 10
 
 
-class CandumpDeltas(CandumpScreen):
+class CandumpDeltas(PastedFormat):
     """What candump -td prints: times from line to line."""
 
     title = "candump's screen with -td"
+    line = CandumpScreen.line
+
+    def __init__(self) -> None:
+        self._screen = CandumpScreen()
 
     def is_in(self, lines: list[str]) -> bool:
         """Whether times go back, as those from line to line do, and are not of a clock."""
         found = [match["time"] for match in map(self.line.fullmatch, lines) if match]
         times = [float(text) for text in found if text and text.count("-") < 2]
         goes_back = any(before > after for before, after in pairwise(times))
-        return super().is_in(lines) and goes_back and not _is_clock(times)
+        return self._screen.is_in(lines) and goes_back and not _is_clock(times)
 
     def reader(self, source: Any) -> Iterator[RecordedFrame]:
         """Iterate over the frames with their times added up."""
         time_s = 0.0
-        for recorded in super().reader(source):
+        for recorded in self._screen.reader(source):
             time_s += recorded.frame.timestamp_s
             yield recorded._replace(frame=replace(recorded.frame, timestamp_s=time_s))
 
