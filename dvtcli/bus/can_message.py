@@ -15,11 +15,12 @@ for _logger in ("can", "seeedbus"):
 
 def frame_of(message: can.Message) -> Frame:
     """python-can's message as a frame."""
+    is_remote = message.is_remote_frame
     return Frame(
         message.arbitration_id,
         bytes(message.data),
-        extended=message.is_extended_id,
-        remote=message.is_remote_frame,
-        timestamp_s=message.timestamp,
-        dlc=message.dlc if message.is_remote_frame else 0,
+        message.is_extended_id,
+        is_remote,
+        message.timestamp,
+        message.dlc if is_remote else 0,
     )

@@ -25,6 +25,8 @@ SLICE_S = 0.02
 QUIET_S = 0.02
 #: maximum messages read at once without waiting, as a busy bus never ends
 BACKLOG = 4096
+#: messages that a background thread reads at once behind one that it waited for
+AT_ONCE = 64
 #: how long past its deadline (s) an answer that is there already may take to be read: on a machine that is too busy to
 #: read the bus, or a bus that is never quiet
 GRACE_S = 1.0
@@ -121,7 +123,8 @@ class Receiver(Generic[M]):
                     self._closing.wait(min(left_s, QUIET_S))
                     continue
                 while not self._followers and not self._closed and (left_s := end_s - (now_s := monotonic())) > 0:
-                    self._read_one(min(left_s, SLICE_S), now_s)
+                    if self._read_one(min(left_s, SLICE_S), now_s):
+                        self._read_waiting(AT_ONCE)
             finally:
                 self._leave(me)
 
@@ -240,7 +243,7 @@ class Receiver(Generic[M]):
             if self._closed:
                 self._no_leader.notify_all()
 
-    def _read_one(self, wait_s: float, now_s: float) -> None:
+    def _read_one(self, wait_s: float, now_s: float) -> bool:
         if now_s - self._seen_s >= LATE_S:
             self._note_delay(now_s)
         message = self._read(wait_s)
@@ -249,11 +252,12 @@ class Receiver(Generic[M]):
             self._deliver(message)
         if self._followers:
             self._end_times(now_s if message is None else now_s - GRACE_S)  # for a bus that is never quiet
+        return message is not None
 
-    def _read_waiting(self) -> None:
+    def _read_waiting(self, most: int = BACKLOG) -> None:
         read, deliver = self._read, self._deliver
         began_s = monotonic()
-        for _ in range(BACKLOG):
+        for _ in range(most):
             message = read(0.0)
             if message is None:
                 if self._followers:

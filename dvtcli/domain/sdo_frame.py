@@ -11,6 +11,8 @@ from dataclasses import replace
 
 from dvtcli.domain.ports import Frame
 
+#: CAN-IDs of the default SDO channels
+SDO_CAN_IDS = range(0x581, 0x680)
 _REQUESTS, _ANSWERS, _BETWEEN = range(0x601, 0x680), range(0x581, 0x600), 0x80
 #: command specifiers (bits 7..5) that begin a transfer to the server, or from it; the others go both ways
 _DOWNLOAD, _UPLOADED, _SEGMENT, _OF_BLOCKS, _BLOCK = 1, 2, 0, 5, 6

@@ -31,6 +31,11 @@ def local_clock(time_s: float, timespec: str = "seconds") -> str:
 
 def _split(time_s: float) -> tuple[int, int]:
     """Whole seconds and microseconds of a time, rounded like `datetime.fromtimestamp`."""
+    if time_s >= 0:
+        second = int(time_s)
+        microseconds = round((time_s - second) * 1e6)
+        if microseconds < 1_000_000:
+            return second, microseconds
     part, whole = modf(time_s)
     carried, microseconds = divmod(round(part * 1e6), 1_000_000)
     return int(whole) + carried, microseconds

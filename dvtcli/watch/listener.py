@@ -10,7 +10,7 @@ from time import monotonic, sleep, time
 from typing import Protocol
 
 from dvtcli.domain.ports import Frame
-from dvtcli.domain.sdo_frame import SdoValues
+from dvtcli.domain.sdo_frame import SDO_CAN_IDS, SdoValues
 from dvtcli.errors import BusUnavailable
 
 #: maximum number of waiting frames; further frames are dropped and counted
@@ -119,7 +119,8 @@ class Listener:
 
     def _keep(self, frame: Frame, _sent: bool) -> None:
         """Date and keep a frame; called by the thread that reads or sends, for every frame."""
-        frame, _ = self._secret.without(frame)  # also for dropped frames: a transfer continues in the next frame
+        if frame.can_id in SDO_CAN_IDS:  # also for dropped frames: a transfer continues in the next frame
+            frame, _ = self._secret.without(frame)
         if len(self._frames) >= self._most:
             self._overflowed += 1
             return
@@ -154,7 +155,7 @@ class Listener:
         if self._clock_s is None:
             ahead_s = now_s - frame.timestamp_s
             self._clock_s = ahead_s if abs(ahead_s) > FOREIGN_CLOCK_S else 0.0
-        dated_s = frame.timestamp_s + self._clock_s
+        dated_s = frame.timestamp_s + self._clock_s if self._clock_s else frame.timestamp_s
         if not abs(now_s - dated_s) <= FOREIGN_CLOCK_S:  # also for NaN
             dated_s = now_s
         return frame if dated_s == frame.timestamp_s else replace(frame, timestamp_s=dated_s)

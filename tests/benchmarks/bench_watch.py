@@ -72,11 +72,12 @@ class Watcher:
 def watcher(command: list[str], file: Path) -> Iterator[Watcher]:
     """Run *command*, which writes to *file* where it has `{}`; else its output goes there, through a pipe."""
     piped = "{}" not in command
-    environment = {**ENVIRONMENT, "PYTHONPATH": str(ROOT), "HOME": str(file.parent)}
+    environment = {**ENVIRONMENT, "HOME": str(file.parent)}
     with ExitStack() as stack:
         process = subprocess.Popen(
-            [str(file) if word == "{}" else word for word in command], stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE if piped else subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment,
+            [str(file) if word == "{}" else word for word in command], cwd=ROOT, env=environment,
+            stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+            stdout=subprocess.PIPE if piped else subprocess.DEVNULL,
         )  # fmt: skip
         if process.stdout is not None:
             out = stack.enter_context(file.open("wb"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import CobId
@@ -258,6 +259,7 @@ def _same_senders(proposal: Proposal) -> list[Producer]:
     ]
 
 
+@lru_cache(maxsize=1024)
 def default_owner(can_id: int) -> tuple[Pdo, int] | None:
     """The PDO and node-ID with *can_id* in the pre-defined connection set, or None."""
     for direction in Direction:

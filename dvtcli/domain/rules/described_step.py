@@ -47,20 +47,21 @@ def _stands_for_fillers(proposal: Proposal, step: Step) -> bool:
 
 
 def _step_findings(proposal: Proposal, dictionary: ObjectDictionary, entry: OdEntry, step: Step) -> Iterator[Finding]:
+    size = None if entry.data_type is None else entry.data_type.size
+    if entry.access.writable and entry.access.readable and size in (None, len(step.after)):
+        yield from _limit_findings(proposal, entry, step, dictionary)
+        return
     place, name, where = f"0x{step.object}", parameter_name(step), dictionary.place(entry)
     if not entry.access.writable:
         if not is_mapping_index(step.index):  # mappings have their own rules
             text = f"{name} of {proposal.pdo.label} is {entry.access} in {where}"
             yield error("parameter-static", place, text, Abort.READ_ONLY, _fixed_hint(step))
-        return
-    if not entry.access.readable:
+    elif not entry.access.readable:
         text = f"{name} of {proposal.pdo.label} is {entry.access} in {where}: what it holds then cannot be read back"
         yield error(
             "parameter-unreadable", place, text, None, Hint(Action.SHOW_PDOS, {"all": True}, "choose another PDO ({})")
         )
-        return
-    size = None if entry.data_type is None else entry.data_type.size
-    if size is not None and size != len(step.after):
+    elif size is not None:
         code = Abort.TOO_LONG if len(step.after) > size else Abort.TOO_SHORT
         text = f"{name} of {proposal.pdo.label} has {8 * size} bits in {where}, CiA 301 has {8 * len(step.after)}"
         yield error(
@@ -70,8 +71,6 @@ def _step_findings(proposal: Proposal, dictionary: ObjectDictionary, entry: OdEn
             code,
             Hint(Action.GIVE_EDS, why="if the file is wrong, correct it or give another file: {}"),
         )
-        return
-    yield from _limit_findings(proposal, entry, step, where)
 
 
 def _fixed_hint(step: Step) -> Hint | str:
@@ -82,12 +81,14 @@ def _fixed_hint(step: Step) -> Hint | str:
     return "this device fixes it; leave the option out"
 
 
-def _limit_findings(proposal: Proposal, entry: OdEntry, step: Step, where: str) -> Iterator[Finding]:
-    value = entry.data_type.decode(step.after) if entry.data_type else None
+def _limit_findings(proposal: Proposal, entry: OdEntry, step: Step, dictionary: ObjectDictionary) -> Iterator[Finding]:
     low, high = entry.limits(proposal.node_id)
+    if low is None and high is None:
+        return
+    value = entry.data_type.decode(step.after) if entry.data_type else None
     if not isinstance(value, int | float) or not leave_a_choice(entry, low, high):
         return
-    place, name = f"0x{step.object}", parameter_name(step)
+    place, name, where = f"0x{step.object}", parameter_name(step), dictionary.place(entry)
     if high is not None and value > high:
         text = f"{name} {shown(step, value)} is above the limit {shown(step, high)} in {where}"
         yield error("parameter-range", place, text, Abort.VALUE_HIGH)

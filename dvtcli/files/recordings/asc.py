@@ -9,6 +9,7 @@ from typing import Any, BinaryIO
 
 import can
 
+from dvtcli.domain.ports import Frame
 from dvtcli.files.recordings.recorded_lines import LeftLines
 from dvtcli.files.recordings.recording_format import RecordingFormat
 
@@ -37,15 +38,15 @@ class AscFormat(RecordingFormat):
         """Iterate over frames with their original times."""
         return iter(can.ASCReader(source, relative_timestamp=False))
 
-    def write(self, writer: Any, message: can.Message) -> None:
-        """Write *message*; the recording begins at a whole second.
+    def write(self, writer: Any, frame: Frame) -> None:
+        """Write *frame*; the recording begins at a whole second.
 
         Times count from the beginning in the header, and python-can writes its milliseconds without leading zeros (.001
         becomes .1).
         """
         if not writer.header_written:
-            writer.log_event("Start of measurement", float(int(message.timestamp)))
-        super().write(writer, message)
+            writer.log_event("Start of measurement", float(int(frame.timestamp_s)))
+        super().write(writer, frame)
 
     def note(self, writer: Any, text: str, time_s: float) -> None:
         """Write an event between frames, once the file has a frame."""

@@ -12,7 +12,7 @@ import can
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 from dvtcli.files.recordings.formats import format_of, written
-from dvtcli.files.recordings.recording_format import RecordingFormat
+from dvtcli.files.recordings.recording_format import RecordingFormat, message_of
 
 
 class Recorder:
@@ -43,20 +43,21 @@ class Recorder:
         if frame.remote and not self._format.keeps_remote:
             self.left_out += 1
             return
-        message = _message(frame)
         try:
-            self._format.write(self._file_for(message), message)
+            self._format.write(self._file_for(frame), frame)
         except OSError as failed:
             raise self._failed(failed) from failed
         self.frames += 1
 
-    def _file_for(self, message: can.Message) -> Any:
-        """Return the writer for *message*, after setting a full file aside."""
+    def _file_for(self, frame: Frame) -> Any:
+        """Return the writer for *frame*, after setting a full file aside."""
         writer = self._writer
-        if isinstance(writer, can.SizedRotatingLogger) and writer.should_rollover(message):
+        if not isinstance(writer, can.SizedRotatingLogger):
+            return writer
+        if writer.should_rollover(message_of(frame)):
             writer.do_rollover()
             writer.rollover_count += 1
-        return self._open_file
+        return writer.writer
 
     @property
     def _open_file(self) -> Any:
@@ -110,18 +111,6 @@ class Recorder:
 def _cannot(path: Path, what: str, can_do: Callable[[RecordingFormat], bool]) -> UsageError:
     others = " ".join(suffix for suffix, file_format in written().items() if can_do(file_format))
     return UsageError(f"{path.name}: {what} in a {path.suffix} file", hint=f"take one of {others}")
-
-
-def _message(frame: Frame) -> can.Message:
-    return can.Message(
-        timestamp=frame.timestamp_s,
-        arbitration_id=frame.can_id,
-        is_extended_id=frame.extended,
-        is_remote_frame=frame.remote,
-        dlc=frame.dlc if frame.remote else len(frame.data),
-        data=None if frame.remote else frame.data,
-        channel="can0",
-    )
 
 
 def size_of(path: Path) -> int:

@@ -71,9 +71,22 @@ class RecordingFormat:
         extra: dict[str, Any] = {"append": True} if append else {}
         return can.SizedRotatingLogger(path, most_bytes, **extra) if most_bytes else can.Logger(path, **extra)
 
-    def write(self, writer: Any, message: can.Message) -> None:
-        """Write *message* with *writer*."""
-        writer.on_message_received(message)
+    def write(self, writer: Any, frame: Frame) -> None:
+        """Write *frame* with *writer*."""
+        writer.on_message_received(message_of(frame))
 
     def note(self, writer: Any, text: str, time_s: float) -> None:
         """Write *text* between frames, at *time_s* (s since 1970), if the format can."""
+
+
+def message_of(frame: Frame) -> can.Message:
+    """Return *frame* as python-can's writers take it."""
+    return can.Message(
+        timestamp=frame.timestamp_s,
+        arbitration_id=frame.can_id,
+        is_extended_id=frame.extended,
+        is_remote_frame=frame.remote,
+        dlc=frame.dlc if frame.remote else len(frame.data),
+        data=None if frame.remote else frame.data,
+        channel="can0",
+    )

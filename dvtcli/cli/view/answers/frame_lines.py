@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 
 from dvtcli.cli.view.lines import Cell, Line, Table
@@ -79,7 +79,7 @@ def outcome_text(outcome: Outcome) -> str:
     return said
 
 
-def frame_lines(result: FrameSeen, _width: int) -> Iterator[Line]:
+def frame_lines(result: FrameSeen, _width: int) -> Iterable[Line]:
     """Show a frame with local time and UTC offset, kind, bytes and signals."""
     frame = result.frame
     data = "remote request" if frame.remote else frame.data.hex(" ").upper()
@@ -94,7 +94,7 @@ def frame_lines(result: FrameSeen, _width: int) -> Iterator[Line]:
     mapped = result.mapped_bytes
     if mapped is not None:
         cells.append(Cell(f"  [{plural(len(frame.data), 'byte')}, {mapped} mapped]", "yellow"))
-    yield cells
+    return (cells,)
 
 
 @lru_cache(maxsize=4096)
