@@ -149,13 +149,13 @@ class Listener:
 
         A time far from now, as from some gateways, is ignored: the frame came now.
         """
-        now_s = time()
-        if not frame.timestamp_s:
+        now_s, sent_s = time(), frame.timestamp_s
+        if not sent_s:
             return replace(frame, timestamp_s=now_s)
         if self._clock_s is None:
-            ahead_s = now_s - frame.timestamp_s
+            ahead_s = now_s - sent_s
             self._clock_s = ahead_s if abs(ahead_s) > FOREIGN_CLOCK_S else 0.0
-        dated_s = frame.timestamp_s + self._clock_s if self._clock_s else frame.timestamp_s
-        if not abs(now_s - dated_s) <= FOREIGN_CLOCK_S:  # also for NaN
+        dated_s = sent_s + self._clock_s
+        if not -FOREIGN_CLOCK_S <= now_s - dated_s <= FOREIGN_CLOCK_S:  # also for NaN
             dated_s = now_s
-        return frame if dated_s == frame.timestamp_s else replace(frame, timestamp_s=dated_s)
+        return frame if dated_s == sent_s else replace(frame, timestamp_s=dated_s)
