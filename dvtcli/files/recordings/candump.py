@@ -57,7 +57,7 @@ class CandumpFormat(RecordingFormat):
         first_s = writer.last_timestamp
         if first_s is None:
             first_s = writer.last_timestamp = frame.timestamp_s
-        can_id = f"{frame.can_id:08X}" if frame.extended else f"{frame.can_id:03X}"
+        can_id = f"{frame.can_id:0{8 if frame.extended else 3}X}"
         said = f"R{frame.dlc or ''}" if frame.remote else frame.data.hex().upper()
         writer.file.write(f"({max(frame.timestamp_s, first_s):f}) can0 {can_id}#{said} R\n")
 
