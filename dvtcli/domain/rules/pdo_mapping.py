@@ -142,8 +142,7 @@ def _size_findings(proposal: Proposal) -> Iterator[Finding]:
         yield error(
             "pdo-length",
             place,
-            f"{proposal.pdo.label} would need {want.bits} bits, a PDO has at most {MAX_PDO_BITS}: {parts} = "
-            f"{want.bits}",
+            f"{proposal.pdo.label} would need {want.bits} bits, at most {MAX_PDO_BITS} fit: {parts} = {want.bits}",
             Abort.PDO_LENGTH,
             f"{over} bits too many: {_to_drop(want.mapping, over)} into another PDO",
         )

@@ -43,7 +43,7 @@ def changed(index: int, **attributes: object) -> ObjectDictionary:
 
 def test_too_many_bits_are_counted_and_the_last_object_is_named() -> None:
     finding = found(mapping(TPDO1, *[STATUSWORD] * 5), "pdo-length")
-    assert "would need 80 bits, a PDO has at most 64" in finding.text
+    assert "would need 80 bits, at most 64 fit" in finding.text
     assert typed(finding.hint) == "16 bits too many: drop 6041:00, or put it into another PDO"
 
 

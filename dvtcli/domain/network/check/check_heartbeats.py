@@ -158,7 +158,7 @@ def unwatched_link(network: CheckedNetwork) -> NetFound:
             continue
         if connection.producer.heartbeat_ms:
             said.add(pair)
-            yield connection.spot, f"it receives {connection.sender}, but does not monitor the heartbeat of that node"
+            yield connection.spot, f"it receives {connection.sender}, but does not monitor its heartbeat"
 
 
 @check(

@@ -29,7 +29,7 @@ WRONG = [
     ("map tpdo1 6041/65", 2, "a length in bits, 1..64"),
     ("map tpdo1 6041/x", 2, "a length in bits, 1..64"),
     ("map tpdo1 1018:1", 1, "is not mappable"),
-    ("map tpdo1 606C 606C 6041", 1, "80 bits, a PDO has at most 64"),
+    ("map tpdo1 606C 606C 6041", 1, "80 bits, at most 64 fit"),
     ("map tpdo1 dummy/16", 1, "a TPDO cannot skip bits"),
     ("map rpdo1 dummy/65", 2, "1..64"),
     ("map rpdo1 6041", 1, "cannot be an RPDO's target"),
