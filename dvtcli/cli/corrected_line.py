@@ -37,7 +37,7 @@ _ANSWERED_AT_ONCE = frozenset({"-h", "--help", "--version"})
 #: a PDO, perhaps misspelt, with its node
 _LIKE_A_PDO = re.compile(r"((?:\d{1,3}:)?)([A-Za-z]{3,5})[-_]?(\d{1,3})")
 #: the nearest words, at the end of a message
-_SUGGESTION = re.compile(r"[;,.]? \(?did you mean [^?]*\?\)?$", re.IGNORECASE)
+_SUGGESTION = re.compile(r"[;,.]? \(?did you mean (?:(?!did you mean )[^?])*\?\)?$", re.IGNORECASE)
 #: the message about a name with blanks
 _ONE_NAME = re.compile("'([^']+)' is one name")
 _DIRECTIONS = ("tpdo", "rpdo")

@@ -62,7 +62,7 @@ def test_a_device_that_alters_another_pdo_did_not_do_what_was_planned(tmp_path: 
     assert code == 1
     (error,) = record.errors
     assert (error.place, error.state) == ("1801:01", "rolled_back")
-    assert "altered TPDO2" in error.text
+    assert "changed TPDO2" in error.text
     assert snapshot(run.device) == before
 
 

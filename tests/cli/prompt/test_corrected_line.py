@@ -160,7 +160,7 @@ def test_a_line_of_a_shell_runs_at_the_prompt_if_bus_and_node_are_the_same(open_
     terminal.run("dvtcli --sim gen4@5 -n 5 read 1018:1")
     terminal.wait("0x0000001E")
     terminal.run("dvtcli -n 9 store")
-    terminal.wait("this session runs on --sim gen4@5 -n 5; -n 9 is an option for the start of dvtcli")
+    terminal.wait("this session runs on --sim gen4@5 -n 5; -n 9 is an option for the start of")
 
 
 @pytest.mark.parametrize("line", ["$ dvtcli --sim gen4 -n 1 read 1018:1", "$ dvtcli read 1018:1", "$ read 1018:1"])

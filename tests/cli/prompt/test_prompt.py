@@ -105,7 +105,7 @@ def test_the_prompt_survives_what_goes_wrong(gen4: Terminal) -> None:
 def test_what_no_command_takes_is_said_before_it_runs_and_the_line_stays(gen4: Terminal) -> None:
     for line, wrong in [
         ('read "Velocity', "a quote is not closed"),
-        ("mpa tpdo1", "before: unknown command 'mpa'"),
+        ("mpa tpdo1", "unknown command 'mpa'"),
         ("map tpdo1 6041 --snyc 1", "'--snyc'"),
         ("map tpdo1 velocity_actul", "no object is named 'velocity_actul'"),
         ("set tpdo1 --type 999", "999: a transmission type is 0…255"),
