@@ -17,6 +17,7 @@ from dvtcli.watch.layout_fit import misfit
 from dvtcli.watch.recording_checks.node_problems import NodeProblems
 from dvtcli.watch.recording_checks.problems import Moment, Moments, Problem, TimesOf
 from dvtcli.watch.recording_checks.sdo_problems import Channel
+from dvtcli.watch.recording_checks.silences import Asked, Cause
 from dvtcli.watch.recording_checks.written_mappings import WrittenMappings
 from dvtcli.watch.sdo_transfers import SdoStep
 
@@ -128,12 +129,11 @@ class AnswerProblems:
     nodes: NodeProblems
     #: requests that are not answered yet, by node and object
     _asked: dict[Channel, Counter[bytes]] = field(default_factory=lambda: defaultdict(Counter))
-    #: the answer to each node's last request, and of a request without one the time, and why if the node was STOPPED
+    #: the answer to each node's last request, and the state of the node at a request without one
     _answered: dict[Channel, bytes | None] = field(default_factory=dict)
-    _waiting: dict[Channel, tuple[Moment, str]] = field(default_factory=dict)
+    _waiting: dict[Channel, Asked] = field(default_factory=dict)
     _twice: TimesOf[Channel] = field(default_factory=TimesOf)
-    #: with why the node answered nothing, empty if unknown
-    _never: TimesOf[tuple[Channel, str]] = field(default_factory=TimesOf)
+    _never: TimesOf[tuple[Channel, Cause]] = field(default_factory=TimesOf)
     _unasked: TimesOf[Channel] = field(default_factory=TimesOf)
     #: nodes that answer at all: tools ask every node-ID
     _present: set[Channel] = field(default_factory=set)
@@ -164,13 +164,13 @@ class AnswerProblems:
             self._waiting.pop(channel, None)
         elif step.step == "start":
             if channel in self._waiting and not is_other:
-                self._not_answered(channel, moment)
-            self._waiting[channel] = moment, self.nodes.stopped(channel[0])
+                self._not_answered(channel)
+            self._waiting[channel] = self.nodes.asked(channel[0], moment)
             self._asked[channel][data[1:4]] += 1
 
-    def _not_answered(self, channel: Channel, now: Moment) -> None:
-        asked, stopped = self._waiting[channel]
-        self._never.note(asked, (channel, stopped or self.nodes.silence(channel[0], now)))
+    def _not_answered(self, channel: Channel) -> None:
+        asked = self._waiting[channel]
+        self._never.note(asked.moment, (channel, self.nodes.cause(asked)))
 
     def _answer(self, moment: Moment, channel: Channel, data: bytes, step: SdoStep) -> None:
         """Look at an answer: of two to one request, the second is a finding."""
@@ -197,11 +197,11 @@ class AnswerProblems:
             yield Problem(UNASKED, text, f"SDO client and node {node_id}",
                           "whether two nodes have this node-ID, and whether frames are missing in the recording",
                           moments, node_id)  # fmt: skip
-        for channel, (asked, _) in self._waiting.items():
-            if end.time_s - asked.time_s > _PATIENCE_S:
-                self._not_answered(channel, end)
+        for channel, asked in self._waiting.items():
+            if end.time_s - asked.moment.time_s > _PATIENCE_S:
+                self._not_answered(channel)
         self._waiting = {}
-        for (channel, silence), moments in self._never.items():
+        for (channel, silence), moments in self._never.by(lambda key: (key[0], key[1].text(end))).items():
             if channel in self._present:
                 node_id = channel[0]
                 text = f"node {node_id}: {plural(moments.times, 'request')} without an answer"

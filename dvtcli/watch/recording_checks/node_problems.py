@@ -11,6 +11,7 @@ from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.watch.recording_checks.beats import LATE_AFTER_PERIODS, PeriodicFrames
 from dvtcli.watch.recording_checks.problems import Moment, Moments, Problem, TimesOf
+from dvtcli.watch.recording_checks.silences import Asked, Cause, Silence, Stop
 
 BOOT_UP = LintRule(
     "boot-up-in-operation", ERROR, "a node restarted without an NMT command", "CiA 301, 7.2.8.3.3: boot-up"
@@ -40,6 +41,8 @@ _RESETS = (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
 _HEARTBEAT_TIME, _SYNC_PERIOD = b"\x17\x10\x00", b"\x06\x10\x00"
 #: how long a node may be silent after a reset (s)
 _BOOT_S = 5.0
+#: how long an answer usually takes at most (s): a node that is STOPPED later had the time to answer
+_ANSWER_S = 0.1
 #: changes to the state before the last, without an NMT command, from which two nodes are likely
 _STATE_TURNS = 4
 
@@ -61,6 +64,8 @@ class _NodeSeen:
     emergencies: dict[int, Moments] = field(default_factory=dict)
     #: its last SDO response
     answered: Moment | None = None
+    #: the time since its last heartbeat, if it was asked since
+    silence: Silence | None = None
 
 
 @dataclass(slots=True)
@@ -72,8 +77,8 @@ class NodeProblems:
     _late: list[tuple[int, float, PeriodicFrames]] = field(default_factory=list)
     _syncs: list[PeriodicFrames] = field(default_factory=lambda: [PeriodicFrames()])
     _ended: list[tuple[int, int, Moments]] = field(default_factory=list)
-    #: by node-ID (0: all other nodes), what showed STOPPED, and in which frame; None for another state
-    _stopped: dict[int, tuple[str, int] | None] = field(default_factory=dict)
+    #: by node-ID (0: all other nodes), what showed STOPPED; None for another state
+    _stopped: dict[int, Stop | None] = field(default_factory=dict)
 
     def take(self, moment: Moment, frame: Frame, before: Moment) -> None:
         """Look at *frame*, of NMT, EMCY, SDO or error control; any frame came *before*."""
@@ -94,29 +99,34 @@ class NodeProblems:
             node.is_alive, node.gone = True, None
             self._emergency(moment, node_id, node, int.from_bytes(data[:2], "little"))
         elif service == _REQUESTS and data[1:4] == _HEARTBEAT_TIME and data[0] >> 5 == 1:
-            self._new_period(node_id, node)
+            self._new_period(moment, node_id, node)
         elif service == _REQUESTS and data[1:4] == _SYNC_PERIOD and data[0] >> 5 == 1:
             self._syncs.append(PeriodicFrames())
         elif service == _ANSWERS:
-            node.is_alive, node.gone, node.answered = True, None, moment
-            self._stopped[node_id] = None
+            self._answer(moment, node_id, node)
 
-    def stopped(self, node_id: int) -> str:
-        """Say why node *node_id* is STOPPED now, as what to check first; empty if it is not known to be."""
-        stop = self._stopped.get(node_id, self._stopped.get(0))
-        return f"{stop[0]} in frame {stop[1]}: a STOPPED node answers no SDO request" if stop is not None else ""
+    def _stop(self, node_id: int) -> Stop | None:
+        """What showed that node *node_id* is STOPPED now; None if it is not known to be."""
+        return self._stopped.get(node_id, self._stopped.get(0))
 
-    def silence(self, node_id: int, now: Moment) -> str:
-        """Say why node *node_id* answers no SDO request *now*: it is STOPPED, or its heartbeats end; else empty."""
-        if stopped := self.stopped(node_id):
-            return stopped
+    def asked(self, node_id: int, moment: Moment) -> Asked:
+        """Return the state of node *node_id* at a request at *moment*."""
         node = self._nodes.get(node_id)
-        if node is None or node.is_guarded or (last := node.heartbeats.last) is None:
-            return ""
-        period_s, is_later = node.heartbeats.period_s, node.answered is not None and node.answered > last
-        if is_later or not period_s or now.time_s - last.time_s <= LATE_AFTER_PERIODS * period_s:
-            return ""
-        return f"whether the node was on: it sent no heartbeat after frame {last.number}"
+        if node is None or (last := node.heartbeats.last) is None:
+            return Asked(node_id, moment, self._stop(node_id), None)
+        if node.silence is None:
+            node.silence = Silence(last, node.heartbeats, node.answered is not None and node.answered > last)
+        return Asked(node_id, moment, self._stop(node_id), node.silence)
+
+    def cause(self, asked: Asked) -> Cause:
+        """Return what may explain that the request *asked* has no answer by now.
+
+        A later stop does so only if the node had no time to answer before.
+        """
+        stop, node = asked.stop or self._stop(asked.node_id), self._nodes.get(asked.node_id)
+        if stop is not None and stop.moment.time_s - asked.moment.time_s > _ANSWER_S:
+            stop = None
+        return Cause(stop, None if node is None or node.is_guarded else asked.silence)
 
     def operational(self, node_id: int) -> tuple[Moment, Moment] | None:
         """The first and the last heartbeat of *node_id* in OPERATIONAL."""
@@ -127,12 +137,18 @@ class NodeProblems:
         if (node := self._nodes.get(node_id)) is not None:
             node.gone = None
 
+    def _answer(self, moment: Moment, node_id: int, node: _NodeSeen) -> None:
+        node.is_alive, node.gone, node.answered = True, None, moment
+        self._stopped[node_id] = None
+        if node.silence is not None:
+            node.silence.is_answered = True
+
     def _command(self, moment: Moment, data: bytes) -> None:
         if len(data) != 2:
             return
         if not data[1]:
             self._stopped.clear()
-        self._stopped[data[1]] = ("the NMT stop", moment.number) if data[0] == NmtCommand.STOP else None
+        self._stopped[data[1]] = Stop("the NMT stop", moment) if data[0] == NmtCommand.STOP else None
         for node_id, node in self._nodes.items():
             if data[1] in (0, node_id):
                 node.state_before = None
@@ -143,23 +159,25 @@ class NodeProblems:
         node.resets += 1
         if node.is_alive and node.gone is None:
             node.gone = moment
-        self._new_period(node_id, node)
+        self._new_period(moment, node_id, node)
 
-    def _new_period(self, node_id: int, node: _NodeSeen) -> None:
+    def _new_period(self, moment: Moment, node_id: int, node: _NodeSeen) -> None:
         """Judge later heartbeats by themselves: the node starts, or its 0x1017 is written."""
         if (period_s := node.heartbeats.period_s) and not node.is_guarded:
             self._late.append((node_id, period_s, node.heartbeats))
         node.heartbeats = PeriodicFrames()
+        _end_silence(moment, node)
 
     def _error_control(self, moment: Moment, node_id: int, node: _NodeSeen, state: int, silent_s: float) -> None:
         node.gone = None
         if state != NmtState.STOPPED:
             self._stopped[node_id] = None
-        elif self.stopped(node_id) == "":
-            self._stopped[node_id] = "the heartbeat", moment.number
+        elif self._stop(node_id) is None:
+            self._stopped[node_id] = Stop("the heartbeat", moment)
         if state != NmtState.INITIALISING:
             node.is_alive = True
             node.heartbeats.take(moment, silent_s)
+            _end_silence(moment, node)
             if state != node.state:
                 _change(moment, node, NmtState(state) if state in _STATES else None)
             if state == NmtState.OPERATIONAL:
@@ -168,7 +186,7 @@ class NodeProblems:
         if node.is_alive and not node.resets:
             self._boot_ups.note(moment, (node_id, node.state))
         if not node.resets:
-            self._new_period(node_id, node)
+            self._new_period(moment, node_id, node)
         for code, moments in node.emergencies.items():
             self._ended.append((node_id, code, moments))
         node.is_alive, node.resets, node.emergencies = True, max(0, node.resets - 1), {}
@@ -218,6 +236,12 @@ class NodeProblems:
             text = f"sends no heartbeat in the last {silent_s:.3g} s; before, its period was {1000 * period_s:.0f} ms"
             yield _of_node(STOPS, node_id, text, Moments.at(heartbeats.last),
                            "whether the node is on, bus off, or was unplugged")  # fmt: skip
+
+
+def _end_silence(moment: Moment, node: _NodeSeen) -> None:
+    """Note that the time without a heartbeat of *node* ended at *moment*."""
+    if node.silence is not None:
+        node.silence.end, node.silence = moment, None
 
 
 def _change(moment: Moment, node: _NodeSeen, state: NmtState | None) -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple, TypeVar
 
 from dvtcli.domain.lint.lint_rule import LintRule
 
 K = TypeVar("K")
+L = TypeVar("L")
 #: how many frames of a problem are named
 _MOST_FRAMES = 10
 #: rules whose problems mostly follow from others: a node that restarts, or is off, answers nothing; its mapping stays
@@ -91,3 +92,11 @@ class TimesOf(dict[K, Moments]):
             self[what].add(moment)
         else:
             self[what] = Moments.at(moment)
+
+    def by(self, name: Callable[[K], L]) -> TimesOf[L]:
+        """Return the same moments by the *name* of what happened then."""
+        named: TimesOf[L] = TimesOf()
+        for what, moments in self.items():
+            key = name(what)
+            named[key] = named[key].joined(moments) if key in named else moments
+        return named

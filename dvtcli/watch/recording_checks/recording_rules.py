@@ -59,7 +59,7 @@ class RecordingCheck:
     ) -> None:  # fmt: skip
         self._layout_of = layout_of
         self._nodes, self._lengths, self._mappings = NodeProblems(), LengthProblems(layout_of), WrittenMappings()
-        self._sdo, self._answers = SdoProblems(name_of, self._nodes.silence), AnswerProblems(self._nodes)
+        self._sdo, self._answers = SdoProblems(name_of, self._nodes), AnswerProblems(self._nodes)
         self._masters = MasterProblems()
         self._rpdos, self._streams = RpdoProblems(rpdos or {}), StreamProblems(bit_rate)
         self._tpdos, self._transfers = KnownTpdos(tpdos or {}), SdoTransfers()
@@ -150,7 +150,7 @@ class RecordingCheck:
 
     def _problems(self) -> Iterator[Problem]:
         if self._last is not None:
-            yield from self._sdo.problems()
+            yield from self._sdo.problems(self._last)
             yield from self._nodes.problems(self._last)
             yield from self._answers.problems(self._last)
             yield from self._masters.problems()

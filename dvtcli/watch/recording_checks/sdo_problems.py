@@ -9,7 +9,9 @@ from dvtcli.domain.abort import Abort, abort_text
 from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, LintRule
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.text import join_some
+from dvtcli.watch.recording_checks.node_problems import NodeProblems
 from dvtcli.watch.recording_checks.problems import Moment, Moments, Problem, TimesOf
+from dvtcli.watch.recording_checks.silences import Asked, Cause
 from dvtcli.watch.sdo_transfers import SdoStep
 
 REFUSED_WRITE = LintRule("refused-write", ERROR, "a node refused a write", "CiA 301, table 22: SDO abort codes")
@@ -75,16 +77,17 @@ class _AbortedTransfer:
 class SdoProblems:
     """Watches the SDO transfers of each node; *name_of* gives the name of a node's object, empty if unknown.
 
-    *silence_of* says why a node answers nothing at a moment, empty if unknown.
+    *nodes* knows which nodes are STOPPED or silent.
     """
 
     name_of: Callable[[int, int, int], str]
-    silence_of: Callable[[int, Moment], str]
+    nodes: NodeProblems
     _refused: TimesOf[_AbortedTransfer] = field(default_factory=TimesOf)
-    #: with why the node answered nothing
-    _given_up: TimesOf[tuple[_AbortedTransfer, str]] = field(default_factory=TimesOf)
+    _given_up: TimesOf[tuple[_AbortedTransfer, Cause]] = field(default_factory=TimesOf)
     #: object and direction of the transfer in progress
     _asked: dict[Channel, tuple[bytes, bool]] = field(default_factory=dict)
+    #: the state of the node at the last request, until its answer
+    _waiting: dict[Channel, Asked] = field(default_factory=dict)
     _incomplete: TimesOf[tuple[int, str, bool]] = field(default_factory=TimesOf)
     _pdos: dict[tuple[int, Pdo], _PdoWrites] = field(default_factory=dict)
     #: by node-ID, the disabled PDO whose count was written with 0 last, until the next transfer
@@ -109,6 +112,10 @@ class SdoProblems:
             self._asked[channel] = data[1:4], bool(step.is_write)
         elif step.step == "incomplete" and step.place is not None:
             self._incomplete.note(moment, (node_id, step.object, bool(step.is_write)))
+        if not request or step.step == "abort":
+            self._waiting.pop(channel, None)
+        else:
+            self._waiting[channel] = self.nodes.asked(node_id, moment)
 
     def _aborted(self, moment: Moment, channel: Channel, data: bytes, *, by_client: bool) -> None:
         node_id = channel[0]
@@ -118,7 +125,8 @@ class SdoProblems:
         index, sub_index, code = int.from_bytes(asked[:2], "little"), asked[2], int.from_bytes(data[4:], "little")
         transfer = _AbortedTransfer(node_id, index, sub_index, is_write, code)
         if by_client:
-            self._given_up.note(moment, (transfer, self.silence_of(node_id, moment)))
+            waiting = self._waiting.get(channel)
+            self._given_up.note(moment, (transfer, Cause() if waiting is None else self.nodes.cause(waiting)))
         else:
             self._refused.note(moment, transfer)
         if is_write and not by_client and (pdo := Pdo.at(index)) is not None:
@@ -147,15 +155,15 @@ class SdoProblems:
                 self._emptied[node_id] = writes
         writes.last = moment
 
-    def problems(self) -> Iterator[Problem]:
-        """Return refused and abandoned transfers, and PDOs that were left disabled or empty."""
+    def problems(self, end: Moment) -> Iterator[Problem]:
+        """Return refused and abandoned transfers, and PDOs that were left disabled or empty, in frames until *end*."""
         yield from self._absent()
         for transfer, moments in self._refused.items():
             if not transfer.is_of_absent:
                 yield self._aborted_transfer(
                     REFUSED_WRITE if transfer.is_write else REFUSED_READ, "refused", transfer, moments
                 )
-        for (transfer, silence), moments in self._given_up.items():
+        for (transfer, silence), moments in self._given_up.by(lambda key: (key[0], key[1].text(end))).items():
             yield self._aborted_transfer(GIVEN_UP, "given up", transfer, moments, silence)
         for (node_id, place, is_write), moments in self._incomplete.items():
             text = f"{'write to' if is_write else 'read of'} {place}: segments are missing or repeated"

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from dvtcli.domain.bus_load import least_frame_bits
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.lint.lint_rule import WARNING, LintRule
-from dvtcli.domain.network.frame_streams import EVENT_DRIVEN
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.text import plural
@@ -89,6 +88,8 @@ class _Pdo:
 
 #: sub-indices of a TPDO's communication parameter, and the bytes of the longest value
 _COB_ID, _TYPE, _EVENT_TIMER, _LONGEST = 1, 2, 5, 4
+#: the type of TPDOs that only events transmit; what transmits those of type 254, such as a timer, is the manufacturer's
+_BY_EVENTS = 255
 
 
 class KnownTpdos:
@@ -114,14 +115,17 @@ class KnownTpdos:
             self._values[node_id, pdo][sub_index].add(int.from_bytes(step.data, "little"))
 
     def event_driven(self) -> Collection[Address]:
-        """Return the CAN-IDs of TPDOs that only events transmit: their type was never another, their timer always 0."""
+        """Return the CAN-IDs of TPDOs that only events transmit: their type was never another, their timer always 0.
+
+        The CAN-ID of a disabled PDO may be that of another.
+        """
         cob_ids = [
             CobId.from_raw(raw)
             for values in self._values.values()
-            if values[_TYPE] and values[_TYPE] <= {*EVENT_DRIVEN} and values[_EVENT_TIMER] == {0}
+            if values[_TYPE] == {_BY_EVENTS} and values[_EVENT_TIMER] == {0}
             for raw in values[_COB_ID]
         ]
-        return {(cob_id.can_id, cob_id.extended) for cob_id in cob_ids}
+        return {(cob_id.can_id, cob_id.extended) for cob_id in cob_ids if cob_id.valid}
 
 
 class StreamProblems:

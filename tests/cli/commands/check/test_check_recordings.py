@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from random import Random
 from xml.etree import ElementTree as ET
@@ -279,7 +279,7 @@ def parameters(kind: int, timer_ms: int, *, is_read: bool) -> Planted:
 
 @pytest.mark.parametrize("is_read", [True, False])
 @pytest.mark.parametrize(
-    ("kind", "timer_ms", "is_found"), [(255, 0, True), (254, 0, True), (255, 1, False), (1, 0, False)]
+    ("kind", "timer_ms", "is_found"), [(255, 0, True), (254, 0, False), (255, 1, False), (1, 0, False)]
 )
 def test_an_even_flood_of_events_alone_is_told_from_a_cyclic_pdo(
     kind: int, timer_ms: int, is_read: bool, is_found: bool
@@ -289,6 +289,22 @@ def test_an_even_flood_of_events_alone_is_told_from_a_cyclic_pdo(
     frames = [*parameters(kind, timer_ms, is_read=is_read), *syncs_1_ms, *counted(jittered(0.001, 0.05, 3), 0x185)]
     found = [("pdo-floods", "0x185 was received up to 100 times in 0.1 s")] if is_found else []
     assert findings(frames) == found
+
+
+@pytest.mark.parametrize("is_read", [True, False])
+@pytest.mark.parametrize(("cob_id", "is_found"), [("85010080", False), ("850100C0", False), ("85010040", True)])
+def test_the_can_id_of_a_disabled_pdo_is_not_its_own(cob_id: str, is_read: bool, is_found: bool) -> None:
+    """A node may have a disabled TPDO with the CAN-ID that another sends with a timer."""
+    places = (("1800:01", "43PLACE"), ("1800:02", "4FPLACEFF000000"), ("1800:05", "4BPLACE00000000"))
+    rows = [
+        row
+        for number, (place, answer) in enumerate(places)
+        for row in read(number / 100, place, answer + ("" if number else cob_id))
+    ]
+    if not is_read:
+        rows[:2] = write(0.0, "1800:01", cob_id)
+    found = findings([*rows, *counted(every(0.001, 0.05, 3), 0x185)])
+    assert ("pdo-floods" in {rule for rule, _ in found}) == is_found
 
 
 def test_a_timer_that_was_switched_off_at_the_end_is_no_flood() -> None:
@@ -348,6 +364,71 @@ def test_a_stopped_or_silent_node_is_named_as_the_cause(frames: Planted, at_s: f
     assert looked == {says.format(number_of(planted, at_s, can_id))}
 
 
+UNKNOWN = {
+    "whether the node is on, and how busy it and the bus are",
+    "whether the node restarted or was busy at that time",
+}
+
+
+def asked(at_s: float) -> Planted:
+    """A request to node 5 without an answer that is given up after half a second."""
+    return [(at_s, 0x605, "4000200100000000"), (at_s + 0.5, 0x605, "8000200100000405")]
+
+
+def unanswered(at_s: float) -> Planted:
+    """A request to node 5 that is neither answered nor given up."""
+    return [(at_s, 0x605, "4018100400000000"), (6.0, 0x080, "")]
+
+
+@pytest.mark.parametrize("request_of", [asked, unanswered])
+@pytest.mark.parametrize("command", ["0205", "0200"])
+@pytest.mark.parametrize(("after_s", "is_cause"), [(-0.5, True), (0.05, True), (0.2, False), (0.45, False), (2, False)])
+def test_only_a_stop_before_the_answer_was_due_is_a_cause(
+    request_of: Callable[[float], Planted], command: str, after_s: float, is_cause: bool
+) -> None:
+    """Whenever the request is judged: at the client's abort, or at the end of the recording."""
+    planted = [*ANSWERED_ONCE, *request_of(2.0), (2.0 + after_s, 0x000, command), (6.0, 0x081, "0000")]
+    looked = looks(planted, {"sdo-given-up", "sdo-no-answer"})
+    number = number_of(planted, 2.0 + after_s, 0x000)
+    says = f"the NMT stop in frame {number}: a STOPPED node answers no SDO request"
+    assert looked == {says} if is_cause else len(looked) == 1 and looked < UNKNOWN
+
+
+@pytest.mark.parametrize("request_of", [asked, unanswered])
+@pytest.mark.parametrize(("beats", "says"), [
+    ([(0, 3), (5, 6)], None),  # when it was asked, its heartbeats came
+    ([(0, 3)], None),
+    ([(0, 1)], "it sent no heartbeat after frame {}"),
+    ([(0, 1), (3, 6)], "it sent no heartbeat for 2.1 s after frame {}"),
+    ([(0, 1), (1.8, 2.7)], None),  # the silence was over before the request
+])  # fmt: skip
+def test_heartbeats_are_judged_at_the_time_of_the_request(
+    request_of: Callable[[float], Planted], beats: list[tuple[float, float]], says: str | None
+) -> None:
+    frames = [row for first_s, last_s in beats for row in heartbeats(first_s, last_s)]
+    planted = [*ANSWERED_ONCE, *request_of(2.05), *frames, (6.0, 0x081, "0000")]
+    looked = looks(planted, {"sdo-given-up", "sdo-no-answer"})
+    if says is None:
+        assert len(looked) == 1
+        assert looked < UNKNOWN
+    else:
+        assert looked == {f"whether the node was on: {says.format(number_of(planted, 0.9, 0x705))}"}
+
+
+@pytest.mark.parametrize("then", [
+    (3.0, 0x705, "00"), (3.0, 0x000, "8105"), (3.0, 0x605, "2B17100064000000"), (3.0, 0x705, "7F"),
+])  # fmt: skip
+def test_a_silence_ends_with_any_new_start(then: tuple[float, int, str]) -> None:
+    planted = [*ANSWERED_ONCE, *asked(2.05), *heartbeats(0, 1), then, (6.0, 0x081, "0000")]
+    says = f"it sent no heartbeat for 2.1 s after frame {number_of(planted, 0.9, 0x705)}"
+    assert looks(planted, {"sdo-given-up"}) == {f"whether the node was on: {says}"}
+
+
+def test_a_node_that_answers_between_two_heartbeats_was_on() -> None:
+    planted = [*ANSWERED_ONCE, *asked(2.05), *heartbeats(0, 1), *read(3.0, "1018:04", "43PLACE01000000")]
+    assert looks(planted, {"sdo-given-up"}) < UNKNOWN
+
+
 @pytest.mark.parametrize("frames", [
     ALIVE, [*ALIVE, STOP], [*ALIVE, STOP, (1.5, 0x000, "0105")], [*ALIVE, STOP, (1.5, 0x000, "8000")],
     [STOP, (1.5, 0x705, "00"), (1.6, 0x705, "7F")], [STOP, *read(1.5, "1018:04", "43PLACE01000000")],
@@ -355,10 +436,7 @@ def test_a_stopped_or_silent_node_is_named_as_the_cause(frames: Planted, at_s: f
 ])  # fmt: skip
 def test_a_node_in_another_state_is_not_the_cause(frames: Planted) -> None:
     looked = looks([*frames, *SILENT, *ANSWERED_ONCE], {"sdo-given-up", "sdo-no-answer"})
-    assert looked == {
-        "whether the node is on, and how busy it and the bus are",
-        "whether the node restarted or was busy at that time",
-    }
+    assert looked == UNKNOWN
 
 
 @pytest.mark.parametrize(("first_s", "says"), [
