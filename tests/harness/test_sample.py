@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from tests.harness.costs import is_there, takes_much
+from tests.harness.costs import heavy_tests, is_there, takes_much
 from tests.harness.sample import CASES, LESS, left_out, mark_many, mark_quick, share_of
 
 
@@ -154,3 +154,10 @@ def test_what_is_much_depends_on_how_many_cases_there_are() -> None:
     assert not takes_much("t::one", {"t::one": 0.19})
     assert takes_much("t::one", {"t::one[1]": 0.15, "t::one[2]": 0.05})
     assert not takes_much("t::one", {"t::one[1]": 0.15, "t::one[2]": 0.04})
+
+
+def test_the_list_of_heavy_tests_names_tests_that_are_there() -> None:
+    """An empty or stale list makes a whole run half as long again: `python -m tests.harness.costs FOLDER --write`."""
+    gone = [test for test in heavy_tests() if not is_there(test)]
+    assert len(heavy_tests()) > 500
+    assert gone == []

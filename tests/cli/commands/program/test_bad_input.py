@@ -121,7 +121,7 @@ WRONG = [
     ("restore", 6, "--yes"),
     ("verify --frame", 2, "nothing to compare"),
     ("bogus", 2, "unknown command 'bogus'"),
-    ("mpa tpdo1 6041", 2, "did you mean 'map'"),
+    ("mpa tpdo1 6041", 2, "did you mean `dvtcli --sim gen4 map tpdo1 6041`?"),
     ("map tpdo1 6041 -Z", 2, "-Z"),
     ("map tpdo1 6041 --inhibt 3", 2, "--inhibit"),
     ("pdo --sim gen4", 2, "give it at the start of dvtcli"),
