@@ -209,7 +209,7 @@ class Gate:
                 self._vanished = isinstance(failed, NoAnswer)
                 before = f"{join_some(self.done)} before that; " if self.done else ""
                 failed.state = "unknown"
-                failed.state_text = f"unknown: {before}it did not become OPERATIONAL again"
+                failed.state_text = f"unknown: {before}it was not seen to be OPERATIONAL again"
                 raise
         self.found, self.entered = None, False
         self.done.clear()

@@ -45,6 +45,9 @@ class Stage(Enum):
 
     STOPPING = "the old firmware, which may be stopped"
     CLEARING = "the old firmware or none: the clear command was sent"
-    LOADING = "no complete firmware: the old firmware is cleared, the download of the new firmware is incomplete"
+    LOADING = (
+        "no firmware that is known to be complete: the old firmware is cleared, "
+        "and the new firmware was being downloaded or written"
+    )
     CHECKING = "a program that was loaded and not started"
     STARTING = "the new program; whether it runs is not known"

@@ -32,7 +32,7 @@ def must_tell_values(read: EdsFile | XddFile, file: str) -> None:
         return
     complaints = _complaints(read, file, {finding.rule for finding in lost})
     error = InputFileError(
-        f"{file}: {plural(len(lost), 'value')} are ambiguous; nothing was written",
+        f"{file}: {plural(len(lost), 'value')} cannot be known; nothing was written",
         place=complaints[0].place,
         why="what the file wants there is not known: neither its DefaultValue is it, nor either of two values",
         hint=Hint(Action.CHECK_EDS, {"file": file}, "correct the file; {} shows its other faults"),

@@ -81,6 +81,20 @@ def test_a_value_of_a_shared_parameter_is_left_out_and_named() -> None:
     }
 
 
+def test_a_value_of_a_template_is_left_out_and_named() -> None:
+    """The parameter itself has none, and no other object refers to it."""
+    parameters = (
+        '<parameterTemplate uniqueID="template"><actualValue value="5"/></parameterTemplate>'
+        '<parameter uniqueID="own" templateIDRef="template"/>'
+    )
+    text = xdd(OBJECTS + variable(0x2000, "Own", "0006", "rw", uniqueIDRef="own"), parameters).encode()
+    made = change_values(text, "n.xdc", {(0x2000, 0): b"\x09\0"}, 7)
+    assert made.data == text
+    assert dict(made.left_out) == {
+        (0x2000, 0): "its value is that of the parameter own, which has it from its template"
+    }
+
+
 def test_what_the_file_does_not_describe_is_left_out_and_named() -> None:
     made = change_values(XDC.encode(), "n.xdc", {(0x3000, 0): b"\x09\0"}, 7)
     assert dict(made.left_out) == {(0x3000, 0): "the file does not describe it"}

@@ -15,7 +15,11 @@ from tests.recovery.bench import Bench
 
 PROGRAM = bytes(count * 7 % 251 for count in range(2000))
 #: what the node is sent when it comes: stop, clear, a segment in the middle (it looks like a download), start
-HOLDS = {1: "the old firmware, which may be stopped", 2: "the old firmware or none", 40: "no complete firmware"}
+HOLDS = {
+    1: "the old firmware, which may be stopped",
+    2: "the old firmware or none",
+    40: "no firmware that is known to be complete",
+}
 
 
 @pytest.fixture

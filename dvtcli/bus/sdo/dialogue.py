@@ -294,24 +294,19 @@ class Dialogue:
     def _exchange(self, request: bytes) -> bytes | None:
         """Send *request* once; its answer, or None at the time-out.
 
-        After any other end, also by Ctrl-C, a late answer is expected. If a transfer's first request was not sent, the
-        transfer counts as not requested.
+        After any other end, also by Ctrl-C, a late answer is expected.
         """
         unsettled_before, self._unsettled = self._unsettled, True
         wait, inbox = _Wait(self.link, self.timeout_s), self.inbox
         answered = False
         try:
-            self.link.send_sdo(self.rx_cobid, request)
+            self._send(request)
             while (answer := wait.take(inbox)) is not None:
                 if answer is RESTARTED:  # a rebooted node will not answer any more, so the wait for a store can end
                     wait.shorten(self.settings.timeout_s)
                 elif self._fits(request, answer):
                     answered = True
                     break
-        except BusUnavailable as failed:
-            if failed.never_sent and request[0] >> 5 in _INITIATE:
-                self.requested = False
-            raise
         finally:
             if not answered:
                 self._late_answers += 1
@@ -320,6 +315,15 @@ class Dialogue:
         self._unsettled, self._has_answered = unsettled_before, True
         self._refuse_abort(answer)
         return answer
+
+    def _send(self, request: bytes) -> None:
+        """Send *request*; if a transfer's first request is not sent, the transfer counts as not requested."""
+        try:
+            self.link.send_sdo(self.rx_cobid, request)
+        except BusUnavailable as failed:
+            if failed.never_sent and request[0] >> 5 in _INITIATE:
+                self.requested = False
+            raise
 
     def _refuse_abort(self, answer: bytes) -> None:
         """Raise SdoAborted if *answer* is an abort."""

@@ -17,7 +17,7 @@ RULES = (
          "CiA 301, 7.5.2.35; the EDS, LowLimit and HighLimit (CiA 306); the family",
          (Abort.VALUE_HIGH, Abort.VALUE_LOW)),
     Rule("transmission-type", (Severity.ERROR, Severity.WARNING),
-         "a type that is reserved or not supported by the family (error), or manufacturer-specific (warning)",
+         "a type that is reserved or not supported by the family (error), or has a special meaning on it (warning)",
          "CiA 301, 7.5.2.35 and 7.5.2.37; the family", (Abort.VALUE_RANGE,)),
     Rule("event-timer", WARNING, "the event timer has no effect with this type on this family", "the family"),
 )  # fmt: skip

@@ -98,7 +98,8 @@ class _Writer:
             if own is None:
                 return
         elif own is None and parameter is not None and parameter.value(_ACTUAL) is not None:
-            raise ValueError(f"its value is that of the parameter {name}, which other objects have, too")
+            others = "which other objects have, too" if of_parameter is not None else "which has it from its template"
+            raise ValueError(f"its value is that of the parameter {name}, {others}")
         self._set(element, _ACTUAL, text)
 
     def _set(self, element: XmlElement, name: str, text: str) -> None:

@@ -166,7 +166,7 @@ def refuse_kind(file: str) -> None:
             place=file,
             hint=Hint(
                 Action.RESTORE,
-                why="a DCF, an XDC or a backup (.jsonl) has values; an EDS or XDD has defaults: {} writes them",
+                why="a DCF, an XDC or a backup (.jsonl) has values; {} loads the device's own defaults",
             ),
         )
 

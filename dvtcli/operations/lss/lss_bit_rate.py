@@ -72,7 +72,7 @@ class RateChange:
         left = [slave for slave in told if not self._takes(slave, self.before)]
         failed.state = "unknown" if left else state
         failed.state_text = f"all nodes run at {self.before} bit/s as before; nothing is stored" + (
-            f"; {names(left)} would still store {self.after} on a store command" if left else ""
+            f"; {names(left)} may have {self.after} configured, and would store it on a store command" if left else ""
         )
 
     def _takes(self, one: LssGiven, bit_rate: int) -> bool:

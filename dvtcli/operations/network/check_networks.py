@@ -30,7 +30,8 @@ if TYPE_CHECKING:
 
 #: Rules about files instead of states.
 FILE_RULES = (
-    LintRule("network-file", ERROR, "the file cannot be read or contradicts itself",
+    LintRule("network-file", ERROR,
+             "the file cannot be read, contradicts itself, or has values that its nodes cannot have",
              "the network file's keys; the nodes' dictionaries"),
     LintRule("cannot-be-made", ERROR, "the configuration in the file is not possible on its nodes",
              "the rules of `map` and `link`"),

@@ -126,4 +126,4 @@ def unknown_syncs(frames: ShortFrames, nodes: Iterable[ReadableNode]) -> tuple[i
 def sync_note(can_id: int) -> str:
     """Describe the SYNC of an unknown producer."""
     text = can_id_text(can_id, extended=False)
-    return f"SYNC {text} is received, but no node of the network produces it (0x1005): the producer is unknown"
+    return f"SYNC {text} is received, but no node that was read produces it (0x1005): the producer is unknown"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
@@ -144,12 +143,15 @@ def _carried_out(
 
 
 def _with_sync_finding(session: SessionNodes, planned: NodePlan, producer: Endpoint) -> NodePlan:
-    """Warn in the plan of the *producer*'s node if its TPDO will be synchronous and no known node produces SYNC."""
+    """Warn in the plan of the *producer*'s node if its TPDO will be synchronous and no known node produces SYNC.
+
+    Not if a node does not say whether it does.
+    """
     if planned.node_id != producer.node_id:
         return planned
     wanted = planned.wanted.get(producer.pdo)
     kind = None if wanted is None else wanted.communication.transmission_type
-    if kind not in SYNCHRONOUS or any(_produces_sync(session, node) for node in session.known_ids()):
+    if kind not in SYNCHRONOUS or any(_may_produce_sync(session, node) for node in session.known_ids()):
         return planned
     place = f"0x{producer.pdo.communication_index:04X}:02"
     text = f"{producer.pdo.label} is synchronous (type {kind}), and no known node produces SYNC, for which it waits"
@@ -157,7 +159,10 @@ def _with_sync_finding(session: SessionNodes, planned: NodePlan, producer: Endpo
     return replace(planned, findings=(*planned.findings, found))
 
 
-def _produces_sync(session: SessionNodes, node_id: int) -> bool:
-    with suppress(NoAnswer, SdoAborted, SdoProtocolError):  # a node that is off produces none
-        return bool((read_optional(session.node(node_id).read_cache, SYNC_COB_ID, 0, 4) or 0) & PRODUCES)
-    return False
+def _may_produce_sync(session: SessionNodes, node_id: int) -> bool:
+    """Tell whether *node_id* produces SYNC, or cannot be asked."""
+    try:
+        cob_id = read_optional(session.node(node_id).read_cache, SYNC_COB_ID, 0, 4) or 0
+    except (NoAnswer, SdoAborted, SdoProtocolError):
+        return True
+    return bool(cob_id & PRODUCES)

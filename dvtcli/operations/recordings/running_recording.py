@@ -149,7 +149,7 @@ class RunningRecording:
         failure: DvtcliError | None = None
         if session.cancellation.requested:
             failure = ended_with(
-                session.cancellation.exit_code, "the recording was ended by a signal; its file is complete"
+                session.cancellation.exit_code, "the recording was ended by a signal; its file was closed"
             )
         elif listener.is_gone:
             failure = BusUnavailable("the bus was gone when the recording ended")

@@ -84,6 +84,9 @@ def test_a_file_without_a_value_says_nothing_of_a_device(tmp_path: Path) -> None
         for line in (f"diff {file}", f"plan {file}", f"apply {file} --yes", f"clone {file} --yes"):
             ran = bench.run(line)
             assert (ran.code, "has no values for a device" in ran.stderr) == (2, True), ran
+        (tmp_path / "node.eds").write_text(text, "utf-8")
+        said = " ".join(bench.run(f"diff {tmp_path / 'node.eds'}").stderr.split())
+        assert "loads the device's own defaults" in said
     (tmp_path / "node.jsonl").write_text(made(tmp_path, "generic", "jsonl").read_text("utf-8").splitlines()[0] + "\n")
     with Bench(("generic@5",)) as bench:
         assert bench.run(f"diff {tmp_path / 'node.jsonl'}").code in (2, 4)

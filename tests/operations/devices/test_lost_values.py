@@ -141,6 +141,7 @@ def test_a_line_that_lacks_its_equals_sign_is_no_default(tmp_path: Path) -> None
     with pytest.raises(InputFileError) as raised:
         held_by(str(file))
     assert "ParameterValue: 0x514" in raised.value.complaints[0].text
+    assert raised.value.text == f"{file}: 1 value cannot be known; nothing was written"
 
 
 def test_a_network_is_not_imported_by_it_and_an_eds_may_have_it(tmp_path: Path) -> None:

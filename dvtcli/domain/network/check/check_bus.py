@@ -80,7 +80,7 @@ def timer_below_inhibit(network: CheckedNetwork) -> NetFound:
             yield at(node, pdo), text
 
 
-@check("bus-overload", ERROR, "the worst-case load of the PDOs that have a limit is over 100 %", _ANALYSIS)
+@check("bus-overload", ERROR, "the worst-case load of the frames that have a limit is over 100 %", _ANALYSIS)
 def bus_overload(network: CheckedNetwork) -> NetFound:
     """Frames of low priority are never sent."""
     if network.need is not None and network.need.limited > 1:

@@ -17,14 +17,18 @@ _TYPES = "CiA 301, 7.5.2.35 and 7.5.2.37: transmission type"
 _COUNTER = "CiA 301, 7.5.2.20 and 7.5.2.37: SYNC counter, SYNC start value"
 
 
-@check("sync-not-produced", ERROR, "PDOs are synchronous, but neither a node nor the master produces SYNC", _TYPES)
+@check(
+    "sync-not-produced", ERROR, "PDOs are synchronous, but neither a known node nor the master produces SYNC", _TYPES
+)
 def sync_not_produced(network: CheckedNetwork) -> NetFound:
     """Synchronous PDOs are never sent, and never take effect."""
     if network.state.master is not None:
         yield from _without_sync(network)
 
 
-@check("sync-from-elsewhere", WARNING, "PDOs are synchronous, no node produces SYNC, and no master is named", _TYPES)
+@check(
+    "sync-from-elsewhere", WARNING, "PDOs are synchronous, no known node produces SYNC, and no master is named", _TYPES
+)
 def sync_from_elsewhere(network: CheckedNetwork) -> NetFound:
     """A device outside the network has to send SYNC."""
     if network.traffic is not None and any(network.traffic.count(node.sync) for node in network.nodes):
@@ -38,7 +42,7 @@ def _without_sync(network: CheckedNetwork) -> NetFound:
         return
     listed = join_some(f"{node.node_id}:{pdo}" for node, pdo, _ in network.synchronous)
     first, pdo, _ = network.synchronous[0]
-    yield at(first, pdo), f"no node produces SYNC; these PDOs wait for it: {listed}"
+    yield at(first, pdo), f"no known node produces SYNC; these PDOs wait for it: {listed}"
 
 
 @check("two-syncs", ERROR, "two send SYNC", "CiA 301, 7.2.5: one producer")

@@ -121,6 +121,6 @@ def test_a_node_that_vanishes_once_it_has_acknowledged_is_said_to_have_done_so(
         assert bench.script("write 2800 0").code == 0
         ran = bench.script(line)
     assert ran.code == 5
-    assert f"state   unknown: {said} before that; it did not become OPERATIONAL again" in ran.stderr
+    assert f"state   unknown: {said} before that; it was not seen to be OPERATIONAL again" in ran.stderr
     assert "node 1 was OPERATIONAL, but does not answer now" in ran.stderr
     assert "nothing was written" not in ran.stderr

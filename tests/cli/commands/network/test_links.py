@@ -11,7 +11,8 @@ import pytest
 
 import dvtcli
 from dvtcli.errors import UsageError
-from tests.cli.commands.bench import Bench
+from tests.cli.commands.bench import Bench, beside
+from tests.cli.commands.bus import device
 from tests.harness.sample import heavy
 from tests.house.source import PACKAGE
 
@@ -263,6 +264,16 @@ def test_a_link_of_a_synchronous_tpdo_warns_without_a_sync_producer(bench: Bench
     for line in ("write 6:1005 0x80", "set 1:tpdo1 --event"):
         assert bench.run(line).code == 0
     assert "SYNC" not in bench.run("link 1:tpdo1 6:rpdo1").stderr
+
+
+def test_a_node_that_does_not_answer_may_produce_sync(tmp_path: Path) -> None:
+    """It is not claimed that no node does."""
+    bus = beside([device("gen4", 1), device("gen4", 6)])
+    with Bench((), {"yes": True, "node": 9, "journal": str(tmp_path)}, bus) as bench:
+        assert bench.run("map 1:tpdo1 6041 606C --cob-id 0x201 --sync 1").code == 0
+        assert bench.run("map 6:rpdo1 60FF --off").code == 0
+        ran = bench.run("link 1:tpdo1 6:rpdo1 --dry-run")
+        assert (ran.code, "produces SYNC" in ran.stderr) == (0, False), ran.stderr
 
 
 def test_programs_link_and_unlink() -> None:

@@ -89,6 +89,9 @@ def test_a_pdo_that_gets_a_mapping_and_stays_off_is_said_to(bench: Bench, tmp_pa
         "  ~ TPDO1  stays off: the file does not enable it",
         "  ~ TPDO4",
     ]
+    path.write_text("n: {node_id: 1, tpdo: {1: {mapping: [606C], enabled: false}}}\n")
+    shown = bench.run(f"plan {path}").stdout.splitlines()
+    assert [line for line in shown if "TPDO" in line] == ["  ~ TPDO1  stays off"]
 
 
 BESIDE = """nodes:

@@ -246,13 +246,13 @@ CASES = {
     "lose-request@2": (0, PROGRAM, "runs"),
     "lose-response@2": (0, PROGRAM, "runs"),
     "reset@2": (7, FACTORY_PROGRAM, "the old firmware or none"),
-    "refuse@3=0x06060000": (7, None, "no complete firmware"),
-    "reset@3": (7, None, "no complete firmware"),
-    "silent@3": (7, None, "no complete firmware"),
+    "refuse@3=0x06060000": (7, None, "no firmware that is known to be complete"),
+    "reset@3": (7, None, "no firmware that is known to be complete"),
+    "silent@3": (7, None, "no firmware that is known to be complete"),
     "refuse@4=0x08000000": (7, PROGRAM, "was loaded and not started"),
     "lose-response@4": (0, PROGRAM, "runs"),
     "silent@4": (7, PROGRAM, "whether it runs is not known"),
-    "flash-fails": (7, None, "no complete firmware"),
+    "flash-fails": (7, None, "no firmware that is known to be complete"),
 }
 
 
@@ -358,7 +358,7 @@ def test_what_was_not_completed_is_said_until_it_is_forgotten(tmp_path: Path) ->
     bus = VirtualTimeBus([device(1, "loader")], simulated=False)
     with Bench((), {"node": 1, "profile": "loader", "journal": str(tmp_path / "state")}, bus) as again:
         said = " ".join(again.run("read 1000").stderr.split())
-        assert "no complete firmware" in said
+        assert "no firmware that is known to be complete" in said
         assert "download the firmware again" in said
         assert again.run("download --forget").code == 0
         assert "nothing was noted" in again.run("download --forget").stdout
