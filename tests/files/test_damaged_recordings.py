@@ -226,3 +226,11 @@ def test_what_a_library_logs_of_a_file_does_not_reach_the_terminal(good: dict[st
             assert b"\x1b" not in done.stdout + done.stderr
             said = [line for line in done.stderr.decode().splitlines() if not line.startswith(" ")]
             assert [line for line in said if line.split(":")[0] not in ("error", "note", "warning")] == []
+
+
+def test_bytes_that_are_no_text_are_not_printed(tmp_path: Path) -> None:
+    path = tmp_path / "junk.log"
+    path.write_bytes(bytes(range(128, 256)) * 4 + b"\n")
+    with pytest.raises(InputFileError) as raised:
+        list(read_recorded(path))
+    assert raised.value.why == "this line is no frame, nor text"

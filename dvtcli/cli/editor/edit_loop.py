@@ -53,6 +53,7 @@ def edit(session: Conversation, pdo: NodePdo | None) -> None:
     session.keep_frames()
     node = session.node(None if pdo is None else pdo.node_id)
     editor = Editor(session, node, _shown_first(node, pdo))
+    refused: DvtcliError | None = None
     while editor.run() == APPLY:
         changed = editor.pdos.changed()
         try:
@@ -60,9 +61,13 @@ def edit(session: Conversation, pdo: NodePdo | None) -> None:
         except DvtcliError as failed:
             if failed.exit_code in _ENDS or failed.state in _NOT_WHAT_IT_WAS or session.cancellation.requested:
                 raise
-            session.output.error(failed)
+            if failed.state == "unchanged":  # the editor shows it; the shell only if it is not corrected
+                refused = failed
+            else:
+                session.output.error(failed)
             editor.say(f"not applied: {error_text(failed)}", bad=True)
         else:
+            refused = None
             session.output.result(result)
             editor.say(_said(result, changed))
         session.cancellation.release()
@@ -73,7 +78,14 @@ def edit(session: Conversation, pdo: NodePdo | None) -> None:
         if note := editor.pdos.read_again(node.pdos()):
             editor.say(f"{editor.view.message}; {note}", bad=True)
     if left := editor.pdos.changed():
-        session.reporter.note(f"{', '.join(pdo.label for pdo in left)} left as it was")
+        _say_left(session, left, refused)
+
+
+def _say_left(session: Conversation, left: Collection[Pdo], refused: DvtcliError | None) -> None:
+    """Show the last refusal, if any, that no later change corrected, and the PDOs *left* as they were."""
+    if refused is not None:
+        session.output.error(refused)
+    session.reporter.note(f"{', '.join(pdo.label for pdo in left)} left as it was")
 
 
 def _shown_first(node: ReadableNode, pdo: NodePdo | None) -> Pdo | None:
@@ -267,6 +279,7 @@ def _suffix(file: str) -> str:
 def _shown(session: Conversation, nodes: FileNodes, editor: Editor, message: str) -> tuple[Editor, str]:
     """Show editors until the user leaves, or the file is written; returns the last one, and what was written."""
     editor.say(message)
+    refused: DvtcliError | None = None
     while (outcome := editor.run()) != LEAVE:
         if outcome != APPLY:
             editor = nodes.editor(editor.next_node)
@@ -279,6 +292,8 @@ def _shown(session: Conversation, nodes: FileNodes, editor: Editor, message: str
             except DvtcliError as failed:
                 if session.cancellation.requested:
                     raise
-                session.output.error(failed)
+                refused = failed  # the editor shows it; the shell only if it is not corrected
                 editor.say(f"not written: {in_a_line(session, failed)}", bad=True)
+    if refused is not None and nodes.changed():
+        session.output.error(refused)
     return editor, ""

@@ -103,6 +103,8 @@ def spelled(key: str) -> str:
 
 def _one_edit_apart(typed: str, name: str) -> bool:
     """Whether the words differ by one inserted, deleted or replaced character, or one swap."""
+    if len(typed) == 2:
+        return typed == name[::-1]
     if min(len(typed), len(name)) < 3 or abs(len(typed) - len(name)) > 1:
         return False
     same = next((at for at, (a, b) in enumerate(zip(typed, name, strict=False)) if a != b), min(len(typed), len(name)))

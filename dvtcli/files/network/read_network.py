@@ -69,7 +69,9 @@ def _endpoint(tree: Tree, direction: Direction, node_ids: Mapping[str, int], log
     if node_id is None and name.isdecimal() and int(name[:4]) in node_ids.values():
         node_id = int(name[:4])
     if node_id is None:
-        log.complain(tree.mark, f"this file has no node {name[:40]!r}")
+        near = log.nearest(name, node_ids)
+        meant = "" if near is None else f", did you mean {near!r}?"
+        log.complain(tree.mark, f"this file has no node {name[:40]!r}{meant}")
         return None
     return Endpoint(node_id, pdo)
 

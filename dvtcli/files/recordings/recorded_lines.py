@@ -27,7 +27,11 @@ class LostLineError(NoFrameError):
 
 def no_frame(text: str) -> str:
     """Return the message that a line of a recording is no frame, with the line."""
-    return f"this line is no frame: {safe(text.strip()[:_LONGEST])}"
+    shown = text.strip()[:_LONGEST]
+    unprintable = sum(not character.isprintable() or character == "\N{REPLACEMENT CHARACTER}" for character in shown)
+    if unprintable * 4 > len(shown):
+        return "this line is no frame, nor text"
+    return f"this line is no frame: {safe(shown)}"
 
 
 #: maximum length of a line (characters), against files without line ends

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 from dvtcli.domain.hint import Action, Hint, sentence
 from dvtcli.domain.rules.finding import Finding
-from dvtcli.errors import DvtcliError, RuleError
+from dvtcli.errors import DvtcliError, InputFileError, RuleError
 from dvtcli.files.input_file import forget_pipes
 
 T = TypeVar("T")
@@ -118,7 +118,7 @@ ARGUMENTS: dict[Action, str] = {
 #: arguments without a call -> the command
 _COMMANDS = {
     "accept": "dvtcli recover --accept", "discard": "dvtcli recover --discard", "backup": "dvtcli undo --backup",
-    "mpdo": "dvtcli set PDO --mpdo KIND",
+    "mpdo": "dvtcli set PDO --mpdo KIND", "recording": "dvtcli --json check RECORDING",
 }  # fmt: skip
 #: placeholders for words known only to the user
 _PLACEHOLDERS = frozenset({"FILE", "ID", "NAME", "NODE", "NUMBER", "OBJECT", "S", "TIME", "TYPE", "VALUE", "WHEN"})
@@ -274,6 +274,8 @@ def _of_this_program(text: str) -> str:
 def _further(raised: DvtcliError) -> Iterator[tuple[str, str]]:
     """Yield the labelled details of an error."""
     yield from raised.details
+    if isinstance(raised, InputFileError):
+        yield from (("error", f"{complaint.place}: {complaint.text}") for complaint in raised.complaints)
     if isinstance(raised, RuleError):
         for finding in raised.findings:
             also = "" if finding.text in raised.text else f"{finding.text}; "

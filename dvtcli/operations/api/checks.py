@@ -8,6 +8,7 @@ from pathlib import Path
 from reprlib import repr as short
 from typing import TYPE_CHECKING, Any
 
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import UsageError
 from dvtcli.operations.api.called_hints import errors_in_calls
 from dvtcli.operations.network.check_networks import CheckOptions
@@ -128,6 +129,20 @@ def check_eds(
             chosen, words("rules", rules), words("without", without), strict=strict, family=profile
         )
     return found if isinstance(found, FileReports) else FileReports((found,))
+
+
+def refuse_recordings(files: Sequence[str]) -> None:
+    """Raise UsageError if one of *files* is a recording: only the command checks recordings."""
+    from dvtcli.files.recordings.recognised import is_recording
+
+    recording = next((file for file in files if is_recording(Path(file))), None)
+    if recording is not None:
+        with errors_in_calls():
+            raise UsageError(
+                f"{recording} is a recording, and this call checks networks",
+                place=recording,
+                hint=Hint(Action.CHECK, {"recording": recording}, "{} checks recordings"),
+            )
 
 
 def check_options(

@@ -222,12 +222,13 @@ class NetworkCalls:
 
         Applies *rules* (empty: all) except *without*; *strict* treats warnings as errors. *bit_rate* (bit/s) replaces
         the bus's own. The bus is recorded for *for_s* seconds (0…3600; None: 2, or not at all if nobody else can be on
-        it). Read errors of a file are findings. Writes nothing. Raises UsageError for an unknown rule.
+        it). Read errors of a file are findings. Writes nothing. Raises UsageError for an unknown rule, or a recording.
         """
-        from dvtcli.operations.api.checks import check_options
+        from dvtcli.operations.api.checks import check_options, refuse_recordings
         from dvtcli.operations.network.check_live import check_all
 
         chosen = [str(path("files", file)) for file in files]
+        refuse_recordings(chosen)
         options = check_options(rules, without, bit_rate, for_s, strict=strict)
         return self._calls.run(lambda: check_all(self._session, chosen, options))
 

@@ -176,12 +176,11 @@ def _chosen(
             )
         raise UsageError(
             f"nothing to compare: {said}",
-            hint=Hint(Action.VERIFY, {"file": "FILE"}, "compares with a script")
-            + Hint(
-                Action.GIVE,
-                {"frame": True},
-                ", or a DCF or an EDS, with {}; without FILE it compares with the earlier changes of the prompt or "
-                "the script",
+            hint=Hint(
+                Action.VERIFY,
+                {"file": "FILE"},
+                "{} compares with a script, a DCF or an EDS"
+                + ("; each command of a shell is its own session" if against == SESSION else ""),
             ),
         )
     asked: dict[int, list[Pdo]] = {}

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 LISTEN_S = 2.0
 #: rules about recordings that need what a file says of the PDOs
 _NEED_A_FILE = {
-    LENGTH.name: "rule other-length needs the mappings of the nodes",
+    LENGTH.name: "rule other-length replaces it there, with the mappings of the nodes",
     NOT_SENT.name: "the expected RPDOs are unknown; check a recording with a network file",
 }
 #: Identification and NMT settings of a node, which no file decides.

@@ -50,8 +50,9 @@ def _facts(served: Serving, host: str, bit_rate: int | None) -> Facts:
     who = ", ".join(names[:_NAMED]) + more
     places, attach = [], ""
     if served.port is not None:
-        places.append(f"listening on {f'[{host}]' if ':' in host else host}:{served.port}")
-        attach = f"dvtcli -i socketcand -c can0 --bus-kwargs host={host} --bus-kwargs port={served.port}"
+        address = f"[{host}]" if ":" in host else host
+        places.append(f"listening on {address}:{served.port}")
+        attach = f"dvtcli -i socketcand -c {address}:{served.port}"
         attach += "" if bit_rate is None else f" -b {bit_rate}"
     if served.joined is not None:
         places.append(f"on {served.joined}")

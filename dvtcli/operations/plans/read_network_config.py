@@ -68,14 +68,17 @@ def _why_no_dcf(folder: Path, name: str) -> str:
     from dvtcli.simulator.network.family_file import family_names
 
     path = folder / name.removeprefix(BESIDE)
+    inside = path.parent
     beside = (
-        [file.name for file in folder.iterdir() if file.suffix.lower() in DEVICE_SUFFIXES] if folder.is_dir() else []
+        [file.name for file in inside.iterdir() if file.suffix.lower() in DEVICE_SUFFIXES] if inside.is_dir() else []
     )
     if path.exists():
         kind = "a folder" if path.is_dir() else "a pipe or a device"
         return f"{path} is {kind}, and dcf names a file: an EDS, DCF, XDD or XDC"
     families = family_names()
-    near = nearest(name, [*beside, *families])
+    near = nearest(path.name, [*beside, *families])
+    if near in beside:  # written as the file's author wrote the folder
+        near = f"{name[: len(name) - len(path.name)]}{near}"
     meant = f"; did you mean {near!r}?" if near else f"; families are {', '.join(families)}"
     return f"there is no {path}, and no simulated family or library file is called {name[:40]!r}{meant}"
 

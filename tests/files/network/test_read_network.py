@@ -230,6 +230,8 @@ def test_what_is_wrong_in_a_node_is_said(text: str, says: str) -> None:
         ("a: " + "{a: " * 3000, 1, "nested too deep"),
         ("a: {node_id: 1}\nlinks: [{from: a:rpdo1, to: a:rpdo1}]\n", 2, "a link goes from a TPDO to RPDOs"),
         ("a: {node_id: 1}\nlinks: [{from: b:tpdo1, to: a:rpdo1}]\n", 2, "this file has no node 'b'"),
+        ("io: {node_id: 1}\nlinks: [{from: oi:tpdo1, to: io:rpdo1}]\n", 2, "no node 'oi', did you mean 'io'?"),
+        ("drive: {node_id: 1}\nlinks: [{from: drvie:tpdo1, to: 1:rpdo1}]\n", 2, "'drvie', did you mean 'drive'?"),
         ("a: {node_id: 1}\nlinks: [{from: a tpdo1, to: a:rpdo1}]\n", 2, 'NODE:tpdoN is expected here, not "a tpdo1"'),
         ("a: {node_id: 1}\nlinks: [{from: a:tpdo1}]\n", 2, "a link has no to"),
         ("a: {node_id: 1}\nlinks: [{from: a:tpdo1, to: []}]\n", 2, "a link needs an RPDO"),

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import dvtcli
-from dvtcli.errors import SafetyRefusal, UsageError
+from dvtcli.errors import InputFileError, SafetyRefusal, UsageError
 from tests.harness.sample import heavy
 from tests.process import ROOT
 
@@ -82,3 +82,41 @@ def test_the_time_that_an_answer_takes_is_none_of_the_change_s(tmp_path: Path) -
     with dvtcli.simulate("gen4@1", ask=think) as bus:
         done = bus.apply(str(file))
     assert done.seconds <= time.monotonic() - answered[0]
+
+
+def test_the_errors_of_a_file_are_in_the_notes_of_the_exception(tmp_path: Path) -> None:
+    file = tmp_path / "net.yaml"
+    file.write_text("a:\n  node_id: 1\n  tpdoo: {1: {event_timer: 70}}\n  stroe: true\n")
+    with dvtcli.simulate("generic@1") as bus, pytest.raises(InputFileError, match="2 errors") as raised:
+        bus.apply(file, yes=True)
+    notes = raised.value.__notes__
+    assert notes[0].startswith(f"error: {file}:3:3: unknown key 'tpdoo' in node a, did you mean 'tpdo'?")
+    assert notes[1].startswith(f"error: {file}:4:3: unknown key 'stroe' in node a, did you mean 'store'?")
+    assert [complaint.line for complaint in raised.value.complaints] == [3, 4]
+
+
+def test_a_recording_is_no_network_to_check() -> None:
+    file = ROOT / "examples" / "run.log"
+    with dvtcli.simulate("gen4") as bus, pytest.raises(UsageError, match="is a recording, and this call") as raised:
+        bus.check(file)
+    assert raised.value.hint == "`dvtcli --json check RECORDING` checks recordings"
+
+
+@pytest.mark.parametrize(
+    ("dcf", "says"),
+    [
+        ("eds-files/lelly.eds", "did you mean 'eds-files/lely.eds'?"),
+        ("lelly.eds", "did you mean 'here.lely.eds'?"),
+        ("gne4", "did you mean 'gen4'?"),
+        ("nowhere/0815.eds", "families are"),
+    ],
+)
+def test_a_mistyped_file_is_suggested_from_its_own_folder(dcf: str, says: str, tmp_path: Path) -> None:
+    (tmp_path / "eds-files").mkdir()
+    for name in ("eds-files/lely.eds", "here.lely.eds"):
+        (tmp_path / name).write_text("")
+    file = tmp_path / "net.yaml"
+    file.write_text(f"a: {{node_id: 1, dcf: {dcf}}}\n")
+    with dvtcli.simulate("generic@1") as bus, pytest.raises(InputFileError) as raised:
+        bus.plan(file)
+    assert says in raised.value.complaints[0].text

@@ -192,7 +192,7 @@ def test_it_leaves_cleanly(gen4: Served, number: int, code: int) -> None:
             pass
     assert gen4.said == (
         f"listening on 127.0.0.1:{gen4.port}: node 1 gen4; attach with\n"
-        f"dvtcli -i socketcand -c can0 --bus-kwargs host=127.0.0.1 --bus-kwargs port={gen4.port}\n"
+        f"dvtcli -i socketcand -c 127.0.0.1:{gen4.port}\n"
         "Names of objects: --eds gen4, or `dcf: gen4` in a network file.\n"
     )
     assert gen4.complaints.strip() == ("interrupted" if code == 130 else "terminated")

@@ -47,7 +47,8 @@ def change_lines(result: Changed, width: int) -> Iterator[Line]:
     yield from table.lines(width)
     writes = f"{count} write{'' if count == 1 else 's'}"
     if result.dry_run:
-        set_on_twin = f"{_counted(result, labels, 'would be set')}: {writes} on the twin, {_read_back(result)}"
+        verb = "would be rolled back" if result.undone else "would be set"
+        set_on_twin = f"{_counted(result, labels, verb)}: {writes} on the twin, {_read_back(result)}"
         yield [Cell("dry run: ", "cyan"), Cell(f"{set_on_twin}. Nothing was sent.")]
         return
     yield from _outcome_lines(result, labels, writes)
@@ -129,9 +130,13 @@ def _counted(result: Changed, labels: str, verb: str) -> str:
 
 
 def _others(result: Changed) -> str:
-    """Return the number of further values checked during an undo."""
-    count = len(_labels(result, result.plan.changes)) - len(_written(result))
-    return f"{count} more {'is' if count == 1 else 'are'} as before. " if count else ""
+    """Return the number of further PDOs and objects checked during an undo."""
+    written = _written(result)
+    others = [label for label in _labels(result, result.plan.changes) if label not in written]
+    pdos = sum(":" not in label for label in others)
+    counted = ((pdos, "more PDO"), (len(others) - pdos, "other object" if pdos else "more object"))
+    text = " and ".join(plural(count, noun) for count, noun in counted if count)
+    return f"{text} {'is' if len(others) == 1 else 'are'} as before. " if others else ""
 
 
 def _value(result: Changed, step: Step, data: bytes | None) -> str:
