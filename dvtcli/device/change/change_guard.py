@@ -307,8 +307,12 @@ def who_else(guard: ChangeGuard | None) -> str:
 def _way_out(path: Path) -> Hint:
     """How to finish the interrupted change with the journal at *path*."""
     try:
-        read_journal(path)
+        journal = read_journal(path)
     except InputFileError:
         discard = Hint(Action.RECOVER, {"discard": True}, f"the journal is damaged: {{}} sets {verbatim(path)} aside")
         return discard + Hint(Action.SHOW_PDOS, why=", then check the node with {}")
-    return Hint(Action.RECOVER, why=f"rolls back to the old configuration, with the journal {verbatim(path)}")
+    group_id = journal.part.group_id
+    together = () if group_id is None else Journals(path.parent, journal.bus).all_of(group_id)
+    ids = sorted({journal.plan.node_id, *(other.plan.node_id for other in together)})
+    what = f"rolls back all nodes of that change ({', '.join(map(str, ids))})" if len(ids) > 1 else "rolls back"
+    return Hint(Action.RECOVER, why=f"{what} to the old configuration, with the journal {verbatim(path)}")

@@ -12,6 +12,7 @@ from dvtcli.domain.rules.finding import Finding
 
 if TYPE_CHECKING:
     from dvtcli.domain.file_complaint import FileComplaint
+    from dvtcli.domain.network.network_config import MasterRole
     from dvtcli.domain.object_scalings import ScaledValue
 
 Identity = dict[str, int | None]
@@ -151,8 +152,8 @@ class NetworkPlan:
 
     file: str
     nodes: tuple[NodePlan, ...]
-    #: whether a master sends SYNC according to the file
-    has_sync_master: bool = False
+    #: the master that the file describes, None if it describes none
+    master: MasterRole | None = None
     #: CAN-IDs of received SYNC without a producer
     unknown_syncs: tuple[int, ...] = ()
     #: node-ID of the manager that is to download the configuration to the others, if planned so
@@ -163,6 +164,11 @@ class NetworkPlan:
     lacking: tuple[MissingObject, ...] = ()
     #: PDOs that the file only links with missing PDOs: their intended configuration is unknown
     unlinked: tuple[tuple[int, Pdo], ...] = ()
+
+    @property
+    def has_sync_master(self) -> bool:
+        """Whether a master sends SYNC according to the file."""
+        return self.master is not None and bool(self.master.sync_period_us)
 
     @property
     def changed(self) -> bool:

@@ -111,7 +111,7 @@ def waiting_paths(session: SessionNodes, file: str | None, refused: list[DvtcliE
     if selected is not None:
         return _of_node(session, selected)
     found: list[Path] = []
-    for node_id in _waiting_ids(session):
+    for node_id in waiting_ids(session):
         try:
             found += _of_node(session, node_id)
         except SafetyRefusal as at_work:
@@ -131,7 +131,7 @@ def _of_node(session: SessionNodes, node_id: int) -> list[Path]:
     return [path] if path is not None else []
 
 
-def _waiting_ids(session: SessionNodes) -> list[int]:
+def waiting_ids(session: SessionNodes) -> list[int]:
     """Return node-IDs of this bus with a journal: in our folder, or noted in the node's lock."""
     bus = session.open_network().bus.name
     journals, locks = Journals(session.state_folder / "journals", bus), state_folder(None) / "locks"

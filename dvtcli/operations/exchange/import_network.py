@@ -19,7 +19,7 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.files.dcf.device_keys import is_read_out
-from dvtcli.files.device_file import DEVICE_SUFFIXES, read_device_file
+from dvtcli.files.device_file import DEVICE_SUFFIXES, must_not_be_cut, read_device_file
 from dvtcli.files.input_file import read_input
 from dvtcli.files.nodelist import MOST_BYTES, SUFFIX, ListedNode, read_nodelist
 from dvtcli.files.profile.library import profile_of
@@ -213,7 +213,9 @@ def _lacked(one: _FileNode) -> list[Pdo]:
 def _read(path: Path) -> ObjectDictionary:
     """Read the whole file at *path*: its values become those of the network file."""
     dictionary = read_dictionary(path)
-    must_tell_values(read_device_file(path), str(path))
+    read = read_device_file(path)
+    must_not_be_cut(read)
+    must_tell_values(read, str(path))
     return dictionary
 
 

@@ -107,7 +107,7 @@ def find_nodes(session: SessionNodes, answer_s: float = _ANSWER_S) -> NodeListin
     """List nodes 1…127 that are heard or answer; *answer_s* (s) is the time-out of the first answer.
 
     Nodes that are heard or answer late get the bus's time-out as well before they count as silent. Only reads. Raises
-    BusUnavailable without a bus; an error of a node is a note in its row.
+    BusUnavailable without a bus; an error of a node is a note in its row. Reports interrupted changes.
     """
     started = time.monotonic()
     bus = session.bus
@@ -118,7 +118,18 @@ def find_nodes(session: SessionNodes, answer_s: float = _ANSWER_S) -> NodeListin
     rows = [_with_file(session, _with_own_state(session, row)) for row in found]
     rows.sort(key=lambda row: row.node)
     session.network.scanned = tuple(row.node for row in rows)
+    _note_interrupted(session)
     return NodeListing(bus.name, tuple(rows), time.monotonic() - started)
+
+
+def _note_interrupted(session: SessionNodes) -> None:
+    """Report the interrupted changes of nodes of this bus, whether these answer or not."""
+    from dvtcli.operations.changes.waiting_journals import waiting_ids
+
+    network = session.network
+    if network.change_files is not None:
+        for node_id in waiting_ids(session):
+            network.change_files.guard(node_id, None)
 
 
 def answering_ids(bus: CanopenBus) -> list[int]:

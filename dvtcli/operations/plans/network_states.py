@@ -161,7 +161,7 @@ def network_after(state: NetworkState, plan: NetworkPlan, config: NetworkConfig 
     nodes = (_node_after(node, planned.get(node.node_id), configured.get(node.node_id)) for node in state.nodes)
     links = () if config is None else config.links
     return state._replace(
-        nodes=tuple(nodes), master=None if config is None else config.master, links=links, file=plan.file
+        nodes=tuple(nodes), master=plan.master if config is None else config.master, links=links, file=plan.file
     )
 
 

@@ -95,3 +95,22 @@ def test_what_is_printed_runs_and_its_sentence_is_true(chain: Chain, home: Path,
         assert after.journals() == []
 
     killed(chain, home, kind, look)
+
+
+def test_scan_alone_says_that_a_change_was_interrupted(chain: Chain, home: Path) -> None:
+    def look(after: Chain) -> None:
+        with bench(after, yes=False) as asking:
+            ran = asking.run("scan")
+        assert "was interrupted, which changed nodes 5, 9" in ran.stderr
+        assert printed(ran) == {"recover"}
+
+    killed(chain, home, "change", look)
+
+
+def test_the_hint_of_one_node_names_all_nodes_that_it_rolls_back(chain: Chain, home: Path) -> None:
+    def look(after: Chain) -> None:
+        with bench(after, yes=True) as asking:
+            ran = asking.run("set 5:tpdo1 --timer 50")
+        assert "-n 5 recover` rolls back all nodes of that change (5, 9) to the old configuration" in ran.stderr
+
+    killed(chain, home, "change", look)

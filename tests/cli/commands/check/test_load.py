@@ -213,3 +213,19 @@ def test_a_row_fits_the_screen_and_says_what_limits_a_frame(width: int, for_s: f
 
 def text_of(line: Line) -> str:
     return line if isinstance(line, str) else "".join(cell.text for cell in line)
+
+
+def test_the_load_after_a_plan_counts_the_sync_of_the_files_master() -> None:
+    """A synchronous TPDO is limited by it, as `load` of the same file says."""
+    Path("sync.yaml").write_text(
+        "master: {node_id: 127, sync_period: 10000}\n"
+        "nodes:\n  a: {node_id: 1, tpdo: {1: {enabled: true, transmission: 1, mapping: [6041:00]}}}\n"
+    )
+    with Bench(("gen4@1",), {"bitrate": 250_000}) as bench:
+        need = load_after(bench.session, plan_network(bench.session, "sync.yaml"))
+        said = bench.run("plan sync.yaml")
+        load = bench.run("load sync.yaml --json").document
+    assert need is not None
+    assert "no known node produces SYNC" not in said.stdout
+    assert "sync" in {one.stream.kind for one in need.needs}
+    assert float(need.limited) == pytest.approx(load["limited"] if "limited" in load else load["load"], abs=1e-6)

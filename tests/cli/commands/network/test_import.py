@@ -184,3 +184,20 @@ def test_what_check_finds_in_the_new_file_is_said(tmp_path: Path, monkeypatch: p
         assert bench.run("import net.yaml eds --json --yes").document["errors"] == errors
     with Bench(("gen4@1",)) as bench:
         assert "Check it: dvtcli check live.yaml" in bench.run("import live.yaml").stdout
+
+
+@pytest.mark.parametrize("name", ["generic.eds", "generic.dcf"])
+def test_a_file_that_is_cut_short_is_not_imported(name: str, tmp_path: Path) -> None:
+    """Its own lists name what is missing: a network file of the rest would name a device that has more."""
+    whole = (PACKAGE / "families" / "generic" / "generic.eds").read_text("utf-8")
+    folder, file = tmp_path / "files", tmp_path / "net.yaml"
+    folder.mkdir()
+    (folder / name).write_text(whole[: len(whole) // 2], "utf-8")
+    with Bench(()) as bench:
+        ran = bench.run(f"import {file} {folder}")
+        added = bench.run(f"eds add {folder / name}")
+    assert (ran.code, file.exists()) == (4, False), ran
+    assert "is cut short: " in ran.stderr
+    assert [line for line in ran.stderr.splitlines() if "cut short" in line] == [
+        line for line in added.stderr.splitlines() if "cut short" in line
+    ]
