@@ -1,4 +1,4 @@
-"""Frames that were received before a bus is listened to are not counted, even if a background thread reads them late."""
+"""Frames received before a bus is listened to are not counted, even if a background thread reads them late."""
 
 from __future__ import annotations
 
@@ -33,6 +33,7 @@ def test_frames_that_a_busy_reader_has_not_read_yet_are_not_of_the_window(channe
     is_held.wait()
     release = threading.Timer(0.1, goes_on.set)
     with Bench((), {}, bus) as bench:
+        bench.session.open_network()
         release.start()
         traffic = received_traffic(bench.session, 0.3)
     bus.close()
