@@ -15,6 +15,7 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.consumers import by_id
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.rules.can_id import is_of_service
 from dvtcli.domain.rules.finding import Producer, error
 from dvtcli.domain.services import taken_by_channels
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
@@ -291,13 +292,13 @@ def seen_producer_findings(
 ) -> Iterator[Finding]:
     """An error for each TPDO of *changes* (before, after) with a new CAN-ID already sent by an unknown producer.
 
-    Frames of enabled TPDOs of other known nodes do not count, nor frames of *node* unless impossible: other rules check
-    these.
+    Frames of enabled TPDOs of other known nodes do not count, nor frames of *node* unless impossible, nor NMT, SDO,
+    heartbeats and LSS, whoever sends them: other rules check these.
     """
     for pdo, (now, want) in changes.items():
         held, cob_id = now.communication.cob_id, want.communication.cob_id
         identifier = (cob_id.can_id, cob_id.extended)
-        if not pdo.is_tpdo or not cob_id.valid or identifier in received.sent:
+        if not pdo.is_tpdo or not cob_id.valid or identifier in received.sent or is_of_service(cob_id):
             continue
         is_own = held.valid and (held.can_id, held.extended) == identifier
         if not (identifier in received.others if is_own else received.may_hear(identifier)):

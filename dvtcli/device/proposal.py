@@ -97,6 +97,7 @@ def proposal(
         _Once(beside),
         cob_ids,
         absent,
+        lambda: node.bus.nodes_seen().keys() - {node.node_id, *(other.node_id for other in node.neighbours())},
     )
 
 

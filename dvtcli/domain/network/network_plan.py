@@ -152,8 +152,8 @@ class NetworkPlan:
 
     file: str
     nodes: tuple[NodePlan, ...]
-    #: the master that the file describes, None if it describes none
-    master: MasterRole | None = None
+    #: whether a master sends SYNC according to the file
+    has_sync_master: bool = False
     #: CAN-IDs of received SYNC without a producer
     unknown_syncs: tuple[int, ...] = ()
     #: node-ID of the manager that is to download the configuration to the others, if planned so
@@ -164,11 +164,8 @@ class NetworkPlan:
     lacking: tuple[MissingObject, ...] = ()
     #: PDOs that the file only links with missing PDOs: their intended configuration is unknown
     unlinked: tuple[tuple[int, Pdo], ...] = ()
-
-    @property
-    def has_sync_master(self) -> bool:
-        """Whether a master sends SYNC according to the file."""
-        return self.master is not None and bool(self.master.sync_period_us)
+    #: the master that the network file describes; None if it describes none, and for a saved plan
+    master: MasterRole | None = None
 
     @property
     def changed(self) -> bool:

@@ -38,8 +38,9 @@ RULES = (
          "the CAN-ID is a base of the pre-defined connection set, without a node-ID, whether the PDO is on or off",
          "CiA 301, 7.3.5; CiA 306, 4.6.3: $NODEID"),
     Rule("can-id-instead", NOTE, "the CAN-ID that a PDO had, or its default, may not be: it gets another one", "ours"),
-    Rule("can-id-default", NOTE,
-         "the CAN-ID is another PDO's default, or set at one that is off; that of EMCY is another node's",
+    Rule("can-id-default", (Severity.WARNING, Severity.NOTE),
+         "the CAN-ID is another PDO's default, or set at one that is off; that of EMCY is another node's; a warning "
+         "for the default of a TPDO of a node that was received, which `map` does not read",
          "CiA 301, 7.3.5"),
 )  # fmt: skip
 
@@ -72,6 +73,11 @@ def restricted_use(can_id: int) -> str | None:
         if first <= can_id <= last:
             return use
     return None
+
+
+def is_of_service(cob_id: CobId) -> bool:
+    """Whether CiA 301 gives the CAN-ID of *cob_id* to NMT, SDO, heartbeats or LSS."""
+    return not cob_id.extended and restricted_use(cob_id.can_id) not in (None, _RESERVED)
 
 
 def service_findings(node_id: int, index: int, raw: int) -> Iterator[Finding]:
@@ -228,7 +234,12 @@ def _pdo_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
         )
     if owner and owner != (proposal.pdo, proposal.node_id) and not want.extended and not said:
         pdo, node_id = owner
-        yield note("can-id-default", place, f"{want} is the default COB-ID of {pdo.label} of node {node_id}")
+        text = f"{want} is the default COB-ID of {pdo.label} of node {node_id}"
+        if proposal.pdo.is_tpdo and pdo.is_tpdo and want.valid and not stays and node_id in proposal.unread():
+            text = f"{text}, which is on the bus and was not read: it may send the same CAN-ID"
+            yield warning("can-id-default", place, text, Hint(Action.CHECK_LIVE, why="reads every node"))
+        else:
+            yield note("can-id-default", place, text)
 
 
 def _producer_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:

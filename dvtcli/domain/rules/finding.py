@@ -75,7 +75,7 @@ class Proposal:
     the device; *services* returns the services' CAN-IDs, and whether they have 29 bits, each with its use: SYNC, the
     node's EMCY, all known nodes' further SDO channels (empty: the standard's defaults); *elsewhere* returns the other
     known nodes' TPDOs, all or those with the wanted CAN-ID; *absent* has the device's abort codes for uploads of
-    missing objects.
+    missing objects; *unread* returns the node-IDs of nodes that were received and not read.
     """
 
     node_id: int
@@ -90,6 +90,7 @@ class Proposal:
     elsewhere: Callable[[], Collection[Producer]] = tuple
     cob_ids: Mapping[Pdo, CobId] | None = None
     absent: Mapping[tuple[int, int], int] = field(default_factory=dict)
+    unread: Callable[[], Collection[int]] = tuple
 
     @property
     def other_cob_ids(self) -> Mapping[Pdo, CobId]:

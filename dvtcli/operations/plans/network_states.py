@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.network.network_config import LinkConfig, NetworkConfig, NodeConfig
     from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
+    from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.ports import SdoReader
     from dvtcli.operations.session.session_nodes import SessionNodes
 
@@ -176,7 +177,21 @@ def _node_after(state: NodeState, plan: NodePlan | None, config: NodeConfig | No
         state, name=plan.name, pdos={**plan.wanted, **state.pdos, **pdos}, numbers={**state.numbers, **written},
         said=plan.findings,
     )  # fmt: skip
-    return after if config is None else with_config(after, config)
+    if config is None:
+        return after
+    return replace(with_config(after, config), unresolved=frozenset(_unresolved(state.dictionary, plan, config)))
+
+
+def _unresolved(dictionary: ObjectDictionary | None, plan: NodePlan, config: NodeConfig) -> Iterator[Pdo]:
+    """Yield the PDOs that *config* maps and *plan* lacks, or whose mapping has an object missing in *dictionary*."""
+    for pdo in (pdo_config.pdo for pdo_config in config.pdos if pdo_config.mapping is not None):
+        want = plan.wanted.get(pdo)
+        entries = () if want is None or dictionary is None else want.mapping
+        if want is None or any(
+            not entry.is_dummy and dictionary is not None and dictionary.entry(entry.index, entry.sub_index) is None
+            for entry in entries
+        ):
+            yield pdo
 
 
 def with_link_marks(state: NetworkState, links: Sequence[LinkConfig]) -> NetworkState:

@@ -121,7 +121,9 @@ def plan_network_config(
         )
         if not lists_missing and failures is None:
             refuse_lacking(plan)
-    return with_unknown_syncs(session, replace(plan, master=config.master), frames)
+    return with_unknown_syncs(
+        session, replace(plan, has_sync_master=_master_syncs(config), master=config.master), frames
+    )
 
 
 def _received_refusals(
@@ -153,6 +155,10 @@ def checked_network(session: Session, plan: NetworkPlan, received: ReceivedIds, 
         if refused:
             raise together(refused)
     return plan
+
+
+def _master_syncs(config: NetworkConfig) -> bool:
+    return config.master is not None and bool(config.master.sync_period_us)
 
 
 def with_unknown_syncs(session: SessionNodes, plan: NetworkPlan, frames: ShortFrames) -> NetworkPlan:

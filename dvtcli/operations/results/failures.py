@@ -131,17 +131,36 @@ def not_obeyed(node: int, wanted: str | None, elsewhere: Sequence[tuple[int, str
     return failed
 
 
+#: actions of hints whose command needs a node
+_OF_ONE_NODE = frozenset({Action.FIND_OBJECTS, Action.SHOW_PDOS})
+
+
+def _with_node(finding: Finding, node: int) -> Finding:
+    """Name *node* in the text of *finding* and in the commands of its hint."""
+    text, hint = f"node {node}: {finding.text}", finding.hint
+    if not isinstance(hint, Hint):
+        return replace(finding, text=text)
+    first, *others = (
+        replace(step, arguments={"node": node, **step.arguments}, then=None)
+        if step.action in _OF_ONE_NODE
+        else replace(step, then=None)
+        for step in hint
+    )
+    return replace(finding, text=text, hint=sum(others, start=first))
+
+
 def together(refused: Sequence[RuleError]) -> RuleError:
-    """Merge the errors of nodes into a single error with all findings, which name their nodes if several."""
+    """Merge the errors of nodes into one with each finding once; findings name their nodes if several."""
     if len(refused) == 1:
         return refused[0]
     only = {error.node for error in refused}
     same = len(only) == 1 and None not in only
-    findings = [
-        finding if same or error.node is None else replace(finding, text=f"node {error.node}: {finding.text}")
+    named = (
+        finding if same or error.node is None else _with_node(finding, error.node)
         for error in refused
         for finding in error.findings
-    ]
+    )
+    findings = list(dict.fromkeys(named))
     text = refused[0].text if same or refused[0].node is None else findings[0].text
     can_force = all(error.can_force for error in refused)
     return RuleError(text, findings, node=only.pop() if same else None, can_force=can_force)

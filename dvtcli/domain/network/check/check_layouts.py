@@ -245,7 +245,11 @@ def _whole(network: CheckedNetwork) -> Iterator[PdoConnection]:
             side.inconsistency or side.mpdo is not None or not side.mapping
             for side in (connection.takes, connection.sends)
         )
-        if not odd:
+        is_resolved = (
+            connection.rpdo not in connection.consumer.unresolved
+            and connection.tpdo not in connection.producer.unresolved
+        )
+        if is_resolved and not odd:
             yield connection
 
 

@@ -83,3 +83,53 @@ def test_an_unknown_name_hides_no_other_entry_that_is_wrong(line: str, tmp_path:
         (found,) = [row for row in said.splitlines() if row.startswith(at)]
         assert text in found
     assert "606C" not in "".join(row for row in said.splitlines() if ": error: " in row)
+
+
+UNKNOWN = """\
+nodes:
+  drive:
+    node_id: 5
+    dcf: gen4
+    tpdo:
+      1: {{enabled: true, cob_id: 0x1A5, mapping: ["{entry}", "6041:00"]}}
+  other:
+    node_id: 6
+    dcf: gen4
+    rpdo:
+      1: {{enabled: true, cob_id: 0x1A5, mapping: ["6040:00", "60FF:00"]}}
+"""
+
+
+@pytest.mark.parametrize("entry", ["6999:00", "6999:00/16", "6041:07", "nonsense_word"])
+def test_no_link_is_judged_on_a_mapping_with_an_unknown_object(entry: str, tmp_path: Path) -> None:
+    path = tmp_path / "line.yaml"
+    path.write_text(UNKNOWN.format(entry=entry), "utf-8")
+    with Bench(("gen4@5", "gen4@6")) as bench:
+        for line in (f"plan {path}", f"check {path}"):
+            ran = bench.run(line)
+            said = ran.stdout + ran.stderr
+            assert ran.code in (1, 4), ran
+            assert f"{path}:6:51: error: " in said, said
+            assert " error: node 6" not in said
+    path.write_text(UNKNOWN.format(entry="6042:00"), "utf-8")
+    with Bench(("gen4@5", "gen4@6")) as bench:
+        assert "node 6 RPDO1: " in bench.run(f"check {path}").stdout
+
+
+def test_an_error_of_a_linked_pdo_is_said_once(tmp_path: Path) -> None:
+    path = tmp_path / "line.yaml"
+    text = UNKNOWN.format(entry="6999:00").replace("cob_id: 0x1A5, ", "")
+    path.write_text(f'{text}links:\n  - {{from: "5:tpdo1", to: "6:rpdo1"}}\n', "utf-8")
+    with Bench(("gen4@5", "gen4@6")) as bench:
+        ran = bench.run(f"plan {path}")
+    assert ran.stderr.count("0x6999 is not in gen4.eds") == 1, ran.stderr
+
+
+def test_the_hint_to_search_the_objects_names_the_node_of_each_finding(tmp_path: Path) -> None:
+    path = tmp_path / "line.yaml"
+    text = UNKNOWN.format(entry="6999:00").replace("6040:00", "6998:00")
+    path.write_text(text, "utf-8")
+    with Bench(("gen4@5", "gen4@6")) as bench:
+        ran = bench.run(f"plan {path}")
+    for node in (6,):
+        assert f"-n {node} objects TEXT` searches the dictionary" in ran.stderr, ran.stderr

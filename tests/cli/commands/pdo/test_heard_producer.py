@@ -140,3 +140,29 @@ def test_what_the_node_holds_and_cannot_have_sent_counts(tmp_path: Path, line: s
         bus.idle(0.1)
         ran = bench.run(line.format(file))
         assert ran.code == (0 if command is NmtCommand.START else 1), ran
+
+
+@pytest.mark.parametrize("service", [0x585, 0x605, 0x709, 0x000])
+def test_frames_of_a_service_are_not_of_an_unknown_node(tmp_path: Path, service: int) -> None:
+    """They are answers to this dvtcli's own requests, or heartbeats; the standard's restriction is the reason."""
+    bus = stranger_sends(0x1A6, tmp_path)
+    with Bench((), {"node": 5, "yes": True}, bus) as bench:
+        ran = bench.run(f"map tpdo2 6000:2 --cob-id 0x{service:X} --json")
+    assert ran.code == 1, ran.stdout
+    assert "can-id-restricted" in ran.stdout
+    assert "unknown node" not in ran.stdout
+
+
+def test_the_default_of_a_node_that_was_received_and_not_read_is_a_warning(tmp_path: Path) -> None:
+    bus = stranger_sends(0x1A6, tmp_path)
+    bus.send_nmt(NmtCommand.RESET_COMMUNICATION, 9)
+    with Bench((), {"node": 5, "yes": True}, bus) as bench:
+        warned = bench.run("map tpdo2 6000:2 --cob-id 0x189")
+        same = bench.run("set tpdo2 --timer 500")
+        absent = bench.run("map tpdo2 6000:2 --cob-id 0x188 --json")
+    text = "0x189 is the default COB-ID of TPDO1 of node 9, which is on the bus and was not read"
+    assert (warned.code, text in warned.stdout + warned.stderr) == (0, True), warned
+    assert "check --live` reads every node" in warned.stdout + warned.stderr
+    assert "was not read" not in same.stdout + same.stderr
+    (finding,) = (one for one in absent.document["findings"] if one["rule"] == "can-id-default")
+    assert (finding["severity"], finding["text"]) == ("note", "0x188 is the default COB-ID of TPDO1 of node 8")
