@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.network.network_config import LinkConfig, NetworkConfig, NodeConfig
     from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
     from dvtcli.domain.object_dictionary import ObjectDictionary
+    from dvtcli.domain.pdo import Pdo
     from dvtcli.domain.ports import SdoReader
     from dvtcli.operations.session.session_nodes import SessionNodes
 
