@@ -66,7 +66,7 @@ MOST_ENTRIES = 80_000
 MOST_VALUES = 400_000
 #: white space in a line, and the begin of a comment or an end of the line
 _BLANKS, _BEHIND_BLANKS = " \t", "#\n\r\0\x85\u2028\u2029"
-_TAB_INDENTS = "a tab is no indentation: YAML takes spaces there"
+_TAB_INDENTS = "use spaces in place of this tab"
 _TAG = "tag:yaml.org,2002:"
 _TYPES = {"int", "float", "bool", "null", "str"}
 

@@ -170,4 +170,4 @@ def test_a_tab_in_quotes_is_a_letter_and_one_that_indents_is_refused() -> None:
     assert (value.text, complaints) == ("x\t# y", [])
     for text in ("a:\n\tb: 1\n", "\ta: 1\n", "a: 1\n\tb: 2\n", "-\ta: 1\n", "- \t- 1\n", "a:\n - 1\n \t- 2\n"):
         said = _received(text, read_tree)[1][0]
-        assert "not YAML: a tab is no indentation: YAML takes spaces there" in said, text
+        assert "not YAML: use spaces in place of this tab" in said, text
