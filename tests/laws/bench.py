@@ -171,6 +171,9 @@ class DirectBus:
         self.device.nmt(command)
         self.heard_boot_ups += sum(frame.can_id == 0x700 + NODE for frame in self.device.take_outbox())
 
+    def nodes_seen(self) -> dict[int, NmtState]:
+        return {}
+
     def nmt_state(self, node_id: int, timeout_s: float = 0.0) -> NmtState | None:
         return self.device.state
 

@@ -17,9 +17,6 @@ if TYPE_CHECKING:
 
 Identity = dict[str, int | None]
 
-#: the rule about a PDO that a network file neither enables nor disables
-LEFT_OFF = "mapped-but-off"
-
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:

@@ -17,7 +17,7 @@ from dvtcli.device.store.unstored import held_unstored
 from dvtcli.device.virtual_pdos import names_objects
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.network.network_config import NetworkConfig, NodeConfig
-from dvtcli.domain.network.network_plan import LEFT_OFF, NetworkPlan, NodePlan
+from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.request import instead_findings
 from dvtcli.domain.rules.finding import WARNING, Rule, warning
@@ -56,7 +56,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session_nodes import SessionNodes
 
 RULES = (
-    Rule(LEFT_OFF, WARNING, "a network file gives a mapping or a timer to a PDO that is off and stays off",
+    Rule("mapped-but-off", WARNING, "a network file gives a mapping or a timer to a PDO that is off and stays off",
          "ours; CiA 301, 7.5.2.35 and 7.5.2.37: bit 31 (valid)"),
     Rule("asked-nothing", WARNING, "a network file has a node without any settings", "ours"),
 )  # fmt: skip
@@ -389,7 +389,7 @@ def _left_off(config: NodeConfig, wanted: Mapping[Pdo, PdoConfig]) -> Iterator[F
             given = " and ".join(sets)
             text = f"{pdo.pdo.label} is off and stays off: the file gives it {given}"
             hint = "enabled: true in the file switches it on; enabled: false ends this warning"
-            yield warning(LEFT_OFF, f"0x{pdo.pdo.communication_index:04X}:01", text, hint)
+            yield warning("mapped-but-off", f"0x{pdo.pdo.communication_index:04X}:01", text, hint)
 
 
 def _values(

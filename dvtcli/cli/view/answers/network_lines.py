@@ -10,7 +10,6 @@ from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.network.concise_dcf import download_lines
-from dvtcli.domain.network.network_plan import LEFT_OFF
 from dvtcli.domain.not_written import NotWritten
 from dvtcli.domain.pdo import entry_text
 from dvtcli.domain.plan import STAMP, PdoChange, Step
@@ -123,7 +122,7 @@ def _pdo(node: NodePlan, change: PdoChange, width: int, *, compares: bool) -> It
         ]
         return
     is_off = not change.before.enabled and not change.after.enabled
-    is_left_off = any(found.rule == LEFT_OFF and found.pdo == change.pdo for found in node.findings)
+    is_left_off = any(found.rule == "mapped-but-off" and found.pdo == change.pdo for found in node.findings)
     why = ": the file does not enable it" if is_left_off else ""
     off = f"  stays off{why}" if is_off else ""
     yield [Cell(f"  {sign} ", style), Cell(change.label), Cell(off, "dim")]
