@@ -134,7 +134,7 @@ def test_the_node_may_be_left_out_before_a_word() -> None:
         ("sdo_rnx 200 0x1018 1", "1…127"),
         ("fpo 1 start", "pre or op"),
         ("sdo_wnxx 1 2 3", "did you mean 'sdo_wnx'"),
-        ("SDO_RNX 1 0x1018 1", "did you mean 'sdo_rnx'"),
+        ("SDO_RNX 1 0x1018 1", "did you mean `sdo_rnx 1 0x1018 1`?"),
     ],
 )
 def test_what_is_not_understood_is_said_before_anything_is_sent(line: str, says: str) -> None:
