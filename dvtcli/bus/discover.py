@@ -56,7 +56,7 @@ def adapters(interfaces: Sequence[str] = (), *, patience_s: float = PATIENCE_S) 
     """Adapters on this machine found by the drivers of *interfaces* (default: all with safe detection)."""
     lines = (_output([*python_words(), "-m", "dvtcli.bus.drivers", *interfaces], patience_s) or "").splitlines()
     if not lines:
-        return InterfaceSearch([], tuple(interfaces) or ("all drivers",))
+        return InterfaceSearch([], tuple(interfaces) or ("any driver",))
     answer = json.loads(lines[-1])
     found = [FoundInterface(row["interface"], row["channel"], row["about"]) for row in answer["found"]]
     return InterfaceSearch(found, tuple(answer["unanswered"]))

@@ -52,7 +52,7 @@ def test_a_driver_may_print_what_it_likes(tmp_path: Path, monkeypatch: pytest.Mo
 
 def test_a_process_that_ends_without_an_answer_leaves_all_drivers_unknown() -> None:
     assert adapters(["virtual"], patience_s=0.001) == InterfaceSearch([], ("virtual",))
-    assert adapters(patience_s=0.001) == InterfaceSearch([], ("all drivers",))
+    assert adapters(patience_s=0.001) == InterfaceSearch([], ("any driver",))
 
 
 def test_a_driver_that_hangs_is_named_and_the_others_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -73,7 +73,7 @@ def test_doctor_does_not_say_none_if_a_driver_ended_the_search(tmp_path: Path) -
         env=environment() | {"PYTHONPATH": str(tmp_path)}, capture_output=True, text=True, check=False,
     )  # fmt: skip
     (row,) = [row for row in json.loads(ran.stdout)["checks"] if row["check"] == "interface"]
-    assert (row["verdict"], row["text"]) == ("warn", "unknown adapters: no answer from all drivers")
+    assert (row["verdict"], row["text"]) == ("warn", "unknown adapters: no answer from any driver")
 
 
 @heavy

@@ -42,7 +42,7 @@ def first_start(session: Conversation) -> None:
     session.output.lines(["No CAN interface is configured. Searching this machine for CAN interfaces …"])
     found, unanswered = find_interfaces()
     if unanswered:
-        session.output.warning(f"no answer from {join_some(unanswered)}: its adapters are unknown")
+        session.output.warning(f"adapters are unknown: no answer from {join_some(unanswered)}")
     choice = _choose(session, found)
     if choice is None:
         return

@@ -17,7 +17,7 @@ from dvtcli.watch.layout_fit import misfit
 from dvtcli.watch.recording_checks.node_problems import NodeProblems
 from dvtcli.watch.recording_checks.problems import Moment, Moments, Problem, TimesOf
 from dvtcli.watch.recording_checks.sdo_problems import Channel
-from dvtcli.watch.recording_checks.silences import Asked, Cause
+from dvtcli.watch.recording_checks.silences import Cause, NodeAtRequest
 from dvtcli.watch.recording_checks.written_mappings import WrittenMappings
 from dvtcli.watch.sdo_transfers import SdoStep
 
@@ -131,7 +131,7 @@ class AnswerProblems:
     _asked: dict[Channel, Counter[bytes]] = field(default_factory=lambda: defaultdict(Counter))
     #: the answer to each node's last request, and the state of the node at a request without one
     _answered: dict[Channel, bytes | None] = field(default_factory=dict)
-    _waiting: dict[Channel, Asked] = field(default_factory=dict)
+    _waiting: dict[Channel, NodeAtRequest] = field(default_factory=dict)
     _twice: TimesOf[Channel] = field(default_factory=TimesOf)
     _never: TimesOf[tuple[Channel, Cause]] = field(default_factory=TimesOf)
     _unasked: TimesOf[Channel] = field(default_factory=TimesOf)

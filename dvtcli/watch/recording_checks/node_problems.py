@@ -11,7 +11,7 @@ from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.watch.recording_checks.beats import LATE_AFTER_PERIODS, PeriodicFrames
 from dvtcli.watch.recording_checks.problems import Moment, Moments, Problem, TimesOf
-from dvtcli.watch.recording_checks.silences import Asked, Cause, Silence, Stop
+from dvtcli.watch.recording_checks.silences import Cause, NodeAtRequest, Silence, Stop
 
 BOOT_UP = LintRule(
     "boot-up-in-operation", ERROR, "a node restarted without an NMT command", "CiA 301, 7.2.8.3.3: boot-up"
@@ -109,16 +109,16 @@ class NodeProblems:
         """What showed that node *node_id* is STOPPED now; None if it is not known to be."""
         return self._stopped.get(node_id, self._stopped.get(0))
 
-    def asked(self, node_id: int, moment: Moment) -> Asked:
+    def asked(self, node_id: int, moment: Moment) -> NodeAtRequest:
         """Return the state of node *node_id* at a request at *moment*."""
         node = self._nodes.get(node_id)
         if node is None or (last := node.heartbeats.last) is None:
-            return Asked(node_id, moment, self._stop(node_id), None)
+            return NodeAtRequest(node_id, moment, self._stop(node_id), None)
         if node.silence is None:
             node.silence = Silence(last, node.heartbeats, node.answered is not None and node.answered > last)
-        return Asked(node_id, moment, self._stop(node_id), node.silence)
+        return NodeAtRequest(node_id, moment, self._stop(node_id), node.silence)
 
-    def cause(self, asked: Asked) -> Cause:
+    def cause(self, asked: NodeAtRequest) -> Cause:
         """Return what may explain that the request *asked* has no answer by now.
 
         A later stop does so only if the node had no time to answer before.

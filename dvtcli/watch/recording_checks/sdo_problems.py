@@ -11,7 +11,7 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.text import join_some
 from dvtcli.watch.recording_checks.node_problems import NodeProblems
 from dvtcli.watch.recording_checks.problems import Moment, Moments, Problem, TimesOf
-from dvtcli.watch.recording_checks.silences import Asked, Cause
+from dvtcli.watch.recording_checks.silences import Cause, NodeAtRequest
 from dvtcli.watch.sdo_transfers import SdoStep
 
 REFUSED_WRITE = LintRule("refused-write", ERROR, "a node refused a write", "CiA 301, table 22: SDO abort codes")
@@ -87,7 +87,7 @@ class SdoProblems:
     #: object and direction of the transfer in progress
     _asked: dict[Channel, tuple[bytes, bool]] = field(default_factory=dict)
     #: the state of the node at the last request, until its answer
-    _waiting: dict[Channel, Asked] = field(default_factory=dict)
+    _waiting: dict[Channel, NodeAtRequest] = field(default_factory=dict)
     _incomplete: TimesOf[tuple[int, str, bool]] = field(default_factory=TimesOf)
     _pdos: dict[tuple[int, Pdo], _PdoWrites] = field(default_factory=dict)
     #: by node-ID, the disabled PDO whose count was written with 0 last, until the next transfer

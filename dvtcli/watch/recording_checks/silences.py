@@ -1,4 +1,4 @@
-"""Why a node did not answer an SDO request: it was STOPPED, or sent no heartbeat (CiA 301, 7.2.4.3 and 7.3.2.2)."""
+"""Causes of an unanswered SDO request: a STOPPED node, or a node without heartbeats (CiA 301, 7.2.4.3 and 7.3.2.2)."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from dvtcli.watch.recording_checks.problems import Moment
 
 @dataclass(slots=True, eq=False)
 class Silence:
-    """The time after *begin*, one of a node's *heartbeats*, in which the node was asked.
+    """The time without a heartbeat after *begin*, a node's last heartbeat before an SDO request.
 
-    *end* is the next heartbeat, a start of the node or a write of its period; None: there was none.
+    *end* is the next heartbeat, NMT reset, boot-up or write of the heartbeat period (0x1017), None if there is none.
     """
 
     begin: Moment
@@ -22,7 +22,7 @@ class Silence:
     end: Moment | None = None
 
     def text(self, last: Moment) -> str:
-        """Say what to look at first if this took too long in a recording until *last*; else empty."""
+        """Return what to check first if heartbeats were late, else an empty text; *last* ends the recording."""
         period_s, end = self.heartbeats.period_s, self.end or last
         silent_s = end.time_s - self.begin.time_s
         if self.is_answered or not period_s or silent_s <= LATE_AFTER_PERIODS * period_s:
@@ -32,19 +32,19 @@ class Silence:
 
 
 class Stop(NamedTuple):
-    """What showed that a node is STOPPED: the NMT stop or a heartbeat, at *moment*."""
+    """Evidence that a node is STOPPED: *what* is an NMT stop or a heartbeat, at *moment*."""
 
     what: str
     moment: Moment
 
     @property
     def text(self) -> str:
-        """Say it as what to look at first."""
+        """Return what to check first."""
         return f"{self.what} in frame {self.moment.number}: a STOPPED node answers no SDO request"
 
 
-class Asked(NamedTuple):
-    """A request to *node_id* at *moment*: the node's stop and silence at that time."""
+class NodeAtRequest(NamedTuple):
+    """The state of node *node_id* at the *moment* of an SDO request to it."""
 
     node_id: int
     moment: Moment
@@ -53,13 +53,13 @@ class Asked(NamedTuple):
 
 
 class Cause(NamedTuple):
-    """What may explain that a request was not answered."""
+    """A possible cause of an unanswered SDO request."""
 
     stop: Stop | None = None
     silence: Silence | None = None
 
     def text(self, last: Moment) -> str:
-        """Say it as what to look at first, in a recording until *last*; empty if nothing is known."""
+        """Return what to check first, empty if no cause is known; *last* is the end of the recording."""
         if self.stop is not None:
             return self.stop.text
         return "" if self.silence is None else self.silence.text(last)
