@@ -16,6 +16,7 @@ from tests.bus.test_contract import CarriesFrames
 from tests.socketcan.conftest import ANSWER_S, on
 
 
+@pytest.mark.drawn(1)  # of each test, on each pair of links: with echoes or without
 class OnLinks(CarriesFrames):
     ours, theirs = "vcan0", "vcan0"
 
