@@ -6,8 +6,8 @@ import re
 
 from dvtcli.domain.object_dictionary import normalised
 
-#: words for commands, measured values, and PDO data between devices
-_PROCESS = re.compile(
+#: patterns of names, compiled when first used: words for commands, measured values, and PDO data between devices
+_PROCESS = (
     r"(?<![a-z])(target|demand|demanded|commanded|commands?|cmds?|set_?points?|set_value|desired|actual|measured|measurements?"
     r"|received?|sent|transmit(ted)?|process_values?|pv|debug_values?|(control|ctrl)_?(word|byte|bits?)|status_?(word|byte|bits?)"
     r"|(digital|analog(ue)?|physical|pulse|relay|pwm)_outputs?|output_(levels?|states?|values?|control)"
@@ -18,9 +18,7 @@ _PROCESS = re.compile(
     r"|(?<![a-z])(switch|inputs?|outputs?|ref|reference|throttle|brake|relays?|pwm|valves?|lamps?|leds?|horn|duty(_(cycle|ratio))?)"
     r"(_?(left|right|inner|outer|front|rear|upper|lower|\d))*$"
 )
-_CONTROL_WORD = re.compile(
-    r"(?<![a-z])((control|ctrl|command|cmd)_?(word|byte|bits?|register)|(steuer|kommando)_?wort)(?![a-z])"
-)
+_CONTROL_WORD = r"(?<![a-z])((control|ctrl|command|cmd)_?(word|byte|bits?|register)|(steuer|kommando)_?wort)(?![a-z])"
 #: words of a setting, and of no object with immediate effect
 _SURE = (
     r"gains?|k[pid]|kff[av]|limits?|limitation|max(imum)?|min(imum)?|rated|nominal|windows?|thresholds?|time_?out"
@@ -31,19 +29,19 @@ _SURE = (
     r"|nenn[a-z]+|[a-z]*grenzen?|[a-z]*begrenzung|faktor|rampe|verzögerung"
 )
 #: words that turn these into settings: `Output current limit`, `Target reached window`, `Measured value filter`
-_SETTING = re.compile(
+_SETTING = (
     rf"(?<![a-z])({_SURE}|ranges?|offsets?|corrections?|settings?|masks?|period|function|mode|selection|selector|source)"
     r"(?![a-z])"
 )
-_SURE_SETTING = re.compile(rf"(?<![a-z])({_SURE})(?![a-z])")
+_SURE_SETTING = rf"(?<![a-z])({_SURE})(?![a-z])"
 #: words that decide despite a limit: `Torque limit command`, `Limit switch`
-_ACTS = re.compile(
+_ACTS = (
     r"(?<![a-z])(targets?|demand|commands?|cmds?|set_?points?|set_value|request|ref|reference|switch|relays?|valves?|lamps?|leds?|horn"
     r"|[a-z]*soll_?werte?)(_?(left|right|inner|outer|front|rear|upper|lower|\d))*$"
 )
 #: the unit `min`, not a minimum
-_PER_MINUTE = re.compile(r"(/|\bper)\s*min\b|\bmin\s*\^?-1\b", re.IGNORECASE)
-_CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
+_PER_MINUTE = r"(?i)(/|\bper)\s*min\b|\bmin\s*\^?-1\b"
+_CAMEL = r"(?<=[a-z])(?=[A-Z])"
 
 
 def is_named_as_process_data(name: str) -> bool:
@@ -53,13 +51,13 @@ def is_named_as_process_data(name: str) -> bool:
     without a known word do not.
     """
     words = _words(name)
-    return bool(_PROCESS.search(words)) and not _SETTING.search(words)
+    return bool(re.search(_PROCESS, words)) and not re.search(_SETTING, words)
 
 
 def is_named_as_control_word(name: str) -> bool:
     """Whether *name* suggests a control word, such as `Pump control word`."""
     words = _words(name)
-    return bool(_CONTROL_WORD.search(words)) and not _SETTING.search(words)
+    return bool(re.search(_CONTROL_WORD, words)) and not re.search(_SETTING, words)
 
 
 def is_named_as_setting(name: str, whole: str) -> bool:
@@ -68,8 +66,9 @@ def is_named_as_setting(name: str, whole: str) -> bool:
     `Nominal current` and `Velocity loop Kp` do. `Operation mode`, `Torque offset`, `Torque limit command` and
     `Commands.Maximum torque` are ambiguous: the user has to name them.
     """
-    return bool(_SURE_SETTING.search(_words(name))) and not any(map(_ACTS.search, (_words(name), _words(whole))))
+    acts = any(re.search(_ACTS, _words(text)) for text in (name, whole))
+    return bool(re.search(_SURE_SETTING, _words(name))) and not acts
 
 
 def _words(name: str) -> str:
-    return normalised(_CAMEL.sub("_", _PER_MINUTE.sub("", name)))
+    return normalised(re.sub(_CAMEL, "_", re.sub(_PER_MINUTE, "", name)))
