@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.hint import Hint
     from dvtcli.domain.plan import Change
     from dvtcli.domain.rules import Finding
-    from dvtcli.domain.stamp import WhoStored
+    from dvtcli.domain.store import WhoStored
 
 #: How the line is labelled that says that a failure was a twin's.
 DRY_RUN = "dry run"

@@ -3,12 +3,11 @@
 from dvtcli.device.change.applied import Progress
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.lss_services import LssAddress
-from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
 from dvtcli.domain.plan import Plan, Step
 from dvtcli.domain.ports import Frame
-from dvtcli.domain.proof import Proof
 from dvtcli.domain.rules import Finding
+from dvtcli.domain.store import Proof
 from dvtcli.operations.api.calls import Message
 from dvtcli.operations.results.changes import Changed
 from dvtcli.operations.results.checked_files import FileFinding, FileReport, FileReports, FileRule

@@ -11,9 +11,9 @@ import click
 from click.shell_completion import CompletionItem, ShellComplete, add_completion_class, get_completion_class
 
 from dvtcli.cli.global_options import taken
-from dvtcli.domain.mapping import DUMMY_BITS, MAX_PDO_BITS
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, normalised
 from dvtcli.domain.object_syntax import parse_object
+from dvtcli.domain.pdo import DUMMY_BITS, MAX_PDO_BITS
 from dvtcli.domain.profile import DeviceProfile, ObjectAddress
 from dvtcli.domain.rules.mapped_object import is_taken
 from dvtcli.domain.rules.pdo_mapping import known_dummies

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, TypeVar
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.nmt_gate import Gate, NodeAccess
 from dvtcli.device.observe import RestartCounter, observed
-from dvtcli.device.quirks.standard_channel import in_standard_order
+from dvtcli.device.quirks import in_standard_order
 from dvtcli.device.read_cache import ReadCache
 from dvtcli.device.read_pdos import IDENTITY, UNREADABLE, WHATEVER, present_pdos, read_cob_id, read_optional, read_pdo
 from dvtcli.device.store.pending import BootSnapshot

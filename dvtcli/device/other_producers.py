@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.read_cache import read_side_by_side
 from dvtcli.device.read_pdos import UNREADABLE, read_cob_id, sdo_channels, service_ids, service_ids_beside
-from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.cob_id import CobId, taken_by_channels
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.consumers import by_id
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.rules.can_id import is_of_service
 from dvtcli.domain.rules.finding import Producer, error
-from dvtcli.domain.services import taken_by_channels
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
 
 if TYPE_CHECKING:

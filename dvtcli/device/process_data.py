@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.process_data import is_standard_command, may_be_commanded
-from dvtcli.domain.process_names import is_named_as_process_data
+from dvtcli.domain.process_data import is_named_as_process_data, is_standard_command, may_be_commanded
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode

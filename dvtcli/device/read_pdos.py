@@ -9,22 +9,32 @@ from functools import partial
 from itertools import takewhile
 
 from dvtcli.domain.abort import Abort
-from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
-from dvtcli.domain.mpdo_lists import ListedObjects, listed_objects
-from dvtcli.domain.object_dictionary import ObjectDictionary
-from dvtcli.domain.pdo import MAX_PDO_NUMBER, PDO_INDICES, Direction, Pdo, PdoCommunicationParameter, PdoConfig, is_mpdo
-from dvtcli.domain.ports import SdoReader
-from dvtcli.domain.services import (
+from dvtcli.domain.cob_id import (
     SDO_CHANNEL_INDICES,
     SDO_CLIENTS,
     SDO_SERVERS,
     SRDO_COB_IDS,
     SRDO_DIRECTION,
     SRDOS,
+    CobId,
     taken_by_services,
     taken_on_another,
 )
+from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.pdo import (
+    MAX_ENTRIES,
+    MAX_PDO_NUMBER,
+    PDO_INDICES,
+    Direction,
+    ListedObjects,
+    Pdo,
+    PdoCommunicationParameter,
+    PdoConfig,
+    PdoMappingEntry,
+    is_mpdo,
+    listed_objects,
+)
+from dvtcli.domain.ports import SdoReader
 from dvtcli.errors import SdoAborted, SdoProtocolError
 
 #: Answers that mean "this device has no such object": devices choose freely among them.

@@ -9,9 +9,8 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.abort import Abort
-from dvtcli.domain.configuration import Configuration
+from dvtcli.domain.configuration import Configuration, NotWritten
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.not_written import NotWritten
 from dvtcli.domain.object_dictionary import Access, ObjectType, OdEntry
 from dvtcli.domain.standard_objects import standard_entry, standard_object_type
 from dvtcli.errors import NoAnswer, SdoAborted

@@ -1,29 +1,22 @@
-"""Configuration objects: a file or a clone may write them.
-
-Based on CiA 301, 302, the file and the profile, not on values or the device's state: a power stage that is on
-forbids more. Every other object has a reason (`NotWritten`).
-"""
+"""Configuration objects, which a file or a clone may write, and the reasons why others are not written."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
-from enum import Enum, auto
+from enum import Enum, StrEnum, auto
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.not_written import NotWritten
 from dvtcli.domain.object_dictionary import Access, normalised
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.process_data import pdo_may_carry, rpdo_may_take
-from dvtcli.domain.process_names import is_named_as_process_data, is_named_as_setting
+from dvtcli.domain.process_data import is_named_as_process_data, is_named_as_setting, pdo_may_carry, rpdo_may_take
 from dvtcli.domain.profile import Range, within
 from dvtcli.domain.standard_objects import SAFETY
 
 if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
     from dvtcli.domain.profile import DeviceProfile, ObjectAddress
-
 
 DEVICE_TYPE = 0x1000
 #: Indices of device profiles
@@ -137,6 +130,48 @@ _NODE_ID = 0x100B
 _MAKERS = range(0x2000, 0x6000)
 #: Indices of CiA 402 in the first axis: an object other than a command is a setting
 _OF_DRIVES = range(0x6040, 0x6100)
+
+
+class NotWritten(StrEnum):
+    """Reason why a file or a clone does not write an object, in words that follow the object's name."""
+
+    READ_ONLY = "is read-only"
+    WRITE_ONLY = "is write-only: it cannot be read back"
+    FLAGGED = "is not for a download (ObjFlags, bit 0)"
+    ERROR_HISTORY = "is the error history"
+    STORE = "stores or restores parameters: neither is done by writing values"
+    STAMP = "is the stamp of a configuration"
+    PROGRAM = "belongs to program download, which has its own command"
+    SDO_CHANNEL = "is the SDO channel that is written over"
+    SAFETY = "belongs to safety (EN 50325-5)"
+    REQUEST = "is a command that acts at once and is not stored"
+    COMMAND = "is a command or a target"
+    TAKEN = "is written by an enabled RPDO: process data"
+    OUTPUT = "is an output"
+    PRESET = "sets a measured value"
+    PASSCODE = "is part of a login"
+    NODE_ID = "is a node-ID or a bit rate: LSS changes these"
+    BEHAVIOUR = "is asked or written by dvtcli for another purpose (the device's profile)"
+    RPDO_MAPPABLE = "can be mapped to an RPDO: process data, or a setting"
+    MAKERS_RPDO = "is manufacturer-specific, and can be mapped to an RPDO: no profile defines it as configuration"
+    NAMED_PROCESS_DATA = "is manufacturer-specific, and by its name a command, a target or a process value (a guess)"
+    NAMED_COMMAND = "is manufacturer-specific, and by its name a command"
+    MAKERS = "is manufacturer-specific, and no profile defines it as configuration"
+
+    @property
+    def is_lifted_by_include(self) -> bool:
+        """Whether the user can include the object by naming it; a command only by its own address."""
+        return self in (
+            NotWritten.MAKERS, NotWritten.MAKERS_RPDO, NotWritten.NAMED_COMMAND, NotWritten.NAMED_PROCESS_DATA,
+            NotWritten.RPDO_MAPPABLE,
+        )  # fmt: skip
+
+    @property
+    def may_be_setting(self) -> bool:
+        """Whether the object may be configuration after all: comparisons count it and a node's DCF contains it."""
+        return self.is_lifted_by_include and self is not NotWritten.NAMED_PROCESS_DATA
+
+
 _ACTS = {Acts.COMMAND: NotWritten.COMMAND, Acts.OUTPUT: NotWritten.OUTPUT, Acts.PRESET: NotWritten.PRESET}
 _DOWNLOAD_REFUSED = 0x01
 _NAMED_PASSCODE = re.compile(r"pass_?(code|word|wort|phrase)|password|kennwort|access_code|security_(code|key)|unlock")

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple
 
 from dvtcli.domain.datatypes import DataType, Kind, Value
-from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.pdo import PdoMappingEntry
 
 #: Returns the data type of a mapped object, None if unknown.
 TypeOf = Callable[[PdoMappingEntry], DataType | None]

@@ -1,4 +1,4 @@
-"""Physical meaning of objects: rules for ranges of objects, and a device's file. Pure."""
+"""Physical meaning of objects, by a profile's rules and a device's file, and the text of their values. Pure."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.domain.datatypes import DataType, Value
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, normalised
 from dvtcli.domain.scaling import Scaling, parse_factor, parse_offset, parse_scale
+
+if TYPE_CHECKING:
+    pass
 
 #: scaling of an object without description
 NOTHING = Scaling()
@@ -179,3 +182,36 @@ def _of_file(entry: OdEntry) -> Scaling:
         factor *= parse_factor(entry.factor)
     offset = parse_offset(entry.offset) if entry.offset else Fraction(0)
     return Scaling(unit, factor, offset * factor)
+
+
+#: displayed bytes of a long value, and characters of a text beside another
+MOST_SHOWN, _WIDEST = 128, 24
+
+
+def value_text(value: Value | None, meaning: Scaling = NOTHING, bits: int = 0, *, hexed: bool = False) -> str:
+    """*value*, of *bits* bits, for people: `48.0 V (768)`, `operation enabled (0x0637)`; `-` for None.
+
+    With *hexed*, a number without a meaning is followed by its hex digits: its bits may have one.
+    """
+    if value is None:
+        return "-"
+    if isinstance(value, bytes):
+        return cut_bytes(value)
+    text = meaning.text(value, bits)
+    if isinstance(value, float) and not text:
+        return repr(value) if bits == 64 else f"{value:.9g}"
+    if hexed and bits and isinstance(value, int) and not isinstance(value, bool) and not text.endswith(")"):
+        return f"{text or value} (0x{value & ((1 << bits) - 1):0{(bits + 3) // 4}X})"
+    return text or (str(value).lower() if isinstance(value, bool) else str(value))
+
+
+def cut_text(text: str) -> str:
+    """A text in quotes; of a long text the beginning and the length."""
+    return repr(text) if len(text) <= _WIDEST else f"{text[:_WIDEST]!r}… {len(text):,} characters"
+
+
+def cut_bytes(data: bytes) -> str:
+    """The first bytes of *data*, and its length."""
+    if len(data) <= MOST_SHOWN:
+        return data.hex(" ").upper()
+    return f"{data[:MOST_SHOWN].hex(' ').upper()} … {len(data):,} bytes"

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import NamedTuple
 
-from dvtcli.domain.mapping import MAX_PDO_BITS
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, normalised
+from dvtcli.domain.pdo import MAX_PDO_BITS
 
 _OBJECT = re.compile(r"(?:0[xX])?([0-9A-Fa-f]{4})[hH]?(?:[:.](?:0[xX])?([0-9A-Fa-f]{1,2})[hH]?|/(0{1,2}))?")
 _WRONG_NUMBER = re.compile(r"0[xX][0-9A-Fa-f]+(?::.*)?|[0-9A-Fa-f]+:[0-9A-Fa-fxX]*")

@@ -1,15 +1,14 @@
-"""PDOs: their place in the dictionary, standard defaults, and configurations."""
+"""PDOs: their place in the dictionary, mapping entries, defaults, configurations, and lists of multiplexed PDOs."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
 from dvtcli.domain.cob_id import CobId, can_id_text
-from dvtcli.domain.mapping import DAM_MPDO, MAX_ENTRIES, SAM_MPDO, PdoMappingEntry, total_bits
 
 MAX_PDO_NUMBER = 512
 EVENT_DRIVEN = 255
@@ -239,3 +238,124 @@ def parameter_text(key: str, value: Any, pdo: Pdo, *, extended: bool = False) ->
     if key == "map":
         return " ".join(map(entry_text, value)) or "-"
     return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+MAX_PDO_BITS = 64
+MAX_ENTRIES = 64
+SAM_MPDO = 0xFE
+DAM_MPDO = 0xFF
+#: Index of a data type usable as a dummy entry -> its length in bits (CiA 301, 7.4.7.1; CiA 306 DummyUsage).
+DUMMY_BITS = {0x0001: 1, 0x0002: 8, 0x0003: 16, 0x0004: 32, 0x0005: 8, 0x0006: 16, 0x0007: 32}
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class PdoMappingEntry:
+    """A mapped object and its length in *bits* (0..255 as stored; a legal length is 1..64)."""
+
+    index: int
+    sub_index: int
+    bits: int
+
+    def __post_init__(self) -> None:
+        if not (0 <= self.index <= 0xFFFF and 0 <= self.sub_index <= 0xFF and 0 <= self.bits <= 0xFF):
+            raise ValueError(f"mapping entry {self.index:X}:{self.sub_index:X}/{self.bits} does not fit its fields")
+
+    @classmethod
+    def from_raw(cls, raw: int) -> PdoMappingEntry:
+        """Take a 32-bit mapping entry apart: index, sub-index, length in bits."""
+        return cls(raw >> 16 & 0xFFFF, raw >> 8 & 0xFF, raw & 0xFF)
+
+    @property
+    def raw(self) -> int:
+        """The 32-bit word as stored in the device."""
+        return self.index << 16 | self.sub_index << 8 | self.bits
+
+    @property
+    def is_dummy(self) -> bool:
+        """Whether the entry only skips bits (index is a data type, 0x0001..0x0007)."""
+        return self.index in DUMMY_BITS and self.sub_index == 0
+
+    @property
+    def object(self) -> str:
+        """The object as printed and typed: `6C01:01`."""
+        return f"{self.index:04X}:{self.sub_index:02X}"
+
+    def __str__(self) -> str:
+        return f"{self.object}/{self.bits}"
+
+
+def total_bits(entries: Iterable[PdoMappingEntry]) -> int:
+    """Total length of *entries* in bits."""
+    return sum(entry.bits for entry in entries)
+
+
+def split_dummy(bits: int, usable: Iterable[int]) -> tuple[PdoMappingEntry, ...]:
+    """The fewest dummy entries that skip exactly *bits*, from the dummy indices in *usable*.
+
+    Signed dummies are preferred, as in manufacturers' documents. Raises ValueError if the
+    usable dummies cannot add up to *bits*.
+    """
+    sizes: dict[int, int] = {}
+    for index in sorted(set(usable) & DUMMY_BITS.keys()):
+        sizes.setdefault(DUMMY_BITS[index], index)
+    best: dict[int, tuple[PdoMappingEntry, ...]] = {0: ()}
+    for length in range(1, bits + 1):
+        options = [
+            (PdoMappingEntry(index, 0, size), *best[length - size])
+            for size, index in sizes.items()
+            if length - size in best
+        ]
+        if options:
+            shortest = min(len(option) for option in options)
+            chosen = next(option for option in options if len(option) == shortest)
+            best[length] = tuple(sorted(chosen, key=lambda entry: -entry.bits))
+    if bits not in best:
+        have = ", ".join(f"{index:04X}/{size}" for size, index in sorted(sizes.items())) or "none"
+        raise ValueError(f"{bits} bits cannot be skipped with the dummies of the device ({have})")
+    return best[bits]
+
+
+#: Scanner lists name what a node sends, dispatcher lists what it takes (CiA 301, 7.5.2.39 and 7.5.2.40).
+SCANNER_LISTS, DISPATCHER_LISTS = range(0x1FA0, 0x1FD0), range(0x1FD0, 0x2000)
+
+
+@dataclass(frozen=True, slots=True)
+class ListedObjects:
+    """Objects of a list's entry: *count* sub-indices from *index*:*sub_index* of this node on.
+
+    In a dispatcher list they are set by the objects from *source* of the node *node_id* on; both are None in a scanner
+    list.
+    """
+
+    index: int
+    sub_index: int
+    count: int = 1
+    node_id: int | None = None
+    source: tuple[int, int] | None = None
+
+    @property
+    def objects(self) -> str:
+        """The objects of this node: `2001:01…2001:03`."""
+        return _span(self.index, self.sub_index, self.count)
+
+    @property
+    def sources(self) -> str:
+        """The objects of the other node, empty in a scanner list."""
+        return "" if self.source is None else _span(*self.source, self.count)
+
+
+def _span(index: int, sub_index: int, count: int) -> str:
+    first = f"{index:04X}:{sub_index:02X}"
+    return first if count <= 1 else f"{first}…{index:04X}:{sub_index + count - 1:02X}"
+
+
+def listed_objects(index: int, raw: int) -> ListedObjects | None:
+    """Return the objects of the entry *raw* of the list at *index*; None for an unused entry, or any other object."""
+    if not raw:
+        return None
+    if index in SCANNER_LISTS:
+        return ListedObjects(raw >> 8 & 0xFFFF, raw & 0xFF, raw >> 24 & 0xFF)
+    if index in DISPATCHER_LISTS:
+        source = (raw >> 16 & 0xFFFF, raw >> 8 & 0xFF)
+        return ListedObjects(raw >> 40 & 0xFFFF, raw >> 32 & 0xFF, raw >> 56 & 0xFF, raw & 0xFF, source)
+    return None

@@ -13,9 +13,19 @@ from typing import Literal, NamedTuple
 
 from dvtcli.domain.cob_id import HIGHEST_BASE_CAN_ID, CobId
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.mapping import DAM_MPDO, DUMMY_BITS, SAM_MPDO, PdoMappingEntry, split_dummy
 from dvtcli.domain.object_syntax import MappedObject, Skipped
-from dvtcli.domain.pdo import MAPPING, PARAMETERS, Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.pdo import (
+    DAM_MPDO,
+    DUMMY_BITS,
+    MAPPING,
+    PARAMETERS,
+    SAM_MPDO,
+    Pdo,
+    PdoCommunicationParameter,
+    PdoConfig,
+    PdoMappingEntry,
+    split_dummy,
+)
 from dvtcli.domain.plan import disables
 from dvtcli.domain.profile import BitPolicy, ObjectAddress, Severity
 from dvtcli.domain.rules.can_id import automatic_can_id, can_id_findings, cob_id_findings

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from dvtcli.domain.datatypes import U8, U16, U32, VISIBLE_STRING, DataType
-from dvtcli.domain.mpdo_lists import DISPATCHER_LISTS, SCANNER_LISTS
 from dvtcli.domain.object_dictionary import Access, ObjectType
+from dvtcli.domain.pdo import DISPATCHER_LISTS, SCANNER_LISTS
 
 _STORED = ("all parameters", "communication parameters", "application parameters")
 _PARTS = {

@@ -111,10 +111,10 @@ def change_values(data: bytes, source: str, values: Mapping[tuple[int, int], byt
     Raises InputFileError if *data* is neither, or no value can be written.
     """
     if is_xml(data, source):
-        from dvtcli.files.xdd.change_values import change_values as change_xdc
+        from dvtcli.files.xdd.xdd_writer import change_values as change_xdc
 
         return change_xdc(data, source, values, node_id)
-    from dvtcli.files.dcf.change_values import change_values as change_dcf
+    from dvtcli.files.dcf.write_dcf import change_values as change_dcf
 
     return change_dcf(data, source, values, node_id)
 

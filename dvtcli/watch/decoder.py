@@ -7,10 +7,9 @@ from dataclasses import dataclass, field, replace
 
 from dvtcli.domain.datatypes import DataType, Value
 from dvtcli.domain.frame import byte_length, values_reader
-from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.object_scalings import NOTHING, ObjectScalings
-from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.scaling import Scaling
 from dvtcli.watch.service import Service, service_of

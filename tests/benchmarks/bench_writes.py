@@ -21,8 +21,7 @@ import canopen
 from dvtcli.bus.python_can import CanBus
 from dvtcli.device.node import Node
 from dvtcli.device.read_pdos import read_pdo
-from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from dvtcli.domain.dictionary_difference import DictionaryDifference, differences
 from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.files.carried_over import DictionaryDifference, differences
 from dvtcli.files.device_file import device_file_bytes, parse_device_file, read_device_file
 
 WHEN = datetime(2026, 1, 2, 3, 4)

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.device.change.backups import Backup, backups, in_order, way_to
-from dvtcli.device.change.change_guard import BackingUp
+from dvtcli.device.change.change_guard import BackingUp, Backup, backups, in_order, way_to
 from dvtcli.device.change.change_history import ChangeHistory
 from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.read_pdos import read_pdo

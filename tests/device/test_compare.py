@@ -8,8 +8,7 @@ import pytest
 
 from dvtcli.device.target_config import differences
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
 
 TPDO1 = Pdo.parse("tpdo1")
 STATUSWORD, POSITION = PdoMappingEntry(0x6041, 0, 16), PdoMappingEntry(0x6064, 0, 32)

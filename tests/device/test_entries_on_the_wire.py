@@ -6,8 +6,7 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from dvtcli.device.quirks.fixed_count import FixedCount
-from dvtcli.device.quirks.reversed_entries import ReversedEntries
+from dvtcli.device.quirks import FixedCount, ReversedEntries
 
 FILLER = (0x0005_0008).to_bytes(4, "little")
 ENTRY = (0x6041_0010).to_bytes(4, "little")

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from dvtcli.cli.view.typed_hints import typed
-from dvtcli.device.change.expected import Expected
+from dvtcli.device.change.changeable import Expected
 from dvtcli.device.change.undo_plan import refuse_gap
 from dvtcli.device.node import Node
 from dvtcli.domain.pdo import Pdo, PdoConfig

@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 from platformdirs import user_config_dir
 
 from dvtcli.device.node import Node
-from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_dictionary import ObjectDictionary
-from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.pdo import Pdo, PdoMappingEntry
 from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.errors import DeviceRefused, RuleError
 from dvtcli.files.eds.reader import read_eds

@@ -15,8 +15,7 @@ from dvtcli.device.change.change_group import GroupMember
 from dvtcli.device.change.journal import MOST_BYTES, Journals, read_journal
 from dvtcli.device.change.private_file import file_name, sync_folder
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
 from dvtcli.domain.plan import PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.errors import InputFileError, SafetyRefusal
 from tests.journals import journal_document

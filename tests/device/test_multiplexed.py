@@ -11,8 +11,7 @@ from dvtcli.device.change.change_guard import ChangeGuard
 from dvtcli.device.change.journal import read_journal
 from dvtcli.device.node import Node
 from dvtcli.device.target_config import differences
-from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.pdo import Pdo, PdoMappingEntry
 from dvtcli.domain.ports import SdoTransport
 from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import DeviceRefused, LeftChanged, RuleError

@@ -9,9 +9,8 @@ import pytest
 from dvtcli.device.change.undo_plan import UndoRequest
 from dvtcli.device.node import Node
 from dvtcli.device.restarts import held_plans
-from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.nmt import NmtCommand
-from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
 from dvtcli.domain.plan import Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import DeviceRefused, RuleError, SafetyRefusal

@@ -9,8 +9,7 @@ import pytest
 from dvtcli.device.node import Node
 from dvtcli.device.proposal import LazyMapping, proposal
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.pdo import Pdo, PdoMappingEntry
 from dvtcli.domain.request import PdoRequest, Switched
 from tests.laws.bench import NODE, DirectBus, DirectSdo, booted, dictionary
 

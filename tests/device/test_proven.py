@@ -16,7 +16,7 @@ from dvtcli.device.store.store_parameters import RESTORE, STORE, StoreAnswer
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import GENERIC, StorePolicy
-from dvtcli.domain.proof import POWER, RESET_NODE, Proof
+from dvtcli.domain.store import POWER, RESET_NODE, Proof
 from dvtcli.errors import DeviceRefused, NoAnswer
 from tests.harness.sample import heavy
 from tests.laws.bench import NODE, DirectBus, booted, dictionary, profile

@@ -19,9 +19,8 @@ from dvtcli.device.read_pdos import (
     service_ids,
 )
 from dvtcli.device.target_config import differences
-from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, OdObject
-from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.pdo import Pdo, PdoMappingEntry
 from dvtcli.errors import SdoAborted, SdoProtocolError
 from tests.device.test_reading_and_storing import Table
 

@@ -7,9 +7,8 @@ from dataclasses import replace
 import pytest
 
 from dvtcli.device.node import Node
-from dvtcli.device.quirks.reversed_entries import ReversedEntries, as_device, as_standard
-from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.pdo import Pdo
+from dvtcli.device.quirks import ReversedEntries, as_device, as_standard
+from dvtcli.domain.pdo import Pdo, PdoMappingEntry
 from dvtcli.domain.profile import GENERIC
 from dvtcli.errors import DeviceRefused
 from dvtcli.simulator.device.strict_device import ReversedDevice

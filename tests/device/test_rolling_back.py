@@ -13,8 +13,7 @@ from dvtcli.device.change.transaction import Transaction
 from dvtcli.device.node import Node
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.abort import Abort
-from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
 from dvtcli.domain.plan import PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.ports import SdoReader, SdoTransport
 from dvtcli.errors import DeviceRefused, LeftChanged, SdoAborted

@@ -7,9 +7,8 @@ from dataclasses import replace
 import pytest
 
 from dvtcli.device.node import Node
-from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_syntax import MappedObject, Skipped
-from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.pdo import Pdo, PdoMappingEntry
 from dvtcli.domain.profile import GENERIC
 from dvtcli.domain.request import AnyPdoRequest, Cleared, PdoRequest, Switched
 from dvtcli.errors import RuleError, UsageError

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dvtcli.device.change.left_behind import failure_sentence, merge_left
+from dvtcli.device.change.failed_change import failure_sentence, merge_left
 from dvtcli.errors import LeftChanged, LeftObject
 
 

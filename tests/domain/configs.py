@@ -7,8 +7,7 @@ from collections.abc import Iterable
 from hypothesis import strategies as st
 
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.pdo import Direction, Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.pdo import Direction, Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
 from dvtcli.domain.plan import Step
 
 Memory = dict[tuple[int, int], bytes]

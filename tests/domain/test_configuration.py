@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dvtcli.domain.configuration import Configuration, DeviceTypes, configuration_of
+from dvtcli.domain.configuration import NotWritten as Why
 from dvtcli.domain.datatypes import U8, U32
-from dvtcli.domain.not_written import NotWritten as Why
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.domain.profile import GENERIC, DeviceProfile, LoginPolicy, VpdoGroup
 from dvtcli.files.profile.library import load_profile

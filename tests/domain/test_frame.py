@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from dvtcli.domain.datatypes import BY_SHORT_NAME, DataType, Kind, Value
 from dvtcli.domain.frame import Field, byte_length, decode, encode, layout, pack, unpack, values_reader
-from dvtcli.domain.mapping import DUMMY_BITS, PdoMappingEntry
+from dvtcli.domain.pdo import DUMMY_BITS, PdoMappingEntry
 from tests.domain.test_datatypes import values
 
 FIXED = [data_type for data_type in BY_SHORT_NAME.values() if data_type.bits]

@@ -8,12 +8,11 @@ from typing import Any
 import pytest
 
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.network.bus_need import bus_need, fitting_bit_rates
 from dvtcli.domain.network.frame_streams import Stream, WhatIf, streams_of
 from dvtcli.domain.network.network_config import Endpoint, MasterRole
 from dvtcli.domain.network.network_state import NetworkState, NodeState
-from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
 
 TPDO1, TPDO2, RPDO1 = Pdo.parse("tpdo1"), Pdo.parse("tpdo2"), Pdo.parse("rpdo1")
 

@@ -12,12 +12,20 @@ from hypothesis import strategies as st
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import BY_SHORT_NAME
-from dvtcli.domain.mapping import MAX_PDO_BITS, PdoMappingEntry, total_bits
-from dvtcli.domain.network.heartbeats import slot_for, watch_time_ms, watched_ms
-from dvtcli.domain.network.links import Linked, LinkSide, agrees, free_can_id, linked, may_keep
+from dvtcli.domain.network.links import (
+    Linked,
+    LinkSide,
+    agrees,
+    free_can_id,
+    linked,
+    may_keep,
+    slot_for,
+    watch_time_ms,
+    watched_ms,
+)
 from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.object_dictionary import DeviceInfo, ObjectDictionary, ObjectType, OdEntry, OdObject
-from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.pdo import MAX_PDO_BITS, Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry, total_bits
 from dvtcli.domain.profile import GENERIC
 from dvtcli.domain.rules.can_id import restricted_use
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvtcli.domain.mapping import DUMMY_BITS, PdoMappingEntry, split_dummy, total_bits
+from dvtcli.domain.pdo import DUMMY_BITS, PdoMappingEntry, split_dummy, total_bits
 
 
 @given(st.integers(0, 0xFFFF_FFFF))

@@ -5,10 +5,9 @@ from __future__ import annotations
 import pytest
 
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.network.network_state import NodeState
 from dvtcli.domain.network.received_traffic import ReceivedTraffic
-from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
 from dvtcli.domain.ports import Frame
 
 ENTRY = PdoMappingEntry(0x6041, 0, 16)

@@ -5,8 +5,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.pdo import Direction, Pdo, PdoCommunicationParameter, PdoConfig, is_mpdo, transmission_type_text
+from dvtcli.domain.pdo import (
+    Direction,
+    Pdo,
+    PdoCommunicationParameter,
+    PdoConfig,
+    PdoMappingEntry,
+    is_mpdo,
+    transmission_type_text,
+)
 
 TPDO, RPDO = Direction.TPDO, Direction.RPDO
 pdos = st.builds(Pdo, st.sampled_from(Direction), st.integers(1, 512))

@@ -6,8 +6,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
 from dvtcli.domain.plan import Plan, Step, ValueChange, alters, plan_pdo, writes_cob_id
 from tests.domain.configs import ModelDevice, config_pairs, configs, mappings, memory_of, pdos
 

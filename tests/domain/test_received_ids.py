@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from dvtcli.domain.network.received_traffic import MOST_IDS, LastFrames
 from dvtcli.domain.ports import Frame
-from dvtcli.domain.received_ids import MOST, LastFrames
 
 
 def test_the_last_frame_and_its_period_are_kept() -> None:
@@ -55,7 +55,7 @@ def test_the_can_id_that_was_silent_longest_is_forgotten() -> None:
     frames.take(Frame(0x001, b""), 0.0)
     frames.take(Frame(0x002, b""), 0.0)
     frames.take(Frame(0x001, b""), 1.0)
-    for can_id in range(0x100, 0x100 + MOST - 1):
+    for can_id in range(0x100, 0x100 + MOST_IDS - 1):
         frames.take(Frame(can_id, b""), 2.0)
     assert frames.last(0x001) is not None
     assert frames.last(0x002) is None

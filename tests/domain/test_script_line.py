@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
 from dvtcli.domain.plan import plan_pdo
 from dvtcli.domain.script_line import backup_lines, change_line
 

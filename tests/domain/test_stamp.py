@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from dvtcli.domain.network.network_plan import phases
 from dvtcli.domain.plan import Plan, Step, ValueChange
-from dvtcli.domain.stamp import Stamp
+from dvtcli.domain.store import Stamp
 from tests.harness.sample import heavy
 
 DAY_MS = 24 * 60 * 60 * 1000

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dvtcli.domain.plan import Step
-from dvtcli.domain.value_order import EMCY_COB_ID, SYNC_COB_ID, TIME_COB_ID, in_order
+from dvtcli.domain.plan import EMCY_COB_ID, SYNC_COB_ID, TIME_COB_ID, Step, in_order
 
 PRODUCES, CONSUMES, OFF = 1 << 30, 1 << 31, 1 << 31
 

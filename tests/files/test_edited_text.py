@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dvtcli.files.dcf.edited_text import EditedText
+from dvtcli.files.eds.ini import EditedText
 
 
 @pytest.mark.parametrize(

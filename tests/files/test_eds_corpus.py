@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.domain.pdo import PdoMappingEntry
 from dvtcli.files.eds.reader import EdsFile, read_eds
 from tests.real_files import real_files
 

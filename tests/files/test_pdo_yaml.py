@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.pdo import Direction, Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.pdo import Direction, Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
 from dvtcli.errors import InputFileError
 from dvtcli.files.pdo_yaml import MappingWord, PdoText, read_pdo_yaml, write_pdo_yaml
 

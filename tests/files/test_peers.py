@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from canopen.objectdictionary import import_od
 
-from dvtcli.domain.dictionary_difference import differences, without_values
 from dvtcli.domain.object_dictionary import ObjectDictionary
+from dvtcli.files.carried_over import differences, without_values
 from dvtcli.files.dcf.write_dcf import Commissioned, write_dcf
 from dvtcli.files.device_file import (
     DEVICE_SUFFIXES,

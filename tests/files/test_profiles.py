@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import dvtcli
-from dvtcli.domain.mapping import split_dummy
-from dvtcli.domain.pdo import Direction
+from dvtcli.domain.pdo import Direction, split_dummy
 from dvtcli.domain.profile import GENERIC, BitPolicy, PreOperational, Severity, VpdoGroup
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.profile.library import load_profile, profile_for_identity, profile_names

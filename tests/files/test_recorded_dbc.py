@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import dvtcli
-from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.pdo import PdoMappingEntry
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import UsageError
 from dvtcli.files.recordings.recorder import Recorder

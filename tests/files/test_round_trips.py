@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dvtcli.domain.datatypes import DATA_TYPES, DataType, Kind
-from dvtcli.domain.dictionary_difference import differences
 from dvtcli.domain.object_dictionary import (
     Access,
     Commissioning,
@@ -21,6 +20,7 @@ from dvtcli.domain.object_dictionary import (
     OdEntry,
     OdObject,
 )
+from dvtcli.files.carried_over import differences
 from dvtcli.files.device_file import DEVICE_SUFFIXES, read_device_file
 from tests.cli.commands.bench import Bench
 from tests.corpus.oddities import ODDITIES, odd_files

@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import BY_SHORT_NAME, Value
-from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_scalings import ObjectRange, ObjectScalings, ScalingRule
-from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.scaling import Scaling, parse_scale
 from dvtcli.errors import InputFileError, UsageError

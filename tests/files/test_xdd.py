@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.datatypes import DATA_TYPES
-from dvtcli.domain.dictionary_difference import differences
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.domain.object_scalings import ObjectScalings
 from dvtcli.domain.scaling import Scaling
 from dvtcli.errors import InputFileError
+from dvtcli.files.carried_over import differences
 from dvtcli.files.device_file import device_file_bytes, parse_device_file
 from dvtcli.files.xdd.xdd_reader import XddFile, parse_xdd
 from dvtcli.files.xdd.xdd_rules import XDD_RULES

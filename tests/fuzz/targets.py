@@ -39,7 +39,7 @@ from dvtcli.device.described_node import FileValues
 from dvtcli.device.node import Node
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.datatypes import BY_SHORT_NAME, parse_number
-from dvtcli.domain.gateway.gateway_answers import GatewayRequestError
+from dvtcli.domain.gateway.gateway_words import GatewayRequestError
 from dvtcli.domain.gateway.plan_lines import format_request
 from dvtcli.domain.gateway.requests import parse_request, sequence_of
 from dvtcli.domain.network.concise_dcf import concise_bytes, concise_entries
@@ -50,9 +50,9 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Plan, Step, ValueChange
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.profile import GENERIC, Severity
-from dvtcli.domain.proof import POWER, Proof
 from dvtcli.domain.rules import Finding
 from dvtcli.domain.scaling import Scaling
+from dvtcli.domain.store import POWER, Proof
 from dvtcli.errors import DvtcliError, InputFileError, RuleError, UsageError
 from dvtcli.files.dbc import read_dbc
 from dvtcli.files.device_file import parse_device_file

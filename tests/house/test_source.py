@@ -47,7 +47,7 @@ MAY_OPEN = {
     "operations/session/whole_file.py": "writes a file",
     "operations/user/settings_search.py": "settings, which it refuses if they are no file",
     "operations/user/trusted_settings.py": "what is kept of settings, which nobody else can write",
-    "files/values/part_file.py": "the unfinished file of our own recording, which is locked",
+    "files/values/value_rows.py": "the unfinished file of our own recording, which is locked",
     "operations/frames/recorded.py": "the temporary copy of stdin that it made itself",
 }
 
@@ -102,7 +102,7 @@ _TYPED = re.compile(
 
 def test_a_command_holds_words_and_options_only() -> None:
     """Its work is an operation, which other programs can call: it imports no device, bus, rule or file format."""
-    rooms = ("device", "bus", "watch", "files", "simulator", "domain.rules", "domain.plan", "domain.end_state")
+    rooms = ("device", "bus", "watch", "files", "simulator", "domain.rules", "domain.plan", "domain.script_line")
     for module in MODULES:
         for imported, line, typing_only in module.imports() if module.name.startswith("cli/commands/") else ():
             inner = imported.startswith(tuple(f"dvtcli.{room}" for room in rooms))

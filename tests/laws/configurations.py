@@ -8,9 +8,8 @@ from functools import cache
 from hypothesis import strategies as st
 
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import DUMMY_BITS, PdoMappingEntry
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary
-from dvtcli.domain.pdo import Direction, Pdo, PdoConfig
+from dvtcli.domain.pdo import DUMMY_BITS, Direction, Pdo, PdoConfig, PdoMappingEntry
 from dvtcli.domain.profile import BitPolicy, DeviceProfile
 from tests.laws.bench import dictionary, profile
 

@@ -15,8 +15,7 @@ from hypothesis import strategies as st
 
 from dvtcli.device.change.transaction import Transaction
 from dvtcli.domain.object_dictionary import ObjectDictionary
-from dvtcli.domain.plan import Plan, Step, ValueChange
-from dvtcli.domain.value_order import altering
+from dvtcli.domain.plan import Plan, Step, ValueChange, altering
 from dvtcli.errors import DvtcliError, SdoAborted
 from dvtcli.files.eds.reader import read_eds
 from tests.cli.commands.bench import Bench

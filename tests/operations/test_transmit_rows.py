@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.pdo import PdoMappingEntry
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import UsageError
 from dvtcli.files.settings_file import with_table

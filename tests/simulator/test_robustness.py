@@ -5,8 +5,8 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dvtcli.domain.mapping import DUMMY_BITS
 from dvtcli.domain.nmt import UNCONFIGURED, NmtState
+from dvtcli.domain.pdo import DUMMY_BITS
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.sdo_server import BLOCK_DOWNLOAD, BLOCK_UPLOAD, SdoServer
 from dvtcli.simulator.device.strict_device import StrictDevice

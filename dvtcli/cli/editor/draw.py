@@ -10,14 +10,13 @@ from dvtcli.cli.editor.model import PARAMETERS, EditedPdos
 from dvtcli.cli.screen.widgets import Cursor, Field, cut, filled
 from dvtcli.cli.view.lines import Cell, broken, columns
 from dvtcli.domain.frame import layout
-from dvtcli.domain.mapping import MAX_PDO_BITS, SAM_MPDO
+from dvtcli.domain.pdo import MAX_PDO_BITS, SAM_MPDO
 from dvtcli.domain.profile import Severity
 from dvtcli.domain.text import plural
 
 if TYPE_CHECKING:
     from dvtcli.cli.editor.object_list import Offer
-    from dvtcli.domain.mapping import PdoMappingEntry
-    from dvtcli.domain.pdo import Pdo, PdoConfig
+    from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
 
 #: the panes, in the order of Tab
 PDOS, FRAME, OBJECTS = range(3)

@@ -33,8 +33,7 @@ if TYPE_CHECKING:
     from dvtcli.cli.editor.draw import Remark
     from dvtcli.cli.pdo_params import NodePdo
     from dvtcli.device.node_parts import ReadableNode
-    from dvtcli.domain.mapping import PdoMappingEntry
-    from dvtcli.domain.pdo import Pdo, PdoConfig
+    from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
     from dvtcli.domain.rules.finding import Finding
     from dvtcli.operations.results import Changed
 

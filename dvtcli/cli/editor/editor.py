@@ -20,12 +20,12 @@ from dvtcli.cli.view.lines import Cell, Line, broken, columns
 from dvtcli.cli.view.paint import with_hints
 from dvtcli.cli.view.renderers import remarks, text
 from dvtcli.cli.view.typed_hints import error_text
-from dvtcli.domain.mapping import DUMMY_BITS, PdoMappingEntry, split_dummy
 from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.object_scalings import value_text
 from dvtcli.domain.object_syntax import Skipped
+from dvtcli.domain.pdo import DUMMY_BITS, PdoMappingEntry, split_dummy
 from dvtcli.domain.rules.pdo_mapping import known_dummies
-from dvtcli.domain.shown_value import value_text
 from dvtcli.domain.text import join_some
 from dvtcli.errors import BusUnavailable, DvtcliError, UsageError
 from dvtcli.operations.exchange.save_edited import save_edited

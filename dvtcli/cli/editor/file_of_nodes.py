@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Protocol
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.cli.editor.draw import Remark
-    from dvtcli.domain.mapping import PdoMappingEntry
     from dvtcli.domain.network.network_config import Endpoint
-    from dvtcli.domain.pdo import Pdo, PdoConfig
+    from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
 
 
 class FileOfNodes(Protocol):

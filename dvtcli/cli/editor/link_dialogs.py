@@ -9,8 +9,8 @@ from dvtcli.cli.screen.widgets import Choices, Dialog, Question
 
 if TYPE_CHECKING:
     from dvtcli.cli.editor.file_of_nodes import FileOfNodes
-    from dvtcli.domain.mapping import PdoMappingEntry
     from dvtcli.domain.network.network_config import Endpoint
+    from dvtcli.domain.pdo import PdoMappingEntry
 
 #: for each object that a TPDO sends, the objects that can receive it
 Receivers = Sequence[tuple["PdoMappingEntry", Sequence["PdoMappingEntry"]]]

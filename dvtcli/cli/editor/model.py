@@ -7,9 +7,14 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeVar
 
 from dvtcli.domain.cob_id import HIGHEST_BASE_CAN_ID, CobId
-from dvtcli.domain.mapping import MAX_PDO_BITS, PdoMappingEntry
 from dvtcli.domain.object_syntax import parse_cob_id
-from dvtcli.domain.pdo import PdoCommunicationParameter, PdoConfig, transmission_type_text
+from dvtcli.domain.pdo import (
+    MAX_PDO_BITS,
+    PdoCommunicationParameter,
+    PdoConfig,
+    PdoMappingEntry,
+    transmission_type_text,
+)
 from dvtcli.domain.text import join_some
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from dvtcli.cli.screen.widgets import filled, least_and_most
 from dvtcli.cli.view.answers.pdo_lines import cell_width, picture
 from dvtcli.cli.view.lines import Cell, clipped, columns
 from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.object_scalings import value_text
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
-from dvtcli.domain.shown_value import value_text
 from dvtcli.domain.text import safe
 from dvtcli.operations.results.pdos import MappedName, PdoRow
 from dvtcli.watch.decoder import Signal

@@ -18,9 +18,9 @@ from dvtcli.bus.node_watch import HEARTBEAT
 from dvtcli.bus.receiver import bus_closed
 from dvtcli.cli.prompt.notices import Notices
 from dvtcli.domain.emergency_codes import emergency_text
+from dvtcli.domain.network.received_traffic import LastFrames
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import BootUp, Emergency, Frame, NodeEvent
-from dvtcli.domain.received_ids import LastFrames
 from dvtcli.domain.text import join_some
 from dvtcli.domain.times import local_clock
 from dvtcli.errors import BusUnavailable

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.gateway.gateway_answers import GatewayRequestError
-from dvtcli.domain.gateway.line_words import HEX, TYPES
+from dvtcli.domain.gateway.gateway_words import HEX, TYPES, GatewayRequestError
 from dvtcli.domain.gateway.plan_lines import REQUIRED
 from dvtcli.domain.gateway.requests import Nmt, Order, Read, Write, parse_request
 from dvtcli.errors import UsageError

@@ -62,7 +62,7 @@ class NodeRolledBack:
         """Read the old values once more, because a restart may go unnoticed. Raises DeviceRefused on a difference."""
         if self.not_put_back or not self.made:
             return
-        from dvtcli.device.change.expected import still_there
+        from dvtcli.device.change.changeable import still_there
         from dvtcli.device.change.undo_plan import beginnings
         from dvtcli.device.target_config import config_differences
 
@@ -172,7 +172,7 @@ class ScriptChanges:
         Returns None without changes, or if no difference was found and some values cannot be read back. Raises errors
         of reading.
         """
-        from dvtcli.device.change.expected import moves, no_longer_held
+        from dvtcli.device.change.changeable import moves, no_longer_held
         from dvtcli.domain.plan import PdoChange
 
         held, found, is_read = self._held(), [], []
@@ -215,7 +215,7 @@ class ScriptChanges:
         made = [(node, self._made(node)) for node in self._session.met_nodes()]  # a node, and its twin
         if self.final is not None or sum(len(plans) for _, plans in made) < 2:
             return
-        from dvtcli.device.change.expected import no_longer_held
+        from dvtcli.device.change.changeable import no_longer_held
 
         for node, plans in made:
             changes = [change for plan in plans for change in plan.changes]
@@ -287,7 +287,7 @@ class ScriptChanges:
             tried = [self._take_back(node, cause) for node in reversed(list(self._session.met_nodes()))]
             failures = [failure for attempt in tried if (failure := attempt.settled(cause)) is not None]
         if failures:
-            from dvtcli.device.change.left_behind import failure_sentence
+            from dvtcli.device.change.failed_change import failure_sentence
 
             first, *others = failures
             self._name_left(first, [made[changed.node] for changed in failures if changed.node in made], failed)
@@ -328,8 +328,8 @@ class ScriptChanges:
         self, left: LeftChanged, made: Iterable[tuple[Node, Sequence[Plan]]], failed: LeftChanged | None
     ) -> None:
         """Add to *left* the nodes' differences from before the script, and before the line that *failed*."""
+        from dvtcli.device.change.failed_change import Guarded, name_left
         from dvtcli.device.change.journal import combine_plans
-        from dvtcli.device.change.left_behind import Guarded, name_left
         from dvtcli.domain.plan import Plan
 
         changes: dict[int, tuple[Node, tuple[Change, ...]]] = {}

@@ -8,8 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
-from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, is_mpdo
+from dvtcli.domain.pdo import MAX_ENTRIES, Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry, is_mpdo
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
 
 #: A plan names at most 1,024 PDOs and as many single objects; anything larger is something else.

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.expected_refusals import substitute_findings
-from dvtcli.device.change.left_behind import Guarded, failure_sentence, name_left
+from dvtcli.device.change.failed_change import Guarded, failure_sentence, name_left
 from dvtcli.device.change.roll_back import roll_back_patiently, unreadable_now
 from dvtcli.device.change.undo_plan import undo_plan_of
 from dvtcli.device.change.untouched_pdos import altered_of, as_they_are, is_of_pdo, others_left, untouched_pdos
@@ -24,7 +24,7 @@ from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.plan import STAMP, PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.rules.no_way_back import restarted_finding
 from dvtcli.domain.script_line import value_line, whole_line
-from dvtcli.domain.stamp import DATE, TIME
+from dvtcli.domain.store import DATE, TIME
 from dvtcli.domain.text import join_some, value_text
 from dvtcli.errors import (
     BusUnavailable,

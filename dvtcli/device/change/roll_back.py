@@ -121,7 +121,7 @@ def _roll_back_one(
 
 def _roll_back_dependent(sdo: SdoTransport, changes: Sequence[ValueChange]) -> None:
     """Restore *before* of dependent values; the first refusal is raised at the end."""
-    from dvtcli.domain.value_order import altering, in_order
+    from dvtcli.domain.plan import altering, in_order
 
     known = ((change.step, change.step.before) for change in changes if change.step.before is not None)
     back: list[Step] = []

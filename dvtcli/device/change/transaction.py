@@ -299,7 +299,7 @@ class Transaction:
 
     def _left_changed(self, fault: BaseException, second: BaseException) -> LeftChanged:
         """The error of a roll-back that failed with *second*, with the objects that differ from before, as read now."""
-        from dvtcli.device.change.left_behind import Guarded, failure_sentence, name_left
+        from dvtcli.device.change.failed_change import Guarded, failure_sentence, name_left
 
         left = left_changed(self.plan, fault, second)
         untouched = tuple(self.others.unchanged())
@@ -314,7 +314,7 @@ class Transaction:
         """
         unreadable = Plan(self.plan.node_id, tuple(self._started)).unreadable
         if taken := [change for change in unreadable if self._acknowledged.was_taken(change)]:
-            from dvtcli.device.change.left_behind import Guarded, name_left
+            from dvtcli.device.change.failed_change import Guarded, name_left
 
             left = unreadable_left(self.plan, taken, fault)
             name_left(left, [Guarded(self.plan.node_id, self.sdo, self.reboot_monitor, self.plan.changes)])

@@ -14,12 +14,11 @@ from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.learning.probe import Features, ProbedPdo
 from dvtcli.domain.learning.probe_table import OTHER_WAY
 from dvtcli.domain.learning.read_dictionary import TO_READ, Absence, ReadDevice, listed
-from dvtcli.domain.mapping import DUMMY_BITS, MAX_ENTRIES, PdoMappingEntry
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
-from dvtcli.domain.pdo import Direction, Pdo, PdoConfig
+from dvtcli.domain.pdo import DUMMY_BITS, MAX_ENTRIES, Direction, Pdo, PdoConfig, PdoMappingEntry
 from dvtcli.domain.rules import Proposal
 from dvtcli.domain.rules.can_id import FREE_POOL
-from dvtcli.domain.rules.described_step import leave_a_choice
+from dvtcli.domain.rules.communication import leave_a_choice
 from dvtcli.domain.rules.mapped_object import FEEDS_TPDO, TAKES_RPDO
 from dvtcli.domain.rules.no_way_back import way_back
 from dvtcli.errors import SdoAborted

@@ -8,16 +8,13 @@ from itertools import chain, islice
 from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.device.change.apply_plan import apply_plan
-from dvtcli.device.change.failed_change import BUS_BACK, left_open
-from dvtcli.device.change.left_behind import Guarded, name_left
+from dvtcli.device.change.failed_change import BUS_BACK, Guarded, left_open, name_left
 from dvtcli.device.change.roll_back import first_difference, roll_back_patiently
-from dvtcli.device.proposal import proposal
-from dvtcli.device.raw_write_check import raw_write_findings
+from dvtcli.device.proposal import proposal, raw_write_findings
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.mapping import MAX_ENTRIES
-from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.pdo import MAX_ENTRIES, Pdo, PdoConfig
 from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, TRANSMISSION_TYPE, Change, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.rules import check_pdo, errors_in
 from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, LeftChanged, SdoAborted

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.device.described_node import Defaults
-from dvtcli.device.quirks.standard_channel import in_standard_order
+from dvtcli.device.quirks import in_standard_order
 from dvtcli.device.resets import return_to
 from dvtcli.device.store.canary import AnyPlace, Canary, choose_canary
 from dvtcli.device.store.pending import COMMUNICATION, EVERYTHING
@@ -22,7 +22,7 @@ from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSION_TYPE, Plan, plan_pdo
 from dvtcli.domain.ports import SdoTransport
 from dvtcli.domain.profile import DeviceProfile
-from dvtcli.domain.proof import POWER, Proof
+from dvtcli.domain.store import POWER, Proof
 from dvtcli.domain.text import join_some
 from dvtcli.errors import DeviceRefused, DvtcliError, Interrupted, LeftChanged, SdoAborted
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from dvtcli.domain.gateway.line_words import QUOTED, quoted, value_text
+from dvtcli.domain.gateway.gateway_words import QUOTED, quoted, value_text
 from dvtcli.domain.gateway.requests import (
     Command,
     Nmt,

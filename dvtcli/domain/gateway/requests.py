@@ -6,8 +6,15 @@ import re
 from dataclasses import dataclass
 from enum import Enum, auto
 
-from dvtcli.domain.gateway.gateway_answers import GatewayError, GatewayRequestError
-from dvtcli.domain.gateway.line_words import data_of, number_of, type_word, words_of, wrong
+from dvtcli.domain.gateway.gateway_words import (
+    GatewayError,
+    GatewayRequestError,
+    data_of,
+    number_of,
+    type_word,
+    words_of,
+    wrong,
+)
 from dvtcli.domain.nmt import NmtCommand
 
 _U8, _U16, _U32 = (0, 0xFF), (0, 0xFFFF), (0, 0xFFFF_FFFF)

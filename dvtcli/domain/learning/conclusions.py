@@ -23,8 +23,7 @@ from dvtcli.domain.learning.probe import (
 )
 from dvtcli.domain.learning.probe_table import AGAIN, OTHER_WAY, RESTRICTED, TYPES, KnownAnswers, next_probes
 from dvtcli.domain.learning.read_dictionary import taken_beyond
-from dvtcli.domain.mapping import DUMMY_BITS
-from dvtcli.domain.pdo import Direction, is_mapping_index
+from dvtcli.domain.pdo import DUMMY_BITS, Direction, is_mapping_index
 from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME
 
 #: Downloads that bring a PDO to where the first probe of a stand starts, and back to where each next one does after

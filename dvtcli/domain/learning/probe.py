@@ -8,8 +8,7 @@ from enum import StrEnum
 
 from dvtcli.domain.abort import abort_text
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
 
 #: `ProbeAnswer.code` of an accepted value.
 ACCEPTED = 0

@@ -13,9 +13,8 @@ from dvtcli.domain.abort import abort_text
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import BOOLEAN, DATA_TYPES, U8, DataType, Kind
 from dvtcli.domain.learning.probe import Learnt, Probe, ProbeAnswer, ProbedPdo, ProbeWrite, Stand
-from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_dictionary import Access, DeviceInfo, ObjectDictionary, ObjectType, OdEntry, OdObject
-from dvtcli.domain.pdo import Direction, Pdo, PdoConfig, is_mapping_index
+from dvtcli.domain.pdo import Direction, Pdo, PdoConfig, PdoMappingEntry, is_mapping_index
 from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSION_TYPE
 from dvtcli.domain.standard_objects import standard_entry, standard_object_type
 

@@ -6,14 +6,12 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
+from dvtcli.domain.cob_id import CobId, is_channel_place, taken_by_services
 from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
-from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, is_mpdo
+from dvtcli.domain.pdo import MAX_ENTRIES, Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry, is_mpdo
 from dvtcli.domain.profile import GENERIC, DeviceProfile, Severity
 from dvtcli.domain.rules import Proposal, check_pdo
 from dvtcli.domain.rules.finding import Finding
-from dvtcli.domain.services import is_channel_place, taken_by_services
 
 #: Object types with several sub-indices.
 OF_MANY = (ObjectType.DEFSTRUCT, ObjectType.ARRAY, ObjectType.RECORD)

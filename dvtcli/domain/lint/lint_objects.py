@@ -8,9 +8,9 @@ from dataclasses import replace
 from dvtcli.domain.datatypes import U8, Kind
 from dvtcli.domain.lint.described import OF_MANY, DescribedDevice, Found, Spot, at
 from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
-from dvtcli.domain.mapping import MAX_PDO_BITS
 from dvtcli.domain.object_dictionary import Access, ObjectType, OdEntry, OdObject, normalised
-from dvtcli.domain.rules.described_step import leave_a_choice
+from dvtcli.domain.pdo import MAX_PDO_BITS
+from dvtcli.domain.rules.communication import leave_a_choice
 from dvtcli.domain.standard_objects import is_pdo_mapping, must_not_be_mapped
 
 _SHAPE = "CiA 301, 7.4.3"

@@ -11,10 +11,9 @@ from functools import partial
 
 from dvtcli.domain.lint.described import HELD, DefaultPdo, DescribedDevice, Found, Spot
 from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, LintRule, RuleCheck, check
-from dvtcli.domain.mapping import MAX_ENTRIES
-from dvtcli.domain.pdo import is_mpdo
+from dvtcli.domain.pdo import MAX_ENTRIES, is_mpdo
 from dvtcli.domain.profile import Severity
-from dvtcli.domain.rules import can_id, communication, entry_length, mapped_object, pdo_mapping
+from dvtcli.domain.rules import can_id, communication, mapped_object, pdo_mapping
 from dvtcli.domain.rules.can_id import BASES
 from dvtcli.domain.rules.finding import Rule
 
@@ -234,7 +233,7 @@ def _count(one: DefaultPdo) -> Spot:
 
 _PLACE = re.compile(r"0x([0-9A-F]{4}):([0-9A-F]{2})")
 _DECLARED: dict[str, Rule] = {
-    rule.name: rule for file in (can_id, communication, entry_length, pdo_mapping, mapped_object) for rule in file.RULES
+    rule.name: rule for file in (can_id, communication, pdo_mapping, mapped_object) for rule in file.RULES
 }
 
 

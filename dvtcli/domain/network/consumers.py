@@ -1,11 +1,12 @@
-"""Check that consumers of a network are mapped for their producers' frames. Pure; reads nothing."""
+"""Check that RPDOs have a producer, and are mapped for its frames. Pure; reads nothing."""
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Iterator, Mapping
+from collections.abc import Collection, Container, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import PdoChange
 from dvtcli.domain.rules.finding import WARNING, Finding, Producer, Rule, warning
@@ -18,9 +19,9 @@ RULES = (
          "CiA 301, emergency error codes 0x8210 and 0x8220"),
     Rule("consumer-left", WARNING, "an RPDO goes on hearing a CAN-ID that a TPDO gives up and no other sends",
          "CiA 301, 7.3.5: producer and consumer of a PDO have one CAN-ID"),
+    Rule("rpdo-producer", WARNING,
+         "no known node transmits the frames of an RPDO, and the family then reports a fault", "the family"),
 )  # fmt: skip
-
-
 #: a CAN-ID, and whether it has 29 bits
 Id = tuple[int, bool]
 
@@ -132,3 +133,28 @@ def _id(cob_id: CobId) -> Id:
 
 def _changed(plan: NodePlan) -> set[Pdo]:
     return {change.pdo for change in plan.plan.changes if isinstance(change, PdoChange)}
+
+
+def sent_by(pdos: Iterable[PdoConfig]) -> Iterator[tuple[int, bool]]:
+    """CAN-ID, and whether it has 29 bits, of every enabled TPDO in *pdos*."""
+    return (_identifier(config.communication.cob_id) for config in pdos if config.enabled)
+
+
+def producer_findings(
+    changes: Iterable[PdoChange], sent: Collection[tuple[int, bool]], consequence: str
+) -> Iterator[Finding]:
+    """A warning for each RPDO that *changes* enable or move to a CAN-ID that is not *sent* by a known node.
+
+    *consequence* is the device's reaction to missing frames.
+    """
+    for change in changes:
+        before, after = change.before.communication.cob_id, change.after.communication.cob_id
+        if change.pdo.is_tpdo or not after.valid or before == after or _identifier(after) in sent:
+            continue
+        text = f"{change.label} waits for {after}, which no node that was read transmits: {consequence}"
+        hint = Hint(Action.DISABLE, {"pdo": change.pdo}, "map it into a TPDO of another node, or {}")
+        yield warning("rpdo-producer", f"0x{change.pdo.communication_index:04X}:01", text, hint)
+
+
+def _identifier(cob_id: CobId) -> tuple[int, bool]:
+    return cob_id.can_id, cob_id.extended

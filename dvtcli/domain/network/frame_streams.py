@@ -14,6 +14,7 @@ from math import lcm
 from typing import NamedTuple
 
 from dvtcli.domain.bus_load import arbitration, most_frame_bits
+from dvtcli.domain.cob_id import PRODUCES
 from dvtcli.domain.frame import byte_length
 from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.network.network_state import (
@@ -29,7 +30,6 @@ from dvtcli.domain.network.network_state import (
     identifier_of,
 )
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.services import PRODUCES
 from dvtcli.domain.text import join_some, plural
 
 Time = Fraction | int

@@ -1,6 +1,4 @@
-"""Map an RPDO for a TPDO, and choose the CAN-ID of the link.
-
-Each consumer object is placed at the producer's bits for it. Pure."""
+"""Links: map an RPDO for a TPDO, choose its CAN-ID, and watch the producer's heartbeat."""
 
 from __future__ import annotations
 
@@ -12,10 +10,9 @@ from typing import NamedTuple
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import DataType
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.mapping import DUMMY_BITS, MAX_PDO_BITS, PdoMappingEntry, split_dummy, total_bits
 from dvtcli.domain.network.network_config import Endpoint, LinkConfig
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
-from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.pdo import DUMMY_BITS, MAX_PDO_BITS, Pdo, PdoConfig, PdoMappingEntry, split_dummy, total_bits
 from dvtcli.domain.process_data import commanded_by_other, is_controlword
 from dvtcli.domain.profile import DeviceProfile, Severity
 from dvtcli.domain.rules.can_id import FREE_POOL, restricted_use
@@ -108,6 +105,13 @@ RULES = (
     Rule("link-target", NOTE, "a target or an output receives another kind of value (of a network: hears-no-target)",
          "CiA 401-1, CiA 402-2"),
     Rule("link-object", WARNING, "a PDO of a link maps an object that its file excludes", "both devices' files"),
+    Rule("link-guarded", ERROR, "a heartbeat is to be sent by a node that is guarded (0x100C x 0x100D is not 0)",
+         "CiA 301, 7.2.8.3.2: node guarding and heartbeat exclude each other"),
+    Rule("link-no-heartbeat", ERROR, "a heartbeat is to be set on a node that has no 0x1017", "CiA 301, 7.5.2.18"),
+    Rule("link-silent", NOTE, "the producer of a link sends no heartbeat, so that no node notices its loss",
+         "CiA 301, 7.5.2.18"),
+    Rule("link-unwatched", WARNING, "the consumer of a link cannot watch the producer's heartbeat",
+         "CiA 301, 7.5.2.17"),
 )  # fmt: skip
 #: Rules whose findings are asked about before execution, in interactive use.
 MOVES = frozenset({"link-command", "link-target"})
@@ -373,3 +377,35 @@ def _command_remarks(
             )
         else:
             yield note("link-target", str(consumer), text)
+
+
+#: Consumer time in heartbeat periods: the default of `heartbeat_multiplier` in a network file.
+CONSUMER_PERIODS = 3
+LONGEST_MS = 0xFFFF
+
+
+def watch_time_ms(producer_ms: int, multiplier: float = CONSUMER_PERIODS) -> int | None:
+    """Consumer time in ms for a heartbeat sent every *producer_ms* (1..65535); None if no longer time is possible.
+
+    The time is *multiplier* (1 and up) times the producer's.
+    """
+    time_ms = min(int(multiplier * producer_ms), LONGEST_MS)
+    return time_ms if time_ms > producer_ms else None
+
+
+def watched_ms(slots: Mapping[int, int], producer: int) -> int:
+    """Consumer time in ms of the entries of 0x1016 in *slots*, by sub-index, for node *producer*; 0 for none.
+
+    Source: CiA 301, 7.5.2.17: node-ID in bits 16..23, time in ms below.
+    """
+    return next((value & 0xFFFF for value in slots.values() if value >> 16 & 0xFF == producer and value & 0xFFFF), 0)
+
+
+def slot_for(slots: Mapping[int, int], producer: int) -> int | None:
+    """The sub-index of 0x1016 that watches node *producer*, else a free sub-index, else None.
+
+    An entry is free if its node-ID or its time is 0 (CiA 301, 7.5.2.17).
+    """
+    used = {sub_index: value for sub_index, value in slots.items() if value & 0xFFFF and value >> 16 & 0xFF}
+    own = (sub_index for sub_index, value in used.items() if value >> 16 & 0xFF == producer)
+    return next(own, next((sub_index for sub_index in slots if sub_index not in used), None))

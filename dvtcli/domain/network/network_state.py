@@ -6,13 +6,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from dvtcli.domain.cob_id import can_id_text
+from dvtcli.domain.cob_id import OFF, PRODUCES, can_id_text, is_channel_place
 from dvtcli.domain.network.network_config import NOWHERE, Endpoint, LinkConfig, Mark, MasterRole
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.domain.rules.finding import Finding
-from dvtcli.domain.services import OFF, PRODUCES, is_channel_place
 
 Place = tuple[int, int]
 Identity = Mapping[str, int | None]

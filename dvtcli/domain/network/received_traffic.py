@@ -1,21 +1,26 @@
-"""Traffic received on a bus for a while: frequency of each CAN-ID, commands, node states. Pure."""
+"""Traffic received on a bus: each CAN-ID's last frame, and for a while frequencies, commands, node states. Pure."""
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
+from collections import Counter, OrderedDict, defaultdict
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
-from dvtcli.domain.network.network_state import Identifier
 from dvtcli.domain.nmt import NmtCommand, NmtState
+from dvtcli.domain.pdo import PDO_INDICES
 from dvtcli.domain.ports import Frame
+
+if TYPE_CHECKING:
+    from dvtcli.domain.network.network_state import Identifier
 
 _NMT, _LSS = 0x000, 0x7E5
 _REQUESTS = range(0x601, 0x680)
 _EMERGENCIES = range(0x081, 0x100)
 _HEARTBEATS = range(0x701, 0x780)
 #: an expedited download of 0x1017, without the size bits
-_DOWNLOADS, _HEARTBEAT_TIME = 1, b"\x17\x10\x00"
+_EXPEDITED, _HEARTBEAT_TIME = 1, b"\x17\x10\x00"
 #: Number of remembered times per CAN-ID.
 _MOST_TIMES = 1000
 
@@ -78,7 +83,7 @@ class ReceivedTraffic:
             self.lss += 1
         elif can_id in _REQUESTS:
             self.requests[node_id] += 1
-            if data[:1] and data[0] >> 5 == _DOWNLOADS and data[1:4] == _HEARTBEAT_TIME:
+            if data[:1] and data[0] >> 5 == _EXPEDITED and data[1:4] == _HEARTBEAT_TIME:
                 self.heartbeat_written.add(node_id)
         elif can_id in _EMERGENCIES and len(data) >= 2:
             self.emergencies[node_id][int.from_bytes(data[:2], "little")] += 1
@@ -105,3 +110,79 @@ class ReceivedTraffic:
     def rate_hz(self, identifier: Identifier) -> float:
         """Frames a second of a CAN-ID."""
         return self.count(identifier) / self.seconds if self.seconds else 0.0
+
+
+#: Maximum number of remembered CAN-IDs; a new CAN-ID replaces the one silent for longest.
+MOST_IDS = 512
+#: command specifiers of SDO downloads: expedited and segmented, block
+_ANY_DOWNLOADS = (1, 6)
+_NEVER = float("-inf")
+
+
+@dataclass(frozen=True, slots=True)
+class Period:
+    """Time between two frames of a CAN-ID in seconds: the last, the shortest and the longest."""
+
+    last_s: float
+    least_s: float
+    most_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class LatestFrame:
+    """The last frame of a CAN-ID: its *data* and arrival time (s, of the clock given to `LastFrames.take`)."""
+
+    data: bytes
+    at_s: float
+    #: None until a second frame came
+    period: Period | None = None
+
+
+class LastFrames:
+    """Remembers the last data frame per CAN-ID, for at most `MOST_IDS` CAN-IDs."""
+
+    def __init__(self) -> None:
+        self._received: OrderedDict[tuple[int, bool], LatestFrame] = OrderedDict()
+        #: time of the last write to a PDO parameter, by node-ID and index, and of the node's boot-up (index 0)
+        self._set_s: dict[tuple[int, int], float] = {}
+
+    def take(self, frame: Frame, now_s: float) -> None:
+        """Remember *frame*, received at *now_s*; remote frames are ignored."""
+        if frame.remote:
+            return
+        key = frame.can_id, frame.extended
+        if not frame.extended and frame.data:
+            self._note_setting(frame.can_id, frame.data, now_s)
+        before = self._received.pop(key, None)
+        self._received[key] = LatestFrame(frame.data, now_s, None if before is None else _period(before, now_s))
+        if len(self._received) > MOST_IDS:
+            self._received.popitem(last=False)
+
+    def clear(self) -> None:
+        """Forget all frames."""
+        self._received.clear()
+        self._set_s.clear()
+
+    def _note_setting(self, can_id: int, data: bytes, now_s: float) -> None:
+        """Note downloads and restarts that may change layout or COB-ID of a node's PDOs."""
+        if can_id in _HEARTBEATS and data == b"\0":  # a boot-up
+            self._set_s[can_id & 0x7F, 0] = now_s
+        elif can_id in _REQUESTS and data[0] >> 5 in _ANY_DOWNLOADS:
+            index = int.from_bytes(data[1:3], "little")
+            if index in PDO_INDICES:
+                self._set_s[can_id & 0x7F, index] = now_s
+
+    def set_s(self, node_id: int, indices: Iterable[int]) -> float:
+        """Time when a PDO parameter among *indices* of *node_id* was last written, or the node booted."""
+        return max(self._set_s.get((node_id, index), _NEVER) for index in (0, *indices))
+
+    def last(self, can_id: int, *, extended: bool = False) -> LatestFrame | None:
+        """The last frame with *can_id* (11 bits, 29 if *extended*), None if none was received."""
+        return self._received.get((can_id, extended))
+
+
+def _period(before: LatestFrame, now_s: float) -> Period:
+    gap_s, known = now_s - before.at_s, before.period
+    if known is None:
+        return Period(gap_s, gap_s, gap_s)
+    return Period(gap_s, min(known.least_s, gap_s), max(known.most_s, gap_s))

@@ -10,8 +10,7 @@ from dvtcli.domain.profile import Severity
 from dvtcli.domain.rules.can_id import can_id_findings
 from dvtcli.domain.rules.communication import communication_findings
 from dvtcli.domain.rules.finding import Finding, Proposal
-from dvtcli.domain.rules.pdo_mapping import mapping_findings
-from dvtcli.domain.rules.whole_pdo import whole_findings
+from dvtcli.domain.rules.pdo_mapping import mapping_findings, whole_findings
 
 __all__ = ["Finding", "Proposal", "check_pdo", "errors_in"]
 

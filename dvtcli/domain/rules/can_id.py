@@ -6,13 +6,12 @@ from collections.abc import Iterator, Mapping
 from functools import lru_cache
 
 from dvtcli.domain.abort import Abort
-from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.cob_id import OFF, PRODUCES, SRDOS, SYNC_BY_DEFAULT, CobId, taken_by_services
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Direction, Pdo
 from dvtcli.domain.plan import disables
 from dvtcli.domain.profile import BitPolicy, Severity
 from dvtcli.domain.rules.finding import ERROR, NOTE, WARNING, Finding, Producer, Proposal, Rule, error, note, warning
-from dvtcli.domain.services import OFF, PRODUCES, SRDOS, SYNC_BY_DEFAULT, taken_by_services
 
 _ANOTHER = Hint(Action.SELECT_CAN_ID, why="take another CAN-ID, or {}")
 _OR_FREE = Hint(Action.SELECT_CAN_ID, why=", or {}")

@@ -1,4 +1,4 @@
-"""Rules about a mapping as a whole: size, dummies, whether it may change (CiA 301, 7.5.2.36/38; CiA 306)."""
+"""Rules about a PDO's mapping: completeness, size, entries, dummies, changes (CiA 301, 7.5.2.36/38; CiA 306)."""
 
 from __future__ import annotations
 
@@ -7,12 +7,10 @@ from itertools import count
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.mapping import DUMMY_BITS, MAX_ENTRIES, MAX_PDO_BITS, PdoMappingEntry
 from dvtcli.domain.object_dictionary import ObjectDictionary
-from dvtcli.domain.pdo import PdoConfig
-from dvtcli.domain.plan import disables, mapping_differs
+from dvtcli.domain.pdo import DUMMY_BITS, MAX_ENTRIES, MAX_PDO_BITS, PdoConfig, PdoMappingEntry
+from dvtcli.domain.plan import disables, mapping_differs, needs_disabling
 from dvtcli.domain.profile import DeviceProfile, Severity
-from dvtcli.domain.rules.entry_length import length_findings
 from dvtcli.domain.rules.finding import ERROR, NOTE, WARNING, Finding, Proposal, Rule, error, note, warning
 from dvtcli.domain.rules.mapped_object import object_findings
 from dvtcli.domain.text import join_some
@@ -38,9 +36,15 @@ RULES = (
     Rule("dummy-length", ERROR, "the length of a dummy differs from its type's", _MAPPING, (Abort.NOT_MAPPABLE,)),
     Rule("double-target", (Severity.ERROR, Severity.WARNING),
          "an RPDO maps an object twice (error); two RPDOs write the same object (warning)", "ours"),
+    Rule("entry-length", ERROR, "the length of an entry differs from its object's, is 0, or exceeds 64 bits",
+         "CiA 301, 7.5.2.36 and 7.5.2.38; the EDS; the family", (Abort.NOT_MAPPABLE, Abort.VALUE_RANGE)),
+    Rule("granularity", ERROR, "the length of an entry is not a multiple of the device's granularity",
+         "the EDS, Granularity (CiA 306); the family", (Abort.NOT_MAPPABLE,)),
+    Rule("half-pdo", ERROR, "the PDO has no COB-ID or no mapping that could be written",
+         "CiA 301, 7.5.2.35 to 7.5.2.38: a PDO has both; the device", (Abort.NO_OBJECT,)),
+    Rule("inconsistent-pdo", ERROR, "a PDO would be enabled with fewer entries than its count",
+         "CiA 301, 7.5.2.36 and 7.5.2.38", (Abort.PDO_LENGTH,)),
 )  # fmt: skip
-
-
 #: The lowest event-driven transmission type.
 _EVENT_DRIVEN = 254
 
@@ -238,3 +242,112 @@ def _double_targets(proposal: Proposal) -> Iterator[Finding]:
                 continue
             if key in {(held.index, held.sub_index) for held in proposal.others[other].mapping}:
                 yield warning("double-target", place, f"{name} is also written by {other.label}")
+
+
+def length_findings(proposal: Proposal, place: str, entry: PdoMappingEntry) -> Iterator[Finding]:
+    """Judge the length of *entry* at *place*: in itself, by the family, and by its object."""
+    profile = proposal.profile
+    if not 1 <= entry.bits <= MAX_PDO_BITS:
+        abort = Abort.NOT_MAPPABLE if entry.bits or not entry.raw else Abort.VALUE_RANGE
+        yield error("entry-length", place, f"{entry} has {entry.bits} bits; an entry has 1..64", abort)
+        return
+    granularity = _granularity(proposal)
+    if entry.bits % granularity:
+        yield error(
+            "granularity",
+            place,
+            f"{entry} has {entry.bits} bits; this device maps multiples of {granularity}",
+            Abort.NOT_MAPPABLE,
+        )
+    if entry.bits > profile.max_entry_bits:
+        yield error(
+            "entry-length",
+            place,
+            f"{entry} is longer than the {profile.max_entry_bits} bits that a {profile.title} takes per entry",
+            Abort.NOT_MAPPABLE,
+        )
+    if not entry.is_dummy:
+        yield from _against_object(proposal, place, entry)
+
+
+def _against_object(proposal: Proposal, place: str, entry: PdoMappingEntry) -> Iterator[Finding]:
+    known = _object_bits(proposal, entry)
+    if known is None or entry.bits == known:
+        return
+    name = proposal.name(entry.index, entry.sub_index)
+    if entry.bits > known:
+        yield error(
+            "entry-length",
+            place,
+            f"{name} has {known} bits, {entry.bits} were requested",
+            Abort.NOT_MAPPABLE,
+            f"write {entry.object} or {entry.object}/{known}",
+        )
+    elif not proposal.profile.partial_entries:
+        yield error(
+            "entry-length",
+            place,
+            f"{name} has {known} bits, only {entry.bits} were requested: CiA 301 does not define which bits a device "
+            f"transmits then",
+            None,
+            f"write {entry.object} or {entry.object}/{known}",
+        )
+
+
+def _granularity(proposal: Proposal) -> int:
+    """The profile's granularity, else the EDS's if 1 or 8 (real files also hold 0 and 64, without meaning)."""
+    if proposal.profile.granularity is not None:
+        return proposal.profile.granularity
+    stated = proposal.dictionary.info.granularity if proposal.dictionary else None
+    return 8 if stated == 8 else 1
+
+
+def _object_bits(proposal: Proposal, entry: PdoMappingEntry) -> int | None:
+    found = proposal.dictionary.entry(entry.index, entry.sub_index) if proposal.dictionary else None
+    if found is not None and found.bits is not None:
+        return found.bits
+    return proposal.lengths.get((entry.index, entry.sub_index))
+
+
+_ANOTHER = Hint(Action.SHOW_PDOS, {"all": True}, "choose another PDO ({})")
+
+
+def whole_findings(proposal: Proposal) -> Iterator[Finding]:
+    """Judge a change that needs missing parts of a PDO, or enables an inconsistent PDO."""
+    now, want, label = proposal.now, proposal.want, proposal.pdo.label
+    maps = mapping_differs(now, want)
+    if not now.has_cob_id and now.communication.cob_id != want.communication.cob_id:
+        place, hint = proposal.communication_place(1), _ANOTHER + Hint(Action.LEAVE_OFF, why="maps without enabling")
+        yield error("half-pdo", place, f"{label} of this device has no COB-ID: {place} cannot be read",
+                    Abort.NO_OBJECT, hint)  # fmt: skip
+    if not now.has_mapping and maps:
+        place, hint = (
+            proposal.mapping_place(0),
+            _ANOTHER + Hint(Action.DISABLE, {"pdo": proposal.pdo}, "switches this one off"),
+        )
+        yield error("half-pdo", place, f"{label} of this device has no mapping: {place} cannot be read",
+                    Abort.NO_OBJECT, hint)  # fmt: skip
+    if not now.has_cob_id and (now == want or (_is_described(proposal) and needs_disabling(now, want))):
+        place = proposal.communication_place(1)
+        yield error("half-pdo", place, f"it is not known whether {label} is off: {place} cannot be read",
+                    None, _ANOTHER)  # fmt: skip
+    enables = want.enabled and (not now.enabled or disables(now, want))
+    if want.held_count is not None and (maps or enables):
+        place, hint = (
+            proposal.mapping_place(0),
+            _repaired(proposal),
+        )
+        yield error("inconsistent-pdo", place, f"{label} cannot be enabled: {want.inconsistency}",
+                    Abort.PDO_LENGTH, hint)  # fmt: skip
+
+
+def _is_described(proposal: Proposal) -> bool:
+    """Whether the device's file has the COB-ID, so that enabling may work."""
+    return (
+        proposal.dictionary is not None and proposal.dictionary.entry(proposal.pdo.communication_index, 1) is not None
+    )
+
+
+def _repaired(proposal: Proposal) -> Hint:
+    pdo = {"pdo": proposal.pdo}
+    return Hint(Action.MAP, pdo) + Hint(Action.CLEAR, pdo, " or {} repairs it")

@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import HIGHEST_BASE_CAN_ID, CobId
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.mapping import SAM_MPDO, PdoMappingEntry
 from dvtcli.domain.object_dictionary import ObjectDictionary
-from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.pdo import SAM_MPDO, Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
 from dvtcli.domain.process_data import answers_with_state
 from dvtcli.domain.rules.can_id import can_id_findings
 from dvtcli.domain.rules.communication import communication_findings

@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Protocol
 
 from dvtcli.errors import InputFileError
-from dvtcli.files.dcf.edited_text import EditedText
 from dvtcli.files.eds.findings import Findings
-from dvtcli.files.eds.ini import MOST_BYTES, section_values, split_sections
+from dvtcli.files.eds.ini import MOST_BYTES, EditedText, section_values, split_sections
 from dvtcli.files.eds.reader import EdsFile
 from dvtcli.files.input_file import read_input
 

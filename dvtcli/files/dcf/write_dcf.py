@@ -1,4 +1,4 @@
-"""Write the values of one device into an EDS or an older DCF; all other bytes stay unchanged (CiA 306)."""
+"""Write the values of one device into an EDS or a DCF; all other bytes stay unchanged (CiA 306)."""
 
 from __future__ import annotations
 
@@ -12,9 +12,8 @@ from dvtcli.domain.standard_objects import is_pdo_mapping
 from dvtcli.domain.text import safe
 from dvtcli.errors import InputFileError
 from dvtcli.files.dcf.device_keys import write_device_keys
-from dvtcli.files.dcf.edited_text import EditedText
 from dvtcli.files.eds.findings import Findings
-from dvtcli.files.eds.ini import IniValue, Values, section_values
+from dvtcli.files.eds.ini import EditedText, IniValue, Values, section_values
 from dvtcli.files.eds.numbers import number_key, read_number, without_comment
 from dvtcli.files.eds.reader import EdsFile, parse_eds
 from dvtcli.files.eds.sections import OBJECT_LISTS, EdsLayout, ObjectSections, Parts
@@ -353,3 +352,31 @@ def _anchor(keys: Values, parts: Parts) -> int:
     if _DEFAULT in keys:
         return keys[_DEFAULT].line
     return max((value.line for value in keys.values()), default=parts[-1].line)
+
+
+def change_values(data: bytes, source: str, values: Mapping[Place, bytes], node_id: int) -> DcfText:
+    """Return the DCF *data* (named *source*) with those of *values* that it does not mean already.
+
+    *values* of *node_id* go by index and sub-index. Sections of other objects, and those about the device and the file,
+    stay byte for byte. Raises InputFileError if *data* is no DCF, or no value can be written.
+    """
+    eds = parse_eds(data, source)
+    places = {(index, sub) for index in eds.layout.objects for sub in eds.dictionary[index].entries}
+    left_out = dict.fromkeys(values.keys() - places, "no section describes it")
+    told: dict[Place, bytes] = {}
+    changes: dict[Place, bytes] = {}
+    for index, sub_index in places:
+        entry = eds.dictionary[index].entries[sub_index]
+        value = replace(entry, default=None).initial(node_id)
+        if value is not None:
+            told[index, sub_index] = value
+        wanted = values.get((index, sub_index))
+        if wanted is not None and not same_value(entry.data_type, entry.initial(node_id), wanted):
+            changes[index, sub_index] = wanted
+    writer = DcfWriter(eds, EditedText(data), told | changes, node_id, left_out)
+    for index in sorted({index for index, _ in changes}):
+        writer.write_object(index)
+    made = writer.text.to_bytes()
+    said = {place: value for place, value in (told | dict(values)).items() if place not in writer.left_out}
+    refuse_unlike_values(parse_eds(made, source).dictionary, said, node_id)
+    return DcfText(made, tuple(changes), writer.left_out)

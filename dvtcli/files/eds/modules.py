@@ -35,7 +35,7 @@ _MOST_SUB_INDICES = 254
 
 def with_modules(data: bytes, modules: Sequence[int]) -> bytes:
     """Return the EDS or DCF *data* with *modules* as its [ConnectedModules], at its end."""
-    from dvtcli.files.dcf.edited_text import EditedText
+    from dvtcli.files.eds.ini import EditedText
 
     text = EditedText(data)
     for section in split_sections(data).sections:

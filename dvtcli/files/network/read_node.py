@@ -1,10 +1,11 @@
-"""Read a node of a network file, without its device."""
+"""Read a node of a network file, without its device, and the meaning of its values under `physical`."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import json
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from dvtcli.domain.cob_id import HIGHEST_BASE_CAN_ID, CobId
 from dvtcli.domain.network.network_config import (
@@ -23,12 +24,15 @@ from dvtcli.domain.network.network_config import (
 from dvtcli.domain.object_syntax import parse_object
 from dvtcli.domain.pdo import MAX_PDO_NUMBER, Direction, Pdo
 from dvtcli.domain.times import counts
+from dvtcli.errors import InputFileError
 from dvtcli.files.network import leaves
 from dvtcli.files.network.file_log import FileLog, spelled
 from dvtcli.files.network.network_keys import OF, Where
 from dvtcli.files.network.read_by_keys import key_mark, number_key, read_keys
-from dvtcli.files.network.read_physical import read_physical
 from dvtcli.files.network.yaml_tree import Branch, Leaf, Tree, YamlList
+
+if TYPE_CHECKING:
+    from dvtcli.domain.object_scalings import Rules
 
 #: the keys of a PDO by sub-index, the last of equivalent keys; 0: the mapping
 _SUB_INDICES = {
@@ -317,3 +321,46 @@ def _pins(groups: Branch | None, log: FileLog) -> Iterator[PinConfig]:
             elif pin is not None and word is not None:
                 seen[pin] = PinConfig(group, pin, None if word.text == NONE else word, pin_leaf.mark)
         yield from (seen[pin] for pin in sorted(seen))
+
+
+def read_physical(branch: Branch, log: FileLog) -> Iterator[tuple[str, str]]:
+    """Read objects with their meaning as JSON; complains if a profile could not have it."""
+    for name, (leaf, tree) in branch.items.items():
+        said = _plain(tree, log)
+        try:
+            _rules({name: said}, log.file)
+        except InputFileError as wrong:
+            log.complain(leaf.mark, wrong.text)
+        else:
+            yield name, json.dumps(said, ensure_ascii=False)
+
+
+def rules_of(physical: Iterable[tuple[str, str]]) -> Rules:
+    """Return the meanings of a node's objects in the form of a profile."""
+    return _rules({name: json.loads(text) for name, text in physical}, "")
+
+
+def rules_by_node(nodes: Iterable[NodeConfig]) -> dict[int, Rules]:
+    """Return `rules_of` for each of *nodes*, by node-ID."""
+    return {node.node_id: rules_of(node.physical) for node in nodes}
+
+
+def _rules(said: dict[str, object], file: str) -> Rules:
+    from dvtcli.files.profile.toml import physical_rules
+    from dvtcli.files.toml_item import Item
+
+    return physical_rules(Item(said, ("physical",), file, {}))
+
+
+def _plain(tree: Tree, log: FileLog) -> object:
+    """*tree* as TOML would have it; a real number stays a text, and exact."""
+    if isinstance(tree, Branch):
+        return {name: _plain(value, log) for name, (_, value) in tree.items.items()}
+    if isinstance(tree, YamlList):
+        return [_plain(item, log) for item in tree.items]
+    return _number(tree, log) if tree.kind == "int" else tree.text
+
+
+def _number(leaf: Leaf, log: FileLog) -> object:
+    number = leaves.as_number(leaf, log)
+    return leaf.text if number is None else number

@@ -10,8 +10,8 @@ from hashlib import sha256
 from importlib.resources import files
 from typing import Any
 
-from dvtcli.domain.mapping import MAX_PDO_BITS
 from dvtcli.domain.network.picture import NetworkPicture, PictureField, PictureFrame, PictureNode, PicturePdo
+from dvtcli.domain.pdo import MAX_PDO_BITS
 from dvtcli.domain.text import plural, safe
 from dvtcli.files.picture import page_tables as tables
 from dvtcli.files.picture.picture_words import (

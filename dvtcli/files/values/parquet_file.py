@@ -18,8 +18,7 @@ from dvtcli.device.change.private_file import remove, set_aside, sync_folder, to
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import SafetyRefusal
 from dvtcli.files.values.parquet_values import ROWS, pyarrow
-from dvtcli.files.values.part_file import PartFile, open_locked, part_of, remove_locked
-from dvtcli.files.values.value_rows import stream_of
+from dvtcli.files.values.value_rows import PartFile, open_locked, part_of, remove_locked, stream_of
 
 #: maximum time until a value is on the disk (s)
 _AT_MOST_S = 1.0

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.store.unstored import may_be_unstored
 from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.network.consumers import producer_findings, sent_by
 from dvtcli.domain.plan import PdoChange, ValueChange, alters
 from dvtcli.domain.process_data import is_standard_command
-from dvtcli.domain.rules.producer import producer_findings, sent_by
 from dvtcli.domain.script_line import change_lines
 from dvtcli.errors import DeviceRefused, DvtcliError
 

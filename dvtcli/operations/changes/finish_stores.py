@@ -14,7 +14,7 @@ from dvtcli.device.store.canary import holds_test, roll_back_test
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.plan import PdoChange, Plan, ValueChange
-from dvtcli.domain.stamp import DATE, TIME, Stamp
+from dvtcli.domain.store import DATE, TIME, Stamp
 from dvtcli.domain.text import join_some
 from dvtcli.errors import DeviceRefused, SafetyRefusal, UsageError
 from dvtcli.operations.changes.final_verify import ExpectedAtStore

@@ -310,7 +310,7 @@ class NetworkTransaction:
 
     def _all_left(self, failures: Mapping[int, LeftChanged]) -> LeftChanged:
         """Return the first of *failures* with the state of the other nodes."""
-        from dvtcli.device.change.left_behind import Guarded, failure_sentence, merge_left, name_left
+        from dvtcli.device.change.failed_change import Guarded, failure_sentence, merge_left, name_left
 
         first, *others = failures.values()
         for node_id, failure in failures.items():

@@ -25,7 +25,7 @@ from dvtcli.device.store.unstored import mark_stored, prepare_store, require_sto
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.plan import Plan
-from dvtcli.domain.proof import POWER, RESET_COMM, RESET_NODE
+from dvtcli.domain.store import POWER, RESET_COMM, RESET_NODE
 from dvtcli.errors import DeviceRefused, SdoAborted
 from dvtcli.operations.results import Stored
 from dvtcli.operations.session.consent import consent_to_reset

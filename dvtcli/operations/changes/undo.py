@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from dvtcli.device.change.backups import backups, of_this_device, remarks, way_to
+from dvtcli.device.change.change_guard import backups, of_this_device, remarks, way_to
 from dvtcli.device.change.private_file import unreadable
 from dvtcli.device.store.unstored import mark_restored
 from dvtcli.device.target_config import TargetConfig

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.failed_change import BUS_BACK, also_lines, brought_back_first
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.stamp import WhoStored
+from dvtcli.domain.store import WhoStored
 from dvtcli.domain.text import join_some
 from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SdoProtocolError
 

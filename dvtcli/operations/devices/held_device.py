@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple
 from dvtcli.device.described_node import ToldValues
 from dvtcli.device.read_pdos import IDENTITY, read_modules
 from dvtcli.domain.abort import Abort
-from dvtcli.domain.configuration import Configuration
+from dvtcli.domain.configuration import Configuration, NotWritten
 from dvtcli.domain.hint import Action, Hint, verbatim
-from dvtcli.domain.not_written import NotWritten
 from dvtcli.domain.object_dictionary import Access, OdEntry
 from dvtcli.domain.pdo import BY_SUB_INDEX, Pdo
 from dvtcli.domain.standard_objects import standard_entry

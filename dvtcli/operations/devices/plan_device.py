@@ -10,19 +10,17 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.described_node import ToldValues
 from dvtcli.device.other_producers import received_ids
-from dvtcli.device.raw_write_check import readable_value
+from dvtcli.device.proposal import readable_value
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.device.read_whole import PAUSE_S
 from dvtcli.device.target_config import TargetConfig
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.configuration import Configuration
+from dvtcli.domain.configuration import Configuration, NotWritten
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.lint.described import object_text
-from dvtcli.domain.mapping import MAX_ENTRIES
 from dvtcli.domain.network.network_config import ExpectedIdentity, NetworkConfig, NodeConfig
 from dvtcli.domain.network.network_plan import LeftOut, NetworkPlan
-from dvtcli.domain.not_written import NotWritten
-from dvtcli.domain.pdo import BY_SUB_INDEX, MAPPING, Direction, Pdo, PdoConfig
+from dvtcli.domain.pdo import BY_SUB_INDEX, MAPPING, MAX_ENTRIES, Direction, Pdo, PdoConfig
 from dvtcli.domain.rules.pdo_mapping import enables_nothing
 from dvtcli.errors import SafetyRefusal, SdoAborted, UsageError
 from dvtcli.files.eds.written_values import same_value

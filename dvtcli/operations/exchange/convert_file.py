@@ -8,18 +8,19 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from dvtcli.domain.dictionary_difference import (
-    DictionaryDifference,
-    differences,
-    without_scalings,
-    without_values,
-)
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.concise_dcf import SUFFIX as CONCISE_SUFFIX
 from dvtcli.domain.object_dictionary import Commissioning
 from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import UsageError
-from dvtcli.files.carried_over import kept, not_held
+from dvtcli.files.carried_over import (
+    DictionaryDifference,
+    differences,
+    kept,
+    not_held,
+    without_scalings,
+    without_values,
+)
 from dvtcli.files.dbc_text import SUFFIX
 from dvtcli.files.device_file import (
     DEVICE_SUFFIXES,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.bus_need import bus_need
 from dvtcli.domain.network.frame_streams import streams_of
-from dvtcli.domain.network.heartbeats import CONSUMER_PERIODS, watch_time_ms
+from dvtcli.domain.network.links import CONSUMER_PERIODS, watch_time_ms
 from dvtcli.domain.network.network_config import (
     Endpoint,
     HeartbeatWatch,

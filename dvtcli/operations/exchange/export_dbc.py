@@ -349,7 +349,7 @@ def convert_to_dbc(session: SessionUser, source: str, file: str, options: DbcOpt
 
     Asks before overwriting. Raises as reading a network file; UsageError if the DBC file cannot be written.
     """
-    from dvtcli.files.network.read_physical import rules_by_node
+    from dvtcli.files.network.read_node import rules_by_node
     from dvtcli.operations.network.described_network import described_network
     from dvtcli.operations.plans.read_network_config import read_network_config
 

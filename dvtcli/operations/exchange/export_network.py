@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Protocol
 from dvtcli.device.heartbeat_slots import heartbeat_slots
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.domain.hint import Action, Hint, verbatim
-from dvtcli.domain.mapping import MAX_PDO_BITS
 from dvtcli.domain.network.network_config import (
     ExpectedIdentity,
     FileWord,
@@ -26,6 +25,7 @@ from dvtcli.domain.network.network_config import (
 )
 from dvtcli.domain.object_dictionary import normalised
 from dvtcli.domain.object_syntax import MappedObject, resolve_entry
+from dvtcli.domain.pdo import MAX_PDO_BITS
 from dvtcli.domain.profile import BitPolicy
 from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import SdoAborted, UsageError
@@ -40,9 +40,8 @@ from dvtcli.simulator.network.family_file import family_of
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
-    from dvtcli.domain.mapping import PdoMappingEntry
     from dvtcli.domain.object_dictionary import ObjectDictionary
-    from dvtcli.domain.pdo import Pdo, PdoConfig
+    from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
     from dvtcli.domain.ports import SdoReader
     from dvtcli.domain.profile import DeviceProfile, VpdoGroup
     from dvtcli.operations.session.session_nodes import SessionNodes

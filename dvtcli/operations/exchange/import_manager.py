@@ -15,7 +15,6 @@ from dvtcli.device.read_pdos import read_identity
 from dvtcli.device.store.store_parameters import SIGNATURES
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import CanopenTime, DataType, Kind
-from dvtcli.domain.mapping import MAX_ENTRIES, MAX_PDO_BITS, PdoMappingEntry
 from dvtcli.domain.network.concise_dcf import BEFORE_PDOS, ConciseEntry, concise_entries
 from dvtcli.domain.network.network_config import (
     ExpectedIdentity,
@@ -27,7 +26,7 @@ from dvtcli.domain.network.network_config import (
     ValueConfig,
 )
 from dvtcli.domain.network.network_state import CONCISE_DCF
-from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.pdo import MAX_ENTRIES, MAX_PDO_BITS, Pdo, PdoMappingEntry
 from dvtcli.domain.plan import STAMP
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.files.network.network_keys import OF, Where

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.device.described_node import Defaults, FileValues
-from dvtcli.device.quirks.standard_channel import in_standard_order
+from dvtcli.device.quirks import in_standard_order
 from dvtcli.device.read_pdos import WHATEVER, present_pdos, read_identity, read_pdo
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_state import CONSUMER_HEARTBEAT

@@ -23,9 +23,8 @@ from dvtcli.watch.received_objects import ReceivedObjects, is_boot_up
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from dvtcli.domain.mapping import PdoMappingEntry
     from dvtcli.domain.object_dictionary import ObjectDictionary
-    from dvtcli.domain.pdo import PdoConfig
+    from dvtcli.domain.pdo import PdoConfig, PdoMappingEntry
     from dvtcli.domain.ports import Frame
     from dvtcli.domain.profile import DeviceProfile
     from dvtcli.operations.user.session_user import SessionUser

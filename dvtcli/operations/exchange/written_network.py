@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.heartbeat_slots import heartbeat_ms, heartbeat_slots
 from dvtcli.domain.hint import Action, Hint, verbatim
-from dvtcli.domain.network.heartbeats import watched_ms
-from dvtcli.domain.network.links import found_links
+from dvtcli.domain.network.links import found_links, watched_ms
 from dvtcli.domain.network.network_config import NetworkConfig
 from dvtcli.domain.text import plural
 from dvtcli.errors import SdoAborted

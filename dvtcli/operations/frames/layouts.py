@@ -47,7 +47,7 @@ def _network_layouts(file: str, network_config: NetworkConfig, reporter: Reporte
 
     The file's own values go before defaults of a node's EDS.
     """
-    from dvtcli.files.network.read_physical import rules_by_node
+    from dvtcli.files.network.read_node import rules_by_node
     from dvtcli.operations.network.described_network import described_pdos, unknown_names
 
     state = described_pdos(file, network_config)

@@ -9,8 +9,16 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import CobId, can_id_text
-from dvtcli.domain.gateway.gateway_answers import Answer, Done, Failed, GatewayError, GatewayRequestError
-from dvtcli.domain.gateway.line_words import TYPES, data_of, value_text
+from dvtcli.domain.gateway.gateway_words import (
+    TYPES,
+    Answer,
+    Done,
+    Failed,
+    GatewayError,
+    GatewayRequestError,
+    data_of,
+    value_text,
+)
 from dvtcli.domain.gateway.requests import PdoEntry, ReadPdo, SetPdo, WritePdo
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.rules.can_id import restricted_use

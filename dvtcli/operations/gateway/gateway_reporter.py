@@ -5,8 +5,7 @@ from __future__ import annotations
 from time import time
 from typing import TYPE_CHECKING, Any
 
-from dvtcli.domain.gateway.gateway_answers import Answer, Done, Failed, GatewayError
-from dvtcli.domain.gateway.line_words import LONGEST_LINE
+from dvtcli.domain.gateway.gateway_words import LONGEST_LINE, Answer, Done, Failed, GatewayError
 from dvtcli.operations.results.bus_events import GatewayEvent
 from dvtcli.version import __version__
 

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 from dvtcli.bus.node_watch import HEARTBEAT
 from dvtcli.device.store.store_parameters import SIGNATURES
 from dvtcli.domain.datatypes import Kind
-from dvtcli.domain.gateway.gateway_answers import Answer, Done, Failed, GatewayError
-from dvtcli.domain.gateway.line_words import HEX, value_text
+from dvtcli.domain.gateway.gateway_words import HEX, Answer, Done, Failed, GatewayError, value_text
 from dvtcli.domain.gateway.requests import Nmt, Order, Read, Write
 from dvtcli.domain.lss_services import LssAddress, LssRanges
 from dvtcli.domain.nmt import UNCONFIGURED, NmtCommand

@@ -7,7 +7,7 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.gateway.line_words import LONGEST_LINE
+from dvtcli.domain.gateway.gateway_words import LONGEST_LINE
 from dvtcli.simulator.network.hub_client import Client
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from time import monotonic
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.private_file import is_own_user, replaceable
-from dvtcli.domain.gateway.gateway_answers import (
+from dvtcli.domain.gateway.gateway_words import (
     Answer,
     Dialect,
     Failed,

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.access_level import level_finding
 from dvtcli.device.change.applied import refuse
-from dvtcli.device.learn.safely import Terms, ask_safely
-from dvtcli.device.learn.saving import read_storage
+from dvtcli.device.learn.probing import Terms, ask_safely
+from dvtcli.device.learn.saving import RESTORE, STORE, not_asked, read_storage, storage_for_family, storage_for_profile
 from dvtcli.device.learn.subjects import absences, mapped_subjects, subjects
 from dvtcli.device.read_whole import values_of
 from dvtcli.device.store.unstored import mark_stored, require_storable
@@ -23,7 +23,6 @@ from dvtcli.domain.learning.conclusions import conclude, forecast, most_until_re
 from dvtcli.domain.learning.operational import merged
 from dvtcli.domain.learning.probe import Conclusions, Value
 from dvtcli.domain.learning.read_dictionary import absent_for_family
-from dvtcli.domain.learning.storage import RESTORE, STORE, not_asked, storage_for_family, storage_for_profile
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.text import join_some
 from dvtcli.errors import DeviceRefused, SafetyRefusal, UsageError, stopped_node
@@ -33,15 +32,14 @@ from dvtcli.operations.results.learnt import Difference
 from dvtcli.operations.session.simulated_nodes import family_named
 
 if TYPE_CHECKING:
-    from dvtcli.device.learn.safely import Asked
-    from dvtcli.device.learn.saving import SignatureAnswers
+    from dvtcli.device.learn.probing import Asked
+    from dvtcli.device.learn.saving import SignatureAnswers, Storage
     from dvtcli.device.node import Node
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.device.observe import InitialState
     from dvtcli.domain.learning.probe import Probe, ProbeAnswer, ProbedPdo
     from dvtcli.domain.learning.probe_table import KnownAnswers
     from dvtcli.domain.learning.read_dictionary import Absence
-    from dvtcli.domain.learning.storage import Storage
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.files.learnt_folder import Origin
     from dvtcli.files.sim_state import Values

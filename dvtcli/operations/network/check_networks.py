@@ -98,27 +98,15 @@ def traffic_rules() -> tuple[LintRule, ...]:
 
 def change_rules() -> tuple[LintRule, ...]:
     """List the rules of a change (`map`, `link`, `apply`), as asked of a file, with their worst severity."""
-    from dvtcli.domain import vpdo
-    from dvtcli.domain.network import consumers, heartbeats, links
-    from dvtcli.domain.rules import (
-        can_id,
-        communication,
-        described_step,
-        entry_length,
-        mapped_object,
-        no_way_back,
-        pdo_mapping,
-        producer,
-        raw_write,
-        whole_pdo,
-    )
+    from dvtcli.device import virtual_pdos
+    from dvtcli.domain.network import consumers, links
+    from dvtcli.domain.rules import can_id, communication, mapped_object, no_way_back, pdo_mapping, raw_write
     from dvtcli.operations.changes import possible_stores
     from dvtcli.operations.plans import missing_objects, plan_network, resolve_links, stamping
 
     files = (
-        can_id, communication, described_step, entry_length, pdo_mapping, mapped_object, no_way_back, producer,
-        raw_write, whole_pdo, vpdo, consumers, heartbeats, links, possible_stores, missing_objects, resolve_links,
-        stamping, plan_network,
+        can_id, communication, pdo_mapping, mapped_object, no_way_back, raw_write, virtual_pdos, consumers, links,
+        possible_stores, missing_objects, resolve_links, stamping, plan_network,
     )  # fmt: skip
     return tuple(
         LintRule(rule.name, rule.severities[0], rule.sense, rule.source) for file in files for rule in file.RULES

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from dvtcli.device.proposal import resolve, untyped_lengths
 from dvtcli.device.read_pdos import WHATEVER, read_cob_id, read_pdo
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.network.heartbeats import CONSUMER_PERIODS, watch_time_ms
+from dvtcli.domain.network.links import CONSUMER_PERIODS, watch_time_ms
 from dvtcli.domain.network.network_config import (
     Endpoint,
     ExpectedIdentity,
@@ -29,7 +28,7 @@ from dvtcli.domain.network.network_config import (
 )
 from dvtcli.domain.network.network_state import NetworkState, NodeState
 from dvtcli.domain.object_syntax import MappedObject, Skipped, UnknownName, resolve_entry
-from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
 from dvtcli.errors import DvtcliError, RuleError, SdoAborted, UsageError
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.read_network import network_text
@@ -424,7 +423,7 @@ def _told_pdo(node_id: int, node_config: PartialPdoConfig) -> PdoConfig | None:
 
 def _told_entry(word: FileWord) -> tuple[PdoMappingEntry, ...] | None:
     """Return the mapping that *word* means, None if a dictionary is needed."""
-    from dvtcli.domain.mapping import DUMMY_BITS, split_dummy
+    from dvtcli.domain.pdo import DUMMY_BITS, split_dummy
 
     try:
         found = resolve_entry(word.text, None, {})

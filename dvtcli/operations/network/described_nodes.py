@@ -58,7 +58,7 @@ def described_nodes(
 
 def _network_nodes(file: str, config: NetworkConfig) -> dict[int, KnownNode]:
     """Return the nodes of the network *file*, read as *config*, of which nothing is planned."""
-    from dvtcli.files.network.read_physical import rules_by_node
+    from dvtcli.files.network.read_node import rules_by_node
     from dvtcli.operations.network.described_network import simulation_of, words_of
     from dvtcli.operations.session.device_files import offline_dictionaries
 

@@ -31,7 +31,7 @@ from dvtcli.domain.network.received_traffic import ReceivedTraffic
 from dvtcli.domain.plan import PdoChange
 from dvtcli.domain.text import plural
 from dvtcli.errors import NoAnswer, RuleError, SafetyRefusal, UsageError, ended_with
-from dvtcli.files.network.read_physical import rules_by_node
+from dvtcli.files.network.read_node import rules_by_node
 from dvtcli.operations.network.check_live import LISTEN_S, against_file
 from dvtcli.operations.network.check_networks import CheckOptions, chosen_rules, findings_of, judged_file
 from dvtcli.operations.network.live_network import has_bus, listen, live_state, refuse_without_bus

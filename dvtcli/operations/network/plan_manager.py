@@ -16,7 +16,7 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
 from dvtcli.domain.network.network_state import CONCISE_DCF
 from dvtcli.domain.plan import STAMP, Plan
-from dvtcli.domain.stamp import DATE, TIME
+from dvtcli.domain.store import DATE, TIME
 from dvtcli.domain.text import plural
 from dvtcli.errors import SdoAborted, UsageError
 from dvtcli.operations.changes.change import names

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_dictionary import normalised
+from dvtcli.domain.object_scalings import value_text
 from dvtcli.domain.rules.mapped_object import is_taken
-from dvtcli.domain.shown_value import value_text
 from dvtcli.errors import UsageError
 from dvtcli.operations.results import ObjectListing, ObjectRow
 

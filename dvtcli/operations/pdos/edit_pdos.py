@@ -24,9 +24,8 @@ from dvtcli.operations.values.named_objects import entry_at
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
-    from dvtcli.domain.mapping import PdoMappingEntry
     from dvtcli.domain.object_syntax import MappedObject, Skipped
-    from dvtcli.domain.pdo import Pdo, PdoConfig
+    from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
     from dvtcli.domain.rules.finding import Finding
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.session.session_nodes import SessionNodes

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.mapping import MAX_ENTRIES, PdoMappingEntry
-from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.pdo import MAX_ENTRIES, Pdo, PdoConfig, PdoMappingEntry
 from dvtcli.domain.request import PdoRequest
 from dvtcli.errors import DeviceRefused
 from dvtcli.operations.changes.change import configure

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import read_mpdo_lists, read_optional
 from dvtcli.domain.frame import byte_length, decode
-from dvtcli.domain.mapping import SAM_MPDO
-from dvtcli.domain.mpdo_lists import DISPATCHER_LISTS, SCANNER_LISTS
+from dvtcli.domain.pdo import DISPATCHER_LISTS, SAM_MPDO, SCANNER_LISTS
 from dvtcli.operations.results import LastFrame, ListedRow, MappedName, PdoListing, PdoRow
 from dvtcli.operations.values.object_values import scalings_of
 
@@ -17,9 +16,8 @@ if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.domain.datatypes import DataType
-    from dvtcli.domain.mapping import PdoMappingEntry
     from dvtcli.domain.object_scalings import ObjectScalings
-    from dvtcli.domain.pdo import Pdo, PdoConfig
+    from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.session.session_nodes import SessionNodes
 

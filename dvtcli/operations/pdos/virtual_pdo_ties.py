@@ -14,9 +14,9 @@ from dvtcli.operations.values.named_objects import object_index, tied_name
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
+    from dvtcli.device.virtual_pdos import Pins
     from dvtcli.domain.plan import ValueChange
     from dvtcli.domain.rules import Finding
-    from dvtcli.domain.vpdo import Pins
     from dvtcli.operations.results import Changed
     from dvtcli.operations.session.session_nodes import SessionNodes
 

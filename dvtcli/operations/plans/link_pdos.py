@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Literal
 
 from dvtcli.device.heartbeat_slots import heartbeat_slots
 from dvtcli.device.read_pdos import read_optional
+from dvtcli.domain.cob_id import PRODUCES
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.frame_streams import SYNCHRONOUS
-from dvtcli.domain.network.heartbeats import watched_ms
+from dvtcli.domain.network.links import watched_ms
 from dvtcli.domain.network.network_config import (
     Endpoint,
     HeartbeatWatch,
@@ -21,7 +22,6 @@ from dvtcli.domain.network.network_config import (
 )
 from dvtcli.domain.network.network_state import SYNC_COB_ID
 from dvtcli.domain.rules.finding import warning
-from dvtcli.domain.services import PRODUCES
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.operations.plans.plan_network import plan_network_config

@@ -9,8 +9,7 @@ from functools import cache, partial
 from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.device.other_producers import ReceivedIds, Senders, received_ids, seen_producer_findings
-from dvtcli.device.proposal import proposal, resolve, untyped_lengths
-from dvtcli.device.raw_write_check import readable_value
+from dvtcli.device.proposal import proposal, readable_value, resolve, untyped_lengths
 from dvtcli.device.read_cache import read_side_by_side
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.device.store.unstored import held_unstored
@@ -18,10 +17,19 @@ from dvtcli.device.virtual_pdos import names_objects
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.network.network_config import NetworkConfig, NodeConfig
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
-from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
+from dvtcli.domain.plan import (
+    SYNC_OVERFLOW,
+    SYNC_PERIOD,
+    Change,
+    PdoChange,
+    Plan,
+    Step,
+    ValueChange,
+    altering,
+    plan_pdo,
+)
 from dvtcli.domain.request import instead_findings
 from dvtcli.domain.rules.finding import WARNING, Rule, warning
-from dvtcli.domain.value_order import SYNC_OVERFLOW, SYNC_PERIOD, altering
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SdoProtocolError
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.read_network import network_text
@@ -49,7 +57,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.profile import ObjectAddress
     from dvtcli.domain.rules import Finding
-    from dvtcli.domain.stamp import Stamp
+    from dvtcli.domain.store import Stamp
     from dvtcli.operations.pdos.sync import ShortFrames
     from dvtcli.operations.plans.judge_network import Placed
     from dvtcli.operations.session.session import Session

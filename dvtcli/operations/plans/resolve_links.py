@@ -12,8 +12,18 @@ from dvtcli.device.proposal import resolve, untyped_lengths
 from dvtcli.device.read_pdos import service_ids
 from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.network.heartbeats import CONSUMER_PERIODS, slot_for, watch_time_ms, watched_ms
-from dvtcli.domain.network.links import LinkSide, agrees, free_can_id, linked, may_keep, object_remarks
+from dvtcli.domain.network.links import (
+    CONSUMER_PERIODS,
+    LinkSide,
+    agrees,
+    free_can_id,
+    linked,
+    may_keep,
+    object_remarks,
+    slot_for,
+    watch_time_ms,
+    watched_ms,
+)
 from dvtcli.domain.network.network_config import (
     Endpoint,
     FileWord,

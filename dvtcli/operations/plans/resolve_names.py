@@ -11,19 +11,17 @@ from dataclasses import dataclass, field
 from itertools import groupby
 from typing import TYPE_CHECKING, NamedTuple
 
-from dvtcli.device.proposal import proposal
-from dvtcli.device.raw_write_check import readable_value
+from dvtcli.device.proposal import proposal, readable_value
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.device.store.store_parameters import SIGNATURES
 from dvtcli.device.virtual_pdos import read_pins
 from dvtcli.domain.datatypes import parse_number
-from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_syntax import Skipped, UnknownName
-from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.pdo import Pdo, PdoMappingEntry
 from dvtcli.domain.request import PdoRequest, Switched
 from dvtcli.domain.rules import errors_in
-from dvtcli.domain.rules.entry_length import length_findings
 from dvtcli.domain.rules.mapped_object import object_findings
+from dvtcli.domain.rules.pdo_mapping import length_findings
 from dvtcli.domain.text import join_some
 from dvtcli.errors import DvtcliError, SdoAborted, UsageError
 from dvtcli.operations.values.named_objects import entry_at, object_at, object_index, tied_name
@@ -32,10 +30,10 @@ from dvtcli.operations.values.write_type import object_type
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
+    from dvtcli.device.virtual_pdos import Pins
     from dvtcli.domain.network.network_config import FileWord, Mark, NodeConfig, PartialPdoConfig, PinConfig
     from dvtcli.domain.object_syntax import MappedObject
     from dvtcli.domain.request import AnyPdoRequest
-    from dvtcli.domain.vpdo import Pins
     from dvtcli.files.network.file_log import FileLog
 
 _FOLLOWS = re.compile(r"\$NODEID\s*(?:\+\s*(?P<more>\S+))?|(?P<first>\S+)\s*\+\s*\$NODEID", re.IGNORECASE)

@@ -13,7 +13,7 @@ from dvtcli.device.stamped import ended_stamp, held_stamp, stamp_changes
 from dvtcli.device.store.unstored import is_remembered
 from dvtcli.domain.plan import STAMP, ValueChange
 from dvtcli.domain.rules.finding import NOTE, Rule, note
-from dvtcli.domain.stamp import DATE, TIME, Stamp
+from dvtcli.domain.store import DATE, TIME, Stamp
 from dvtcli.errors import UsageError
 from dvtcli.operations.values.named_objects import entry_at, object_at, object_index
 

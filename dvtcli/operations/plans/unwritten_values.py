@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.expected import moves
+from dvtcli.device.change.changeable import moves
 from dvtcli.device.change.roll_back import first_difference
 from dvtcli.device.change.untouched_pdos import is_of_pdo
 from dvtcli.device.observe import MAX_READS

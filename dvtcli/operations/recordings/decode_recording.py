@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, TextIO
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 from dvtcli.files.recordings.read_recording import check_readable, read_recorded
-from dvtcli.files.values.value_parts import next_part
+from dvtcli.files.values.value_file import next_part
 from dvtcli.operations.frames.explain_frame import frame_seen
 from dvtcli.operations.frames.recorded import decoder_for
 from dvtcli.operations.network.described_nodes import described_nodes, network_config_of

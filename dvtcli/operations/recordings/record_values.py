@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError
-from dvtcli.files.values.value_parts import Rotation, ValueParts, finish_parts, next_part
+from dvtcli.files.values.value_file import Rotation, ValueParts, finish_parts, next_part
 from dvtcli.operations.frames.explain_frame import frame_seen
 from dvtcli.operations.frames.layouts import live_decoder, open_wire
 from dvtcli.operations.network.described_nodes import described_nodes

@@ -15,8 +15,8 @@ from dvtcli.errors import DvtcliError, RuleError
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.network_plan import MissingObject
-    from dvtcli.domain.proof import Proof
     from dvtcli.domain.rules import Finding
+    from dvtcli.domain.store import Proof
 
 
 def not_proved(node: int, word: str, proof: Proof) -> DvtcliError:
@@ -26,7 +26,7 @@ def not_proved(node: int, word: str, proof: Proof) -> DvtcliError:
     failed.why, failed.hint, failed.state = proof.unproved, proof.hint, "unknown"
     failed.state_text = _state(word, proof)
     if proof.differences:
-        from dvtcli.domain.proof import RESTART_NAMES
+        from dvtcli.domain.store import RESTART_NAMES
 
         differing = join_some(proof.differing)
         verb = "differs" if len(proof.differing) == 1 else "differ"
@@ -49,7 +49,7 @@ def _verdict(word: str, proof: Proof) -> str:
 
 def _state(word: str, proof: Proof) -> str:
     """Describe the node's values read after the restart."""
-    from dvtcli.domain.proof import RESTART_NAMES
+    from dvtcli.domain.store import RESTART_NAMES
 
     restart = RESTART_NAMES[proof.by]
     put_back = f"; {proof.put_back}" if proof.put_back else ""

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from typing import ClassVar, overload
 
 from dvtcli.domain.datatypes import Value
-from dvtcli.domain.mpdo_lists import ListedObjects
+from dvtcli.domain.network.received_traffic import Period
 from dvtcli.domain.object_scalings import NOTHING
-from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.received_ids import Period
+from dvtcli.domain.pdo import ListedObjects, Pdo, PdoConfig
 from dvtcli.domain.scaling import Scaling
 from dvtcli.errors import UsageError
 from dvtcli.operations.results.documents import Answer, Document, Rows, Short, hex_bytes, json_value, physical_document

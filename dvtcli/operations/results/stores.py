@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from dvtcli.domain.proof import Proof
+from dvtcli.domain.store import Proof
 from dvtcli.operations.results.documents import Answer, Document
 
 if TYPE_CHECKING:

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from dvtcli.device.change.change_group import ChangeGroup
     from dvtcli.device.node import Node
     from dvtcli.domain.hint import Hint
+    from dvtcli.domain.network.received_traffic import LastFrames
     from dvtcli.domain.ports import CanopenBus
-    from dvtcli.domain.received_ids import LastFrames
     from dvtcli.operations.session.bus_of_options import OpenBus, StartSimulation
     from dvtcli.operations.session.open_network import Network
     from dvtcli.operations.session.serve import ServeRequest, Serving
@@ -303,7 +303,7 @@ class Opened:
             return
         from time import monotonic
 
-        from dvtcli.domain.received_ids import LastFrames
+        from dvtcli.domain.network.received_traffic import LastFrames
 
         frames = self.frames = LastFrames()
         bus.tap(lambda frame, _sent: frames.take(frame, monotonic()))

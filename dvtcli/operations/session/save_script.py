@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import read_identity
-from dvtcli.domain.end_state import end_state, left_out_stores, touched
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.plan import PdoChange
-from dvtcli.domain.script_line import backup_lines
+from dvtcli.domain.script_line import backup_lines, end_state, left_out_stores, touched
 from dvtcli.domain.text import join_some
 from dvtcli.errors import UsageError
 from dvtcli.files.read_back import reader_of

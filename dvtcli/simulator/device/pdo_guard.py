@@ -9,9 +9,8 @@ from functools import cached_property
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import DUMMY_BITS, PdoMappingEntry
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.pdo import Pdo, is_mpdo
+from dvtcli.domain.pdo import DUMMY_BITS, Pdo, PdoMappingEntry, is_mpdo
 from dvtcli.domain.profile import BitPolicy
 from dvtcli.simulator.device.family import Family, Login, within
 from dvtcli.simulator.device.memory import Memory, Refusal

@@ -6,8 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import DUMMY_BITS, PdoMappingEntry, total_bits
-from dvtcli.domain.pdo import EVENT_DRIVEN, Direction, Pdo
+from dvtcli.domain.pdo import DUMMY_BITS, EVENT_DRIVEN, Direction, Pdo, PdoMappingEntry, total_bits
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.emergency import Emergencies
 from dvtcli.simulator.device.family import Family

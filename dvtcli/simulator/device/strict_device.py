@@ -15,8 +15,7 @@ from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.family import Family
-from dvtcli.simulator.device.frame_services import FrameServices
-from dvtcli.simulator.device.heartbeat import HEARTBEAT
+from dvtcli.simulator.device.frame_services import HEARTBEAT, FrameServices
 from dvtcli.simulator.device.memory import Backing, Memory, ParameterAreas, Refusal
 from dvtcli.simulator.device.pdo_guard import Gates, PdoGuard, limit_check, refuse
 

@@ -7,15 +7,12 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.cob_id import SRDO_COB_IDS, SRDO_DIRECTION, SRDOS, CobId
 from dvtcli.domain.datatypes import DataType, Kind, Value
-from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.mpdo_lists import listed_objects
 from dvtcli.domain.object_dictionary import ObjectDictionary
-from dvtcli.domain.object_scalings import ObjectScalings
+from dvtcli.domain.object_scalings import ObjectScalings, cut_text
+from dvtcli.domain.pdo import PdoMappingEntry, listed_objects
 from dvtcli.domain.scaling import Scaling
-from dvtcli.domain.services import SRDO_COB_IDS, SRDO_DIRECTION, SRDOS
-from dvtcli.domain.shown_value import cut_text
 from dvtcli.domain.standard_objects import (
     is_pdo_communication,
     is_pdo_mapping,

@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from dvtcli.cli.editor.model import PARAMETERS, EditedPdos
 from dvtcli.cli.editor.object_list import ObjectList
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_scalings import ObjectScalings
-from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
 from dvtcli.operations.session.device_files import offline_dictionaries
 from dvtcli.operations.user.options import Options
 

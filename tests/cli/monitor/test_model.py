@@ -25,9 +25,8 @@ from dvtcli.cli.monitor.transmit_list import TransmitEntry, TransmitList
 from dvtcli.cli.screen.widgets import Choices, Dialog, FieldDialog, Question
 from dvtcli.cli.view.lines import Cell
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_scalings import ObjectRange, ObjectScalings
-from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.scaling import Scaling
 from dvtcli.domain.sdo_frame import SdoValues

@@ -12,11 +12,10 @@ from hypothesis import strategies as st
 
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import BY_SHORT_NAME
-from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.network.network_state import NetworkState, NodeState
 from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.domain.object_scalings import ObjectRange, ObjectScalings, ScalingRule
-from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.scaling import Scaling
 from dvtcli.files.dbc import read_dbc

@@ -15,7 +15,7 @@ from dvtcli.cli.name_completion import MOST
 from dvtcli.cli.prompt.completer import LineCompleter
 from dvtcli.cli.prompt.line import quoted, typed
 from dvtcli.cli.view.output import Output
-from dvtcli.domain.mapping import DUMMY_BITS
+from dvtcli.domain.pdo import DUMMY_BITS
 from dvtcli.domain.rules.mapped_object import is_taken
 from dvtcli.domain.rules.pdo_mapping import known_dummies
 from dvtcli.simulator.network.family_file import family_names

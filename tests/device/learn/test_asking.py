@@ -6,12 +6,11 @@ from dataclasses import dataclass, field, replace
 
 import pytest
 
-from dvtcli.device.learn.asking import Asking
+from dvtcli.device.learn.probing import Asking
 from dvtcli.device.node import Node
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.learning.probe import Probe, ProbedPdo, ProbeWrite, Stand
-from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.pdo import Pdo, PdoMappingEntry
 from dvtcli.errors import DeviceRefused, SafetyRefusal, SdoAborted
 from tests.laws.bench import NODE, DirectBus, DirectSdo, booted, dictionary
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.domain.stamp import Stamp
+from dvtcli.domain.store import Stamp
 from dvtcli.simulator.device.memory import Refusal
 from tests.device.learn.cells import some
 from tests.device.learn.test_learnt_families import OF_THE_DEVICE

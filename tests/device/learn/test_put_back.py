@@ -9,7 +9,7 @@ import pytest
 
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.stamp import Stamp
+from dvtcli.domain.store import Stamp
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import pytest
 
-from dvtcli.device.learn.safely import Asked, Terms, ask_safely, roll_back_writes
+from dvtcli.device.learn.probing import Asked, Terms, ask_safely, roll_back_writes
 from dvtcli.device.learn.subjects import subjects
 from dvtcli.device.node import Node
 from dvtcli.device.store.pending import CHANGE

@@ -7,7 +7,7 @@ from typing import Any
 from hypothesis import strategies as st
 
 from dvtcli.domain.datatypes import Kind
-from dvtcli.domain.gateway.line_words import TYPES
+from dvtcli.domain.gateway.gateway_words import TYPES
 from dvtcli.domain.gateway.requests import (
     ORDERS,
     Command,

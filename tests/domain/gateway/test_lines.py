@@ -6,8 +6,15 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from dvtcli.domain.gateway.gateway_answers import GatewayError, GatewayRequestError
-from dvtcli.domain.gateway.line_words import LONGEST_LINE, TYPES, data_of, value_text, words_of
+from dvtcli.domain.gateway.gateway_words import (
+    LONGEST_LINE,
+    TYPES,
+    GatewayError,
+    GatewayRequestError,
+    data_of,
+    value_text,
+    words_of,
+)
 from dvtcli.domain.gateway.plan_lines import format_request
 from dvtcli.domain.gateway.requests import (
     Nmt,

@@ -11,14 +11,13 @@ from typing import Any, NamedTuple
 
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import BY_SHORT_NAME, U8, U16, U32
-from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.network.check.checked_network import CheckedNetwork
 from dvtcli.domain.network.network_config import MasterRole
 from dvtcli.domain.network.network_state import NetworkState, NodeState
 from dvtcli.domain.network.received_traffic import ReceivedTraffic
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.object_dictionary import Access, DeviceInfo, ObjectDictionary, ObjectType, OdEntry, OdObject
-from dvtcli.domain.pdo import Direction, Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.pdo import Direction, Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.profile import GENERIC, BitPolicy, Severity
 

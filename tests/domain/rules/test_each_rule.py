@@ -9,8 +9,7 @@ import pytest
 
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
 from dvtcli.domain.plan import plan_pdo
 from dvtcli.domain.profile import Severity
 from dvtcli.domain.rules import Finding, Proposal, check_pdo

@@ -9,15 +9,13 @@ from itertools import product
 import pytest
 
 from dvtcli.device.read_pdos import present_pdos, read_pdo
-from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.cob_id import CobId, taken_by_services
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary
-from dvtcli.domain.pdo import Direction, Pdo, PdoConfig
+from dvtcli.domain.pdo import Direction, Pdo, PdoConfig, PdoMappingEntry
 from dvtcli.domain.profile import GENERIC, Severity
 from dvtcli.domain.rules import Proposal, check_pdo
 from dvtcli.domain.rules.can_id import FREE_POOL, automatic_can_id, default_owner
 from dvtcli.domain.rules.mapped_object import is_taken
-from dvtcli.domain.services import taken_by_services
 from tests.laws.bench import NODE, DirectSdo, booted, dictionary
 
 TPDO1, TPDO2, TPDO5, RPDO1 = (Pdo.parse(text) for text in ("tpdo1", "tpdo2", "tpdo5", "rpdo1"))

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from dvtcli.cli.view.typed_hints import typed
-from dvtcli.domain.mapping import PdoMappingEntry
+from dvtcli.domain.pdo import PdoMappingEntry
 from dvtcli.domain.rules import Finding, Proposal, check_pdo
 from tests.domain.rules.test_edges import parameter, proposal
 

@@ -8,9 +8,8 @@ import pytest
 
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_dictionary import Access
-from dvtcli.domain.pdo import PdoConfig
+from dvtcli.domain.pdo import PdoConfig, PdoMappingEntry
 from dvtcli.domain.profile import GENERIC, Severity
 from dvtcli.domain.rules import Proposal, check_pdo
 from dvtcli.domain.rules.no_way_back import put_back_finding, way_back

@@ -8,9 +8,9 @@ import pytest
 
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.network.consumers import producer_findings, sent_by
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import PdoChange, plan_pdo
-from dvtcli.domain.rules.producer import producer_findings, sent_by
 from tests.laws.bench import DirectSdo, booted
 
 OFF, LIVE, MOVED, EXTENDED = CobId(0x201, valid=False), CobId(0x201), CobId(0x190), CobId(0x201, extended=True)

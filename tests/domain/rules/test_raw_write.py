@@ -8,9 +8,8 @@ import pytest
 
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_dictionary import ObjectDictionary
-from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
 from dvtcli.domain.profile import GENERIC
 from dvtcli.domain.rules import Proposal
 from dvtcli.domain.rules.can_id import EMCY, SYNC, service_findings

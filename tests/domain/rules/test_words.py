@@ -8,9 +8,8 @@ import pytest
 
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_dictionary import Access, ObjectDictionary
-from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.pdo import Pdo, PdoMappingEntry
 from dvtcli.domain.profile import GENERIC, Severity
 from dvtcli.domain.rules import Finding, Proposal, check_pdo
 from dvtcli.domain.rules.mapped_object import decimal_hint, missing_object

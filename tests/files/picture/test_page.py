@@ -17,7 +17,6 @@ from hypothesis import strategies as st
 
 import dvtcli
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.network.picture import (
     NetworkPicture,
@@ -30,7 +29,7 @@ from dvtcli.domain.network.picture import (
     PictureNode,
     PicturePdo,
 )
-from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
 from dvtcli.domain.scaling import Scaling
 from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.files.picture.page import frame_cards, page

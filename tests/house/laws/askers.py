@@ -27,9 +27,8 @@ ASKED_BY: dict[str, tuple[str, ...]] = {
     "device/lss_master.py": ("operations/lss/",),
     "device/program_download.py": ("operations/nodes/load_program.py",),
     "device/learn/saving.py": ("device/learn/",),
-    "device/learn/asking.py": ("device/learn/",),
-    "device/quirks/reversed_entries.py": ("device/quirks/standard_channel.py",),
-    "device/quirks/fixed_count.py": ("device/quirks/standard_channel.py",),
+    "device/learn/probing.py": ("device/learn/", "operations/known_devices/learn_device.py"),
+    "device/quirks.py": ("device/", "operations/exchange/import_network.py"),
     "device/error_history.py": ("operations/nodes/show_faults.py",),
     "operations/pdos/produce_sync.py": ("cli/commands/sync.py", "operations/api/python_bus.py"),
     "operations/frames/put_on_bus.py": (
@@ -57,7 +56,18 @@ HARMLESS: dict[str, frozenset[str]] = {
     "device/access_level.py": frozenset({"level_finding"}),
     "device/nmt_gate.py": frozenset({"NodeAccess"}),
     "device/seen_state.py": frozenset({"HEARTBEAT_TIME", "CONTROLWORDS", "STATUSWORDS"}),
-    "device/learn/saving.py": frozenset({"SignatureAnswers", "read_storage"}),
+    "device/learn/saving.py": frozenset(
+        {
+            "RESTORE",
+            "STORE",
+            "SignatureAnswers",
+            "Storage",
+            "not_asked",
+            "read_storage",
+            "storage_for_family",
+            "storage_for_profile",
+        }
+    ),
 }
 
 

@@ -16,7 +16,7 @@ MAY_READ_AND_SEND: dict[str, dict[str, str]] = {
     "gateway": {"": "what its clients ask for, under consent"},
     "help": {"": "names the DVT's words, each with its function, and calls none"},
     "alias": {"": "refuses an alias with the name of a DVT word in a file that is not trusted, and calls none"},
-    "import": {"device/quirks/": "the order of old firmware, over a file"},
+    "import": {"device/quirks.py": "the order of old firmware, over a file"},
     "monitor": {
         "cli/monitor/actions.py": "its keys, at a terminal only, ask as `nmt` and `send` do",
         "cli/monitor/transmit_list.py": "what was agreed to there",

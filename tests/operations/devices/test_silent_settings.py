@@ -11,8 +11,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from dvtcli.domain.configuration import NotWritten
 from dvtcli.domain.datatypes import Kind
-from dvtcli.domain.not_written import NotWritten
 from dvtcli.domain.object_dictionary import OdEntry
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.ports import SdoTransport

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dvtcli.domain.gateway.line_words import TYPES
+from dvtcli.domain.gateway.gateway_words import TYPES
 from dvtcli.domain.gateway.requests import Request, Write, parse_request
 from tests.cli.commands.bench import Bench
 from tests.domain.gateway.requests import INDEXES, SUB_INDEXES, data_of_type

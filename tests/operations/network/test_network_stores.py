@@ -17,7 +17,7 @@ from dvtcli.cli.view.typed_hints import TypedCall, TypedHints, typed
 from dvtcli.device.change.journal import read_journal
 from dvtcli.domain.hint import Hint
 from dvtcli.domain.nmt import NmtCommand
-from dvtcli.domain.stamp import WhoStored
+from dvtcli.domain.store import WhoStored
 from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, UsageError
 from dvtcli.operations.changes.recover_change import recover
 from dvtcli.operations.changes.undo import undo

@@ -12,7 +12,7 @@ from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.hint import Hint
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.request import PdoRequest
-from dvtcli.domain.stamp import WhoStored
+from dvtcli.domain.store import WhoStored
 from dvtcli.errors import InputFileError, LeftChanged, SafetyRefusal, UsageError
 from dvtcli.operations.changes.change import configure
 from dvtcli.operations.changes.recover_change import recover

@@ -16,7 +16,7 @@ from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.request import PdoRequest
-from dvtcli.domain.stamp import Stamp
+from dvtcli.domain.store import Stamp
 from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, SdoAborted
 from dvtcli.operations.changes.change import configure
 from dvtcli.operations.changes.recover_change import recover

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.network.concise_dcf import download_lines
-from dvtcli.domain.shown_value import cut_text
-from dvtcli.domain.shown_value import value_text as physical_text
+from dvtcli.domain.object_scalings import cut_text
+from dvtcli.domain.object_scalings import value_text as physical_text
 from dvtcli.domain.text import join_some, plural
 
 if TYPE_CHECKING:

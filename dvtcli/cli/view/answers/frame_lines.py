@@ -6,8 +6,7 @@ from collections.abc import Iterable, Iterator
 from functools import lru_cache
 
 from dvtcli.cli.view.lines import Cell, Line, Table
-from dvtcli.domain.object_scalings import NOTHING
-from dvtcli.domain.shown_value import value_text
+from dvtcli.domain.object_scalings import NOTHING, value_text
 from dvtcli.domain.text import join_some, plural
 from dvtcli.domain.times import local_clock
 from dvtcli.domain.typed_frame import frame_text

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.cli.view.typed_hints import typed
+from dvtcli.domain.configuration import NotWritten
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.network.concise_dcf import download_lines
-from dvtcli.domain.not_written import NotWritten
 from dvtcli.domain.pdo import entry_text
-from dvtcli.domain.plan import STAMP, PdoChange, Step
+from dvtcli.domain.plan import STAMP, PdoChange, Step, step_text
 from dvtcli.domain.rules import errors_in
-from dvtcli.domain.shown_value import step_text
 from dvtcli.domain.text import join_some, plural
 from dvtcli.operations.results.networks import action, differing, parameter_texts
 

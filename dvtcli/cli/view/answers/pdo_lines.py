@@ -7,9 +7,8 @@ from typing import NamedTuple
 
 from dvtcli.cli.view.lines import Cell, Line, Table, clipped, columns
 from dvtcli.domain.frame import layout
-from dvtcli.domain.mapping import MAX_PDO_BITS, SAM_MPDO
-from dvtcli.domain.pdo import PdoConfig, transmission_type_text
-from dvtcli.domain.shown_value import value_text
+from dvtcli.domain.object_scalings import value_text
+from dvtcli.domain.pdo import MAX_PDO_BITS, SAM_MPDO, PdoConfig, transmission_type_text
 from dvtcli.domain.text import plural, safe
 from dvtcli.operations.results.pdos import LastFrame, ListedRow, MappedName, PdoListing, PdoRow, VpdoListing
 

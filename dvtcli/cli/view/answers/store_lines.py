@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line
 from dvtcli.cli.view.paint import wrapped
-from dvtcli.domain.proof import RESTART_NAMES, Proof
+from dvtcli.domain.store import RESTART_NAMES, Proof
 from dvtcli.domain.text import join_some
 from dvtcli.operations.results.failures import compared_text
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.shown_value import MOST_SHOWN, value_text
+from dvtcli.domain.object_scalings import MOST_SHOWN, value_text
 from dvtcli.operations.results.values import EntryUnread, ObjectListing, RecordRead, ValueRead
 
 if TYPE_CHECKING:

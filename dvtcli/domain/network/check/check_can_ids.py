@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Mapping
 
+from dvtcli.domain.cob_id import PRODUCES, taken_by_channels
 from dvtcli.domain.lint.lint_rule import ERROR, WARNING, check
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, NetSpot, at, held
 from dvtcli.domain.network.network_state import (
@@ -18,7 +19,6 @@ from dvtcli.domain.network.network_state import (
 )
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.rules.can_id import default_owner, restricted_use
-from dvtcli.domain.services import PRODUCES, taken_by_channels
 
 _SET = "CiA 301, 7.3.5: the pre-defined connection set"
 _RESTRICTED = "CiA 301, 7.3.5: restricted CAN-IDs"

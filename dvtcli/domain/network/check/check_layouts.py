@@ -1,18 +1,22 @@
-"""Rules about producers and consumers: matching CAN-IDs and equal layouts."""
+"""Rules about layouts: each PDO's own mapping, and equal layouts of producers and consumers."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
+from functools import partial
 
 from dvtcli.domain.cob_id import can_id_text
-from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
-from dvtcli.domain.mapping import PdoMappingEntry
-from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, PdoConnection, at
+from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, LintRule, RuleCheck, check
+from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, NetSpot, PdoConnection, at
 from dvtcli.domain.network.links import LinkSide
 from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.network.network_state import Identifier, identifier_of
-from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.pdo import Pdo, PdoMappingEntry
 from dvtcli.domain.process_data import commanded_by_other, is_controlword
+from dvtcli.domain.profile import Severity
+from dvtcli.domain.rules import can_id, communication, mapped_object, pdo_mapping
+from dvtcli.domain.rules.finding import Rule
 
 _LAYOUT = "CiA 301, 7.5.2.36 and 7.5.2.38: producer and consumer of a PDO have the same layout"
 _LENGTHS = "CiA 301, emergency error codes 0x8210 and 0x8220"
@@ -267,3 +271,43 @@ def _pairs(network: CheckedNetwork) -> Iterator[tuple[PdoConnection, PdoMappingE
             for first, sent in _starts(connection.sends.mapping):
                 if first <= start and start + received.bits <= first + sent.bits and not received.is_dummy:
                     yield connection, received, sent
+
+
+_PLACE = re.compile(r"0x([0-9A-F]{4}):([0-9A-F]{2})")
+_DECLARED: dict[str, Rule] = {
+    rule.name: rule for file in (can_id, communication, pdo_mapping, mapped_object) for rule in file.RULES
+}
+
+
+def _judged(name: str, severity: Severity, sense: str, of: str = "") -> RuleCheck[CheckedNetwork, NetSpot]:
+    """A check that reports the `map` rule *of* (default: the same name), at the same severity."""
+    rule = LintRule(name, severity, f"an enabled PDO {sense}", _DECLARED[of or name].source)
+    return RuleCheck(rule, partial(_look, of or name, severity))
+
+
+def _look(name: str, severity: Severity, network: CheckedNetwork) -> NetFound:
+    for node_id, pdo, finding in network.judged:
+        if finding.rule == name and finding.severity is severity:
+            place = _PLACE.fullmatch(finding.place)
+            index, sub_index = (int(place[1], 16), int(place[2], 16)) if place else (None, 0)
+            yield NetSpot(node_id, pdo, index, sub_index), finding.text
+
+
+#: The other rules judge a requested change, or have a network rule of their own.
+OF_EACH_PDO = (
+    _judged("object-exists", ERROR, "maps an object that the device does not have"),
+    _judged("direction", ERROR, "sends an unreadable object, or receives a read-only object"),
+    _judged("mappable", ERROR, "maps an object with PDOMapping=0"),
+    _judged("read-write-object", WARNING, "sends an object for RPDOs (rww)"),
+    _judged("object-for-rpdos", ERROR, "sends an object for RPDOs (rww) on a device that refuses it",
+            "read-write-object"),
+    _judged("entry-length", ERROR, "maps a length other than the object's, 0 bits, or more than 64 bits"),
+    _judged("granularity", ERROR, "maps a length that is not a multiple of Granularity"),
+    _judged("dummy-direction", ERROR, "is a TPDO and skips bits"),
+    _judged("dummy-supported", ERROR, "skips bits with a dummy that the device does not have"),
+    _judged("dummy-length", ERROR, "maps a dummy with a length other than its type's"),
+    _judged("double-target", ERROR, "is an RPDO and maps an object twice"),
+    _judged("can-id-length", ERROR, "has a CAN-ID of more than 11 bits without bit 29 (frame)"),
+    _judged("extended-id", ERROR, "has a CAN-ID of 29 bits on a device that takes 11"),
+    _judged("rtr-bit", ERROR, "has the wrong bit 30 for its family"),
+)  # fmt: skip

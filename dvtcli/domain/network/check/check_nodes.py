@@ -1,9 +1,9 @@
-"""Rules about the identity of nodes, and about the NMT master: nodes to start, downloads."""
+"""Rules about nodes: identity, presence on the bus, and the NMT master with nodes to start and downloads."""
 
 from __future__ import annotations
 
 from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
-from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, at, held
+from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, NetSpot, at, held
 from dvtcli.domain.network.concise_dcf import read_concise_dcf
 from dvtcli.domain.network.network_state import (
     BOOT_TIME,
@@ -214,3 +214,20 @@ def _differs(node: NodeState, data: bytes) -> list[str]:
             new = int.from_bytes(value, "little")
             found.append(f"0x{index:04X}:{sub_index:02X} becomes 0x{new:0{width}X}, not 0x{wanted:0{width}X}")
     return found
+
+
+@check("not-on-the-bus", ERROR, "a node of the file is not on the bus", "the network file")
+def not_on_the_bus(network: CheckedNetwork) -> NetFound:
+    """The node is off, has another node-ID, or the file describes another bus."""
+    for node in network.nodes if network.present is not None else ():
+        if network.present is not None and node.node_id not in network.present:
+            yield at(node), "it does not answer on the bus"
+
+
+@check("not-in-the-file", NOTE, "a node on the bus is not in the file", "the network file")
+def not_in_the_file(network: CheckedNetwork) -> NetFound:
+    """Its frames are missing in the file's bus load and in the check of CAN-IDs."""
+    for node_id in sorted(network.present or ()):
+        master = network.state.master
+        if network.state.node(node_id) is None and (master is None or master.node_id != node_id):
+            yield NetSpot(node_id), "it is on the bus, but not in the file"

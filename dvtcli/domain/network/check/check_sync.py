@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dvtcli.domain.cob_id import PRODUCES
 from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, at, held
 from dvtcli.domain.network.network_state import (
@@ -10,7 +11,6 @@ from dvtcli.domain.network.network_state import (
     SYNC_PERIOD,
     SYNC_WINDOW,
 )
-from dvtcli.domain.services import PRODUCES
 from dvtcli.domain.text import join_some
 
 _TYPES = "CiA 301, 7.5.2.35 and 7.5.2.37: transmission type"

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
+from dvtcli.domain.cob_id import taken_by_services
 from dvtcli.domain.lint.described import blank
 from dvtcli.domain.network.bus_need import BusNeed, bus_need
 from dvtcli.domain.network.frame_streams import SYNCHRONOUS, Streams, streams_of
@@ -22,7 +23,6 @@ from dvtcli.domain.network.network_state import (
 from dvtcli.domain.network.received_traffic import ReceivedTraffic
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.rules import Finding, Proposal, check_pdo
-from dvtcli.domain.services import taken_by_services
 
 
 def judged_pdos(node: NodeState) -> Iterator[tuple[Pdo, Finding]]:

@@ -6,10 +6,8 @@ from collections.abc import Collection, Iterator
 
 from dvtcli.domain.lint.lint_rule import LintRule, RuleCheck, checks_of
 from dvtcli.domain.network.check import (
-    check_against_file,
     check_bus,
     check_can_ids,
-    check_each_pdo,
     check_heartbeats,
     check_layouts,
     check_nodes,
@@ -21,13 +19,12 @@ from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetSpot
 CHECKS: list[RuleCheck[CheckedNetwork, NetSpot]] = [
     *checks_of(
         check_can_ids, check_layouts, check_sync, check_heartbeats, check_bus, check_nodes, check_received,
-        check_against_file,
     ),
-    *check_each_pdo.CHECKS,
+    *check_layouts.OF_EACH_PDO,
 ]  # fmt: skip
 #: Rules that compare a file's network with the nodes on a bus.
 AGAINST_FILE: tuple[LintRule, ...] = tuple(
-    check.rule for check in checks_of(check_nodes, check_against_file) if check.rule.name != "nobody-starts"
+    check.rule for check in checks_of(check_nodes) if check.rule.name != "nobody-starts"
 )
 #: Network rules covered by a more detailed rule of a change: reported once per PDO.
 SAME_RULES: dict[str, tuple[str, ...]] = {
@@ -51,7 +48,7 @@ SAME_RULES: dict[str, tuple[str, ...]] = {
 SUPERSEDED: dict[str, tuple[str, ...]] = dict.fromkeys(("frame-too-short", "frame-too-long"), ("consumer-length",))
 #: Rules about a device's limits: if it holds a PDO that breaks them, its maker allows more than the standard.
 OF_ONE_DEVICE = frozenset(
-    {"can-id-reserved", "too-long", "reserved-type", *(check.rule.name for check in check_each_pdo.CHECKS)}
+    {"can-id-reserved", "too-long", "reserved-type", *(check.rule.name for check in check_layouts.OF_EACH_PDO)}
 )
 #: Rules that need only a node's COB-IDs.
 OF_COB_IDS = frozenset(

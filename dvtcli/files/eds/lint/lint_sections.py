@@ -9,9 +9,8 @@ from datetime import date
 from dvtcli.domain.datatypes import DATA_TYPES
 from dvtcli.domain.lint.described import default_pdos
 from dvtcli.domain.lint.lint_rule import NOTE, WARNING, check
-from dvtcli.domain.mapping import DUMMY_BITS, MAX_PDO_BITS
 from dvtcli.domain.object_dictionary import ObjectType
-from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.pdo import DUMMY_BITS, MAX_PDO_BITS, Pdo
 from dvtcli.files.eds.ini import IniSection, IniValue
 from dvtcli.files.eds.lint.linted_text import Found, LintedText, all_given, given, missing_keys, no_section
 from dvtcli.files.eds.numbers import quoted, read_number, without_comment

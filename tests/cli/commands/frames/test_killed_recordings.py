@@ -19,10 +19,16 @@ import pytest
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import SafetyRefusal
 from dvtcli.files.values.parquet_file import finish
-from dvtcli.files.values.part_file import open_locked, part_of, remove_locked
-from dvtcli.files.values.value_file import WholeFile, read_values, write_file
-from dvtcli.files.values.value_parts import Rotation, ValueParts, finish_parts, next_part
-from dvtcli.files.values.value_rows import ParquetForm, stream_of
+from dvtcli.files.values.value_file import (
+    Rotation,
+    ValueParts,
+    WholeFile,
+    finish_parts,
+    next_part,
+    read_values,
+    write_file,
+)
+from dvtcli.files.values.value_rows import ParquetForm, open_locked, part_of, remove_locked, stream_of
 from dvtcli.watch.table import SignalRows
 from tests.files.recordings import BEGIN_S
 from tests.files.test_value_files import layouts_of

@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.mapping import PdoMappingEntry
 from dvtcli.domain.object_scalings import ObjectScalings
-from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
 from dvtcli.watch.decoder import Decoder, pdo_layouts
 from tests.cli.commands.bench import Bench
 

@@ -170,7 +170,7 @@ def refused(one: Bench, pdo: Pdo, place: str) -> set[str]:
     from dataclasses import replace
 
     from dvtcli.device.proposal import proposal
-    from dvtcli.domain.mapping import PdoMappingEntry
+    from dvtcli.domain.pdo import PdoMappingEntry
     from dvtcli.domain.rules import check_pdo, errors_in
 
     node = one.session.node()

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvtcli.domain.mpdo_lists import ListedObjects, listed_objects
+from dvtcli.domain.pdo import ListedObjects, listed_objects
 from tests.cli.commands.bench import Bench, beside
 from tests.cli.commands.bus import device
 

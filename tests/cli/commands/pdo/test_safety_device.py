@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.domain.services import taken_by_channels
+from dvtcli.domain.cob_id import taken_by_channels
 from tests.cli.commands.bench import Bench
 
 SRDO = "CAN-ID 0x2E1 is SRDO1 of node 1 (1301:05)"

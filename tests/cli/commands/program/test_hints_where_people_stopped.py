@@ -40,7 +40,7 @@ def test_a_long_value_is_cut_and_says_how_to_have_it_all() -> None:
     from dvtcli.cli.view.answers.value_lines import value_lines
     from dvtcli.cli.view.typed_hints import typed
     from dvtcli.domain.hint import Hint
-    from dvtcli.domain.shown_value import cut_bytes
+    from dvtcli.domain.object_scalings import cut_bytes
     from dvtcli.operations.results.values import ValueRead
 
     assert cut_bytes(bytes(128)).count("00") == 128

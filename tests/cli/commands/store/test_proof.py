@@ -15,7 +15,7 @@ from dvtcli.device.store.canary import Canary, choose_canary
 from dvtcli.device.store.pending import CHANGE
 from dvtcli.device.store.proven import Restart, prove_restore
 from dvtcli.device.store.store_parameters import RESTORE, StoreAnswer
-from dvtcli.domain.proof import POWER
+from dvtcli.domain.store import POWER
 from dvtcli.errors import NoAnswer
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds

@@ -42,7 +42,7 @@ BREAKS = [
     Break("independence", "simulator/device/pdo_guard.py", "import dvtcli.device.read_pdos"),
     Break("independence", "simulator/device/lss_slave.py", "from dvtcli.bus.discover import *"),
     Break("independence", "simulator/device/strict_device.py", "from dvtcli import domain"),
-    Break("independence", "simulator/device/strict_device.py", "from dvtcli.domain.end_state import EndState"),
+    Break("independence", "simulator/device/strict_device.py", "from dvtcli.domain.script_line import EndState"),
     Break("independence", "simulator/device/strict_device.py", in_a_function('open("profile.toml")')),
     Break(
         "independence", "simulator/device/strict_device.py", in_a_function('return resources.files("dvtcli.families")')

@@ -23,7 +23,7 @@ BREAKS = [
     ),
     Break("senders", "operations/changes/change.py", "from dvtcli.device.change.transaction import Transaction"),
     Break("senders", "operations/pdos/helper.py", in_a_function("from dvtcli.device import resets")),
-    Break("senders", "cli/dvt/words.py", in_a_function("import dvtcli.device.learn.asking")),
+    Break("senders", "cli/dvt/words.py", in_a_function("import dvtcli.device.learn.probing")),
     Break("senders", "operations/helper.py", in_a_function("session.canopen(1).nmt.state = 'OPERATIONAL'")),
     Break("senders", "operations/nodes/helper.py", "import dvtcli.device.store.store_parameters as keeping"),
     Break("senders", "operations/nodes/helper.py", "from dvtcli.device.store.store_parameters import *"),

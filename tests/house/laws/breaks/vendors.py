@@ -29,6 +29,6 @@ BREAKS = [
     Break("vendors", "device/node.py", in_a_function("node.configure(gen4=True)")),
     Break("vendors", "device/node.py", "def _odd(curtis: int) -> None: ..."),
     Break("vendors", "device/node.py", "import dvtcli.domain.plan as lely"),
-    Break("vendors", "device/quirks/trinamic_order.py", "ORDER = 1"),
+    Break("vendors", "device/trinamic_order.py", "ORDER = 1"),
     Break("vendors", "device/node.py", in_a_function("return node.maker in {30: 1}")),
 ]

@@ -1,1 +1,0 @@
-"""Deviations of devices from the standard, one per file; a profile names its deviations."""
