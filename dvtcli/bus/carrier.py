@@ -1,4 +1,4 @@
-"""Driver state besides frames: lost connection, full queue, lost frames, and advice.
+"""Driver state besides frames: full queue, lost frames, and advice.
 
 Most python-can drivers report none of these.
 """
@@ -26,10 +26,6 @@ class Carrier:
 
     def make_room(self) -> None:
         """Enlarge the receive buffer if possible, since every frame is wanted."""
-
-    def hung_up(self) -> bool:
-        """Whether the other end is gone although the driver raises no error."""
-        return False
 
     def may_have_frames(self) -> bool:
         """Whether a read may return something at once, a frame or an error; True if only a read can tell."""

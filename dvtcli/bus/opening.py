@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import errno
-import select
-import socket
 import subprocess
 import sys
-from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
@@ -23,6 +20,7 @@ from dvtcli.bus.kernel_links import KernelCarrier, check_link, kernel_link
 from dvtcli.bus.python_can import CanBus
 from dvtcli.bus.python_can_settings import bit_rate_of, bus_name, completed, given_settings
 from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
+from dvtcli.bus.socketcand import ServerCarrier, SocketcandBus
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.domain.text import plural
@@ -185,63 +183,8 @@ class SlcanCarrier(Carrier):
         return self._damaged
 
 
-#: how long a server may take to accept (s): a system with no room for a connection is asked again after 1 s, and after
-#: 3 s; python-can itself would try for 10 s, in a busy loop
-PROBE_S = 4.0
-#: a server whose machine is gone, or a way to it, is noticed after some 20 s without a sign of it: how long nothing has
-#: to come before it is asked (s), how often (s), and how many questions have to be left without an answer
-_KEEP_ALIVE = (("TCP_KEEPIDLE", 10), ("TCP_KEEPINTVL", 3), ("TCP_KEEPCNT", 3))
-
-
-def probe(config: Mapping[str, object]) -> None:
-    """Raise OSError if no server listens at host and port of *config*, ValueError if either is missing."""
-    port = config.get("port")
-    if not isinstance(port, int) or "host" not in config:
-        raise ValueError("socketcand needs a host and a port")
-    socket.create_connection((str(config["host"]), port), timeout=PROBE_S).close()
-
-
-class ServerCarrier(Carrier):
-    """The connection of python-can's *bus*, whose driver takes a closed connection for a silent bus, in a busy loop."""
-
-    def __init__(self, bus: can.BusABC) -> None:
-        link = getattr(bus, "_SocketCanDaemonBus__socket", None)  # not accessible otherwise: no fileno(), no property
-        self._link = link if isinstance(link, socket.socket) else None
-        #: frames that the driver has read from the connection and not returned yet
-        self._read_ahead: deque[object] | None = getattr(bus, "_SocketCanDaemonBus__message_buffer", None)
-        if self._link is not None:
-            self._link.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-            for name, value in _KEEP_ALIVE:
-                if hasattr(socket, name):
-                    self._link.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
-
-    def hung_up(self) -> bool:
-        """Whether the server closed the connection."""
-        link = self._link
-        return link is not None and bool(select.select([link], [], [], 0)[0]) and not link.recv(1, socket.MSG_PEEK)
-
-    def may_have_frames(self) -> bool:
-        """Whether frames, an error or the end of the connection may be waiting."""
-        if self._link is None or self._read_ahead is None or self._read_ahead or _LOOK is None:
-            return True
-        try:
-            self._link.recv(1, _LOOK)
-        except BlockingIOError:
-            return False
-        except OSError:  # a read raises it, too, and reports it
-            return True
-        return True
-
-
-#: flags of a receive that takes nothing and does not wait; None if this system has no such receive
-_LOOK = int(socket.MSG_PEEK | socket.MSG_DONTWAIT) if hasattr(socket, "MSG_DONTWAIT") else None
-
 #: interfaces that echo sent frames only with receive_own_messages
 _NO_ECHO_UNASKED = frozenset({"socketcan", "virtual"})
-#: what python-can says where the first frames came in one read with a server's last answer, which it wants alone, and
-#: how often a server is asked again then
-_FRAMES_TOO_SOON = "got: '< ok ><"
-_TRIES = 8
 
 
 def open_bus(
@@ -305,8 +248,6 @@ def open_listening(
 
 def _look_first(config: Mapping[str, object]) -> None:
     """Check for obstacles before opening; raises one of OPEN_FAILURES with a better reason."""
-    if config["interface"] == "socketcand":
-        probe(config)
     if config["interface"] == "socketcan":
         check_link(config.get("channel"))
     if config["interface"] == "pcan":
@@ -314,14 +255,11 @@ def _look_first(config: Mapping[str, object]) -> None:
 
 
 def _open(config: Mapping[str, object]) -> can.BusABC:
-    options: dict[str, Any] = {**config, "ignore_config": True}
-    for _ in range(_TRIES - 1):
-        try:
-            return can.Bus(**options)
-        except can.CanError as error:
-            if _FRAMES_TOO_SOON not in str(error):
-                raise
-    return can.Bus(**options)
+    options: dict[str, Any] = dict(config)
+    if options["interface"] == "socketcand":
+        del options["interface"]
+        return SocketcandBus(**options)
+    return can.Bus(**options, ignore_config=True)
 
 
 def open_transport(
@@ -356,7 +294,7 @@ def _carrier(config: Mapping[str, object], bus: can.BusABC) -> Carrier:
         return PcanCarrier(bit_rate_of(config))
     if config["interface"] == "slcan":
         return SlcanCarrier(str(config["channel"]), bit_rate_of(config))
-    return ServerCarrier(bus) if config["interface"] == "socketcand" else Carrier()
+    return ServerCarrier(bus) if isinstance(bus, SocketcandBus) else Carrier()
 
 
 #: group of the entry points

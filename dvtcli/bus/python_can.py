@@ -286,8 +286,6 @@ class CanBus(ReadBus[can.Message]):
                 message = self._bus.recv(wait_s)
             if message is None:
                 self.echoes.caught_up(monotonic())
-                if self._carrier.hung_up():
-                    raise ConnectionResetError("the server has closed the connection")
             return message
         except BUS_FAILURES as error:
             if self._carrier.is_damaged(error):
