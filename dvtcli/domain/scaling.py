@@ -58,22 +58,20 @@ class Scaling:
     bits: Mapping[int, str] = field(default_factory=dict)
     #: whether the physical number differs from the raw one
     is_scaled: bool = field(init=False, repr=False, compare=False)
+    #: whether the values are numbers, not words or bits
+    has_number: bool = field(init=False, repr=False, compare=False)
     _counts: _Counts | None = field(default=None, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if not self.factor:
             raise ValueError("a factor of 0 makes all values the same")
         object.__setattr__(self, "is_scaled", self.factor != 1 or bool(self.offset))
+        object.__setattr__(self, "has_number", bool(self.unit) or self.is_scaled)
 
     @property
     def says(self) -> bool:
         """Whether the scaling adds anything to the raw value."""
         return bool(self.unit or self.is_scaled or self.values or self.states or self.bits)
-
-    @property
-    def has_number(self) -> bool:
-        """Whether the values are numbers, not words or bits."""
-        return bool(self.unit) or self.is_scaled
 
     @property
     def scale(self) -> str:
@@ -115,9 +113,12 @@ class Scaling:
 
     def words(self, raw: Value) -> str:
         """Meaning of *raw*, without *raw* itself: `48.0 V`, `operation enabled`, `input 1, input 3`; empty for none."""
-        if isinstance(raw, str | bytes | CanopenTime):
+        if isinstance(raw, int):
+            word = self.word(raw) if self.values or self.states or self.bits else ""
+        elif isinstance(raw, float):
+            word = ""
+        else:
             return ""
-        word = "" if isinstance(raw, float) else self.word(raw)
         return word or (self.quantity(raw) if self.has_number else "")
 
     def word(self, raw: int) -> str:

@@ -140,6 +140,8 @@ def hex_bytes(data: bytes | None) -> str | None:
 
 def json_value(value: Value) -> Any:
     """A value as JSON can carry it: bytes as hex, times as two numbers, `"nan"` and `"inf"` as text."""
+    if isinstance(value, int):  # most are: the other checks are spared
+        return value
     if isinstance(value, bytes):
         return hex_bytes(value)
     if isinstance(value, CanopenTime):
@@ -182,11 +184,14 @@ def lacking_documents(lacking: Sequence[MissingObject]) -> list[Document]:
 
 def physical_document(value: Value | None, meaning: Scaling) -> Document | None:
     """The scaled *value*, beside raw: number and unit, words, names of set bits; None if unknown."""
-    if value is None or isinstance(value, str | bytes | CanopenTime):
+    if isinstance(value, int):
+        bits = meaning.set_bits(value) if meaning.bits else ()
+    elif isinstance(value, float):
+        bits = ()
+    else:
         return None
     text = meaning.words(value)
     if not text:
         return None
     number = json_value(meaning.number(value)) if meaning.has_number else None
-    bits = () if isinstance(value, float) else meaning.set_bits(value)
     return {"value": number, "unit": meaning.unit, "text": text, "bits": list(bits)}
