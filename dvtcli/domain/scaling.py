@@ -12,7 +12,7 @@ from fractions import Fraction
 from math import lcm
 from typing import NamedTuple
 
-from dvtcli.domain.datatypes import CanopenTime, Value, parse_number
+from dvtcli.domain.datatypes import Value, parse_number
 
 #: maximum decimal places
 _MOST_DECIMALS = 12
