@@ -14,8 +14,8 @@ from dvtcli.bus.sdo.sdo_link import ANSWER_ID, REQUEST_ID
 from dvtcli.domain.bus_load import frame_bits
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.strict_device import StrictDevice
+from dvtcli.simulator.network.shared_bus import Wire
 from dvtcli.simulator.network.station import SimulatedNode
-from dvtcli.simulator.network.wire import Wire
 from tests.virtual_time import VirtualTimeBus
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.change.changeable import Changeable
 from dvtcli.device.store.pending import COMMUNICATION, EVERYTHING
 from dvtcli.domain.pdo import Pdo
-from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError
+from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, Restarted
 
 if TYPE_CHECKING:
     from dvtcli.device.change.applied import Applied
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from dvtcli.device.observe import InitialState
     from dvtcli.domain.plan import Change, PdoChange, Plan, ValueChange
     from dvtcli.domain.request import AnyPdoRequest
-    from dvtcli.domain.rules import Finding
+    from dvtcli.domain.rules.finding import Finding
 
 
 @dataclass(slots=True, eq=False, repr=False)
@@ -161,7 +161,7 @@ class Node(Changeable):
         from dvtcli.device.access_level import level_findings
         from dvtcli.device.change.applied import Applied, refuse
         from dvtcli.device.change.apply_plan import apply_with_retry
-        from dvtcli.device.change.expected_refusals import with_undo_findings
+        from dvtcli.device.change.undo_plan import with_undo_findings
         from dvtcli.domain.text import join_some
 
         self.answered_otherwise = {}
@@ -363,8 +363,7 @@ class Node(Changeable):
     def undo_plans(self, asked: UndoRequest) -> tuple[Applied, int]:
         """Undo the changes in *asked* and return the number of plans. Raises the errors of `plan_undo`."""
 
-        from dvtcli.device.change.expected_refusals import foreseen, substitute_findings
-        from dvtcli.device.change.undo_plan import plan_undo, undo_plan_of
+        from dvtcli.device.change.undo_plan import foreseen, plan_undo, substitute_findings, undo_plan_of
 
         initial_state = self.begin_change(ignores_restarts=asked.rolls_back)
         boot_ups = self.bus.boot_ups(self.node_id)
@@ -447,3 +446,30 @@ def _fitting(findings: Iterable[Finding], pdo: Pdo, want: AnyPdoRequest) -> Iter
     if not isinstance(want, Switched | Cleared):
         return iter(findings)
     return hinting_at_set(findings, pdo, enables=isinstance(want, Switched) and want.enabled)
+
+
+def held_plans(node: Node) -> list[Plan]:
+    """The plans of this session still in effect on *node*, by the known resets, which clear unstored values.
+
+    After a partial store nobody knows the stored plans: doubtful plans are listed.
+    """
+    pending, history = node.pending, node.history
+    stored, since = history[: pending.stored_at], history[max(pending.stored_at, pending.lost_until) :]
+    try:
+        restarted = pending.boot_ups not in (None, node.bus.boot_ups(node.node_id))
+    except BusUnavailable:
+        restarted = False
+    return stored if restarted and not pending.partly_stored else [*stored, *since]
+
+
+def losses(nodes: Iterable[Node]) -> Iterator[str]:
+    """A message for each node that restarted and lost changes since the last call."""
+    for node in nodes:
+        if lost := node.notice_reboot():
+            yield f"node {node.node_id} restarted: unstored values are lost ({', '.join(lost)})"
+
+
+def refuse_after_restarts(nodes: Iterable[Node]) -> None:
+    """Raise Restarted if a node has lost changes of this script or command: its result does not hold."""
+    for text in losses(nodes):
+        raise Restarted(text, hint="check its supply, then repeat the command", state="unknown")

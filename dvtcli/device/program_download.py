@@ -10,10 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 
 from dvtcli.device.cancellation import Cancellation
-from dvtcli.device.read_pdos import ABSENT
-from dvtcli.domain.abort import Abort
-from dvtcli.domain.ports import CanopenBus
-from dvtcli.domain.program import (
+from dvtcli.device.programs import (
     CLEAR,
     FLASH_STATUS,
     PROGRAM_CONTROL,
@@ -24,6 +21,9 @@ from dvtcli.domain.program import (
     FlashStatus,
     Stage,
 )
+from dvtcli.device.read_pdos import ABSENT
+from dvtcli.domain.abort import Abort
+from dvtcli.domain.ports import CanopenBus
 from dvtcli.errors import DeviceRefused, DvtcliError, Interrupted, LeftChanged, NoAnswer, SdoAborted, SdoProtocolError
 
 #: how long clearing, and the answer after the last byte, may take (s)

@@ -1,8 +1,9 @@
-"""Observe the NMT state of a node, especially after an NMT command. Sends no command."""
+"""Observe a node: its NMT state, especially after an NMT command, and its error control. Sends no command."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from dvtcli.device.nmt_gate import NodeAccess
 from dvtcli.device.read_pdos import read_optional
@@ -11,6 +12,9 @@ from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import CanopenBus, Frame
 from dvtcli.domain.process_data import drive_state
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
+
+if TYPE_CHECKING:
+    from dvtcli.domain.ports import SdoReader
 
 HEARTBEAT_TIME, GUARD_TIME, LIFE_TIME_FACTOR = 0x1017, 0x100C, 0x100D
 STATUSWORD = (0x6041, 0)
@@ -129,3 +133,23 @@ def why_it_may_move(bus: CanopenBus, node_id: int) -> str:
         if drive_state(statusword) == "operation enabled":
             return f"has operation enabled (0x{index:04X} is 0x{statusword:04X})"
     return ""
+
+
+_CONSUMER = 0x1016
+
+
+def heartbeat_ms(sdo: SdoReader) -> int | None:
+    """The producer heartbeat time in ms (0x1017); 0 for none, None without the object."""
+    return read_optional(sdo, HEARTBEAT_TIME, 0, 2)
+
+
+def heartbeat_slots(sdo: SdoReader) -> dict[int, int]:
+    """The entries of the node's 0x1016 by sub-index; empty without the object."""
+    count = read_optional(sdo, _CONSUMER, 0, 1) or 0
+    held = {sub_index: read_optional(sdo, _CONSUMER, sub_index, 4) for sub_index in range(1, count + 1)}
+    return {sub_index: value for sub_index, value in held.items() if value is not None}
+
+
+def is_guarded(sdo: SdoReader) -> bool:
+    """True if the node is guarded: its life time, 0x100C times 0x100D, is not 0 (CiA 301, 7.5.2.11 and 7.5.2.12)."""
+    return bool((read_optional(sdo, GUARD_TIME, 0, 2) or 0) * (read_optional(sdo, LIFE_TIME_FACTOR, 0, 1) or 0))

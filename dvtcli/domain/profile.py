@@ -17,6 +17,9 @@ Range = tuple[int, int]
 #: Index and sub-index of an object.
 ObjectAddress = tuple[int, int]
 
+#: expected identification if a device's software identification is the CRC-32 of its program
+CRC32 = "crc32"
+
 
 class BitPolicy(StrEnum):
     """Handling of bit 30 of a COB-ID at a write."""

@@ -1,10 +1,11 @@
-"""Frames and the signals in them: a decoder made from PDO configurations."""
+"""Frames and the signals in them: a decoder made from PDO configurations, and whether a frame fits its layout."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
+from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import DataType, Value
 from dvtcli.domain.frame import byte_length, values_reader
 from dvtcli.domain.object_dictionary import ObjectDictionary
@@ -12,6 +13,7 @@ from dvtcli.domain.object_scalings import NOTHING, ObjectScalings
 from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.scaling import Scaling
+from dvtcli.domain.text import plural
 from dvtcli.watch.service import Service, service_of
 
 #: A frame's identity on the bus: CAN-ID and whether it has 29 bits.
@@ -223,3 +225,107 @@ def unique(signals: Iterable[Signal]) -> list[Signal]:
         taken.add(key)
         found.append(signal if key == signal.key else replace(signal, key=key))
     return found
+
+
+def guess(frame: Frame, layout: Layout) -> str:
+    """Note for a *frame* with values by a guessed *layout*, in words; empty otherwise."""
+    return f"{_cob_id(frame)}: {layout.guess}" if layout.guess and layout.signals and not frame.remote else ""
+
+
+def _cob_id(frame: Frame) -> str:
+    return f"0x{frame.can_id:0{8 if frame.extended else 3}X}"
+
+
+def doubts(frame: Frame, layout: Layout) -> list[str]:
+    """Reasons to doubt values of *frame* by *layout*, in words: a guess, or a misfit."""
+    return [text for text in (guess(frame, layout), misfit(frame, layout)) if text]
+
+
+def misfit(frame: Frame, layout: Layout) -> str:
+    """Mismatch between the lengths of *frame* and *layout*, in words; empty if they fit.
+
+    A TPDO is sent as long as it is mapped. A node takes the front of a frame longer than its RPDO, and nothing
+    of a shorter frame (CiA 301, 7.4.7).
+    """
+    length, mapped = len(frame.data), layout.byte_length
+    if frame.remote or mapped is None or not layout.signals or length == mapped:
+        return ""
+    if layout.is_consumers and length > mapped:
+        return ""
+    who = f"{layout.service.label} of node {layout.service.node}" if layout.service.node else layout.service.label
+    by = layout.source or "its mapping"
+    said = f"{_cob_id(frame)}: the frame has {plural(length, 'byte')}, {by} has {mapped} for {who}"
+    if layout.is_consumers:
+        return f"{said}: a node ignores frames shorter than its RPDO, or this is not its mapping"
+    return f"{said}: this is not the producer's layout, so the values shown may be wrong"
+
+
+class Misfits:
+    """Reports frames to *tell* if *layout_of* is a guess or does not fit, each once for each CAN-ID."""
+
+    def __init__(self, layout_of: Callable[[Frame], Layout], tell: Callable[[str], None]) -> None:
+        self._layout_of = layout_of
+        self._tell = tell
+        #: the last checked length, by address; None after a report
+        self._seen: dict[Address, int | None] = {}
+
+    def look(self, frame: Frame) -> None:
+        """Check *frame*; cheap if its length is unchanged."""
+        address, length = (frame.can_id, frame.extended), len(frame.data)
+        seen = self._seen.get(address, -1)
+        if seen == length or seen is None or frame.remote:
+            return
+        layout = self._layout_of(frame)
+        if seen == -1 and (guessed := guess(frame, layout)):
+            self._tell(guessed)
+        text = misfit(frame, layout)
+        self._seen[address] = None if text else length
+        if text:
+            self._tell(text)
+
+    def passing(self, frames: Iterable[Frame]) -> Iterator[Frame]:
+        """Yield *frames* after a check of each."""
+        for frame in frames:
+            self.look(frame)
+            yield frame
+
+
+#: objects of the servers; sub-index 1 is the COB-ID to the server, 2 that from it
+SDO_SERVERS = range(0x1200, 0x1280)
+_WORDS = {1: "request", 2: "answer"}
+#: index, sub-index
+Place = tuple[int, int]
+
+
+def server_layouts(node_id: int, numbers: Mapping[Place, int]) -> dict[Address, Layout]:
+    """Return a layout for each CAN-ID of the SDO servers of *node_id*: `SDO2 request` and `SDO2 answer` of 0x1201.
+
+    *numbers* are values of its objects; a disabled COB-ID has no layout.
+    """
+    found: dict[Address, Layout] = {}
+    for (index, sub_index), raw in numbers.items():
+        cob_id = CobId.from_raw(raw)
+        if index in SDO_SERVERS and sub_index in _WORDS and cob_id.valid and cob_id.can_id:
+            label = f"{server_name(index)} {_WORDS[sub_index]}"
+            found[cob_id.can_id, cob_id.extended] = Layout(Service("sdo", label, node_id), (), no_values)
+    return found
+
+
+def server_name(index: int) -> str:
+    """Name the SDO server at *index*: `SDO` is the default one, `SDO2` that of 0x1201."""
+    number = index - SDO_SERVERS[0] + 1
+    return "SDO" if number == 1 else f"SDO{number}"
+
+
+def described_servers(
+    node_id: int, dictionary: ObjectDictionary | None, written: Mapping[Place, int] | None = None
+) -> dict[Address, Layout]:
+    """Return `server_layouts` by the values in *dictionary*, and by those *written* instead."""
+    numbers: dict[Place, int] = {}
+    for index in SDO_SERVERS[1:] if dictionary is not None else ():
+        for sub_index in _WORDS if dictionary is not None and index in dictionary else ():
+            entry = None if dictionary is None else dictionary.entry(index, sub_index)
+            data = None if entry is None else entry.initial(node_id)
+            if data is not None:
+                numbers[index, sub_index] = int.from_bytes(data, "little")
+    return server_layouts(node_id, {**numbers, **(written or {})})

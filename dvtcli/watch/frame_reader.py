@@ -16,10 +16,9 @@ from dvtcli.domain.emergency_codes import emergency_text
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.text import plural
-from dvtcli.watch.decoder import Address, Decoder, Layout
+from dvtcli.watch.decoder import SDO_SERVERS, Address, Decoder, Layout, server_layouts
 from dvtcli.watch.explain.known_node import KnownNode, of_mpdo
 from dvtcli.watch.explain.parts import lss_parts
-from dvtcli.watch.sdo_servers import SDO_SERVERS, server_layouts
 from dvtcli.watch.sdo_transfers import SDO_BYTES, SdoStep, SdoTransfers
 from dvtcli.watch.service import Service
 

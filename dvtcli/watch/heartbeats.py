@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dvtcli.domain.ports import Frame
-from dvtcli.watch.received_objects import ReceivedObjects, is_boot_up
+from dvtcli.watch.sdo_transfers import ReceivedObjects, is_boot_up
 
 HEARTBEAT_TIME = 0x1017
 #: CAN-ID of a heartbeat, without the node-ID

@@ -8,10 +8,9 @@ from dataclasses import dataclass, field
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
-from dvtcli.watch.decoder import Address, Decoder, Layout
+from dvtcli.watch.decoder import Address, Decoder, Layout, guess, misfit
 from dvtcli.watch.frame_reader import OTHER, Reading
 from dvtcli.watch.heartbeats import HEARTBEATS, HeartbeatTimes
-from dvtcli.watch.layout_fit import guess, misfit
 from dvtcli.watch.service import Service, event_of, state_in
 from dvtcli.watch.statistics import BusLoad, FrameIntervals, ValueHistory
 

@@ -1,4 +1,4 @@
-"""Statistics of a frame and its values: rate, jitter, minimum and maximum, and recent history. Pure.
+"""Statistics of a frame, its values and a watched object: rate, jitter, minimum and maximum, and recent history. Pure.
 
 Times are in seconds.
 """
@@ -17,6 +17,7 @@ from dvtcli.domain.bus_load import frame_bits
 from dvtcli.domain.datatypes import Value
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.scaling import Scaling
+from dvtcli.watch.decoder import Signal
 
 #: Window of the statistics (s), and its number of slots.
 WINDOW_S, SLOTS = 1.0, 10
@@ -253,3 +254,26 @@ class FrameCount:
     def bits(self) -> int:
         """How many bits they took in all."""
         return sum(count.bits for count in self.by_id.values())
+
+
+@dataclass(slots=True)
+class WatchedObject:
+    """The object *signal* of *node*; *problem* is the error of the last read, empty for none.
+
+    *read_s* is the time of the last successful read (s since 1970), None for none.
+    """
+
+    node: int
+    signal: Signal
+    history: ValueHistory = field(default_factory=ValueHistory)
+    read_s: float | None = None
+    problem: str = ""
+
+    def take(self, signal: Signal, value: Value, time_s: float) -> None:
+        """Note *value* at *time_s*; *signal* is its description."""
+        self.signal, self.read_s, self.problem = signal, time_s, ""
+        self.history.take(value, time_s)
+
+    def fail(self, problem: str) -> None:
+        """Note a failed read with *problem*; the last value stays."""
+        self.problem = problem

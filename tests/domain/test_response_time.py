@@ -10,7 +10,7 @@ import pytest
 
 from dvtcli.domain.network.frame_streams import TimedFrame, response_times, utilisation
 from dvtcli.domain.ports import Frame
-from dvtcli.simulator.network.wire import Wire
+from dvtcli.simulator.network.shared_bus import Wire
 from tests.domain.critical_instant import by_hand
 from tests.harness.sample import turn
 

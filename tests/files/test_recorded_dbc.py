@@ -21,7 +21,7 @@ from dvtcli.files.recordings.recorder import Recorder
 from dvtcli.operations.frames.layouts import live_decoder
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.watch.decoder import Decoder
-from dvtcli.watch.received_objects import ReceivedObjects
+from dvtcli.watch.sdo_transfers import ReceivedObjects
 from tests.cli.commands.bench import Bench, Ran
 
 NODE = 5

@@ -13,7 +13,7 @@ from dvtcli.cli.screen.beside import in_a_line
 from dvtcli.cli.screen.full_screen import has_full_screen
 from dvtcli.cli.view.answers.change_lines import kept_text
 from dvtcli.cli.view.typed_hints import error_text
-from dvtcli.device.heartbeat_slots import heartbeat_slots
+from dvtcli.device.seen_state import heartbeat_slots
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.links import LinkSide, agrees, linked, placed_mapping, receivers
 from dvtcli.domain.network.network_config import Endpoint

@@ -21,7 +21,7 @@ from dvtcli.operations.frames.transmit_rows import TransmitRow, frame_of, is_sdo
 from dvtcli.operations.nodes.command_nmt import command_nmt
 from dvtcli.operations.pdos.sync import DEFAULT, sync_frame
 from dvtcli.operations.session.save_script import ask_before_overwriting
-from dvtcli.watch.layout_fit import doubts
+from dvtcli.watch.decoder import doubts
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation

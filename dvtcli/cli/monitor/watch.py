@@ -24,8 +24,7 @@ from dvtcli.domain.cob_id import can_id_text
 from dvtcli.errors import BusUnavailable, DvtcliError
 from dvtcli.watch.decoder import Signal
 from dvtcli.watch.seen import FrameStore, SeenFrame
-from dvtcli.watch.statistics import ValueHistory, physical_points, spark
-from dvtcli.watch.watched_object import WatchedObject
+from dvtcli.watch.statistics import ValueHistory, WatchedObject, physical_points, spark
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation

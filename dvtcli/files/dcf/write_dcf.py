@@ -14,11 +14,10 @@ from dvtcli.errors import InputFileError
 from dvtcli.files.dcf.device_keys import write_device_keys
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import EditedText, IniValue, Values, section_values
-from dvtcli.files.eds.numbers import number_key, read_number, without_comment
+from dvtcli.files.eds.numbers import is_text, number_key, read_number, same_value, text_of, without_comment
 from dvtcli.files.eds.reader import EdsFile, parse_eds
 from dvtcli.files.eds.sections import OBJECT_LISTS, EdsLayout, ObjectSections, Parts
 from dvtcli.files.eds.writer import object_sections
-from dvtcli.files.eds.written_values import is_text, same_value, text_of
 
 Place = tuple[int, int]
 _OPTIONAL, _SUPPORTED_COUNT = "optionalobjects", "supportedobjects"

@@ -8,7 +8,7 @@ from datetime import datetime
 
 from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.files.eds.ini import IniSection, decode
-from dvtcli.files.eds.written_values import written_limit, written_value
+from dvtcli.files.eds.numbers import written_limit, written_value
 from dvtcli.files.file_info import as_keys, in_order
 
 _MANDATORY = (0x1000, 0x1001, 0x1018)

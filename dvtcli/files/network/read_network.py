@@ -13,10 +13,9 @@ from dvtcli.domain.network.network_config import Endpoint, LinkConfig, Mark, Mas
 from dvtcli.domain.pdo import Direction, Pdo
 from dvtcli.errors import InputFileError
 from dvtcli.files.input_file import read_input
-from dvtcli.files.network import leaves
 from dvtcli.files.network.file_log import FileLog
+from dvtcli.files.network.key_values import belongs_to, integer, is_slip, read_keys, shown, unknown_key
 from dvtcli.files.network.network_keys import INSTEAD, OF, Where
-from dvtcli.files.network.read_by_keys import belongs_to, is_slip, read_keys, unknown_key
 from dvtcli.files.network.read_node import Surroundings, read_node
 from dvtcli.files.network.yaml_tree import Branch, Leaf, Tree, YamlList, overlaid, read_tree
 
@@ -26,7 +25,7 @@ def read_links(row: YamlList, node_ids: Mapping[str, int], log: FileLog) -> Iter
     received: dict[Endpoint, int] = {}
     for tree in row.items:
         if not isinstance(tree, Branch):
-            log.complain(tree.mark, f"from and to belong here, not {leaves.shown(tree)}")
+            log.complain(tree.mark, f"from and to belong here, not {shown(tree)}")
             continue
         found = read_keys(tree, Where.LINK, "a link", log)
         producer = _endpoint(found["from"], Direction.TPDO, node_ids, log) if "from" in found else None
@@ -39,7 +38,7 @@ def read_links(row: YamlList, node_ids: Mapping[str, int], log: FileLog) -> Iter
             consumer = _endpoint(endpoint, Direction.RPDO, node_ids, log)
             if consumer is not None and consumer in received:
                 log.complain(
-                    endpoint.mark, f"{leaves.shown(endpoint)} receives another TPDO already (line {received[consumer]})"
+                    endpoint.mark, f"{shown(endpoint)} receives another TPDO already (line {received[consumer]})"
                 )
             elif consumer is not None:
                 received[consumer] = endpoint.mark.line
@@ -51,11 +50,11 @@ def read_links(row: YamlList, node_ids: Mapping[str, int], log: FileLog) -> Iter
 def _endpoint(tree: Tree, direction: Direction, node_ids: Mapping[str, int], log: FileLog) -> Endpoint | None:
     """Read `NODE:tpdo1`, with the node's name or its node-ID."""
     if not isinstance(tree, Leaf) or tree.kind != "str":
-        log.complain(tree.mark, f"NODE:{direction}N is expected here, not {leaves.shown(tree)}")
+        log.complain(tree.mark, f"NODE:{direction}N is expected here, not {shown(tree)}")
         return None
     name, _, word = tree.text.rpartition(":")
     if not name:
-        log.complain(tree.mark, f"NODE:{direction}N is expected here, not {leaves.shown(tree)}")
+        log.complain(tree.mark, f"NODE:{direction}N is expected here, not {shown(tree)}")
         return None
     try:
         pdo = Pdo.parse(word)
@@ -218,7 +217,7 @@ def _is_master(name: str, log: FileLog) -> bool:
 
 def _take(leaf: Leaf, value: Tree, nodes: Named, log: FileLog) -> None:
     if not isinstance(value, Branch):
-        log.complain(value.mark, f"keys and values of node {leaf.text[:40]} belong here, not {leaves.shown(value)}")
+        log.complain(value.mark, f"keys and values of node {leaf.text[:40]} belong here, not {shown(value)}")
     elif leaf.text.isdecimal():
         log.complain(leaf.mark, f"{leaf.text[:40]!r} is not a name: give the node a name and node_id: {leaf.text[:40]}")
     elif not leaf.text.strip() or ":" in leaf.text:
@@ -254,7 +253,7 @@ def _node_ids(named: Named, master: MasterRole | None, log: FileLog) -> dict[str
     ids: dict[str, int] = {}
     for name, (_, branch) in named.items():
         leaf = branch.items.get("node_id", (None, None))[1]
-        node_id = leaves.integer(leaf, _NODE_ID, silent) if leaf is not None else None
+        node_id = integer(leaf, _NODE_ID, silent) if leaf is not None else None
         if leaf is None or node_id is None:
             continue
         if node_id in owners:

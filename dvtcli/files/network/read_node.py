@@ -25,10 +25,19 @@ from dvtcli.domain.object_syntax import parse_object
 from dvtcli.domain.pdo import MAX_PDO_NUMBER, Direction, Pdo
 from dvtcli.domain.times import counts
 from dvtcli.errors import InputFileError
-from dvtcli.files.network import leaves
 from dvtcli.files.network.file_log import FileLog, spelled
+from dvtcli.files.network.key_values import (
+    as_number,
+    integer,
+    key_mark,
+    number_key,
+    object_word,
+    read_keys,
+    shown,
+    table,
+    truth,
+)
 from dvtcli.files.network.network_keys import OF, Where
-from dvtcli.files.network.read_by_keys import key_mark, number_key, read_keys
 from dvtcli.files.network.yaml_tree import Branch, Leaf, Tree, YamlList
 
 if TYPE_CHECKING:
@@ -63,7 +72,7 @@ def read_pdos(branch: Branch, direction: Direction, title: str, log: FileLog) ->
         elif isinstance(value, Leaf) and value.is_null:
             yield PartialPdoConfig(pdo, mark=leaf.mark)
         else:
-            log.complain(value.mark, f"keys and values of {pdo.label} belong here, not {leaves.shown(value)}")
+            log.complain(value.mark, f"keys and values of {pdo.label} belong here, not {shown(value)}")
 
 
 def _pdo(pdo: Pdo, branch: Branch, title: str, log: FileLog) -> PartialPdoConfig:
@@ -120,7 +129,7 @@ def _mapping(row: YamlList, title: str, log: FileLog) -> tuple[FileWord, ...]:
 
 def _entry(tree: Tree, title: str, log: FileLog) -> FileWord | None:
     if not isinstance(tree, Branch):
-        return leaves.object_word(tree, log)
+        return object_word(tree, log)
     found = read_keys(tree, Where.ENTRY, f"an object of {title}", log)
     if "index" not in found:
         return None
@@ -206,7 +215,7 @@ def _objects(branch: Branch, found: dict[str, Any], log: FileLog) -> Iterator[Ob
     behaviour: Branch | None = found.get("error_behavior")
     for leaf, value in behaviour.items.values() if behaviour else ():
         behaves = number_key(leaf, 1, 254, "sub-index of 0x1029", log)
-        number = leaves.integer(value, OF[Where.NODE]["error_behavior"], log)
+        number = integer(value, OF[Where.NODE]["error_behavior"], log)
         if behaves is not None and number is not None:
             yield ObjectConfig("error_behavior", _ERROR_BEHAVIOUR, behaves, bytes([number]), leaf.mark)
 
@@ -218,7 +227,7 @@ def _values(
     configs: dict[str, ValueConfig] = {}
     for tree in row.items if row else ():
         if not isinstance(tree, Branch):
-            log.complain(tree.mark, f"index, sub_index and value belong here, not {leaves.shown(tree)}")
+            log.complain(tree.mark, f"index, sub_index and value belong here, not {shown(tree)}")
             continue
         found = read_keys(tree, Where.SDO, title, log)
         word = _object(tree, found, title, log)
@@ -276,13 +285,13 @@ def _watches(branch: Branch, found: dict[str, Any], around: Surroundings, log: F
         return
     mark, key = key_mark(branch, "heartbeat_consumer"), OF[Where.NODE]["heartbeat_consumer"]
     if not isinstance(tree, Branch):
-        watched = leaves.truth(tree, key, log)
+        watched = truth(tree, key, log)
         if watched is not None:
             yield from _of_the_master(around, HeartbeatWatch(0, 0, mark), log, watched=watched)
         return
     seen: set[int] = set()
     for leaf, value in tree.items.values():
-        time_ms = leaves.integer(value, key, log)
+        time_ms = integer(value, key, log)
         producer = around.node_ids.get(leaf.text)
         if producer is None:
             producer = number_key(leaf, 1, 127, "node of this file, and no node-ID", log)
@@ -311,11 +320,11 @@ def _of_the_master(
 def _pins(groups: Branch | None, log: FileLog) -> Iterator[PinConfig]:
     key = OF[Where.NODE]["vpdo"]
     for group, (leaf, value) in sorted(groups.items.items()) if groups else ():
-        pins = leaves.table(value, key, log)
+        pins = table(value, key, log)
         seen: dict[int, PinConfig] = {}
         for pin_leaf, tied in pins.items.values() if pins else ():
             pin = number_key(pin_leaf, 1, 254, "pin", log)
-            word = leaves.object_word(tied, log)
+            word = object_word(tied, log)
             if pin in seen:
                 log.complain(pin_leaf.mark, f"pin {pin} of {leaf.text} was given twice")
             elif pin is not None and word is not None:
@@ -362,5 +371,5 @@ def _plain(tree: Tree, log: FileLog) -> object:
 
 
 def _number(leaf: Leaf, log: FileLog) -> object:
-    number = leaves.as_number(leaf, log)
+    number = as_number(leaf, log)
     return leaf.text if number is None else number

@@ -17,6 +17,7 @@ from dvtcli.domain.object_scalings import ObjectRange, ScalingRule
 from dvtcli.domain.pdo import Direction
 from dvtcli.domain.process_data import STATES
 from dvtcli.domain.profile import (
+    CRC32,
     GENERIC,
     BitPolicy,
     DeviceProfile,
@@ -30,7 +31,6 @@ from dvtcli.domain.profile import (
     StorePolicy,
     VpdoGroup,
 )
-from dvtcli.domain.program import CRC32
 from dvtcli.domain.scaling import Scaling, State, parse_factor, parse_scale, spelled
 from dvtcli.files.toml_item import (
     Item,

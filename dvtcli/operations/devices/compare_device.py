@@ -14,7 +14,7 @@ from dvtcli.domain.object_scalings import NOTHING
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.standard_objects import is_pdo_mapping
 from dvtcli.errors import UsageError
-from dvtcli.files.eds.written_values import same_value
+from dvtcli.files.eds.numbers import same_value
 from dvtcli.files.whole_device_file import KeptObject
 from dvtcli.operations.devices.export_dcf import why_unread
 from dvtcli.operations.devices.file_kinds import holds_values

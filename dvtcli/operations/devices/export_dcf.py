@@ -24,7 +24,7 @@ from dvtcli.files.device_file import (
     parse_device_file,
 )
 from dvtcli.files.eds.ini import MOST_BYTES
-from dvtcli.files.eds.written_values import same_value
+from dvtcli.files.eds.numbers import same_value
 from dvtcli.files.input_file import read_input
 from dvtcli.operations.devices.read_whole_device import WholeDevice, described, read_every_object
 from dvtcli.operations.results import Facts

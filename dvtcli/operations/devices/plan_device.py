@@ -23,7 +23,7 @@ from dvtcli.domain.network.network_plan import LeftOut, NetworkPlan
 from dvtcli.domain.pdo import BY_SUB_INDEX, MAPPING, MAX_ENTRIES, Direction, Pdo, PdoConfig
 from dvtcli.domain.rules.pdo_mapping import enables_nothing
 from dvtcli.errors import SafetyRefusal, SdoAborted, UsageError
-from dvtcli.files.eds.written_values import same_value
+from dvtcli.files.eds.numbers import same_value
 from dvtcli.operations.devices.held_device import (
     Included,
     entry_of,

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from dvtcli.device.heartbeat_slots import heartbeat_slots
 from dvtcli.device.read_pdos import read_optional
+from dvtcli.device.seen_state import heartbeat_slots
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.network.network_config import (
     ExpectedIdentity,

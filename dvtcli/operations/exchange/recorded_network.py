@@ -18,7 +18,7 @@ from dvtcli.domain.network.network_state import (
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.text import join_some
 from dvtcli.errors import SdoAborted, SdoProtocolError, UsageError
-from dvtcli.watch.received_objects import ReceivedObjects, is_boot_up
+from dvtcli.watch.sdo_transfers import ReceivedObjects, is_boot_up
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
     from dvtcli.domain.profile import DeviceProfile
     from dvtcli.operations.user.session_user import SessionUser
-    from dvtcli.watch.received_objects import ReceivedValues
+    from dvtcli.watch.sdo_transfers import ReceivedValues
 
 _HINT = Hint(
     Action.SHOW_PDOS,

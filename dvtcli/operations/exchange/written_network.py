@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from dvtcli.device.heartbeat_slots import heartbeat_ms, heartbeat_slots
+from dvtcli.device.seen_state import heartbeat_ms, heartbeat_slots
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.network.links import found_links, watched_ms
 from dvtcli.domain.network.network_config import NetworkConfig

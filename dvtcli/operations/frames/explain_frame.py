@@ -10,10 +10,9 @@ from dvtcli.errors import UsageError
 from dvtcli.operations.frames.recorded import decoder_for
 from dvtcli.operations.network.described_nodes import described_nodes, network_config_of
 from dvtcli.operations.results.frames import FrameExplained, FrameSeen
-from dvtcli.watch.decoder import Decoder
+from dvtcli.watch.decoder import Decoder, doubts, misfit
 from dvtcli.watch.explain.frame_parts import frame_parts
 from dvtcli.watch.frame_reader import FrameReader, Reading
-from dvtcli.watch.layout_fit import doubts, misfit
 
 if TYPE_CHECKING:
     from dvtcli.operations.session.session_nodes import SessionNodes

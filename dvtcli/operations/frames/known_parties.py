@@ -16,9 +16,8 @@ from dvtcli.operations.frames.layouts import HEARD_S, mapping_of
 from dvtcli.operations.network.described_nodes import NETWORK_SUFFIXES
 from dvtcli.operations.pdos.sync import sync_frame
 from dvtcli.operations.values.object_values import scalings_of
-from dvtcli.watch.decoder import Decoder, Layout, no_values, pdo_layouts
+from dvtcli.watch.decoder import SDO_SERVERS, Decoder, Layout, no_values, pdo_layouts, server_name
 from dvtcli.watch.frame_effect import Parties
-from dvtcli.watch.sdo_servers import SDO_SERVERS, server_name
 from dvtcli.watch.service import Service
 
 if TYPE_CHECKING:

@@ -13,8 +13,7 @@ from dvtcli.domain.object_syntax import parse_object
 from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.network.described_nodes import NETWORK_SUFFIXES, network_config_of
 from dvtcli.operations.values.object_values import scalings_of
-from dvtcli.watch.decoder import Decoder, SignalsOfMappings, pdo_layouts
-from dvtcli.watch.sdo_servers import described_servers
+from dvtcli.watch.decoder import Decoder, SignalsOfMappings, described_servers, pdo_layouts
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode

@@ -93,8 +93,7 @@ def _file_decoder(path: Path, nodes: tuple[int, ...], family: str | None, module
     from dvtcli.operations.session.simulated_nodes import read_dictionary
     from dvtcli.operations.user.options import modules_of_node
     from dvtcli.operations.values.object_values import scalings_of
-    from dvtcli.watch.decoder import Decoder, pdo_layouts
-    from dvtcli.watch.sdo_servers import described_servers
+    from dvtcli.watch.decoder import Decoder, described_servers, pdo_layouts
 
     own = read_dictionary(path)
     profile = load_profile(family) if family else profile_of(own)

@@ -14,9 +14,9 @@ from dvtcli.operations.frames.known_parties import KnownParties
 from dvtcli.operations.frames.layouts import open_wire
 from dvtcli.operations.network.described_nodes import described_nodes
 from dvtcli.operations.results.sent import FramesSent, FrameToSend, Outcome
+from dvtcli.watch.decoder import Misfits
 from dvtcli.watch.frame_effect import effects
 from dvtcli.watch.frame_reader import FrameReader
-from dvtcli.watch.layout_fit import Misfits
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import CanopenBus, Frame

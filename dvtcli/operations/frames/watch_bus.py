@@ -13,9 +13,8 @@ from dvtcli.operations.frames.explain_frame import frame_seen
 from dvtcli.operations.frames.layouts import live_decoder, live_decoders, open_wire
 from dvtcli.operations.network.described_nodes import described_nodes
 from dvtcli.operations.session.steady_listener import SteadyListener
-from dvtcli.watch.decoder import Decoder, Layout
+from dvtcli.watch.decoder import Decoder, Layout, Misfits
 from dvtcli.watch.frame_reader import FrameReader
-from dvtcli.watch.layout_fit import Misfits
 from dvtcli.watch.seen import FrameStore
 
 if TYPE_CHECKING:

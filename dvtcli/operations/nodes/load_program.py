@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.file_fits import refuse_unlike_file
 from dvtcli.device.program_download import ProgramDownload
-from dvtcli.device.program_note import ProgramNotes
+from dvtcli.device.programs import PROGRAM_CONTROL, SOFTWARE_IDENTIFICATION, ProgramNotes, Stage
 from dvtcli.device.read_pdos import read_identity
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.program import CRC32, PROGRAM_CONTROL, SOFTWARE_IDENTIFICATION, Stage
+from dvtcli.domain.profile import CRC32
 from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, SdoAborted, UsageError, stopped_node
 from dvtcli.files.program_file import read_program
 from dvtcli.operations.objects.object_files import transfer_progress

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
-from dvtcli.device.heartbeat_slots import heartbeat_slots
 from dvtcli.device.read_pdos import read_optional
+from dvtcli.device.seen_state import heartbeat_slots
 from dvtcli.domain.cob_id import PRODUCES
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.frame_streams import SYNCHRONOUS

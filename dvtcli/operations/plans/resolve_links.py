@@ -7,9 +7,9 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from dvtcli.device.heartbeat_slots import heartbeat_ms, heartbeat_slots, is_guarded
 from dvtcli.device.proposal import resolve, untyped_lengths
 from dvtcli.device.read_pdos import service_ids
+from dvtcli.device.seen_state import heartbeat_ms, heartbeat_slots, is_guarded
 from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.links import (

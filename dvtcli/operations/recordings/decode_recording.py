@@ -15,8 +15,8 @@ from dvtcli.operations.frames.explain_frame import frame_seen
 from dvtcli.operations.frames.recorded import decoder_for
 from dvtcli.operations.network.described_nodes import described_nodes, network_config_of
 from dvtcli.operations.recordings.values_origin import DEFAULTS, ValuesOptions, parquet_form
+from dvtcli.watch.decoder import Misfits
 from dvtcli.watch.frame_reader import FrameReader
-from dvtcli.watch.layout_fit import Misfits
 from dvtcli.watch.table import SignalRows
 
 if TYPE_CHECKING:

@@ -18,8 +18,8 @@ from dvtcli.operations.recordings.running_recording import Filters, RunningRecor
 from dvtcli.operations.recordings.values_origin import DEFAULTS, ValuesOptions, is_parquet, parquet_form
 from dvtcli.operations.session.save_script import ask_before_overwriting
 from dvtcli.operations.session.steady_listener import SteadyListener
+from dvtcli.watch.decoder import Misfits
 from dvtcli.watch.frame_reader import FrameReader
-from dvtcli.watch.layout_fit import Misfits
 from dvtcli.watch.table import SignalRows
 
 if TYPE_CHECKING:

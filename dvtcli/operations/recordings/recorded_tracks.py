@@ -11,7 +11,7 @@ from dvtcli.errors import UsageError
 from dvtcli.files.recordings.read_recording import check_readable, read_recording
 from dvtcli.files.values.value_file import is_value_file, read_values
 from dvtcli.operations.frames.recorded import decoder_for
-from dvtcli.watch.layout_fit import Misfits
+from dvtcli.watch.decoder import Misfits
 from dvtcli.watch.table import all_columns
 from dvtcli.watch.tracks import fill, fill_rows, find_tracks
 

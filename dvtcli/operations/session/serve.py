@@ -102,9 +102,8 @@ def serving(
     With the option `reconnect` a lost bus is waited for, and *on_bus_event* gets the events. Raises BusUnavailable if
     an address or a bus cannot be opened, UsageError and InputFileError for wrong words and files.
     """
-    from dvtcli.simulator.network.shared_bus import Server
+    from dvtcli.simulator.network.shared_bus import Server, Wire
     from dvtcli.simulator.network.station import stations
-    from dvtcli.simulator.network.wire import Wire
 
     nodes = simulated_nodes(wanted.nodes, options.modules)
     for text in not_simulated(nodes):

@@ -15,7 +15,7 @@ from dvtcli.device.change.change_guard import ChangeGuard
 from dvtcli.device.change.change_history import ChangeHistory
 from dvtcli.device.change.journal import Journals
 from dvtcli.device.change.private_file import unusable
-from dvtcli.device.program_note import ProgramNotes
+from dvtcli.device.programs import ProgramNotes
 from dvtcli.domain.hint import Action, Hint, as_hint, verbatim
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.text import join_some

@@ -9,8 +9,7 @@ from dvtcli.domain.lint.lint_rule import ERROR, WARNING, LintRule
 from dvtcli.domain.pdo import PdoCommunicationParameter
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.text import plural
-from dvtcli.watch.decoder import Address, Layout
-from dvtcli.watch.received_objects import is_boot_up
+from dvtcli.watch.decoder import SDO_SERVERS, Address, Layout, server_layouts
 from dvtcli.watch.recording_checks.frame_problems import (
     FRAME_RULES,
     RPDO_RULES,
@@ -18,15 +17,14 @@ from dvtcli.watch.recording_checks.frame_problems import (
     LengthProblems,
     NodePdo,
     RpdoProblems,
+    WrittenMappings,
 )
 from dvtcli.watch.recording_checks.master_problems import MASTER_RULES, MasterProblems
 from dvtcli.watch.recording_checks.node_problems import NODE_RULES, NodeProblems
 from dvtcli.watch.recording_checks.problems import Moment, Problem, TimesOf, joined
 from dvtcli.watch.recording_checks.sdo_problems import SDO_RULES, SdoProblems
 from dvtcli.watch.recording_checks.stream_problems import STREAM_RULES, KnownTpdos, StreamProblems
-from dvtcli.watch.recording_checks.written_mappings import WrittenMappings
-from dvtcli.watch.sdo_servers import SDO_SERVERS, server_layouts
-from dvtcli.watch.sdo_transfers import SdoTransfers
+from dvtcli.watch.sdo_transfers import SdoTransfers, is_boot_up
 
 ERROR_FRAMES = LintRule(
     "error-frames", WARNING, "error frames were recorded", "ISO 11898-1: error flags; wiring, termination, bit rate"

@@ -9,9 +9,8 @@ from dvtcli.domain.abort import Abort, abort_text
 from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, LintRule
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.text import join_some
-from dvtcli.watch.recording_checks.node_problems import NodeProblems
+from dvtcli.watch.recording_checks.node_problems import Cause, NodeAtRequest, NodeProblems
 from dvtcli.watch.recording_checks.problems import Moment, Moments, Problem, TimesOf
-from dvtcli.watch.recording_checks.silences import Cause, NodeAtRequest
 from dvtcli.watch.sdo_transfers import SdoStep
 
 REFUSED_WRITE = LintRule("refused-write", ERROR, "a node refused a write", "CiA 301, table 22: SDO abort codes")

@@ -19,7 +19,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.domain.scaling import Scaling
 from dvtcli.watch.decoder import Decoder, Signal
 from dvtcli.watch.seen import FrameStore
-from dvtcli.watch.watched_object import WatchedObject
+from dvtcli.watch.statistics import WatchedObject
 from tests.cli.monitor.test_model import BEGIN_S, decoder
 
 MOMENT = Moment("sim", 72.0, 0, BEGIN_S + 1.0)

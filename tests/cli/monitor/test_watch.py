@@ -11,7 +11,7 @@ from dvtcli.cli.monitor.watch import Board, shown_values, watch_picture
 from dvtcli.domain.ports import Frame
 from dvtcli.watch.decoder import Signal
 from dvtcli.watch.seen import FrameStore
-from dvtcli.watch.watched_object import WatchedObject
+from dvtcli.watch.statistics import WatchedObject
 from tests.cli.commands.bench import Bench
 from tests.cli.monitor.test_model import BEGIN_S, decoder
 from tests.cli.prompt.conftest import Open, open_terminal

@@ -27,7 +27,7 @@ ASKED_BY: dict[str, tuple[str, ...]] = {
     "device/lss_master.py": ("operations/lss/",),
     "device/program_download.py": ("operations/nodes/load_program.py",),
     "device/learn/saving.py": ("device/learn/",),
-    "device/learn/probing.py": ("device/learn/", "operations/known_devices/learn_device.py"),
+    "device/learn/probing.py": ("operations/known_devices/learn_device.py",),
     "device/quirks.py": ("device/", "operations/exchange/import_network.py"),
     "device/error_history.py": ("operations/nodes/show_faults.py",),
     "operations/pdos/produce_sync.py": ("cli/commands/sync.py", "operations/api/python_bus.py"),
@@ -55,7 +55,9 @@ HARMLESS: dict[str, frozenset[str]] = {
     ),
     "device/access_level.py": frozenset({"level_finding"}),
     "device/nmt_gate.py": frozenset({"NodeAccess"}),
-    "device/seen_state.py": frozenset({"HEARTBEAT_TIME", "CONTROLWORDS", "STATUSWORDS"}),
+    "device/seen_state.py": frozenset(
+        {"HEARTBEAT_TIME", "CONTROLWORDS", "STATUSWORDS", "heartbeat_ms", "heartbeat_slots", "is_guarded"}
+    ),
     "device/learn/saving.py": frozenset(
         {
             "RESTORE",

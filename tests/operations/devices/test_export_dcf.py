@@ -10,8 +10,8 @@ import canopen
 import pytest
 
 from dvtcli.domain.configuration import configuration_of
+from dvtcli.files.eds.numbers import same_value
 from dvtcli.files.eds.reader import read_eds
-from dvtcli.files.eds.written_values import same_value
 from dvtcli.files.profile.toml import builtin_path
 from dvtcli.operations.devices.export_dcf import export_dcf
 from dvtcli.operations.session.session import Session

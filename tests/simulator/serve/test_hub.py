@@ -22,9 +22,8 @@ from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
 from dvtcli.simulator.network.hub import MOST_CLIENTS, MOST_KEPT, Hub
 from dvtcli.simulator.network.hub_client import LOOK_S, Client
-from dvtcli.simulator.network.shared_bus import Server
+from dvtcli.simulator.network.shared_bus import Server, Wire
 from dvtcli.simulator.network.station import stations
-from dvtcli.simulator.network.wire import Wire
 from tests.harness.sample import heavy
 from tests.simulator.serve.served import PATIENCE_S, raw_client, received, wait_for
 

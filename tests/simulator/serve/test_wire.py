@@ -6,7 +6,7 @@ import pytest
 
 from dvtcli.domain.bus_load import frame_bits
 from dvtcli.domain.ports import Frame
-from dvtcli.simulator.network.wire import Wire, arbitration
+from dvtcli.simulator.network.shared_bus import Wire, arbitration
 
 
 def test_the_lower_can_id_wins_and_a_base_frame_beats_its_extension() -> None:
