@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.domain.network.bus_need import bus_need
 from dvtcli.domain.network.frame_streams import streams_of
 from dvtcli.domain.network.links import CONSUMER_PERIODS, watch_time_ms
@@ -198,7 +198,9 @@ def refuse_other_values(edited: str, file: str) -> None:
     if edited.lower().endswith(VALUE_SUFFIXES):
         hint = Hint(Action.CONVERT, {"file": edited, "target": file}, "{} makes it of the saved file")
     else:
-        hint = Hint(Action.EXPORT, {"file": file}, "{} reads it from the device, once the network file is applied")
+        hint = as_hint(
+            "a name in .yaml saves the network file; a DCF is exported from the device, once that is applied"
+        )
     raise UsageError(
         f"{file} is not written: it has the values of a whole device, but {edited} has only some of them",
         place=file,

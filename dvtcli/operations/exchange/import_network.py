@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -145,11 +145,19 @@ def nodes_of_files(folder: Path, path: Path, notes: list[str]) -> Iterator[Found
 
     Raises UsageError if there are none.
     """
+    usual: list[str] = []
     for node in _described(folder, notes):
-        yield _of_file(node, path, notes)
+        yield _of_file(node, path, notes, usual)
+    if usual:
+        files = "its file" if len(usual) == 1 else "their files"
+        notes.append(
+            f"node {join_some(usual)}: other values of {files} left out, all equal to the defaults: apply a file "
+            f"itself to write its configuration objects"
+        )
 
 
-def _of_file(one: _FileNode, path: Path, notes: list[str]) -> FoundNode:
+def _of_file(one: _FileNode, path: Path, notes: list[str], usual: list[str]) -> FoundNode:
+    """Return node *one* for the network file *path*; *usual* gets its node-ID if it has other values, all defaults."""
     held: dict[Pdo, PdoConfig] = {}
     lacked = _lacked(one)
     if lacked:
@@ -166,12 +174,23 @@ def _of_file(one: _FileNode, path: Path, notes: list[str]) -> FoundNode:
     found = exported(one, held, one.values, said)
     behaviours = exported_behaviours(one.values, one.dictionary, said)
     config = replace(found.config, dcf=beside(one.path, path), objects=(*found.config.objects, *behaviours))
-    notes += _not_taken(one, config)
+    left, unlike = _not_taken(one, config)
+    if unlike:
+        differ = "1 differs" if len(unlike) == 1 else f"{len(unlike)} differ"
+        notes.append(
+            f"node {one.node_id}: {plural(left, 'other value')} of {one.path.name} left out, {differ} from the "
+            f"defaults ({join_some(unlike)}): apply that file itself to write its configuration objects"
+        )
+    elif left:
+        usual.append(str(one.node_id))
     return FoundNode(replace(found, config=config), held, one.values)
 
 
-def _not_taken(one: _FileNode, config: NodeConfig) -> Iterator[str]:
-    """Count writable values of *one* missing in *config*: a network file is not a full backup."""
+def _not_taken(one: _FileNode, config: NodeConfig) -> tuple[int, list[str]]:
+    """Count writable values of *one* missing in *config*, and list those that differ from the defaults.
+
+    A network file is not a full backup.
+    """
     taken = {f"{value.index:04X}:{value.sub_index:02X}" for value in config.objects}
     taken |= {value.object.text for value in config.values}
     pins = {group.index for group in one.profile.vpdo.values()}
@@ -181,15 +200,8 @@ def _not_taken(one: _FileNode, config: NodeConfig) -> Iterator[str]:
         if entry.value is not None and entry.access.writable and Pdo.at(entry.index) is None
         and entry.object not in taken and entry.index not in {*pins, CONSUMER_HEARTBEAT}
     ]  # fmt: skip
-    if not left:
-        return
     defaults = Defaults(one.dictionary, one.node_id)
-    unlike = [entry.object for entry in left if _default(defaults, entry) != entry.initial(one.node_id)]
-    which = f"{len(unlike)} differ from the defaults ({join_some(unlike)})" if unlike else "all equal to the defaults"
-    yield (
-        f"node {one.node_id}: {plural(len(left), 'other value')} of {one.path.name} left out, {which}: apply that "
-        f"file itself to write its configuration objects"
-    )
+    return len(left), [entry.object for entry in left if _default(defaults, entry) != entry.initial(one.node_id)]
 
 
 def _default(defaults: Defaults, entry: OdEntry) -> bytes | None:
@@ -244,17 +256,27 @@ def _described(folder: Path, notes: list[str]) -> list[_FileNode]:
         own = dictionary.info.node_id
         if own is not None and 1 <= own <= 127 and own not in ids.values():
             ids[path] = own
+    numbered: dict[Path, int] = {}
     for path in (path for path in paths if path not in ids):
         free = next((number for number in range(1, 128) if number not in ids.values()), None)
         if free is None:
             raise UsageError(f"{folder} has {len(paths)} files, a network has 127 nodes")
-        ids[path] = free
-        notes.append(f"{path.name} has no node-ID: it becomes node {free}")
+        ids[path] = numbered[path] = free
+    notes += _numbered(numbered)
     found = [
         _FileNode(path, ids[path], file_dictionary, profile_of(file_dictionary))
         for path, file_dictionary in dictionaries.items()
     ]
     return sorted(found, key=lambda node: node.node_id)
+
+
+def _numbered(node_ids: Mapping[Path, int]) -> Iterator[str]:
+    """Note in a line which files without a node-ID get which."""
+    if len(node_ids) == 1:
+        yield from (f"{path.name} has no node-ID: it becomes node {node_id}" for path, node_id in node_ids.items())
+    elif node_ids:
+        given = join_some(f"{path.name} becomes node {node_id}" for path, node_id in node_ids.items())
+        yield f"{len(node_ids)} files have no node-ID: {given}"
 
 
 def import_network(session: SessionNodes, file: str, folder: str | None = None, manager: int | None = None) -> Facts:
@@ -275,8 +297,14 @@ def import_network(session: SessionNodes, file: str, folder: str | None = None, 
     ask_before_overwriting(session, path)
     notes: list[str] = []
     if folder is None:
-        title = f"Values of the network {session.bus.name}"
+        bus = session.bus
+        title = f"Values of the network {bus.name}"
         found = list(_live(session, path, notes))
+        if bus.bitrate is not None and not bus.simulated:
+            notes.append(
+                f"the bit rate is not written: for load and deadlines, give check --at {bus.bitrate}, or add master: "
+                f"{{baudrate: {bus.bitrate // 1000}}} (kbit/s) to the file"
+            )
         if not found:
             raise NoAnswer(
                 "no node answers",
@@ -286,7 +314,10 @@ def import_network(session: SessionNodes, file: str, folder: str | None = None, 
     else:
         title = f"Values of the files of {folder}"
         found = list(nodes_of_files(Path(folder), path, notes))
-    notes += (f"node {node.exported.config.node_id}: {note}" for node in found if (note := node.exported.left_out_note))
+    left_out: dict[str, list[str]] = {}
+    for node in found:
+        left_out.setdefault(node.exported.left_out_note, []).append(str(node.exported.config.node_id))
+    notes += (f"node {', '.join(node_ids)}: {note}" for note, node_ids in left_out.items() if note)
     return write_found(session, path, file, title, found, notes)
 
 

@@ -30,7 +30,7 @@ from dvtcli.operations.plans.read_network_config import read_network_config
 from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkReport, NetworksChecked
 from dvtcli.simulator.network.family_file import family_of
 from dvtcli.watch.decoder import Decoder
-from dvtcli.watch.recording_checks.frame_problems import LENGTH, NOT_SENT
+from dvtcli.watch.recording_checks.frame_problems import DEFAULT_LENGTH, LENGTH, NOT_SENT
 from dvtcli.watch.recording_checks.recording_rules import RecordingCheck
 from dvtcli.watch.recording_checks.stream_problems import LOAD
 
@@ -45,7 +45,9 @@ if TYPE_CHECKING:
 LISTEN_S = 2.0
 #: rules about recordings that need what a file says of the PDOs
 _NEED_A_FILE = {
-    LENGTH.name: "rule other-length replaces it there, with the mappings of the nodes",
+    **dict.fromkeys(
+        (LENGTH.name, DEFAULT_LENGTH.name), "rule other-length replaces it there, with the mappings of the nodes"
+    ),
     NOT_SENT.name: "the expected RPDOs are unknown; check a recording with a network file",
 }
 #: Identification and NMT settings of a node, which no file decides.

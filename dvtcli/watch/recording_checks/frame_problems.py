@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from dvtcli.domain.cob_id import CobId, can_id_text
 from dvtcli.domain.frame import byte_length
-from dvtcli.domain.lint.lint_rule import ERROR, WARNING, LintRule
+from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, LintRule
 from dvtcli.domain.pdo import Pdo, is_mpdo
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.text import plural
@@ -20,6 +20,10 @@ from dvtcli.watch.recording_checks.sdo_problems import Channel
 from dvtcli.watch.sdo_transfers import SdoStep
 
 LENGTH = LintRule("pdo-other-length", ERROR, "a PDO has another length than is mapped", "CiA 301, 7.4.7")
+DEFAULT_LENGTH = LintRule(
+    "pdo-other-than-default", NOTE, "a PDO has another length than its default mapping, and the file maps nothing",
+    "CiA 301, 7.4.7",
+)  # fmt: skip
 TWO_SENDERS = LintRule(
     "two-senders", ERROR, "two nodes seem to send the same CAN-ID", "CiA 301, 7.3.5: a CAN-ID has one producer"
 )
@@ -28,7 +32,7 @@ NO_ANSWER = LintRule(
     "sdo-no-answer", ERROR, "a node that answers SDO requests did not answer a request", "CiA 301, 7.2.4.3"
 )
 UNASKED = LintRule("sdo-unasked", WARNING, "an SDO response without a request", "CiA 301, 7.2.4.3")
-FRAME_RULES = (LENGTH, TWO_SENDERS, TWO_NODES, NO_ANSWER, UNASKED)
+FRAME_RULES = (LENGTH, DEFAULT_LENGTH, TWO_SENDERS, TWO_NODES, NO_ANSWER, UNASKED)
 #: changes between two lengths from which two senders are likely: one change is a new mapping
 _ENOUGH = 4
 #: command specifiers of answers that begin a transfer, one for each request: upload, download
@@ -38,7 +42,10 @@ _PATIENCE_S = 1.0
 
 
 class _Misfit(NamedTuple):
-    """A mismatch in words: frames of *length* bytes, a layout of *mapped* bytes for *node* (0: unknown)."""
+    """A mismatch in words: frames of *length* bytes, a layout of *mapped* bytes for *node* (0: unknown).
+
+    *is_guess*: the layout is that of a default mapping, which the node need not have.
+    """
 
     text: str
     node: int
@@ -46,15 +53,18 @@ class _Misfit(NamedTuple):
     length: int
     mapped: int
     is_consumers: bool
+    is_guess: bool
 
     @classmethod
     def of(cls, frame: Frame, layout: Layout) -> _Misfit | None:
         """Compare *frame* with *layout*; None if it fits."""
-        text, mapped = "" if layout.guess else misfit(frame, layout), layout.byte_length
+        text, mapped = misfit(frame, layout), layout.byte_length
         if not text or mapped is None:
             return None
         service = layout.service
-        return cls(text, service.node or 0, service.label, len(frame.data), mapped, layout.is_consumers)
+        return cls(
+            text, service.node or 0, service.label, len(frame.data), mapped, layout.is_consumers, bool(layout.guess)
+        )
 
     def fits(self, mapped: int) -> bool:
         """Tell whether the frame fits a mapping of *mapped* bytes."""
@@ -115,9 +125,13 @@ class LengthProblems:
         for found, moments in self._misfits.items():
             node_id = found.node
             cause = mappings.cause(node_id, found.label, moments.first, found.mapped, found.fits)
-            look = cause or "whether the node's mapping is that of the file, and whether another node sends it"
+            expected = "what the node maps, which the file does not say" if found.is_guess else (
+                "whether the node's mapping is that of the file"
+            )  # fmt: skip
+            look = cause or f"{expected}, and whether another node sends it"
             parties = f"node {node_id}" if node_id else "the sender"
-            yield Problem(LENGTH, found.text, parties, look, moments, node_id or None)
+            rule = DEFAULT_LENGTH if found.is_guess else LENGTH
+            yield Problem(rule, found.text, parties, look, moments, node_id or None)
 
 
 @dataclass(slots=True)

@@ -122,4 +122,10 @@ def _share(need: BusNeed) -> str:
 def unknown_bit_rate(network: CheckedNetwork) -> NetFound:
     """A load too high for a slow bus may fit a fast bus."""
     if network.bit_rate is None and network.streams.streams:
-        yield NetSpot(), "unknown bit rate: load and deadlines were not checked; give a bit rate (bit/s)"
+        yield (
+            NetSpot(),
+            (
+                "unknown bit rate: load and deadlines were not checked; give --at (bit/s), or master: {baudrate: …} in "
+                "the file (kbit/s)"
+            ),
+        )

@@ -87,6 +87,66 @@ def test_a_long_line_is_shown_around_its_caret(bench: Bench, tmp_path: Path) -> 
     assert lines[1][lines[2].index("^")] == "1"
 
 
+def silent_nodes(count: int) -> str:
+    """A network of *count* nodes without heartbeat, each with an RPDO that no node sends."""
+    return "nodes:\n" + "".join(
+        f"  n{node_id}:\n    node_id: {node_id}\n    dcf: generic\n    heartbeat_producer: 0\n"
+        f"    rpdo: {{1: {{cob_id: 0x{0x200 + node_id:X}, enabled: true}}}}\n"
+        for node_id in range(1, count + 1)
+    )
+
+
+@pytest.mark.parametrize(("count", "shown"), [(2, 2), (3, 1), (9, 1)])
+def test_findings_of_one_cause_are_one_line(bench: Bench, tmp_path: Path, count: int, shown: int) -> None:
+    file = tmp_path / "net.yaml"
+    file.write_text(silent_nodes(count), "utf-8")
+    lines = bench.run(f"check {file}").stdout.splitlines()
+    for rule in ("no-error-control", "rpdo-without-producer"):
+        found = [line for line in lines if line.endswith(f"[{rule}]")]
+        assert (len(found), [line for line in found if f"({count} times: also node " in line]) == (
+            shown, found if shown == 1 else [],
+        )  # fmt: skip
+        alone = bench.run(f"check {file} --rule {rule}").stdout.splitlines()
+        assert sum(line.endswith(f"[{rule}]") for line in alone) == count
+        (report,) = bench.run(f"check {file} --json").document["files"]
+        assert sum(each["rule"] == rule for each in report["findings"]) == count
+    assert lines[-1].endswith("(--rule NAME lists each finding of a rule)") == (shown == 1)
+
+
+def test_a_warning_about_a_whole_pdo_shows_its_line(bench: Bench, tmp_path: Path) -> None:
+    file = tmp_path / "net.yaml"
+    file.write_text(silent_nodes(1), "utf-8")
+    lines = bench.run(f"check {file} --rule rpdo-without-producer").stdout.splitlines()
+    assert lines[0].startswith(f"{file}:6:12: warning: node 1 RPDO1: ")
+    assert lines[2:4] == ["    6 |     rpdo: {1: {cob_id: 0x201, enabled: true}}", "      |            ^"]
+
+
+@pytest.mark.parametrize(("count", "shown"), [(5, 5), (6, 1)])
+def test_errors_of_one_cause_are_one_line_only_if_many(bench: Bench, tmp_path: Path, count: int, shown: int) -> None:
+    file = tmp_path / "net.yaml"
+    file.write_text(
+        "nodes:\n" + "".join(
+            f"  n{node_id}: {{node_id: {node_id}, dcf: generic, tpdo: {{1: {{mapping: [6040:00]}}}}}}\n"
+            for node_id in range(1, count + 1)
+        ), "utf-8",
+    )  # fmt: skip
+    ran = bench.run(f"check {file}")
+    errors = [line for line in ran.stdout.splitlines() if ": error: " in line]
+    assert (ran.code, len(errors)) == (4, shown), ran
+    assert (f"({count} times: also node " in errors[0]) == (shown == 1)
+
+
+def test_the_worst_findings_come_first(bench: Bench, tmp_path: Path) -> None:
+    file = tmp_path / "net.yaml"
+    file.write_text(
+        "driver: x\n" + silent_nodes(3).replace("{cob_id: 0x202", "{mapping: [9999:00], cob_id: 0x202"), "utf-8"
+    )
+    lines = bench.run(f"check {file}").stdout.splitlines()
+    kinds = [kind for line in lines for kind in ("error", "warning", "note") if f": {kind}: " in line]
+    assert set(kinds) == {"error", "warning", "note"}
+    assert kinds == sorted(kinds, key=["error", "warning", "note"].index)
+
+
 def test_no_file_and_no_text_are_said(bench: Bench, tmp_path: Path) -> None:
     assert bench.run(f"check {tmp_path / 'none.yaml'}").code == 2
     (tmp_path / "x.yaml").write_bytes(b"\xff")
@@ -104,7 +164,7 @@ def test_what_a_file_holds_is_said_with_its_notes(bench: Bench, tmp_path: Path) 
         f"{file}:1:43: note: driver is ignored: a key of another tool (2 times)",
         f"{file}:1:1: note: nodes 1, 2: no EDS, so rules that need an EDS were skipped; `dcf:` next to node_id names "
         f"an EDS",
-        f"{file}: note: unknown bit rate: load and deadlines were not checked; give a bit rate (bit/s) "
-        "[unknown-bit-rate]",
+        f"{file}: note: unknown bit rate: load and deadlines were not checked; give --at (bit/s), or master: "
+        "{baudrate: …} in the file (kbit/s) [unknown-bit-rate]",
         f"{file}: 2 nodes, 0 PDOs; 1 note",
     ]

@@ -102,7 +102,9 @@ def test_what_is_heard_in_a_given_time_is_judged_as_a_recording() -> None:
 
 @pytest.mark.parametrize("rate", [125_000, None])
 def test_rules_that_cannot_be_judged_are_not_called_checked(rate: int | None) -> None:
-    unjudged = {"pdo-other-length", "rpdo-not-sent"} | ({"bus-load"} if rate is None else set())
+    unjudged = {"pdo-other-length", "pdo-other-than-default", "rpdo-not-sent"} | (
+        {"bus-load"} if rate is None else set()
+    )
     with Bench((), {"sim": (), "yes": True, "bitrate": rate}, _bus("gen4@1")) as bench:
         (asked,) = check_live(bench.session, CheckOptions(for_s=3)).reports
         names = {rule.name for rule in asked.rules}

@@ -163,8 +163,8 @@ def recorded(path: Path, planted: Planted) -> Path:
 
 
 def test_each_rule_is_planted() -> None:
-    """The load of the bus needs its bit rate, and has a test of its own."""
-    assert {*PLANTED} | {"bus-load"} == {rule.name for rule in RECORDING_RULES}
+    """The load of the bus needs its bit rate, a default mapping a network file: both have a test of their own."""
+    assert {*PLANTED} | {"bus-load", "pdo-other-than-default"} == {rule.name for rule in RECORDING_RULES}
 
 
 @pytest.mark.parametrize("rule", sorted(PLANTED))
@@ -458,6 +458,29 @@ def test_a_mapping_written_in_the_recording_is_named_as_the_cause(
     number = number_of(frames, 1.041, 0x585) if first_s else ""
     expected = f"check first: the mapping of TPDO1: SDO writes changed it to 6 bytes only in frame {number}"
     assert (expected if says is None else f"{says}{number}") in shown, shown
+
+
+@pytest.mark.parametrize(("node", "rule"), [
+    ("dcf: generic, tpdo: {1: {mapping: [6041, 606C]}}", "pdo-other-length"),
+    ("tpdo: {1: {mapping: [6041:00/16, 606C:00/32]}}", "pdo-other-length"),
+    ("dcf: generic", "pdo-other-than-default"),
+    ("dcf: generic, tpdo: {1: {event_timer: 20}}", "pdo-other-than-default"),
+    ("heartbeat_producer: 100", ""),
+])  # fmt: skip
+def test_a_pdo_of_another_length_is_found_and_a_guess_is_said_as_such(tmp_path: Path, node: str, rule: str) -> None:
+    """By the mapping of the file, else by the default one, which the node need not have."""
+    (tmp_path / "net.yaml").write_text(f"drive: {{node_id: 5, {node}}}\n", "utf-8")
+    path = recorded(tmp_path / "run.log", [*heartbeats(0, 2), *pdos(0, 2, "112233")])
+    done = dvtcli("check", str(path), "-d", str(tmp_path / "net.yaml"), "--json")
+    (report,) = documents(done.stdout)[0]["files"]
+    found = [finding for finding in report["findings"] if finding["rule"].startswith("pdo-other")]
+    assert [finding["rule"] for finding in found] == [rule] * bool(rule), report
+    if rule == "pdo-other-than-default":
+        assert (found[0]["severity"], done.returncode) == ("note", 0)
+        assert "the default mapping of the family generic has " in found[0]["text"]
+        assert "which the file does not say" in found[0]["look"]
+    elif rule:
+        assert (found[0]["severity"], done.returncode) == ("error", 3)
 
 
 def blocks(at_s: float, size: int, *, is_write: bool) -> Planted:

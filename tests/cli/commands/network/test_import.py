@@ -126,6 +126,41 @@ def test_nodes_without_an_eds_are_one_note(tmp_path: Path) -> None:
     assert [note.partition(":")[0] for note in notes] == ["node 1, 5"]
 
 
+@pytest.mark.parametrize("bit_rate", [None, 125000, 500000])
+def test_a_known_bit_rate_is_a_note_and_no_master_is_written(bit_rate: int | None, tmp_path: Path) -> None:
+    file = tmp_path / "net.yaml"
+    bus = VirtualTimeBus([unknown(1), unknown(5)], simulated=False)
+    bus.bitrate = bit_rate
+    with Bench((), {"node": (1, 5), "journal": str(tmp_path)}, bus) as bench:
+        notes = bench.run(f"import {file} --json").document["notes"]
+        about = [note for note in notes if "bit rate" in note]
+        assert read_network_file(file).master is None
+        if bit_rate is None:
+            assert about == []
+            return
+        (note,) = about
+        option, key = f"--at {bit_rate}", f"master: {{baudrate: {bit_rate // 1000}}}"
+        assert (option in note, key in note) == (True, True), note
+        imported = file.read_text("utf-8")
+        rates = [bench.run(f"load {file} {option} --json").document["bit_rate"]]
+        file.write_text(f"{imported}{key}\n", "utf-8")
+        rates.append(bench.run(f"load {file} --json").document["bit_rate"])
+    assert rates == [bit_rate, bit_rate]
+
+
+def test_files_without_node_id_are_one_note(tmp_path: Path) -> None:
+    folder = tmp_path / "eds"
+    folder.mkdir()
+    text = (PACKAGE / "families" / "generic" / "generic.eds").read_text("utf-8")
+    for name in "abc":
+        (folder / f"{name}.eds").write_text(text, "utf-8")
+    with Bench(()) as bench:
+        notes = bench.run(f"import {tmp_path / 'net.yaml'} {folder} --json").document["notes"]
+    assert notes == [
+        "3 files have no node-ID: a.eds becomes node 1, b.eds becomes node 2, c.eds becomes node 3",
+    ]  # fmt: skip
+
+
 def test_a_folder_of_files_needs_no_bus(tmp_path: Path) -> None:
     folder, file = tmp_path / "eds", tmp_path / "net.yaml"
     folder.mkdir()

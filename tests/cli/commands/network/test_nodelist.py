@@ -94,7 +94,7 @@ def test_values_of_a_dcf_that_no_network_file_says_are_named() -> None:
     with Bench(()) as bench:
         (note,) = bench.run("import net.yaml nl.cpj --json").document["notes"]
     assert note == (
-        "node 5: 2 other values of five.dcf left out, 1 differ from the defaults (2002:00): apply that file itself "
+        "node 5: 2 other values of five.dcf left out, 1 differs from the defaults (2002:00): apply that file itself "
         "to write its configuration objects"
     )
     assert "1014" not in Path("net.yaml").read_text("utf-8"), "the file has no value of it: the default counts"
@@ -181,7 +181,7 @@ def test_names_node_ids_and_what_is_left_out_come_from_the_list() -> None:
     assert ran.document["notes"] == [
         "net.cpj: network Other is left out: one file, one bus", "net.cpj: not present: node 7",
         "node 9 is left out: net.cpj has no DCF for it",
-        "node 2: 8 other values of left.dcf left out, all equal to the defaults: apply that file itself to write its "
+        "node 2: other values of its file left out, all equal to the defaults: apply a file itself to write its "
         "configuration objects",
     ]  # fmt: skip
 
