@@ -15,11 +15,9 @@ from dvtcli.version import __version__
 
 if TYPE_CHECKING:
     from dvtcli import errors, results
-    from dvtcli.operations.api.checks import check_eds, convert
-    from dvtcli.operations.api.device_library import add_eds, eds_library, profile, profiles
+    from dvtcli.operations.api.checks import add_eds, check_eds, convert, eds_library, profile, profiles
     from dvtcli.operations.api.network_calls import report
-    from dvtcli.operations.api.open_bus import connect, simulate
-    from dvtcli.operations.api.python_bus import Bus
+    from dvtcli.operations.api.python_bus import Bus, connect, simulate
     from dvtcli.operations.api.python_lss import Lss
     from dvtcli.operations.api.python_node import Node
 
@@ -44,15 +42,15 @@ __all__ = [
 _FROM = {
     "Bus": "operations.api.python_bus",
     "Lss": "operations.api.python_lss",
-    "add_eds": "operations.api.device_library",
+    "add_eds": "operations.api.checks",
     "check_eds": "operations.api.checks",
-    "connect": "operations.api.open_bus",
+    "connect": "operations.api.python_bus",
     "convert": "operations.api.checks",
-    "eds_library": "operations.api.device_library",
-    "profile": "operations.api.device_library",
-    "profiles": "operations.api.device_library",
+    "eds_library": "operations.api.checks",
+    "profile": "operations.api.checks",
+    "profiles": "operations.api.checks",
     "report": "operations.api.network_calls",
-    "simulate": "operations.api.open_bus",
+    "simulate": "operations.api.python_bus",
     "Node": "operations.api.python_node",
 }
 

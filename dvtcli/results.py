@@ -9,7 +9,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.domain.rules import Finding
 from dvtcli.domain.store import Proof
 from dvtcli.operations.api.calls import Message
-from dvtcli.operations.results.changes import Changed
+from dvtcli.operations.results.changes import Changed, Stored
 from dvtcli.operations.results.checked_files import FileFinding, FileReport, FileReports, FileRule
 from dvtcli.operations.results.checked_networks import NetworksChecked
 from dvtcli.operations.results.comparisons import Compared, ObjectDifference, WholeCompared
@@ -40,7 +40,6 @@ from dvtcli.operations.results.nodes import (
 )
 from dvtcli.operations.results.pdos import ListedRow, MappedName, PdoListing, PdoRow, PinRow, VpdoListing, VpdoRow
 from dvtcli.operations.results.sent import FramesSent, Replayed
-from dvtcli.operations.results.stores import Stored
 from dvtcli.operations.results.values import EntryUnread, ObjectListing, ObjectRow, RecordRead, ValueRead
 
 __all__ = [

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import pytest
 
-from dvtcli.operations.api.open_bus import ServedBus, serve, simulate
+from dvtcli.operations.api.python_bus import ServedBus, serve, simulate
 
 if TYPE_CHECKING:
     from dvtcli.device.change.applied import Progress

@@ -1,4 +1,4 @@
-"""The program: argv in, exit code out."""
+"""The program: argv in, exit code out; what runs lines and scripts is imported on use."""
 
 from __future__ import annotations
 
@@ -7,23 +7,26 @@ import select
 import signal
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from dvtcli.cli.boundary import COMPLETING, LEAVE, exit_code_of
+from dvtcli.cli.catalogue import command_names
 from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.registry import REGISTRY, WORDS
-from dvtcli.cli.runners import install
 from dvtcli.cli.view.output import Output
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
     from types import FrameType
 
+    from dvtcli.cli.conversation import TypedTcl
     from dvtcli.device.cancellation import Cancellation
+    from dvtcli.device.target_config import TargetConfig
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -153,3 +156,90 @@ def _say(text: bytes) -> None:
     with suppress(OSError, ValueError):
         if os.name == "nt" or select.select((), (2,), (), 0)[1]:
             os.write(2, text)
+
+
+class ImportedRunners:
+    """`LineRunners` of `runner_interface`: prompt, scripts and lines."""
+
+    def without_command(self, session: Conversation) -> int:
+        """Run the prompt if stdin is a terminal, else stdin as a script, a program's line by line; returns its code.
+
+        Raises UsageError if stdin is empty, or `--sim` has a command's name as its family.
+        """
+        for word in session.options.sim:
+            if word in command_names() and not Path(word).exists():
+                raise UsageError(f"--sim {word}: {word} is a command, not a family", hint=f"`dvtcli --sim gen4 {word}`")
+        if sys.stdin.isatty():
+            from dvtcli.cli.prompt.loop import run_prompt
+
+            return run_prompt(session)
+        from dvtcli.cli.live_lines import answer_lines, is_a_program
+
+        if is_a_program(session):
+            return answer_lines(session)
+        from dvtcli.cli.scripts.script import run_script
+        from dvtcli.cli.scripts.script_parse import MOST_BYTES
+
+        text = sys.stdin.buffer.read(MOST_BYTES + 1)
+        if not text.strip():
+            raise UsageError("no command: standard input is empty", hint="`dvtcli --help`")
+        return run_script(session, text, "<stdin>", keep_going=False)
+
+    def file(
+        self,
+        session: Conversation,
+        file: str,
+        *,
+        keep_going: bool = False,
+        atomic: bool = False,
+        most_seconds: float | None = None,
+    ) -> int:
+        """Run the script *file* (`-`: stdin; FILE.tcl: by Tcl); returns the exit code. Raises UsageError."""
+        from dvtcli.cli.scripts.script import run_script
+        from dvtcli.cli.scripts.script_parse import MOST_BYTES
+        from dvtcli.files.input_file import read_input_head
+
+        if file == "-":
+            data = sys.stdin.buffer.read(MOST_BYTES + 1)
+            return run_script(session, data, "<stdin>", keep_going=keep_going, atomic=atomic)
+        try:
+            data = read_input_head(file, MOST_BYTES + 1)
+        except OSError as failed:
+            hint = "run takes the path of a script"
+            raise UsageError(f"{file}: {failed.strerror}", place=file, hint=hint) from failed
+        if not file.lower().endswith(".tcl"):
+            return run_script(session, data, file, keep_going=keep_going, atomic=atomic)
+        from dvtcli.cli.dvt.tcl_run import run_tcl
+
+        if atomic:
+            raise UsageError("--atomic is for .dvt scripts: the changes of a Tcl script are not known before it runs")
+        return run_tcl(session, data, file, keep_going=keep_going, most_seconds=most_seconds)
+
+    def tcl(self, session: Conversation) -> TypedTcl:
+        """Return the session's Tcl; the first line starts its process."""
+        from dvtcli.cli.dvt.tcl_run import tcl_of
+
+        return tcl_of(session)
+
+    def line(self, session: Conversation, words: Sequence[str]) -> int:
+        """Run a line as at the prompt; returns the exit code."""
+        from dvtcli.cli.run_line import run_words
+
+        return run_words(words, session)
+
+    def rehearsed(self, session: Conversation, file: str, node_id: int | None = None) -> dict[int, TargetConfig]:
+        """Return the script's configuration of each node; *node_id* is selected at the script's beginning."""
+        from dvtcli.cli.scripts.rehearsal import rehearsed
+
+        return rehearsed(session, file, node_id)
+
+    def parsed(self, session: Conversation, path: Path) -> None:
+        """Parse every line of the script at *path* without running any. Raises DvtcliError if malformed."""
+        from dvtcli.cli.scripts.script_parse import Reach, all_parsed, script_lines
+
+        all_parsed(script_lines(path.read_bytes(), path.name), session, [path.name], {}, Reach())
+
+
+def install() -> None:
+    """Hand the runners to the registry for its commands."""
+    REGISTRY.runners = ImportedRunners()

@@ -11,8 +11,7 @@ from pathlib import Path
 from statistics import median, quantiles
 
 from dvtcli.cli.editor.draw import OBJECTS, EditorView, picture
-from dvtcli.cli.editor.model import EditedPdos
-from dvtcli.cli.editor.object_list import ObjectList
+from dvtcli.cli.editor.model import EditedPdos, ObjectList
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.object_scalings import ObjectScalings
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig

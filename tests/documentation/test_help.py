@@ -9,7 +9,7 @@ from importlib import import_module
 import pytest
 
 from dvtcli.cli.catalogue import TASKS, command_names, fill_rows, summary, task_sections
-from dvtcli.cli.help.guide import TOPICS, overview, topic
+from dvtcli.cli.commands.help import TOPICS, overview, topic
 from tests.cli.commands.bench import Bench
 from tests.process import dvtcli
 

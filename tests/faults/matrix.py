@@ -14,8 +14,8 @@ from pathlib import Path
 
 from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.lexer import split
+from dvtcli.cli.main import install
 from dvtcli.cli.run_line import boundary, run_words
-from dvtcli.cli.runners import install
 from dvtcli.cli.scripts.script import run_script
 from dvtcli.cli.view.output import Output
 from dvtcli.device.change.change_guard import ChangeGuard

@@ -89,7 +89,7 @@ def test_no_other_place_writes_a_can_id_with_three_digits() -> None:
 _WRITES_LINES = {
     "domain/script_line.py": "lines of scripts",
     "operations/api/called_hints.py": "what has no call is a command",
-    "operations/api/open_bus.py": "the words with which the program joins a served bus",
+    "operations/api/python_bus.py": "the words with which the program joins a served bus",
     "operations/nodes/serve_nodes.py": "the line with which another dvtcli joins",
 }
 #: a command between marks, or an option: with two dashes, or with one in a sentence

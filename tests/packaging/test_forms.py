@@ -19,7 +19,7 @@ from zipfile import ZIP_DEFLATED, ZipFile
 
 import pytest
 
-from dvtcli.cli.help.guide import TOPICS
+from dvtcli.cli.commands.help import TOPICS
 from dvtcli.files.user_folders import family_files
 from dvtcli.interpreter import AS_PYTHON
 from tests.house.draw import nodes

@@ -39,8 +39,8 @@ def command(session: Conversation, /, words: tuple[str, ...]) -> Facts:
     alias v =                  remove it
     """
     from dvtcli.cli.aliases import usable_aliases
+    from dvtcli.operations.user.change_settings import list_aliases, set_alias
     from dvtcli.operations.user.settings import Settings
-    from dvtcli.operations.user.user_aliases import list_aliases, set_alias
 
     if not words:
         return list_aliases(session.settings, usable_aliases(session.settings))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.commands._live_params import DurationType
+from dvtcli.cli.params import DurationType
 
 if TYPE_CHECKING:
     from dvtcli.operations.results.lss_nodes import BitRateFound

@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.commands._live_params import DurationType
-from dvtcli.cli.commands._load_params import BitRateType
-from dvtcli.cli.params import FILE
+from dvtcli.cli.params import FILE, BitRateType, DurationType
 from dvtcli.errors import UsageError
 from dvtcli.operations.user.options import SPECIAL_FORMATS
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.commands._decoding_options import decoding_options, only_option, parquet_options
+from dvtcli.cli.commands._options import decoding_options, only_option, parquet_options
 from dvtcli.cli.params import FILE, TEXT
 from dvtcli.errors import UsageError
 
@@ -54,8 +54,12 @@ def command(
     decode run.log --only emcy,sdo-abort,nmt
     """
     from dvtcli.operations.frames.recorded import standard_input
-    from dvtcli.operations.recordings.decode_recording import decode_recording, values_into_file, write_values
-    from dvtcli.operations.recordings.values_origin import ValuesOptions
+    from dvtcli.operations.recordings.decode_recording import (
+        ValuesOptions,
+        decode_recording,
+        values_into_file,
+        write_values,
+    )
 
     if output is None and any(parquet.values()):
         raise UsageError("--layout and --source are of a .parquet file", hint="give the file with -o")

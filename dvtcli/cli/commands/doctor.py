@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.operations.results.diagnosis import Check
+from dvtcli.operations.results.facts import Check
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
@@ -26,7 +26,7 @@ def command(session: Conversation, /) -> Diagnosis:
     doctor
     doctor --json
     """
-    from dvtcli.operations.doctor.diagnose import checks
+    from dvtcli.operations.nodes.diagnose import checks
     from dvtcli.operations.results import Diagnosis
 
     return Diagnosis((*checks(session), _terminal(session)))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect, Final
-from dvtcli.cli.commands._live_params import DurationType
+from dvtcli.cli.params import DurationType
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
@@ -52,11 +52,11 @@ def command(session: Conversation, /, clear: bool, watch: bool, duration_s: floa
     if duration_s is not None and not watch:
         raise click.UsageError("--for belongs to --watch")
     if watch:
-        from dvtcli.operations.frames.watch_faults import watch_faults
+        from dvtcli.operations.frames.show_faults import watch_faults
 
         watch_faults(session, session.output.stream, duration_s)
         return None
-    from dvtcli.operations.nodes.show_faults import clear_faults, show_faults
+    from dvtcli.operations.frames.show_faults import clear_faults, show_faults
 
     if not clear:
         return show_faults(session)

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import click
 from click.shell_completion import CompletionItem
 
-from dvtcli.cli.catalogue import command_names, summary, task_sections, unknown_command
+from dvtcli.cli.catalogue import TASKS, command_names, summary, task_rows, task_sections, unknown_command
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.help.guide import TOPICS, topic
 from dvtcli.cli.params import TextType
 from dvtcli.cli.runner_interface import root
 
@@ -59,7 +58,6 @@ def command(ctx: click.Context, /, name: str | None, everything: bool, manual_pa
 
 
 def _general(ctx: click.Context, *, everything: bool) -> str:
-    from dvtcli.cli.help.guide import overview
 
     if everything:
         return root(ctx).long_help(click.Context(root(ctx), info_name="dvtcli"))
@@ -136,3 +134,29 @@ def _escaped(text: str) -> str:
     """Escape *text* for roff, so that no line is a request."""
     text = text.replace("\\", r"\e").replace("-", r"\-").replace("'", r"\(aq").replace("\u2026", "...")
     return rf"\&{text}" if text.startswith(".") else text
+
+
+#: Names of the text files in `topics/`, sorted.
+TOPICS = ("dvt", "network", "options", "writing")
+
+
+def topic(name: str) -> str:
+    """Return the text of topic *name*; the first line is its subject."""
+    from importlib.resources import files
+
+    return (files("dvtcli.cli.help") / "topics" / f"{name}.txt").read_text("utf-8").rstrip()
+
+
+def overview(aliases: Mapping[str, str] | None = None) -> list[str]:
+    """Return the first screen of help: commands by task, topics, *aliases*, and first steps."""
+    width = max(map(len, TASKS))
+    lines = ["Commands, by task:", *task_rows(), "", "Topics:"]
+    lines += [f"  {name:<{width}}  {topic(name).splitlines()[0]}" for name in TOPICS]
+    lines += ["", "Aliases, at the prompt:"] if aliases else []
+    lines += [f"  {word:<{width}}  {text}" for word, text in sorted((aliases or {}).items())]
+    lines += [
+        "",
+        "help NAME     a command with examples, or a topic",
+        "help --all    what each command does, and the global options",
+    ]
+    return lines

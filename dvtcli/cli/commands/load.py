@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.commands._live_params import DurationType
-from dvtcli.cli.commands._load_params import BitRateType, InhibitType, PeriodType
-from dvtcli.cli.params import FILE
+from dvtcli.cli.params import FILE, BitRateType, DurationType, InhibitType, PeriodType
 
 if TYPE_CHECKING:
     from dvtcli.domain.pdo import Pdo

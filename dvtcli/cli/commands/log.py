@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.commands._decoding_options import only_option, parquet_options
-from dvtcli.cli.commands._live_params import DurationType, LogFilterType, NodesType, RotationType
-from dvtcli.cli.params import FILE, NumberType
+from dvtcli.cli.commands._options import only_option, parquet_options
+from dvtcli.cli.params import FILE, DurationType, LogFilterType, NodesType, NumberType, RotationType
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -73,12 +72,12 @@ def command(
         raise UsageError("--layout, --rotate and --source are of values", hint="with --decode; frames: -s BYTES")
     path, (masks, text) = Path(file), _masks_and_text(filters, decode=decode)
     if decode:
+        from dvtcli.operations.recordings.decode_recording import ValuesOptions
         from dvtcli.operations.recordings.record_values import record_values
-        from dvtcli.operations.recordings.values_origin import ValuesOptions
 
         options = ValuesOptions(layout, source, rotate or (0.0, 0), append, only or frozenset())
         return record_values(session, path, masks, duration, **values, text=text, options=options)
-    from dvtcli.operations.recordings.running_recording import record_frames
+    from dvtcli.operations.recordings.record_values import record_frames
 
     return record_frames(session, path, masks, duration, append=append, most_bytes=size or 0)
 

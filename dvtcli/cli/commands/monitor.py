@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.commands._decoding_options import only_option
-from dvtcli.cli.commands._live_params import DurationType, NodesType
-from dvtcli.cli.params import FILE, TEXT
+from dvtcli.cli.commands._options import only_option
+from dvtcli.cli.params import FILE, TEXT, DurationType, NodesType
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -61,7 +60,7 @@ def command(
     with watching(session, nodes or (), decode, known=not full_screen) as watched:
         if full_screen:
             from dvtcli.cli.monitor.monitor_keys import watch
-            from dvtcli.cli.monitor.monitor_state import View
+            from dvtcli.cli.monitor.signal_lines import View
 
             view = View(filter=wanted or "", plain=session.output.plain, changes=changes, only=only or frozenset())
             watch(session, watched, view, duration)

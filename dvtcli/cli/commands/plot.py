@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.commands._decoding_options import decoding_options
+from dvtcli.cli.commands._options import decoding_options
 from dvtcli.cli.params import FILE, TEXT
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def command(
     plot run.log velocity_actual_value 6041
     plot run.asc Speed --dbc drive.dbc -o speed.png
     """
-    from dvtcli.operations.recordings.recorded_tracks import recorded_tracks
+    from dvtcli.operations.recordings.decode_recording import recorded_tracks
     from dvtcli.operations.results import Plotted
 
     if output is not None:

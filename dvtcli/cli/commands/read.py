@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.commands._live_params import DurationType
 from dvtcli.cli.object_params import OBJECT, DataTypeParam, Objects, ObjectWord
-from dvtcli.cli.params import FILE
+from dvtcli.cli.params import FILE, DurationType
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation

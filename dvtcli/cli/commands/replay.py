@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.commands._decoding_options import decoding_options
-from dvtcli.cli.commands._live_params import FrameFilterType, RateType, SinceType
-from dvtcli.cli.params import FILE, TEXT, NumberType
+from dvtcli.cli.commands._options import decoding_options
+from dvtcli.cli.params import FILE, TEXT, FrameFilterType, NumberType, RateType, SinceType
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Replayed

@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.commands._live_params import DurationType
-from dvtcli.cli.commands._load_params import BitRateType
-from dvtcli.cli.params import FILE, TEXT
+from dvtcli.cli.params import FILE, TEXT, BitRateType, DurationType
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import Facts

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.commands._store_group import StoreGroup
+from dvtcli.cli.commands._options import StoreGroup
 from dvtcli.operations.changes.store_restore import look_before_restores, restore_defaults
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ def _look_ahead(session: SessionNodes, node_ids: Sequence[int], params: Mapping[
 
 
 def _who_restored(node_ids: Sequence[int], outcomes: Mapping[int, Any]) -> LeftChanged | None:
-    from dvtcli.operations.changes.unfinished_stores import only_some_restored
+    from dvtcli.operations.changes.store_network import only_some_restored
 
     return only_some_restored(node_ids, outcomes)
 

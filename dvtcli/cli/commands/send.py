@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.commands._decoding_options import decoding_options
-from dvtcli.cli.commands._live_params import DurationType
-from dvtcli.cli.params import TEXT, NumberType
+from dvtcli.cli.commands._options import decoding_options
+from dvtcli.cli.params import TEXT, DurationType, NumberType
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import FramesSent

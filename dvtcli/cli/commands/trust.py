@@ -30,6 +30,6 @@ def command(session: Session, /, file: str | None, remove: bool) -> Facts:
     trust --remove
     """
     from dvtcli.cli.catalogue import command_names
-    from dvtcli.operations.user.trust_settings import trust_settings
+    from dvtcli.operations.user.change_settings import trust_settings
 
     return trust_settings(file, remove=remove, dry_run=session.dry_run, commands=command_names())

@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.commands._live_params import DurationType
-from dvtcli.cli.object_params import OBJECT, Objects, ObjectWord
-from dvtcli.cli.params import CanopenType
-from dvtcli.cli.pdo_params import NodePdo, PdoType
+from dvtcli.cli.object_params import OBJECT, NodePdo, Objects, ObjectWord, PdoType
+from dvtcli.cli.params import CanopenType, DurationType
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

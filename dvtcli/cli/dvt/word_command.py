@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dvtcli.cli.command import DvtCommand
-from dvtcli.cli.dvt.word import DvtWord
-from dvtcli.cli.dvt.words import WORDS, answer
+from dvtcli.cli.dvt.words import WORDS, DvtWord, answer
 from dvtcli.cli.params import FILE, TEXT, CanopenType, TextType
 from dvtcli.cli.runner_interface import runners
 

@@ -1,15 +1,16 @@
-"""The DVT's own words: whole PDOs, single SDOs, NMT state, login and store; each checked like its command."""
+"""The DVT's own words, with their arguments and numbers; each is checked like its command."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.cli.command import Effect, Final, final_write
-from dvtcli.cli.dvt.notation import can_id, decimal, level, meant_in_hex
-from dvtcli.cli.dvt.word import MAYBE_NODE, NODE, OBJECT, VALUE, Argument, DvtWord, WordResult
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.datatypes import Value, parse_number
 from dvtcli.domain.hint import Hint
 from dvtcli.domain.nmt import NmtState
 from dvtcli.errors import DeviceRefused, DvtcliError, NoAnswer, RuleError, SdoAborted, SdoProtocolError
@@ -17,9 +18,65 @@ from dvtcli.operations.results import DvtAnswer
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
+    from dvtcli.domain.rules.finding import Finding
     from dvtcli.operations.results import PdoRow
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.session.session_nodes import SessionNodes
+
+
+@dataclass(frozen=True, slots=True)
+class Argument:
+    """An argument of a word: its name, and the reader of its text (raises ValueError with the reason)."""
+
+    name: str
+    read: Callable[[str], Any]
+    required: bool = True
+
+    @property
+    def shown(self) -> str:
+        """The argument in a grammar."""
+        return self.name if self.required else f"[{self.name}]"
+
+
+@dataclass(frozen=True, slots=True)
+class DvtWord:
+    """A word; *modern* is the equivalent command line.
+
+    *effect* is the effect on nodes. *run* executes the word with the session and the values of `bind`, and raises its
+    functions' errors; None if the caller executes it. *final* returns the part that no undo reverts, if dependent on
+    values.
+    """
+
+    name: str
+    arguments: tuple[Argument, ...]
+    summary: str
+    modern: str
+    effect: Effect
+    run: Callable[..., WordResult] | None
+    final: Callable[[Sequence[Any]], Final | None] | None = None
+
+    @property
+    def grammar(self) -> str:
+        """The word with its arguments."""
+        return " ".join([self.name, *(argument.shown for argument in self.arguments)])
+
+    def bind(self, texts: Sequence[str]) -> list[Any]:
+        """Return the arguments' values, None if omitted. Raises ValueError with the reason."""
+        least = sum(argument.required for argument in self.arguments)
+        if not least <= len(texts) <= len(self.arguments):
+            raise ValueError(f"it is: {self.grammar}")
+        given: Sequence[str | None] = texts
+        if texts and len(texts) < len(self.arguments) and not (self.arguments[0].required or texts[0][:1].isdigit()):
+            given = (None, *texts)  # `fpo pre`: the node is left out
+        pairs = zip(self.arguments, given, strict=False)
+        values: list[Any] = [None if text is None else argument.read(text) for argument, text in pairs]
+        values += [None] * (len(self.arguments) - len(values))
+        names = [argument.name for argument in self.arguments]
+        if "VALUE" in names:  # its bytes depend on the width behind it
+            size = values.pop()
+            values[-1] = value_bytes(values[-1], size)
+        return values
+
 
 #: executed by the caller
 _SOURCE = DvtWord("source", (Argument("FILE", str),), "run a script", "run setup.tcl", Effect.RUNS, None)
@@ -59,7 +116,7 @@ def _one(row: PdoRow) -> str:
 
 def clear(session: SessionNodes, node_id: int) -> WordResult:
     """Empty and disable every PDO with a writable mapping."""
-    from dvtcli.operations.pdos.switch import clear_all
+    from dvtcli.operations.pdos.edit_pdos import clear_all
 
     return WordResult(findings=clear_all(session, node_id).findings)
 
@@ -69,6 +126,58 @@ _HOW = (
     "set one: map_in_tpdo, clear_all_pdos, sdo_wnx (help dvt), or: map tpdo1 6041 --sync 1",
     "set all: a script with such lines; run FILE.dvt or FILE.tcl",
 )
+
+
+def node_id(text: str) -> int:
+    """A node-ID, 1…127; ValueError otherwise."""
+    return _within(text, 1, 127, "a node-ID")
+
+
+def _within(text: str, low: int, high: int, what: str) -> int:
+    found = parse_number(text)
+    if not low <= found <= high:
+        raise ValueError(f"{text}: {what} is {low}…{high}")
+    return found
+
+
+NODE = Argument("NODE", node_id)
+MAYBE_NODE = Argument("NODE", node_id, required=False)
+#: Below this index CiA 301 has data types: an index without `0x` most likely lacks the `0x`.
+_FIRST_OBJECT = 0x1000
+
+
+def index(text: str) -> int:
+    """Return an object's index. Raises ValueError if malformed, or hexadecimal without `0x`."""
+    digits = text.strip().lower()
+    looks_hex = len(digits) == 4 and all(digit in "0123456789abcdef" for digit in digits)
+    if looks_hex and (not digits.isdigit() or int(digits) < _FIRST_OBJECT):
+        raise ValueError(f"{text}: a number without 0x is decimal here; for index 0x{digits.upper()} write the 0x")
+    return _within(text, 1, 0xFFFF, "an index")
+
+
+def sub_index(text: str) -> int:
+    """A sub-index, 0…255; ValueError otherwise."""
+    return _within(text, 0, 0xFF, "a sub-index")
+
+
+OBJECT = (NODE, Argument("INDEX", index), Argument("SUB", sub_index))
+
+
+@dataclass(frozen=True, slots=True)
+class WordResult:
+    """The result of a word: its text, and findings of rules."""
+
+    text: str = "OK"
+    findings: tuple[Finding, ...] = ()
+    #: the lines of a text with several
+    rows: tuple[str, ...] = ()
+
+
+def can_id(text: str) -> int:
+    """Return a CAN-ID of 11 bits. Raises ValueError otherwise."""
+    return _within(text, 1, 0x7FF, "a CAN-ID")
+
+
 PDO_WORDS = (
     DvtWord(
         "map_in_tpdo", (*OBJECT, Argument("COB-ID", can_id, required=False)),
@@ -118,6 +227,28 @@ def _hex(data: bytes) -> str:
     if len(data) > _MOST_NUMBER_BYTES:
         return data.hex(" ").upper()
     return f"0x{data[::-1].hex().upper()}"
+
+
+#: Widths of values in bytes.
+WIDTHS = (1, 2, 3, 4, 8)
+
+
+def width(text: str) -> int:
+    """Return a value's width in bytes. Raises ValueError for an impossible width."""
+    found = parse_number(text)
+    if found not in WIDTHS:
+        raise ValueError(f"{text}: a value has {', '.join(map(str, WIDTHS))} bytes")
+    return found
+
+
+VALUE = (*OBJECT, Argument("VALUE", str), Argument("BYTES", width, required=False))
+
+
+def decimal(value: Value) -> str:
+    """Return a read value for Tcl: numbers in decimal, text unchanged, bytes in wire order."""
+    if isinstance(value, bytes):
+        return value.hex(" ").upper()
+    return str(int(value) if isinstance(value, bool) else value)
 
 
 SDO_WORDS = (
@@ -172,6 +303,11 @@ def _state(text: str) -> str:
     if text not in _STATES:
         raise ValueError(f"{text}: the state is pre or op")
     return text
+
+
+def level(text: str) -> int:
+    """An access level, 0 to log out; ValueError otherwise."""
+    return _within(text, 0, 0xFF, "an access level")
 
 
 STATE_WORDS = (
@@ -232,3 +368,45 @@ def _meant(session: SessionNodes, word: DvtWord, values: Sequence[Any]) -> str:
 def _reasons(error: DvtcliError) -> tuple[Hint | str, ...]:
     """Return the failure in words: what, why, and what to do."""
     return tuple(text for text in (error.text, error.why, error.hint) if text)
+
+
+#: special characters in a Tcl list
+_SPECIAL = re.compile(r'[\s{}\[\]$";\\#]')
+_ESCAPES = {"\n": r"\n", "\r": r"\r", "\t": r"\t", "\v": r"\v", "\f": r"\f"}
+
+
+def value_bytes(text: str, wanted: int | None) -> bytes:
+    """Return *text* as bytes of an SDO download, lowest first; *wanted* is the width (None: from the digits).
+
+    Raises ValueError if the width is unknown, or the number does not fit.
+    """
+    number = parse_number(text)
+    size = wanted if wanted is not None else _width_of_digits(text)
+    low = -(1 << 8 * size - 1)
+    if not low <= number < 1 << 8 * size:
+        raise ValueError(f"{text} does not fit into {size} byte{'' if size == 1 else 's'}")
+    return (number % (1 << 8 * size)).to_bytes(size, "little")
+
+
+def listed(values: Iterable[Value]) -> str:
+    """Return values as a Tcl list; a device's text can neither end an element nor be a command."""
+    return " ".join(
+        _SPECIAL.sub(lambda found: _ESCAPES.get(found[0], f"\\{found[0]}"), decimal(value)) or "{}" for value in values
+    )
+
+
+def meant_in_hex(number: int) -> int:
+    """Return the intended number if *number* was typed with hexadecimal digits without `0x`."""
+    return int(str(number), 16)
+
+
+def _width_of_digits(text: str) -> int:
+    digits = text.strip().lower()
+    if not digits.startswith("0x"):
+        raise ValueError(
+            f"{text}: a decimal value needs its width in bytes after it, or write it in hex: 0x00 is 1 byte"
+        )
+    count = len(digits) - 2
+    if count % 2 or count // 2 not in WIDTHS:
+        raise ValueError(f"{text}: in hex the digits set the width, 2 per byte; {count} digits are not possible")
+    return count // 2

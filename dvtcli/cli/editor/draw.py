@@ -15,7 +15,7 @@ from dvtcli.domain.profile import Severity
 from dvtcli.domain.text import plural
 
 if TYPE_CHECKING:
-    from dvtcli.cli.editor.object_list import Offer
+    from dvtcli.cli.editor.model import Offer
     from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
 
 #: the panes, in the order of Tab

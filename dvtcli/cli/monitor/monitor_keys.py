@@ -12,9 +12,8 @@ from prompt_toolkit.filters import Condition
 from prompt_toolkit.key_binding import KeyBindings
 
 from dvtcli.cli.monitor.actions import Actions
-from dvtcli.cli.monitor.monitor_state import GRAPH, PICTURE, RAW, TABLE, Moment, View
 from dvtcli.cli.monitor.screen import chosen_row, chosen_signals, picture, signal_at
-from dvtcli.cli.monitor.signal_lines import Lines
+from dvtcli.cli.monitor.signal_lines import GRAPH, PICTURE, RAW, TABLE, Lines, Moment, View
 from dvtcli.cli.screen.full_screen import GoneBus, MappingReader, bind, bind_all, bind_leaving, show
 from dvtcli.cli.screen.widgets import cut
 from dvtcli.errors import BusUnavailable

@@ -5,9 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 
 from dvtcli.cli.monitor.graph import graph
-from dvtcli.cli.monitor.monitor_state import GRAPH, PICTURE, RAW, TABLE, Moment, View
 from dvtcli.cli.monitor.signal_lines import (
+    GRAPH,
+    PICTURE,
+    RAW,
+    TABLE,
     Lines,
+    Moment,
+    View,
     faded,
     frame_lines,
     heads,

@@ -13,9 +13,20 @@ from typing import TYPE_CHECKING
 from prompt_toolkit.key_binding import KeyBindings
 
 from dvtcli.cli.monitor.graph import graph
-from dvtcli.cli.monitor.monitor_state import GRAPH, TABLE, Moment, View
 from dvtcli.cli.monitor.screen import GRAPH_S, head_line, scrolled
-from dvtcli.cli.monitor.signal_lines import FRESH_S, Lines, age, levels, rate_text, value_of, with_more
+from dvtcli.cli.monitor.signal_lines import (
+    FRESH_S,
+    GRAPH,
+    TABLE,
+    Lines,
+    Moment,
+    View,
+    age,
+    levels,
+    rate_text,
+    value_of,
+    with_more,
+)
 from dvtcli.cli.screen.full_screen import LEAVE_S, GoneBus, MappingReader, bind, bind_leaving, show
 from dvtcli.cli.screen.widgets import cut, filled
 from dvtcli.cli.view.lines import Cell

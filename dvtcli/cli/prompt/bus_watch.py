@@ -1,8 +1,4 @@
-"""Read the bus while the prompt waits: states, heartbeats, boot-ups, emergencies.
-
-A daemon thread yields to any request that awaits an answer. After a loss it waits for the bus, and resumes between two
-lines.
-"""
+"""Read the bus while the prompt waits: states, heartbeats, boot-ups, emergencies; few messages a second."""
 
 from __future__ import annotations
 
@@ -16,7 +12,6 @@ from typing import TYPE_CHECKING
 
 from dvtcli.bus.node_watch import HEARTBEAT
 from dvtcli.bus.receiver import bus_closed
-from dvtcli.cli.prompt.notices import Notices
 from dvtcli.domain.emergency_codes import emergency_text
 from dvtcli.domain.network.received_traffic import LastFrames
 from dvtcli.domain.nmt import NmtState
@@ -31,7 +26,6 @@ from dvtcli.watch.statistics import BusLoad
 
 if TYPE_CHECKING:
     from dvtcli.operations.session.session import Session
-
 
 #: Maximum number of messages per node, and their time span (s); the outcome is reported afterwards.
 MOST, WITHIN_S = 2, 10.0
@@ -262,3 +256,59 @@ class Life:
         after_boot_up = node_id in self._booted
         self._booted.discard(node_id)
         return node_id in self._seen and not after_boot_up
+
+
+Show = Callable[[str], None]
+#: Messages shown in a second; a person reads no more, and a prompt that scrolls away cannot be typed at.
+A_SECOND = 10
+
+
+class Notices:
+    """Keeps messages until they may be shown; `add` may be called by any thread and never waits for the terminal."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        #: held briefly, never while waiting for the terminal
+        self._counting = threading.Lock()
+        self._waiting: deque[str] = deque(maxlen=A_SECOND)
+        self._show: Show | None = None
+        self._second = 0.0
+        self._shown = 0
+        self._withheld = 0
+
+    def add(self, text: str) -> None:
+        """Take a message; while more than `A_SECOND` wait, the later ones are only counted."""
+        with self._counting:
+            if len(self._waiting) < A_SECOND:
+                self._waiting.append(text)
+            else:
+                self._withheld += 1
+
+    @contextmanager
+    def shown_by(self, show: Show) -> Iterator[None]:
+        """While the block runs, `pump` passes messages to *show*."""
+        with self._lock:
+            self._show = show
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._show = None
+
+    def pump(self) -> None:
+        """Show what waits and may be shown now; to be called a few times a second."""
+        with self._lock:
+            if self._show is None:
+                return
+            if monotonic() - self._second >= 1:
+                self._tell_withheld(self._show)
+                self._second, self._shown = monotonic(), 0
+            while self._waiting and self._shown < A_SECOND:
+                self._show(self._waiting.popleft())
+                self._shown += 1
+
+    def _tell_withheld(self, show: Show) -> None:
+        with self._counting:  # what comes while this is shown belongs to the next count
+            withheld, self._withheld = self._withheld, 0
+        if withheld:
+            show(f"{withheld} more messages of nodes are not shown")

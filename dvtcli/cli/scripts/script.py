@@ -9,9 +9,8 @@ import click
 
 from dvtcli.cli.boundary import LEAVE, SIGNALLED
 from dvtcli.cli.run_line import boundary
-from dvtcli.cli.scripts.atomic import Reach, does_other, final
 from dvtcli.cli.scripts.script_changes import ScriptChanges
-from dvtcli.cli.scripts.script_parse import ScriptLine, all_parsed, script_lines
+from dvtcli.cli.scripts.script_parse import Reach, ScriptLine, all_parsed, does_other, final, script_lines
 from dvtcli.errors import Bug, DvtcliError, LeftChanged, Restarted, TakenBack, UsageError
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""Check the types of a program's arguments: a UsageError names the argument. Asks no device."""
+"""Python calls that need no bus: checks of files, and the library of device files and profiles."""
 
 from __future__ import annotations
 
@@ -16,8 +16,7 @@ from dvtcli.operations.user.options import BIT_RATES, Options
 
 if TYPE_CHECKING:
     from dvtcli.operations.exchange.dbc_options import DbcOptions
-    from dvtcli.operations.results import FileReports
-
+    from dvtcli.operations.results import FileReports, LibraryAdded, LibraryListing, ProfileListing, ProfileShown
 
 #: Range of a time-out, in seconds.
 LEAST_S, MOST_S = 0.001, 600.0
@@ -200,3 +199,67 @@ def dbc_options(services: Sequence[str], *, split_bits: bool, everything: bool) 
 
     flags(split_bits=split_bits, everything=everything)
     return DbcOptions(services_of(",".join(words("services", services))), split_bits, everything)
+
+
+def profiles() -> ProfileListing:
+    """List the known device families, including the user's; a list of rows.
+
+    Raises InputFileError for an unreadable profile of the user.
+    """
+    from dvtcli.operations.known_devices.show_profiles import list_profiles
+
+    return list_profiles()
+
+
+def profile(name: str) -> ProfileShown:
+    """Return the profile *name* with the reason for each value.
+
+    Raises UsageError if unknown, InputFileError if its file is invalid.
+    """
+    from dvtcli.operations.known_devices.show_profiles import show_profile
+
+    word("name", name, "the name of a device family, as `dvtcli.profiles()` lists them")
+    with errors_in_calls():
+        return show_profile(name)
+
+
+_U32 = 0xFFFF_FFFF
+
+
+def eds_library() -> LibraryListing:
+    """List the library of device files, as kept by `dvtcli eds add`; a list of rows."""
+    from dvtcli.operations.known_devices.eds_library import list_files
+    from dvtcli.operations.session.session import Session
+
+    with errors_in_calls(), Session() as session:
+        return list_files(session)
+
+
+def add_eds(
+    *files: str | Path,
+    vendor: int | None = None,
+    product: int | None = None,
+    revision: int | None = None,
+    dry_run: bool = False,
+) -> LibraryAdded:
+    """Add EDS, DCF, XDD and XDC *files*, folders or a family to the library, by their identity (0x1018).
+
+    True if none was refused; each row has a file's outcome. *vendor* and *product* (and *revision*, None: any) replace
+    the identity of a single file. *dry_run* writes nothing. Raises InputFileError if a single file cannot be added;
+    UsageError for an unknown name, or if the library cannot be written.
+    """
+    from dvtcli.operations.known_devices.eds_library import add_files
+    from dvtcli.operations.session.session import Session
+
+    flags(dry_run=dry_run)
+    chosen = tuple(str(path("files", file)) for file in files)
+    if not chosen:
+        raise UsageError("which files? 'drive.eds', a folder, a family, …")
+    given = {"vendor": vendor, "product": product, "revision": revision}
+    identity = {
+        name: whole(name, value, "a part of the identity (0x1018)", _U32)
+        for name, value in given.items()
+        if value is not None
+    }
+    with errors_in_calls(), Session(Options(dry_run=dry_run)) as session:
+        return add_files(session, chosen, identity or None)

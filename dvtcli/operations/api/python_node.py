@@ -172,14 +172,14 @@ class ConfiguredNode(ReadNode):
 
     def clear(self, *pdos: str | Pdo | Literal["all"], yes: bool = False, force: bool = False) -> Changed:
         """Disable PDOs and clear their mappings, all or none; `"all"` are PDOs with a changeable mapping."""
-        from dvtcli.operations.pdos.switch import clear_all
+        from dvtcli.operations.pdos.edit_pdos import clear_all
 
         if pdos == ("all",):
             return self._change(lambda node: clear_all(self._calls.session, node.node_id), yes=yes, force=force)
         return self._switch(pdos, Cleared(), yes=yes, force=force)
 
     def _switch(self, pdos: tuple[str | Pdo, ...], want: AnyPdoRequest, *, yes: bool, force: bool) -> Changed:
-        from dvtcli.operations.pdos.switch import switch
+        from dvtcli.operations.pdos.edit_pdos import switch
 
         if not pdos:
             raise UsageError("which PDO? 'tpdo1', …")
@@ -369,7 +369,7 @@ class Node(ConfiguredNode):
         Errors themselves stay. Raises DeviceRefused if the node has no history, DvtcliError if it is not empty
         afterwards.
         """
-        from dvtcli.operations.nodes.show_faults import clear_faults
+        from dvtcli.operations.frames.show_faults import clear_faults
 
         return self._change(lambda node: clear_faults(self._calls.session, node.node_id), yes=False, force=False)
 

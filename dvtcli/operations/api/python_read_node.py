@@ -91,7 +91,7 @@ class ReadNode:
 
         The positions of a family's own list are selected by writes, and the old selection is restored.
         """
-        from dvtcli.operations.nodes.show_faults import show_faults
+        from dvtcli.operations.frames.show_faults import show_faults
 
         return self._read(lambda node: show_faults(self._calls.session, node.node_id))
 

@@ -17,9 +17,8 @@ from dvtcli.domain.plan import PdoChange, Plan, ValueChange
 from dvtcli.domain.store import DATE, TIME, Stamp
 from dvtcli.domain.text import join_some
 from dvtcli.errors import DeviceRefused, SafetyRefusal, UsageError
-from dvtcli.operations.changes.final_verify import ExpectedAtStore
-from dvtcli.operations.changes.store_network import store_each
-from dvtcli.operations.changes.unfinished_stores import Stores, back_and_again
+from dvtcli.operations.changes.change import ExpectedAtStore
+from dvtcli.operations.changes.store_network import Stores, back_and_again, store_each
 from dvtcli.operations.changes.waiting_journals import newest_store_record, waiting
 from dvtcli.operations.results import Facts
 

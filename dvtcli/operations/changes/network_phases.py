@@ -18,7 +18,7 @@ from dvtcli.device.stamped import is_stamp
 from dvtcli.domain.network.network_plan import phases
 from dvtcli.domain.plan import PdoChange, Plan
 from dvtcli.errors import Interrupted
-from dvtcli.operations.changes.final_verify import AlsoExpected, final_verify
+from dvtcli.operations.changes.change import AlsoExpected, final_verify
 from dvtcli.operations.changes.network_transaction import NetworkTransaction
 
 if TYPE_CHECKING:

@@ -18,8 +18,7 @@ from dvtcli.device.change.own_journal import complete_groups
 from dvtcli.device.change.undo_plan import UndoPlan, UndoRequest, foreseen, plan_undo, refuse_unknown
 from dvtcli.device.change.untouched_pdos import as_they_are, untouched_pdos
 from dvtcli.domain.plan import STAMP, Change, PdoChange, Plan, ValueChange, plan_pdo
-from dvtcli.operations.changes.change import change_result
-from dvtcli.operations.changes.final_verify import AlsoExpected, NoOtherExpectations, require_held
+from dvtcli.operations.changes.change import AlsoExpected, NoOtherExpectations, change_result, require_held
 from dvtcli.operations.changes.network_phases import apply_together
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from dvtcli.domain.lss_services import LssAddress, LssRanges
 from dvtcli.domain.nmt import UNCONFIGURED, NmtCommand
 from dvtcli.errors import BusUnavailable, DvtcliError, LeftChanged, NoAnswer, UsageError
 from dvtcli.operations.gateway.gateway_pdos import GatewayPdos
-from dvtcli.operations.gateway.gateway_reporter import NET, ordered
+from dvtcli.operations.gateway.line_client import NET, ordered
 from dvtcli.operations.nodes.command_nmt import begin_reset, command_nmt, end_reset
 from dvtcli.operations.objects.write_object import signature, write_bytes
 from dvtcli.operations.values.object_values import type_of
@@ -28,8 +28,7 @@ if TYPE_CHECKING:
 
     from dvtcli.domain.gateway.requests import Request
     from dvtcli.domain.ports import Frame
-    from dvtcli.operations.gateway.gateway_reporter import GatewayReporter
-    from dvtcli.operations.gateway.line_client import LineClient
+    from dvtcli.operations.gateway.line_client import GatewayReporter, LineClient
     from dvtcli.operations.nodes.command_nmt import BegunReset
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.session.session_nodes import SessionNodes

@@ -30,9 +30,8 @@ from dvtcli.domain.gateway.requests import parse_request, sequence_of
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.ports import BootUp, Emergency
 from dvtcli.errors import BusUnavailable, SafetyRefusal, UsageError
-from dvtcli.operations.gateway.gateway_reporter import NET, GatewayReporter
 from dvtcli.operations.gateway.gateway_work import GatewayWork
-from dvtcli.operations.gateway.line_client import MOST_LINES, LineClient
+from dvtcli.operations.gateway.line_client import MOST_LINES, NET, GatewayReporter, LineClient
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.serve import address, is_loopback
 from dvtcli.simulator.network.hub import Address, Hub

@@ -16,7 +16,7 @@ from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.plan_file import is_network_plan, read_network_plan
 from dvtcli.operations.changes.change import names, understood
 from dvtcli.operations.changes.possible_stores import refuse_impossible_stores
-from dvtcli.operations.devices.file_kinds import is_about_device
+from dvtcli.operations.devices.held_device import is_about_device
 from dvtcli.operations.network.network_load import load_after
 from dvtcli.operations.plans.judge_network import check_plans
 from dvtcli.operations.plans.plan_network import checked_network, plan_network
@@ -208,7 +208,7 @@ def _plan_of(
 
 def _known(node: ReadableNode, planned: NodePlan) -> NodePlan:
     """Add data of *node* to *planned*; raises SafetyRefusal if the node differs from the plan's basis."""
-    from dvtcli.operations.plans.unwritten_values import refuse_stale
+    from dvtcli.operations.plans.apply_network import refuse_stale
 
     boot_ups = node.bus.boot_ups(node.node_id)
     node.read_anew()

@@ -1,8 +1,9 @@
-"""Edit a node's PDOs: what the rules say, the plan, and the change, as `map` makes it."""
+"""Edit a node's PDOs as `map` does: rules, plan and change; enable, disable and clear several, all or none."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
@@ -11,10 +12,11 @@ from dvtcli.device.change.private_file import write_private
 from dvtcli.device.proposal import proposal
 from dvtcli.domain.hint import Action, Hint, as_hint, verbatim
 from dvtcli.domain.plan import Plan, plan_pdo
-from dvtcli.domain.request import PdoRequest
-from dvtcli.domain.rules import check_pdo
+from dvtcli.domain.profile import Severity
+from dvtcli.domain.request import Cleared, PdoRequest, cleared
+from dvtcli.domain.rules import check_pdo, errors_in
 from dvtcli.domain.text import join_some
-from dvtcli.errors import SafetyRefusal, UsageError
+from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError
 from dvtcli.files.pdo_yaml import MappingWord, read_pdo_yaml, write_pdo_yaml, wrong_at
 from dvtcli.operations.changes.change import configure, names, understood
 from dvtcli.operations.results import Changed
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.domain.object_syntax import MappedObject, Skipped
     from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
+    from dvtcli.domain.request import AnyPdoRequest
     from dvtcli.domain.rules.finding import Finding
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.session.session_nodes import SessionNodes
@@ -129,3 +132,37 @@ def _resolved(word: MappingWord, node: NodeDescription) -> MappedObject | Skippe
         error = wrong_at(word.line, wrong.text)
         error.hint = wrong.hint
         raise error from wrong
+
+
+def switch(session: SessionNodes, node_id: int | None, pdos: Iterable[Pdo], want: AnyPdoRequest) -> Changed:
+    """Configure all *pdos* of the node with *node_id* (None: the selected node) by *want*, all or none."""
+    return configure(session, session.node(node_id), dict.fromkeys(pdos, want))
+
+
+def clear_all(session: SessionNodes, node_id: int | None = None) -> Changed:
+    """Clear every PDO of a node with a changeable mapping, all or none; raises DvtcliError if there are none.
+
+    PDOs that the rules do not let be cleared stay, and are reported.
+    """
+    node = session.node(node_id)
+    found = node.begin_change()
+    dynamic = {pdo: config for pdo, config in node.known_pdos().items() if node.is_dynamic(pdo)}
+    if not dynamic:
+        raise DvtcliError(f"node {node.node_id} has no PDO whose mapping can be changed", node=node.node_id)
+    wanted = [pdo for pdo, config in dynamic.items() if cleared(config) != config] or list(dynamic)
+    refused = {} if session.options.force else _refused(node, {pdo: dynamic[pdo] for pdo in wanted})
+    rest = [pdo for pdo in wanted if pdo not in refused] or wanted
+    done = configure(session, node, dict.fromkeys(rest, Cleared()), found)
+    left = (finding for pdo, finding in refused.items() if pdo not in rest)
+    return replace(done, findings=(*done.findings, *left))
+
+
+def _refused(node: ReadableNode, held: Mapping[Pdo, PdoConfig]) -> dict[Pdo, Finding]:
+    """Return the PDOs of *held* that must not be cleared, with reasons."""
+    found: dict[Pdo, Finding] = {}
+    for pdo, config in held.items():
+        errors = errors_in(check_pdo(proposal(node, pdo, config, cleared(config))))
+        if errors:
+            text = f"{pdo.label} is not changed and may be enabled: {errors[0].text}"
+            found[pdo] = replace(errors[0], severity=Severity.WARNING, text=text, abort=None, hint=None)
+    return found

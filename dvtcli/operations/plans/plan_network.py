@@ -38,7 +38,6 @@ from dvtcli.operations.changes.possible_stores import refuse_stores_of
 from dvtcli.operations.pdos.sync import short_frames, sync_note, unknown_syncs
 from dvtcli.operations.plans.identify_nodes import IdentifiedNodes, identify_nodes
 from dvtcli.operations.plans.judge_network import in_objects, judge_network, judge_plans, placed_in, refusals
-from dvtcli.operations.plans.missing_objects import MissingObjects, refuse_lacking, without_missing
 from dvtcli.operations.plans.read_network_config import (
     named_nodes,
     of_nodes,
@@ -46,7 +45,13 @@ from dvtcli.operations.plans.read_network_config import (
     skipped_rules,
     tell_unknown_bit_rate,
 )
-from dvtcli.operations.plans.resolve_names import ResolvedConfig, resolve_node_config
+from dvtcli.operations.plans.resolve_names import (
+    MissingObjects,
+    ResolvedConfig,
+    refuse_lacking,
+    resolve_node_config,
+    without_missing,
+)
 from dvtcli.operations.plans.stamping import nodes_by_stamp, stamping, stamps_of
 from dvtcli.operations.results.failures import missing_error, together
 

@@ -1,33 +1,37 @@
-"""Decode a recording by a DBC file, the mapping in an EDS, or the nodes' mappings."""
+"""Decode a recording by a DBC file, an EDS or the nodes' mappings: rows, signals over time, their origin."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+import json
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
-from dvtcli.files.recordings.read_recording import check_readable, read_recorded
-from dvtcli.files.values.value_file import next_part
+from dvtcli.files.recordings.read_recording import check_readable, read_recorded, read_recording
+from dvtcli.files.values.value_file import is_value_file, next_part, read_values
+from dvtcli.files.values.value_rows import LONG, Origin, ParquetForm
 from dvtcli.operations.frames.explain_frame import frame_seen
 from dvtcli.operations.frames.recorded import decoder_for
 from dvtcli.operations.network.described_nodes import described_nodes, network_config_of
-from dvtcli.operations.recordings.values_origin import DEFAULTS, ValuesOptions, parquet_form
 from dvtcli.watch.decoder import Misfits
 from dvtcli.watch.frame_reader import FrameReader
-from dvtcli.watch.table import SignalRows
+from dvtcli.watch.table import SignalRows, all_columns
+from dvtcli.watch.tracks import fill, fill_rows, find_tracks
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.network_config import NetworkConfig
     from dvtcli.domain.ports import Frame
-    from dvtcli.files.values.value_rows import ParquetForm
     from dvtcli.operations.results import Facts, FrameSeen
     from dvtcli.operations.results.documents import Document
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
     from dvtcli.watch.decoder import Decoder
+    from dvtcli.watch.table import Place
+    from dvtcli.watch.tracks import Track
 
 
 def decode_recording(
@@ -53,6 +57,24 @@ def decode_recording(
     if only:
         seen = _or_note(session, path, seen, only)
     return _matching(session, path, seen, decoder, text) if text else seen
+
+
+@dataclass(frozen=True, slots=True)
+class ValuesOptions:
+    """Options of recorded values: *layout* of a .parquet file (None: long), *source* (None: the actual recorder).
+
+    A new file begins by *rotation* (seconds, bytes; 0: never), and with *append* after an existing file.
+    *only* are kinds of frames, as in `typed_frame.READ_KINDS`; none: all.
+    """
+
+    layout: str | None = None
+    source: str | None = None
+    rotation: tuple[float, int] = (0.0, 0)
+    append: bool = False
+    only: frozenset[str] = frozenset()
+
+
+DEFAULTS = ValuesOptions()
 
 
 def write_values(
@@ -243,3 +265,132 @@ def _unnamed(text: str, path: Path) -> UsageError:
         hint=Hint(Action.GIVE, {"filter": None}, "without {}")
         + Hint(Action.DECODE, {"file": path}, ", {} shows its contents"),
     )
+
+
+def recorded_tracks(
+    session: SessionNodes,
+    path: Path,
+    signals: Sequence[str],
+    nodes: tuple[int, ...] | None = None,
+    dbc: str | None = None,
+) -> tuple[list[Track], tuple[float, float]]:
+    """Return the tracks of *signals* (names or objects) with samples in the recording, and its time span (s).
+
+    A recording has frames, or values by `log --decode` with units in the columns.
+
+    Raises UsageError for an unknown signal or without samples; the decoder is that of `decoder_for`.
+    """
+    tracks: Mapping[Any, Track]
+    if is_value_file(path):
+        values = read_values(path)
+        tracks = by_number = find_tracks(signals, dict(enumerate(values.columns)))
+        span_s = fill_rows(by_number, values.rows)
+    else:
+        check_readable(path)
+        decoder = decoder_for(session, nodes, dbc, path)
+        tracks = by_place = find_tracks(signals, all_columns(decoder))
+        span_s = fill(by_place, _fitting(session, path, by_place, decoder), decoder)
+    found = [track for track in tracks.values() if track.values]
+    if not found:
+        names = ", ".join(track.name for track in tracks.values())
+        raise UsageError(
+            f"{path} has no sample of {names}", hint=Hint(Action.DECODE, {"file": path}, "shows its contents")
+        )
+    return found, span_s
+
+
+def _fitting(session: SessionUser, path: Path, tracks: Mapping[Place, Track], decoder: Decoder) -> Iterator[Frame]:
+    """Yield the frames of the recording at *path*; reports frames of *tracks* that do not fit their layout."""
+    addresses = {address for address, _ in tracks}
+    misfits = Misfits(decoder.layout, session.reporter.warning)
+    for frame in read_recording(path):
+        if (frame.can_id, frame.extended) in addresses:
+            misfits.look(frame)
+        yield frame
+
+
+#: the largest file with a hash
+_MOST_BYTES = 64 << 20
+
+
+def parquet_form(
+    session: SessionNodes,
+    path: Path,
+    decoder: Decoder,
+    options: ValuesOptions,
+    recorder: str,
+    *,
+    asked: tuple[int, ...] = (),
+    dbc: str | None = None,
+) -> ParquetForm | None:
+    """Return the options for *path* if it is a .parquet file; None for other formats.
+
+    *recorder* is the default recorder. Nodes of *decoder* in *asked* are asked for their identity (0x1018); that of
+    others is from the network file *dbc*, or from the source of *decoder*.
+    """
+    if not is_parquet(path):
+        if given := {name: None for name in ("layout", "source") if getattr(options, name)}:
+            raise UsageError(f"only for a .parquet file, not for {path.name}", given=given, hint="leave it out")
+        return None
+    layout, source = options.layout or LONG, options.source or recorder
+    nodes = sorted({each.service.node for each in decoder.layouts.values() if each.service.node})
+    identities = dict(decoder.identities)
+    identities.update(_of_file(dbc))
+    identities.update({node_id: _of_node(session, node_id) for node_id in nodes if node_id in asked})
+    serials = {
+        node_id: serial for node_id in nodes if (serial := identities.get(node_id, {}).get("serial")) is not None
+    }
+    facts = {"layout": layout, "source": source, **_of_bus(session), **_of_files(session, dbc)}
+    facts["nodes"] = json.dumps([{"node": node_id, **identities.get(node_id, {})} for node_id in nodes])
+    metadata = {f"dvtcli.{key}": text for key, text in facts.items()}
+    return ParquetForm(layout, Origin(source, serials, metadata))
+
+
+def is_parquet(path: Path) -> bool:
+    """Tell by its suffix whether *path* is a .parquet file."""
+    return path.suffix.lower() == ".parquet"
+
+
+def _of_bus(session: SessionNodes) -> dict[str, str]:
+    from dvtcli.version import __version__
+
+    facts = {"version": __version__}
+    wire = session.wire if session.is_open else None
+    bit_rate = session.base.bitrate if wire is None else None if wire.simulated else wire.bitrate
+    if wire is not None:
+        facts["bus"] = wire.name
+    if bit_rate is not None:
+        facts["bitrate"] = str(bit_rate)
+    return facts
+
+
+def _of_files(session: SessionUser, dbc: str | None) -> dict[str, str]:
+    """Return the file that describes the frames, and its SHA-256."""
+    from hashlib import sha256
+
+    from dvtcli.files.input_file import read_input
+    from dvtcli.operations.session.simulated_nodes import file_or_family
+
+    key, file = ("network_file", Path(dbc)) if dbc is not None else ("eds", None)
+    if file is None and session.base.eds is not None:
+        file = file_or_family(session.base.eds)
+    if file is None:
+        return {}
+    return {key: file.name, f"{key}_sha256": sha256(read_input(file, _MOST_BYTES, "file of a network")).hexdigest()}
+
+
+def _of_file(dbc: str | None) -> dict[int, Mapping[str, int | None]]:
+    """Return the identities of nodes in the network file *dbc*."""
+    if dbc is None or Path(dbc).suffix.lower() not in (".yaml", ".yml"):
+        return {}
+    from dvtcli.operations.plans.read_network_config import read_network_config
+
+    return {node.node_id: asdict(node.identity) for node in read_network_config(dbc).nodes}
+
+
+def _of_node(session: SessionNodes, node_id: int) -> Mapping[str, int | None]:
+    from dvtcli.device.read_pdos import read_identity
+    from dvtcli.domain.network.network_state import IDENTITY_NAMES
+
+    sdo = session.node(node_id).sdo
+    return {name: read_identity(sdo, sub_index) for sub_index, name in enumerate(IDENTITY_NAMES, 1)}

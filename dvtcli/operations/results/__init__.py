@@ -11,14 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dvtcli.operations.results.bus_events import *  # noqa: F403
-    from dvtcli.operations.results.changes import *  # noqa: F403
+    from dvtcli.operations.results.changes import *  # noqa: F403  # noqa: F403
     from dvtcli.operations.results.checked_files import *  # noqa: F403
     from dvtcli.operations.results.checked_networks import *  # noqa: F403
     from dvtcli.operations.results.checked_recordings import *  # noqa: F403
     from dvtcli.operations.results.comparisons import *  # noqa: F403
-    from dvtcli.operations.results.diagnosis import *  # noqa: F403
     from dvtcli.operations.results.documents import *  # noqa: F403
-    from dvtcli.operations.results.facts import *  # noqa: F403
+    from dvtcli.operations.results.facts import *  # noqa: F403  # noqa: F403
     from dvtcli.operations.results.failures import *  # noqa: F403
     from dvtcli.operations.results.frames import *  # noqa: F403
     from dvtcli.operations.results.learnt import *  # noqa: F403
@@ -29,13 +28,16 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.nodes import *  # noqa: F403
     from dvtcli.operations.results.pdos import *  # noqa: F403
     from dvtcli.operations.results.sent import *  # noqa: F403
-    from dvtcli.operations.results.stores import *  # noqa: F403
     from dvtcli.operations.results.values import *  # noqa: F403
 
 #: Every public name of this room, by module.
 NAMES: dict[str, tuple[str, ...]] = {
     "bus_events": ("BusEvent",),
-    "changes": ("Changed", "ChangedNodes"),
+    "changes": (
+        "Changed",
+        "ChangedNodes",
+        "Stored",
+    ),
     "checked_files": (
         "SEVERITIES",
         "FileRule",
@@ -49,7 +51,6 @@ NAMES: dict[str, tuple[str, ...]] = {
     "checked_recordings": ("RecordingFinding", "RecordingReport", "RecordingsChecked"),
     "checked_networks": ("NetworkFinding", "NetworkReport", "NetworksChecked"),
     "comparisons": ("Compared", "ComparedNodes", "ObjectDifference", "WholeCompared"),
-    "diagnosis": ("Verdict", "Check", "Diagnosis"),
     "documents": (
         "Document",
         "CASES",
@@ -103,7 +104,6 @@ NAMES: dict[str, tuple[str, ...]] = {
     ),
     "pdos": ("MappedName", "LastFrame", "ListedRow", "PdoRow", "PdoListing", "PinRow", "VpdoRow", "VpdoListing"),
     "sent": ("NO_END", "Outcome", "OfFrames", "FrameToSend", "FramesSent", "FramesToReplay", "Replayed"),
-    "stores": ("Stored",),
     "values": (
         "ValueRead",
         "ObjectRow",
@@ -115,7 +115,13 @@ NAMES: dict[str, tuple[str, ...]] = {
         "ObjectCourse",
         "ValuesWatched",
     ),
-    "facts": ("Facts", "DvtAnswer"),
+    "facts": (
+        "Facts",
+        "DvtAnswer",
+        "Verdict",
+        "Check",
+        "Diagnosis",
+    ),
 }
 _MODULES = {name: module for module, names in NAMES.items() for name in names}
 

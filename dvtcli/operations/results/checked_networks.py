@@ -97,7 +97,7 @@ class NetworkReport(Short, Judged):
 class NetworksChecked(Answer):
     """The result of `check`: a report for each file, and for the bus."""
 
-    renderer: ClassVar = "network_check_lines:check_lines"
+    renderer: ClassVar = "check_lines:network_check_lines"
     formats: ClassVar = FileReport.formats
     use_pager: ClassVar = True
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.pdo import PdoConfig
     from dvtcli.domain.rules import Finding
     from dvtcli.errors import DvtcliError, RuleError
-    from dvtcli.operations.results.stores import Stored
+    from dvtcli.operations.results.changes import Stored
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.cli.dvt.tcl_script import LIMITS, run_tcl
+from dvtcli.cli.dvt.tcl_run import LIMITS, run_tcl
 from tests.cli.commands.bench import Bench, Ran
 from tests.posix import STOPPING
 from tests.process import PATIENCE_S, SCRIPTS, documents, dvtcli, environment, run

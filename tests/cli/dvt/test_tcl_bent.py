@@ -11,7 +11,7 @@ import pytest
 from dvtcli.cli.catalogue import command_names
 from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.commands import read, verify
-from dvtcli.cli.dvt.tcl_safe import ON_NODES
+from dvtcli.cli.dvt.tcl_calls import ON_NODES
 from dvtcli.cli.params import FileType
 from dvtcli.cli.registry import REGISTRY
 from tests.cli.commands.bench import Bench

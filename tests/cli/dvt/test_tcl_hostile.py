@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.cli.dvt.tcl_run import TclProcess
-from dvtcli.cli.dvt.tcl_script import LIMITS, TclScript
+from dvtcli.cli.dvt.tcl_run import LIMITS, TclProcess, TclScript
 from dvtcli.cli.dvt.tcl_wire import (  # fmt: skip
     Call,
     CallResult,

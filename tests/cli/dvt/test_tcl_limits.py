@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.cli.dvt.tcl_script import LIMITS, run_tcl
+from dvtcli.cli.dvt.tcl_run import LIMITS, run_tcl
 from tests.cli.commands.bench import Bench
 from tests.cli.dvt.children import started
 from tests.cli.dvt.test_tcl import tcl

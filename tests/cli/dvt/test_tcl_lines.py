@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.cli.dvt.notation import listed
-from dvtcli.cli.dvt.tcl_mode import TclMode
+from dvtcli.cli.dvt.tcl_run import TclMode
+from dvtcli.cli.dvt.words import listed
 from dvtcli.cli.run_line import boundary
 from dvtcli.errors import UsageError
 from tests.cli.commands.bench import Bench
@@ -122,8 +122,7 @@ def test_tcl_begins_anew_after_it_was_stopped(bench: Bench, tcl: TclMode) -> Non
 
 
 def test_a_line_without_end_is_stopped_by_its_own_time(bench: Bench) -> None:
-    from dvtcli.cli.dvt.tcl_mode import TclLines
-    from dvtcli.cli.dvt.tcl_run import LIMITS
+    from dvtcli.cli.dvt.tcl_run import LIMITS, TclLines
     from dvtcli.errors import InputFileError
 
     lines = TclLines(bench.session, LIMITS._replace(seconds=0.2))
@@ -138,8 +137,7 @@ def test_a_line_without_end_is_stopped_by_its_own_time(bench: Bench) -> None:
 
 
 def test_a_line_may_run_so_many_commands_however_many_ran_before(bench: Bench) -> None:
-    from dvtcli.cli.dvt.tcl_mode import TclLines
-    from dvtcli.cli.dvt.tcl_run import LIMITS
+    from dvtcli.cli.dvt.tcl_run import LIMITS, TclLines
     from dvtcli.errors import InputFileError
 
     lines = TclLines(bench.session, LIMITS._replace(steps=400))

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.cli.dvt.notation import index, value_bytes
-from dvtcli.cli.dvt.words import WORDS
+from dvtcli.cli.dvt.words import WORDS, index, value_bytes
 from tests.cli.commands.bench import Bench
 from tests.process import environment, run
 

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvtcli.cli.editor.model import PARAMETERS, EditedPdos
-from dvtcli.cli.editor.object_list import ObjectList
+from dvtcli.cli.editor.model import PARAMETERS, EditedPdos, ObjectList
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.object_scalings import ObjectScalings
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry

@@ -18,9 +18,8 @@ from dvtcli.bus.python_can import CanBus
 from dvtcli.cli.monitor.actions import NmtDialog
 from dvtcli.cli.monitor.graph import graph, slots
 from dvtcli.cli.monitor.monitor_keys import dialog_lines
-from dvtcli.cli.monitor.monitor_state import GRAPH, PICTURE, RAW, Moment, View
 from dvtcli.cli.monitor.screen import picture, signal_at
-from dvtcli.cli.monitor.signal_lines import age
+from dvtcli.cli.monitor.signal_lines import GRAPH, PICTURE, RAW, Moment, View, age
 from dvtcli.cli.monitor.transmit_list import TransmitEntry, TransmitList
 from dvtcli.cli.screen.widgets import Choices, Dialog, FieldDialog, Question
 from dvtcli.cli.view.lines import Cell

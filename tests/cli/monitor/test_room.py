@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvtcli.cli.monitor.monitor_state import Moment, View
 from dvtcli.cli.monitor.screen import picture
+from dvtcli.cli.monitor.signal_lines import Moment, View
 from dvtcli.cli.monitor.watch import Board, watch_picture
 from dvtcli.cli.screen.widgets import cut, filled, least_and_most
 from dvtcli.cli.view.lines import Cell

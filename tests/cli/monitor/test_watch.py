@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.cli.monitor.monitor_state import GRAPH, Moment, View
+from dvtcli.cli.monitor.signal_lines import GRAPH, Moment, View
 from dvtcli.cli.monitor.watch import Board, shown_values, watch_picture
 from dvtcli.domain.ports import Frame
 from dvtcli.watch.decoder import Signal

@@ -6,8 +6,8 @@ import sys
 import time
 
 from dvtcli.cli.conversation import Conversation
+from dvtcli.cli.main import install
 from dvtcli.cli.prompt.loop import run_prompt
-from dvtcli.cli.runners import install
 from dvtcli.cli.view.output import Output
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.simulator.device.strict_device import StrictDevice

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvtcli.cli.view.typed_ahead import as_lines, thrown_away
+from dvtcli.cli.view.streams import as_lines, thrown_away
 
 
 @pytest.mark.parametrize(

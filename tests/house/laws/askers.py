@@ -29,7 +29,7 @@ ASKED_BY: dict[str, tuple[str, ...]] = {
     "device/learn/saving.py": ("device/learn/",),
     "device/learn/probing.py": ("operations/known_devices/learn_device.py",),
     "device/quirks.py": ("device/", "operations/exchange/import_network.py"),
-    "device/error_history.py": ("operations/nodes/show_faults.py",),
+    "device/error_history.py": ("operations/frames/show_faults.py",),
     "operations/pdos/produce_sync.py": ("cli/commands/sync.py", "operations/api/python_bus.py"),
     "operations/frames/put_on_bus.py": (
         "operations/frames/send_frames.py",

@@ -12,13 +12,13 @@ from tests.house.laws.source_tree import SourceTree, dotted
 
 #: the program's end, the ends of processes that it starts, and a signal that was swallowed, sent to itself again
 MAY_EXIT = (
-    "__main__.py", "bus/drivers.py", "cli/boundary.py", "cli/dvt/tcl_child.py", "cli/dvt/tcl_parent.py",
+    "__main__.py", "bus/drivers.py", "cli/boundary.py", "cli/dvt/tcl_child.py", "cli/dvt/tcl_child.py",
     "files/bounded_child.py", "files/dbc_child.py", "files/recordings/mdf.py",
     "cli/main.py", "cli/screen/full_screen.py",
 )  # fmt: skip
 #: where a Ctrl-C that had to wait, or came by another way than a signal, goes on
 MAY_INTERRUPT = (
-    "cli/dvt/tcl_run.py", "cli/scripts/script.py", "cli/prompt/terminal.py",
+    "cli/dvt/tcl_run.py", "cli/scripts/script.py", "cli/prompt/loop.py",
     "cli/conversation.py", "cli/each_node.py", "cli/live_lines.py",
     "operations/changes/store_restore.py", "operations/gateway/serve_gateway.py",
     "operations/api/calls.py",
@@ -26,10 +26,9 @@ MAY_INTERRUPT = (
 #: where whatever happens must be turned into something else, with what for
 MAY_CATCH_ALL = {
     "cli/boundary.py": "the one boundary",
-    "cli/dvt/tcl_child.py": "the end of a child, which its parent reads",
+    "cli/dvt/tcl_child.py": "the end of a child, which its parent reads; what Tcl would swallow",
     "files/dbc_child.py": "the same, and what cantools raises",
     "files/recordings/mdf.py": "the same, and what asammdf raises",
-    "cli/dvt/tcl_child_run.py": "the same, where Tcl would swallow it",
     "bus/drivers.py": "what drivers raise means that they find nothing",
     "bus/turns.py": "handed to the thread that asked for the work",
     "watch/listener.py": "handed to who takes what was heard",
@@ -52,7 +51,7 @@ MAY_LEAVE_UNSAID = {
     "operations/changes/change.py": "nobody knows: the store itself will say",
     "operations/exchange/import_network.py": "read ahead: it is said where it is needed",
     "operations/plans/plan_network.py": "the same",
-    "operations/plans/missing_objects.py": "the same",
+    "operations/plans/resolve_names.py": "the same",
     "operations/lss/lss_bit_rate.py": "what failed first is said; it names who does not take the old bit rate",
     "operations/network/check_live.py": "without its links the file makes nothing to compare; its faults are said",
 }
@@ -62,7 +61,7 @@ INNER = {
     "files/recordings/recorded_lines.py:LostLineError", "files/recordings/recorded_lines.py:NoFrameError",
     "domain/gateway/gateway_words.py:GatewayRequestError",  # a client's line, which gets an answer
     "simulator/network/hub_client.py:RubbishError", "simulator/network/signals.py:RowsError",
-    "simulator/device/memory.py:Refusal", "cli/dvt/tcl_safe.py:Exit", "cli/dvt/tcl_run.py:Late",
+    "simulator/device/memory.py:Refusal", "cli/dvt/tcl_calls.py:Exit", "cli/dvt/tcl_run.py:Late",
     "cli/dvt/tcl_calls.py:Ended", "cli/dvt/tcl_wire.py:WireError", "cli/dvt/tcl_wire.py:Gone",
     "cli/prompt/key_bindings.py:ThrownAway", "cli/prompt/full_line.py:Refused", "cli/view/streams.py:ReaderLeft",
     "domain/object_syntax.py:UnknownName",

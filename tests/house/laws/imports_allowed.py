@@ -45,19 +45,19 @@ DOORS: dict[str, tuple[str, ...]] = {
         "files/bounded_process.py",
         "cli/screen/full_screen.py",
         "cli/prompt/redirect.py",
-        "cli/prompt/terminal.py",
+        "cli/prompt/loop.py",
         "cli/main.py",
         "operations/api/calls.py",
     ),
     "urllib": ("cli/view/reports/sarif_lines.py",),  # its `parse`
-    "tkinter": ("cli/dvt/tcl_interp.py",),
+    "tkinter": ("cli/dvt/tcl_child.py",),
     "winreg": ("bus/discover.py",),
     "getpass": ("cli/passcode.py",),
     # whether a maker's library can be loaded, in a process of its own
     "ctypes": ("bus/driver_parts.py",),
     # whether they are installed, without importing them
     **dict.fromkeys(("serial", "gs_usb", "usb"), ("bus/driver_parts.py",)),
-    "termios": ("cli/view/typed_ahead.py",),
+    "termios": ("cli/view/streams.py",),
     **dict.fromkeys(("asyncio", "http", "socketserver", "ssl", "smtplib", "ftplib", "xmlrpc", "pickle"), ()),
     **dict.fromkeys(("multiprocessing", "pty", "runpy", "pkgutil", "webbrowser", "_thread"), ()),
 }

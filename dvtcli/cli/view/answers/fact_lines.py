@@ -8,8 +8,7 @@ from typing import Protocol
 from dvtcli.cli.view.lines import Cell, Line
 from dvtcli.domain.hint import Hint
 from dvtcli.domain.text import plural
-from dvtcli.operations.results.diagnosis import Diagnosis
-from dvtcli.operations.results.facts import DvtAnswer
+from dvtcli.operations.results.facts import Diagnosis, DvtAnswer
 
 
 class HasLines(Protocol):

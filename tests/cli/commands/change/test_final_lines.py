@@ -7,7 +7,7 @@ import pytest
 from dvtcli.cli.command import Final
 from dvtcli.cli.lexer import split
 from dvtcli.cli.parse_line import parse
-from dvtcli.cli.scripts.atomic import does_other, final, is_changing
+from dvtcli.cli.scripts.script_parse import does_other, final, is_changing
 from tests.cli.commands.bench import Bench
 
 FINAL = {

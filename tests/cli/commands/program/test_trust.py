@@ -14,9 +14,9 @@ from dvtcli.bus import drivers
 from dvtcli.cli.aliases import usable_aliases, withheld_aliases
 from dvtcli.cli.prompt.line import Destination, taken_apart
 from dvtcli.files.user_folders import user_folder
+from dvtcli.operations.user.change_settings import trust_settings
 from dvtcli.operations.user.options import options_of
 from dvtcli.operations.user.settings import Settings
-from dvtcli.operations.user.trust_settings import trust_settings
 from tests.process import documents, environment, run
 from tests.simulator.serve.served import ANSWER_S, own_environment, served
 from tests.surroundings import homes

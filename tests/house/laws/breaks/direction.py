@@ -13,7 +13,7 @@ BREAKS = [
     ),
     Break("folders", "operations/values/named_objects.py", for_types("from dvtcli.operations import pdos")),
     Break("direction", "domain/plan.py", "from dvtcli.device.node import Node"),
-    Break("direction", "operations/changes/change.py", in_a_function("from dvtcli.cli.pdo_params import NodePdo")),
+    Break("direction", "operations/changes/change.py", in_a_function("from dvtcli.cli.object_params import NodePdo")),
     Break("direction", "operations/changes/change.py", for_types("from dvtcli.cli.view.output import Output")),
     Break("direction", "device/node.py", in_a_function('return importlib.import_module("dvtcli.operations.sync")')),
     Break("direction", "files/dbc.py", in_a_function('importlib.import_module(f"dvtcli.cli.commands.{node}")')),

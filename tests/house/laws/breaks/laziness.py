@@ -10,7 +10,7 @@ BREAKS = [
     Break("laziness", "cli/registry.py", "import asyncio"),
     Break("laziness", "operations/session/session.py", "from dvtcli.bus.python_can import CanBus"),
     Break("laziness", "errors.py", "try:\n    import canopen\nexcept ImportError:\n    canopen = None"),
-    Break("laziness", "__init__.py", "from dvtcli.operations.api.open_bus import simulate"),
+    Break("laziness", "__init__.py", "from dvtcli.operations.api.python_bus import simulate"),
     Break("laziness", "cli/main.py", '_CAN = importlib.import_module("can")'),
     Break("laziness", "cli/main.py", "import jinja2"),
     Break("laziness", "cli/main.py", "match 1:\n    case 1:\n        import asyncio"),

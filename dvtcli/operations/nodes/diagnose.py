@@ -13,7 +13,7 @@ from dvtcli.device.change.private_file import to_disk, unfinished
 from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.domain.text import join_some
 from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError
-from dvtcli.operations.results.diagnosis import Check
+from dvtcli.operations.results.facts import Check
 from dvtcli.operations.user.options import Options
 
 if TYPE_CHECKING:
