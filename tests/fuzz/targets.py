@@ -25,9 +25,10 @@ from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.global_options import taken
 from dvtcli.cli.lexer import split
 from dvtcli.cli.main import install
-from dvtcli.cli.object_params import COB_ID, ENTRY, OBJECT, PDO, DataTypeParam
+from dvtcli.cli.object_params import ENTRY, OBJECT, DataTypeParam
 from dvtcli.cli.params import NODE_ID, CanopenType, MillisecondsType
 from dvtcli.cli.parse_line import parse
+from dvtcli.cli.pdo_params import COB_ID, PDO
 from dvtcli.cli.prompt.full_line import KeptHistory
 from dvtcli.cli.registry import REGISTRY
 from dvtcli.cli.run_line import boundary, run_words

@@ -25,8 +25,9 @@ from prompt_toolkit.document import Document
 from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.name_completion import safe_items
 from dvtcli.cli.prompt.completer import LineCompleter
-from dvtcli.cli.view.lines import Cell, painted
+from dvtcli.cli.view.lines import Cell
 from dvtcli.cli.view.output import Output
+from dvtcli.cli.view.paint import painted
 from dvtcli.cli.view.reports.github_lines import github_error_lines, github_lines
 from dvtcli.cli.view.reports.junit_lines import junit_error_lines
 from dvtcli.cli.view.reports.sarif_lines import sarif_lines

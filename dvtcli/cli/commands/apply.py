@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect, Final
-from dvtcli.cli.commands._options import include as include_option
-from dvtcli.cli.commands._options import show_plan, to_manager
-from dvtcli.cli.commands._options import trust_stamp as trust_stamp_option
+from dvtcli.cli.commands._file_plans import include as include_option
+from dvtcli.cli.commands._file_plans import show_plan, to_manager
+from dvtcli.cli.commands._file_plans import trust_stamp as trust_stamp_option
 from dvtcli.cli.params import FILE
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.commands._options import include as include_option
-from dvtcli.cli.commands._options import show_plan
+from dvtcli.cli.commands._file_plans import include as include_option
+from dvtcli.cli.commands._file_plans import show_plan
 from dvtcli.cli.params import FILE
 
 if TYPE_CHECKING:

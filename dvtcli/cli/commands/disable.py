@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.commands._options import one_node
-from dvtcli.cli.object_params import PDO, NodePdo
+from dvtcli.cli.commands._pdo_options import one_node
 from dvtcli.cli.params import Listed
+from dvtcli.cli.pdo_params import PDO, NodePdo
 from dvtcli.domain.request import Switched
 from dvtcli.operations.pdos.edit_pdos import switch
 

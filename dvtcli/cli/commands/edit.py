@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.object_params import NodePdo, PdoOrFile
+from dvtcli.cli.pdo_params import NodePdo, PdoOrFile
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.commands._options import dbc_options
+from dvtcli.cli.commands._frame_options import dbc_options
 from dvtcli.cli.params import FILE, TEXT, CanopenType
 from dvtcli.domain.datatypes import parse_number
 from dvtcli.errors import UsageError

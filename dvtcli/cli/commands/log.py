@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.commands._options import only_option, parquet_options
+from dvtcli.cli.commands._frame_options import only_option, parquet_options
 from dvtcli.cli.params import FILE, DurationType, LogFilterType, NodesType, NumberType, RotationType
 from dvtcli.errors import UsageError
 

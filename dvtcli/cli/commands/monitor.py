@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.commands._options import only_option
+from dvtcli.cli.commands._frame_options import only_option
 from dvtcli.cli.params import FILE, TEXT, DurationType, NodesType
 
 if TYPE_CHECKING:

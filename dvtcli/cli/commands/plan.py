@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.commands._options import include as include_option
-from dvtcli.cli.commands._options import to_manager
-from dvtcli.cli.commands._options import trust_stamp as trust_stamp_option
+from dvtcli.cli.commands._file_plans import include as include_option
+from dvtcli.cli.commands._file_plans import to_manager
+from dvtcli.cli.commands._file_plans import trust_stamp as trust_stamp_option
 from dvtcli.cli.params import FILE
 from dvtcli.operations.user.options import CASE_FORMATS
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.commands._options import decoding_options
+from dvtcli.cli.commands._frame_options import decoding_options
 from dvtcli.cli.params import FILE, TEXT
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.commands._options import decoding_options
+from dvtcli.cli.commands._frame_options import decoding_options
 from dvtcli.cli.params import FILE, TEXT, FrameFilterType, NumberType, RateType, SinceType
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.commands._options import StoreGroup
+from dvtcli.cli.commands._store_group import StoreGroup
 from dvtcli.operations.changes.store_restore import look_before_restores, restore_defaults
 
 if TYPE_CHECKING:

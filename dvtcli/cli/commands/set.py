@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.commands._options import pdo_options, request
-from dvtcli.cli.object_params import PDO, NodePdo
+from dvtcli.cli.commands._pdo_options import pdo_options, request
+from dvtcli.cli.pdo_params import PDO, NodePdo
 from dvtcli.domain.request import MPDO_COUNTS, PdoRequest
 from dvtcli.operations.changes.change import configure
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.commands._options import ProofWay, StoreGroup, way_and_group
+from dvtcli.cli.commands._store_group import ProofWay, StoreGroup, way_and_group
 from dvtcli.cli.params import NumberType
 from dvtcli.errors import UsageError
 from dvtcli.operations.changes.store_restore import POWER_CYCLE_S, look_before_stores, store_settings

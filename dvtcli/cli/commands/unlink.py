@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.commands._options import endpoints, show_plan
-from dvtcli.cli.object_params import PDO, NodePdo
+from dvtcli.cli.commands._file_plans import show_plan
+from dvtcli.cli.commands._pdo_options import endpoints
 from dvtcli.cli.params import Listed
+from dvtcli.cli.pdo_params import PDO, NodePdo
 
 if TYPE_CHECKING:
     from dvtcli.operations.results import NetworkApplied

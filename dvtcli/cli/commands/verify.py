@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.object_params import PDO, NodePdo
 from dvtcli.cli.params import TEXT
+from dvtcli.cli.pdo_params import PDO, NodePdo
 from dvtcli.cli.runner_interface import runners
 from dvtcli.errors import UsageError
 from dvtcli.operations.user.options import CASE_FORMATS, is_file

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
-from dvtcli.cli.object_params import OBJECT, NodePdo, Objects, ObjectWord, PdoType
+from dvtcli.cli.object_params import OBJECT, Objects, ObjectWord
 from dvtcli.cli.params import CanopenType, DurationType
+from dvtcli.cli.pdo_params import NodePdo, PdoType
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -31,7 +31,7 @@ from dvtcli.operations.pdos.edit_pdos import apply_edited
 
 if TYPE_CHECKING:
     from dvtcli.cli.editor.draw import Remark
-    from dvtcli.cli.object_params import NodePdo
+    from dvtcli.cli.pdo_params import NodePdo
     from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
     from dvtcli.domain.rules.finding import Finding

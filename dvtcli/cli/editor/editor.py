@@ -15,8 +15,9 @@ from dvtcli.cli.editor.model import COB_ID, PARAMETERS, EditedPdos, ObjectList
 from dvtcli.cli.screen.beside import BesideScreen
 from dvtcli.cli.screen.full_screen import bind_all, show
 from dvtcli.cli.screen.widgets import Choices, Dialog, FieldDialog, Question, TextDialog, cut
-from dvtcli.cli.view.lines import Cell, Line, broken, columns, with_hints
-from dvtcli.cli.view.output import remarks, text
+from dvtcli.cli.view.lines import Cell, Line, broken, columns
+from dvtcli.cli.view.paint import with_hints
+from dvtcli.cli.view.renderers import remarks, text
 from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.nmt import NmtState

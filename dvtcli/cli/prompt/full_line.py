@@ -30,8 +30,9 @@ from dvtcli.cli.parse_line import parse
 from dvtcli.cli.prompt.completer import LineCompleter
 from dvtcli.cli.prompt.key_bindings import bindings
 from dvtcli.cli.prompt.line import CONTINUED, checked, cut, expanded, quoted, taken_apart, tcl_line
-from dvtcli.cli.view.lines import Cell, wrapped
+from dvtcli.cli.view.lines import Cell
 from dvtcli.cli.view.output import Output
+from dvtcli.cli.view.paint import wrapped
 from dvtcli.cli.view.typed_hints import error_text, typed
 from dvtcli.device.change.private_file import open_private, private_folder
 from dvtcli.domain.text import safe

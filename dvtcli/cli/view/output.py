@@ -11,15 +11,13 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TextIO
 
-from dvtcli.cli.view.lines import Cell, Line, part
-from dvtcli.domain.text import join_some
 from dvtcli.operations.user.options import CASE_FORMATS
 
 if TYPE_CHECKING:
+    from dvtcli.cli.view.lines import Line
     from dvtcli.cli.view.typed_hints import TypedCall, TypedHints
     from dvtcli.domain.hint import Hint
     from dvtcli.domain.ports import Frame
@@ -96,6 +94,7 @@ class Output:
             return
         if self._taker(result):
             return
+        from dvtcli.cli.view.renderers import remarks, text
 
         if self.format in result.formats:
             self.machine_lines(text(result, 0, self.format))
@@ -111,7 +110,7 @@ class Output:
 
     def machine_lines(self, lines: Iterable[Line]) -> None:
         """Print lines for programs: no colours, no wrapping, no pager."""
-        from dvtcli.cli.view.lines import painted, with_hints
+        from dvtcli.cli.view.paint import painted, with_hints
 
         with self._answering():
             for line in lines:
@@ -152,7 +151,7 @@ class Output:
         self.failed, self._node = error, error.node
         if self.json and not readable:
             from dvtcli.cli.view.error_lines import error_document, error_lines
-            from dvtcli.cli.view.lines import painted, with_hints
+            from dvtcli.cli.view.paint import painted, with_hints
 
             shown = (with_hints(line, self.hints) for line in error_lines(error, at))
             message = "\n".join(painted(line, self.stdout, colored=False, plain=self.plain) for line in shown)
@@ -218,10 +217,13 @@ class Output:
     def note(self, text: Hint | str) -> None:
         """Print a message to stderr, unless --quiet."""
         if not self.quiet:
+            from dvtcli.cli.view.lines import Cell, part
+
             self.lines([[Cell("note: ", "cyan"), part(text)]])
 
     def warning(self, text: Hint | str) -> None:
         """Print a warning to stderr, also with --quiet."""
+        from dvtcli.cli.view.lines import Cell, part
 
         self.lines([[Cell("warning: ", "yellow"), part(text)]])
 
@@ -230,7 +232,7 @@ class Output:
 
         A request for help is answered, and the question repeated. Raises KeyboardInterrupt after Ctrl-C.
         """
-        from dvtcli.cli.view.lines import painted
+        from dvtcli.cli.view.paint import painted
         from dvtcli.cli.view.streams import thrown_away, typed_ahead
 
         width = max(_columns(self.stderr) - _ANSWER, 0)
@@ -277,6 +279,7 @@ class Output:
         if self.json:
             self.documents(result.document() for result in results)
             return
+        from dvtcli.cli.view.renderers import text
 
         width, paint = self.width, self._painter(self.stdout)
         with self._streaming():
@@ -329,7 +332,7 @@ class Output:
 
     def _painter(self, stream: TextIO) -> Callable[[Line], str]:
         """Return the converter from lines to text for the present width and colours of *stream*."""
-        from dvtcli.cli.view.lines import painted, with_hints
+        from dvtcli.cli.view.paint import painted, with_hints
 
         width, colored, plain = _columns(stream), self._colored(stream), self.plain
         return lambda line: painted(with_hints(line, self.hints), stream, colored=colored, plain=plain, width=width)
@@ -441,37 +444,3 @@ class ProgressLine:
         self.erase()
         self._since_s, self._tenth, self._said_s = None, 0, float("-inf")
         self._said.clear()
-
-
-def text(result: Result, width: int, format_name: str = "text") -> Iterable[Line]:
-    """Return the lines of *result* for *width* columns, or in another format of its class."""
-    report = result.formats.get(format_name)
-    return _renderer(report or result.renderer, is_report=bool(report))(result, width)
-
-
-@cache
-def _renderer(place: str, *, is_report: bool) -> Callable[[Result, int], Iterable[Line]]:
-    """Return the function named by *place* (`pdo_lines:listing_lines`)."""
-    module, _, function = place.partition("_lines:")
-    if is_report:
-        written = import_module(f"dvtcli.cli.view.reports.{module}_lines")
-    else:
-        written = import_module(f"dvtcli.cli.view.answers.{module}_lines")
-    lines: Callable[[Result, int], Iterable[Line]] = getattr(written, function)
-    return lines
-
-
-def remarks(result: Result) -> Iterator[Line]:
-    """Return warnings and notes of *result* for stderr."""
-    findings = getattr(result, "findings", ())
-    if findings and result.show_findings:
-        from dvtcli.cli.view.error_lines import finding_line
-
-        yield from map(finding_line, findings)
-    lost = getattr(result, "lost", ())
-    if lost:
-        yield [Cell("warning: ", "yellow"), Cell(f"the reset lost unstored values: {join_some(lost)}")]
-    for number, reason in enumerate(getattr(result, "reasons", ())):
-        yield [Cell("      " if number else "why:  ", "yellow"), part(reason)]
-    if result.remark:
-        yield result.remark

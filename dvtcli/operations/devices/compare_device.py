@@ -17,13 +17,13 @@ from dvtcli.errors import UsageError
 from dvtcli.files.eds.numbers import same_value
 from dvtcli.files.whole_device_file import KeptObject
 from dvtcli.operations.devices.export_dcf import why_unread
+from dvtcli.operations.devices.file_kinds import holds_values
 from dvtcli.operations.devices.held_device import (
     DifferenceKind,
     HeldDevice,
     KeptIdentity,
     entry_of,
     held_by,
-    holds_values,
     kind_of,
     node_of_file,
     selected_nodes,

@@ -18,6 +18,7 @@ from dvtcli.domain.pdo import BY_SUB_INDEX, Pdo
 from dvtcli.domain.standard_objects import standard_entry
 from dvtcli.errors import SdoAborted, UsageError
 from dvtcli.files.whole_device_file import SUFFIX, KeptObject, read_whole_device
+from dvtcli.operations.devices.file_kinds import holds_values
 from dvtcli.operations.values.named_objects import is_name, object_at
 
 if TYPE_CHECKING:
@@ -324,16 +325,3 @@ def _included(node: NodeDescription, word: str) -> Included:
     if ":" in word or (is_name(word) and sub_index):
         return Included(word, object=(index, sub_index))
     return Included(word, (index, index))
-
-
-_HOLDS, _DESCRIBES = (".dcf", ".xdc", ".jsonl"), (".eds", ".xdd")
-
-
-def is_about_device(file: str) -> bool:
-    """Tell whether *file* is about a device, and not about a network."""
-    return file.lower().endswith((*_HOLDS, *_DESCRIBES))
-
-
-def holds_values(file: str) -> bool:
-    """Tell whether *file* has a device's values: a DCF, an XDC or a backup's JSON lines."""
-    return file.lower().endswith(_HOLDS)
