@@ -76,7 +76,7 @@ def read(path: Path, data: bytes) -> tuple[int, InputFileError | None]:
 def lines_of(data: bytes) -> tuple[list[bytes], list[int]]:
     """The lines of a recording, and which of them are frames."""
     lines = data.splitlines(keepends=True)
-    return lines, [number for number, text in enumerate(lines) if b"181" in text]
+    return lines, [number for number, text in enumerate(lines) if b"181" in text and not text.startswith(b";")]
 
 
 @pytest.mark.parametrize("suffix", TEXT)

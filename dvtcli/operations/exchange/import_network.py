@@ -302,8 +302,8 @@ def import_network(session: SessionNodes, file: str, folder: str | None = None, 
         found = list(_live(session, path, notes))
         if bus.bitrate is not None and not bus.simulated:
             notes.append(
-                f"the bit rate is not written: for load and deadlines, give check --at {bus.bitrate}, or add master: "
-                f"{{baudrate: {bus.bitrate // 1000}}} (kbit/s) to the file"
+                f"the bit rate is not written: for load and deadlines, give the check {bus.bitrate} bit/s, or add "
+                f"master: {{baudrate: {bus.bitrate // 1000}}} (kbit/s) to the file"
             )
         if not found:
             raise NoAnswer(

@@ -496,7 +496,7 @@ def test_a_line_that_only_looks_at_what_was_stored_is_no_change(chain: Chain, ho
     chain.bus._closed = False
     with Bench((), {"yes": True, "journal": str(chain.folder), "eds": "generic"}, chain.bus) as bench:
         ran = bench.script("recover --finish", "verify nofile.dcf")
-    assert (ran.code, "is complete: every node holds it" in ran.stdout) == (2, True), ran
+    assert (ran.code, "is complete: every node has it" in ran.stdout) == (2, True), ran
     assert "not rolled back" not in ran.stderr
     assert chain.journals() == []
 

@@ -125,7 +125,7 @@ def unknown_bit_rate(network: CheckedNetwork) -> NetFound:
         yield (
             NetSpot(),
             (
-                "unknown bit rate: load and deadlines were not checked; give --at (bit/s), or master: {baudrate: …} in "
-                "the file (kbit/s)"
+                "unknown bit rate: load and deadlines were not checked; give a bit rate (bit/s), or "
+                "master: {baudrate: …} in the file (kbit/s)"
             ),
         )
