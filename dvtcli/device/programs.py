@@ -49,8 +49,7 @@ class Stage(Enum):
     STOPPING = "the old firmware, which may be stopped"
     CLEARING = "the old firmware or none: the clear command was sent"
     LOADING = (
-        "no firmware that is known to be complete: the old firmware is cleared, "
-        "and the new firmware was being downloaded or written"
+        "no firmware that is known to be complete: the old one is cleared, the new one was being downloaded or written"
     )
     CHECKING = "a program that was loaded and not started"
     STARTING = "the new program; whether it runs is not known"

@@ -124,8 +124,5 @@ def unknown_bit_rate(network: CheckedNetwork) -> NetFound:
     if network.bit_rate is None and network.streams.streams:
         yield (
             NetSpot(),
-            (
-                "unknown bit rate: load and deadlines were not checked; give a bit rate (bit/s), or "
-                "master: {baudrate: …} in the file (kbit/s)"
-            ),
+            "unknown bit rate: load and deadlines were not checked; add master: {baudrate: …} (kbit/s)",
         )
