@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.change.changeable import Changeable
 from dvtcli.device.store.pending import COMMUNICATION, EVERYTHING
 from dvtcli.domain.pdo import Pdo
-from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, Restarted
+from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError
 
 if TYPE_CHECKING:
     from dvtcli.device.change.applied import Applied
@@ -446,30 +446,3 @@ def _fitting(findings: Iterable[Finding], pdo: Pdo, want: AnyPdoRequest) -> Iter
     if not isinstance(want, Switched | Cleared):
         return iter(findings)
     return hinting_at_set(findings, pdo, enables=isinstance(want, Switched) and want.enabled)
-
-
-def held_plans(node: Node) -> list[Plan]:
-    """The plans of this session still in effect on *node*, by the known resets, which clear unstored values.
-
-    After a partial store nobody knows the stored plans: doubtful plans are listed.
-    """
-    pending, history = node.pending, node.history
-    stored, since = history[: pending.stored_at], history[max(pending.stored_at, pending.lost_until) :]
-    try:
-        restarted = pending.boot_ups not in (None, node.bus.boot_ups(node.node_id))
-    except BusUnavailable:
-        restarted = False
-    return stored if restarted and not pending.partly_stored else [*stored, *since]
-
-
-def losses(nodes: Iterable[Node]) -> Iterator[str]:
-    """A message for each node that restarted and lost changes since the last call."""
-    for node in nodes:
-        if lost := node.notice_reboot():
-            yield f"node {node.node_id} restarted: unstored values are lost ({', '.join(lost)})"
-
-
-def refuse_after_restarts(nodes: Iterable[Node]) -> None:
-    """Raise Restarted if a node has lost changes of this script or command: its result does not hold."""
-    for text in losses(nodes):
-        raise Restarted(text, hint="check its supply, then repeat the command", state="unknown")

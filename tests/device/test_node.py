@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from dvtcli.device.change.undo_plan import UndoRequest
-from dvtcli.device.node import Node, held_plans
+from dvtcli.device.node import Node
+from dvtcli.device.restarts import held_plans
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
 from dvtcli.domain.plan import Plan, Step, ValueChange, plan_pdo

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dvtcli.device.node import Node, held_plans
+from dvtcli.device.node import Node
+from dvtcli.device.restarts import held_plans
 from dvtcli.domain.plan import Plan, Step, ValueChange
 from tests.laws.bench import NODE, DirectBus, booted, dictionary
 

@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from dvtcli.device.node import held_plans, refuse_after_restarts
+from dvtcli.device.restarts import held_plans, refuse_after_restarts
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.text import join_some

@@ -63,7 +63,6 @@ HARMLESS: dict[str, frozenset[str]] = {
             "RESTORE",
             "STORE",
             "SignatureAnswers",
-            "Storage",
             "not_asked",
             "read_storage",
             "storage_for_family",
