@@ -140,7 +140,7 @@ def test_a_known_bit_rate_is_a_note_and_no_master_is_written(bit_rate: int | Non
             return
         (note,) = about
         option, key = f"--at {bit_rate}", f"master: {{baudrate: {bit_rate // 1000}}}"
-        assert (option in note, key in note) == (True, True), note
+        assert (f"{bit_rate} bit/s" in note, key in note) == (True, True), note
         imported = file.read_text("utf-8")
         rates = [bench.run(f"load {file} {option} --json").document["bit_rate"]]
         file.write_text(f"{imported}{key}\n", "utf-8")
