@@ -1,4 +1,4 @@
-"""“Commands and calls” of the documentation: what its tables name there is, and no call is forgotten."""
+"""“Python calls” of the documentation: what its tables name there is, and no call is forgotten."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NO_COMMAND = {"bus.close", "bus.dry_run", "dvtcli.connect", "node.canopen", "nod
 
 
 def section() -> str:
-    return text("docs/how-to/python.md").partition("## Commands and calls")[2].partition("\n## ")[0]
+    return text("docs/reference/commands-in-programs.md").partition("## Python calls")[2].partition("\n## ")[0]
 
 
 @pytest.mark.parametrize("form", CALLS)
