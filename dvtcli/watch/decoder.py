@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
-from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.cob_id import SRDO_COB_IDS, SRDO_DIRECTION, SRDOS, CobId
 from dvtcli.domain.datatypes import DataType, Value
 from dvtcli.domain.frame import byte_length, values_reader
 from dvtcli.domain.object_dictionary import ObjectDictionary
@@ -317,15 +317,31 @@ def server_name(index: int) -> str:
     return "SDO" if number == 1 else f"SDO{number}"
 
 
-def described_servers(
+def srdo_name(index: int, sub_index: int) -> str:
+    """Name the frame whose COB-ID is at *index*:*sub_index*: `SRDO1`, or `SRDO1 inverted` for its second frame."""
+    return f"SRDO{index - SRDOS.start + 1}{'' if sub_index == SRDO_COB_IDS[0] else ' inverted'}"
+
+
+def described_channels(
     node_id: int, dictionary: ObjectDictionary | None, written: Mapping[Place, int] | None = None
 ) -> dict[Address, Layout]:
-    """Return `server_layouts` by the values in *dictionary*, and by those *written* instead."""
-    numbers: dict[Place, int] = {}
-    for index in SDO_SERVERS[1:] if dictionary is not None else ():
-        for sub_index in _WORDS if dictionary is not None and index in dictionary else ():
-            entry = None if dictionary is None else dictionary.entry(index, sub_index)
-            data = None if entry is None else entry.initial(node_id)
-            if data is not None:
-                numbers[index, sub_index] = int.from_bytes(data, "little")
-    return server_layouts(node_id, {**numbers, **(written or {})})
+    """Return layouts of further SDO servers and SRDOs by the values in *dictionary*, and by those *written* instead."""
+    said = dict(written or {})
+    srdos: dict[Address, Layout] = {}
+    if dictionary is not None:
+        servers = [(index, sub) for index in dictionary.indices_among(SDO_SERVERS[1:]) for sub in _WORDS]
+        parts = (SRDO_DIRECTION, *SRDO_COB_IDS)
+        channels = [(index, sub) for index in dictionary.indices_among(SRDOS) for sub in parts]
+        described = {place: _initial(dictionary, place, node_id) for place in (*servers, *channels)}
+        said = {place: raw for place, raw in described.items() if raw is not None} | said
+        for index, sub_index in channels:
+            if sub_index in SRDO_COB_IDS and said.get((index, SRDO_DIRECTION)) and (index, sub_index) in said:
+                service = Service("other", srdo_name(index, sub_index), node_id)
+                srdos[said[index, sub_index], False] = Layout(service, (), no_values)
+    return srdos | server_layouts(node_id, said)
+
+
+def _initial(dictionary: ObjectDictionary, place: Place, node_id: int) -> int | None:
+    entry = dictionary.entry(*place)
+    data = None if entry is None else entry.initial(node_id)
+    return None if data is None else int.from_bytes(data, "little")

@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.device.read_pdos import read_number
-from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.cob_id import SRDO_COB_IDS, SRDO_DIRECTION, SRDOS, CobId
 from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, SdoProtocolError
 from dvtcli.operations.frames.layouts import HEARD_S, mapping_of
 from dvtcli.operations.network.described_nodes import NETWORK_SUFFIXES
 from dvtcli.operations.pdos.sync import sync_frame
 from dvtcli.operations.values.object_values import scalings_of
-from dvtcli.watch.decoder import SDO_SERVERS, Decoder, Layout, no_values, pdo_layouts, server_name
+from dvtcli.watch.decoder import SDO_SERVERS, Decoder, Layout, no_values, pdo_layouts, server_name, srdo_name
 from dvtcli.watch.frame_effect import Parties
 from dvtcli.watch.service import Service
 
@@ -37,7 +37,7 @@ _SERVER = 3
 
 
 def node_services(node: ReadableNode) -> Iterator[tuple[Address, Service]]:
-    """Yield each service of *node* by CAN-ID: SYNC, TIME, EMCY, SDO servers (0x1200…), SDO clients (0x1280…).
+    """Yield each service of *node* by CAN-ID: SYNC, TIME, EMCY, SDO servers (0x1200…), SDO clients (0x1280…), SRDOs.
 
     Unreadable objects are left out.
     """
@@ -55,6 +55,16 @@ def node_services(node: ReadableNode) -> Iterator[tuple[Address, Service]]:
         server = (_number(node, index, _SERVER, 1) or None) if channel else None
         for word, address in channel.items():
             yield address, Service("sdo", f"SDO {word}", server)
+    yield from _srdos(node)
+
+
+def _srdos(node: ReadableNode) -> Iterator[tuple[Address, Service]]:
+    """Yield both CAN-IDs of each SRDO in the EDS that is in use (EN 50325-5)."""
+    for index in node.dictionary.indices_among(SRDOS) if node.dictionary else ():
+        if _number(node, index, SRDO_DIRECTION, 1):
+            for sub_index in SRDO_COB_IDS:
+                if address := _address(_number(node, index, sub_index)):
+                    yield address, Service("other", srdo_name(index, sub_index), node.node_id)
 
 
 def _sdo_channels(node: ReadableNode, indices: range) -> Iterator[tuple[int, dict[str, Address]]]:
@@ -124,7 +134,7 @@ class KnownParties:
             self.parties.add(node_id, configs)
             for address, service in services:
                 self.parties.services.setdefault(address, {})[service] = None
-                if service.kind == "sdo":
+                if service.kind in ("sdo", "other"):
                     self.decoder.add({address: Layout(service, (), no_values)})
             scalings = scalings_of(node.profile, node.dictionary)
             self.decoder.add(

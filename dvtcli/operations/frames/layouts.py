@@ -13,7 +13,7 @@ from dvtcli.domain.object_syntax import parse_object
 from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.network.described_nodes import NETWORK_SUFFIXES, network_config_of
 from dvtcli.operations.values.object_values import scalings_of
-from dvtcli.watch.decoder import Decoder, SignalsOfMappings, described_servers, pdo_layouts
+from dvtcli.watch.decoder import Decoder, SignalsOfMappings, described_channels, pdo_layouts
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode
@@ -62,7 +62,7 @@ def _network_layouts(file: str, network_config: NetworkConfig, reporter: Reporte
         for pdo, whose in node.guessed.items():
             layouts = kinds.layouts(node, {pdo: node.pdos[pdo]}, rules.get(node.node_id, {}), whose)
             decoder.add({address: _as_guess(file, layout) for address, layout in layouts.items()})
-        decoder.add(described_servers(node.node_id, node.dictionary, written.get(node.node_id)))
+        decoder.add(described_channels(node.node_id, node.dictionary, written.get(node.node_id)))
     return decoder.layouts
 
 
@@ -159,7 +159,7 @@ def live_decoders(
             node = session.node(node_id)
             scalings = scalings_of(node.profile, node.dictionary)
             known.add(pdo_layouts(node_id, node.pdos(), node.dictionary, scalings, mapping_of(session, node_id)))
-            known.add(described_servers(node_id, node.dictionary))
+            known.add(described_channels(node_id, node.dictionary))
             if named:
                 names[node_id] = _name(node)
             if node.dictionary is None:

@@ -93,7 +93,7 @@ def _file_decoder(path: Path, nodes: tuple[int, ...], family: str | None, module
     from dvtcli.operations.session.simulated_nodes import read_dictionary
     from dvtcli.operations.user.options import modules_of_node
     from dvtcli.operations.values.object_values import scalings_of
-    from dvtcli.watch.decoder import Decoder, described_servers, pdo_layouts
+    from dvtcli.watch.decoder import Decoder, described_channels, pdo_layouts
 
     own = read_dictionary(path)
     profile = load_profile(family) if family else profile_of(own)
@@ -104,7 +104,7 @@ def _file_decoder(path: Path, nodes: tuple[int, ...], family: str | None, module
         values = FileValues(dictionary, node_id)
         configs = {pdo: read_pdo(values, pdo) for pdo in present_pdos(values, dictionary)}
         decoder.add(pdo_layouts(node_id, configs, dictionary, scalings, f"the mapping in {path.name}"))
-        decoder.add(described_servers(node_id, dictionary))
+        decoder.add(described_channels(node_id, dictionary))
         info = dictionary.info
         numbers = (info.vendor_id, info.product_code, info.revision_number, info.commissioning.lss_serial_number)
         decoder.identities[node_id] = dict(zip(IDENTITY_NAMES, numbers, strict=True))

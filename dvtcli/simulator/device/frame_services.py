@@ -15,6 +15,7 @@ from dvtcli.simulator.device.emergency import ERROR_HISTORY, Emergencies
 from dvtcli.simulator.device.family import Family, MotorCopy, Object, PinCopy
 from dvtcli.simulator.device.memory import Memory, Refusal
 from dvtcli.simulator.device.pdos_at_work import PdoExchange
+from dvtcli.simulator.device.safety import SafetyObjects
 
 SYNC_COB_ID, SYNC_PERIOD, SYNC_OVERFLOW = 0x1005, 0x1006, 0x1019
 _PRODUCES, _EXTENDED = 1 << 30, 1 << 29
@@ -177,10 +178,13 @@ class FrameServices:
         self._heartbeat = Heartbeat(memory)
         self._producers = HeartbeatConsumer(memory, self._errors)
         self._guarded = GuardingResponse(memory)
+        self._safety = SafetyObjects(memory, self._errors)
+        #: frames of a new NMT state, for the next poll
+        self._waiting: list[Frame] = []
         #: the number of starts so far
         self.starts = 0
         #: the services that check values of their objects
-        self.judges = (self._errors, ServiceCobIds(memory), self._sync_producer, self._producers)
+        self.judges = (self._errors, ServiceCobIds(memory), self._sync_producer, self._producers, self._safety)
         #: the memory's count at the last poll, and the due time if nothing changes
         self._polled_changes = -1
         self._due_s = -_NEVER
@@ -197,6 +201,7 @@ class FrameServices:
         if state is not self._state:
             self._state = state
             self._exchange.forget()
+            self._waiting += self._safety.start(operational=state is NmtState.OPERATIONAL)
             self._memory.touch()
 
     def booted(self) -> None:
@@ -208,6 +213,8 @@ class FrameServices:
         """Restart in INITIALISING, after the memory was reset."""
         self._state = NmtState.INITIALISING
         self._exchange.forget()
+        self._waiting.clear()
+        self._safety.start(operational=False)
         self._errors.reset()
         self._producers.configure()
         self._guarded.reset()
@@ -223,6 +230,7 @@ class FrameServices:
             self._errors.list_active()
         if index == CONSUMER_TIMES:
             self._producers.configure()
+        self._safety.written(index)
         self.changed(index)
 
     def changed(self, index: int) -> None:
@@ -251,6 +259,7 @@ class FrameServices:
             return []
         if frame.remote:
             return self._exchange.request(frame)
+        self._safety.receive(frame)
         answers = self._exchange.receive(frame)
         self._copy()
         return answers
@@ -261,12 +270,14 @@ class FrameServices:
             return True
         if self._state is not NmtState.OPERATIONAL:
             return self._producers.listens(frame)
+        if self._safety.listens(frame):
+            return True
         return self._exchange.knows(frame) or self.hears_sync(frame) or self._producers.listens(frame)
 
     @property
     def hearing_changes(self) -> int:
         """A number that grows whenever the result of `hears` may change."""
-        return self._exchange.forgotten + self._sync_changes + self._producers.changes
+        return self._exchange.forgotten + self._sync_changes + self._producers.changes + self._safety.changes
 
     def hears_sync(self, frame: Frame) -> bool:
         """True if *frame* is the device's SYNC (0x1005, else 0x080)."""
@@ -276,7 +287,7 @@ class FrameServices:
     def poll(self, now_s: float) -> list[Frame]:
         """The frames due at *now_s*, a monotonic time in seconds.
 
-        Heartbeats (0x1017), SYNC (0x1006), EMCYs held back (0x1015), and event-driven TPDOs.
+        Heartbeats (0x1017), SYNC (0x1006), EMCYs held back (0x1015), event-driven TPDOs, and SRDOs.
         """
         changes = self._memory.changes
         if now_s < self._due_s and changes == self._polled_changes:
@@ -286,9 +297,9 @@ class FrameServices:
         if self._state is not NmtState.INITIALISING:
             frames += self._watch_producers(now_s) + self._heartbeat.poll(now_s, self._state)
         if self._state in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL):
-            frames += self._produce_sync(now_s) + self._errors.poll(now_s)
+            frames += self._take_waiting() + self._produce_sync(now_s) + self._errors.poll(now_s)
         if self._state is NmtState.OPERATIONAL:
-            frames += self._exchange.poll(now_s)
+            frames += self._exchange.poll(now_s) + self._safety.poll(now_s)
         self._due_s = self._next_due_s()
         return frames
 
@@ -305,8 +316,12 @@ class FrameServices:
         if self._state is not NmtState.STOPPED:
             due_s = min(due_s, self._sync_producer.due_s, self._errors.due_s)
         if self._state is NmtState.OPERATIONAL:
-            due_s = min(due_s, self._exchange.due_s)
+            due_s = min(due_s, self._exchange.due_s, self._safety.due_s)
         return due_s
+
+    def _take_waiting(self) -> list[Frame]:
+        frames, self._waiting = self._waiting, []
+        return frames
 
     def _watch_producers(self, now_s: float) -> list[Frame]:
         """The EMCYs for lost heartbeat producers; a loss also ends OPERATIONAL."""

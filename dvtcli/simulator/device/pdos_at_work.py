@@ -6,11 +6,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.pdo import DUMMY_BITS, EVENT_DRIVEN, Direction, Pdo, PdoMappingEntry, total_bits
+from dvtcli.domain.pdo import DUMMY_BITS, EVENT_DRIVEN, Direction, Pdo, PdoMappingEntry, is_mpdo, total_bits
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.emergency import Emergencies
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.memory import Memory
+from dvtcli.simulator.device.multiplexed_pdos import MPDO_BYTES, MultiplexedTpdo, take_mpdo
 
 LAST_SYNCHRONOUS = 240
 _SYNC_RTR, _FIRST_EVENT_DRIVEN = 252, 254
@@ -66,6 +67,8 @@ class Tpdo:
     entries: tuple[PdoMappingEntry, ...]
     #: None until the first poll, or always if not event-driven
     timing: EventTiming | None = None
+    #: of a multiplexed one: what sends a frame for each object; None for any other
+    multiplexed: MultiplexedTpdo | None = None
     #: what was last sent by type 0, or sampled by type 252
     sample: bytes | None = field(default=None, repr=False)
     _seen: int = 0
@@ -74,12 +77,12 @@ class Tpdo:
     @property
     def heeds_sync(self) -> bool:
         """True if the TPDO acts on SYNC."""
-        return self.kind <= LAST_SYNCHRONOUS or self.kind == _SYNC_RTR
+        return self.multiplexed is None and (self.kind <= LAST_SYNCHRONOUS or self.kind == _SYNC_RTR)
 
     @property
     def event_driven(self) -> bool:
         """True if the TPDO is sent on change and by its event timer."""
-        return self.kind >= _FIRST_EVENT_DRIVEN
+        return self.kind >= _FIRST_EVENT_DRIVEN or self.multiplexed is not None
 
     def is_due_at_sync(self, data: bytes, counter: int | None) -> bool:
         """True if a frame with *data* is sent at this SYNC; *counter* is 1..240 or None."""
@@ -97,7 +100,7 @@ class Tpdo:
 
     def requested(self, data: bytes) -> bytes | None:
         """The data for a remote frame; None without a sample yet, or without remote frames."""
-        if not self.rtr_allowed:
+        if not self.rtr_allowed or self.multiplexed is not None:
             return None
         return self.sample if self.kind == _SYNC_RTR else data
 
@@ -142,7 +145,7 @@ def _put(memory: Memory, entry: PdoMappingEntry, value: int) -> None:
     memory.write(entry.index, entry.sub_index, both.to_bytes(size, "little"))
 
 
-SHORT_PDO, LONG_PDO, RPDO_TIMED_OUT = 0x8210, 0x8220, 0x8250
+SHORT_PDO, LONG_PDO, NO_MPDO_OBJECT, RPDO_TIMED_OUT = 0x8210, 0x8220, 0x8230, 0x8250
 _COB_ID, _TRANSMISSION_TYPE, _INHIBIT_TIME, _EVENT_TIMER, _SYNC_START = 1, 2, 3, 5, 6
 
 
@@ -154,6 +157,8 @@ class _Rpdo:
     extended: bool
     kind: int
     entries: tuple[PdoMappingEntry, ...]
+    #: the count of a multiplexed one, 0 for any other
+    mpdo: int = 0
     waiting: bytes | None = None
     syncs: int = 0
     #: whether a frame came since the last poll, and when the next one must have come (s)
@@ -162,7 +167,7 @@ class _Rpdo:
     bytes_wanted: int = field(init=False)
 
     def __post_init__(self) -> None:
-        self.bytes_wanted = (total_bits(self.entries) + 7) // 8
+        self.bytes_wanted = MPDO_BYTES if self.mpdo else (total_bits(self.entries) + 7) // 8
 
 
 class PdoExchange:
@@ -244,15 +249,22 @@ class PdoExchange:
         return frames
 
     def _poll_tpdo(self, pdo: Pdo, tpdo: Tpdo, now_s: float) -> list[Frame]:
+        if tpdo.multiplexed is not None:
+            sent = tpdo.multiplexed.poll(now_s)
+            self.due_s = min(self.due_s, tpdo.multiplexed.due_s)
+            return [Frame(tpdo.can_id, data, extended=tpdo.extended) for data in sent]
         timing = tpdo.timing
         if timing is None:
-            inhibit = self._memory.number(pdo.communication_index, _INHIBIT_TIME)
-            event = self._memory.number(pdo.communication_index, _EVENT_TIMER)
-            timing = tpdo.timing = EventTiming(inhibit / 10_000, event / 1000)
+            timing = tpdo.timing = EventTiming(*self._times_s(pdo))
         data = collect(self._memory, tpdo.entries)
         due = timing.is_due(data, now_s)
         self.due_s = min(self.due_s, timing.due_s)
         return [Frame(tpdo.can_id, data, extended=tpdo.extended)] if due else []
+
+    def _times_s(self, pdo: Pdo) -> tuple[float, float]:
+        """Inhibit time and event timer of a TPDO."""
+        inhibit = self._memory.number(pdo.communication_index, _INHIBIT_TIME)
+        return inhibit / 10_000, self._memory.number(pdo.communication_index, _EVENT_TIMER) / 1000
 
     def _poll_rpdo(self, pdo: Pdo, rpdo: _Rpdo, now_s: float) -> list[Frame]:
         """The EMCY after an RPDO's event timer, which restarts with each frame and expires once."""
@@ -296,17 +308,24 @@ class PdoExchange:
             return
         kind = self._memory.number(index, _TRANSMISSION_TYPE, missing=EVENT_DRIVEN)
         entries = mapping_of(self._memory, pdo.mapping_index)
+        count = self._memory.number(pdo.mapping_index, 0)
         if pdo.direction is Direction.RPDO:
-            self._rpdos[pdo] = _Rpdo(cob_id.can_id, cob_id.extended, kind, entries)
+            mpdo = count if is_mpdo(count) else 0
+            self._rpdos[pdo] = _Rpdo(cob_id.can_id, cob_id.extended, kind, entries, mpdo)
             return
         start = self._memory.number(index, _SYNC_START) if kind <= LAST_SYNCHRONOUS else 0
-        self._tpdos[pdo] = Tpdo(cob_id.can_id, cob_id.extended, cob_id.rtr_allowed, kind, start, entries)
+        tpdo = self._tpdos[pdo] = Tpdo(cob_id.can_id, cob_id.extended, cob_id.rtr_allowed, kind, start, entries)
+        if is_mpdo(count):
+            tpdo.multiplexed = MultiplexedTpdo(self._memory, pdo, count, *self._times_s(pdo))
 
     def _receive(self, pdo: Pdo, rpdo: _Rpdo, data: bytes) -> list[Frame]:
         rpdo.received = True
         self._memory.touch()
         if len(data) < rpdo.bytes_wanted:
             return self._errors.set(pdo, SHORT_PDO)
+        if rpdo.mpdo:
+            taken = take_mpdo(self._memory, rpdo.mpdo, data)
+            return self._errors.clear(pdo) if taken else self._errors.set(pdo, NO_MPDO_OBJECT)
         if rpdo.kind <= LAST_SYNCHRONOUS:
             if rpdo.waiting is None:
                 rpdo.syncs = max(1, rpdo.kind) if self._family.rpdo_counts_syncs else 1

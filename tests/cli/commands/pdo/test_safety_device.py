@@ -9,16 +9,16 @@ import pytest
 from dvtcli.domain.cob_id import taken_by_channels
 from tests.cli.commands.bench import Bench
 
-SRDO = "CAN-ID 0x2E1 is SRDO1 of node 1 (1301:05)"
+SRDO = "CAN-ID 0x101 is SRDO1 of node 1 (1301:05)"
 
 
 @pytest.mark.parametrize(
     ("line", "said"),
     [
-        ("map tpdo2 6000:01 --cob-id 0x2E1", SRDO),
-        ("map tpdo2 6000:01 --cob-id 0x2E2", "CAN-ID 0x2E2 is SRDO1 of node 1 (1301:06)"),
-        ("set 2:tpdo1 --cob-id 0x2E1", SRDO),
-        ("write 1801:01 0x2E1", SRDO),
+        ("map tpdo2 6000:01 --cob-id 0x101", SRDO),
+        ("map tpdo2 6000:01 --cob-id 0x102", "CAN-ID 0x102 is SRDO1 of node 1 (1301:06)"),
+        ("set 2:tpdo1 --cob-id 0x101", SRDO),
+        ("write 1801:01 0x101", SRDO),
         ("write 1301:05 0x181", "CAN-ID 0x181 for an SRDO is that of TPDO1 of node 1"),
         ("map tpdo2 1301:05", "1301:05 belongs to the safety configuration"),
         ("map tpdo2 1381:01", "1381:01 belongs to the safety configuration"),
@@ -51,7 +51,9 @@ def test_its_configuration_is_no_process_data_even_where_the_file_says_so(index:
 @pytest.mark.parametrize(
     ("frame", "said"),
     [
-        ("581#43011305E1020000", "1301:05 SRDO communication parameter 1.COB-ID 1 = 0x2E1"),
+        ("581#4301130501010000", "1301:05 SRDO communication parameter 1.COB-ID 1 = 0x101"),
+        ("101#05", "SRDO1, node 1"),
+        ("102#FA", "SRDO1 inverted, node 1"),
         ("581#4F01130101000000", "Information direction = transmitted (1)"),
         ("581#4381130108010021", "Mapped object 1 = 2100:01 Safety input.Door, 8 bits"),
         ("581#4FFE1300A5000000", "13FE:00 Configuration valid = 165"),
@@ -76,11 +78,11 @@ def test_explain_names_them_without_an_eds(place: str, name: str) -> None:
 
 
 def test_a_network_file_is_checked_with_its_can_ids(tmp_path: Path) -> None:
-    text = "nodes:\n  s: {node_id: 1, dcf: safety}\n  g: {node_id: 2, dcf: generic, tpdo: {1: {cob_id: 0x2E2}}}\n"
+    text = "nodes:\n  s: {node_id: 1, dcf: safety}\n  g: {node_id: 2, dcf: generic, tpdo: {1: {cob_id: 0x102}}}\n"
     (tmp_path / "net.yaml").write_text(text)
     with Bench() as bench:
         ran = bench.run(f"check {tmp_path}/net.yaml")
-        fine = (tmp_path / "fine.yaml").write_text(text.replace("0x2E2", "0x2E4"))
+        fine = (tmp_path / "fine.yaml").write_text(text.replace("0x102", "0x182"))
         assert (fine > 0, bench.run(f"check {tmp_path}/fine.yaml").code) == (True, 0)
     assert (ran.code, "SRDO1 of node 1" in ran.stdout + ran.stderr) == (4, True), ran
 
@@ -100,7 +102,7 @@ def test_its_configuration_is_never_written_back(tmp_path: Path) -> None:
         assert "= 0 " in bench.run("read 13FE").stdout
 
 
-@pytest.mark.parametrize("line", ["write 1301:01 0", "write 1381:01 0x21000208", "write 13FE 0"])
+@pytest.mark.parametrize("line", ["write 1301:01 0", "write 1382:01 0x21000108", "write 13FE 0"])
 def test_a_write_to_its_configuration_is_warned_of(line: str) -> None:
     with Bench(("safety",), {"yes": True}) as bench:
         ran = bench.run(f"{line} --json")
