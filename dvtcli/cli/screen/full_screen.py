@@ -12,15 +12,14 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from time import monotonic
 from typing import TYPE_CHECKING, Protocol
 
-from dvtcli.domain.text import ascii_only
 from dvtcli.errors import BusUnavailable, DvtcliError
 
 if TYPE_CHECKING:
     from prompt_toolkit import Application
-    from prompt_toolkit.formatted_text import StyleAndTextTuples
     from prompt_toolkit.key_binding import KeyBindings, KeyPressEvent
 
     from dvtcli.cli.conversation import Conversation
+    from dvtcli.cli.screen.canvas import Mouse
     from dvtcli.cli.view.lines import Cell
     from dvtcli.operations.frames.watch_bus import Watched
     from dvtcli.operations.session.steady_listener import SteadyListener
@@ -176,25 +175,26 @@ def show(
     """
     try:
         with _held_signals() as came, session.output.held(), _short_collections():
-            _application(session, screen, keys, duration_s, came, mouse).run()
+            application, begin = _application(session, screen, keys, duration_s, came, mouse)
+            application.run(pre_run=begin)
     finally:
         screen.leave()
 
 
-#: new objects that begin a collection of cycles while a screen is shown: as many as one picture leaves behind
-_OBJECTS_OF_A_PICTURE = 5_000
+#: new objects that begin a collection of cycles while a screen is shown
+_NEW_OBJECTS = 5_000
 
 
 @contextmanager
 def _short_collections() -> Iterator[None]:
-    """Collect cycles after each picture, in a millisecond, and look at no object from before the screen.
+    """Collect cycles often, in a millisecond, and look at no object from before the screen.
 
-    prompt_toolkit leaves 4,800 objects in a cycle for each picture of 120 x 40. A key waits for a collection of twenty
-    of them, or for one of all objects of a large EDS, longer than for its own picture.
+    Each picture leaves some 70 objects in cycles. A collection of all objects of a large EDS takes longer than the
+    picture of a key.
     """
     before, is_first = gc.get_threshold(), not gc.get_freeze_count()
     gc.freeze()
-    gc.set_threshold(_OBJECTS_OF_A_PICTURE)
+    gc.set_threshold(_NEW_OBJECTS)
     try:
         yield
     finally:
@@ -223,10 +223,6 @@ def _held_signals() -> Iterator[list[int]]:
                 signal.raise_signal(number)
 
 
-#: Takes what the mouse does: `click`, `wheel-up` or `wheel-down`, with column and row, both from 0.
-Mouse = Callable[[str, int, int], None]
-
-
 def _application(
     session: Conversation,
     screen: Screen,
@@ -234,67 +230,58 @@ def _application(
     duration_s: float | None,
     came: list[int],
     mouse: Mouse | None,
-) -> Application[None]:
-    """Build the application for *screen*, ended by a key or a signal that *came*."""
+) -> tuple[Application[None], Callable[[], None]]:
+    """Build the application for *screen*, ended by a key or a signal that *came*, and what begins to look at it."""
     from prompt_toolkit import Application
-    from prompt_toolkit.layout import FormattedTextControl, Layout, Window
-    from prompt_toolkit.mouse_events import MouseEvent, MouseEventType
+    from prompt_toolkit.layout import Layout
     from prompt_toolkit.output import ColorDepth
     from prompt_toolkit.styles import Style
 
-    plain = session.output.plain
-
-    def drawn() -> StyleAndTextTuples:
-        size = application.output.get_size()
-        return _fragments(screen.lines(size.columns, size.rows), plain=plain)
+    from dvtcli.cli.screen.canvas import Canvas
 
     until_s = None if duration_s is None else monotonic() + duration_s
-    acts = {
-        MouseEventType.MOUSE_UP: "click", MouseEventType.SCROLL_UP: "wheel-up", MouseEventType.SCROLL_DOWN: "wheel-down"
-    }  # fmt: skip
+    canvas = Canvas(screen.lines, mouse, plain=session.output.plain)
 
-    class Drawn(FormattedTextControl):
-        """The screen's text, which hands on what the mouse does."""
-
-        def mouse_handler(self, mouse_event: MouseEvent) -> None:
-            """Hand it on."""
-            if mouse is not None and (act := acts.get(mouse_event.event_type)) is not None:
-                mouse(act, mouse_event.position.x, mouse_event.position.y)
-
-    control = Drawn(drawn)
-
-    def gather(application: Application[None]) -> None:
+    def renew() -> bool:
+        """Take what is new; whether the picture is another one."""
         if application.is_done:
-            return
+            return False
         try:
             screen.gather()
+            size = application.output.get_size()
+            changed = canvas.renew(size.columns, size.rows)
         except BaseException as failed:  # noqa: BLE001 - raised here it would stay inside of prompt_toolkit's event loop
             application.exit(exception=failed)
-            return
+            return False
         if came or (until_s is not None and monotonic() >= until_s):
             application.exit()
+        return changed
+
+    def drawn(_application: Application[None]) -> None:
+        """A picture is due: of a key, at the start, or after a resize."""
+        renew()
+
+    def look() -> None:
+        """Draw the picture again when it changed by itself."""
+        if renew():
+            application.invalidate()
+        begin()
+
+    def begin() -> None:
+        if application.loop is not None and not application.is_done:
+            application.loop.call_later(REDRAW_S, look)
 
     application: Application[None] = Application(
-        layout=Layout(Window(control, always_hide_cursor=False)),
+        layout=Layout(canvas),
         key_bindings=keys,
         mouse_support=mouse is not None,
         style=Style.from_dict(STYLE),
         full_screen=True,
-        refresh_interval=REDRAW_S,
-        before_render=gather,
+        before_render=drawn,
         color_depth=ColorDepth.DEPTH_1_BIT if session.output.color == "never" else None,
     )
     application.ttimeoutlen = 0.05
-    return application
-
-
-def _fragments(lines: Iterable[list[Cell]], *, plain: bool) -> StyleAndTextTuples:
-    drawn: StyleAndTextTuples = []
-    for number, line in enumerate(lines):
-        drawn.append(("", "\n" if number else ""))
-        for cell in line:
-            drawn.append((f"class:{cell.style}" if cell.style else "", ascii_only(cell.text) if plain else cell.text))
-    return drawn
+    return application, begin
 
 
 def bind(keys: KeyBindings, act: Callable[[], object], *names: str, unless: Callable[[], bool] | None = None) -> None:

@@ -83,7 +83,7 @@ def test_the_screen_from_before_is_back(number: int, drawing: int) -> None:
 class Typing(Counting):
     """A screen on which a key is pressed at each picture, and q at the last of them."""
 
-    pictures = 60
+    pictures = 120
 
     def __init__(self, typed: PipeInput) -> None:
         super().__init__()

@@ -14,6 +14,7 @@ ONLY_IN: dict[str, tuple[str, ...]] = {
     "prompt_toolkit": (
         "cli/prompt/",
         "cli/editor/editor.py",
+        "cli/screen/canvas.py",
         "cli/screen/full_screen.py",
         "cli/monitor/monitor_keys.py",
         "cli/monitor/watch.py",
