@@ -12,6 +12,7 @@ from dvtcli.domain.hint import Hint
 #: error numbers of a lost link, port or connection
 _GONE = frozenset(
     {errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.EIO, errno.EPIPE, errno.ECONNRESET, errno.ECONNABORTED}
+    | {errno.ETIMEDOUT}
 )
 
 

@@ -1,35 +1,51 @@
 """Client of a socketcand server (https://github.com/linux-can/socketcand), as a python-can bus.
 
-python-can's own client takes a closed connection for a silent bus, wants the server's last answer alone in a read, and
-takes three times the processor time for a frame.
+python-can's own client takes a closed connection for a silent bus, and wants the server's last answer alone in a read.
 """
 
 from __future__ import annotations
 
+import re
 import select
 import socket
 from collections import deque
+from contextlib import suppress
 from math import inf
-from time import monotonic
+from time import monotonic, time
 from typing import Any
 
 import can
 
 from dvtcli.bus.carrier import Carrier
+from dvtcli.domain.cob_id import fits
+from dvtcli.domain.hint import Hint
 
-#: how long a server may take to accept, and for each of its first answers (s): a system with no room for a connection
+#: maximum time for a server to accept, and for each of its first answers (s): a system with no room for a connection
 #: is asked again after 1 s, and after 3 s
 CONNECT_S, ANSWER_S = 4.0, 10.0
-#: a server whose machine is gone, or a way to it, is noticed after some 20 s without a sign of it: how long nothing has
-#: to come before it is asked (s), how often (s), and how many questions have to be left without an answer
-_KEEP_ALIVE = (("TCP_KEEPIDLE", 10), ("TCP_KEEPINTVL", 3), ("TCP_KEEPCNT", 3))
-#: no message of a server is longer (characters)
-_LONGEST = 1000
-#: maximum number of bytes in a frame, and of one read
-_MOST_DATA, _READ = 8, 1 << 16
-#: flag of a receive that does not wait; None if this system has none
-_AT_ONCE: int | None = getattr(socket, "MSG_DONTWAIT", None)
+#: time after which a server that takes no more data is lost (s)
+SEND_S = 5.0
+#: how often a waiting sender looks whether the bus was closed (s)
+_LOOK_S = 0.2
+#: A server whose machine or network is gone is noticed after some 20 s: time of silence before the first question, and
+#: between questions (s), number of questions without an answer, and time for sent data without acknowledgement (ms),
+#: during which the system asks no questions.
+KEEP_ALIVE = {"TCP_KEEPIDLE": 10, "TCP_KEEPINTVL": 3, "TCP_KEEPCNT": 3, "TCP_USER_TIMEOUT": 20_000}
+#: maximum length of a server's message, and of what is quoted from it (characters)
+_LONGEST, _QUOTED = 1000, 60
+#: what may stand between messages
+_BLANKS = " \t\r\n\0"
+#: maximum number of bytes of one read
+_READ = 1 << 16
 _QUICK_ACK: int | None = getattr(socket, "TCP_QUICKACK", None)
+#: a data frame: CAN-ID, time (s) and data, in one word or as bytes, perhaps without leading zeros
+_FRAME = re.compile(
+    r"frame\s+([0-9A-F]{1,8})\s+([0-9]+(?:\.[0-9]*)?)((?:\s+[0-9A-F]{1,2}){0,8}|\s+(?:[0-9A-F]{2}){2,8})\s*",
+    re.ASCII | re.IGNORECASE,
+)
+#: an error frame: the kernel's error class, and time, which some servers leave out
+_ERROR = re.compile(r"error\s+(?:([0-9A-F]{1,8})\s+([0-9]+(?:\.[0-9]*)?)|([0-9A-F]{8}))\s*", re.ASCII | re.IGNORECASE)
+_BASE_DIGITS = 3
 
 
 class SocketcandBus(can.BusABC):
@@ -56,23 +72,25 @@ class SocketcandBus(can.BusABC):
         self._messages: deque[can.Message] = deque()
         #: the beginning of a message whose end was not received yet
         self._rest = ""
+        #: why nothing can be sent or received any more
+        self._failure: Exception | None = None
         self._open = True
         self._link = socket.create_connection((str(host), port), timeout=CONNECT_S)
         try:
             self._link.settimeout(ANSWER_S)
             self._begin(channel)
-            self._link.settimeout(None)
+            self._link.setblocking(False)  # each wait is select's, with its own limit
+            super().__init__(channel=channel, can_filters=can_filters, **settings)
         except BaseException:
             self._link.close()
             raise
-        super().__init__(channel=channel, can_filters=can_filters, **settings)
         self._take("")
 
     def _begin(self, channel: str) -> None:
         """Greet the server, and ask for all frames of *channel*."""
         self._link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)  # the next request does not wait for an answer
         self._link.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-        for name, value in _KEEP_ALIVE:
+        for name, value in KEEP_ALIVE.items():
             if hasattr(socket, name):
                 self._link.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
         self._expect("hi")
@@ -82,15 +100,29 @@ class SocketcandBus(can.BusABC):
 
     def _expect(self, answer: str) -> None:
         """Read the server's next message; raise can.CanInitializationError if it is not *answer*."""
-        while ">" not in self._rest:
-            self._rest += self._received(0)
-        received, _, self._rest = self._rest.partition(">")
-        if received.strip("< \r\n\0") != answer:
-            raise can.CanInitializationError(f"expected '< {answer} >', got '{received.strip()} >'")
+        received = self._next_answer()
+        if not received.startswith("<") or received.strip("<>" + _BLANKS) != answer:
+            raise can.CanInitializationError(f"expected '< {answer} >', got '{received[:_QUOTED]}'")
 
-    def _received(self, flags: int) -> str:
+    def _next_answer(self) -> str:
+        """The server's next message, or the beginning of what is no message. Raises TimeoutError after `ANSWER_S`."""
+        end_s = monotonic() + ANSWER_S
+        while ">" not in self._rest:
+            begun = self._rest.lstrip(_BLANKS)
+            if len(self._rest) > _LONGEST or (begun and begun[0] != "<"):
+                return begun.rstrip(_BLANKS)
+            left_s = end_s - monotonic()
+            if left_s <= 0:
+                raise TimeoutError(f"no whole answer within {ANSWER_S:g} s")
+            self._link.settimeout(left_s)
+            with suppress(TimeoutError):
+                self._rest += self._received()
+        received, _, self._rest = self._rest.partition(">")
+        return f"{received.strip(_BLANKS)} >"
+
+    def _received(self) -> str:
         """Text that the server sent. Raises BlockingIOError if none came, ConnectionResetError at its end."""
-        data = self._link.recv(_READ, flags)
+        data = self._link.recv(_READ)
         if not data:
             raise ConnectionResetError("the server has closed the connection")
         if self._quick_ack is not None:
@@ -101,7 +133,7 @@ class SocketcandBus(can.BusABC):
         """The next message; None if none came within *timeout* (s; None: no limit).
 
         Raises ConnectionResetError if the server closed the connection, can.CanOperationError if the bus is closed or
-        the server sent what is no frame.
+        the server sent what is no frame: after all frames that came before it or with it.
         """
         if not self._messages:
             end_s = inf if timeout is None else monotonic() + timeout
@@ -115,54 +147,73 @@ class SocketcandBus(can.BusABC):
 
     def _read(self, wait_s: float | None) -> None:
         """Read what comes first within *wait_s*."""
-        if not self._open:
-            raise can.CanOperationError("the bus is closed")
-        flags = 0
-        if wait_s is not None and wait_s <= 0 and _AT_ONCE is not None:
-            flags = _AT_ONCE
-        elif not select.select([self._link], (), (), wait_s)[0]:
-            return
+        self._require_open()
         try:
-            text = self._received(flags)
+            if (wait_s is None or wait_s > 0) and not select.select([self._link], (), (), wait_s)[0]:
+                return
+            text = self._received()
         except BlockingIOError:
             return
+        except (OSError, ValueError):
+            self._require_open()  # else another thread closed it meanwhile
+            raise
         self._take(text)
 
+    def _require_open(self) -> None:
+        if not self._open:
+            raise can.CanOperationError("the bus is closed")
+        if self._failure is not None:
+            raise self._failure
+
     def _take(self, text: str) -> None:
-        """Take the frames in *text*; answers and unknown messages are ignored."""
+        """Take the frames in *text*; answers and unknown messages are ignored, what is no frame fails later reads."""
         *parts, self._rest = (self._rest + text).split(">")
         for part in parts:
-            message = self._message(part)
+            try:
+                message = self._message(part)
+            except ValueError:
+                self._fail(f"the server sent what is no frame: {part.strip()[:_QUOTED]!r}")
+                continue
             if message is not None and (self._filters is None or self._matches_filters(message)):
                 self._messages.append(message)
         if len(self._rest) > _LONGEST:
-            raise can.CanOperationError(f"the server sent what is no message: {self._rest[:40]!r}")
+            self._fail(f"the server sent what is no message: {self._rest[:_QUOTED]!r}")
+
+    def _fail(self, why: str) -> None:
+        if self._failure is None:
+            self._failure = can.CanOperationError(why)
 
     def _message(self, part: str) -> can.Message | None:
-        """The data frame or error frame in *part*, a message without its end; None for another message."""
-        kind, *words = part[part.rfind("<") + 1 :].split() or ("",)
-        is_error = kind == "error"
-        if not is_error and kind != "frame":
-            return None
-        try:
-            data = bytearray(1) if is_error else bytearray.fromhex("".join(words[2:]))
-            if len(data) > _MOST_DATA:
+        """The data frame or error frame in *part*, a message without its end; None for another message.
+
+        Raises ValueError for what is no frame.
+        """
+        text = part[part.rfind("<") + 1 :].lstrip(_BLANKS)
+        if found := _FRAME.fullmatch(text):
+            digits, time_s, data = found.groups()
+            can_id, is_extended = int(digits, 16), len(digits) != _BASE_DIGITS
+            if not fits(can_id, extended=is_extended):
                 raise ValueError
             return can.Message(
-                float(words[1]), int(words[0], 16) & 0x1FFFFFFF, is_error or len(words[0]) != 3, False, is_error,
-                self.channel, data=data,
+                timestamp=float(time_s), arbitration_id=can_id, is_extended_id=is_extended, channel=self.channel,
+                data=_data(data.split()),
             )  # fmt: skip
-        except (ValueError, IndexError) as error:
-            if is_error:  # an error in words
-                return None
-            raise can.CanOperationError(f"the server sent what is no frame: {part.strip()!r}") from error
+        if found := _ERROR.fullmatch(text):
+            timed, time_s, untimed = found.groups()
+            return can.Message(
+                timestamp=float(time_s) if time_s else time(), arbitration_id=int(timed or untimed, 16) & 0x1FFF_FFFF,
+                is_error_frame=True, channel=self.channel, data=bytearray(1),
+            )  # fmt: skip
+        if text.split(maxsplit=1)[:1] == ["frame"]:
+            raise ValueError
+        return None
 
     def may_have_messages(self) -> bool:
         """Whether a message, an error or the end of the connection may be waiting."""
-        if self._messages or _AT_ONCE is None:
+        if self._messages or self._failure is not None:
             return True
         try:
-            self._link.recv(1, _AT_ONCE | socket.MSG_PEEK)
+            self._link.recv(1, socket.MSG_PEEK)
         except BlockingIOError:
             return False
         except OSError:  # a read raises it, too, and reports it
@@ -170,17 +221,48 @@ class SocketcandBus(can.BusABC):
         return True
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002 - python-can's signature
-        """Send a data frame; *timeout* is ignored. Raises OSError, can.CanOperationError for a remote frame."""
+        """Send a data frame; *timeout* is ignored.
+
+        Raises ConnectionAbortedError if the server takes no data for `SEND_S`, OSError if the connection is lost,
+        can.CanOperationError if the bus is closed or for a remote frame.
+        """
         if msg.is_remote_frame:
             raise can.CanOperationError("socketcand sends no remote frames")
         can_id = f"{msg.arbitration_id:08X}" if msg.is_extended_id else f"{msg.arbitration_id:03X}"
-        self._link.sendall(f"< send {can_id} {msg.dlc:X} {msg.data.hex(' ')} >".encode())
+        left, end_s = f"< send {can_id} {msg.dlc:X} {msg.data.hex(' ')} >".encode(), monotonic() + SEND_S
+        while left:
+            self._require_open()
+            try:
+                left = left[self._link.send(left) :]
+            except BlockingIOError:
+                self._wait_for_room(end_s)
+            except OSError:
+                self._require_open()  # else another thread closed it meanwhile
+                raise
+
+    def _wait_for_room(self, end_s: float) -> None:
+        """Wait until the server takes data, or look again soon; after *end_s* (time.monotonic) the connection fails."""
+        left_s = end_s - monotonic()
+        if left_s <= 0:  # a part of a message may be sent, so that what follows would be no message
+            self._failure = ConnectionAbortedError(f"the server has taken no data for {SEND_S:g} s")
+            raise self._failure
+        with suppress(ValueError):  # closed meanwhile
+            select.select((), [self._link], (), min(left_s, _LOOK_S))
 
     def shutdown(self) -> None:
-        """Close the connection."""
+        """Close the connection; threads that wait for it get can.CanOperationError."""
         super().shutdown()
         self._open = False
+        with suppress(OSError):
+            self._link.shutdown(socket.SHUT_RDWR)
         self._link.close()
+
+
+def _data(words: list[str]) -> bytearray:
+    """The data in *words*: one word, or bytes, perhaps without leading zeros."""
+    if len(words) == 1 and len(words[0]) > 2:
+        return bytearray.fromhex(words[0])
+    return bytearray(int(word, 16) for word in words)
 
 
 class ServerCarrier(Carrier):
@@ -192,3 +274,9 @@ class ServerCarrier(Carrier):
     def may_have_frames(self) -> bool:
         """Whether frames, an error or the end of the connection may be waiting."""
         return self._bus.may_have_messages()
+
+    def next_step(self, error: Exception) -> Hint | str:
+        """Advice after *error* of sending or receiving."""
+        if isinstance(error, TimeoutError):
+            return "no answer from there: check the network, and whether the server is still running"
+        return "is the server still running?"

@@ -191,6 +191,20 @@ def test_a_server_that_goes_away_while_nothing_is_sent(socketcand: tuple[int, li
     bus.close()
 
 
+def test_a_server_that_sends_what_is_no_frame_is_in_question_not_an_adapter(
+    socketcand: tuple[int, list[socket.socket]],
+) -> None:
+    port, connections = socketcand
+    bus = open_bus("socketcand", "can0", None, {"host": "127.0.0.1", "port": port})
+    assert list(bus.receive(0.05)) == []
+    connections[-1].sendall(b"< frame xyz 1 00 >")
+    with pytest.raises(BusUnavailable, match="failed") as caught:
+        list(bus.receive(60))
+    assert "what is no frame" in str(caught.value.why)
+    assert typed(caught.value.hint) == "is the server still running?"
+    bus.close()
+
+
 @pytest.mark.parametrize("linger_s", [None, 0], ids=["closed", "reset"])
 def test_a_server_that_has_gone_is_noticed_before_anything_is_sent(
     socketcand: tuple[int, list[socket.socket]], linger_s: int | None

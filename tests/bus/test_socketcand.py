@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import ctypes
 import socket
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+import struct
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from itertools import chain, cycle, repeat
 from threading import Thread
+from time import sleep
 from typing import Any
 
 import can
@@ -14,8 +19,9 @@ from can.interfaces.socketcand.socketcand import convert_ascii_message_to_can_me
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dvtcli.bus import socketcand
 from dvtcli.bus.can_message import frame_of
-from dvtcli.bus.socketcand import SocketcandBus
+from dvtcli.bus.socketcand import ServerCarrier, SocketcandBus
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.network.hub_client import Requests, sent_frame, told_frame
 
@@ -142,12 +148,55 @@ def test_error_frames_are_recognised_and_errors_in_words_ignored() -> None:
         assert bus.recv(0) is None
 
 
-@pytest.mark.parametrize(
-    "text", ["< frame 123 >", "< frame xyz 1.0 00 >", "< frame 123 1.0 0 >", "< frame 123 1.0 000102030405060708 >"]
+def test_an_error_frame_without_a_time_has_the_time_of_its_arrival() -> None:
+    with opened() as (bus, server):
+        server.sendall(b"< error 20000008 >")
+        message = bus.recv(10)
+        assert message is not None
+        assert (message.is_error_frame, message.arbitration_id) == (True, 8)
+        assert message.timestamp > 1_700_000_000
+
+
+@given(data_frames)
+def test_bytes_without_leading_zeros_are_all_data(frame: Frame) -> None:
+    """Small servers write bytes as the protocol's description does: `2 1 F1`."""
+    with opened() as (bus, server):
+        can_id = f"{frame.can_id:08x}" if frame.extended else f"{frame.can_id:03x}"
+        server.sendall(f"< frame {can_id} 1.5 {' '.join(f'{byte:x}' for byte in frame.data)} >".encode())
+        (found,) = read(bus, 1)
+        assert (found.can_id, found.extended, found.data) == (frame.can_id, frame.extended, frame.data)
+
+
+#: what looks like a frame, but is none that CAN knows, or that a recording can hold
+NO_FRAMES = (
+    *("123", "123 x 00", "xyz 1.0 00", "123 1.0 000", "123 1.0 000102030405060708", "123 1.0 0 1 2 3 4 5 6 7 8", ""),
+    *("123 1.0 0011 22", "123 1.0 R", "123 1.0 +1", "FFF 1.0 00", "80000181 1.0 00", "20000000 1.0 00", "-12 1.0 00"),
+    *("FFFFFFFFF 1.0 00", "1_2 1.0 00", "0x181 1.0 00", "123 nan 00", "123 inf 00", "123 1_2 00", "123 -5 00"),
 )
+
+
+@pytest.mark.parametrize("text", NO_FRAMES)
 def test_what_is_no_frame_is_an_error(text: str) -> None:
     with opened() as (bus, server):
-        server.sendall(text.encode())
+        server.sendall(f"< frame {text} >".encode())
+        for _ in range(2):
+            with pytest.raises(can.CanOperationError, match="what is no frame"):
+                bus.recv(10)
+        assert bus.may_have_messages()
+
+
+@given(st.lists(data_frames, max_size=4), st.sampled_from(NO_FRAMES), st.lists(data_frames, max_size=4), st.booleans())
+def test_frames_beside_what_is_no_frame_are_read_before_the_error(
+    before: list[Frame], text: str, after: list[Frame], with_the_answer: bool
+) -> None:
+    """Also if they came right behind the server's last answer."""
+    frames = [told_frame(frame, frame.timestamp_s) for frame in before + after]
+    frames.insert(len(before), f"< frame {text} >".encode())
+    greeting = (b"< hi >", b"< ok >", b"< ok >" + b"".join(frames if with_the_answer else []))
+    with opened(*greeting) as (bus, server):
+        if not with_the_answer:
+            server.sendall(b"".join(frames))
+        assert read(bus, len(before + after)) == before + after
         with pytest.raises(can.CanOperationError, match="what is no frame"):
             bus.recv(10)
 
@@ -183,3 +232,112 @@ def test_a_closed_bus_raises() -> None:
         bus.shutdown()
         with pytest.raises(can.CanOperationError, match="closed"):
             bus.recv(0)
+
+
+def send_until_it_fails(bus: SocketcandBus) -> None:
+    """Send to a server that reads nothing."""
+    while True:
+        bus.send(can.Message(arbitration_id=0x181, data=bytes(8), is_extended_id=False))
+
+
+def test_a_server_that_takes_no_more_data_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Part of a message may be sent, so that the server would not understand the next one."""
+    monkeypatch.setattr(socketcand, "SEND_S", 0.3)
+    with opened() as (bus, _):
+        for attempt in (send_until_it_fails, send_until_it_fails, SocketcandBus.recv):
+            with pytest.raises(ConnectionAbortedError, match=r"taken no data for 0\.3 s") as caught:
+                attempt(bus)
+        assert ServerCarrier(bus).is_gone(caught.value)
+
+
+@pytest.mark.parametrize(
+    "work", [send_until_it_fails, SocketcandBus.recv, lambda bus: bus.recv(60)], ids=["send", "recv", "recv in time"]
+)
+def test_closing_the_bus_ends_what_waits_in_another_thread(work: Callable[[SocketcandBus], object]) -> None:
+    failures = list[BaseException]()
+
+    def run(bus: SocketcandBus) -> None:
+        try:
+            work(bus)
+        except (can.CanError, OSError, ValueError) as error:
+            failures.append(error)
+
+    with opened() as (bus, _):
+        worker = Thread(target=run, args=(bus,))
+        worker.start()
+        worker.join(0.5)  # a sender has filled the buffers meanwhile, on a quick machine
+        bus.shutdown()
+        worker.join()
+    (failure,) = failures
+    assert isinstance(failure, can.CanOperationError)
+    assert str(failure) == "the bus is closed"
+
+
+@contextmanager
+def talking(parts: Iterator[bytes], every_s: float) -> Iterator[int]:
+    """The port of a server that sends the next of *parts* every *every_s* seconds and reads nothing."""
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def talk() -> None:
+            connection, _ = listener.accept()
+            with connection, suppress(OSError):
+                for part in parts:
+                    connection.sendall(part)
+                    sleep(every_s)
+
+        server = Thread(target=talk)
+        server.start()
+        try:
+            yield listener.getsockname()[1]
+        finally:
+            server.join()
+
+
+@pytest.mark.parametrize(
+    ("parts", "every_s", "why"),
+    [
+        (repeat(b"$GPRMC,123519,A,4807.038,N\r\n"), 0.01, r"expected '< hi >', got '\$GPRMC"),
+        (repeat(b"x" * 4096), 0, "expected '< hi >', got 'xxx"),
+        (chain([b"\r\n<"], repeat(b"x" * 4096)), 0, "expected '< hi >', got '<xxx"),
+        (repeat(b" " * 4096), 0, "expected '< hi >', got ''"),
+        (iter([b"hi >"]), 0, "expected '< hi >', got 'hi"),
+    ],
+    ids=["lines of another protocol", "endless text", "endless message", "blanks", "no beginning"],
+)
+def test_what_is_no_answer_is_refused_at_once(parts: Iterator[bytes], every_s: float, why: str) -> None:
+    with talking(parts, every_s) as port, pytest.raises(can.CanInitializationError, match=why) as caught:
+        SocketcandBus("can0", "127.0.0.1", port)
+    assert len(str(caught.value)) < 100
+
+
+@pytest.mark.parametrize("parts", [chain([b"<"], repeat(b" h")), cycle([b" ", b"\n"])], ids=["message", "blanks"])
+def test_an_answer_that_goes_on_for_too_long_is_none(parts: Iterator[bytes], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(socketcand, "ANSWER_S", 0.3)
+    with talking(parts, 0.02) as port, pytest.raises(TimeoutError, match=r"no whole answer within 0\.3 s"):
+        SocketcandBus("can0", "127.0.0.1", port)
+
+
+def cut_off(connection: socket.socket) -> None:
+    """Let *connection* receive nothing more, not even what its system acknowledges: a filter that drops all."""
+    drop_all = ctypes.create_string_buffer(struct.pack("HBBI", 0x06, 0, 0, 0))
+    program = struct.pack("HL", 1, ctypes.addressof(drop_all))
+    attach_filter = 26
+    connection.setsockopt(socket.SOL_SOCKET, attach_filter, program)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="cuts a connection with a filter of Linux")
+@pytest.mark.parametrize("is_sending", [False, True], ids=["nothing sent", "a frame sent"])
+def test_a_server_whose_network_is_gone_is_noticed(is_sending: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also with a frame on its way, for which the system repeats the data and asks no more questions."""
+    quick = {"TCP_KEEPIDLE": 1, "TCP_KEEPINTVL": 1, "TCP_KEEPCNT": 1, "TCP_USER_TIMEOUT": 1000}
+    assert socketcand.KEEP_ALIVE.keys() == quick.keys()
+    monkeypatch.setattr(socketcand, "KEEP_ALIVE", quick)
+    with opened() as (bus, server):
+        cut_off(server)
+        if is_sending:
+            bus.send(can.Message(arbitration_id=0x601, data=bytes(8), is_extended_id=False))
+        with pytest.raises(TimeoutError) as caught:
+            bus.recv(60)
+        carrier = ServerCarrier(bus)
+        assert carrier.is_gone(caught.value)
+        assert "check the network" in str(carrier.next_step(caught.value))
