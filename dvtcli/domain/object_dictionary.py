@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_left
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum, StrEnum
 from itertools import takewhile
@@ -167,6 +167,9 @@ class Commissioning:
 
 #: identity object (CiA 301, 7.5.2.19), and an unset number
 _IDENTITY, ERASED = 0x1018, 0xFFFF_FFFF
+#: names looked for in the file's text; more than these make it worth while to build all objects
+_FEW_NAMES = 16
+_SHORT_WORD = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,7 +232,8 @@ class DeviceInfo:
 class ObjectDictionary(Mapping[int, OdObject]):
     """The objects of a file by index, ascending; an object is built at first access.
 
-    *objects* holds OdObjects or functions that build them. *source* is the file's name for messages.
+    *objects* holds OdObjects or functions that build them. *source* is the file's name for messages. *texts* returns
+    the text, in lower case, in which the file spells out the names of an index; None if some are made up.
     """
 
     def __init__(
@@ -237,11 +241,14 @@ class ObjectDictionary(Mapping[int, OdObject]):
         objects: Mapping[int, OdObject | Callable[[], OdObject]],
         info: DeviceInfo | None = None,
         source: str = "",
+        texts: Callable[[int], str | None] | None = None,
     ) -> None:
         self._indices = sorted(objects)
         self._objects: dict[int, OdObject | Callable[[], OdObject]] = {i: objects[i] for i in self._indices}
         self.info = info or DeviceInfo()
         self.source = source
+        self._texts = texts
+        self._found: dict[str, list[OdEntry]] = {}
         self._names: dict[str, list[OdEntry]] | None = None
         self._tells_mappability: bool | None = None
 
@@ -287,7 +294,7 @@ class ObjectDictionary(Mapping[int, OdObject]):
             held = self[index]
             left = {sub: entry for sub, entry in held.entries.items() if (index, sub) not in absent}
             objects[index] = replace(held, entries=left)
-        return ObjectDictionary(objects, self.info, self.source)
+        return ObjectDictionary(objects, self.info, self.source, self._texts)
 
     def identified(self) -> ObjectDictionary:
         """The same dictionary with a complete identity: values missing or 0 in 0x1018 come from the device's data."""
@@ -301,7 +308,8 @@ class ObjectDictionary(Mapping[int, OdObject]):
                 entries[sub_index] = replace(entry, default=number.to_bytes(4, "little"), value=None)
         if entries == dict(held.entries):
             return self
-        return ObjectDictionary({**self._objects, _IDENTITY: replace(held, entries=entries)}, self.info, self.source)
+        objects = {**self._objects, _IDENTITY: replace(held, entries=entries)}
+        return ObjectDictionary(objects, self.info, self.source, self._texts)
 
     @property
     def tells_mappability(self) -> bool:
@@ -334,13 +342,26 @@ class ObjectDictionary(Mapping[int, OdObject]):
         A full `object.entry` name is tried first, then an entry's or a one-entry object's own name, and the
         entry's user-given name in this device.
         """
+        wanted = normalised(name)
+        if self._names is None and self._texts is not None and len(self._found) < _FEW_NAMES:
+            if wanted not in self._found:
+                self._found[wanted] = self._by_name(self._indices_that_spell(wanted)).get(wanted, [])
+            return self._found[wanted]
         if self._names is None:
-            self._names = self._index_names()
-        return self._names.get(normalised(name), [])
+            self._names = self._by_name(self)
+        return self._names.get(wanted, [])
 
-    def _index_names(self) -> dict[str, list[OdEntry]]:
+    def _indices_that_spell(self, wanted: str) -> list[int]:
+        """The indices that may have the name *wanted*: the text of the others in the file lacks its longest word."""
+        word = max(re.findall("[a-zà-ÿ]+", wanted), key=len, default="")
+        if len(word) < _SHORT_WORD or self._texts is None or not word.strip("abcdef"):  # an index may be the name
+            return self._indices
+        texts = ((index, self._texts(index)) for index in self._indices)
+        return [index for index, text in texts if text is None or word in text]
+
+    def _by_name(self, indices: Iterable[int]) -> dict[str, list[OdEntry]]:
         names: dict[str, list[OdEntry]] = {}
-        for entry in self.entries():
+        for entry in (entry for index in indices for entry in self[index].entries.values()):
             parent = self[entry.index].name
             keys = {normalised(entry.name), normalised(f"{parent}.{entry.name}"), normalised(entry.denotation)}
             keys.add(normalised(self.display_name(entry.index, entry.sub_index)))

@@ -6,7 +6,7 @@ understood or reported; `EdsFile.text` keeps the whole text with lines.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
@@ -394,11 +394,21 @@ def _parsed(data: bytes, source: str, modules: tuple[int, ...] | None) -> EdsFil
     objects: dict[int, OdObject | Callable[[], OdObject]] = {
         index: partial(_build, layout, index) for index in layout.objects
     }
-    objects |= module_objects(
+    of_modules = module_objects(
         layout, lambda index, sections: _of_sections(index, sections, Findings()), chosen=not says_modules
     )
+    objects |= of_modules
     objects |= _compact_pdos(device, set(objects), info.rpdo_count or 0, info.tpdo_count or 0, findings)
-    return EdsFile(ObjectDictionary(objects, info, source), text, layout, tuple(findings.found))
+    spelled = partial(_text_of_names, layout, of_modules.keys())
+    return EdsFile(ObjectDictionary(objects, info, source, spelled), text, layout, tuple(findings.found))
+
+
+def _text_of_names(layout: EdsLayout, of_modules: Collection[int], index: int) -> str | None:
+    """The text of the sections of *index*, in lower case; None if it has names that no section spells out."""
+    if index in of_modules or index not in layout.objects:
+        return None
+    text = "\n".join(section.text for section in layout.objects[index]).lower()
+    return None if "compactsubobj" in text else text
 
 
 def _build(layout: EdsLayout, index: int) -> OdObject:
