@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 from dvtcli.domain.cob_id import CobId, is_channel_place, taken_by_services
@@ -11,7 +11,7 @@ from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntr
 from dvtcli.domain.pdo import MAX_ENTRIES, Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry, is_mpdo
 from dvtcli.domain.profile import GENERIC, DeviceProfile, Severity
 from dvtcli.domain.rules import Proposal, check_pdo
-from dvtcli.domain.rules.finding import Finding
+from dvtcli.domain.rules.finding import Finding, disabled_and_empty
 
 #: Object types with several sub-indices.
 OF_MANY = (ObjectType.DEFSTRUCT, ObjectType.ARRAY, ObjectType.RECORD)
@@ -176,7 +176,7 @@ def judged(
         proposal = Proposal(
             node_id,
             pdo.pdo,
-            blank(pdo.config),
+            disabled_and_empty(pdo.config),
             pdo.config,
             before,
             profile,
@@ -191,10 +191,3 @@ def _cob_id(dictionary: ObjectDictionary, index: int, sub_index: int, node_id: i
     entry = dictionary.entry(index, sub_index)
     data = None if entry is None else entry.at_power_on(node_id)
     return None if data is None else int.from_bytes(data, "little")
-
-
-def blank(config: PdoConfig) -> PdoConfig:
-    """The same PDO disabled and empty, with another transmission type: rules check changes only."""
-    held = config.communication
-    kind = None if held.transmission_type is None else held.transmission_type ^ 1
-    return PdoConfig(replace(held, cob_id=held.cob_id.disabled(), transmission_type=kind), ())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from dvtcli.domain.cob_id import CobId
@@ -131,3 +131,10 @@ def warning(rule: str, place: str, text: str, hint: Hint | str | None = None) ->
 def note(rule: str, place: str, text: str, hint: Hint | None = None) -> Finding:
     """A finding that only explains."""
     return Finding(rule, Severity.NOTE, place, text, None, hint)
+
+
+def disabled_and_empty(config: PdoConfig) -> PdoConfig:
+    """The same PDO disabled and empty, with another transmission type: rules check changes only."""
+    held = config.communication
+    kind = None if held.transmission_type is None else held.transmission_type ^ 1
+    return PdoConfig(replace(held, cob_id=held.cob_id.disabled(), transmission_type=kind), ())

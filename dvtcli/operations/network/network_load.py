@@ -15,7 +15,6 @@ from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.network.live_network import answering, has_bus, listen, present, refuse_without_bus
 from dvtcli.operations.plans.network_states import network_after, network_state
 from dvtcli.operations.results.loads import Measured, NetworkLoad
-from dvtcli.watch.statistics import FrameCount
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.bus_need import BusNeed
@@ -85,6 +84,8 @@ def _state(session: Session, file: str | None, measured: Measured | None) -> Net
 
 def _measured(session: SessionNodes, for_s: float) -> Measured:
     """Measure the traffic on the bus for *for_s* seconds."""
+    from dvtcli.watch.statistics import FrameCount
+
     count = FrameCount()
     received = listen(session, for_s, lambda frame, _sent: count.add(frame))
     return Measured(count, received.seconds, received.error_frames, received.lost_frames)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.cli.view.typed_hints import typed
-from dvtcli.domain.configuration import NotWritten
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.network.concise_dcf import download_lines
 from dvtcli.domain.pdo import entry_text
@@ -68,7 +67,7 @@ def _left_out(node: NodePlan) -> Iterator[Line]:
     for left_out in node.left_out:
         if not left_out.remains:
             by_why.setdefault(left_out.why, []).append(f"{left_out.object}{_values(node, left_out)}")
-    silent = by_why.pop(NotWritten.READ_ONLY, [])
+    silent = by_why.pop(_read_only(), []) if by_why else []
     for why, places in by_why.items():
         yield [Cell("  ! ", "yellow"), Cell(f"not written: {join_some(places)} {why}")]
     if silent:
@@ -144,8 +143,17 @@ def _entries(table: Table, node: NodePlan, was: list[str], will: list[str], *, c
             table.add(f"map {number + 1}", *_sides(entry_text(before), wanted, compares=compares))
 
 
-#: reasons against writing that --include lifts
-_LIFTED = frozenset(str(reason) for reason in NotWritten if reason.is_lifted_by_include)
+def _read_only() -> str:
+    from dvtcli.domain.configuration import NotWritten
+
+    return NotWritten.READ_ONLY
+
+
+def _is_lifted(left_out: LeftOut) -> bool:
+    """Whether --include lifts the reason against writing."""
+    from dvtcli.domain.configuration import NotWritten
+
+    return any(left_out.why == reason for reason in NotWritten if reason.is_lifted_by_include)
 
 
 def plan_lines(plan: NetworkPlan, width: int, *, compares: bool = False) -> Iterator[Line]:
@@ -211,9 +219,9 @@ def _remaining(plan: NetworkPlan) -> Iterator[Line]:
 
 def _includes(node: NodePlan) -> list[str]:
     """Return --include words for just the writable settings in *node.remaining*: sub-indices, or a common index."""
-    could = [left_out.object for left_out in node.remaining if left_out.why in _LIFTED]
+    could = [left_out.object for left_out in node.remaining if _is_lifted(left_out)]
     others = {
-        left_out.object[:4] for left_out in node.left_out if left_out.why in _LIFTED and left_out.object not in could
+        left_out.object[:4] for left_out in node.left_out if _is_lifted(left_out) and left_out.object not in could
     }
     others |= {change.step.object[:4] for change in node.plan.changes if not isinstance(change, PdoChange)}
     many = {index for index, count in Counter(place[:4] for place in could).items() if count > 1} - others
@@ -265,9 +273,7 @@ def _aside(plan: NetworkPlan) -> Iterator[Line]:
 
 def _not_written(node: NodePlan) -> list[str]:
     """Return writable values of the file that are left out."""
-    return [
-        left_out.object for left_out in node.left_out if left_out.why != NotWritten.READ_ONLY and not left_out.remains
-    ]
+    return [left_out.object for left_out in node.left_out if not left_out.remains and left_out.why != _read_only()]
 
 
 _ONLY_NODES = "Frames of other nodes are not counted."

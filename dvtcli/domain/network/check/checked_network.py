@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 from dvtcli.domain.cob_id import taken_by_services
-from dvtcli.domain.lint.described import blank
 from dvtcli.domain.network.bus_need import BusNeed, bus_need
 from dvtcli.domain.network.frame_streams import SYNCHRONOUS, Streams, streams_of
 from dvtcli.domain.network.network_config import NOWHERE, Mark
@@ -23,6 +22,7 @@ from dvtcli.domain.network.network_state import (
 from dvtcli.domain.network.received_traffic import ReceivedTraffic
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.rules import Finding, Proposal, check_pdo
+from dvtcli.domain.rules.finding import disabled_and_empty
 
 
 def judged_pdos(node: NodeState) -> Iterator[tuple[Pdo, Finding]]:
@@ -33,7 +33,7 @@ def judged_pdos(node: NodeState) -> Iterator[tuple[Pdo, Finding]]:
         if (not config.enabled and pdo not in node.marks) or config.inconsistency or config.mpdo is not None:
             continue
         proposal = Proposal(
-            node.node_id, pdo, blank(config), config, before, node.profile, node.dictionary,
+            node.node_id, pdo, disabled_and_empty(config), config, before, node.profile, node.dictionary,
             services=lambda: taken_by_services(node.node_id, node.number(SYNC_COB_ID), emcy, node.sdo_channels),
         )  # fmt: skip
         yield from ((pdo, finding) for finding in check_pdo(proposal))
