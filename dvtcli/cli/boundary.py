@@ -139,7 +139,7 @@ def usage_error(wrong: click.ClickException) -> UsageError:
     return UsageError(text, hint=hint)
 
 
-_EXTRA = re.compile(r"Got unexpected extra arguments? \((.*)\)", re.DOTALL)
+_EXTRA = r"(?s)Got unexpected extra arguments? \((.*)\)"
 
 
 def _in_quotes(ctx: click.Context, text: str) -> str:
@@ -147,7 +147,7 @@ def _in_quotes(ctx: click.Context, text: str) -> str:
     from dvtcli.cli.params import TEXT
 
     arguments = [param for param in ctx.command.params if isinstance(param, click.Argument)]
-    extra = _EXTRA.fullmatch(text)
+    extra = re.fullmatch(_EXTRA, text)
     if extra is None or not arguments or arguments[-1].type is not TEXT:
         return ""
     return f'put a value with a blank in quotes: "{ctx.params.get(arguments[-1].name or "")} {extra[1]}"'

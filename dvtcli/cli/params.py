@@ -123,9 +123,9 @@ class Listed(click.Argument):
 
 
 TEXT, FILE, NODE_ID = TextType(), FileType(), NumberType(1, 127, "a node-ID")
-_TIME = re.compile(r"(\d{1,9}(?:\.\d{0,9})?(?:e[+-]?\d{1,2})?|\.\d{1,9})(ms|s|min)?", re.ASCII)
+_TIME = r"(?a)(\d{1,9}(?:\.\d{0,9})?(?:e[+-]?\d{1,2})?|\.\d{1,9})(ms|s|min)?"
 _ROTATION_UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0, "kb": 1e3, "mb": 1e6, "gb": 1e9}
-_ROTATION = re.compile(rf"(\d{{1,9}}(?:\.\d{{0,9}})?)({'|'.join(_ROTATION_UNITS)})", re.ASCII)
+_ROTATION = rf"(?a)(\d{{1,9}}(?:\.\d{{0,9}})?)({'|'.join(_ROTATION_UNITS)})"
 
 
 class DurationType(CanopenType):
@@ -138,7 +138,7 @@ class DurationType(CanopenType):
 
     def parse(self, text: str, ctx: click.Context | None) -> float:
         """Return the time (s). Raises ValueError if malformed or out of range."""
-        found = _TIME.fullmatch(text.lower())
+        found = re.fullmatch(_TIME, text.lower())
         if not found:
             raise ValueError(f"{text!r} is not a time: write 100ms, 5s or 2min")
         value = float(found[1]) * {"ms": 0.001, "s": 1.0, "min": 60.0}[found[2] or "s"]
@@ -155,7 +155,7 @@ class RotationType(CanopenType):
 
     def parse(self, text: str, ctx: click.Context | None) -> tuple[float, int]:
         """Return seconds and bytes, one of them 0. Raises ValueError if malformed or out of range."""
-        found = _ROTATION.fullmatch(text.lower())
+        found = re.fullmatch(_ROTATION, text.lower())
         if not found:
             raise ValueError(f"{text!r} is neither a time nor a size: write 10min, 1h or 100MB")
         value = float(found[1]) * _ROTATION_UNITS[found[2]]

@@ -47,8 +47,8 @@ class TimeOfDay(CanopenTime):
 _TIME_OF_DAY = 0x0C
 #: Day 0 of a TIME_OF_DAY (CiA 301, 7.1.6.6).
 _EPOCH = date(1984, 1, 1)
-_DATE = re.compile(r"(\d{4}-\d\d-\d\d)[ T](\d\d?):(\d\d):(\d\d)(?:\.(\d{3}))?")
-_SPAN = re.compile(r"(\d{1,5}) ?d (\d\d?):(\d\d):(\d\d)(?:\.(\d{3}))?")
+_DATE = r"(\d{4}-\d\d-\d\d)[ T](\d\d?):(\d\d):(\d\d)(?:\.(\d{3}))?"
+_SPAN = r"(\d{1,5}) ?d (\d\d?):(\d\d):(\d\d)(?:\.(\d{3}))?"
 
 
 def _clock(milliseconds: int) -> str:
@@ -67,7 +67,7 @@ def _days_to(text: str) -> int:
 
 def _read_time(text: str) -> CanopenTime:
     """Read `2026-11-29 12:00:00`, `3 d 01:02:03.004` or `DAYS:MILLISECONDS`. Raises ValueError otherwise."""
-    found = _DATE.fullmatch(text) or _SPAN.fullmatch(text)
+    found = re.fullmatch(_DATE, text) or re.fullmatch(_SPAN, text)
     if found is None:
         days, colon, milliseconds = text.partition(":")
         if not colon:

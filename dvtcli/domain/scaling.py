@@ -16,14 +16,14 @@ from dvtcli.domain.datatypes import Value, parse_number
 
 #: maximum decimal places
 _MOST_DECIMALS = 12
-_QUANTITY = re.compile(
+_QUANTITY = (
     r"(?P<number>[+-]?(?:[0-9]{1,30}(?:\.[0-9]{0,30})?|\.[0-9]{1,30})(?:[eE][+-]?[0-9]{1,2})?)\s*(?P<unit>[^\s\d(,][^()]*?)?"
     r"(?:(?<!\s)\s*\((?P<raw>-?(?:[0-9]{1,40}|0[xX][0-9a-fA-F]{1,38}))\))?"
 )
 #: a word as `text` shows it, raw in parentheses
-_WITH_RAW = re.compile(r"(?P<word>.*)\((?P<raw>-?(?:[0-9]{1,40}|0[xX][0-9a-fA-F]{1,38}))\)", re.DOTALL)
+_WITH_RAW = r"(?s)(?P<word>.*)\((?P<raw>-?(?:[0-9]{1,40}|0[xX][0-9a-fA-F]{1,38}))\)"
 #: blanks, punctuation, brackets, and the hyphen within a word
-_LEFT_OUT = re.compile(r"(?:[\s_,;:'\"()\[\]]|(?<=[^\W\d_])-(?=[^\W\d_]))+")
+_LEFT_OUT = r"(?:[\s_,;:'\"()\[\]]|(?<=[^\W\d_])-(?=[^\W\d_]))+"
 
 
 class State(NamedTuple):
@@ -191,7 +191,7 @@ class Scaling:
         found = None if _is_raw(text, whole=whole) else self._by_word(text.strip())
         if found is not None:
             return found
-        match = None if _number(text) is not None else _QUANTITY.fullmatch(text.strip())
+        match = None if _number(text) is not None else re.fullmatch(_QUANTITY, text.strip())
         if match is None or not self.has_number or not (match["unit"] or match["raw"]):
             return None
         number = self._in_own_unit(match)
@@ -199,7 +199,7 @@ class Scaling:
 
     def _by_word(self, text: str) -> int | None:
         """The raw value for the word *text*, exactly; or ignoring blanks and case, unless it is a number."""
-        shown = _WITH_RAW.fullmatch(text)
+        shown = re.fullmatch(_WITH_RAW, text)
         told = None if shown is None else _number(shown["raw"])
         if (
             shown
@@ -244,7 +244,7 @@ class Scaling:
 
 def _spelling(word: str) -> str:
     """*word* without optional characters; a sign stays, to distinguish `+10 V` from `-10 V`."""
-    return _LEFT_OUT.sub("_", word.lower()).strip("_")
+    return re.sub(_LEFT_OUT, "_", word.lower()).strip("_")
 
 
 def _is_raw(text: str, *, whole: bool) -> bool:
@@ -283,7 +283,7 @@ _PREFIXES = {
 _BASES = frozenset({"V", "A", "W", "Ω", "Hz", "s", "m", "g", "N", "Nm", "Pa", "J", "K", "F", "H", "C", "Wh", "Ah", "VA",
                     "bar", "T", "rad", "inc", "bit"})  # fmt: skip
 _FACTOR = re.compile(r"[+-]?(?:\d{1,18}/0*[1-9]\d{0,17}|\d{1,18}(?:\.\d{0,18})?(?:[eE][+-]?\d{1,2})?|\.\d{1,18})")
-_SCALE = re.compile(r"(\d{1,9})/([1-9]\d{0,8})(?: +(\S.*))?|(\d{0,9}\.\d{1,9}|10{1,6}) *([^\d\s(.,/].*)")
+_SCALE = r"(\d{1,9})/([1-9]\d{0,8})(?: +(\S.*))?|(\d{0,9}\.\d{1,9}|10{1,6}) *([^\d\s(.,/].*)"
 
 
 def spelled(unit: str) -> str:
@@ -350,7 +350,7 @@ def parse_offset(text: str) -> Fraction:
 def parse_scale(text: str) -> tuple[Fraction, str]:
     """One count's value, and its unit: `1/256 V`, `0.1 %`, `100 us`; without a number, the text is the unit."""
     text = " ".join(text.split())
-    match = _SCALE.fullmatch(text)
+    match = re.fullmatch(_SCALE, text)
     if match is None:
         return Fraction(1), spelled("" if text == "-" else text)
     factor = Fraction(int(match[1]), int(match[2])) if match[1] else Fraction(match[4])

@@ -144,7 +144,7 @@ _WITHOUT_BUS = frozenset(
     }
 )  # fmt: skip
 #: a placeholder for a word that only the user knows
-PLACEHOLDER = re.compile(
+PLACEHOLDER = (
     r"(?:ADDRESS|COUNT|FILE|HOST|ID|KEY|MS|NAME|NODE|NUMBER|OBJECT|PLAN|RATE|S|TARGET|TEXT|TIME|TYPE|VALUE|WHAT|WHEN)"
     r"(?:[:/=.]\w+)?…?|.*…"
 )
@@ -177,7 +177,7 @@ class TypedHints:
     def words(self, hint: Hint) -> list[str] | None:
         """Return the words of the first complete command in *hint*; None if none."""
         lines = (self._line(step) for step in hint if step.action in COMMANDS)
-        return next((line for line in lines if not any(map(PLACEHOLDER.fullmatch, line))), None)
+        return next((line for line in lines if not any(re.fullmatch(PLACEHOLDER, word) for word in line)), None)
 
     def _marked(self, step: Hint) -> str:
         assert step.action is not None  # noqa: S101 - `sentence` asks for actions only

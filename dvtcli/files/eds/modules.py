@@ -23,10 +23,10 @@ from dvtcli.files.eds.sections import EdsLayout, ObjectSections, Parts
 Build = Callable[[], OdObject]
 #: numbers of modules: 0x1027 has 16 bits for each
 MODULE_NUMBERS = range(1, 0x10000)
-_SUB_EXTENSION = re.compile(r"m([0-9]+)subext([0-9a-f]{4})")
-_INFO = re.compile(r"m([0-9]+)moduleinfo")
-_FIXED = re.compile(r"m([0-9]+)fixed([0-9a-f]{4})")
-_OF_MODULE = re.compile(r"m([0-9]+)[a-z]")
+_SUB_EXTENSION = r"m([0-9]+)subext([0-9a-f]{4})"
+_INFO = r"m([0-9]+)moduleinfo"
+_FIXED = r"m([0-9]+)fixed([0-9a-f]{4})"
+_OF_MODULE = r"m([0-9]+)[a-z]"
 _CONNECTED, _MODULE_LIST = "connectedmodules", 0x1027
 _OF_MANY_ENTRIES = (ObjectType.ARRAY, ObjectType.RECORD)
 _BITS_OF_BYTE = 8
@@ -72,16 +72,16 @@ def _supported(layout: EdsLayout) -> dict[int, str]:
     values = section_values(layout.modules.get("supportedmodules", ()), Findings())
     found = dict.fromkeys(range(1, (number_key(values, "nrofentries", 0, _MOST_SUB_INDICES, Findings()) or 0) + 1), "")
     for name, parts in layout.modules.items():
-        if (of_module := _OF_MODULE.match(name)) is not None:
+        if (of_module := re.match(_OF_MODULE, name)) is not None:
             found.setdefault(int(of_module[1]), "")
-        if (info := _INFO.fullmatch(name)) is not None:
+        if (info := re.fullmatch(_INFO, name)) is not None:
             found[int(info[1])] = text_key(section_values(parts, Findings()), "productname")
     return dict(sorted(found.items()))
 
 
 def added_by_modules(layout: EdsLayout) -> frozenset[int]:
     """Return the indices that modules of the file may add, connected or not."""
-    names = (pattern.fullmatch(name) for name in layout.modules for pattern in (_SUB_EXTENSION, _FIXED))
+    names = (re.fullmatch(pattern, name) for name in layout.modules for pattern in (_SUB_EXTENSION, _FIXED))
     return frozenset(int(found[2], 16) for found in names if found)
 
 
@@ -114,9 +114,9 @@ def module_objects(
     return found
 
 
-def _indices(layout: EdsLayout, pattern: re.Pattern[str], module: int) -> Iterator[int]:
+def _indices(layout: EdsLayout, pattern: str, module: int) -> Iterator[int]:
     for name in layout.modules:
-        found = pattern.fullmatch(name)
+        found = re.fullmatch(pattern, name)
         if found and int(found[1]) == module:
             yield int(found[2], 16)
 

@@ -31,13 +31,12 @@ _OBJECT = re.compile(
 )
 _DEVICE = {"fileinfo", "deviceinfo", "dummyusage", "comments", "devicecomissioning", *OBJECT_LISTS}
 #: Sections that say nothing of the dictionary: data types, dynamic channels, tools (CiA 306, 4.6.1, 4.7 and 4.9).
-_KEPT = re.compile(r"standarddatatypes|dynamicchannels|tools|tool[0-9]+", re.ASCII)
+_KEPT = r"(?a)standarddatatypes|dynamicchannels|tools|tool[0-9]+"
 #: Sections of modular devices (CiA 306, 4.8 and 5.4): the module's number, and which of its sections.
-_MODULES = re.compile(
-    r"supportedmodules|connectedmodules"
+_MODULES = (
+    r"(?a)supportedmodules|connectedmodules"
     r"|m([0-9]{1,3})(moduleinfo|comments|fixedobjects|subextends|(?:fixed|subext)[0-9a-f]{4}(?:sub[0-9a-f]{1,2}"
-    r"|name|value|denotation|objectlinks)?)",
-    re.ASCII,
+    r"|name|value|denotation|objectlinks)?)"
 )
 #: CiA 306 spells it with one m; some tools correct the spelling.
 _SAME = {"devicecommissioning": "devicecomissioning"}
@@ -137,9 +136,9 @@ def _add_device_section(layout: EdsLayout, section: IniSection) -> None:
     name = _SAME.get(name, name)
     if name in _DEVICE:
         layout.device.setdefault(name, []).append(section)
-    elif _MODULES.fullmatch(name):
+    elif re.fullmatch(_MODULES, name):
         layout.modules.setdefault(name, []).append(section)
-    elif _KEPT.fullmatch(name):
+    elif re.fullmatch(_KEPT, name):
         layout.kept.setdefault(name, []).append(section)
     else:
         layout.stray.append(section)

@@ -87,7 +87,7 @@ def commands(ran: Ran) -> Iterator[str]:
     """The commands that *ran* printed, without those in which a word stands for another one."""
     for found in _COMMAND.finditer(ran.stderr + ran.stdout):
         command = found[1] or found[2]
-        if not any(map(PLACEHOLDER.fullmatch, shlex.split(command))) and not _ENDLESS.match(command):
+        if not any(re.fullmatch(PLACEHOLDER, word) for word in shlex.split(command)) and not _ENDLESS.match(command):
             yield command
 
 
