@@ -161,7 +161,7 @@ class Node(Changeable):
         from dvtcli.device.access_level import level_findings
         from dvtcli.device.change.applied import Applied, refuse
         from dvtcli.device.change.apply_plan import apply_with_retry
-        from dvtcli.device.change.undo_plan import with_undo_findings
+        from dvtcli.device.change.expected_refusals import with_undo_findings
         from dvtcli.domain.text import join_some
 
         self.answered_otherwise = {}
@@ -363,7 +363,8 @@ class Node(Changeable):
     def undo_plans(self, asked: UndoRequest) -> tuple[Applied, int]:
         """Undo the changes in *asked* and return the number of plans. Raises the errors of `plan_undo`."""
 
-        from dvtcli.device.change.undo_plan import foreseen, plan_undo, substitute_findings, undo_plan_of
+        from dvtcli.device.change.expected_refusals import foreseen, substitute_findings
+        from dvtcli.device.change.undo_plan import plan_undo, undo_plan_of
 
         initial_state = self.begin_change(ignores_restarts=asked.rolls_back)
         boot_ups = self.bus.boot_ups(self.node_id)

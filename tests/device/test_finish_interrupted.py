@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from dvtcli.device.change.apply_plan import apply_plan
+from dvtcli.device.change.expected_refusals import substitute_findings
 from dvtcli.device.change.journal import Journal
-from dvtcli.device.change.undo_plan import substitute_findings
 from dvtcli.device.habits import OFTEN_ENOUGH, Habit
 from dvtcli.device.store.pending import CHANGE
 from dvtcli.domain.nmt import NmtCommand, NmtState

@@ -9,9 +9,10 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from dvtcli.device.change.expected_refusals import substitute_findings
 from dvtcli.device.change.failed_change import Guarded, failure_sentence, name_left
 from dvtcli.device.change.roll_back import roll_back_patiently, unreadable_now
-from dvtcli.device.change.undo_plan import substitute_findings, undo_plan_of
+from dvtcli.device.change.undo_plan import undo_plan_of
 from dvtcli.device.change.untouched_pdos import altered_of, as_they_are, is_of_pdo, others_left, untouched_pdos
 from dvtcli.device.observe import MAX_READS, RestartCounter
 from dvtcli.device.stamped import NO_STAMP, held_stamp, is_stamp, stamp_back

@@ -7,6 +7,7 @@ from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field
 
 from dvtcli.device.cancellation import Cancellation
+from dvtcli.device.change.expected_refusals import substitute_findings
 from dvtcli.device.change.failed_change import (
     TRY_AGAIN,
     left_changed,
@@ -23,7 +24,6 @@ from dvtcli.device.change.roll_back import (
     held_otherwise,
     roll_back_patiently,
 )
-from dvtcli.device.change.undo_plan import substitute_findings
 from dvtcli.device.change.untouched_pdos import UntouchedPdos, altered_too, is_of_pdo
 from dvtcli.device.observe import MAX_READS, NeverRestarts, RebootMonitor, observed, restarted_since_read
 from dvtcli.domain.hint import Action, Hint

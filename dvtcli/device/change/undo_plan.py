@@ -11,9 +11,8 @@ from dvtcli.device.stamped import is_stamp, stamp_back
 from dvtcli.device.target_config import TargetConfig, config_differences, differences
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import STAMP, Change, PdoChange, Plan, Step, ValueChange, altering, alters, plan_pdo
-from dvtcli.domain.rules.finding import Finding, Proposal, warning
-from dvtcli.domain.rules.no_way_back import put_back_finding, way_back
+from dvtcli.domain.plan import STAMP, Change, PdoChange, Plan, Step, ValueChange, altering, plan_pdo
+from dvtcli.domain.rules.finding import Finding, warning
 from dvtcli.domain.rules.raw_write import why_unreadable
 from dvtcli.domain.store import DATE, TIME, is_own_date
 from dvtcli.domain.text import join_some, value_text
@@ -22,7 +21,7 @@ from dvtcli.errors import SafetyRefusal, SdoAborted, UsageError
 if TYPE_CHECKING:
     from dvtcli.device.change.changeable import Changeable
     from dvtcli.device.known_pdos import KnownPdos
-    from dvtcli.device.node_parts import NodeDescription, ReadableNode
+    from dvtcli.device.node_parts import ReadableNode
 
 
 def refuse_gap(node: Changeable, plans: Sequence[Plan]) -> None:
@@ -270,36 +269,3 @@ def unknown_before(plans: Iterable[Plan]) -> tuple[Finding, ...]:
 def unrestored_objects(unknown: Iterable[Finding]) -> tuple[str, ...]:
     """The objects in *unknown* (from `unknown_before`) as `2050:00`, each once."""
     return tuple(dict.fromkeys(finding.place.removeprefix("0x") for finding in unknown))
-
-
-def with_undo_findings(node: NodeDescription, plan: Plan) -> tuple[Plan, tuple[Finding, ...]]:
-    """*plan* with an accepted substitute for each PDO value that *node* would refuse in a roll-back, and findings."""
-    found = [_foreseen(node, change) for change in plan.changes]
-    findings = tuple(finding for _, finding in found if finding is not None)
-    return replace(plan, changes=tuple(change for change, _ in found)), findings
-
-
-def _foreseen(node: NodeDescription, change: Change) -> tuple[Change, Finding | None]:
-    if not isinstance(change, PdoChange) or not change.steps or not alters(change):
-        return change, None
-    back = Proposal(node.node_id, change.pdo, change.after, change.before, {}, node.profile, node.dictionary)
-    found = way_back(back)
-    return (change, None) if found is None else (change._replace(substitute=found[0]), found[1])
-
-
-def substitute_findings(changes: Iterable[Change]) -> tuple[Finding, ...]:
-    """A warning for each of *changes* restored to a substitute value."""
-    return tuple(
-        put_back_finding(change.pdo, change.before, change.substitute)
-        for change in changes
-        if isinstance(change, PdoChange) and change.substitute is not None
-    )
-
-
-def foreseen(plans: Iterable[Plan]) -> list[PdoChange]:
-    """The first change of each PDO in *plans* (oldest first) with an expected refusal of the roll-back."""
-    first: dict[Pdo, PdoChange] = {}
-    for change in (change for plan in plans for change in plan.changes):
-        if isinstance(change, PdoChange):
-            first.setdefault(change.pdo, change)
-    return [change for change in first.values() if change.substitute is not None]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.bus.turns import one_by_one
 from dvtcli.device.change.change_group import GroupMember
-from dvtcli.device.change.undo_plan import with_undo_findings
+from dvtcli.device.change.expected_refusals import with_undo_findings
 from dvtcli.device.change.untouched_pdos import as_they_are, untouched_configs, untouched_pdos
 from dvtcli.device.stamped import is_stamp
 from dvtcli.domain.network.network_plan import phases

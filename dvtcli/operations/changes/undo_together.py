@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.applied import Applied
 from dvtcli.device.change.apply_plan import enter
+from dvtcli.device.change.expected_refusals import foreseen
 from dvtcli.device.change.journal import combine_plans
 from dvtcli.device.change.own_journal import complete_groups
-from dvtcli.device.change.undo_plan import UndoPlan, UndoRequest, foreseen, plan_undo, refuse_unknown
+from dvtcli.device.change.undo_plan import UndoPlan, UndoRequest, plan_undo, refuse_unknown
 from dvtcli.device.change.untouched_pdos import as_they_are, untouched_pdos
 from dvtcli.domain.plan import STAMP, Change, PdoChange, Plan, ValueChange, plan_pdo
 from dvtcli.operations.changes.change import AlsoExpected, NoOtherExpectations, change_result, require_held
