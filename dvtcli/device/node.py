@@ -92,7 +92,7 @@ class Node(Changeable):
         from dvtcli.device.change.applied import refuse
         from dvtcli.device.file_fits import refuse_unlike_file
         from dvtcli.device.other_producers import received_ids, seen_producer_findings
-        from dvtcli.device.proposal import held_value, raw_change, raw_write_findings, taken_can_id_findings
+        from dvtcli.device.raw_write import held_value, raw_change, raw_write_findings, taken_can_id_findings
         from dvtcli.device.store.unstored import prepare_store
         from dvtcli.domain.plan import PdoChange, Plan, Step
         from dvtcli.domain.request import hinting_at_set, parameters_at

@@ -10,7 +10,7 @@ from dvtcli.domain.hint import Hint
 
 #: ways to restart a node: two NMT commands, and somebody's hand
 RESET_NODE, RESET_COMM, POWER = "reset-node", "reset-comm", "power-cycle"
-RESTART_NAMES = {RESET_NODE: "reset", RESET_COMM: "communication reset", POWER: "power cycle"}
+_RESTART_NAMES = {RESET_NODE: "reset", RESET_COMM: "communication reset", POWER: "power cycle"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +40,11 @@ class Proof:
     def holds(self) -> bool:
         """Whether the store or restore is proved."""
         return not self.differences and not self.unproved
+
+    @property
+    def restart(self) -> str:
+        """The kind of restart for people: `power cycle`."""
+        return _RESTART_NAMES[self.by]
 
     @property
     def differing(self) -> tuple[str, ...]:

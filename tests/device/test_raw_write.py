@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from dvtcli.device.node import Node
-from dvtcli.device.proposal import held_value, raw_change, raw_write_findings
+from dvtcli.device.raw_write import held_value, raw_change, raw_write_findings
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import PdoChange, Step, ValueChange

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, NamedTuple
 from dvtcli.device.change.apply_plan import apply_plan
 from dvtcli.device.change.failed_change import BUS_BACK, Guarded, left_open, name_left
 from dvtcli.device.change.roll_back import first_difference, roll_back_patiently
-from dvtcli.device.proposal import proposal, raw_write_findings
+from dvtcli.device.proposal import proposal
+from dvtcli.device.raw_write import raw_write_findings
 from dvtcli.device.read_pdos import read_optional
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.hint import Action, Hint

@@ -9,7 +9,8 @@ from itertools import chain
 from typing import TYPE_CHECKING
 
 from dvtcli.device.other_producers import Senders
-from dvtcli.device.proposal import proposal, raw_write_findings
+from dvtcli.device.proposal import proposal
+from dvtcli.device.raw_write import raw_write_findings
 from dvtcli.device.virtual_pdos import tie_findings
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.hint import Action, Hint, has_place, sentence

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, ClassVar
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.plan import PdoChange, Plan, Step, ValueChange, alters
 from dvtcli.domain.rules.finding import Finding
-from dvtcli.domain.store import Proof
 from dvtcli.operations.results.documents import Answer, Document, finding_document, hex_bytes, physical_document
 
 if TYPE_CHECKING:
     from dvtcli.domain.object_scalings import ScaledValue
+    from dvtcli.domain.store import Proof
     from dvtcli.errors import DvtcliError
 
 

@@ -26,11 +26,9 @@ def not_proved(node: int, word: str, proof: Proof) -> DvtcliError:
     failed.why, failed.hint, failed.state = proof.unproved, proof.hint, "unknown"
     failed.state_text = _state(word, proof)
     if proof.differences:
-        from dvtcli.domain.store import RESTART_NAMES
-
         differing = join_some(proof.differing)
         verb = "differs" if len(proof.differing) == 1 else "differ"
-        failed.why = f"after the {RESTART_NAMES[proof.by]} {differing} {verb} from {proof.against}"
+        failed.why = f"after the {proof.restart} {differing} {verb} from {proof.against}"
         failed.hint = _AGAIN[word]
     return failed
 
@@ -49,9 +47,7 @@ def _verdict(word: str, proof: Proof) -> str:
 
 def _state(word: str, proof: Proof) -> str:
     """Describe the node's values read after the restart."""
-    from dvtcli.domain.store import RESTART_NAMES
-
-    restart = RESTART_NAMES[proof.by]
+    restart = proof.restart
     put_back = f"; {proof.put_back}" if proof.put_back else ""
     if proof.differences:
         lost = f"lost with the {restart}: {join_some(proof.differing)}; " if word == "store" else ""

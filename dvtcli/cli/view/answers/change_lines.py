@@ -11,11 +11,11 @@ from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.pdo import Pdo, PdoMappingEntry
 from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange
 from dvtcli.domain.process_data import answers_with_state
-from dvtcli.domain.store import RESTART_NAMES, Proof
 from dvtcli.domain.text import join_some, plural
 from dvtcli.operations.results.failures import compared_text
 
 if TYPE_CHECKING:
+    from dvtcli.domain.store import Proof
     from dvtcli.operations.results import Changed, ChangedNodes, Stored
 
 
@@ -192,15 +192,15 @@ def _outcome(result: Stored) -> Iterator[Line]:
         return
     yield took
     if proof.canary:
-        yield [Cell(f"test value in RAM, which the {RESTART_NAMES[proof.by]} must discard: {proof.canary}", "dim")]
+        yield [Cell(f"test value in RAM, which the {proof.restart} must discard: {proof.canary}", "dim")]
     if proof.lost and result.word == "store":
-        yield [Cell(f"not stored, and lost by the {RESTART_NAMES[proof.by]}: {join_some(proof.lost)}", "yellow")]
+        yield [Cell(f"not stored, and lost by the {proof.restart}: {join_some(proof.lost)}", "yellow")]
     yield from _shown_by(result, proof)
 
 
 def _shown_by(result: Stored, proof: Proof) -> Iterator[Line]:
     """Show the result of the restart; a failed proof's remedy is in the error."""
-    what, after = compared_text(proof), f"after the {RESTART_NAMES[proof.by]}"
+    what, after = compared_text(proof), f"after the {proof.restart}"
     stored = result.word == "store"
     if proof.differences:
         yield [
