@@ -1,4 +1,4 @@
-"""Frames of Vector's binary log, as python-can's own reader has them."""
+"""Frames of Vector's binary log, as python-can's own reader has them, and damage that it does not notice."""
 
 from __future__ import annotations
 
@@ -9,11 +9,13 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import can
+import pytest
 from can.io.blf import FILE_HEADER_STRUCT
 from hypothesis import example, given
 from hypothesis import strategies as st
 
 from dvtcli.bus.can_message import frame_of
+from dvtcli.errors import InputFileError
 from dvtcli.files.recordings.read_recording import read_recorded
 from dvtcli.files.recordings.recording_format import RecordedFrame
 
@@ -76,8 +78,9 @@ def container(data: bytes, *, packed: bool) -> bytes:
     return _OBJECT.pack(b"LOBJ", _OBJECT.size, 1, size, 10) + body + bytes(size % 4)
 
 
-@given(st.lists(messages(), min_size=1, max_size=30), st.sampled_from([0, -1]), st.integers(40, 2000))
+@given(st.lists(messages(), min_size=1, max_size=30), st.sampled_from([0, -1]), st.integers(150, 2000))
 def test_what_python_can_writes_is_read_as_it_reads_it(written: list[can.Message], level: int, size: int) -> None:
+    """With containers that are larger than an object: of smaller ones python-can's writer loses the last bytes."""
     options: dict[str, Any] = {"compression_level": level, "max_container_size": size}
     with TemporaryDirectory() as folder:
         path = Path(folder, "x.blf")
@@ -100,10 +103,73 @@ def test_objects_of_any_kind_over_containers_are_read_as_python_can_reads_them(
         parts.append(data[:size])
         data = data[size:]
     containers = b"".join(container(part, packed=packed) for part in parts if part)
-    began = 2025, 11, 6, 29, 1, 33, 20, 0
-    head = b"LOGG", 144, 5, 0, 0, 0, 2, 6, 8, 1, 144 + len(containers), 0, len(written), 0, *began, *began
     with TemporaryDirectory() as folder:
-        path = Path(folder, "x.blf")
-        path.write_bytes(FILE_HEADER_STRUCT.pack(*head).ljust(144, b"\0") + containers)
+        path = recording(Path(folder, "x.blf"), containers, 144 + len(containers))
         if expected := by_python_can(path):
             assert list(read_recorded(path)) == expected
+
+
+def recording(path: Path, containers: bytes, size: int = 0) -> Path:
+    """Write a recording of *containers*, whose header states *size* (bytes); 0 if its writer was killed."""
+    began = 2025, 11, 6, 29, 1, 33, 20, 0
+    head = b"LOGG", 144, 5, 0, 0, 0, 2, 6, 8, 1, size, 0, 0, 0, *began, *began
+    path.write_bytes(FILE_HEADER_STRUCT.pack(*head).ljust(144, b"\0") + containers)
+    return path
+
+
+def frames_before_damage(path: Path) -> list[RecordedFrame]:
+    """The frames of *path*, which is damaged behind them."""
+    found = list[RecordedFrame]()
+    with pytest.raises(InputFileError):
+        found.extend(read_recorded(path))
+    return found
+
+
+#: two frames, each before an object of another kind
+TWO_FRAMES = [an_object(1), an_object(_STATISTIC), an_object(86), an_object(_STATISTIC)]
+_ONE = len(TWO_FRAMES[0])
+
+
+def whole_frames(missing: int) -> int:
+    """How many of `TWO_FRAMES` are there if *missing* bytes at the end are not."""
+    return 2 if missing <= _ONE else 1 if missing <= 3 * _ONE else 0
+
+
+@pytest.mark.parametrize("packed", [False, True])
+@pytest.mark.parametrize("missing", [n for n in range(1, 4 * _ONE, 5) if n % _ONE])
+def test_a_recording_whose_last_object_is_cut_is_damaged(missing: int, packed: bool, tmp_path: Path) -> None:
+    """Also if its header states no size: that is written last."""
+    data = b"".join(TWO_FRAMES)
+    path = recording(tmp_path / "x.blf", container(data[:-missing], packed=packed))
+    assert len(frames_before_damage(path)) == whole_frames(missing)
+
+
+@pytest.mark.parametrize("missing", [_ONE, 2 * _ONE, 3 * _ONE])
+def test_a_recording_whose_objects_are_whole_is_not_damaged(missing: int, tmp_path: Path) -> None:
+    path = recording(tmp_path / "x.blf", container(b"".join(TWO_FRAMES)[:-missing], packed=True))
+    assert len(list(read_recorded(path))) == whole_frames(missing)
+
+
+@pytest.mark.parametrize("missing", [1, 5, 47, 48, 100])
+def test_a_container_that_its_file_does_not_end_is_damaged_behind_its_whole_frames(
+    missing: int, tmp_path: Path
+) -> None:
+    path = recording(tmp_path / "x.blf", container(b"".join(TWO_FRAMES), packed=False)[:-missing])
+    assert len(frames_before_damage(path)) == whole_frames(missing)
+
+
+@pytest.mark.parametrize("length", range(16))
+@pytest.mark.parametrize("kind", [1, 86, _STATISTIC, 100])
+@pytest.mark.parametrize("version", [1, 2, 9])
+def test_an_object_that_is_shorter_than_its_header_is_damage(
+    length: int, kind: int, version: int, tmp_path: Path
+) -> None:
+    """A length of 0 leads back to the same object, for ever."""
+    short = bytearray(an_object(kind))
+    _OBJECT.pack_into(short, 0, b"LOBJ", 32, version, length, kind)
+    for before in (TWO_FRAMES, [*TWO_FRAMES, an_object(1, version=2)]):
+        data = b"".join([*before, bytes(short), *TWO_FRAMES])
+        path = recording(tmp_path / "x.blf", container(data, packed=True))
+        assert len(frames_before_damage(path)) == sum(one[12:16] != bytes([_STATISTIC, 0, 0, 0]) for one in before)
+    outside = recording(tmp_path / "y.blf", container(b"".join(TWO_FRAMES), packed=True) + bytes(short) + bytes(64))
+    assert len(frames_before_damage(outside)) == 2

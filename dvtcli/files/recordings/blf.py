@@ -1,4 +1,4 @@
-"""Vector's binary log; reports files shorter than their header states."""
+"""Vector's binary log; reports files that were cut short."""
 
 from __future__ import annotations
 
@@ -39,19 +39,25 @@ class Unpacked:
 
     def __init__(self, raw: BinaryIO) -> None:
         self._raw = raw
-        self._is_container = False
+        #: type of the object whose header was read last and whose rest comes next
+        self._kind: int | None = None
+        #: whether the file ends within an object
+        self.is_cut = False
 
     def read(self, count: int) -> bytes:
-        """Read the next *count* bytes, containers unpacked. Raises NoFrameError if too many."""
+        """Read the next *count* bytes, containers unpacked. Raises NoFrameError if too many, or fewer than none."""
+        if count < 0:
+            raise NoFrameError("an object that is shorter than its header")
         if count > _MOST_BYTES:
             raise NoFrameError(f"an object of {count} bytes; writers make them of 128 KiB")
         data = self._raw.read(count)
-        if self._is_container:
-            self._is_container = False
-            return self._unpacked(data)
+        if self._kind is not None:
+            kind, self._kind = self._kind, None
+            self.is_cut |= len(data) < count
+            return self._unpacked(data) if kind == _CONTAINER else data
         if count == _OBJECT.size and len(data) == count:
             signature, _, _, _, kind = _OBJECT.unpack(data)
-            self._is_container = signature == b"LOBJ" and kind == _CONTAINER
+            self._kind = kind if signature == b"LOBJ" else None
         return data
 
     def _unpacked(self, container: bytes) -> bytes:
@@ -105,10 +111,29 @@ class _Reader(can.BLFReader):
             elif kind in _WITH_FRAMES or version not in (1, 2):
                 break
             pos += length
+        short = _short_object(data, pos)
         try:
-            yield from super()._parse_data(data[pos:])
+            yield from super()._parse_data(data[pos:short])
         finally:
             self._pos += pos
+        if short is not None:
+            raise NoFrameError("an object that is shorter than its header")
+
+    @property
+    def is_cut(self) -> bool:
+        """Whether an object began that the file does not end."""
+        begun = self._tail.lstrip(b"\0")[:4]
+        return begun != b"" and b"LOBJ".startswith(begun)
+
+
+def _short_object(data: bytes, pos: int) -> int | None:
+    """The position of the first object from *pos* on that is shorter than its header: python-can never gets past it."""
+    while (found := data.find(b"LOBJ", pos, pos + 8)) >= 0 and found + _OBJECT.size <= len(data):
+        length = _OBJECT.unpack_from(data, found)[3]
+        if length < _OBJECT.size:
+            return found
+        pos = found + length
+    return None
 
 
 class BlfFormat(RecordingFormat):
@@ -125,8 +150,11 @@ class BlfFormat(RecordingFormat):
         return raw
 
     def reader(self, source: Any) -> Iterator[can.Message | RecordedFrame]:
-        """Iterate over frames; raises NoFrameError after the last if the file is shorter than its header states."""
-        blocks, size = _Reader(Unpacked(source)), fstat(source.fileno()).st_size  # type: ignore[arg-type]
+        """Iterate over frames; raises NoFrameError after the last if the file was cut short."""
+        unpacked, size = Unpacked(source), fstat(source.fileno()).st_size
+        blocks = _Reader(unpacked)  # type: ignore[arg-type]
         yield from blocks
         if size < blocks.file_size:
             raise NoFrameError(f"it was cut short: of {blocks.file_size} bytes it has {size}")
+        if unpacked.is_cut or blocks.is_cut:
+            raise NoFrameError("it was cut short: its last object is not complete")
