@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import TYPE_CHECKING, Protocol
 
 from dvtcli.cli.editor.model import PARAMETERS, EditedPdos
@@ -148,8 +149,8 @@ def picture(view: EditorView, width: int, height: int) -> Lines:
         body = [[*left, Cell(" "), *middle, Cell(" "), *right] for left, middle, right in zip(*panes, strict=True)]
     else:
         body = _pane(view, view.pane, draw[view.pane](view, width, room - 1), width, room)
-    lines = [*above, *body[:room], *below]
-    return [cut(line, width, plain=view.plain) for line in lines]
+    above, below = ([cut(line, width, plain=view.plain) for line in lines] for lines in (above, below))
+    return [*above, *body[:room], *below]
 
 
 def pane_at(view: EditorView, width: int, column: int) -> int:
@@ -166,12 +167,13 @@ def _pane(view: EditorView, pane: int, lines: Lines, width: int, room: int) -> L
     head = [Cell(filled(f" {title}", width, plain=view.plain), "reverse" if pane == view.pane else "dim")]
     whole = [head, *lines][:room]
     whole += [[] for _ in range(room - len(whole))]
-    return [_filled(line, width, plain=view.plain) for line in whole]
+    return [_filled(tuple(line), width, plain=view.plain) for line in whole]
 
 
-def _filled(line: list[Cell], width: int, *, plain: bool) -> list[Cell]:
+@lru_cache(maxsize=512)  # of two pictures most lines are the same
+def _filled(line: tuple[Cell, ...], width: int, *, plain: bool) -> list[Cell]:
     """Cut or fill *line* to exactly *width* columns."""
-    cells = cut(line, width, plain=plain)
+    cells = cut(list(line), width, plain=plain)
     used = "".join(cell.text for cell in cells)
     return [
         *cells,
