@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
     from dvtcli.cli.conversation import Conversation
     from dvtcli.operations.results import Facts
+    from dvtcli.operations.user.settings import Settings
 
 
 @click.command(
@@ -40,19 +41,28 @@ def command(session: Conversation, /, words: tuple[str, ...]) -> Facts:
     """
     from dvtcli.cli.aliases import usable_aliases
     from dvtcli.operations.user.change_settings import list_aliases, set_alias
-    from dvtcli.operations.user.settings import Settings
 
     if not words:
-        return list_aliases(session.settings, usable_aliases(session.settings))
+        settings = _settings(session)
+        return list_aliases(settings, usable_aliases(settings))
     name, line = _name_and_line(words)
     _require_usable(session, name, line)
     answer = set_alias(name, line, dry_run=session.dry_run)
     if session.at_prompt:
-        settings = Settings()
-        settings.read_files()
         session.aliases.clear()
-        session.aliases.update(usable_aliases(settings))
+        session.aliases.update(usable_aliases(_settings(session)))
     return answer
+
+
+def _settings(session: Conversation) -> Settings:
+    """Return the settings, at the prompt as they are now: an earlier line may have set an alias."""
+    from dvtcli.operations.user.settings import Settings
+
+    if not session.at_prompt:
+        return session.settings
+    settings = Settings()
+    settings.read_files()
+    return settings
 
 
 def _name_and_line(words: Sequence[str]) -> tuple[str, str | None]:

@@ -79,7 +79,7 @@ def test_the_prompt_knows_a_new_alias_at_once(gen4: Terminal) -> None:
     gen4.wait("0x0000001E")
     gen4.wait_prompt()
     gen4.run("alias")
-    gen4.row("vendor = read 1018:1")
+    gen4.until(lambda: "vendor = read 1018:1" in [line.strip() for line in gen4.lines], "the list of aliases")
     gen4.wait_prompt()
     gen4.run("alias vendor =")
     gen4.wait("vendor is no longer an alias")
