@@ -13,8 +13,10 @@ from dvtcli.cli.params import FILE, TEXT
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from dvtcli.cli.conversation import Conversation
-    from dvtcli.operations.results import Facts
+    from dvtcli.operations.results import Facts, FrameSeen
 
 
 @click.command("decode", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)
@@ -71,5 +73,14 @@ def command(
         if as_csv:
             write_values(session, path, session.output.stdout, nodes, dbc, text, options)
         else:
-            session.output.stream(decode_recording(session, path, nodes, dbc, text, options.only))
+            _show(session, decode_recording(session, path, nodes, dbc, text, options.only))
     return None
+
+
+def _show(session: Conversation, frames: Iterable[FrameSeen]) -> None:
+    if not session.output.json:
+        session.output.stream(frames)
+        return
+    from dvtcli.cli.view.frame_json import FrameJson
+
+    session.output.json_lines(map(FrameJson(session.output.encoder()).text, frames))

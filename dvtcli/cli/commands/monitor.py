@@ -78,8 +78,11 @@ def command(
 
 
 def _shown_by(session: Conversation) -> Callable[[Iterable[FrameSeen]], None]:
+    from dvtcli.cli.view.frame_json import FrameJson
+
     output = session.output
-    return lambda seen: output.documents(frame.document() for frame in seen)
+    lines = FrameJson(output.encoder())
+    return lambda seen: output.json_lines(map(lines.text, seen))
 
 
 def _on_bus_event(session: Conversation) -> OnBusEvent:

@@ -293,11 +293,19 @@ class Output:
 
         Raises ReaderLeft if the reader is gone: the producer only reads, and may stop.
         """
-        encode, write = _encoder(self._as_json), self.stdout.write
+        self.json_lines(map(self.encoder(), documents))
+
+    def json_lines(self, texts: Iterable[str]) -> None:
+        """Print *texts* of `encoder` to stdout as `documents` does."""
+        write = self.stdout.write
         with self._streaming():
-            for document in documents:
-                write(encode(document) + "\n")
+            for text in texts:
+                write(text + "\n")
             self.stdout.flush()
+
+    def encoder(self) -> Callable[[Any], str]:
+        """What makes the JSON text of a document or a part of it."""
+        return _encoder(self._as_json)
 
     def told(self, document: Document) -> None:
         """Print a document to stderr on one line, for events beside the answers."""
@@ -361,7 +369,7 @@ class Output:
         return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
 
 
-def _encoder(default: Callable[[Any], Any]) -> Callable[[Document], str]:
+def _encoder(default: Callable[[Any], Any]) -> Callable[[Any], str]:
     """Return what makes a document's text; of many documents it makes each in half the time of `json.dumps`."""
     import json.encoder
 
