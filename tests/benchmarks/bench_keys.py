@@ -74,7 +74,7 @@ def main() -> int:
     print(
         f"{len(times)} keys over {OBJECTS} objects: p50 {median(times):.1f} ms, p99 {p99:.1f} ms, max {max(times):.1f}"
     )
-    print(f"goal: p99 under {GOAL_MS:.0f} ms: {'reached' if p99 < GOAL_MS else 'CONSUMER_PERIODS'}")
+    print(f"goal: p99 under {GOAL_MS:.0f} ms: {'reached' if p99 < GOAL_MS else 'missed'}")
     return 0 if p99 < GOAL_MS else 1
 
 

@@ -88,7 +88,7 @@ def table(figures: Iterable[Figure]) -> Iterator[str]:
     for figure in figures:
         own, other = (f"{median(values):.4g} {figure.unit}".rstrip() for values in (figure.own, figure.other))
         low, high = figure.spread
-        missed = "  CONSUMER_PERIODS" if figure.is_missed else ""
+        missed = "  missed" if figure.is_missed else ""
         yield (
             f"{figure.name:46}{own:>12}  {f'{other} {figure.against}':40}{median(figure.ratios):6.2f}"
             f"  {f'{low:.2f} .. {high:.2f}':13}  {figure.goal}{missed}"
