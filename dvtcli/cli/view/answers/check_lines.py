@@ -19,12 +19,10 @@ if TYPE_CHECKING:
 STYLES = {"error": "red", "warning": "yellow", "note": "cyan"}
 #: Maximum number of causes per rule; `--rule` shows every finding, and other formats always have all.
 _SHOWN = 10
-#: number from which findings of one cause are one line: each error must be corrected, so more of them stay apart
-_MANY = {"error": 6, "warning": 3, "note": 3}
-#: what differs between findings of one cause: node, PDO, object and its name, CAN-ID, and a line of an EDS
-_PLACES = re.compile(
-    r"\b(?:node \d+|[RT]PDO\d+|0x[0-9A-F]+(?::[0-9A-F]{2})?|[0-9A-F]{4}:[0-9A-F]{2}|\S+\.\w+:\d+)\b|\"[^\"]*\""
-)
+#: number from which warnings or notes of one cause are one line, and from which only the first error of a rule has an
+#: excerpt of the file: each error has its own line, since each must be corrected
+_MANY, _MANY_ERRORS = 3, 6
+_CAN_ID = re.compile(r"\b0x[0-9A-F]{3}\b")
 
 
 def check_lines(result: FileReport, width: int) -> Iterator[Line]:
@@ -119,10 +117,14 @@ def _finding(report: RecordingReport, found: RecordingFinding) -> Iterator[Line]
 
 
 def network_check_lines(result: NetworksChecked, _width: int) -> Iterator[Line]:
-    """Findings with their places, the worst first, those of one cause in one line, and a line for each file."""
+    """Findings with their places, the worst first, and a line for each file.
+
+    Warnings and notes that say the same of several nodes or PDOs are one line.
+    """
     for report in result.reports:
         is_alone, is_folded = len(report.rules) == 1, False
-        for severity in SEVERITIES:
+        yield from _errors(report, with_excerpts=is_alone)
+        for severity in SEVERITIES[1:]:
             found = [finding for finding in report.findings if finding.severity == severity]
             if severity == "note":
                 yield from _notes_of_file(report)
@@ -131,7 +133,19 @@ def network_check_lines(result: NetworksChecked, _width: int) -> Iterator[Line]:
                 yield _network_finding(report, finding, others)
                 if finding.complaint is not None and severity != "note":
                     yield from source_lines(finding.complaint)
-        yield f"{_sum(report)}{' (--rule NAME lists each finding of a rule)' if is_folded else ''}"
+        yield f"{_sum(report)}{'; --rule NAME alone lists each finding of that rule' if is_folded else ''}"
+
+
+def _errors(report: NetworkReport, *, with_excerpts: bool) -> Iterator[Line]:
+    """A line for each error, *with_excerpts* of the file or if a rule has few errors."""
+    errors = [finding for finding in report.findings if finding.severity == "error"]
+    times, shown = Counter(finding.rule for finding in errors), set[str]()
+    for finding in errors:
+        yield _network_finding(report, finding, [])
+        is_shown = with_excerpts or times[finding.rule] < _MANY_ERRORS or finding.rule not in shown
+        if finding.complaint is not None and is_shown:
+            shown.add(finding.rule)
+            yield from source_lines(finding.complaint)
 
 
 def _notes_of_file(report: NetworkReport) -> Iterator[Line]:
@@ -141,12 +155,27 @@ def _notes_of_file(report: NetworkReport) -> Iterator[Line]:
 
 
 def _network_by_cause(findings: list[NetworkFinding]) -> Iterator[list[NetworkFinding]]:
-    """Yield *findings*, those of a rule that differ in nodes, PDOs, objects and CAN-IDs only together if many."""
+    """Yield *findings*, many that differ in nothing but their own node, PDO and object together."""
     causes: dict[tuple[str, str], list[NetworkFinding]] = {}
     for finding in findings:
-        causes.setdefault((finding.rule, _PLACES.sub("", finding.text)), []).append(finding)
+        causes.setdefault((finding.rule, _without_place(finding)), []).append(finding)
     for cause in causes.values():
-        yield from [cause] if len(cause) >= _MANY[cause[0].severity] else ([finding] for finding in cause)
+        yield from [cause] if len(cause) >= _MANY else ([finding] for finding in cause)
+
+
+def _without_place(found: NetworkFinding) -> str:
+    """The text of *found* without its node, PDO, the PDO's CAN-ID, and object; all other values remain."""
+    places = []
+    if found.node is not None:
+        places.append(rf"node {found.node}")
+    if found.pdo is not None:
+        places.append(found.pdo.upper())
+        if len(can_ids := set(_CAN_ID.findall(found.text))) == 1:
+            places.extend(can_ids)
+    if found.object:
+        index, _, sub_index = found.object.partition(":")
+        places += [rf"0x{index}(?::{sub_index})?", found.object]
+    return re.sub(rf"\b(?:{'|'.join(places)})\b", "…", found.text) if places else found.text
 
 
 def _network_finding(report: NetworkReport, found: NetworkFinding, others: list[NetworkFinding]) -> Line:
@@ -161,14 +190,41 @@ def _network_finding(report: NetworkReport, found: NetworkFinding, others: list[
 
 
 def _more(found: NetworkFinding, others: list[NetworkFinding]) -> str:
-    """Count *found* and *others*, and name the nodes and lines of the others."""
+    """Count *found* and *others*, and name all places of the others."""
     if not others:
         return ""
-    by_node = dict.fromkeys(other.node for other in others if other.node not in (None, found.node))
-    nodes = f"node {join_some([str(node) for node in by_node])}; " if by_node else ""
-    lines = join_some([str(line) for line in dict.fromkeys(finding.line for finding in others if finding.column)])
-    also = f"{nodes}line {lines}" if lines else nodes.removesuffix("; ")
-    return f"({len(others) + 1} times{also and f': also {also}'}) "
+    nodes: dict[str, list[int]] = {"": []}
+    for other in others:
+        what = "" if _what(other) == _what(found) else _what(other)
+        numbers = nodes.setdefault(what, [])
+        if other.node is not None and (what or other.node != found.node):
+            numbers.append(other.node)
+    also = [
+        " of ".join(part for part in (what, f"node {_ranges(numbers)}" if numbers else "") if part)
+        for what, numbers in nodes.items()
+    ]
+    if lines := {other.line for other in others if other.column} - {found.line}:
+        also.append(f"line {_ranges(lines)}")
+    places = "; ".join(part for part in also if part)
+    return f"({len(others) + 1} times{places and f': also {places}'}) "
+
+
+def _what(found: NetworkFinding) -> str:
+    """The PDO or object of *found*, as its text names it; empty for neither."""
+    if found.pdo is not None:
+        return found.pdo.upper()
+    return f"0x{found.object}" if found.object else ""
+
+
+def _ranges(numbers: Iterable[int]) -> str:
+    """Write *numbers* in order, three and more in a row as `2-4`."""
+    runs: list[list[int]] = []
+    for number in sorted(set(numbers)):
+        if runs and runs[-1][-1] == number - 1:
+            runs[-1].append(number)
+        else:
+            runs.append([number])
+    return ", ".join(f"{run[0]}-{run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs)
 
 
 def _sum(report: NetworkReport) -> str:

@@ -103,14 +103,15 @@ def test_findings_of_one_cause_are_one_line(bench: Bench, tmp_path: Path, count:
     lines = bench.run(f"check {file}").stdout.splitlines()
     for rule in ("no-error-control", "rpdo-without-producer"):
         found = [line for line in lines if line.endswith(f"[{rule}]")]
-        assert (len(found), [line for line in found if f"({count} times: also node " in line]) == (
+        others = "2, 3" if count == 3 else f"2-{count}"
+        assert (len(found), [line for line in found if f"({count} times: also node {others}; line " in line]) == (
             shown, found if shown == 1 else [],
         )  # fmt: skip
         alone = bench.run(f"check {file} --rule {rule}").stdout.splitlines()
         assert sum(line.endswith(f"[{rule}]") for line in alone) == count
         (report,) = bench.run(f"check {file} --json").document["files"]
         assert sum(each["rule"] == rule for each in report["findings"]) == count
-    assert lines[-1].endswith("(--rule NAME lists each finding of a rule)") == (shown == 1)
+    assert lines[-1].endswith("; --rule NAME alone lists each finding of that rule") == (shown == 1)
 
 
 def test_a_warning_about_a_whole_pdo_shows_its_line(bench: Bench, tmp_path: Path) -> None:
@@ -121,19 +122,28 @@ def test_a_warning_about_a_whole_pdo_shows_its_line(bench: Bench, tmp_path: Path
     assert lines[2:4] == ["    6 |     rpdo: {1: {cob_id: 0x201, enabled: true}}", "      |            ^"]
 
 
-@pytest.mark.parametrize(("count", "shown"), [(5, 5), (6, 1)])
-def test_errors_of_one_cause_are_one_line_only_if_many(bench: Bench, tmp_path: Path, count: int, shown: int) -> None:
+@pytest.mark.parametrize(("count", "excerpts"), [(5, 5), (6, 1)])
+def test_each_error_has_its_line_and_only_the_first_of_many_its_excerpt(
+    bench: Bench, tmp_path: Path, count: int, excerpts: int
+) -> None:
     file = tmp_path / "net.yaml"
     file.write_text(
         "nodes:\n" + "".join(
-            f"  n{node_id}: {{node_id: {node_id}, dcf: generic, tpdo: {{1: {{mapping: [6040:00]}}}}}}\n"
+            f"  n{node_id}: {{node_id: {node_id}, dcf: generic, tpdo: {{1: {{mapping: [5FF{node_id}:00]}}}}}}\n"
             for node_id in range(1, count + 1)
         ), "utf-8",
     )  # fmt: skip
     ran = bench.run(f"check {file}")
     errors = [line for line in ran.stdout.splitlines() if ": error: " in line]
-    assert (ran.code, len(errors)) == (4, shown), ran
-    assert (f"({count} times: also node " in errors[0]) == (shown == 1)
+    assert (ran.code, len(errors)) == (4, count), ran
+    for node_id, line in enumerate(errors, 1):
+        assert line.startswith(f"{file}:{node_id + 1}:")
+        assert f"node {node_id}" in line
+        assert f"5FF{node_id}" in line
+    (rule,) = {line.rpartition("[")[2].removesuffix("]") for line in errors}
+    assert sum(line.endswith("^^^^^^^") for line in ran.stdout.splitlines()) == excerpts
+    alone = bench.run(f"check {file} --rule {rule}").stdout.splitlines()
+    assert sum(line.endswith("^^^^^^^") for line in alone) == count
 
 
 def test_the_worst_findings_come_first(bench: Bench, tmp_path: Path) -> None:
