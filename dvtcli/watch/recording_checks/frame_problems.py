@@ -88,9 +88,10 @@ class _Lengths:
 
 @dataclass(slots=True)
 class LengthProblems:
-    """Watches the lengths of frames; *layout_of* a frame is what its sender maps."""
+    """Watches the lengths of frames; *layout_of* a frame is what its sender maps, *mappings* those in the recording."""
 
     layout_of: Callable[[Frame], Layout]
+    mappings: RecordedMappings
     _lengths: dict[Address, _Lengths] = field(default_factory=lambda: defaultdict(_Lengths))
     _misfits: TimesOf[_Misfit] = field(default_factory=TimesOf)
 
@@ -106,16 +107,18 @@ class LengthProblems:
             layout = self.layout_of(frame)
             seen.misfit = _Misfit.of(frame, layout)
             seen.is_pdo = not frame.extended and layout.service.kind == "pdo"
-        if seen.misfit is not None:
-            self._misfits.note(moment, seen.misfit)
+        if (found := seen.misfit) is not None and not (
+            found.is_guess and self.mappings.explains(found.node, found.label, found.fits)
+        ):
+            self._misfits.note(moment, found)
 
     @property
     def sent(self) -> Collection[Address]:
         """The CAN-IDs of all frames so far, remote ones aside."""
         return self._lengths.keys()
 
-    def problems(self, mappings: WrittenMappings) -> Iterator[Problem]:
-        """Return PDOs of a wrong length, which *mappings* may explain, and those whose length changes to and fro."""
+    def problems(self) -> Iterator[Problem]:
+        """Return PDOs of a wrong length, with the cause if known, and those whose length changes to and fro."""
         two = {address for address, seen in self._lengths.items() if seen.is_pdo and len(seen.changes) >= _ENOUGH}
         for address in sorted(two):
             seen, can_id = self._lengths[address], can_id_text(address[0], extended=address[1])
@@ -124,7 +127,9 @@ class LengthProblems:
             yield Problem(TWO_SENDERS, text, f"senders of {can_id}", look, Moments.at(*seen.changes))
         for found, moments in self._misfits.items():
             node_id = found.node
-            cause = mappings.cause(node_id, found.label, moments.first, found.mapped, found.fits)
+            if found.is_guess and self.mappings.was_read_later(node_id, found.label, moments.last, found.fits):
+                continue
+            cause = self.mappings.cause(node_id, found.label, moments.first, found.mapped, found.fits)
             expected = "what the node maps, which the file does not say" if found.is_guess else (
                 "whether the node's mapping is that of the file"
             )  # fmt: skip
@@ -276,24 +281,35 @@ class RpdoProblems:
 _NodePdo = tuple[int, str]
 
 
-@dataclass(slots=True)
-class WrittenMappings:
-    """Knows when SDO writes completed the mapping of a PDO, and the frame length (bytes) that it gives."""
+class _RecordedMapping(NamedTuple):
+    """A mapping that was complete at *moment*, by a write or a read; *length* (bytes) is None if unknown."""
 
+    moment: Moment
+    length: int | None
+    is_write: bool
+
+
+@dataclass(slots=True)
+class RecordedMappings:
+    """Knows when SDO transfers wrote or read the whole mapping of a PDO, and the frame length (bytes) that it gives."""
+
+    #: the number of entries, and the bits of each entry, by PDO
+    _counts: dict[_NodePdo, int] = field(default_factory=dict)
     _entries: dict[_NodePdo, dict[int, int]] = field(default_factory=lambda: defaultdict(dict))
-    #: the completed mappings of each PDO in order; a length of None is unknown
-    _lengths: dict[_NodePdo, list[tuple[Moment, int | None]]] = field(default_factory=lambda: defaultdict(list))
+    #: the complete mappings of each PDO in order
+    _mappings: dict[_NodePdo, list[_RecordedMapping]] = field(default_factory=lambda: defaultdict(list))
 
     def start(self, moment: Moment, node_id: int) -> None:
         """Node *node_id* starts: its mappings are those that it stored."""
-        for key in [key for key in self._lengths if key[0] == node_id]:
-            self._lengths[key].append((moment, None))
-        for key in [key for key in self._entries if key[0] == node_id]:
-            del self._entries[key]
+        for key in [key for key in self._mappings if key[0] == node_id]:
+            self._mappings[key].append(_RecordedMapping(moment, None, is_write=True))
+        for known in (self._counts, self._entries):
+            for key in [key for key in known if key[0] == node_id]:
+                del known[key]
 
     def take(self, moment: Moment, node_id: int, step: SdoStep) -> None:
-        """Look at a *step* of an SDO transfer of *node_id*: it may have written a mapping."""
-        if not step.is_write or not step.has_whole_value or step.place is None:
+        """Look at a *step* of an SDO transfer of *node_id*: it may have written or read a mapping."""
+        if not step.has_whole_value or step.place is None:
             return
         index, sub_index = step.place
         pdo = Pdo.at(index)
@@ -302,24 +318,44 @@ class WrittenMappings:
         key, value = (node_id, pdo.label), int.from_bytes(step.data, "little")
         if sub_index:
             self._entries[key][sub_index] = value & 0xFF
-        elif value:
-            bits = [self._entries[key].get(number) for number in range(1, value + 1)]
-            known = [entry_bits for entry_bits in bits if entry_bits is not None]
-            is_known = len(known) == len(bits) and not is_mpdo(value)
-            self._lengths[key].append((moment, byte_length(sum(known)) if is_known else None))
+        else:
+            self._counts[key] = value
+        if step.is_write:
+            if not sub_index and value:
+                self._mappings[key].append(_RecordedMapping(moment, self._length(key), is_write=True))
+        elif (length := self._length(key)) is not None:
+            self._mappings[key].append(_RecordedMapping(moment, length, is_write=False))
+
+    def _length(self, key: _NodePdo) -> int | None:
+        """The length of the PDO's frames by all entries of its mapping; None if one is unknown, or without entries."""
+        count = self._counts.get(key, 0)
+        bits = [self._entries[key].get(number) for number in range(1, count + 1)]
+        known = [entry_bits for entry_bits in bits if entry_bits is not None]
+        return byte_length(sum(known)) if known and len(known) == len(bits) and not is_mpdo(count) else None
+
+    def explains(self, node_id: int, label: str, fits: Callable[[int], bool]) -> bool:
+        """Whether the last mapping so far has a length that *fits*."""
+        found = self._mappings.get((node_id, label), [])
+        length = found[-1].length if found else None
+        return length is not None and fits(length)
+
+    def was_read_later(self, node_id: int, label: str, last: Moment, fits: Callable[[int], bool]) -> bool:
+        """Whether the first mapping in the recording was read after *last* and has a length that *fits*."""
+        first = next(iter(self._mappings.get((node_id, label), ())), None)
+        is_read = first is not None and not first.is_write and first.moment > last
+        return first is not None and is_read and first.length is not None and fits(first.length)
 
     def cause(self, node_id: int, label: str, moment: Moment, mapped: int, fits: Callable[[int], bool]) -> str:
         """Say when SDO writes changed the mapping, if that is why a frame at *moment* has not *mapped* bytes.
 
         *fits* tells whether the frame fits a mapping of a length (bytes). Empty if the writes do not explain it.
         """
-        lengths = self._lengths.get((node_id, label), [])
-        before = [(written, length) for written, length in lengths if written < moment]
-        if before and (length := before[-1][1]) is not None and length != mapped and fits(length):
-            return _words(label, length, "in", before[-1][0])
-        later = (written for written, length in lengths[len(before) :] if length == mapped)
-        written = next(later, None)
-        return "" if written is None else _words(label, mapped, "only in", written)
+        written = [found for found in self._mappings.get((node_id, label), ()) if found.is_write]
+        before = [found for found in written if found.moment < moment]
+        if before and (length := before[-1].length) is not None and length != mapped and fits(length):
+            return _words(label, length, "in", before[-1].moment)
+        later = next((found for found in written[len(before) :] if found.length == mapped), None)
+        return "" if later is None else _words(label, mapped, "only in", later.moment)
 
 
 def _words(label: str, length: int, when: str, written: Moment) -> str:

@@ -16,8 +16,8 @@ from dvtcli.watch.recording_checks.frame_problems import (
     AnswerProblems,
     LengthProblems,
     NodePdo,
+    RecordedMappings,
     RpdoProblems,
-    WrittenMappings,
 )
 from dvtcli.watch.recording_checks.master_problems import MASTER_RULES, MasterProblems
 from dvtcli.watch.recording_checks.node_problems import NODE_RULES, NodeProblems
@@ -56,7 +56,8 @@ class RecordingCheck:
         tpdos: Mapping[NodePdo, PdoCommunicationParameter] | None = None,
     ) -> None:  # fmt: skip
         self._layout_of = layout_of
-        self._nodes, self._lengths, self._mappings = NodeProblems(), LengthProblems(layout_of), WrittenMappings()
+        self._nodes, self._mappings = NodeProblems(), RecordedMappings()
+        self._lengths = LengthProblems(layout_of, self._mappings)
         self._sdo, self._answers = SdoProblems(name_of, self._nodes), AnswerProblems(self._nodes)
         self._masters = MasterProblems()
         self._rpdos, self._streams = RpdoProblems(rpdos or {}), StreamProblems(bit_rate)
@@ -152,7 +153,7 @@ class RecordingCheck:
             yield from self._nodes.problems(self._last)
             yield from self._answers.problems(self._last)
             yield from self._masters.problems()
-            yield from self._lengths.problems(self._mappings)
+            yield from self._lengths.problems()
             yield from self._rpdos.problems(self._lengths.sent, self._nodes)
             yield from self._streams.problems(self._tpdos.event_driven())
         for moments in self._errors.values():

@@ -483,6 +483,45 @@ def test_a_pdo_of_another_length_is_found_and_a_guess_is_said_as_such(tmp_path: 
         assert (found[0]["severity"], done.returncode) == ("error", 3)
 
 
+def mapping_read(at_s: float) -> Planted:
+    """The mapping of TPDO1, 6 bytes, is read as masters read it: the number of entries, then the entries."""
+    return [
+        *read(at_s, "1A00:00", "4FPLACE02000000"), *read(at_s + 0.01, "1A00:01", "43PLACE10004160"),
+        *read(at_s + 0.02, "1A00:02", "43PLACE20006C60"),
+    ]  # fmt: skip
+
+
+_SIX, _THREE = "11223344 5566", "112233"
+_WITHOUT_LAST_ENTRY = mapping_read(0.5)[:-2]
+
+
+@pytest.mark.parametrize(("frames", "noted"), [
+    pytest.param([*mapped(0.5), *pdos(1, 2, _SIX)], 0, id="written"),
+    pytest.param([*mapping_read(0.5), *pdos(1, 2, _SIX)], 0, id="read"),
+    pytest.param([*pdos(0, 1, _SIX), *mapping_read(1.5), *pdos(2, 3, _SIX)], 0, id="read later"),
+    pytest.param([*pdos(0, 1, _THREE), *mapped(1.5), *pdos(2, 3, _SIX)], 20, id="another one before the write"),
+    pytest.param([*pdos(0, 1, _THREE), *mapping_read(1.5)], 20, id="another one read later"),
+    pytest.param([*mapped(0.5), *pdos(1, 2, _THREE)], 20, id="another one written"),
+    pytest.param([*mapping_read(0.5), *pdos(1, 2, _SIX), *pdos(2, 3, _THREE)], 20, id="another one read"),
+    pytest.param([*mapped(0.5), (1.0, 0x705, "00"), *pdos(1.5, 2, _SIX)], 10, id="restarted after the write"),
+    pytest.param([*_WITHOUT_LAST_ENTRY, *pdos(1, 2, _SIX)], 20, id="read in part"),
+    pytest.param([
+        *mapping_read(0.5), *write(0.6, "1A00:00", "00"), *write(0.61, "1A00:01", "08004160"),
+        *write(0.62, "1A00:00", "01"), *pdos(1, 2, _SIX),
+    ], 20, id="written after the read"),
+])  # fmt: skip
+def test_a_mapping_in_the_recording_itself_is_better_than_a_default_one(
+    tmp_path: Path, frames: Planted, noted: int
+) -> None:
+    """Any start by a master writes or reads mappings: no frame that fits them has another length than it should."""
+    (tmp_path / "net.yaml").write_text("drive: {node_id: 5, dcf: generic}\n", "utf-8")
+    path = recorded(tmp_path / "run.log", [*heartbeats(0, 3), *frames])
+    done = dvtcli("check", str(path), "-d", str(tmp_path / "net.yaml"), "--json")
+    (report,) = documents(done.stdout)[0]["files"]
+    found = [finding for finding in report["findings"] if finding["rule"] == "pdo-other-than-default"]
+    assert [finding["times"] for finding in found] == [noted] * bool(noted), report
+
+
 def blocks(at_s: float, size: int, *, is_write: bool) -> Planted:
     """A transfer of 2100:03 of node 5 by blocks of 127 segments, whose numbers look like all command specifiers."""
     value = bytes(number % 251 for number in range(size))
