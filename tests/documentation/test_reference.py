@@ -46,6 +46,13 @@ def test_the_drawing_shows_every_room_and_what_runs_against_the_order(tmp_path: 
     assert [path.get("stroke") for path in drawn.iter(f"{space}path")] == ["#78909c", "#c62828"]
 
 
+def test_the_folders_of_operations_are_those_that_there_are() -> None:
+    section = text("docs/reference/source.md").split("## The folders of `operations/`")[1].split("\n## ")[0]
+    named = re.findall(r"`(\w+)/`", section)
+    there = {path.parent.name for path in (ROOT / "dvtcli" / "operations").glob("*/__init__.py")}
+    assert sorted(named) == sorted(there)
+
+
 def test_every_part_stands_in_one_page() -> None:
     texts = [*map(text, PAGES), *(around.read_text("utf-8") for around in BUILT.values())]
     assert Counter(name for written in texts for name in names(written)) == Counter(PARTS.keys())

@@ -146,14 +146,32 @@ def nodes_of_files(folder: Path, path: Path, notes: list[str]) -> Iterator[Found
     Raises UsageError if there are none.
     """
     usual: list[str] = []
-    for node in _described(folder, notes):
+    described = _described(folder, notes)
+    for node in described:
         yield _of_file(node, path, notes, usual)
+    notes += _bit_rate_of_files(described)
     if usual:
         files = "its file" if len(usual) == 1 else "their files"
         notes.append(
-            f"node {join_some(usual)}: other values of {files} left out, all equal to the defaults: apply a file "
+            f"node {', '.join(usual)}: other values of {files} left out, all equal to the defaults: apply a file "
             f"itself to write its configuration objects"
         )
+
+
+def _bit_rate_of_files(nodes: Sequence[_FileNode]) -> Iterator[str]:
+    """Note the bit rate of the DCFs of *nodes*, or that they have several."""
+    rates = sorted({rate for node in nodes if (rate := node.dictionary.info.commissioning.bit_rate_kbit)})
+    if len(rates) == 1:
+        yield _bit_rate_note(1000 * rates[0])
+    elif rates:
+        yield f"the files have several bit rates: {', '.join(map(str, rates))} kbit/s; a network has one"
+
+
+def _bit_rate_note(bit_rate: int) -> str:
+    """Say how *bit_rate* (bit/s) gets into a check; a network file has whole kbit/s only."""
+    note = f"the bit rate is not written: for load and deadlines, give the check {bit_rate} bit/s"
+    whole = f", or add master: {{baudrate: {bit_rate // 1000}}} (kbit/s) to the file"
+    return note if bit_rate % 1000 else note + whole
 
 
 def _of_file(one: _FileNode, path: Path, notes: list[str], usual: list[str]) -> FoundNode:
@@ -275,7 +293,7 @@ def _numbered(node_ids: Mapping[Path, int]) -> Iterator[str]:
     if len(node_ids) == 1:
         yield from (f"{path.name} has no node-ID: it becomes node {node_id}" for path, node_id in node_ids.items())
     elif node_ids:
-        given = join_some(f"{path.name} becomes node {node_id}" for path, node_id in node_ids.items())
+        given = ", ".join(f"{path.name} becomes node {node_id}" for path, node_id in node_ids.items())
         yield f"{len(node_ids)} files have no node-ID: {given}"
 
 
@@ -301,10 +319,7 @@ def import_network(session: SessionNodes, file: str, folder: str | None = None, 
         title = f"Values of the network {bus.name}"
         found = list(_live(session, path, notes))
         if bus.bitrate is not None and not bus.simulated:
-            notes.append(
-                f"the bit rate is not written: for load and deadlines, give the check {bus.bitrate} bit/s, or add "
-                f"master: {{baudrate: {bus.bitrate // 1000}}} (kbit/s) to the file"
-            )
+            notes.append(_bit_rate_note(bus.bitrate))
         if not found:
             raise NoAnswer(
                 "no node answers",

@@ -126,7 +126,7 @@ def test_nodes_without_an_eds_are_one_note(tmp_path: Path) -> None:
     assert [note.partition(":")[0] for note in notes] == ["node 1, 5"]
 
 
-@pytest.mark.parametrize("bit_rate", [None, 125000, 500000])
+@pytest.mark.parametrize("bit_rate", [None, 125000, 500000, 83333])
 def test_a_known_bit_rate_is_a_note_and_no_master_is_written(bit_rate: int | None, tmp_path: Path) -> None:
     file = tmp_path / "net.yaml"
     bus = VirtualTimeBus([unknown(1), unknown(5)], simulated=False)
@@ -139,26 +139,65 @@ def test_a_known_bit_rate_is_a_note_and_no_master_is_written(bit_rate: int | Non
             assert about == []
             return
         (note,) = about
-        option, key = f"--at {bit_rate}", f"master: {{baudrate: {bit_rate // 1000}}}"
-        assert (f"{bit_rate} bit/s" in note, key in note) == (True, True), note
-        imported = file.read_text("utf-8")
-        rates = [bench.run(f"load {file} {option} --json").document["bit_rate"]]
-        file.write_text(f"{imported}{key}\n", "utf-8")
-        rates.append(bench.run(f"load {file} --json").document["bit_rate"])
-    assert rates == [bit_rate, bit_rate]
+        assert f"give the check {bit_rate} bit/s" in note
+        assert bench.run(f"load {file} --at {bit_rate} --json").document["bit_rate"] == bit_rate
+        if bit_rate % 1000:  # a file has whole kbit/s only
+            assert "baudrate" not in note
+            return
+        key = f"master: {{baudrate: {bit_rate // 1000}}}"
+        assert key in note
+        file.write_text(file.read_text("utf-8") + f"{key}\n", "utf-8")
+        assert bench.run(f"load {file} --json").document["bit_rate"] == bit_rate
 
 
-def test_files_without_node_id_are_one_note(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("rates", "note"), [
+    ([250, None, 250], "give the check 250000 bit/s, or add master: {baudrate: 250} (kbit/s) to the file"),
+    ([250, 500], "the files have several bit rates: 250, 500 kbit/s; a network has one"),
+    ([None, None], None),
+    ([0], None),
+])  # fmt: skip
+def test_the_bit_rate_of_dcfs_is_a_note(rates: list[int | None], note: str | None, tmp_path: Path) -> None:
+    folder = tmp_path / "dcf"
+    folder.mkdir()
+    text = (PACKAGE / "families" / "generic" / "generic.eds").read_text("utf-8")
+    for node_id, rate in enumerate(rates, 1):
+        own = f"\n[DeviceCommissioning]\nNodeID={node_id}\n" + ("" if rate is None else f"Baudrate={rate}\n")
+        (folder / f"{node_id}.dcf").write_text(text + own, "utf-8")
+    with Bench(()) as bench:
+        notes = bench.run(f"import {tmp_path / 'net.yaml'} {folder} --json").document["notes"]
+    about = [text for text in notes if "bit rate" in text]
+    assert len(about) == (note is not None)
+    assert all(text.endswith(str(note)) for text in about), about
+
+
+@pytest.mark.parametrize("count", [2, 3, 9])
+def test_files_without_node_id_are_one_note_that_names_all(count: int, tmp_path: Path) -> None:
+    """The note is the only record of the numbers."""
     folder = tmp_path / "eds"
     folder.mkdir()
     text = (PACKAGE / "families" / "generic" / "generic.eds").read_text("utf-8")
-    for name in "abc":
-        (folder / f"{name}.eds").write_text(text, "utf-8")
+    for number in range(1, count + 1):
+        (folder / f"f{number}.eds").write_text(text, "utf-8")
     with Bench(()) as bench:
         notes = bench.run(f"import {tmp_path / 'net.yaml'} {folder} --json").document["notes"]
-    assert notes == [
-        "3 files have no node-ID: a.eds becomes node 1, b.eds becomes node 2, c.eds becomes node 3",
-    ]  # fmt: skip
+    given = ", ".join(f"f{number}.eds becomes node {number}" for number in range(1, count + 1))
+    assert notes == [f"{count} files have no node-ID: {given}"]
+
+
+def test_nodes_whose_other_values_are_left_out_are_all_named(tmp_path: Path) -> None:
+    folder = tmp_path / "dcf"
+    folder.mkdir()
+    text = (PACKAGE / "families" / "generic" / "generic.eds").read_text("utf-8")
+    name = "ParameterName=Save all parameters\n"
+    assert text.count(name) == 1
+    text = text.replace(name, f"{name}ParameterValue=1\n")
+    for node_id in range(1, 8):
+        own = f"\n[DeviceCommissioning]\nNodeID={node_id}\n"
+        (folder / f"{node_id}.dcf").write_text(text + own, "utf-8")
+    with Bench(()) as bench:
+        notes = bench.run(f"import {tmp_path / 'net.yaml'} {folder} --json").document["notes"]
+    (note,) = [text for text in notes if "other values of their files left out" in text]
+    assert note.startswith("node 1, 2, 3, 4, 5, 6, 7: ")
 
 
 def test_a_folder_of_files_needs_no_bus(tmp_path: Path) -> None:
