@@ -94,7 +94,7 @@ class Registry(CommandGroup):
 
 def _dvt_word(name: str) -> click.Command | None:
     """Return the DVT word *name* as a command; None if unknown."""
-    from dvtcli.cli.dvt.word_command import word_command
+    from dvtcli.cli.dvt.words import word_command
 
     return word_command(name)
 

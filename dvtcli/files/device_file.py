@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from datetime import datetime
 
     from dvtcli.domain.object_dictionary import ObjectDictionary
-    from dvtcli.files.dcf.write_dcf import DcfText
+    from dvtcli.files.eds.write_dcf import DcfText
     from dvtcli.files.eds.writer import KeptText
     from dvtcli.files.xdd.xdd_reader import XddFile
 
@@ -114,7 +114,7 @@ def change_values(data: bytes, source: str, values: Mapping[tuple[int, int], byt
         from dvtcli.files.xdd.xdd_writer import change_values as change_xdc
 
         return change_xdc(data, source, values, node_id)
-    from dvtcli.files.dcf.write_dcf import change_values as change_dcf
+    from dvtcli.files.eds.write_dcf import change_values as change_dcf
 
     return change_dcf(data, source, values, node_id)
 

@@ -15,8 +15,7 @@ from prompt_toolkit.completion import CompleteEvent
 from prompt_toolkit.document import Document
 
 from dvtcli.cli.conversation import Conversation
-from dvtcli.cli.prompt.completer import LineCompleter
-from dvtcli.cli.prompt.full_line import LineLexer
+from dvtcli.cli.prompt.full_line import LineCompleter, LineLexer
 from dvtcli.cli.prompt.status import syntax
 from dvtcli.cli.view.output import Output
 

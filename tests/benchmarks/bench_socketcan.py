@@ -25,8 +25,7 @@ from typing import Any
 import can
 import canopen
 
-from dvtcli.bus.opening import open_bus
-from dvtcli.bus.waiting import wait_for_bus
+from dvtcli.bus.opening import open_bus, wait_for_bus
 from tests.cli.commands.bus import device
 from tests.process import environment
 from tests.served_nodes import ServedNodes

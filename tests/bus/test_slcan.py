@@ -18,7 +18,7 @@ from dvtcli.bus.discover import serial_ports
 from dvtcli.bus.opening import open_bus
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.errors import BusUnavailable, NoAnswer
-from dvtcli.operations.results.bus_events import BusEvent
+from dvtcli.operations.results.frames import BusEvent
 from dvtcli.operations.session.steady_listener import come_back
 from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.bus.slcan_adapter import Line, SlcanAdapter

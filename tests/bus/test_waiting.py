@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dvtcli.bus.opening import open_bus
-from dvtcli.bus.waiting import wait_for_bus
+from dvtcli.bus.opening import open_bus, wait_for_bus
 from dvtcli.errors import BusUnavailable
 from dvtcli.operations.session.steady_listener import Sleeps, asleep_s
 

@@ -16,8 +16,7 @@ from dvtcli.errors import InputFileError
 from dvtcli.files.dbc import read_dbc
 from dvtcli.watch.decoder import Decoder
 from dvtcli.watch.seen import FrameStore
-from dvtcli.watch.table import all_columns
-from dvtcli.watch.tracks import fill, find_tracks
+from dvtcli.watch.table import all_columns, fill, find_tracks
 from tests.cli.commands.bench import Bench
 from tests.process import documents
 

@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 from dvtcli.domain.datatypes import DATA_TYPES, Kind
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.errors import InputFileError
-from dvtcli.files.dcf.write_dcf import Commissioned, Place, value_text, write_dcf
 from dvtcli.files.eds.numbers import encode_value, same_value
 from dvtcli.files.eds.reader import parse_eds
+from dvtcli.files.eds.write_dcf import Commissioned, Place, value_text, write_dcf
 from dvtcli.files.profile.toml import builtin_path
 from tests.corpus.oddities import OddFile, odd_files
 from tests.files.test_eds_any import LINES

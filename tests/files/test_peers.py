@@ -14,7 +14,6 @@ from canopen.objectdictionary import import_od
 
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.files.carried_over import differences, without_values
-from dvtcli.files.dcf.write_dcf import Commissioned, write_dcf
 from dvtcli.files.device_file import (
     DEVICE_SUFFIXES,
     EDS_SUFFIXES,
@@ -22,6 +21,7 @@ from dvtcli.files.device_file import (
     parse_device_file,
     read_device_file,
 )
+from dvtcli.files.eds.write_dcf import Commissioned, write_dcf
 from tests.corpus.oddities import ODDITIES, odd_files
 from tests.house.source import PACKAGE
 from tests.process import documents, run

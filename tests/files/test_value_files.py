@@ -22,8 +22,8 @@ from dvtcli.files.values.parquet_values import MOST_COLUMNS, _kind, _schema, cel
 from dvtcli.files.values.text_values import csv_text
 from dvtcli.files.values.value_file import FORMS, WholeFile, read_values, write_file
 from dvtcli.files.values.value_rows import Origin, ParquetForm
+from dvtcli.operations.frames.decode_recording import find_tracks
 from dvtcli.operations.frames.explain_frame import frame_seen
-from dvtcli.operations.recordings.decode_recording import find_tracks
 from dvtcli.watch.decoder import Decoder, Signal, pdo_layouts
 from dvtcli.watch.table import Column, SignalRows, all_columns
 from tests.files.recordings import BEGIN_S

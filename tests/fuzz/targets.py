@@ -69,7 +69,7 @@ from dvtcli.files.sim_state import read_state
 from dvtcli.files.values.value_file import read_values
 from dvtcli.files.whole_device_file import read_whole_device
 from dvtcli.operations import results
-from dvtcli.operations.known_devices import eds_files
+from dvtcli.operations.devices import eds_files
 from dvtcli.operations.objects.search_objects import object_row
 from dvtcli.operations.session.device_files import DeviceFiles
 from dvtcli.operations.session.open_network import Network

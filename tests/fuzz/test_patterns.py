@@ -42,7 +42,7 @@ STEPS, SLOW_S = (18, 100, 500, 2000), 0.005
 #: A text of double length takes twice the time, or four times where time grows with the square.
 TOO_MUCH = 3
 #: files whose texts have been bounded to so many characters when a pattern sees them
-LONGEST = {"domain/typed_frame.py": 400, "files/recordings/recognised.py": 400, "files/recordings/pasted.py": 400}
+LONGEST = {"domain/typed_frame.py": 400, "files/recordings/formats.py": 400, "files/recordings/pasted.py": 400}
 PARSER, COMPILER = import_module("re._parser"), import_module("re._compiler")
 
 

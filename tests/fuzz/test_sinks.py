@@ -24,7 +24,7 @@ from prompt_toolkit.document import Document
 
 from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.name_completion import safe_items
-from dvtcli.cli.prompt.completer import LineCompleter
+from dvtcli.cli.prompt.full_line import LineCompleter
 from dvtcli.cli.view.lines import Cell
 from dvtcli.cli.view.output import Output
 from dvtcli.cli.view.paint import painted
@@ -46,16 +46,16 @@ from dvtcli.domain.network.picture import (
 from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files import dbc_text, learnt_folder
-from dvtcli.files.dcf.write_dcf import Commissioned, write_dcf
 from dvtcli.files.device_library import folder as library_folder
 from dvtcli.files.device_library import stored_place
+from dvtcli.files.eds.write_dcf import Commissioned, write_dcf
 from dvtcli.files.eds.writer import eds_text
 from dvtcli.files.nodelist import ListedNode, Nodelist, nodelist_text
 from dvtcli.files.picture import wiring
 from dvtcli.files.picture.page import page
 from dvtcli.files.picture.wiring import graphviz
 from dvtcli.files.values.text_values import csv_text
-from dvtcli.operations.known_devices.learn_device import refuse_name
+from dvtcli.operations.devices.learn_device import refuse_name
 from dvtcli.operations.results import Facts, FileFinding, FileReport, FileRule
 
 #: what a stranger's file has in a name: commands of terminals, of shells, formulas, ends of strings and of markup

@@ -16,7 +16,7 @@ from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.operations.changes.change import configure
 from dvtcli.operations.changes.store_restore import restore_defaults, store_settings
 from dvtcli.operations.pdos.edit_pdos import configure_from_text, pdo_as_text
-from dvtcli.operations.results.bus_events import BusEvent
+from dvtcli.operations.results.frames import BusEvent
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options, options_of
 from tests.harness.sample import heavy

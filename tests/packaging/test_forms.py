@@ -161,7 +161,7 @@ def test_the_frozen_folder_lists_each_package_in_it(frozen: str) -> None:
 @needs_shell
 def test_a_program_of_the_user_gets_the_users_variables_from_a_frozen_one() -> None:
     code = (
-        "import sys; sys.frozen = True; from dvtcli.cli.prompt.redirect import _started; "
+        "import sys; sys.frozen = True; from dvtcli.cli.prompt.line import _started; "
         "program = _started(['env']); program.stdin.close(); sys.exit(program.wait())"
     )
     for variables, expected in (

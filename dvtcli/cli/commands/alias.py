@@ -39,7 +39,7 @@ def command(session: Conversation, /, words: tuple[str, ...]) -> Facts:
     alias on = "pdo --all | grep -v off"
     alias v =                  remove it
     """
-    from dvtcli.cli.aliases import usable_aliases
+    from dvtcli.cli.prompt.line import usable_aliases
     from dvtcli.operations.user.change_settings import list_aliases, set_alias
 
     if not words:

@@ -72,7 +72,7 @@ def command(
     check run.log -d press.yaml
     """
     if not all(file.lower().endswith((".yaml", ".yml")) for file in files):  # else no recording is to be read
-        from dvtcli.operations.recordings.check_recording import RecordingOptions, are_recordings, check_recordings
+        from dvtcli.operations.frames.check_recording import RecordingOptions, are_recordings, check_recordings
 
         if are_recordings(files):
             if live or for_s is not None:

@@ -55,13 +55,13 @@ def command(
     decode run.log --filter velocity -o speed.csv
     decode run.log --only emcy,sdo-abort,nmt
     """
-    from dvtcli.operations.frames.recorded import standard_input
-    from dvtcli.operations.recordings.decode_recording import (
+    from dvtcli.operations.frames.decode_recording import (
         ValuesOptions,
         decode_recording,
         values_into_file,
         write_values,
     )
+    from dvtcli.operations.frames.recorded import standard_input
 
     if output is None and any(parquet.values()):
         raise UsageError("--layout and --source are of a .parquet file", hint="give the file with -o")

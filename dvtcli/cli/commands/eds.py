@@ -18,7 +18,7 @@ from dvtcli.operations.user.options import SPECIAL_FORMATS
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
-    from dvtcli.operations.exchange.dbc_options import DbcOptions
+    from dvtcli.files.dbc_text import DbcOptions
     from dvtcli.operations.results import Facts, FileReport, FileReports, LibraryAdded, LibraryListing
     from dvtcli.operations.user.session_user import SessionUser
 
@@ -140,7 +140,7 @@ def command(
     if not files and action != "list":
         raise click.UsageError("Missing argument '[FILE...]'.")
     if action == "check":
-        from dvtcli.operations.known_devices.eds_files import check_eds
+        from dvtcli.operations.devices.eds_files import check_eds
 
         return check_eds(
             files, only, without, strict=strict, family=session.options.profile, modules=session.options.chosen_modules
@@ -172,10 +172,10 @@ def _one(action: str, files: tuple[str, ...]) -> str:
 def _library(
     session: SessionUser, action: str, files: tuple[str, ...], identity: dict[str, int] | None
 ) -> LibraryAdded | LibraryListing:
-    from dvtcli.operations.known_devices.eds_library import list_files, prefer_file, remove_files
+    from dvtcli.operations.devices.eds_library import list_files, prefer_file, remove_files
 
     if action == "add":
-        from dvtcli.operations.known_devices.eds_library import add_files
+        from dvtcli.operations.devices.eds_library import add_files
 
         return add_files(session, files, identity)
     if action == "remove":
@@ -197,7 +197,7 @@ def _convert(session: Conversation, files: tuple[str, ...], conversion: Conversi
 
 def _show(session: SessionUser, file: str) -> Facts:
     from dvtcli.domain.network.concise_dcf import SUFFIX
-    from dvtcli.operations.known_devices.eds_files import show_eds
+    from dvtcli.operations.devices.eds_files import show_eds
 
     if not file.lower().endswith(SUFFIX):
         return show_eds(file, session.options.chosen_modules)

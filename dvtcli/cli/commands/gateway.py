@@ -11,7 +11,7 @@ from dvtcli.cli.params import TEXT
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
-    from dvtcli.operations.results.bus_events import GatewayEvent
+    from dvtcli.operations.results.frames import GatewayEvent
 
 
 @click.command("gateway", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)

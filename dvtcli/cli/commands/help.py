@@ -65,7 +65,7 @@ def _general(ctx: click.Context, *, everything: bool) -> str:
 
 
 def _usable(ctx: click.Context) -> dict[str, str]:
-    from dvtcli.cli.aliases import usable_aliases
+    from dvtcli.cli.prompt.line import usable_aliases
 
     return usable_aliases(ctx.obj.settings)
 

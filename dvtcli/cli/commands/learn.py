@@ -42,6 +42,6 @@ def command(
     learn --compare gen4       after a firmware update
     learn --with-store         how it saves, too
     """
-    from dvtcli.operations.known_devices.learn_device import learn
+    from dvtcli.operations.devices.learn_device import learn
 
     return learn(session, save=save, compare=compare, isolated=isolated, with_store=with_store)

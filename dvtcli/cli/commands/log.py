@@ -72,12 +72,12 @@ def command(
         raise UsageError("--layout, --rotate and --source are of values", hint="with --decode; frames: -s BYTES")
     path, (masks, text) = Path(file), _masks_and_text(filters, decode=decode)
     if decode:
-        from dvtcli.operations.recordings.decode_recording import ValuesOptions
-        from dvtcli.operations.recordings.record_values import record_values
+        from dvtcli.operations.frames.decode_recording import ValuesOptions
+        from dvtcli.operations.frames.record_values import record_values
 
         options = ValuesOptions(layout, source, rotate or (0.0, 0), append, only or frozenset())
         return record_values(session, path, masks, duration, **values, text=text, options=options)
-    from dvtcli.operations.recordings.record_values import record_frames
+    from dvtcli.operations.frames.record_values import record_frames
 
     return record_frames(session, path, masks, duration, append=append, most_bytes=size or 0)
 

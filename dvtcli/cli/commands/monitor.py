@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from dvtcli.cli.conversation import Conversation
     from dvtcli.operations.results import FrameSeen
-    from dvtcli.operations.results.bus_events import BusEvent
+    from dvtcli.operations.results.frames import BusEvent
     from dvtcli.operations.session.bus_of_options import OnBusEvent
 
 

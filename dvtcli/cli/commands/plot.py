@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.operations.results import Plotted, PlottedSignal
     from dvtcli.operations.user.session_user import SessionUser
-    from dvtcli.watch.tracks import Track
+    from dvtcli.watch.table import Track
 
 #: a graph's maximum columns, minimum and maximum lines
 _WIDTH, _LEAST, _MOST = 200, 8, 24
@@ -44,7 +44,7 @@ def command(
     plot run.log velocity_actual_value 6041
     plot run.asc Speed --dbc drive.dbc -o speed.png
     """
-    from dvtcli.operations.recordings.decode_recording import recorded_tracks
+    from dvtcli.operations.frames.decode_recording import recorded_tracks
     from dvtcli.operations.results import Plotted
 
     if output is not None:

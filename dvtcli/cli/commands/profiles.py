@@ -21,7 +21,7 @@ class ProfileName(TextType):
 
     def shell_complete(self, ctx: click.Context, _param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         """Offer the profiles, or the devices."""
-        from dvtcli.operations.known_devices.show_profiles import known_habits, known_profiles
+        from dvtcli.operations.devices.show_profiles import known_habits, known_profiles
 
         names = (*known_habits(), "all") if ctx.params.get("action") == "forget" else known_profiles()
         return [CompletionItem(name) for name in names if name.startswith(incomplete)]
@@ -43,7 +43,7 @@ def command(action: str | None, name: str | None) -> ProfileListing | ProfileSho
     profiles show gen4
     profiles habits
     """
-    from dvtcli.operations.known_devices.show_profiles import (
+    from dvtcli.operations.devices.show_profiles import (
         forget_habits,
         known_habits,
         known_profiles,

@@ -68,7 +68,7 @@ def command(
     replay run.asc --filter 281 --rate 10 --yes
     replay run.blf --from 1 --to 2 --without sdo --loop 2 --rate 0 --yes
     """
-    from dvtcli.operations.recordings.replay_recording import Choice, replay_recording
+    from dvtcli.operations.frames.replay_recording import Choice, replay_recording
 
     within_s = float("-inf") if from_s is None else from_s, float("inf") if to_s is None else to_s
     choice = Choice(rate, *within_s, **part)

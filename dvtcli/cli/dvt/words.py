@@ -1,4 +1,4 @@
-"""The DVT's own words, with their arguments and numbers; each is checked like its command."""
+"""The DVT's own words, with their arguments and numbers, as click commands; each is checked like its command."""
 
 from __future__ import annotations
 
@@ -8,7 +8,11 @@ from dataclasses import dataclass
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
-from dvtcli.cli.command import Effect, Final, final_write
+import click
+
+from dvtcli.cli.command import DvtCommand, Effect, Final, final_write
+from dvtcli.cli.params import FILE, TEXT, CanopenType, TextType
+from dvtcli.cli.runner_interface import runners
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.datatypes import Value, parse_number
 from dvtcli.domain.hint import Hint
@@ -17,6 +21,8 @@ from dvtcli.errors import DeviceRefused, DvtcliError, NoAnswer, RuleError, SdoAb
 from dvtcli.operations.results import DvtAnswer
 
 if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
     from dvtcli.cli.conversation import Conversation
     from dvtcli.domain.rules.finding import Finding
     from dvtcli.operations.results import PdoRow
@@ -410,3 +416,59 @@ def _width_of_digits(text: str) -> int:
     if count % 2 or count // 2 not in WIDTHS:
         raise ValueError(f"{text}: in hex the digits set the width, 2 per byte; {count} digits are not possible")
     return count // 2
+
+
+class NodeText(TextType):
+    """A typed node-ID, with completion of known nodes."""
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        """Offer the session's node-IDs without using a bus."""
+        from click.shell_completion import CompletionItem as Item
+
+        del param
+        session: Conversation | None = ctx.find_root().obj
+        known = session.known_ids() if session is not None else []
+        return [Item(str(node_id)) for node_id in known if str(node_id).startswith(incomplete)]
+
+
+class WordCommand(DvtCommand):
+    """A word; its arguments are read together, since a value's width may follow it."""
+
+    def __init__(self, word: DvtWord) -> None:
+        self.word = word
+        kinds: dict[str, CanopenType] = {"NODE": NodeText(), "FILE": FILE}
+        params: list[click.Parameter] = [
+            click.Argument(
+                [f"dvt_{number}"], type=kinds.get(one.name, TEXT), required=one.required, metavar=one.shown
+            )
+            for number, one in enumerate(word.arguments)
+        ]  # fmt: skip
+        text = f"{word.summary[0].upper()}{word.summary[1:]}. The modern form: {word.modern}. More: help dvt."
+        final = word.final
+        super().__init__(
+            word.name, params=params, callback=click.pass_context(self._run), help=text, effect=word.effect,
+            final=None if final is None else lambda params: final(params["values"]),
+        )  # fmt: skip
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse *args* and read them by the word's own rules."""
+        rest = super().parse_args(ctx, args)
+        texts = [ctx.params.pop(key) for key in sorted(key for key in ctx.params if key.startswith("dvt_"))]
+        if ctx.resilient_parsing:
+            return rest
+        try:
+            ctx.params["values"] = self.word.bind([text for text in texts if text is not None])
+        except ValueError as wrong:
+            raise click.UsageError(f"{self.word.name}: {wrong}", ctx) from wrong
+        return rest
+
+    def _run(self, ctx: click.Context, /, values: list[Any]) -> Any:
+        if self.word.run is None:
+            return runners(ctx).file(ctx.obj, values[0])
+        return answer(self.word, ctx.obj, values)
+
+
+def word_command(name: str) -> WordCommand | None:
+    """The word *name* as a click command, or None."""
+    word = WORDS.get(name)
+    return None if word is None else WordCommand(word)

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.editor.editor import APPLY, LEAVE, Editor
-from dvtcli.cli.screen.beside import in_a_line
-from dvtcli.cli.screen.full_screen import has_full_screen
+from dvtcli.cli.screen.full_screen import has_full_screen, in_a_line
 from dvtcli.cli.view.answers.change_lines import kept_text
 from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.device.seen_state import heartbeat_slots

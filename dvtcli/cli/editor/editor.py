@@ -12,8 +12,7 @@ from prompt_toolkit.key_binding import KeyBindings
 from dvtcli.cli.editor.draw import ALL_KEYS, FRAME, OBJECTS, PDOS, EditorView, Named, frame_rows, pane_at, picture
 from dvtcli.cli.editor.file_of_nodes import LinkDialogs
 from dvtcli.cli.editor.model import COB_ID, PARAMETERS, EditedPdos, ObjectList
-from dvtcli.cli.screen.beside import BesideScreen
-from dvtcli.cli.screen.full_screen import bind_all, show
+from dvtcli.cli.screen.full_screen import BesideScreen, bind_all, show
 from dvtcli.cli.screen.widgets import Choices, Dialog, FieldDialog, Question, TextDialog, cut
 from dvtcli.cli.view.lines import Cell, Line, broken, columns
 from dvtcli.cli.view.paint import with_hints
@@ -27,7 +26,7 @@ from dvtcli.domain.pdo import DUMMY_BITS, PdoMappingEntry, split_dummy
 from dvtcli.domain.rules.pdo_mapping import known_dummies
 from dvtcli.domain.text import join_some
 from dvtcli.errors import BusUnavailable, DvtcliError, UsageError
-from dvtcli.operations.exchange.save_edited import save_edited
+from dvtcli.operations.exchange.export_file import save_edited
 from dvtcli.operations.pdos.edit_pdos import judge_edited, plan_edited
 from dvtcli.operations.pdos.list_pdos import last_frame
 from dvtcli.operations.values.named_objects import entry_at

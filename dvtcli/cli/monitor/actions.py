@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.monitor.transmit_list import Sending, TransmitEntry, TransmitList
-from dvtcli.cli.screen.beside import BesideScreen, in_a_line
+from dvtcli.cli.screen.full_screen import BesideScreen, in_a_line
 from dvtcli.cli.screen.widgets import Choices, Dialog, FieldDialog
 from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.domain.cob_id import can_id_text

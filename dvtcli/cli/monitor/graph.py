@@ -11,7 +11,7 @@ from dvtcli.domain.text import safe
 from dvtcli.errors import UsageError
 from dvtcli.files.extras import extra
 from dvtcli.watch.statistics import SHORTEST_S, Point
-from dvtcli.watch.tracks import Track
+from dvtcli.watch.table import Track
 
 #: The braille dot at (column, row) of a character of 2 x 4 dots (Unicode 10.0, chapter 21.1).
 _DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))

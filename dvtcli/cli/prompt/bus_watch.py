@@ -19,7 +19,7 @@ from dvtcli.domain.ports import BootUp, Emergency, Frame, NodeEvent
 from dvtcli.domain.text import join_some
 from dvtcli.domain.times import local_clock
 from dvtcli.errors import BusUnavailable
-from dvtcli.operations.results.bus_events import BusEvent
+from dvtcli.operations.results.frames import BusEvent
 from dvtcli.operations.session.steady_listener import Sleeps, come_back, goes_on, left_alone
 from dvtcli.watch.heartbeats import Heartbeats
 from dvtcli.watch.statistics import BusLoad

@@ -12,7 +12,7 @@ from prompt_toolkit.enums import DEFAULT_BUFFER
 from prompt_toolkit.filters import Condition, completion_is_selected, has_completions, has_focus
 from prompt_toolkit.key_binding import KeyBindings, KeyPressEvent
 
-from dvtcli.cli.prompt.line import last_line, typed
+from dvtcli.cli.prompt.line import last_line, typed_line
 
 #: how long a corrected line is shown before Enter runs it (s): who presses Enter twice by habit has not seen it
 _SEEN_S = 0.5
@@ -26,7 +26,7 @@ class ThrownAway(Exception):
 def _no_text() -> bool:
     """A question mark in quotes or in a comment is one; elsewhere no word has any."""
     text = last_line(get_app().current_buffer.document.text_before_cursor)
-    line = typed(text)
+    line = typed_line(text)
     return line is not None and not any(quote in text[line.start :] for quote in "\"'")
 
 

@@ -9,11 +9,10 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, redirect_stderr, redirect_stdout
 from typing import TYPE_CHECKING, Protocol, TextIO, cast
 
-from dvtcli.cli.aliases import usable_aliases, withheld_aliases
 from dvtcli.cli.boundary import LEAVE
 from dvtcli.cli.catalogue import command_names
 from dvtcli.cli.lexer import split
-from dvtcli.cli.prompt.line import CONTINUED
+from dvtcli.cli.prompt.line import CONTINUED, usable_aliases, withheld_aliases
 from dvtcli.cli.run_line import boundary, run_words
 from dvtcli.cli.view.lines import Cell, Line
 from dvtcli.cli.view.output import Output
@@ -40,7 +39,7 @@ def run_prompt(session: Conversation) -> int:
     """
     from dvtcli.cli.prompt.bus_watch import Life, Notices
     from dvtcli.cli.prompt.first_start import first_start
-    from dvtcli.cli.prompt.redirect import paged
+    from dvtcli.cli.prompt.line import paged
     from dvtcli.cli.prompt.status import Status
 
     session.require_settings()
@@ -134,8 +133,7 @@ class Prompt:
 
     def _run(self, line: str) -> int:
         """Run a line; restores every node's NMT state, except if the line left changes."""
-        from dvtcli.cli.prompt.line import checked, taken_apart, tcl_line
-        from dvtcli.cli.prompt.redirect import sent
+        from dvtcli.cli.prompt.line import checked, sent, taken_apart, tcl_line
 
         session = self._session
         self._has_run = True

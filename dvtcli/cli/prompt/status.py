@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.cli.prompt.line import cut, expanded, last_line, typed
+from dvtcli.cli.prompt.line import cut, expanded, last_line, typed_line
 from dvtcli.cli.registry import REGISTRY
 from dvtcli.domain.emergency_codes import emergency_text
 from dvtcli.domain.nmt import NmtState
@@ -31,9 +31,9 @@ def syntax(text: str, width: int, aliases: Mapping[str, str]) -> tuple[str, str]
     Options not yet typed take precedence.
     """
     command = cut(last_line(text))[0]
-    if not (before := typed(command)) or not before.words:
+    if not (before := typed_line(command)) or not before.words:
         return None
-    line = typed(expanded(command, aliases))
+    line = typed_line(expanded(command, aliases))
     if line is None or not line.words:
         return None
     name = line.words[0].lower()

@@ -200,7 +200,7 @@ class Output:
 
     def traffic(self, frame: Frame, *, sent: bool, secret: slice | None = None) -> None:
         """Show a frame as -v and -vv ask, nothing without them; no byte of *secret*."""
-        from dvtcli.cli.view.traffic_lines import traffic_line
+        from dvtcli.cli.view.answers.frame_lines import traffic_line
 
         line = traffic_line(frame, self.verbose, sent=sent, secret=secret) if self.verbose else None
         if line is not None:

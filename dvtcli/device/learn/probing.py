@@ -12,8 +12,17 @@ from dvtcli.device.change.roll_back import roll_back_patiently
 from dvtcli.device.learn.saving import SignatureAnswers, ask_to_save
 from dvtcli.device.stamped import NO_STAMP, held_stamp
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.learning.operational import not_while_operational, while_operational
-from dvtcli.domain.learning.probe import ACCEPTED, Probe, ProbeAnswer, ProbeCondition, ProbedPdo, ProbeWrite, Stand
+from dvtcli.domain.learning.probe import (
+    ACCEPTED,
+    Probe,
+    ProbeAnswer,
+    ProbeCondition,
+    ProbedPdo,
+    ProbeWrite,
+    Stand,
+    not_while_operational,
+    while_operational,
+)
 from dvtcli.domain.learning.probe_table import KnownAnswers, next_probes
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import Direction, Pdo, PdoConfig

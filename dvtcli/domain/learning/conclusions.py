@@ -5,12 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 
-from dvtcli.domain.learning.operational import (
-    gate_for_family,
-    gate_for_profile,
-    rules_of_operational,
-    while_operational,
-)
 from dvtcli.domain.learning.probe import (
     ACCEPTED,
     Conclusions,
@@ -20,6 +14,10 @@ from dvtcli.domain.learning.probe import (
     ProbeCondition,
     ProbedPdo,
     Stand,
+    gate_for_family,
+    gate_for_profile,
+    rules_of_operational,
+    while_operational,
 )
 from dvtcli.domain.learning.probe_table import AGAIN, OTHER_WAY, RESTRICTED, TYPES, KnownAnswers, next_probes
 from dvtcli.domain.learning.read_dictionary import taken_beyond

@@ -8,8 +8,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from dvtcli.domain.learning.operational import IN_OPERATIONAL, IN_PRE_OPERATIONAL, while_operational
-from dvtcli.domain.learning.probe import Probe, ProbeAnswer, ProbeCondition, ProbedPdo, ProbeWrite, Stand
+from dvtcli.domain.learning.probe import (
+    IN_OPERATIONAL,
+    IN_PRE_OPERATIONAL,
+    Probe,
+    ProbeAnswer,
+    ProbeCondition,
+    ProbedPdo,
+    ProbeWrite,
+    Stand,
+    while_operational,
+)
 from dvtcli.domain.learning.read_dictionary import limit_probes
 from dvtcli.domain.pdo import DUMMY_BITS, MAX_PDO_BITS, PdoMappingEntry
 from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, SYNC_START, TRANSMISSION_TYPE

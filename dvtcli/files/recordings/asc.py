@@ -10,8 +10,7 @@ from typing import Any, BinaryIO
 import can
 
 from dvtcli.domain.ports import Frame
-from dvtcli.files.recordings.recorded_lines import LeftLines
-from dvtcli.files.recordings.recording_format import RecordingFormat
+from dvtcli.files.recordings.recording_format import LeftLines, RecordingFormat
 
 #: lines without a time: comments, header, triggers
 _ASIDE = re.compile(r"//|;|date\b|base\b|(no )?\s*internal\s+events|begin\b|end\b|previous log", re.I)

@@ -14,8 +14,7 @@ from can.io.blf import BLFParseError
 
 from dvtcli.domain.cob_id import fits
 from dvtcli.domain.ports import Frame
-from dvtcli.files.recordings.recorded_lines import NoFrameError
-from dvtcli.files.recordings.recording_format import RecordedFrame, RecordingFormat
+from dvtcli.files.recordings.recording_format import NoFrameError, RecordedFrame, RecordingFormat
 
 #: an object's header: signature, the header's size and version, the object's size and type
 _OBJECT = struct.Struct("<4sHHLL")

@@ -11,8 +11,7 @@ from typing import Any, BinaryIO
 import can
 
 from dvtcli.domain.ports import Frame
-from dvtcli.files.recordings.recorded_lines import CountedLines, LostLineError
-from dvtcli.files.recordings.recording_format import RecordedFrame, RecordingFormat
+from dvtcli.files.recordings.recording_format import CountedLines, LostLineError, RecordedFrame, RecordingFormat
 
 #: a data frame of candump: time, channel, CAN-ID, data; every match is a valid frame
 _DATA_FRAME = re.compile(

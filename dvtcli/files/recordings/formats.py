@@ -1,12 +1,14 @@
-"""The formats of recordings: the modules in `recordings/`."""
+"""The formats of recordings: the modules in `recordings/`, and a file's format by its content, whatever its name."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
 from dvtcli.errors import UsageError
+from dvtcli.files.input_file import read_input_head
 from dvtcli.files.recordings.recording_format import RecordingFormat
 
 _REFUSED = {
@@ -63,3 +65,112 @@ def _refused(path: Path, suffix: str, known: Mapping[str, RecordingFormat], *, r
         f"{path.name}: no format is known by {by}",
         hint=", ".join(f"{one} ({format_.title})" for one, format_ in known.items()),
     )
+
+
+#: bytes of a file that are looked at, its lines, and characters of the first line
+_MOST_BYTES, _MOST_LINES, _MOST_CHARACTERS = 65_536, 200, 400
+#: beginnings of the formats with a suffix of their own
+_BEGINNINGS = {
+    b"LOGG": ".blf", b"MDF     ": ".mf4", b"\x0a\x0d\x0d\x0a": ".pcapng", b"\xd4\xc3\xb2\xa1": ".pcap",
+    b"\xa1\xb2\xc3\xd4": ".pcap", b"\x4d\x3c\xb2\xa1": ".pcap", b"\xa1\xb2\x3c\x4d": ".pcap",
+}  # fmt: skip
+_LINES = (
+    (re.compile(r"\(\d+\.\d+\)\s+\S+\s+[0-9A-Fa-f]{3,8}##?[0-9A-FRa-f]*.*"), ".log"),
+    (re.compile(r"(?:date\s+\w{3}\s|base\s+(?:hex|dec)\b).*", re.I), ".asc"),
+    (re.compile(r";\$FILEVERSION=.*|;##+"), ".trc"),
+)
+#: what a YAML file of a network is called here
+NETWORK_FILE = "a network file"
+#: what people mistake for a recording: beginnings of files, and of first lines
+_OTHERS = {
+    b"SQLite format 3": "an SQLite database", b"PK\x03\x04": "a ZIP archive", b"\x1f\x8b": "a gzip archive",
+    b"PAR1": "a Parquet file of values; plot reads it", b"%PDF": "a PDF document", b"\x7fELF": "a program",
+}  # fmt: skip
+_OTHER_LINES = (
+    (re.compile(r"\[(?:FileInfo|DeviceInfo|DeviceComissioning)\].*", re.I), "an EDS or DCF file"),
+    (re.compile(r'VERSION\s+".*|BO_ \d+ .*'), "a DBC file"),
+    (re.compile(r"<\?xml .*|<\w+.*"), "an XML file"),
+    (re.compile(r"time,frame,.*|time_s,.*"), "a CSV file of values; plot reads it"),
+    (re.compile(r"(?:nodes|bus|drive):.*"), NETWORK_FILE),
+    (re.compile(r"No\.\s+Time\s+Source\s+Destination\b.*"), "a list of packets from Wireshark; a .pcapng is read"),
+    (re.compile(r"Chn\s+Identifier\s+Flg\b.*"), "a log of Kvaser CanKing; a .asc is read"),
+    (re.compile(r"Timestamp(?:Epoch)?;BusChannel;.*"), "a CSV file of a CSS logger; its .mf4 is read"),
+    (re.compile(r"ASCII Trace IXXAT .*"), "a trace of IXXAT's MiniMon; a .asc is read"),
+    (
+        re.compile(r"[tr][0-9A-F]{3}[0-8](?:[0-9A-F]{2})*(?:[0-9A-F]{4})?|[TR][0-9A-F]{8}[0-8](?:[0-9A-F]{2})*"),
+        "lines of an SLCAN interface; what dvtcli's log makes of them is read",
+    ),
+    (re.compile(r"[{\[].*"), "JSON of another kind than dvtcli's frames"),
+)
+
+
+def recognised(path: Path) -> RecordingFormat:
+    """Return the format of the recording *path* by its content, else by its suffix.
+
+    Raises UsageError if the file is missing or of another format, which is named; or if no format has the suffix.
+    """
+    found = _by_content(_head(path))
+    if isinstance(found, str):
+        raise UsageError(f"{path} is not a recording of frames: it is {found}", hint="; ".join(_known()))
+    if found is None:
+        if path.suffix.lower() not in formats() and not path.is_dir():
+            _require_content(path)
+        return format_of(path, reading=True)
+    found.require()
+    return found
+
+
+def _require_content(path: Path) -> None:
+    """Raise UsageError if *path* is missing or empty."""
+    try:
+        size = path.stat().st_size
+    except OSError as failed:
+        raise UsageError(f"{path}: {failed.strerror or failed}", hint="; ".join(_known())) from failed
+    if not size and path.is_file():
+        raise UsageError(f"{path} is empty", hint="; ".join(_known()))
+
+
+def other_format(path: Path) -> str:
+    """What *path* is by its content if it is no recording: `an XML file`; empty if nothing is recognised."""
+    found = _by_content(_head(path))
+    return found if isinstance(found, str) else ""
+
+
+def is_recording(path: Path) -> bool:
+    """Whether *path* has the suffix or the content of a recording; False for a missing file without the suffix."""
+    return path.suffix.lower() in formats() or isinstance(_by_content(_head(path)), RecordingFormat)
+
+
+def _head(path: Path) -> bytes:
+    """The beginning of *path*; empty if it cannot be read: who opens it says why."""
+    try:
+        return b"" if path.is_fifo() else read_input_head(path, _MOST_BYTES)  # what is in a pipe comes once
+    except OSError:
+        return b""
+
+
+def _known() -> list[str]:
+    return [f"{suffix} ({format_.title})" for suffix, format_ in formats().items()]
+
+
+def _by_content(head: bytes) -> RecordingFormat | str | None:
+    """The format, the name of another one, or None if nothing is recognised."""
+    from dvtcli.files.recordings.pasted import PASTED, shown_text
+
+    for beginning, suffix in _BEGINNINGS.items():
+        if head.startswith(beginning):
+            return formats()[suffix]
+    for beginning, name in _OTHERS.items():
+        if head.startswith(beginning):
+            return name
+    text = head.decode("utf-8-sig", "replace")
+    whole = text.splitlines() if len(head) < _MOST_BYTES else text.splitlines()[:-1]
+    lines = [line for line in map(shown_text, whole[:_MOST_LINES]) if line.strip()]
+    for pattern, suffix in _LINES:
+        if lines and pattern.fullmatch(lines[0].lstrip()[:_MOST_CHARACTERS]):
+            return formats()[suffix]
+    for format_ in PASTED:
+        if format_.is_in(lines):
+            return format_
+    first = lines[0].lstrip()[:_MOST_CHARACTERS] if lines else ""
+    return next((name for pattern, name in _OTHER_LINES if pattern.fullmatch(first)), None)

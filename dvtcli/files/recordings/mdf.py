@@ -19,8 +19,7 @@ import can
 
 from dvtcli.errors import UsageError
 from dvtcli.files.bounded_child import die_of, go_on, limit
-from dvtcli.files.recordings.recorded_lines import NoFrameError
-from dvtcli.files.recordings.recording_format import RecordingFormat
+from dvtcli.files.recordings.recording_format import NoFrameError, RecordingFormat
 from dvtcli.interpreter import how_to_install
 from dvtcli.version import DISTRIBUTION
 

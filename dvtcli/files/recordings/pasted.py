@@ -20,8 +20,13 @@ import can
 from dvtcli.domain.cob_id import CAN_ID_MASK, fits
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.text import plural
-from dvtcli.files.recordings.recorded_lines import MOST_CHARACTERS, CountedLines, LostLineError
-from dvtcli.files.recordings.recording_format import RecordedFrame, RecordingFormat
+from dvtcli.files.recordings.recording_format import (
+    MOST_CHARACTERS,
+    CountedLines,
+    LostLineError,
+    RecordedFrame,
+    RecordingFormat,
+)
 
 _FLAGS = re.I | re.ASCII
 _DATA = r"(?P<data>[0-9A-F]{2}(?: [0-9A-F]{2})*)?"

@@ -16,10 +16,16 @@ from dvtcli.domain.ports import Frame
 from dvtcli.domain.text import plural
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.input_file import open_input, read_input
-from dvtcli.files.recordings.formats import formats
-from dvtcli.files.recordings.recognised import recognised
-from dvtcli.files.recordings.recorded_lines import CountedLines, LeftLines, LostLineError, NoFrameError, no_frame
-from dvtcli.files.recordings.recording_format import RecordedFrame, RecordingFormat
+from dvtcli.files.recordings.formats import formats, recognised
+from dvtcli.files.recordings.recording_format import (
+    CountedLines,
+    LeftLines,
+    LostLineError,
+    NoFrameError,
+    RecordedFrame,
+    RecordingFormat,
+    no_frame,
+)
 
 #: valid times of frames (s since 1970): years 1653 to 5138
 _FIRST_S, _LAST_S = -1e10, 1e11

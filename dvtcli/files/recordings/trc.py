@@ -8,8 +8,7 @@ from typing import Any, BinaryIO
 
 import can
 
-from dvtcli.files.recordings.recorded_lines import LeftLines
-from dvtcli.files.recordings.recording_format import RecordingFormat
+from dvtcli.files.recordings.recording_format import LeftLines, RecordingFormat
 
 #: kinds of events that are no frames; in version 1 an impossible CAN-ID
 _EVENTS = frozenset({"ST", "ER", "EC", "EV", "Warng", "Error", "FFFFFFFF"})

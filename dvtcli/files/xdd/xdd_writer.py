@@ -21,9 +21,9 @@ from dvtcli.domain.scaling import parse_offset
 from dvtcli.domain.text import safe
 from dvtcli.errors import InputFileError
 from dvtcli.files.dbc_text import decimal
-from dvtcli.files.dcf.write_dcf import DcfText, Place, refuse_unlike_values, value_text
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.numbers import same_value, written_limit, written_value
+from dvtcli.files.eds.write_dcf import DcfText, Place, refuse_unlike_values, value_text
 from dvtcli.files.file_info import NO_DATE, as_attributes
 from dvtcli.files.xdd.xdd_parameters import TYPES, Parameter
 from dvtcli.files.xdd.xdd_reader import NAMESPACES, XddFile, number_of, parse_xdd

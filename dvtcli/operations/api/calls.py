@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from dvtcli.device.cancellation import Cancellation
     from dvtcli.domain.hint import Hint
     from dvtcli.domain.ports import Frame
-    from dvtcli.operations.results.bus_events import BusEvent
+    from dvtcli.operations.results.frames import BusEvent
     from dvtcli.operations.session.session import Session
 
 

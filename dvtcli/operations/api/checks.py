@@ -15,7 +15,7 @@ from dvtcli.operations.network.check_networks import CheckOptions
 from dvtcli.operations.user.options import BIT_RATES, Options
 
 if TYPE_CHECKING:
-    from dvtcli.operations.exchange.dbc_options import DbcOptions
+    from dvtcli.files.dbc_text import DbcOptions
     from dvtcli.operations.results import FileReports, LibraryAdded, LibraryListing, ProfileListing, ProfileShown
 
 #: Range of a time-out, in seconds.
@@ -114,7 +114,7 @@ def check_eds(
     rule or family, or if a single file does not exist, InputFileError if a single file is unreadable; of several files
     these are findings.
     """
-    from dvtcli.operations.known_devices import eds_files
+    from dvtcli.operations.devices import eds_files
     from dvtcli.operations.results import FileReports
 
     chosen = [str(path("files", file)) for file in files]
@@ -132,7 +132,7 @@ def check_eds(
 
 def refuse_recordings(files: Sequence[str]) -> None:
     """Raise UsageError if one of *files* is a recording: only the command checks recordings."""
-    from dvtcli.files.recordings.recognised import is_recording
+    from dvtcli.files.recordings.formats import is_recording
 
     recording = next((file for file in files if is_recording(Path(file))), None)
     if recording is not None:
@@ -194,7 +194,7 @@ def convert(  # noqa: PLR0913 - each option of a conversion by its name
 
 def dbc_options(services: Sequence[str], *, split_bits: bool, everything: bool) -> DbcOptions:
     """How a program wants a DBC file, checked; UsageError for a wrong argument."""
-    from dvtcli.operations.exchange.dbc_options import DbcOptions
+    from dvtcli.files.dbc_text import DbcOptions
     from dvtcli.operations.exchange.export_dbc import services_of
 
     flags(split_bits=split_bits, everything=everything)
@@ -206,7 +206,7 @@ def profiles() -> ProfileListing:
 
     Raises InputFileError for an unreadable profile of the user.
     """
-    from dvtcli.operations.known_devices.show_profiles import list_profiles
+    from dvtcli.operations.devices.show_profiles import list_profiles
 
     return list_profiles()
 
@@ -216,7 +216,7 @@ def profile(name: str) -> ProfileShown:
 
     Raises UsageError if unknown, InputFileError if its file is invalid.
     """
-    from dvtcli.operations.known_devices.show_profiles import show_profile
+    from dvtcli.operations.devices.show_profiles import show_profile
 
     word("name", name, "the name of a device family, as `dvtcli.profiles()` lists them")
     with errors_in_calls():
@@ -228,7 +228,7 @@ _U32 = 0xFFFF_FFFF
 
 def eds_library() -> LibraryListing:
     """List the library of device files, as kept by `dvtcli eds add`; a list of rows."""
-    from dvtcli.operations.known_devices.eds_library import list_files
+    from dvtcli.operations.devices.eds_library import list_files
     from dvtcli.operations.session.session import Session
 
     with errors_in_calls(), Session() as session:
@@ -248,7 +248,7 @@ def add_eds(
     the identity of a single file. *dry_run* writes nothing. Raises InputFileError if a single file cannot be added;
     UsageError for an unknown name, or if the library cannot be written.
     """
-    from dvtcli.operations.known_devices.eds_library import add_files
+    from dvtcli.operations.devices.eds_library import add_files
     from dvtcli.operations.session.session import Session
 
     flags(dry_run=dry_run)

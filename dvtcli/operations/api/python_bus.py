@@ -102,7 +102,7 @@ class FrameCalls(NetworkCalls):
         unless every frame is known to be sent: `outcome` has number, delay and reason. Raises UsageError if no frame is
         chosen; InputFileError if the file is damaged; SafetyRefusal without consent.
         """
-        from dvtcli.operations.recordings.replay_recording import Choice, replay_recording
+        from dvtcli.operations.frames.replay_recording import Choice, replay_recording
 
         number("rate", rate, "how many times as fast, 0…1000", high=1000)
         if not isinstance(within_s, tuple) or len(within_s) != 2:

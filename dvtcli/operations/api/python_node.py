@@ -408,7 +408,7 @@ class Node(ConfiguredNode):
         restricted CAN-IDs are tested, too; *with_store* allows the node to store, with at most two writes to 0x1010. A
         dry run returns what would be tested. Raises UsageError for an invalid name or profile.
         """
-        from dvtcli.operations.known_devices.learn_device import learn
+        from dvtcli.operations.devices.learn_device import learn
 
         flags(isolated=isolated, with_store=with_store)
         if save is not None:

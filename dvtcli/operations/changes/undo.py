@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from dvtcli.device.change.plan_document import Identity
     from dvtcli.device.node import Node
     from dvtcli.device.node_parts import ReadableNode
-    from dvtcli.operations.changes.undo_together import NodeUndo
+    from dvtcli.operations.changes.network_phases import NodeUndo
     from dvtcli.operations.session.session import Rehearse, Session
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.user.change_files import ChangeFiles
@@ -45,7 +45,7 @@ def undo(session: Session, *, everything: bool = False) -> Changed | ChangedNode
     phase, all or none, unless a node is expected to refuse its old value. Raises SafetyRefusal if a device holds
     another value than the change left; an error names the nodes undone before it.
     """
-    from dvtcli.operations.changes.undo_together import may_go_together, undo_together
+    from dvtcli.operations.changes.network_phases import may_go_together, undo_together
 
     order = session.network.order
     if not order:
@@ -105,7 +105,7 @@ def _one_by_one(session: SessionNodes, things: Iterable[T], put_back: Callable[[
 
 def _undoing(session: SessionNodes, node: Node) -> NodeUndo:
     """Collect all changes of this session on *node* for an undo."""
-    from dvtcli.operations.changes.undo_together import NodeUndo
+    from dvtcli.operations.changes.network_phases import NodeUndo
 
     def forget(applied: Applied, count: int) -> list[str] | None:
         before = node.history[:]
@@ -236,7 +236,7 @@ def _tell_of_others(session: SessionNodes, remembered_device: RememberedDevice) 
 def undoing(session: SessionUser, remembered_device: RememberedDevice) -> NodeUndo:
     """Collect all changes of *remembered_device*, to undo together with other nodes."""
     from dvtcli.device.change.undo_plan import unbroken
-    from dvtcli.operations.changes.undo_together import NodeUndo
+    from dvtcli.operations.changes.network_phases import NodeUndo
 
     def forget(applied: Applied, count: int) -> None:
         _forget(session, remembered_device, applied, count)

@@ -1,1 +1,1 @@
-"""One whole device: back it up, compare it with a file, plan what a file of a device asks for."""
+"""Whole devices: back up, compare, plan, export, learn; the library of EDS files and profiles."""

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from dvtcli.device.node_parts import NodeDescription
     from dvtcli.device.read_whole import ReadObject
     from dvtcli.domain.profile import ObjectAddress
-    from dvtcli.files.dcf.write_dcf import DcfText
+    from dvtcli.files.eds.write_dcf import DcfText
     from dvtcli.operations.devices.read_whole_device import WholeDevice
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser

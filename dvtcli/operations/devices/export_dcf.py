@@ -14,7 +14,6 @@ from dvtcli.domain.configuration import Configuration
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import UsageError
-from dvtcli.files.dcf.write_dcf import Commissioned, DcfText, refuse_unlike_values, write_dcf
 from dvtcli.files.device_file import (
     VALUE_SUFFIXES,
     XDD_SUFFIXES,
@@ -25,6 +24,7 @@ from dvtcli.files.device_file import (
 )
 from dvtcli.files.eds.ini import MOST_BYTES
 from dvtcli.files.eds.numbers import same_value
+from dvtcli.files.eds.write_dcf import Commissioned, DcfText, refuse_unlike_values, write_dcf
 from dvtcli.files.input_file import read_input
 from dvtcli.operations.devices.read_whole_device import WholeDevice, described, read_every_object
 from dvtcli.operations.results import Facts

@@ -33,15 +33,16 @@ from dvtcli.files.network.network_keys import OF, Where
 from dvtcli.files.profile.library import profile_for_identity, profile_of
 from dvtcli.operations.exchange.export_network import (
     Exported,
+    FoundNode,
     NamedNode,
     eds_word,
     mapped_word,
     network_place,
     title_word,
+    write_found,
 )
-from dvtcli.operations.exchange.written_network import FoundNode, write_found
+from dvtcli.operations.network.concise_network import no_manager
 from dvtcli.operations.network.described_network import simulated_word
-from dvtcli.operations.network.plan_manager import no_manager
 from dvtcli.operations.session.save_script import ask_before_overwriting
 from dvtcli.operations.session.simulated_nodes import file_or_family, read_dictionary
 

@@ -18,13 +18,14 @@ from dvtcli.domain.network.network_state import CONSUMER_HEARTBEAT
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, SdoAborted, SdoProtocolError, UsageError
-from dvtcli.files.dcf.device_keys import is_read_out
 from dvtcli.files.device_file import DEVICE_SUFFIXES, must_not_be_cut, read_device_file
+from dvtcli.files.file_info import is_read_out
 from dvtcli.files.input_file import read_input
 from dvtcli.files.nodelist import MOST_BYTES, SUFFIX, ListedNode, read_nodelist
 from dvtcli.files.profile.library import profile_of
 from dvtcli.files.unread_values import must_tell_values
 from dvtcli.operations.exchange.export_network import (
+    FoundNode,
     all_of,
     beside,
     exported,
@@ -32,8 +33,8 @@ from dvtcli.operations.exchange.export_network import (
     exported_node,
     network_place,
     values_of,
+    write_found,
 )
-from dvtcli.operations.exchange.written_network import FoundNode, write_found
 from dvtcli.operations.nodes.find_nodes import find_nodes
 from dvtcli.operations.plans.read_network_config import tell_unknown_bit_rate
 from dvtcli.operations.session.save_script import ask_before_overwriting

@@ -1,1 +1,1 @@
-"""Single frames: explained, remembered, sent, and played from a recording."""
+"""Frames: explained, remembered, sent, decoded; recordings made, checked, decoded and played again."""

@@ -9,8 +9,7 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.text import plural
 from dvtcli.domain.typed_frame import frame_text
 from dvtcli.errors import UsageError
-from dvtcli.operations.frames.explain_frame import explained, parsed_frame
-from dvtcli.operations.frames.known_parties import KnownParties
+from dvtcli.operations.frames.explain_frame import KnownParties, explained, parsed_frame
 from dvtcli.operations.frames.layouts import open_wire
 from dvtcli.operations.network.described_nodes import described_nodes
 from dvtcli.operations.results.sent import FramesSent, FrameToSend, Outcome

@@ -9,7 +9,7 @@ from time import time
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.domain.gateway.gateway_words import LONGEST_LINE, Answer, Done, Failed, GatewayError
-from dvtcli.operations.results.bus_events import GatewayEvent
+from dvtcli.operations.results.frames import GatewayEvent
 from dvtcli.simulator.network.hub_client import Client
 from dvtcli.version import __version__
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.lss_services import LssAddress
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.results import BusEvent
-    from dvtcli.operations.results.bus_events import GatewayHappening
+    from dvtcli.operations.results.frames import GatewayHappening
     from dvtcli.operations.user.session_user import Reporter
 
 #: unanswered lines before reading stops

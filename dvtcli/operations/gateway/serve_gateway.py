@@ -39,7 +39,7 @@ from dvtcli.simulator.network.hub import Address, Hub
 if TYPE_CHECKING:
     from dvtcli.domain.gateway.requests import Request
     from dvtcli.domain.ports import NodeEvent
-    from dvtcli.operations.results.bus_events import GatewayEvent
+    from dvtcli.operations.results.frames import GatewayEvent
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.simulator.network.hub_client import Client

@@ -139,7 +139,7 @@ def _new_plan(
 ) -> NetworkPlan:
     """Plan *file* by its suffix; raises UsageError for options of the other kind of file."""
     if manager is not None:
-        from dvtcli.operations.network.plan_manager import plan_manager
+        from dvtcli.operations.network.concise_network import plan_manager
 
         if trust_stamp or include or is_about_device(file):
             raise UsageError(

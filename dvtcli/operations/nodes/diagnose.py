@@ -109,7 +109,7 @@ def _journals(folder: Path) -> Check:
 
 def habits_check() -> Check:
     """Count devices with remembered habits for writing."""
-    from dvtcli.operations.known_devices.show_profiles import list_habits
+    from dvtcli.operations.devices.show_profiles import list_habits
 
     rows = list_habits().rows
     broken = [row.name for row in rows if row.problem]

@@ -175,7 +175,7 @@ def _with_file(session: SessionNodes, row: NodeRow) -> NodeRow:
 
     Reads only library files changed since they were added.
     """
-    from dvtcli.operations.known_devices.eds_library import problem_of
+    from dvtcli.operations.devices.eds_library import problem_of
 
     if row.note:
         return row

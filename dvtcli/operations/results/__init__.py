@@ -10,14 +10,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dvtcli.operations.results.bus_events import *  # noqa: F403
-    from dvtcli.operations.results.changes import *  # noqa: F403  # noqa: F403
+    from dvtcli.operations.results.changes import *  # noqa: F403
     from dvtcli.operations.results.checked_files import *  # noqa: F403
     from dvtcli.operations.results.checked_networks import *  # noqa: F403
-    from dvtcli.operations.results.checked_recordings import *  # noqa: F403
     from dvtcli.operations.results.comparisons import *  # noqa: F403
     from dvtcli.operations.results.documents import *  # noqa: F403
-    from dvtcli.operations.results.facts import *  # noqa: F403  # noqa: F403
+    from dvtcli.operations.results.facts import *  # noqa: F403
     from dvtcli.operations.results.failures import *  # noqa: F403
     from dvtcli.operations.results.frames import *  # noqa: F403
     from dvtcli.operations.results.learnt import *  # noqa: F403
@@ -32,7 +30,6 @@ if TYPE_CHECKING:
 
 #: Every public name of this room, by module.
 NAMES: dict[str, tuple[str, ...]] = {
-    "bus_events": ("BusEvent",),
     "changes": (
         "Changed",
         "ChangedNodes",
@@ -48,8 +45,14 @@ NAMES: dict[str, tuple[str, ...]] = {
         "Report",
         "Reported",
     ),
-    "checked_recordings": ("RecordingFinding", "RecordingReport", "RecordingsChecked"),
-    "checked_networks": ("NetworkFinding", "NetworkReport", "NetworksChecked"),
+    "checked_networks": (
+        "NetworkFinding",
+        "NetworkReport",
+        "NetworksChecked",
+        "RecordingFinding",
+        "RecordingReport",
+        "RecordingsChecked",
+    ),
     "comparisons": ("Compared", "ComparedNodes", "ObjectDifference", "WholeCompared"),
     "documents": (
         "Document",
@@ -75,7 +78,16 @@ NAMES: dict[str, tuple[str, ...]] = {
         "not_obeyed",
         "together",
     ),
-    "frames": ("FrameSeen", "PlottedSignal", "Plotted", "part_document", "FrameExplained", "TracedFrame", "Traced"),
+    "frames": (
+        "BusEvent",
+        "FrameSeen",
+        "PlottedSignal",
+        "Plotted",
+        "part_document",
+        "FrameExplained",
+        "TracedFrame",
+        "Traced",
+    ),
     "learnt": ("Difference", "LearntDevice", "LearnForecast", "Wanted", "WantedState", "HabitRow", "HabitListing"),
     "library_files": (
         "AddedFile",

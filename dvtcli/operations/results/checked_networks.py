@@ -1,10 +1,11 @@
-"""The result of `check`."""
+"""The results of `check`: networks and recordings."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
+from dvtcli.domain.times import utc
 from dvtcli.errors import DvtcliError, ended_with
 from dvtcli.operations.results.checked_files import FileFinding, FileReport, FileRule, Judged, wrong_reports
 from dvtcli.operations.results.documents import Answer, Document, Short
@@ -123,3 +124,105 @@ class NetworksChecked(Answer):
     def document(self) -> Document:
         """`dvtcli.network-check/1`."""
         return {"schema": "dvtcli.network-check/1", "files": [report.fields() for report in self.reports]}
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingFinding(FileFinding):
+    """A problem in a recording; *line* is the number of its first frame.
+
+    *parties* are concerned, *look* is what to look at first. It happened *times* times, from *first_s* to *last_s* (s
+    since 1970, as recorded); *frames* are the numbers of the first ones. *node* is a node-ID, *bus* the channel, empty
+    if the recording names none.
+    """
+
+    parties: str = ""
+    look: str = ""
+    first_s: float = 0.0
+    last_s: float = 0.0
+    times: int = 1
+    frames: tuple[int, ...] = ()
+    node: int | None = None
+    bus: str = ""
+
+    def document(self) -> Document:
+        """An element of `findings` in `dvtcli.recording-check/1`."""
+        return {
+            "severity": self.severity,
+            "rule": self.rule,
+            "bus": self.bus or None,
+            "node": self.node,
+            "object": self.object or None,
+            "parties": self.parties,
+            "text": self.text,
+            "look": self.look,
+            "first": utc(self.first_s) if self.frames else None,
+            "last": utc(self.last_s) if self.frames else None,
+            "times": self.times,
+            "frames": list(self.frames),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingReport(Short, Judged):
+    """The findings of *rules* in the recording *path*, which has *frames* from *first_s* to *last_s* (s since 1970).
+
+    *unread* is the exit code of a file that cannot be read, else 0.
+    """
+
+    made_by: ClassVar = "check"
+
+    path: str
+    rules: tuple[FileRule, ...]
+    findings: tuple[RecordingFinding, ...]
+    frames: int = 0
+    first_s: float = 0.0
+    last_s: float = 0.0
+    strict: bool = True
+    unread: int = 0
+
+    @property
+    def exit_code(self) -> int:
+        """2 for a missing file, 4 for a damaged one, 3 for an error or a warning among the findings."""
+        return self.unread or (3 if any(map(self.is_bad, self.findings)) else 0)
+
+    def fields(self) -> Document:
+        """An element of `files` in `dvtcli.recording-check/1`."""
+        return {
+            "file": self.path,
+            "frames": self.frames,
+            "seconds": round(self.last_s - self.first_s, 6),
+            "rules": len(self.rules),
+            "count": self.count(),
+            "findings": [finding.document() for finding in self.findings],
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingsChecked(Answer):
+    """The result of `check` for recordings: a report for each."""
+
+    renderer: ClassVar = "check_lines:recording_lines"
+    formats: ClassVar = FileReport.formats
+    use_pager: ClassVar = True
+
+    reports: tuple[RecordingReport, ...]
+
+    def __bool__(self) -> bool:
+        """Tell whether nothing is wrong."""
+        return self.exit_code == 0
+
+    @property
+    def exit_code(self) -> int:
+        """4 for a damaged recording, else 3 for an error or a warning in one, else 2 for a missing file."""
+        return max((report.exit_code for report in self.reports), default=0)
+
+    @property
+    def failure_of_document(self) -> DvtcliError | None:
+        """The error for a nonzero exit code, for programs."""
+        unread = [report.path for report in self.reports if report.unread]
+        wrong = wrong_reports(self.reports) or f"{', '.join(unread)} cannot be read"
+        return ended_with(self.exit_code, wrong) if self.exit_code else None
+
+    def document(self) -> Document:
+        """`dvtcli.recording-check/1`."""
+        return {"schema": "dvtcli.recording-check/1", "files": [report.fields() for report in self.reports]}

@@ -21,7 +21,7 @@ from dvtcli.operations.session.simulated_nodes import (
 from dvtcli.operations.user.options import Options
 
 if TYPE_CHECKING:
-    from dvtcli.operations.results.bus_events import BusEvent
+    from dvtcli.operations.results.frames import BusEvent
     from dvtcli.simulator.device.simulated_faults import Fault
     from dvtcli.simulator.device.strict_device import StrictDevice
     from dvtcli.simulator.network.signals import SimulatedSignal
@@ -107,7 +107,7 @@ OnBusEvent = Callable[["BusEvent"], None]
 
 def gone(name: str, failed: BusUnavailable) -> BusEvent:
     """Make the event of the bus *name* that *failed*."""
-    from dvtcli.operations.results.bus_events import BusEvent
+    from dvtcli.operations.results.frames import BusEvent
 
     reason = failed.why or failed.text
     return BusEvent(name, time(), f"{reason}; {failed.hint}" if failed.hint else reason)
@@ -130,8 +130,8 @@ def waited_for(
     opened: Callable[[], B], name: str, failed: BusUnavailable, stopping: Callable[[], bool], on_bus_event: OnBusEvent
 ) -> B | None:
     """Call *opened*() until it succeeds after the bus *name* has *failed*; None as soon as *stopping*()."""
-    from dvtcli.bus.waiting import wait_for_bus
-    from dvtcli.operations.results.bus_events import BusEvent
+    from dvtcli.bus.opening import wait_for_bus
+    from dvtcli.operations.results.frames import BusEvent
 
     began_s = monotonic()
     on_bus_event(gone(name, failed))

@@ -14,16 +14,15 @@ from dvtcli.domain.plan import PdoChange
 from dvtcli.domain.script_line import backup_lines, end_state, left_out_stores, touched
 from dvtcli.domain.text import join_some
 from dvtcli.errors import UsageError
-from dvtcli.files.read_back import reader_of
 from dvtcli.operations.results import Facts
-from dvtcli.operations.session.whole_file import write_whole
+from dvtcli.operations.session.whole_file import reader_of, write_whole
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.pdo import Pdo
-    from dvtcli.files.read_back import ReadBack
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.session.whole_file import ReadBack
     from dvtcli.operations.user.session_user import SessionUser
 
 #: Consecutive lines about a node.

@@ -12,14 +12,15 @@ from dvtcli.domain.text import plural
 from dvtcli.watch.decoder import SDO_SERVERS, Address, Layout, server_layouts
 from dvtcli.watch.recording_checks.frame_problems import (
     FRAME_RULES,
+    MASTER_RULES,
     RPDO_RULES,
     AnswerProblems,
     LengthProblems,
+    MasterProblems,
     NodePdo,
     RecordedMappings,
     RpdoProblems,
 )
-from dvtcli.watch.recording_checks.master_problems import MASTER_RULES, MasterProblems
 from dvtcli.watch.recording_checks.node_problems import NODE_RULES, NodeProblems
 from dvtcli.watch.recording_checks.problems import Moment, Problem, TimesOf, joined
 from dvtcli.watch.recording_checks.sdo_problems import SDO_RULES, SdoProblems

@@ -183,7 +183,7 @@ def test_the_menu_offers_words_to_who_begins_one_and_the_nodes_behind_it() -> No
     from prompt_toolkit.completion import CompleteEvent
     from prompt_toolkit.document import Document
 
-    from dvtcli.cli.prompt.completer import LineCompleter
+    from dvtcli.cli.prompt.full_line import LineCompleter
 
     with Bench(("gen4@1", "gen4@12")) as bench:
         bench.run("node 1")

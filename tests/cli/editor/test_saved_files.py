@@ -12,7 +12,7 @@ import pytest
 
 from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.editor.edit_loop import FileNodes, simulated_nodes
-from dvtcli.cli.screen.beside import in_a_line
+from dvtcli.cli.screen.full_screen import in_a_line
 from dvtcli.cli.view.output import Output
 from dvtcli.domain.network.network_config import Endpoint, LinkConfig, PartialPdoConfig
 from dvtcli.domain.pdo import Pdo

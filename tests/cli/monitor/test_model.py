@@ -33,13 +33,12 @@ from dvtcli.domain.times import utc
 from dvtcli.errors import BusUnavailable
 from dvtcli.files.profile.library import standards
 from dvtcli.operations.frames.transmit_rows import transmit_row
+from dvtcli.operations.session.steady_listener import FOREIGN_CLOCK_S, Listener
 from dvtcli.watch.decoder import Decoder, Layout, Signal, pdo_layouts, unique
-from dvtcli.watch.listener import FOREIGN_CLOCK_S, Listener
 from dvtcli.watch.seen import ROWS, FrameStore
 from dvtcli.watch.service import service_of
 from dvtcli.watch.statistics import FrameIntervals, Point, ValueHistory, spark
-from dvtcli.watch.table import all_columns
-from dvtcli.watch.tracks import Track, find_tracks
+from dvtcli.watch.table import Track, all_columns, find_tracks
 from tests.simulator.serve.served import wait_for
 
 BEGIN_S = 1_700_000_000.0

@@ -12,8 +12,8 @@ from prompt_toolkit.document import Document
 
 from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.name_completion import MOST
-from dvtcli.cli.prompt.completer import LineCompleter
-from dvtcli.cli.prompt.line import quoted, typed
+from dvtcli.cli.prompt.full_line import LineCompleter
+from dvtcli.cli.prompt.line import quoted, typed_line
 from dvtcli.cli.view.output import Output
 from dvtcli.domain.pdo import DUMMY_BITS
 from dvtcli.domain.rules.mapped_object import is_taken
@@ -160,7 +160,7 @@ def test_a_large_dictionary_gives_a_menu_that_can_be_read(tmp_path: Path) -> Non
     ],
 )
 def test_a_line_is_taken_apart_while_it_is_typed(text: str, finished: list[str], incomplete: str, start: int) -> None:
-    line = typed(text)
+    line = typed_line(text)
     assert line is not None
     assert (line.words, line.incomplete, line.start) == (finished, incomplete, start)
 

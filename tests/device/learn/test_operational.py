@@ -85,8 +85,7 @@ def test_what_is_not_asked_of_an_enabled_pdo_in_operational_is_said_with_the_rea
 
 def test_a_family_s_other_ranges_stay() -> None:
     """Those of a family that it is like, which no PDO is in."""
-    from dvtcli.domain.learning.operational import merged
-    from dvtcli.domain.learning.probe import Learnt
+    from dvtcli.domain.learning.probe import Learnt, merged
 
     learnt = Learnt("pre_operational_writes", [[0x1A00, 0x1BFF]], "")
     found = merged(learnt, [(0x1010, 0x1011), (0x13F0, 0x1BFF), (0x1400, 0x1C05), (0x3000, 0x3400)])

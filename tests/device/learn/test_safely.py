@@ -10,7 +10,7 @@ from dvtcli.device.learn.probing import Asked, Terms, ask_safely, roll_back_writ
 from dvtcli.device.learn.subjects import subjects
 from dvtcli.device.node import Node
 from dvtcli.device.store.pending import CHANGE
-from dvtcli.domain.learning.operational import IN_OPERATIONAL
+from dvtcli.domain.learning.probe import IN_OPERATIONAL
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo
 from dvtcli.errors import LeftChanged, SafetyRefusal, SdoAborted

@@ -31,10 +31,9 @@ MAY_CATCH_ALL = {
     "files/recordings/mdf.py": "the same, and what asammdf raises",
     "bus/drivers.py": "what drivers raise means that they find nothing",
     "bus/turns.py": "handed to the thread that asked for the work",
-    "watch/listener.py": "handed to who takes what was heard",
+    "operations/session/steady_listener.py": "handed to who takes what was heard",
     "cli/monitor/watch.py": "handed to who takes what was read",
     "cli/monitor/transmit_list.py": "handed to the screen, which raises it",
-    "cli/screen/beside.py": "the same",
     "cli/editor/editor.py": "the same",
     "cli/screen/full_screen.py": "the same; and past the event loop of prompt_toolkit, which would keep it",
     "device/change/transaction.py": "LeftChanged follows, unless all but an object that cannot be read goes back",
@@ -44,7 +43,6 @@ MAY_CATCH_ALL = {
 MAY_LEAVE_UNSAID = {
     "cli/conversation.py": "a script's failure is told; of what its earlier lines set nothing is claimed then",
     "cli/name_completion.py": "nothing is offered; it is said once the line is run",
-    "cli/prompt/completer.py": "the same",
     "cli/prompt/full_line.py": "the same",
     "cli/prompt/status.py": "the menu says less; the next command says why",
     "device/change/transaction.py": "who does not answer is not known to hold what it took",
@@ -58,7 +56,7 @@ MAY_LEAVE_UNSAID = {
 #: exceptions that end within their room and reach no user
 INNER = {
     "files/network/yaml_tree.py:OtherYamlError",
-    "files/recordings/recorded_lines.py:LostLineError", "files/recordings/recorded_lines.py:NoFrameError",
+    "files/recordings/recording_format.py:LostLineError", "files/recordings/recording_format.py:NoFrameError",
     "domain/gateway/gateway_words.py:GatewayRequestError",  # a client's line, which gets an answer
     "simulator/network/hub_client.py:RubbishError", "simulator/network/signals.py:RowsError",
     "simulator/device/memory.py:Refusal", "cli/dvt/tcl_calls.py:Exit", "cli/dvt/tcl_run.py:Late",

@@ -36,7 +36,7 @@ DOORS: dict[str, tuple[str, ...]] = {
         "bus/discover.py",
         "bus/opening.py",
         "files/bounded_process.py",
-        "cli/prompt/redirect.py",
+        "cli/prompt/line.py",
         "cli/view/typed_hints.py",  # how Windows takes words apart
     ),
     "logging": ("bus/can_message.py", "operations/api/calls.py"),
@@ -45,7 +45,7 @@ DOORS: dict[str, tuple[str, ...]] = {
     "signal": (
         "files/bounded_process.py",
         "cli/screen/full_screen.py",
-        "cli/prompt/redirect.py",
+        "cli/prompt/line.py",
         "cli/prompt/loop.py",
         "cli/main.py",
         "operations/api/calls.py",

@@ -22,7 +22,7 @@ MAY_PRINT = {
     "cli/passcode.py": "asks for what must not be seen",
     "cli/prompt/first_start.py": "asks at a terminal how to go on",
     "cli/prompt/loop.py": "the prompt, and what would be printed over it",
-    "cli/prompt/redirect.py": "what the user sends on to a file or a program",
+    "cli/prompt/line.py": "what the user sends on to a file or a program",
     "cli/commands/tour.py": "waits for Enter",
     "cli/commands/_pdo_edit.py": "the user's editor",
     "files/bounded_child.py": "a pipe to its parent",

@@ -13,8 +13,14 @@ from dvtcli.domain.text import join_some, plural
 from dvtcli.operations.results.checked_files import SEVERITIES, FileFinding, FileReport, FileReports
 
 if TYPE_CHECKING:
-    from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkReport, NetworksChecked
-    from dvtcli.operations.results.checked_recordings import RecordingFinding, RecordingReport, RecordingsChecked
+    from dvtcli.operations.results.checked_networks import (
+        NetworkFinding,
+        NetworkReport,
+        NetworksChecked,
+        RecordingFinding,
+        RecordingReport,
+        RecordingsChecked,
+    )
 
 STYLES = {"error": "red", "warning": "yellow", "note": "cyan"}
 #: Maximum number of causes per rule; `--rule` shows every finding, and other formats always have all.

@@ -7,8 +7,7 @@ from pathlib import Path
 
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.abort import abort_text
-from dvtcli.domain.learning.operational import IN_OPERATIONAL
-from dvtcli.domain.learning.probe import Value
+from dvtcli.domain.learning.probe import IN_OPERATIONAL, Value
 from dvtcli.domain.text import join_some
 from dvtcli.operations.results.learnt import HabitListing, LearnForecast, LearntDevice, Wanted
 

@@ -17,8 +17,8 @@ from dvtcli.domain.datatypes import U16
 from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.domain.ports import Frame
 from dvtcli.files.user_folders import user_folder
+from dvtcli.operations.session.steady_listener import Listener
 from dvtcli.operations.user.secret_objects import Secrets
-from dvtcli.watch.listener import Listener
 from tests.cli.commands.bench import Bench
 from tests.harness.sample import heavy
 from tests.simulator.serve.served import PATIENCE_S, bus_words, own_environment, served, wait_for

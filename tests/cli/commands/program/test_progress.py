@@ -14,7 +14,7 @@ from dvtcli.cli.view.output import Output, ProgressLine
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.request import PdoRequest
 from dvtcli.operations.changes.change import configure
-from dvtcli.operations.known_devices.learn_device import learn
+from dvtcli.operations.devices.learn_device import learn
 from dvtcli.operations.results import LearntDevice
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options

@@ -11,8 +11,7 @@ import pytest
 from can.interfaces import BACKENDS
 
 from dvtcli.bus import drivers
-from dvtcli.cli.aliases import usable_aliases, withheld_aliases
-from dvtcli.cli.prompt.line import Destination, taken_apart
+from dvtcli.cli.prompt.line import Destination, taken_apart, usable_aliases, withheld_aliases
 from dvtcli.files.user_folders import user_folder
 from dvtcli.operations.user.change_settings import trust_settings
 from dvtcli.operations.user.options import options_of

@@ -19,8 +19,7 @@ from dvtcli.operations.frames.recorded import decoder_for
 from dvtcli.operations.network.described_nodes import described_nodes, network_config_of
 from dvtcli.watch.decoder import Misfits
 from dvtcli.watch.frame_reader import FrameReader
-from dvtcli.watch.table import SignalRows, all_columns
-from dvtcli.watch.tracks import fill, fill_rows, find_tracks
+from dvtcli.watch.table import SignalRows, all_columns, fill, fill_rows, find_tracks
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.network_config import NetworkConfig
@@ -30,8 +29,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
     from dvtcli.watch.decoder import Decoder
-    from dvtcli.watch.table import Place
-    from dvtcli.watch.tracks import Track
+    from dvtcli.watch.table import Place, Track
 
 
 def decode_recording(

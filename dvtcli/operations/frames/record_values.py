@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import BusUnavailable, DvtcliError, SafetyRefusal, UsageError, ended_with
 from dvtcli.files.values.value_file import Rotation, ValueParts, finish_parts, next_part
+from dvtcli.operations.frames.decode_recording import DEFAULTS, ValuesOptions, is_parquet, parquet_form
 from dvtcli.operations.frames.explain_frame import frame_seen
 from dvtcli.operations.frames.layouts import live_decoder, open_wire
 from dvtcli.operations.frames.watch_bus import ListeningTime
 from dvtcli.operations.network.described_nodes import described_nodes
-from dvtcli.operations.recordings.decode_recording import DEFAULTS, ValuesOptions, is_parquet, parquet_form
 from dvtcli.operations.results.facts import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting
 from dvtcli.operations.session.steady_listener import SteadyListener

@@ -11,13 +11,13 @@ from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, OdObject
 from dvtcli.domain.standard_objects import is_pdo_mapping
 from dvtcli.domain.text import safe
 from dvtcli.errors import InputFileError
-from dvtcli.files.dcf.device_keys import write_device_keys
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import EditedText, IniValue, Values, section_values
 from dvtcli.files.eds.numbers import is_text, number_key, read_number, same_value, text_of, without_comment
 from dvtcli.files.eds.reader import EdsFile, parse_eds
 from dvtcli.files.eds.sections import OBJECT_LISTS, EdsLayout, ObjectSections, Parts
 from dvtcli.files.eds.writer import object_sections
+from dvtcli.files.file_info import write_device_keys
 
 Place = tuple[int, int]
 _OPTIONAL, _SUPPORTED_COUNT = "optionalobjects", "supportedobjects"

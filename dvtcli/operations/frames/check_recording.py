@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_state import identifier_of
 from dvtcli.errors import InputFileError, UsageError
+from dvtcli.files.recordings.formats import NETWORK_FILE, is_recording, other_format
 from dvtcli.files.recordings.read_recording import check_readable, read_recorded
-from dvtcli.files.recordings.recognised import NETWORK_FILE, is_recording, other_format
 from dvtcli.operations.frames.recorded import decoder_for, standard_input
 from dvtcli.operations.network.described_nodes import described_nodes, network_config_of
 from dvtcli.operations.results.checked_files import FileRule, rules_among
-from dvtcli.operations.results.checked_recordings import RecordingFinding, RecordingReport, RecordingsChecked
+from dvtcli.operations.results.checked_networks import RecordingFinding, RecordingReport, RecordingsChecked
 from dvtcli.watch.recording_checks.problems import Problem
 from dvtcli.watch.recording_checks.recording_rules import RECORDING_RULES, UNREADABLE, RecordingCheck
 from dvtcli.watch.recording_checks.stream_problems import LOAD

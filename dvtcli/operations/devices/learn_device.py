@@ -20,8 +20,7 @@ from dvtcli.device.store.unstored import mark_stored, require_storable
 from dvtcli.domain.datatypes import DOMAIN
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.learning.conclusions import conclude, forecast, most_until_refused, most_writes
-from dvtcli.domain.learning.operational import merged
-from dvtcli.domain.learning.probe import Conclusions, Value
+from dvtcli.domain.learning.probe import Conclusions, Value, merged
 from dvtcli.domain.learning.read_dictionary import absent_for_family
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.text import join_some

@@ -1,1 +1,0 @@
-"""Knowledge about kinds of devices: EDS files, profiles, habits, learnt families."""

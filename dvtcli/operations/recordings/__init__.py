@@ -1,1 +1,0 @@
-"""Recordings of a bus: made, checked, decoded, replayed."""
