@@ -28,7 +28,7 @@ _FILES = {
 
 
 class Walk(NamedTuple):
-    """A command in *words*, and the SDO call that *end*s its walk: the first, or the first *within* that function."""
+    """A command in *words*, and the SDO call that *end*s its walk: the first, or the first *within* functions `a,b`."""
 
     title: str
     words: tuple[str, ...]
@@ -39,6 +39,17 @@ class Walk(NamedTuple):
 WALKS = (
     Walk("`map`, to the first SDO download", ("--sim", "gen4", "-y", "map", "tpdo3", "6041")),
     Walk("`store`, to the first SDO download", ("--sim", "gen4", "-y", "store")),
+    Walk(
+        "`store --prove`, to the download of the value that will test the reset",
+        ("--sim", "gen4", "-y", "store", "--prove"),
+        within="plant",
+    ),
+    Walk(
+        "`store --prove`, to the first upload of the comparison after the reset",
+        ("--sim", "gen4", "-y", "store", "--prove"),
+        "upload",
+        "_restarted,pdos",
+    ),
     Walk("`apply`, to the first SDO download", ("--sim", "gen4", "-y", "apply", "net.yaml")),
     Walk("`export`, to the first SDO upload", ("--sim", "gen4", "export", "x.dcf"), "upload"),
 )
@@ -98,7 +109,7 @@ def walk(of: Walk) -> list[tuple[str, str]]:
 
 
 def _keep_walk(path: Path, end: str, within: str) -> None:
-    """Write the functions that run at the first call of *end* in bus/sdo, or the first *within* that one, to *path*."""
+    """Write the functions that run at the first call of *end* in bus/sdo, or the first *within* others, to *path*."""
 
     def look(frame: FrameType, event: str, _argument: Any) -> None:
         at = frame.f_code
@@ -108,7 +119,8 @@ def _keep_walk(path: Path, end: str, within: str) -> None:
         if threading.current_thread() is not threading.main_thread():
             main_thread = threading.main_thread().ident
             steps = _ours(sys._current_frames()[main_thread or 0]) + steps
-        if within and not any(function.rpartition(".")[2] == within for _, function in steps):
+        entered = {function.rpartition(".")[2] for _, function in steps}
+        if not entered.issuperset(filter(None, within.split(","))):
             return
         sys.setprofile(None)
         threading.setprofile(None)

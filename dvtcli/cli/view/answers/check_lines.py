@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING, TypeVar
 
 from dvtcli.cli.view.error_lines import source_lines
 from dvtcli.cli.view.lines import Cell, Line, Table
@@ -13,15 +13,10 @@ from dvtcli.domain.text import join_some, plural
 from dvtcli.operations.results.checked_files import SEVERITIES, FileFinding, FileReport, FileReports
 
 if TYPE_CHECKING:
-    from dvtcli.operations.results.checked_networks import (
-        NetworkFinding,
-        NetworkReport,
-        NetworksChecked,
-        RecordingFinding,
-        RecordingReport,
-        RecordingsChecked,
-    )
+    from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkReport, NetworksChecked
+    from dvtcli.operations.results.checked_recordings import RecordingFinding, RecordingReport, RecordingsChecked
 
+F = TypeVar("F", bound=FileFinding)
 STYLES = {"error": "red", "warning": "yellow", "note": "cyan"}
 #: Maximum number of causes per rule; `--rule` shows every finding, and other formats always have all.
 _SHOWN = 10
@@ -36,7 +31,7 @@ def check_lines(result: FileReport, width: int) -> Iterator[Line]:
     times = Counter(finding.rule for finding in result.findings)
     is_alone = len(result.rules) == 1
     most = len(result.findings) if is_alone else _SHOWN
-    causes = [[finding] for finding in result.findings] if is_alone else _by_cause(result.findings)
+    causes = [[finding] for finding in result.findings] if is_alone else _by_cause(result.findings, _without_object)
     said: Counter[str] = Counter()
     shown: Counter[str] = Counter()
     for finding, *others in causes:
@@ -70,13 +65,17 @@ def checks_lines(result: FileReports, width: int) -> Iterator[Line]:
     yield f"{plural(len(result.files), 'file')}, {bad} of them invalid: {found}"
 
 
-def _by_cause(findings: Iterable[FileFinding]) -> list[list[FileFinding]]:
-    """Put findings of a rule that say the same, whatever their objects, behind the first."""
-    causes: dict[tuple[str, str], list[FileFinding]] = {}
+def _by_cause(findings: Iterable[F], cause: Callable[[F], str], many: int = 1) -> Iterator[list[F]]:
+    """Yield *findings* of a rule with equal *cause* together if they are *many*, else each alone."""
+    causes: dict[tuple[str, str], list[F]] = {}
     for finding in findings:
-        about = finding.text.removeprefix(finding.object)
-        causes.setdefault((finding.rule, about), []).append(finding)
-    return list(causes.values())
+        causes.setdefault((finding.rule, cause(finding)), []).append(finding)
+    for alike in causes.values():
+        yield from [alike] if len(alike) >= many else ([finding] for finding in alike)
+
+
+def _without_object(finding: FileFinding) -> str:
+    return finding.text.removeprefix(finding.object)
 
 
 def _summary(result: FileReport, times: Counter[str], shown: Counter[str], width: int) -> Iterator[Line]:
@@ -134,7 +133,8 @@ def network_check_lines(result: NetworksChecked, _width: int) -> Iterator[Line]:
             found = [finding for finding in report.findings if finding.severity == severity]
             if severity == "note":
                 yield from _notes_of_file(report)
-            for finding, *others in [[each] for each in found] if is_alone else _network_by_cause(found):
+            causes = [[each] for each in found] if is_alone else _by_cause(found, _without_place, _MANY)
+            for finding, *others in causes:
                 is_folded |= bool(others)
                 yield _network_finding(report, finding, others)
                 if finding.complaint is not None and severity != "note":
@@ -158,15 +158,6 @@ def _notes_of_file(report: NetworkReport) -> Iterator[Line]:
     for line, column, times, text in report.notes:
         more = f" ({times} times)" if times > 1 else ""
         yield f"{report.path}:{line}:{column}: note: {text}{more}"
-
-
-def _network_by_cause(findings: list[NetworkFinding]) -> Iterator[list[NetworkFinding]]:
-    """Yield *findings*, many that differ in nothing but their own node, PDO and object together."""
-    causes: dict[tuple[str, str], list[NetworkFinding]] = {}
-    for finding in findings:
-        causes.setdefault((finding.rule, _without_place(finding)), []).append(finding)
-    for cause in causes.values():
-        yield from [cause] if len(cause) >= _MANY else ([finding] for finding in cause)
 
 
 def _without_place(found: NetworkFinding) -> str:
