@@ -13,7 +13,7 @@ from queue import SimpleQueue
 from threading import RLock
 from typing import TYPE_CHECKING
 
-from dvtcli.bus.frame_bus import SdoChannels
+from dvtcli.bus.message_bus import SdoChannels
 from dvtcli.bus.node_watch import EMERGENCY, HEARTBEAT
 from dvtcli.bus.receiver import Tap, Traffic, Wake, bus_closed
 from dvtcli.bus.sdo.client import SdoChannel

@@ -15,7 +15,7 @@ from dvtcli.bus.bit_rate_setter import BitRateSetter
 from dvtcli.bus.can_message import frame_of
 from dvtcli.bus.carrier import Carrier
 from dvtcli.bus.error_frames import ErrorFrames
-from dvtcli.bus.frame_bus import ReadBus
+from dvtcli.bus.message_bus import MessageBus
 from dvtcli.bus.receiver import Tap, bus_closed
 from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, REQUEST_ID
 from dvtcli.bus.watched_bus import NMT_CAN_ID
@@ -126,7 +126,7 @@ LEAST_BIT_RATE = 125_000
 HEARD_S = 0.25
 
 
-class CanBus(ReadBus[can.Message]):
+class CanBus(MessageBus[can.Message]):
     """A CanopenBus on a python-can *bus*, called *name* on screens.
 
     *carrier* adds the driver's state. The waiting thread reads the bus. *timeout_s* (s) and *retries* are those of

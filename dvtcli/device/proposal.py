@@ -41,7 +41,7 @@ class LazyMapping(Mapping[Pdo, T], Generic[T]):
         return sum(1 for _ in self)
 
 
-class _Once(Generic[T]):
+class _Lazy(Generic[T]):
     """The result of *load*, called at the first use; much cheaper to make than a `functools.cache`."""
 
     __slots__ = ("_found", "_load")
@@ -93,8 +93,8 @@ def proposal(
         node.profile,
         node.dictionary,
         lengths,
-        _Once(lambda: {**taken(), **service_ids(node.read_cache.look(), node.node_id, node.dictionary)}),
-        _Once(beside),
+        _Lazy(lambda: {**taken(), **service_ids(node.read_cache.look(), node.node_id, node.dictionary)}),
+        _Lazy(beside),
         cob_ids,
         absent,
         lambda: node.bus.nodes_seen().keys() - {node.node_id, *(other.node_id for other in node.neighbours())},
@@ -110,7 +110,7 @@ def _others(
         held = {**node.known_cob_ids(), **{one: config.communication.cob_id for one, config in together.items()}}
         return {other: cob_id for other, cob_id in held.items() if other != pdo}
 
-    cob_ids = _Once(read)
+    cob_ids = _Lazy(read)
 
     def whole(other: Pdo) -> PdoConfig:
         return together[other] if other in together else node.known_pdo(other)
@@ -140,7 +140,7 @@ def resolve(
     *elsewhere* are the future PDOs of the other nodes, None for the present. Raises RuleError for an object missing in
     the EDS, UsageError for any other unresolvable request.
     """
-    beside = elsewhere or _Once(lambda: producers(node.neighbours()))
+    beside = elsewhere or _Lazy(lambda: producers(node.neighbours()))
     held = proposal(node, pdo, now, now, elsewhere=beside)
     if isinstance(want, PdoRequest):
         if want.extended and not isinstance(want.cob_id, int):

@@ -16,7 +16,7 @@ from itertools import count
 from select import select
 from threading import Lock
 
-from dvtcli.bus.frame_bus import ReadBus
+from dvtcli.bus.message_bus import MessageBus
 from dvtcli.bus.receiver import bus_closed
 from dvtcli.bus.sdo.dialogue import no_answer
 from dvtcli.bus.sdo.sdo_link import Inbox
@@ -55,7 +55,7 @@ def boot_up_of(line: str) -> Frame | None:
     return None if told is None else Frame(0x700 + int(told[1]), b"\0")
 
 
-class GatewayBus(ReadBus[str]):
+class GatewayBus(MessageBus[str]):
     """Nodes behind a gateway on *link*; a message is one line."""
 
     def __init__(self, link: socket.socket, name: str, *, timeout_s: float, retries: int) -> None:

@@ -38,7 +38,7 @@ class Contract:
         raise NotImplementedError
 
     def test_nothing_of_its_own_hides_a_method(self, bus: CanopenBus) -> None:
-        """As an attribute `_frames` would that of `ReadBus`."""
+        """As an attribute `_frames` would that of `MessageBus`."""
         assert [name for name in vars(bus) if callable(getattr(type(bus), name, None))] == []
 
     def test_name(self, bus: CanopenBus) -> None:

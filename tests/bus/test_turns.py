@@ -12,8 +12,8 @@ import can
 import pytest
 
 from dvtcli.bus.carrier import Carrier
-from dvtcli.bus.frame_bus import FEW_AT_ONCE, MOST_AT_ONCE
 from dvtcli.bus.kernel_links import _SERVICES
+from dvtcli.bus.message_bus import FEW_AT_ONCE, MOST_AT_ONCE
 from dvtcli.bus.python_can import HEARD_S, CanBus
 from dvtcli.errors import BusUnavailable, NoAnswer
 from dvtcli.simulator.device.simulated_faults import Fault

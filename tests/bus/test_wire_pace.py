@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dvtcli.bus.bus_share import AHEAD_S, LONGEST_WAIT_S, WirePace
-from dvtcli.bus.frame_bus import FEW_AT_ONCE
+from dvtcli.bus.message_bus import FEW_AT_ONCE
 from dvtcli.bus.python_can import LEAST_BIT_RATE
 from dvtcli.bus.sdo.sdo_link import ANSWER_ID, DEFAULT_TIMEOUT_S, REQUEST_ID
 from dvtcli.domain.bus_load import frame_bits

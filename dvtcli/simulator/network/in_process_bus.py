@@ -14,7 +14,7 @@ from time import monotonic, time
 from typing import TYPE_CHECKING
 
 from dvtcli.bus.error_frames import ErrorFrames
-from dvtcli.bus.frame_bus import ReadBus
+from dvtcli.bus.message_bus import MessageBus
 from dvtcli.bus.receiver import bus_closed
 from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
 from dvtcli.bus.turns import one_by_one
@@ -150,7 +150,7 @@ class NodesOnABus:
 BIT_RATE = 500_000
 
 
-class InProcessBus(ReadBus[Frame]):
+class InProcessBus(MessageBus[Frame]):
     """A CanopenBus of *devices*, with their *faults* and *signals*, which boot now.
 
     *timeout_s* (s) and *retries* are those of `SdoSettings`. A fault may kill the bus like an unplugged adapter. Frames

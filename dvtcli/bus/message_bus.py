@@ -109,7 +109,7 @@ FEW_AT_ONCE = 8
 QUIET_S = 10.0
 
 
-class ReadBus(WatchedBus, Generic[M]):
+class MessageBus(WatchedBus, Generic[M]):
     """A `WatchedBus` whose messages are read one at a time; *frame_of* converts a message to a frame.
 
     With *carries_frames* the messages are CAN frames: a subclass has `_send`, and its `_deliver` hands data frames to
