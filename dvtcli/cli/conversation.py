@@ -117,7 +117,7 @@ class Conversation(Session):
         #: whether a line was `exit`
         self.left = False
         #: whether a `require` failed
-        self.other_device = False
+        self.requirement_failed = False
         #: the running scripts, outermost first
         self.scripts: list[str] = []
         #: the changes of the outermost script

@@ -44,7 +44,7 @@ def is_a_program(session: Conversation) -> bool:
 def answer_lines(session: Conversation) -> int:
     """Answer lines until stdin ends or `exit`; returns the first failure's exit code, or 7.
 
-    A `require` that does not find its device ends the input with its own code: no later line runs.
+    A `require` that fails ends the input with its own code: no later line runs.
     """
     session.started = True
     codes, number = [], 1
@@ -53,7 +53,7 @@ def answer_lines(session: Conversation) -> int:
             code = boundary(session, lambda: _run(session, lines, number))  # noqa: B023 - called at once
             number += lines.count(b"\n")
             codes += [code] if code else []
-            if session.other_device:
+            if session.requirement_failed:
                 return LeftChanged.exit_code if LeftChanged.exit_code in codes else code
             if session.left or code in SIGNALLED:
                 break

@@ -80,7 +80,7 @@ def read_identity(sdo: SdoReader, sub_index: int) -> int | None:
 
 
 def read_modules(sdo: SdoReader) -> tuple[int, ...] | None:
-    """Read the module list (0x1027, CiA 301, 7.5.2.24): the modules' numbers in the EDS; None if it cannot be read.
+    """Read the module list (0x1027, CiA 301, 7.5.2.30): the modules' numbers in the EDS; None if it cannot be read.
 
     0, a slot without a module, is left out.
     """

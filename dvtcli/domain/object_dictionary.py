@@ -48,7 +48,7 @@ class ObjectType(IntEnum):
 def standard_default(index: int, sub_index: int, node_id: int) -> int | None:
     """CiA 301's COB-ID for a service of node *node_id* without a value in the file, None if undefined.
 
-    Source: CiA 301, 7.5.2.5 (SYNC), 7.5.2.16 (TIME), 7.5.2.14 (EMCY), 7.5.2.33 and 7.5.2.34 (SDO channels; further
+    Source: CiA 301, 7.5.2.5 (SYNC), 7.5.2.15 (TIME), 7.5.2.17 (EMCY), 7.5.2.33 and 7.5.2.34 (SDO channels; further
     channels do not exist: bit 31).
     """
     if 0x1201 <= index <= 0x12FF and sub_index in (1, 2):
@@ -165,7 +165,7 @@ class Commissioning:
     lss_serial_number: int | None = None
 
 
-#: identity object (CiA 301, 7.5.2.19), and an unset number
+#: identity object (CiA 301, 7.5.2.21), and an unset number
 _IDENTITY, ERASED = 0x1018, 0xFFFF_FFFF
 #: names looked for in the file's text; more than these make it worth while to build all objects
 _FEW_NAMES = 16

@@ -11,7 +11,7 @@ from dvtcli.bus.sdo.sdo_link import DroppedAnswers
 from dvtcli.domain.abort import Abort
 from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, SdoProtocolError
 
-#: consumer heartbeat times (CiA 301, 7.5.2.17)
+#: consumer heartbeat times (CiA 301, 7.5.2.19)
 _HEARTBEAT_CONSUMERS = 0x1016
 
 

@@ -34,7 +34,7 @@ _LENGTHS = (1, 8, 16, 32, 64)
 _PARAMETERS = (2, 3, 5)
 _SYNC_START = 6
 #: What is asked of a device without a file as an object that is not mappable: its vendor-ID, and its heartbeat's time,
-#: whose access is for this direction (CiA 301, 7.5.2.17 and 7.5.2.21).
+#: whose access is for this direction (CiA 301, 7.5.2.20 and 7.5.2.21).
 _STANDARD_UNMAPPABLE = {
     Direction.TPDO: PdoMappingEntry(0x1018, 1, 32),
     Direction.RPDO: PdoMappingEntry(0x1017, 0, 16),

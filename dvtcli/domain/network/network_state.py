@@ -88,7 +88,7 @@ class NodeState:
 
     @property
     def watched(self) -> dict[int, int]:
-        """Monitored producers by node-ID, with the consumer time in ms (CiA 301, 7.5.2.17)."""
+        """Monitored producers by node-ID, with the consumer time in ms (CiA 301, 7.5.2.19)."""
         used = (value for value in self.slots.values() if value & 0xFFFF and 1 <= value >> 16 & 0xFF <= 127)
         return {value >> 16 & 0xFF: value & 0xFFFF for value in used}
 

@@ -82,7 +82,7 @@ def is_of_service(cob_id: CobId) -> bool:
 def service_findings(node_id: int, index: int, raw: int) -> Iterator[Finding]:
     """Judge *raw* as the COB-ID of SYNC (*index* 0x1005), the time stamp (0x1012) or EMCY (0x1014) of *node_id*.
 
-    Source: CiA 301, 7.3.5 (restricted CAN-IDs, pre-defined connection set), 7.5.2.5, 7.5.2.14 and 7.5.2.16.
+    Source: CiA 301, 7.3.5 (restricted CAN-IDs, pre-defined connection set), 7.5.2.5, 7.5.2.15 and 7.5.2.17.
     """
     want, place = CobId.from_raw(raw), f"0x{index:04X}:00"
     is_emcy, owner = index == EMCY, want.can_id - 0x080
@@ -107,7 +107,7 @@ def service_taken_findings(
 ) -> Iterator[Finding]:
     """An error if the new COB-ID *raw* of a service is among the CAN-IDs *taken* by others.
 
-    Source: CiA 301, 7.3.5; 7.5.2.5 (SYNC), 7.5.2.14 (EMCY), 7.5.2.16 (time stamp), 7.5.2.33 (SDO server).
+    Source: CiA 301, 7.3.5; 7.5.2.5 (SYNC), 7.5.2.17 (EMCY), 7.5.2.15 (time stamp), 7.5.2.33 (SDO server).
     """
     want = CobId.from_raw(raw)
     owner = taken.get((want.can_id, want.extended)) if is_in_use(index, raw) else None

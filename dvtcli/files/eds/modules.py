@@ -208,7 +208,7 @@ def _added_by(values: Values) -> tuple[int, int]:
 
 
 def _module_list(build: Build, connected: list[int]) -> OdObject:
-    """Return the module list (0x1027, CiA 301, 7.5.2.24) with *connected*; values of a DCF stay."""
+    """Return the module list (0x1027, CiA 301, 7.5.2.30) with *connected*; values of a DCF stay."""
     held = build()
     like = held.entries.get(1) or OdEntry(_MODULE_LIST, 1, "Module", U16, Access.RO, pdo_mapping=False, line=held.line)
     entries = {0: replace(held.entries[0], default=bytes([len(connected)]))} if 0 in held.entries else {}

@@ -307,7 +307,7 @@ def _watches(
     """Choose entries of 0x1016 for *config*: the producer's own entry, else a free entry.
 
     Skips entries *said* to hold another value; an entry said to hold 0 is free, and taken last.
-    Source: CiA 301, 7.5.2.17: node-ID in bits 16..23, time in ms below; an entry with 0 in either is unused.
+    Source: CiA 301, 7.5.2.19: node-ID in bits 16..23, time in ms below; an entry with 0 in either is unused.
     """
     if not config.watches:
         return ()

@@ -102,7 +102,7 @@ class Family(NamedTuple):
       value other than "save", 0 for accepted without storing; *save_answer*: abort code for "save", 0 for accepted.
       *store_lasts*: stored values survive a reset; *communication_reset_reloads*: a communication reset reloads stored
       values, else changes nothing.
-    - *clears_stamp*: a write to the configuration clears both values of 0x1020 (7.5.2.22).
+    - *clears_stamp*: a write to the configuration clears both values of 0x1020 (7.5.2.23).
     - *login*: access levels, None for none. *extended_error*: the object that explains abort 0x08000000;
       *reasons*: abort code → reason, for codes hidden behind 0x08000000.
     - *error_list*: the list of active errors, the highest code first.

@@ -445,7 +445,7 @@ class HeartbeatConsumer:
         self.due_s = _NEVER
 
     def check(self, index: int, sub_index: int, data: bytes) -> None:
-        """Refuse a second time for one producer (CiA 301, 7.5.2.16), and node guarding beside heartbeats."""
+        """Refuse a second time for one producer (CiA 301, 7.5.2.19), and node guarding beside heartbeats."""
         wanted = int.from_bytes(data, "little")
         if index in (GUARD_TIME, LIFE_TIME_FACTOR) and wanted and self._memory.backing is None:
             raise Refusal(Abort.VALUE_RANGE)

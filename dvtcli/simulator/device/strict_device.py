@@ -104,7 +104,7 @@ class Judge:
             refuse(self._family, pdo, check, outside.code)
 
 
-#: Verify configuration (CiA 301, 7.5.2.22).
+#: Verify configuration (CiA 301, 7.5.2.23).
 _STAMP = 0x1020
 _STATES = {
     NmtCommand.START: NmtState.OPERATIONAL,

@@ -20,7 +20,7 @@ NO_BOOT_UP = LintRule(
     "no-boot-up", ERROR, "a node did not start again after an NMT reset", "CiA 301, 7.2.8.3.3: boot-up"
 )
 STOPS = LintRule("heartbeat-stops", ERROR, "a node's heartbeats end before the recording does", "CiA 301, 7.2.8.3.2.2")
-LATE = LintRule("heartbeat-late", WARNING, "a heartbeat was late", "CiA 301, 7.5.2.18: producer heartbeat time")
+LATE = LintRule("heartbeat-late", WARNING, "a heartbeat was late", "CiA 301, 7.5.2.20: producer heartbeat time")
 NOT_RESET = LintRule("emergency-not-reset", ERROR, "an EMCY was sent, but no error reset", "CiA 301, 7.2.7")
 RESET = LintRule("emergency-reset", WARNING, "an EMCY was sent, and reset later", "CiA 301, 7.2.7")
 SYNC_LATE = LintRule("sync-late", WARNING, "a SYNC message was late", "CiA 301, 7.5.2.6: communication cycle period")

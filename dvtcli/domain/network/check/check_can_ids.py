@@ -99,7 +99,7 @@ def can_id_of_sync(network: CheckedNetwork) -> NetFound:
     return _enabled_among(network, dict.fromkeys(syncs, "SYNC"))
 
 
-@check("can-id-of-emcy", ERROR, "an enabled PDO has the CAN-ID of a node's EMCY", "CiA 301, 7.5.2.14")
+@check("can-id-of-emcy", ERROR, "an enabled PDO has the CAN-ID of a node's EMCY", "CiA 301, 7.5.2.17")
 def can_id_of_emcy(network: CheckedNetwork) -> NetFound:
     """The PDO is taken for an emergency."""
     emcys = {node.emcy: f"EMCY of node {node.node_id}" for node in network.nodes if node.emcy is not None}
@@ -107,7 +107,7 @@ def can_id_of_emcy(network: CheckedNetwork) -> NetFound:
 
 
 @check(
-    "can-id-of-time", ERROR, "an enabled PDO has the CAN-ID of the time stamp that a node sends", "CiA 301, 7.5.2.16"
+    "can-id-of-time", ERROR, "an enabled PDO has the CAN-ID of the time stamp that a node sends", "CiA 301, 7.5.2.15"
 )
 def can_id_of_time(network: CheckedNetwork) -> NetFound:
     """The PDO's data would be taken for a time."""
@@ -122,7 +122,7 @@ def _enabled_among(network: CheckedNetwork, names: Mapping[Identifier, str]) -> 
             yield at(node, pdo), f"{config.communication.cob_id} is {name}"
 
 
-@check("emcy-twice", ERROR, "two nodes send EMCY with the same CAN-ID", "CiA 301, 7.5.2.14")
+@check("emcy-twice", ERROR, "two nodes send EMCY with the same CAN-ID", "CiA 301, 7.5.2.17")
 def emcy_twice(network: CheckedNetwork) -> NetFound:
     """The producer of an emergency is ambiguous, and the frames collide."""
     owners: dict[Identifier, int] = {}
@@ -135,7 +135,7 @@ def emcy_twice(network: CheckedNetwork) -> NetFound:
     "emcy-can-id",
     ERROR,
     "EMCY has the CAN-ID of SYNC or a CAN-ID that CiA 301 restricts",
-    "CiA 301, 7.5.2.14 and 7.3.5",
+    "CiA 301, 7.5.2.17 and 7.3.5",
 )
 def emcy_can_id(network: CheckedNetwork) -> NetFound:
     """The emergency is taken for another service."""
@@ -181,7 +181,7 @@ def sync_ids_differ(network: CheckedNetwork) -> NetFound:
 
 
 @check(
-    "time-ids-differ", WARNING, "a node waits for the time stamp with another CAN-ID than is sent", "CiA 301, 7.5.2.16"
+    "time-ids-differ", WARNING, "a node waits for the time stamp with another CAN-ID than is sent", "CiA 301, 7.5.2.15"
 )
 def time_ids_differ(network: CheckedNetwork) -> NetFound:
     """The node's clock is never set."""
@@ -193,7 +193,7 @@ def time_ids_differ(network: CheckedNetwork) -> NetFound:
             yield held(node, TIME_COB_ID), f"it waits for {identifier_text(node.time)}, {sent} is sent"
 
 
-@check("two-times", ERROR, "two nodes transmit TIME with the same CAN-ID", "CiA 301, 7.5.2.16")
+@check("two-times", ERROR, "two nodes transmit TIME with the same CAN-ID", "CiA 301, 7.5.2.15")
 def two_times(network: CheckedNetwork) -> NetFound:
     """Clocks jump."""
     seen: dict[Identifier, int] = {}

@@ -19,7 +19,7 @@ from dvtcli.domain.network.network_state import (
 from dvtcli.domain.text import join_some
 
 
-@check("identity", ERROR, "a node has another identity (0x1018) than the file asks for", "CiA 301, 7.5.2.19")
+@check("identity", ERROR, "a node has another identity (0x1018) than the file asks for", "CiA 301, 7.5.2.21")
 def identity(network: CheckedNetwork) -> NetFound:
     """The node is another device, so its EDS does not fit."""
     for node in network.told:
@@ -30,7 +30,7 @@ def identity(network: CheckedNetwork) -> NetFound:
 
 
 @check("eds-identity", ERROR, "the EDS, DCF, XDD or XDC of a node is for a device with another identity (0x1018)",
-       "CiA 306, DeviceInfo; CiA 301, 7.5.2.19")  # fmt: skip
+       "CiA 306, DeviceInfo; CiA 301, 7.5.2.21")  # fmt: skip
 def eds_identity(network: CheckedNetwork) -> NetFound:
     """Names and lengths may be another device's."""
     for node in network.told:

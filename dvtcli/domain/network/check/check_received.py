@@ -222,7 +222,7 @@ def _signs_of_two(network: CheckedNetwork, node_id: int) -> Iterator[str]:
     "heartbeat-not-heard",
     ERROR,
     "a node is configured to send a heartbeat, but no heartbeat was received",
-    "CiA 301, 7.5.2.18",
+    "CiA 301, 7.5.2.20",
 )
 def heartbeat_not_heard(network: CheckedNetwork) -> NetFound:
     """Heartbeat consumers take the node for lost."""
