@@ -49,10 +49,10 @@ def exit_code_of(session: Conversation, run: Callable[[], Any]) -> int:
     try:
         result = run()
     except BaseException as raised:  # noqa: BLE001 - the one boundary
-        with session.cancellation.guard():
+        with session.cancellation.deferred():
             return _ended(session, raised)
     finally:
-        with session.cancellation.guard():
+        with session.cancellation.deferred():
             session.settle()
     return result if isinstance(result, int) else 0
 

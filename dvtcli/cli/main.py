@@ -65,7 +65,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _closed(session: Conversation) -> None:
-    with session.cancellation.guard():
+    with session.cancellation.deferred():
         session.close()
 
 

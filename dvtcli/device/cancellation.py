@@ -4,6 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from dvtcli.errors import Interrupted
+
+if TYPE_CHECKING:
+    from dvtcli.errors import State
 
 #: Exit code of what Ctrl-C stopped.
 INTERRUPTED = 130
@@ -38,8 +44,14 @@ class Cancellation:
             self.requested = True
         return again and insists
 
+    def interrupted(self, text: str, *, node: int | None = None, state: State = "unchanged") -> Interrupted:
+        """The error of work that a request stopped, with its exit code."""
+        error = Interrupted(text, node=node, state=state)
+        error.exit_code = self.exit_code
+        return error
+
     @contextmanager
-    def guard(self) -> Iterator[None]:
+    def deferred(self) -> Iterator[None]:
         """Defer a request during the block to the next safe point."""
         outer, self.active = self.active, True
         try:
@@ -62,7 +74,7 @@ class Cancellation:
         outer, self.requested = self.requested, False
         self._rolling_back, self._late = True, False
         try:
-            with self.guard():
+            with self.deferred():
                 yield
         finally:
             self.requested = outer or self._late

@@ -67,7 +67,7 @@ class ProgramDownload:
         On failure raises the cause with state `rolled_back` if the old program is running again; otherwise LeftChanged
         with the state of the device.
         """
-        with self.cancellation.guard():
+        with self.cancellation.deferred():
             try:
                 self._stop()
             except BaseException as failed:

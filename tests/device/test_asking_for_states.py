@@ -164,7 +164,7 @@ def test_a_cancellation_is_active_only_inside() -> None:
     assert (cancellation.requested, cancellation.active, cancellation.exit_code) == (False, False, 130)
 
     def work() -> None:
-        with cancellation.guard():
+        with cancellation.deferred():
             assert cancellation.active
             cancellation.requested = True
             raise KeyError

@@ -29,7 +29,7 @@ def test_where_nothing_is_written_a_signal_stops_at_once(cancellation: Cancellat
 def test_in_a_change_the_first_one_waits_and_a_second_one_stops_only_where_it_insists(
     cancellation: Cancellation,
 ) -> None:
-    with cancellation.guard():
+    with cancellation.deferred():
         assert cancellation.asked(INTERRUPTED, insists=True) is False
         assert cancellation.requested is True
         assert cancellation.asked(HANG_UP, insists=False) is False
@@ -44,20 +44,20 @@ def test_what_ends_the_program_counts_whatever_came_before_or_comes_after(cancel
 
 
 def test_a_question_in_a_change_is_stopped_at_once(cancellation: Cancellation) -> None:
-    with cancellation.guard():
+    with cancellation.deferred():
         with cancellation.released():
             assert not cancellation.active
             assert cancellation.asked(INTERRUPTED, insists=True) is True
         assert cancellation.active
         assert not cancellation.requested
-        with cancellation.guard():
+        with cancellation.deferred():
             assert cancellation.active
         assert cancellation.active, "the inner change was part of an outer one"
     assert not cancellation.active
 
 
 def test_the_way_back_is_not_stopped_by_what_asked_for_it_and_remembers_it(cancellation: Cancellation) -> None:
-    with cancellation.guard():
+    with cancellation.deferred():
         cancellation.asked(INTERRUPTED, insists=True)
         with cancellation.rolling_back():
             assert cancellation.active
@@ -78,7 +78,7 @@ def test_a_signal_on_the_way_back_waits_for_its_end_and_a_second_one_that_insist
     cancellation.reset()
     with cancellation.rolling_back():
         assert cancellation.asked(INTERRUPTED, insists=True) is False, "what came on an earlier way back is over"
-    with cancellation.guard():
+    with cancellation.deferred():
         cancellation.requested = False
         assert cancellation.asked(INTERRUPTED, insists=True) is False
         assert cancellation.requested

@@ -81,7 +81,7 @@ def _refuse_half(ctx: click.Context, changes: ScriptChanges, code: int) -> None:
 def _take_back(session: SessionUser, changes: ScriptChanges, failed: BaseException) -> None:
     """Roll back the script because of *failed*, which gets the result. Raises LeftChanged if changes remain."""
     undone = changes.changed_anything()
-    with session.cancellation.guard():
+    with session.cancellation.deferred():
         try:
             changes.take_back(str(failed) or "interrupted", failed if isinstance(failed, LeftChanged) else None)
         except LeftChanged as left:

@@ -69,7 +69,7 @@ def apply_plan(
     can revert the change later. With *keep_journal* the journal stays open after a complete change: the caller rolls it
     back. Raises LeftChanged, which names the journal, if the plan fails and the roll-back fails too.
     """
-    with node.cancellation.guard():
+    with node.cancellation.deferred():
         initial_state = node.begin_change() if initial_state is None else initial_state
         node.require_not_restarted(initial_state)
         is_watched = _is_watched(node, plan)

@@ -229,7 +229,7 @@ class Recovery:
         node = self.node
         node.open_gate()
         try:
-            with node.cancellation.guard():
+            with node.cancellation.deferred():
                 node.gate.renew()  # an earlier try may have started the node
                 reboot_monitor = RestartCounter(node.bus, node.node_id)
                 return roll_back_patiently(node.sdo, changes, node.bus, node.gate.renew, reboot_monitor)

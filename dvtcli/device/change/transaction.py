@@ -35,7 +35,6 @@ from dvtcli.errors import (
     BusUnavailable,
     DeviceRefused,
     DvtcliError,
-    Interrupted,
     LeftChanged,
     NoAnswer,
     SdoAborted,
@@ -129,7 +128,7 @@ class Transaction:
         too; Interrupted after *cancellation*.
         """
         total, done = len(self.plan), 0
-        with self.cancellation.guard():
+        with self.cancellation.deferred():
             self._boot_ups = self.reboot_monitor.boot_ups()
             try:
                 for change, step in self.plan.steps_in_order():
@@ -144,14 +143,10 @@ class Transaction:
             except BaseException as fault:  # a bug of ours must not leave the device half configured either
                 self._roll_back(fault)
                 if isinstance(fault, KeyboardInterrupt) and self._touched:
-                    raise self._torn(done, total) from fault
+                    # the user insisted on an immediate stop; the roll-back ran all the same
+                    text = f"stopped at once, in step {done} of {total}"
+                    raise self.cancellation.interrupted(text, node=self.plan.node_id, state="rolled_back") from fault
                 raise
-
-    def _torn(self, done: int, total: int) -> Interrupted:
-        """The error for a user who insisted on an immediate stop; the roll-back runs all the same."""
-        torn = Interrupted(f"stopped at once, in step {done} of {total}", node=self.plan.node_id, state="rolled_back")
-        torn.exit_code = self.cancellation.exit_code
-        return torn
 
     def _stop_if_restarted(self) -> None:
         """Stop between two downloads if the device restarted: the rest was planned from earlier values."""
@@ -165,9 +160,7 @@ class Transaction:
 
     def _stop_if_cancelled(self, done: int, total: int) -> None:
         if self.cancellation.requested:
-            stopped = Interrupted(f"stopped after step {done} of {total}", node=self.plan.node_id)
-            stopped.exit_code = self.cancellation.exit_code
-            raise stopped
+            raise self.cancellation.interrupted(f"stopped after step {done} of {total}", node=self.plan.node_id)
 
     def _download(self, step: Step, change: Change, number: int, total: int) -> None:
         touched, self._touched = self._touched, True
@@ -202,9 +195,9 @@ class Transaction:
                     if place in self.control_words and otherwise[0] != change.step.before and not self._restarted():
                         self.answered_otherwise[change.label] = otherwise[0]
                         continue
-                    raise self._differs(change, bytes_differ(change, *otherwise), otherwise)
+                    raise self._readback_error(change, bytes_differ(change, *otherwise), otherwise)
             elif difference := self._difference(change):
-                raise self._differs(change, difference)
+                raise self._readback_error(change, difference)
         if self._others_matter() and self._restarted():
             raise self._unsure_of_others()
         altered = self._altered()
@@ -226,7 +219,9 @@ class Transaction:
         why = "its other PDOs may have changed since then by this change or by a restart"
         return DeviceRefused(f"node {node_id} restarted while {own} was changed", node=node_id, why=why, hint=TRY_AGAIN)
 
-    def _differs(self, change: Change, difference: str, read_back: tuple[bytes, bytes] | None = None) -> DeviceRefused:
+    def _readback_error(
+        self, change: Change, difference: str, read_back: tuple[bytes, bytes] | None = None
+    ) -> DeviceRefused:
         node_id, restarted = self.plan.node_id, self._restarted()
         text = f"node {node_id} took {change.label} without an error, but reads back differently"
         hint = "the device corrects or ignores the value: check its valid values in the manual"
@@ -235,9 +230,9 @@ class Transaction:
             hint = TRY_AGAIN
         # equal values had no steps: a restart meanwhile cleared them
         place = change.steps[-1].object if change.steps else change.label
-        refused = DeviceRefused(text, node=node_id, place=place, why=difference, hint=hint)
-        refused.read_back = read_back
-        return refused
+        error = DeviceRefused(text, node=node_id, place=place, why=difference, hint=hint)
+        error.read_back = read_back
+        return error
 
     def _altered(self) -> dict[Pdo, str]:
         """Untouched PDOs with an altered COB-ID, in words; empty after a restart meanwhile."""
@@ -256,13 +251,15 @@ class Transaction:
         if not self._touched:
             return
         try:
-            otherwise = self._roll_back_changes()
+            substitutes = self._roll_back_changes()
         except (Exception, KeyboardInterrupt) as second:  # noqa: BLE001 - whatever it is, the device is left changed
-            otherwise = self._roll_back_side_effects(fault, second)
+            substitutes = self._roll_back_all_but_refused(fault, second)
         if isinstance(fault, DvtcliError):
-            self._say_unreadable(fault)
-            fault.details += [("rolled back", finding.text) for finding in substitute_findings(otherwise)]
-            if otherwise and fault.state == "rolled_back":
+            unreadable = Plan(self.plan.node_id, tuple(self._started)).unreadable
+            self._raise_if_taken(unreadable, fault)
+            self._say_unreadable(unreadable, fault)
+            fault.details += [("rolled back", finding.text) for finding in substitute_findings(substitutes)]
+            if substitutes and fault.state == "rolled_back":
                 fault.state_text = "rolled back as far as the device accepts, and verified; nothing was stored"
             fault.node = self.plan.node_id
             fault.state_text = self.others.rolled_back_in_part(self.plan) or fault.state_text
@@ -280,20 +277,20 @@ class Transaction:
                     why="there may be two nodes with one node-ID, or another SDO client; {} shows the frames",
                 )
 
-    def _roll_back_side_effects(self, fault: BaseException, second: BaseException) -> tuple[PdoChange, ...]:
-        """After a roll-back failed with *second*, restore all but an object that was refused and is unreadable.
+    def _roll_back_all_but_refused(self, fault: BaseException, second: BaseException) -> tuple[PdoChange, ...]:
+        """After a roll-back failed with *second*, roll back all but an object that was refused and is unreadable.
 
         Example: a partly sent domain. Raises LeftChanged if the cause is another, or this fails as well.
         """
-        refused = self._started[-1] if self._started else None
+        last = self._started[-1] if self._started else None
         place = second.place if isinstance(second, SdoAborted) else None
         is_refusal = isinstance(fault, DeviceRefused) and fault.abort is not None
-        if not (is_refusal and isinstance(refused, ValueChange) and refused.step.object == place):
+        if not (is_refusal and isinstance(last, ValueChange) and last.step.object == place):
             raise self._left_changed(fault, second) from fault
-        self._unsure = refused
-        others = [change for change in self.plan.changes if change is not refused]
+        self._unsure = last
+        others = [change for change in self.plan.changes if change is not last]
         try:
-            return self._restored(others)[0] if others else ()
+            return self._restore(others)[0] if others else ()
         except (Exception, KeyboardInterrupt) as third:  # noqa: BLE001
             raise self._left_changed(fault, third) from fault
 
@@ -308,17 +305,17 @@ class Transaction:
         left.text = failure_sentence(left, self.plan.node_id, "rolled back") or left.text
         return left
 
-    def _say_unreadable(self, fault: DvtcliError) -> None:
-        """Report all readable objects as before. Raises LeftChanged if the device took an unreadable, unrestorable
-        object.
-        """
-        unreadable = Plan(self.plan.node_id, tuple(self._started)).unreadable
+    def _raise_if_taken(self, unreadable: Sequence[ValueChange], fault: DvtcliError) -> None:
+        """Raise LeftChanged if the device took *unreadable* objects, which cannot be rolled back."""
         if taken := [change for change in unreadable if self._acknowledged.was_taken(change)]:
             from dvtcli.device.change.failed_change import Guarded, name_left
 
             left = unreadable_left(self.plan, taken, fault)
             name_left(left, [Guarded(self.plan.node_id, self.sdo, self.reboot_monitor, self.plan.changes)])
             raise left from fault
+
+    def _say_unreadable(self, unreadable: Sequence[ValueChange], fault: DvtcliError) -> None:
+        """Report all readable objects as before."""
         refusal = isinstance(fault, DeviceRefused)
         fault.state = "unknown" if unreadable and not refusal else "rolled_back"
         if self._unsure is not None:
@@ -401,32 +398,32 @@ class Transaction:
         with suppress(NoAnswer, SdoAborted, SdoProtocolError, BusUnavailable):  # its first write says why
             observed(self.reboot_monitor, self._begin_roll_back)
         disturbance_count = self.reboot_monitor.disturbance_count()
-        otherwise, differing = self._restored(self.plan.changes)
+        substitutes, differing = self._restore(self.plan.changes)
         sure = sure and self.reboot_monitor.disturbance_count() == disturbance_count
         self._left = {} if sure else {pdo: why for pdo, why in differing.items() if pdo not in self.others.configs}
         altered = self.others.changes(self.sdo, [pdo for pdo in differing if pdo not in self._left])
         if not altered:
-            return otherwise
+            return substitutes
         self.on_altered((*self.plan.changes, *altered))
-        _, differing = self._restored((*self.plan.changes, *altered))
+        _, differing = self._restore((*self.plan.changes, *altered))
         still = [why for pdo, why in differing.items() if pdo not in self._left]
         if still:
             raise DeviceRefused("the device alters other PDOs again", why="; ".join(still))
-        return otherwise
+        return substitutes
 
     def _begin_roll_back(self) -> None:
         self._boot_ups_back = self.reboot_monitor.boot_ups()
         self.others.begin_roll_back(self.sdo, restarted=self._restarted())
 
-    def _restored(self, changes: Sequence[Change]) -> tuple[tuple[PdoChange, ...], dict[Pdo, str]]:
-        """Restore *changes*, again after a restart during the check of untouched PDOs; also the differing PDOs."""
+    def _restore(self, changes: Sequence[Change]) -> tuple[tuple[PdoChange, ...], dict[Pdo, str]]:
+        """Roll *changes* back, again after a restart during the check of untouched PDOs; also the differing PDOs."""
         for _ in range(MAX_READS):
-            otherwise = roll_back_patiently(self.sdo, changes, self.clock, self.before_retry, self.reboot_monitor)
+            substitutes = roll_back_patiently(self.sdo, changes, self.clock, self.before_retry, self.reboot_monitor)
             disturbance_count = self.reboot_monitor.disturbance_count()
             try:
                 differing = self._altered_by_roll_back()
             except SdoAborted:  # refused for a moment: it was read before
                 continue
             if self.reboot_monitor.disturbance_count() == disturbance_count:
-                return otherwise, differing
+                return substitutes, differing
         raise DeviceRefused("the node restarted, or lost an answer, each time that its other PDOs were looked at")

@@ -40,7 +40,7 @@ from dvtcli.domain.plan import (
 )
 from dvtcli.domain.store import DATE, TIME
 from dvtcli.domain.text import join_some
-from dvtcli.errors import DeviceRefused, DvtcliError, Interrupted, LeftChanged, SafetyRefusal, SdoAborted
+from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, SafetyRefusal, SdoAborted
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -118,7 +118,7 @@ def ask_safely(
     LeftChanged and keeps the journal if the roll-back fails.
     """
     plan = roll_back_writes(node.node_id, subjects, pdos, held_stamp(node))
-    with node.cancellation.guard():
+    with node.cancellation.deferred():
         if node.guard is not None:
             asked_about = tuple(subject.pdo.label for subject in subjects)
             node.guard.begin(plan, node.identity(), initial_state.state, node.known_pdos, pdos, asked_about)
@@ -421,9 +421,7 @@ class Asking:
     def _write(self, write: ProbeWrite) -> int:
         """Send *write*, read the object back, and return the abort code, 0 if accepted."""
         if self.node.cancellation.requested:
-            stopped = Interrupted(f"stopped after {self.writes} writes", node=self.node.node_id)
-            stopped.exit_code = self.node.cancellation.exit_code
-            raise stopped
+            raise self.node.cancellation.interrupted(f"stopped after {self.writes} writes", node=self.node.node_id)
         if self.writes >= self.limit:
             raise SafetyRefusal(
                 f"node {self.node.node_id} was written {self.limit} times, the announced maximum",

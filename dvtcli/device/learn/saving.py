@@ -13,7 +13,7 @@ from dvtcli.device.change.failed_change import TRY_AGAIN
 from dvtcli.device.read_pdos import ABSENT, read_number
 from dvtcli.domain.abort import Abort, abort_text
 from dvtcli.domain.learning.probe import ACCEPTED, Learnt, Probe, ProbeAnswer, ProbeCondition, ProbeWrite, Stand
-from dvtcli.errors import DeviceRefused, Interrupted, NoAnswer, SdoAborted
+from dvtcli.errors import DeviceRefused, NoAnswer, SdoAborted
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode
@@ -83,9 +83,7 @@ def ask_to_save(node: ReadableNode, probes: Sequence[Probe]) -> SignatureAnswers
 
 def _asked(node: ReadableNode, probe: Probe) -> ProbeAnswer:
     if node.cancellation.requested:
-        stopped = Interrupted("stopped before the save", node=node.node_id)
-        stopped.exit_code = node.cancellation.exit_code
-        raise stopped
+        raise node.cancellation.interrupted("stopped before the save", node=node.node_id)
     write, boot_ups, code = probe.asked, node.bus.boot_ups(node.node_id), ACCEPTED
     try:
         node.sdo.download(write.index, write.sub_index, write.data, timeout_s=node.profile.store.timeout_s)

@@ -333,7 +333,7 @@ def roll_back_test(node: Node, changes: Sequence[Change], text: str) -> None:
     Raises LeftChanged and keeps the journal if the roll-back fails.
     """
     try:
-        with node.cancellation.guard():
+        with node.cancellation.deferred():
             roll_back_patiently(node.sdo, changes, node.bus, node.gate.renew, node.reboot_monitor)
     except (DvtcliError, KeyboardInterrupt) as failed:
         reset = Hint(Action.RESET_NODE, {"node": node.node_id}, "{}, or a power cycle")

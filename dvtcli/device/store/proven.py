@@ -24,7 +24,7 @@ from dvtcli.domain.ports import SdoTransport
 from dvtcli.domain.profile import DeviceProfile
 from dvtcli.domain.store import POWER, Proof
 from dvtcli.domain.text import join_some
-from dvtcli.errors import DeviceRefused, DvtcliError, Interrupted, LeftChanged, SdoAborted
+from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, SdoAborted
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
@@ -36,7 +36,7 @@ AGAIN = as_hint("once more: what refuses to be read for a moment is read then")
 
 
 class Restart(NamedTuple):
-    """A way to clear the RAM of a node, *by* a method of `domain.proof`; *run* returns after the boot-up message."""
+    """A way to clear the RAM of a node, *by* a method of `domain.store`; *run* returns after the boot-up message."""
 
     by: str
     run: Callable[[], object]
@@ -57,8 +57,7 @@ def acknowledged(node: ReadableNode, signed: StoreAnswer) -> Iterator[None]:
         _say_acknowledged(node, signed, failed)
         raise
     except KeyboardInterrupt as torn:
-        stopped = Interrupted("stopped at once", node=node.node_id, state="unknown")
-        stopped.exit_code = node.cancellation.exit_code
+        stopped = node.cancellation.interrupted("stopped at once", node=node.node_id, state="unknown")
         _say_acknowledged(node, signed, stopped)
         raise stopped from torn
 
@@ -110,9 +109,9 @@ _OFF_FOR_LONGER = Hint(Action.PROVE_POWER, why="switch it off until all its ligh
 def prepare_proof(node: Node, before: Snapshot, sub_index: int | None, restart: Restart) -> AnyPlace | None:
     """Check before the store that a proof will be possible: values to compare, and a value to change as a test.
 
-    *sub_index* is that of `sign`. Tries the change and rolls back; None if a power cycle needs no test. Raises
-    DeviceRefused if the proof would be impossible or the node altered other values with the test (rolled back),
-    LeftChanged if the roll-back failed. Nothing is stored in either case.
+    *sub_index* is that of `write_signature`. Tries the change and rolls back; None if a power cycle needs no test.
+    Raises DeviceRefused if the proof would be impossible or the node altered other values with the test (rolled
+    back), LeftChanged if the roll-back failed. Nothing is stored in either case.
     """
     signed = refuse_unprovable(node, sub_index, certain=restart.certain)
     if unread := unread_of(before, signed, before.pdos):
@@ -121,9 +120,7 @@ def prepare_proof(node: Node, before: Snapshot, sub_index: int | None, restart: 
         return None
     place = choose_canary(node, before.pdos)
     if node.cancellation.requested:
-        stopped = Interrupted("stopped before the store", node=node.node_id)
-        stopped.exit_code = node.cancellation.exit_code
-        raise stopped
+        raise node.cancellation.interrupted("stopped before the store", node=node.node_id)
     if place is None and not restart.certain:
         raise _unprovable(node, _NO_PLACE, _POWER)
     if place is not None:

@@ -56,7 +56,7 @@ def write_signature(
     found, boot_ups = access.state(), access.bus.boot_ups(access.node_id)
     try:
         before()
-        with cancellation.guard():  # a Ctrl-C waits for the answer; a second one does not
+        with cancellation.deferred():  # a Ctrl-C waits for the answer; a second one does not
             sdo.download(index, where, SIGNATURES[index], timeout_s=policy.timeout_s)
     except KeyboardInterrupt as stopped:
         raise _interrupted(access.node_id, index, cancellation) from stopped

@@ -1,6 +1,6 @@
 """Declaration of rules about a device's file, at the check function.
 
-Rules of `map` (`rules.rule`) judge a change instead.
+Rules of `map` (`rules.finding`) judge a change instead.
 """
 
 from __future__ import annotations

@@ -204,7 +204,7 @@ def _store(
     nodes, transaction = claims.nodes, Stores({store.node_id: store for store in part.stores}, part.equal)
     guards = [] if session.dry_run else [node.guard for node in nodes.values() if node.guard is not None]
     waited = {journal.plan.node_id: journal for journal in journals}
-    with session.cancellation.guard(), session.agreed():
+    with session.cancellation.deferred(), session.agreed():
         session.group.id, session.group.name = part.group_id, part.name
         for node_id, changes in claims.changes.items():
             for change in changes:  # the store itself looks at that, too, and at nothing else that was not changed

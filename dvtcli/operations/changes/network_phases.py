@@ -192,16 +192,14 @@ class _Run:
         at_once = " at once" if not isinstance(fault, Interrupted) or fault.text.startswith("stopped at once") else ""
         where = f"at node {node_id}, phase {phase + 1} of 5 ({_PHASES[phase]})"
         text = f"stopped{at_once} {where}, after write {self.taken} of {self.total}"
-        stopped = Interrupted(text, node=node_id, state=fault.state if isinstance(fault, Interrupted) else "unchanged")
-        stopped.exit_code = self.session.cancellation.exit_code
-        return stopped
+        return self.session.cancellation.interrupted(
+            text, node=node_id, state=fault.state if isinstance(fault, Interrupted) else "unchanged"
+        )
 
 
 def _stop_if_cancelled(session: SessionUser, where: str = "before the next part") -> None:
     if session.cancellation.requested:
-        stopped = Interrupted(f"stopped {where}")
-        stopped.exit_code = session.cancellation.exit_code
-        raise stopped
+        raise session.cancellation.interrupted(f"stopped {where}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,7 +230,7 @@ def undo_together(session: Session, undoings: Sequence[NodeUndo]) -> tuple[Chang
     """
     started = time.monotonic()
     nodes = {node_undoing.node.node_id: node_undoing.node for node_undoing in undoings}
-    with session.cancellation.guard():
+    with session.cancellation.deferred():
         found = {node_id: node.begin_change() for node_id, node in sorted(nodes.items())}
         force = session.options.force
         backs = {

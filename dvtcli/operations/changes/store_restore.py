@@ -204,7 +204,7 @@ def _power_cycle(session: SessionUser, node: ReadableNode, wait_s: float) -> Non
         if node.cancellation.requested:
             raise KeyboardInterrupt
 
-    with node.cancellation.guard():  # a Ctrl-C is looked for between two moments of waiting, and torn apart is nothing
+    with node.cancellation.deferred():  # a Ctrl-C is obeyed between two moments of waiting
         await_power_cycle(node.access, wait_s, lambda: session.reporter.instruct(text), stop)
 
 

@@ -49,7 +49,7 @@ def put_on_bus(
     putting = _Putting(session, cancellation, always_share=always_share)
     told_s = began_s = putting.bus.now_s()
     errors = putting.bus.error_frame_count()
-    with cancellation.guard():
+    with cancellation.deferred():
         try:
             for due_s, frame in due:
                 if not putting.put(frame, None if due_s is None else began_s + due_s):
@@ -74,7 +74,7 @@ def put_on_bus(
 
 
 def _progress(sent: int, wanted: int) -> tuple[str, int, int]:
-    """Describe the progress for `Telling.progress`; no total without an end."""
+    """Describe the progress for `Reporter.progress`; no total without an end."""
     if wanted >= NO_END:
         return f"{plural(sent, 'frame')} sent", sent, 0
     return f"{sent} of {wanted} frames sent", sent, wanted

@@ -215,7 +215,7 @@ class RunningRecording:
         def is_over() -> bool:
             return self.session.cancellation.requested or time.is_over()
 
-        with self.session.cancellation.guard():
+        with self.session.cancellation.deferred():
             while not is_over():
                 failed = self._write_batch(time.batch_s)
                 if failed is not None and self._is_back(failed, is_over):

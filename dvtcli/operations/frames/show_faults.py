@@ -118,7 +118,7 @@ def clear_faults(session: SessionNodes, node_id: int | None = None) -> Faults:
     """
     node = session.node(node_id)
     words = ErrorWords(node)
-    with session.cancellation.guard():
+    with session.cancellation.deferred():
         before = clear_history(node.access)
     rows = tuple(words.of_history(before))
     return Faults(

@@ -143,7 +143,7 @@ def lss_assign(session: SessionNodes, file: str, *, stores: bool = False, prove:
         steps = in_order(given, there, {config.node_id for config in nodes})
         if steps or kept:
             _agree(session, steps, kept, stores=stores, prove=prove)
-            with session.cancellation.guard():
+            with session.cancellation.deferred():
                 _give_all(session, master, steps)
                 given = store_all(bus, master, kept, given, steps) if stores else given
                 given = prove_all(session, master, given) if prove else given

@@ -482,7 +482,7 @@ def lss_bit_rate(
         if prove:
             refuse_resets(session, nodes)
         _agree(session, nodes, before, bit_rate, stores=stores, prove=prove)
-        with session.cancellation.guard():
+        with session.cancellation.deferred():
             change = RateChange(session, master, nodes, before, bit_rate)
             if before != bit_rate:
                 change.make()

@@ -42,7 +42,7 @@ def lss_node_id(session: SessionNodes, node_id: int, address: LssAddress | None 
             return LssChanged("node-id", (given,))
         refuse_used(session, node_id)
         consent_to_give(session, [given])
-        with session.cancellation.guard():
+        with session.cancellation.deferred():
             give(session, master, given)
     return LssChanged("node-id", (given,))
 

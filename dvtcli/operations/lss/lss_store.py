@@ -39,7 +39,7 @@ def lss_store(session: SessionNodes, node_id: int | None = None, *, prove: bool 
     session.consent(what, node_id)
     if prove:
         consent_to_reset(session, [node_id])
-    with LssMaster(bus) as master, session.cancellation.guard():
+    with LssMaster(bus) as master, session.cancellation.deferred():
         stored = store(master, LssGiven(address, node_id, node_id))
         return LssChanged("store", (prove_by_reset(session, master, stored) if prove else stored,))
 

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
-from dvtcli.errors import Interrupted
 from dvtcli.operations.pdos.sync import sync_frame
 
 if TYPE_CHECKING:
@@ -29,7 +28,7 @@ def look(session: SessionNodes, node: ReadableNode, pdos: list[Pdo]) -> tuple[Lo
     found = node.access.state()
     found = node.access.state(HEARTBEAT_S) if found is None else found
     started = found is not NmtState.OPERATIONAL
-    with node.cancellation.guard():
+    with node.cancellation.deferred():
         if started:
             question = f"node {node.node_id} will be started for a moment, and its machine may move; start it?"
             session.consent(question, node.node_id)
@@ -39,9 +38,8 @@ def look(session: SessionNodes, node: ReadableNode, pdos: list[Pdo]) -> tuple[Lo
         finally:
             note = _return(node, found) if started else ""
     if node.cancellation.requested:
-        stopped = Interrupted(f"stopped looking at frames; {note or 'the node is as before'}", node=node.node_id)
-        stopped.exit_code = node.cancellation.exit_code
-        raise stopped
+        text = f"stopped looking at frames; {note or 'the node is as before'}"
+        raise node.cancellation.interrupted(text, node=node.node_id)
     return frames, note
 
 

@@ -74,7 +74,7 @@ def apply_network(
             asked = True
         plan = _listened(session, plan)
     started = time.monotonic()  # nobody's time to think counts
-    with session.cancellation.guard(), session.agreed():
+    with session.cancellation.deferred(), session.agreed():
         found = {node_id: node.begin_change() for node_id, node in sorted(nodes.items())}
         claims = UnwrittenValues(session, nodes, plan.nodes)
         claims.require_as_planned()  # while it was planned, or while somebody took time to answer

@@ -192,7 +192,7 @@ class Session(Opened):
         self.made.clear()
         if self._network is not None:
             self._network.asked_again.clear()
-        with self.cancellation.guard():  # a signal waits until the nodes are where they belong
+        with self.cancellation.deferred():  # a signal waits until the nodes are where they belong
             for node in self.met_nodes():
                 try:
                     self._end_gate(node.gate, code)
