@@ -22,15 +22,11 @@ PUBLIC = {*vars(Bus), *vars(Node), *results.__all__, *testing.__all__}
 
 def defined() -> Iterator[tuple[str, str]]:
     """Every function, method and class with its place, without what a library calls by its name."""
-    own = {node.name for _, tree in HOUSE for node in nodes(tree) if isinstance(node, ast.ClassDef)}
-    foreign: set[str] = set()
     classes = [node for _, tree in HOUSE for node in nodes(tree) if isinstance(node, ast.ClassDef)]
-    while True:
-        found = {node.name for node in classes if any(_last(base) not in own - foreign for base in node.bases)}
-        if found <= foreign:
-            break
-        foreign |= found
-    called_back = {id(one) for node in classes if node.name in foreign for one in node.body}
+    own = {node.name for node in classes}  # without those with a base of a library
+    while found := {node.name for node in classes if any(_last(base) not in own for base in node.bases)} & own:
+        own -= found
+    called_back = {id(one) for node in classes if node.name not in own for one in node.body}
     for file, tree in HOUSE:
         for node in nodes(tree):
             if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("__"):
