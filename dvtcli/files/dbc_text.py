@@ -9,7 +9,7 @@ import math
 import re
 import unicodedata
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from fractions import Fraction
 
 SUFFIX = ".dbc"
@@ -211,24 +211,3 @@ def _places(denominator: int) -> int | None:
             rest, count = rest // prime, count + 1
         places = max(places, count)
     return places if rest == 1 else None
-
-
-@dataclass(frozen=True, slots=True)
-class DbcOptions:
-    """*services* (see `SERVICES`) adds their frames; *split_bits* makes a signal per named bit.
-
-    *everything* includes disabled PDOs, as if enabled.
-    """
-
-    services: tuple[str, ...] = ()
-    split_bits: bool = False
-    everything: bool = False
-
-    @property
-    def named(self) -> tuple[str, ...]:
-        """Name the options that are not default."""
-        return tuple(field.name for field in fields(self) if getattr(self, field.name))
-
-    def __bool__(self) -> bool:
-        """Tell whether any option is not default."""
-        return bool(self.named)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Protocol, TextIO, cast
 from dvtcli.cli.boundary import LEAVE
 from dvtcli.cli.catalogue import command_names
 from dvtcli.cli.lexer import split
-from dvtcli.cli.prompt.line import CONTINUED, usable_aliases, withheld_aliases
+from dvtcli.cli.prompt.line import CONTINUED, paged, usable_aliases, withheld_aliases
 from dvtcli.cli.run_line import boundary, run_words
 from dvtcli.cli.view.lines import Cell, Line
 from dvtcli.cli.view.output import Output
@@ -39,7 +39,6 @@ def run_prompt(session: Conversation) -> int:
     """
     from dvtcli.cli.prompt.bus_watch import Life, Notices
     from dvtcli.cli.prompt.first_start import first_start
-    from dvtcli.cli.prompt.line import paged
     from dvtcli.cli.prompt.status import Status
 
     session.require_settings()

@@ -21,7 +21,7 @@ from dvtcli.files.carried_over import (
     without_scalings,
     without_values,
 )
-from dvtcli.files.dbc_text import SUFFIX, DbcOptions
+from dvtcli.files.dbc_text import SUFFIX
 from dvtcli.files.device_file import (
     DEVICE_SUFFIXES,
     VALUE_SUFFIXES,
@@ -31,6 +31,7 @@ from dvtcli.files.device_file import (
     read_device_file,
 )
 from dvtcli.files.file_info import NO_DATE, file_info
+from dvtcli.operations.exchange.dbc_options import DbcOptions
 from dvtcli.operations.exchange.export_network import SUFFIXES as NETWORK_SUFFIXES
 from dvtcli.operations.results.facts import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of

@@ -15,7 +15,6 @@ from dvtcli.domain.script_line import change_lines
 from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import NoAnswer, UsageError
 from dvtcli.files.dbc_text import SUFFIX as DBC_SUFFIX
-from dvtcli.files.dbc_text import DbcOptions
 from dvtcli.files.device_file import VALUE_SUFFIXES
 from dvtcli.files.eds.writer import eds_bytes
 from dvtcli.files.network.write_network import write_network
@@ -23,6 +22,7 @@ from dvtcli.files.nodelist import SUFFIX as NODELIST_SUFFIX
 from dvtcli.files.nodelist import ListedNode, Nodelist, nodelist_text
 from dvtcli.operations.devices.export_dcf import dcf_of, export_dcf, is_exported, left_out
 from dvtcli.operations.devices.read_whole_device import described, read_every_object
+from dvtcli.operations.exchange.dbc_options import DbcOptions
 from dvtcli.operations.exchange.export_network import SUFFIXES as NETWORK_SUFFIXES
 from dvtcli.operations.exchange.export_network import exported_node
 from dvtcli.operations.nodes.find_nodes import find_nodes

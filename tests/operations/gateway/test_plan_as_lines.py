@@ -231,7 +231,7 @@ def test_what_it_may_not_is_said_before_anything_is_done(line: str, why: str) ->
     INDEXES, SUB_INDEXES, st.sampled_from(sorted(TYPES)).flatmap(lambda one: st.tuples(st.just(one), data_of_type(one)))
 )
 def test_a_value_comes_through_a_line_as_it_is(index: int, sub_index: int, typed: tuple[str, bytes]) -> None:
-    from dvtcli.cli.scripts.script_parse import GatewayScript
+    from dvtcli.cli.scripts.gateway_script import GatewayScript
     from dvtcli.domain.datatypes import BY_SHORT_NAME
     from dvtcli.domain.gateway.plan_lines import format_request
 

@@ -54,9 +54,7 @@ BREAKS = [
             "from importlib.util import spec_from_file_location", "return spec_from_file_location('x', node)"
         ),
     ),
-    Break(
-        "libraries", "operations/changes/change.py", in_a_function("import os", "os.posix_spawn('/bin/ls', [], dict())")
-    ),
+    Break("libraries", "operations/h.py", in_a_function("import os", "os.posix_spawn('/bin/ls', [], dict())")),
     Break("libraries", "operations/changes/change.py", in_a_function("from os import popen as ask", "ask('ls')")),
     Break("libraries", "operations/changes/change.py", in_a_function("os.system('ls')")),
 ]

@@ -6,9 +6,7 @@ from tests.house.laws.breaks.way import Break, in_a_function
 
 BREAKS = [
     Break("senders", "cli/commands/map.py", in_a_function("node.sdo.download(0x1800, 1, b'')")),
-    Break(
-        "senders", "operations/changes/change.py", in_a_function("write = node.sdo.download", "write(0x1800, 1, b'')")
-    ),
+    Break("senders", "operations/h.py", in_a_function("write = node.sdo.download", "write(0x1800, 1, b'')")),
     Break("senders", "cli/commands/pdo.py", in_a_function("session.bus.send_nmt(1, 0)")),
     Break("senders", "operations/session/steady_listener.py", in_a_function("bus.send(node)")),
     Break("senders", "files/recordings/read_recording.py", in_a_function("map(bus.send, node)")),
@@ -27,15 +25,9 @@ BREAKS = [
     Break("senders", "operations/helper.py", in_a_function("session.canopen(1).nmt.state = 'OPERATIONAL'")),
     Break("senders", "operations/nodes/helper.py", "import dvtcli.device.store.store_parameters as keeping"),
     Break("senders", "operations/nodes/helper.py", "from dvtcli.device.store.store_parameters import *"),
-    Break(
-        "senders",
-        "operations/nodes/helper.py",
-        "from dvtcli.device.store.store_parameters import write_signature as chosen",
-    ),
+    Break("senders", "operations/h.py", "from dvtcli.device.store.store_parameters import write_signature as chosen"),
     Break("senders", "operations/nodes/helper.py", "from dvtcli.device.store import store_parameters"),
-    Break(
-        "senders", "operations/nodes/helper.py", "from dvtcli.operations.changes.store_restore import write_signature"
-    ),
+    Break("senders", "operations/h.py", "from dvtcli.operations.changes.store_restore import write_signature"),
     Break("senders", "operations/nodes/helper.py", "from dvtcli.operations.changes.store_restore import *"),
     Break("senders", "operations/nodes/helper.py", "from dvtcli.operations.nodes.command_nmt import *"),
     Break(
