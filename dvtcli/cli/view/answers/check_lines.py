@@ -13,8 +13,14 @@ from dvtcli.domain.text import join_some, plural
 from dvtcli.operations.results.checked_files import SEVERITIES, FileFinding, FileReport, FileReports
 
 if TYPE_CHECKING:
-    from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkReport, NetworksChecked
-    from dvtcli.operations.results.checked_recordings import RecordingFinding, RecordingReport, RecordingsChecked
+    from dvtcli.operations.results.checked_networks import (
+        NetworkFinding,
+        NetworkReport,
+        NetworksChecked,
+        RecordingFinding,
+        RecordingReport,
+        RecordingsChecked,
+    )
 
 F = TypeVar("F", bound=FileFinding)
 STYLES = {"error": "red", "warning": "yellow", "note": "cyan"}
