@@ -33,7 +33,17 @@ _IN_PLACE = "in place"
 _VALUES = 5  # of a child in which only values were wrong, and no test failed
 _NOT_SO = 3  # exit code of a child whose mutant cannot be made in place
 _WAYS = {0: _IN_PLACE, _VALUES: "in place, in its values", _NOT_SO: "cannot be made in place"}
-_COPIED = ("dvtcli", "tests", "scripts", "docs", "pyproject.toml", "README.md", "CHANGELOG.md", "CONTRIBUTING.md")
+_COPIED = (
+    "dvtcli",
+    "tests",
+    "scripts",
+    "docs",
+    "examples",
+    "pyproject.toml",
+    "README.md",
+    "CHANGELOG.md",
+    "CONTRIBUTING.md",
+)
 _WORDS = ["-x", "-n", "0", "-q", "-p", "no:cacheprovider", "--tb=no", "-rfE", "-o", "tmp_path_retention_policy=none"]
 _WORDS += ["--hypothesis-profile", PROFILE, f"--randomly-seed={SEED}"]
 _WORDS += ["-W", "ignore::pytest.PytestAssertRewriteWarning"]  # imported before, on purpose
