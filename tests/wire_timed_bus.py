@@ -11,7 +11,7 @@ from heapq import heappop, heappush
 from math import inf
 
 from dvtcli.bus.sdo.sdo_link import ANSWER_ID, REQUEST_ID
-from dvtcli.domain.bus_load import frame_bits
+from dvtcli.domain.frame_bits import frame_bits
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.shared_bus import Wire

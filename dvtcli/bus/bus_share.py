@@ -11,7 +11,7 @@ from threading import Lock
 from typing import TYPE_CHECKING
 
 from dvtcli.bus.sdo.sdo_link import ANSWER_ID, REQUEST_ID
-from dvtcli.domain.bus_load import frame_bits, most_frame_bits
+from dvtcli.domain.frame_bits import frame_bits, most_frame_bits
 from dvtcli.domain.ports import Frame
 
 if TYPE_CHECKING:

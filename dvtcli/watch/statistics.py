@@ -13,8 +13,8 @@ from math import ceil, isfinite, log2
 from statistics import fmean, pstdev
 from typing import NamedTuple
 
-from dvtcli.domain.bus_load import frame_bits
 from dvtcli.domain.datatypes import Value
+from dvtcli.domain.frame_bits import frame_bits
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.scaling import Scaling
 from dvtcli.watch.decoder import Signal

@@ -12,7 +12,7 @@ from dvtcli.bus.bus_share import AHEAD_S, LONGEST_WAIT_S, WirePace
 from dvtcli.bus.message_bus import FEW_AT_ONCE
 from dvtcli.bus.python_can import LEAST_BIT_RATE
 from dvtcli.bus.sdo.sdo_link import ANSWER_ID, DEFAULT_TIMEOUT_S, REQUEST_ID
-from dvtcli.domain.bus_load import frame_bits
+from dvtcli.domain.frame_bits import frame_bits
 from dvtcli.domain.ports import Frame
 from tests.cli.commands.bus import device
 from tests.harness.sample import heavy

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.network.bus_need import bus_need, fitting_bit_rates
 from dvtcli.domain.network.frame_streams import Stream, WhatIf, streams_of
 from dvtcli.domain.network.network_config import Endpoint, MasterRole
 from dvtcli.domain.network.network_state import NetworkState, NodeState
+from dvtcli.domain.network.worst_case_load import fitting_bit_rates, worst_case_load
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
 
 TPDO1, TPDO2, RPDO1 = Pdo.parse("tpdo1"), Pdo.parse("tpdo2"), Pdo.parse("rpdo1")
@@ -107,7 +107,7 @@ def test_an_inhibit_time_that_somebody_tries() -> None:
 
 def test_one_without_limit_leaves_no_total_and_no_bound_behind_it() -> None:
     both = {TPDO1: pdo(0x181), TPDO2: pdo(0x281, timer=10, bits=64)}
-    need = bus_need(streams_of(NetworkState((node(1, both),))), 500_000)
+    need = worst_case_load(streams_of(NetworkState((node(1, both),))), 500_000)
     assert need.total is None
     assert not need.fits
     assert need.limited == Fraction(135, 5000)
@@ -118,7 +118,7 @@ def test_one_without_limit_leaves_no_total_and_no_bound_behind_it() -> None:
 def test_sync_is_late_and_so_is_what_it_triggers() -> None:
     """135 bits of another frame and 55 of SYNC, of which 47 are the least: 143 bits of jitter."""
     state = NetworkState((node(1, {TPDO1: pdo(0x181, 1)}, x1005=0x4000_0080, x1006=10_000, x1007=2000),))
-    sync, sent = bus_need(streams_of(state), 500_000).needs
+    sync, sent = worst_case_load(streams_of(state), 500_000).needs
     assert (sync.response_us, sync.stream.frame.jitter_us) == (380, 0)
     assert sent.stream.frame.jitter_us == 286
     assert sent.response_us == 286 + (135 + 55 + 95) * 2
@@ -129,13 +129,13 @@ def test_sync_is_late_and_so_is_what_it_triggers() -> None:
 def test_synchronous_pdos_that_do_not_fit_their_window_are_late() -> None:
     numbers: dict[str, Any] = {"x1005": 0x4000_0080, "x1006": 10_000, "x1007": 1000}
     pdos = {Pdo.parse(f"tpdo{number}"): pdo(0x181 + 0x100 * number, 1, bits=64) for number in range(1, 5)}
-    need = bus_need(streams_of(NetworkState((node(1, pdos, **numbers),))), 500_000)
+    need = worst_case_load(streams_of(NetworkState((node(1, pdos, **numbers),))), 500_000)
     assert [row.is_late for row in need.needs] == [False, False, False, True, True]
 
 
 def test_a_bus_that_is_too_slow() -> None:
     state = NetworkState((node(1, {TPDO1: pdo(0x181, inhibit=10, bits=64)}),))
-    need = bus_need(streams_of(state), 125_000)
+    need = worst_case_load(streams_of(state), 125_000)
     assert need.total == Fraction(108, 100)
     assert [row.stream.label for row in need.late] == ["TPDO1"]
     assert fitting_bit_rates(streams_of(state)) == (500_000, 800_000, 1_000_000)

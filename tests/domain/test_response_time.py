@@ -8,8 +8,8 @@ from fractions import Fraction
 
 import pytest
 
-from dvtcli.domain.network.frame_streams import TimedFrame, response_times, utilisation
 from dvtcli.domain.ports import Frame
+from dvtcli.domain.response_time import TimedFrame, response_times, utilisation
 from dvtcli.simulator.network.shared_bus import Wire
 from tests.domain.critical_instant import by_hand
 from tests.harness.sample import turn

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from dvtcli.domain.hint import Action, Hint, as_hint
-from dvtcli.domain.network.bus_need import bus_need
 from dvtcli.domain.network.frame_streams import streams_of
 from dvtcli.domain.network.links import CONSUMER_PERIODS, watch_time_ms
 from dvtcli.domain.network.network_config import (
@@ -21,6 +20,7 @@ from dvtcli.domain.network.network_config import (
     NodeConfig,
     PartialPdoConfig,
 )
+from dvtcli.domain.network.worst_case_load import worst_case_load
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import Severity
 from dvtcli.domain.text import join_some, plural
@@ -462,7 +462,7 @@ def _pdo_with(
 
 def _load_text(state: NetworkState) -> str:
     rate = state.bit_rate or USUAL_BIT_RATE
-    need = bus_need(streams_of(state), rate)
+    need = worst_case_load(streams_of(state), rate)
     share = f"bus load {float(need.limited) * 100:.1f} % at {rate // 1000} kbit/s"
     unlimited = f" and {plural(len(need.unlimited), 'unlimited frame')}" if need.total is None else ""
     return f"{share}{'' if state.bit_rate else ' (assumed)'}{unlimited}"

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.frame import layout
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.network.bus_need import bus_need, fitting_bit_rates
 from dvtcli.domain.network.check.checked_network import CheckedNetwork
 from dvtcli.domain.network.frame_streams import streams_of
 from dvtcli.domain.network.links import agrees
@@ -28,6 +27,7 @@ from dvtcli.domain.network.picture import (
     PicturePdo,
 )
 from dvtcli.domain.network.received_traffic import ReceivedTraffic
+from dvtcli.domain.network.worst_case_load import fitting_bit_rates, worst_case_load
 from dvtcli.domain.plan import PdoChange
 from dvtcli.domain.text import plural
 from dvtcli.errors import NoAnswer, RuleError, SafetyRefusal, UsageError, ended_with
@@ -46,10 +46,10 @@ from dvtcli.watch.statistics import FrameCount
 
 if TYPE_CHECKING:
     from dvtcli.domain.frame import Field
-    from dvtcli.domain.network.bus_need import StreamNeed
     from dvtcli.domain.network.network_config import NetworkConfig
     from dvtcli.domain.network.network_plan import NodePlan
     from dvtcli.domain.network.network_state import Identifier, NetworkState, NodeState
+    from dvtcli.domain.network.worst_case_load import StreamLoad
     from dvtcli.domain.object_scalings import ObjectScalings, Rules
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.plan import ValueChange
@@ -236,7 +236,7 @@ def _hearing(state: NetworkState) -> dict[Identifier, tuple[Endpoint, ...]]:
     return found
 
 
-def _frame(load: NetworkLoad, one: FrameLoad, need: StreamNeed | None, consumers: tuple[Endpoint, ...]) -> PictureFrame:
+def _frame(load: NetworkLoad, one: FrameLoad, need: StreamLoad | None, consumers: tuple[Endpoint, ...]) -> PictureFrame:
     measured = load.measured if load.measured is not None and load.measured.seconds else None
     measured_hz = measured.rate_hz(one.identifier) if measured else None
     measured_share = measured.share(one.identifier, load.need.bit_rate) if measured else None
@@ -394,7 +394,7 @@ def _picture(
     told = told or state.bit_rate
     streams, bit_rate = streams_of(state), told or USUAL_BIT_RATE
     load = NetworkLoad(
-        bus_need(streams, bit_rate), fitting_bit_rates(streams), is_assumed=told is None, measured=measured
+        worst_case_load(streams, bit_rate), fitting_bit_rates(streams), is_assumed=told is None, measured=measured
     )
     return NetworkPicture(
         title, source, tuple(drawn_nodes(state, said)), tuple(drawn_links(state)),

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from dvtcli.device.node_parts import ReadableNode
-    from dvtcli.domain.network.bus_need import BusNeed
     from dvtcli.domain.network.network_plan import NodePlan
+    from dvtcli.domain.network.worst_case_load import WorstCaseLoad
     from dvtcli.operations.results.networks import NetworkApplied
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.session.session_nodes import SessionNodes
@@ -55,7 +55,7 @@ def plan_file(
     that devices lack are listed in the result, and the rest is planned.
     """
 
-    def read() -> tuple[NetworkPlan, BusNeed | None]:
+    def read() -> tuple[NetworkPlan, WorstCaseLoad | None]:
         plan = _plan_of(
             session, file, trust_stamp=trust_stamp, include=include, manager=manager, lists_missing=saved is None
         )

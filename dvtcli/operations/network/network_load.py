@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.network.bus_need import bus_need, fitting_bit_rates
 from dvtcli.domain.network.frame_streams import WhatIf, streams_of
 from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.network.network_state import NetworkState
+from dvtcli.domain.network.worst_case_load import fitting_bit_rates, worst_case_load
 from dvtcli.domain.pdo import Pdo
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.network.live_network import answering, has_bus, listen, present, refuse_without_bus
@@ -17,8 +17,8 @@ from dvtcli.operations.plans.network_states import network_after, network_state
 from dvtcli.operations.results.loads import Measured, NetworkLoad
 
 if TYPE_CHECKING:
-    from dvtcli.domain.network.bus_need import BusNeed
     from dvtcli.domain.network.network_plan import NetworkPlan
+    from dvtcli.domain.network.worst_case_load import WorstCaseLoad
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.session.session_nodes import SessionNodes
 
@@ -61,7 +61,12 @@ def network_load(session: Session, file: str | None = None, options: LoadOptions
     found = streams_of(state, _what_if(session, state, options))
     bus = session.wire.name if measured is not None else ""
     return NetworkLoad(
-        bus_need(found, bit_rate), fitting_bit_rates(found), file or "", bus, is_assumed=told is None, measured=measured
+        worst_case_load(found, bit_rate),
+        fitting_bit_rates(found),
+        file or "",
+        bus,
+        is_assumed=told is None,
+        measured=measured,
     )
 
 
@@ -114,7 +119,7 @@ def _us(time_ms: float | None) -> int | None:
     return None if time_ms is None else round(time_ms * 1000)
 
 
-def load_after(session: SessionNodes, plan: NetworkPlan) -> BusNeed | None:
+def load_after(session: SessionNodes, plan: NetworkPlan) -> WorstCaseLoad | None:
     """Compute the worst-case bus load after *plan*; None if the bit rate is unknown.
 
     Reads all PDOs of its nodes; None if a node cannot, or must not, be read.
@@ -126,4 +131,4 @@ def load_after(session: SessionNodes, plan: NetworkPlan) -> BusNeed | None:
         state = network_state(session.node(node.node_id) for node in plan.nodes)
     except (NoAnswer, SdoAborted, SdoProtocolError):
         return None
-    return bus_need(streams_of(network_after(state, plan)), bit_rate)
+    return worst_case_load(streams_of(network_after(state, plan)), bit_rate)

@@ -6,13 +6,13 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import TYPE_CHECKING, ClassVar
 
-from dvtcli.domain.network.bus_need import most_frames
+from dvtcli.domain.network.worst_case_load import most_frames
 from dvtcli.operations.results.documents import Answer, Document, Short
 from dvtcli.watch.service import service_of
 
 if TYPE_CHECKING:
-    from dvtcli.domain.network.bus_need import BusNeed, StreamNeed
     from dvtcli.domain.network.network_state import Identifier
+    from dvtcli.domain.network.worst_case_load import StreamLoad, WorstCaseLoad
     from dvtcli.watch.statistics import Counted, FrameCount
 
 
@@ -45,7 +45,7 @@ class FrameLoad(Short):
     """A CAN-ID: *needs* are computed, empty if only received; *heard* is measured."""
 
     identifier: Identifier
-    needs: tuple[StreamNeed, ...] = ()
+    needs: tuple[StreamLoad, ...] = ()
     heard: Counted | None = None
 
     @property
@@ -75,7 +75,7 @@ class NetworkLoad(Answer):
     renderer: ClassVar = "load_lines:load_lines"
     use_pager: ClassVar = True
 
-    need: BusNeed
+    need: WorstCaseLoad
     fitting: tuple[int, ...]
     file: str = ""
     bus: str = ""
@@ -119,7 +119,7 @@ class NetworkLoad(Answer):
     @property
     def frames(self) -> tuple[FrameLoad, ...]:
         """Every CAN-ID computed or received, in order of priority."""
-        needs: dict[Identifier, list[StreamNeed]] = {}
+        needs: dict[Identifier, list[StreamLoad]] = {}
         for need in self.need.needs:
             needs.setdefault((need.stream.frame.can_id, need.stream.frame.extended), []).append(need)
         heard = self.measured.count.by_id if self.measured is not None else {}
@@ -186,7 +186,7 @@ class NetworkLoad(Answer):
         }
 
 
-def need_document(need: BusNeed) -> Document:
+def need_document(need: WorstCaseLoad) -> Document:
     """The load of a network in all."""
     return {
         "bit_rate": need.bit_rate,
@@ -198,7 +198,7 @@ def need_document(need: BusNeed) -> Document:
     }
 
 
-def _need(need: StreamNeed) -> Document:
+def _need(need: StreamLoad) -> Document:
     stream = need.stream
     return {
         "kind": stream.kind,

@@ -13,7 +13,7 @@ from dvtcli.domain.plan import PdoChange, ValueChange
 from dvtcli.operations.results.documents import CASES, Answer, Document, finding_document, hex_bytes, lacking_documents
 
 if TYPE_CHECKING:
-    from dvtcli.domain.network.bus_need import BusNeed
+    from dvtcli.domain.network.worst_case_load import WorstCaseLoad
     from dvtcli.domain.pdo import PdoConfig
     from dvtcli.domain.rules import Finding
     from dvtcli.errors import DvtcliError, RuleError
@@ -35,7 +35,7 @@ class NetworkPlanned(Answer):
     plan: NetworkPlan
     tells: bool = False
     saved: str = ""
-    need: BusNeed | None = None
+    need: WorstCaseLoad | None = None
     interrupted: tuple[int, ...] = ()
 
     def __bool__(self) -> bool:

@@ -10,7 +10,7 @@ from queue import Empty, SimpleQueue
 from time import monotonic, time
 from typing import Protocol
 
-from dvtcli.domain.bus_load import arbitration, frame_bits
+from dvtcli.domain.frame_bits import arbitration, frame_bits
 from dvtcli.domain.ports import CanopenBus, Frame
 from dvtcli.errors import BusUnavailable
 from dvtcli.simulator.device.strict_device import StrictDevice

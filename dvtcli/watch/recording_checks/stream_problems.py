@@ -6,8 +6,8 @@ from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 
-from dvtcli.domain.bus_load import least_frame_bits
 from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.frame_bits import least_frame_bits
 from dvtcli.domain.lint.lint_rule import WARNING, LintRule
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter
 from dvtcli.domain.ports import Frame

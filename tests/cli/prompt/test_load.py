@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dvtcli.domain.bus_load import frame_bits
+from dvtcli.domain.frame_bits import frame_bits
 from dvtcli.domain.ports import Frame
 from dvtcli.watch.statistics import BusLoad
 

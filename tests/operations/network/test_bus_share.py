@@ -8,7 +8,7 @@ from functools import partial
 
 import pytest
 
-from dvtcli.domain.bus_load import frame_bits
+from dvtcli.domain.frame_bits import frame_bits
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import UsageError

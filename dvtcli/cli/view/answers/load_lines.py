@@ -12,8 +12,8 @@ from dvtcli.domain.network.frame_streams import NO_LIMIT, NO_SYNC
 from dvtcli.domain.text import join_some, plural
 
 if TYPE_CHECKING:
-    from dvtcli.domain.network.bus_need import StreamNeed
     from dvtcli.domain.network.frame_streams import Stream
+    from dvtcli.domain.network.worst_case_load import StreamLoad
     from dvtcli.operations.results.loads import FrameLoad, Measured, NetworkLoad
 
 #: width of a bar, and width with measured values before it
@@ -76,7 +76,7 @@ def _measured_shares(result: NetworkLoad) -> Iterator[float]:
 def _row(
     result: NetworkLoad,
     one: FrameLoad,
-    need: StreamNeed | None,
+    need: StreamLoad | None,
     most: float,
     measured: Measured | None,
     *,
@@ -113,7 +113,7 @@ def _shorter(cell: str | Cell) -> str | Cell:
     return cell.replace("inhibit ", "inh. ")
 
 
-def _need(need: StreamNeed) -> Iterator[str | Cell]:
+def _need(need: StreamLoad) -> Iterator[str | Cell]:
     stream = need.stream
     yield str(stream.frame.data_bytes)
     yield Cell(stream.why, "red") if need.share is None else stream.why

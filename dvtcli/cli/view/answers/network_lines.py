@@ -17,8 +17,8 @@ from dvtcli.domain.text import join_some, plural
 from dvtcli.operations.results.networks import action, differing, parameter_texts
 
 if TYPE_CHECKING:
-    from dvtcli.domain.network.bus_need import BusNeed
     from dvtcli.domain.network.network_plan import LeftOut, NetworkPlan, NodePlan
+    from dvtcli.domain.network.worst_case_load import WorstCaseLoad
     from dvtcli.operations.results.networks import NetworkApplied, NetworkPlanned
 
 
@@ -279,7 +279,7 @@ def _not_written(node: NodePlan) -> list[str]:
 _ONLY_NODES = "Frames of other nodes are not counted."
 
 
-def _load(need: BusNeed) -> Iterator[Line]:
+def _load(need: WorstCaseLoad) -> Iterator[Line]:
     """Show the worst-case bus load of the plan's nodes after the change."""
     rate, share = f"{need.bit_rate / 1000:g} kbit/s", f"{100 * float(need.limited):.1f} %"
     if need.unlimited:

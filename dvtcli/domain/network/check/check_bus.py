@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from dvtcli.domain.bus_load import most_frame_bits
+from dvtcli.domain.frame_bits import most_frame_bits
 from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
-from dvtcli.domain.network.bus_need import BusNeed
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, NetSpot, at
 from dvtcli.domain.network.frame_streams import EVENT_DRIVEN, data_bytes
 from dvtcli.domain.network.network_state import NodeState
+from dvtcli.domain.network.worst_case_load import WorstCaseLoad
 from dvtcli.domain.pdo import Pdo, PdoConfig
 
 _TIMES = "CiA 301, 7.5.2.37: inhibit time, event timer"
@@ -113,7 +113,7 @@ def too_late(network: CheckedNetwork) -> NetFound:
 CHECKS_OF_BIT_RATE = frozenset({"bus-overload", "busy-bus", "too-late", "sync-window"})
 
 
-def _share(need: BusNeed) -> str:
+def _share(need: WorstCaseLoad) -> str:
     share = f"{100 * float(need.limited):.1f} %"
     return f"{share} of {need.bit_rate / 1000:g} kbit/s in the worst case; the bus load table shows the shares"
 

@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 from dvtcli.domain.cob_id import taken_by_services
-from dvtcli.domain.network.bus_need import BusNeed, bus_need
 from dvtcli.domain.network.frame_streams import SYNCHRONOUS, Streams, streams_of
 from dvtcli.domain.network.network_config import NOWHERE, Mark
 from dvtcli.domain.network.network_state import (
@@ -20,6 +19,7 @@ from dvtcli.domain.network.network_state import (
     identifier_of,
 )
 from dvtcli.domain.network.received_traffic import ReceivedTraffic
+from dvtcli.domain.network.worst_case_load import WorstCaseLoad, worst_case_load
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.rules import Finding, Proposal, check_pdo
 from dvtcli.domain.rules.finding import disabled_and_empty
@@ -114,9 +114,9 @@ class CheckedNetwork:
         return streams_of(self.state)
 
     @cached_property
-    def need(self) -> BusNeed | None:
+    def need(self) -> WorstCaseLoad | None:
         """Bus needs of all streams, None if the bit rate is unknown."""
-        return None if self.bit_rate is None else bus_need(self.streams, self.bit_rate)
+        return None if self.bit_rate is None else worst_case_load(self.streams, self.bit_rate)
 
     @cached_property
     def tpdos(self) -> tuple[tuple[NodeState, Pdo, PdoConfig], ...]:

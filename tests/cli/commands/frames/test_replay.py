@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dvtcli.domain.bus_load import frame_bits
+from dvtcli.domain.frame_bits import frame_bits
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.typed_frame import frame_filter
 from dvtcli.errors import BusUnavailable

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvtcli.domain.bus_load import INTERFRAME, TRAILER, frame_bits, header
+from dvtcli.domain.frame_bits import INTERFRAME, TRAILER, frame_bits, header
 from dvtcli.domain.ports import Frame
 
 

@@ -6,8 +6,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
 
-from dvtcli.domain.bus_load import least_frame_bits, most_frame_bits
-from dvtcli.domain.network.frame_streams import Stream, Streams, response_times, utilisation
+from dvtcli.domain.frame_bits import least_frame_bits, most_frame_bits
+from dvtcli.domain.network.frame_streams import Stream, Streams
+from dvtcli.domain.response_time import response_times, utilisation
 
 #: The longest SDO frame: without period, and of lowest priority.
 SDO_BITS = most_frame_bits(8)
@@ -17,7 +18,7 @@ _SETTLES = 8
 
 
 @dataclass(frozen=True, slots=True)
-class StreamNeed:
+class StreamLoad:
     """A *stream* on the bus: its *share* (0 and up), and its worst-case response time (*response_us*).
 
     Both are None if unbounded.
@@ -45,11 +46,11 @@ class StreamNeed:
 
 
 @dataclass(frozen=True, slots=True)
-class BusNeed:
-    """Bus needs of all streams at *bit_rate* bit/s, by priority; *assumed* are the assumptions."""
+class WorstCaseLoad:
+    """The load by all streams at *bit_rate* bit/s, by priority; *assumed* are the assumptions."""
 
     bit_rate: int
-    needs: tuple[StreamNeed, ...]
+    needs: tuple[StreamLoad, ...]
     assumed: tuple[str, ...] = ()
 
     @property
@@ -73,7 +74,7 @@ class BusNeed:
         return None if self.unlimited else self.limited
 
     @property
-    def late(self) -> tuple[StreamNeed, ...]:
+    def late(self) -> tuple[StreamLoad, ...]:
         """Streams that may miss their deadline."""
         return tuple(need for need in self.needs if need.is_late)
 
@@ -83,8 +84,8 @@ class BusNeed:
         return not self.unlimited and not self.late
 
 
-def bus_need(found: Streams, bit_rate: int) -> BusNeed:
-    """Bus needs of the streams *found* at *bit_rate* bit/s.
+def worst_case_load(found: Streams, bit_rate: int) -> WorstCaseLoad:
+    """The worst-case load of a bus by the streams *found* at *bit_rate* bit/s.
 
     Synchronous frames inherit SYNC's jitter: its delay beyond the shortest time on the wire.
     """
@@ -97,8 +98,8 @@ def bus_need(found: Streams, bit_rate: int) -> BusNeed:
         streams = [stream.late(late_us) if stream.is_synchronous else stream for stream in streams]
         times = _times(streams, bit_rate)
     shares = [None if stream.frame.period_us is None else utilisation([stream.frame], bit_rate) for stream in streams]
-    needs = [StreamNeed(*row) for row in zip(streams, shares, times, strict=True)]
-    return BusNeed(bit_rate, tuple(needs), found.assumed)
+    needs = [StreamLoad(*row) for row in zip(streams, shares, times, strict=True)]
+    return WorstCaseLoad(bit_rate, tuple(needs), found.assumed)
 
 
 def _times(streams: list[Stream], bit_rate: int) -> list[Fraction | None]:
@@ -117,7 +118,7 @@ def _sync_jitter(streams: list[Stream], times: list[Fraction | None], bit_rate: 
 
 def fitting_bit_rates(found: Streams) -> tuple[int, ...]:
     """CiA 301 bit rates at which all *found* streams meet their deadlines."""
-    return tuple(rate for rate in BIT_RATES if bus_need(found, rate).fits)
+    return tuple(rate for rate in BIT_RATES if worst_case_load(found, rate).fits)
 
 
 #: How far the clocks of two devices, and when frames come to be counted, may be apart; and frames beyond what a period
