@@ -3,7 +3,8 @@
     python -m tests.benchmarks decode
 
 A recording of 30,000 frames of two nodes: SYNC, heartbeats, TPDOs with and without a known mapping. Processor time of
-whole processes without what they take for ten frames; the readers are measured within one process.
+whole processes without what they take for ten frames; the readers are measured within one process. What the words of
+services cost is measured beside a `decode` that has none.
 """
 
 from __future__ import annotations
@@ -33,6 +34,16 @@ WAYS: list[tuple[str, str, list[str], list[str], float]] = [
     ("decode .asc, network file", ".asc", [], ["-d", NETWORK], 4),
     ("decode .blf, network file", ".blf", [], ["-d", NETWORK], 6),
 ]
+#: the same without words: PDOs and their values stay, every other frame is bytes
+WITHOUT_WORDS = """
+import dvtcli.watch.frame_reader as frame_reader
+def reader_of(self, layout):
+    reading = frame_reader._PDO if layout.service.kind == "pdo" else frame_reader.OTHER
+    return lambda frame: reading
+frame_reader.FrameReader._reader_of = reader_of
+"""
+#: `WAYS` whose words are measured; in a CSV file a frame without words has no row
+WORDS, MOST_FOR_WORDS = WAYS[0:1] + WAYS[2:3], 1.1
 #: CAN-IDs of ten frames, and how many bytes they have
 IDS = [
     (0x080, 0),
@@ -95,3 +106,14 @@ def figures(rounds: int) -> Iterator[Figure]:
                 pairs.append((1e6 * (took[0] - took[1]) / (FRAMES - FEW), other_us))
             own, other = zip(*pairs, strict=True)
             yield Figure(f"a frame: {name}", "µs", own, f"python-can reads {suffix}", other, most=most)
+        for name, suffix, before, behind, _ in WORDS:
+            pairs = []
+            for _ in range(rounds):
+                entries = [
+                    ENTRY.format(words=[*before, "decode", str(path), *behind]) for path in (many[suffix], few[suffix])
+                ]
+                took = [cpu_s(["-c", code]) for entry in entries for code in (entry, WITHOUT_WORDS + entry)]
+                own_s, bare_s = took[0] - took[2], took[1] - took[3]
+                pairs.append((1e6 * own_s / (FRAMES - FEW), 1e6 * bare_s / (FRAMES - FEW)))
+            own, other = zip(*pairs, strict=True)
+            yield Figure(f"a frame and its words: {name}", "µs", own, "without words", other, most=MOST_FOR_WORDS)

@@ -37,7 +37,7 @@ _START_S, _QUIET_S = 20.0, 0.15
 _DOWN, _UP, _LEFT, _RIGHT, _BACK, _TAB = b"\x1b[B", b"\x1b[A", b"\x1b[D", b"\x1b[C", b"\x7f", b"\t"
 _ASKS_CURSOR, _CURSOR = b"\x1b[6n", b"\x1b[1;1R"
 #: how often the keys are typed, from the objects' pane on: the median is without what other programs take away
-TIMES = 3
+TIMES = 5
 KEYS = (
     *(bytes([letter]) for letter in b"velocity 105"), *[_BACK] * 12, *[_DOWN] * 45, *[_UP] * 45,
     *(bytes([letter]) for letter in b"motor temperature 307"), *[_BACK] * 21, *[_TAB] * 6,
@@ -123,7 +123,7 @@ class Terminal:
 
 
 def terminal_times(eds: Path) -> list[list[float]]:
-    """Milliseconds of every key of `KEYS` that has an effect, by round."""
+    """Milliseconds of every key of `KEYS` that has an effect, each in all rounds."""
     terminal = Terminal(eds)
     try:
         for _ in range(2):
@@ -131,7 +131,7 @@ def terminal_times(eds: Path) -> list[list[float]]:
         rounds = [[terminal.milliseconds(key) for key in KEYS] for _ in range(TIMES)]
     finally:
         terminal.close()
-    return [[taken for taken in times if taken is not None] for times in rounds]
+    return [[taken for taken in times if taken is not None] for times in zip(*rounds, strict=True) if any(times)]
 
 
 def key_times(objects: ObjectList) -> list[float]:
@@ -165,11 +165,10 @@ def main() -> None:
         eds = large_eds(Path(folder))
         ((dictionary, profile),) = offline_dictionaries(Options(eds=str(eds)))
         _print("filter and picture", key_times(ObjectList(dictionary, profile, ObjectScalings())))
-        rounds = terminal_times(device_eds(Path(folder)))
+        keys = terminal_times(device_eds(Path(folder)))
     where = f"editor in a terminal {COLUMNS}x{ROWS}"
-    _print(where, [taken for times in rounds for taken in times])
-    if len({len(times) for times in rounds}) == 1:
-        _print(f"{where}, median of {TIMES} rounds", [median(times) for times in zip(*rounds, strict=True)])
+    _print(where, [taken for times in keys for taken in times])
+    _print(f"{where}, median of {TIMES} rounds", [median(times) for times in keys])
 
 
 if __name__ == "__main__":
