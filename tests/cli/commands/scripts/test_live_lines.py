@@ -109,16 +109,25 @@ def test_nothing_is_asked_and_nothing_to_do_is_well() -> None:
         assert driven.end() == 0
 
 
-@pytest.mark.parametrize("guard", ["require identity vendor=0x99", "run guard.dvt"])
-def test_nothing_is_done_behind_a_device_that_is_another(guard: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("is_in_script", [False, True], ids=["line", "script"])
+@pytest.mark.parametrize(("requirement", "error", "code"), [
+    ("require identity vendor=0x99", "safety", 6),
+    ("require power-off", "safety", 6),
+    ("require 1:power-off", "safety", 6),
+    ("require 9:identity vendor=0x99", "no_answer", 5),
+    ("require 9:power-off", "no_answer", 5),
+])  # fmt: skip
+def test_nothing_is_done_behind_a_requirement_that_failed(
+    requirement: str, error: str, code: int, is_in_script: bool, tmp_path: Path
+) -> None:
     """However slowly the lines come: what follows the refusal finds nobody who reads it."""
-    (tmp_path / "guard.dvt").write_text("require identity vendor=0x99\n")
-    line = guard.replace("guard.dvt", str(tmp_path / "guard.dvt"))
-    with child("--sim", "gen4@1", "--sim", "generic@5") as driven:
+    (tmp_path / "guard.dvt").write_text(f"{requirement}\n")
+    line = f"run {tmp_path / 'guard.dvt'}" if is_in_script else requirement
+    with child("--sim", "gen4@1", "--sim", "generic@5", "--signal", "6041=const(0x27)") as driven:
         assert driven.ask("map tpdo1 1018:1")["exit_code"] == 1
         refused = driven.ask(line)
-        assert (refused["error"], refused["exit_code"]) == ("safety", 6)
-        assert driven.process.wait(PATIENCE_S) == 6, "it waits for no other line, and the refusal's code counts"
+        assert (refused["error"], refused["exit_code"]) == (error, code)
+        assert driven.process.wait(PATIENCE_S) == code, "it waits for no other line, and the refusal's code counts"
         assert driven.process.stdout is not None
         assert driven.process.stdout.read() == ""
 
