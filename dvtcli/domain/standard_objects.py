@@ -35,6 +35,22 @@ _SRDO = (
 _COMMUNICATION = ("COB-ID", "transmission type", "inhibit time", "reserved", "event timer", "SYNC start value")
 
 
+#: clauses of CiA 301, one for each object or range of objects, from 7.5.2.1 on
+_IN_ORDER = (
+    *(0x1000, 0x1001, 0x1002, 0x1003, 0x1005, 0x1006, 0x1007, 0x1008, 0x1009, 0x100A, 0x100C, 0x100D),
+    *range(0x1010, 0x101A), *range(0x1020, 0x102A),
+    *(0x1200, 0x1280, 0x1400, 0x1600, 0x1800, 0x1A00, 0x1FA0, 0x1FD0),
+)  # fmt: skip
+#: the clause of CiA 301 that describes an object; of records such as PDOs by the first index
+CLAUSES = {index: f"7.5.2.{number}" for number, index in enumerate(_IN_ORDER, 1)}
+
+
+def source(*indices: int) -> str:
+    """The place in CiA 301 where *indices* are described: `CiA 301, 7.5.2.13 and 7.5.2.14`."""
+    *clauses, last = (CLAUSES[index] for index in indices)
+    return f"CiA 301, {', '.join(clauses)}{' and ' if clauses else ''}{last}"
+
+
 def standard_name(index: int, sub_index: int) -> str:
     """The name of *index*:*sub_index* in CiA 301, 7.5.2, empty if unnamed, as sub-index 0 of a record or an array."""
     if sub_index == 0:

@@ -12,6 +12,7 @@ from dvtcli.domain.standard_objects import (
     must_be_writable,
     reserved,
     reserved_sub_index,
+    source,
     standard_entry,
     standard_object_type,
 )
@@ -20,7 +21,7 @@ _NAMES = {0x1000: "device type", 0x1001: "error register", 0x1018: "identity obj
 _HEARTBEAT, _GUARD_TIME, _LIFE_TIME = 0x1017, 0x100C, 0x100D
 
 
-@check("mandatory-object", ERROR, "0x1000, 0x1001 or 0x1018 is missing", "CiA 301, 7.5.2.1, 7.5.2.2 and 7.5.2.21")
+@check("mandatory-object", ERROR, "0x1000, 0x1001 or 0x1018 is missing", source(0x1000, 0x1001, 0x1018))
 def mandatory_object(device: DescribedDevice) -> Found:
     """Every device has them."""
     for index, name in _NAMES.items():
@@ -28,7 +29,7 @@ def mandatory_object(device: DescribedDevice) -> Found:
             yield Spot(section="mandatoryobjects"), f"{index:04X} ({name}) is missing: every device must have it"
 
 
-@check("vendor-id-object", ERROR, "0x1018 has no sub-index 01, the vendor-ID", "CiA 301, 7.5.2.21")
+@check("vendor-id-object", ERROR, "0x1018 has no sub-index 01, the vendor-ID", source(0x1018))
 def vendor_id_object(device: DescribedDevice) -> Found:
     """Only the other parts of the identity are optional."""
     if 0x1018 in device.dictionary and 1 not in device.dictionary[0x1018].entries:
@@ -74,7 +75,7 @@ def standard_read_only(device: DescribedDevice) -> Found:
 
 
 @check("reserved-sub-index", NOTE, "a PDO communication parameter has sub-index 04, which is reserved",
-       "CiA 301, 7.5.2.35 and 7.5.2.37")  # fmt: skip
+       source(0x1400, 0x1800))  # fmt: skip
 def reserved_sub_indices(device: DescribedDevice) -> Found:
     """CiA 301 lets no device have it; a device that is as its file does."""
     for entry in device.entries:
@@ -118,7 +119,7 @@ def no_error_control(device: DescribedDevice) -> Found:
         yield Spot(section="optionalobjects"), "neither 1017 (heartbeat) nor 100C and 100D (guarding) is described"
 
 
-@check("half-guarding", WARNING, "guard time without life time factor, or the reverse", "CiA 301, 7.5.2.11, 7.5.2.12")
+@check("half-guarding", WARNING, "guard time without life time factor, or the reverse", source(0x100C, 0x100D))
 def half_guarding(device: DescribedDevice) -> Found:
     """Guarding takes both."""
     for there, missing in ((_GUARD_TIME, _LIFE_TIME), (_LIFE_TIME, _GUARD_TIME)):
@@ -165,7 +166,7 @@ def service_can_id(device: DescribedDevice) -> Found:
 
 
 @check("sync-without-period", WARNING, "the device produces SYNC (0x1005, bit 30), but has no period (0x1006)",
-       "CiA 301, 7.5.2.5 and 7.5.2.6")  # fmt: skip
+       source(0x1005, 0x1006))  # fmt: skip
 def sync_without_period(device: DescribedDevice) -> Found:
     """The device would never send a SYNC."""
     number = device.number(_SYNC)
@@ -173,7 +174,7 @@ def sync_without_period(device: DescribedDevice) -> Found:
         yield Spot(_SYNC, 0, HELD), "produces SYNC (bit 30), and 1006 (period) is missing or 0"
 
 
-@check("sync-counter", WARNING, "the default of 0x1019 is 1 or more than 240", "CiA 301, 7.5.2.22")
+@check("sync-counter", WARNING, "the default of 0x1019 is 1 or more than 240", source(0x1019))
 def sync_counter(device: DescribedDevice) -> Found:
     """Both are reserved."""
     number = device.number(_COUNTER)
@@ -183,7 +184,7 @@ def sync_counter(device: DescribedDevice) -> Found:
 
 @check("sdo-can-id", WARNING, "the default SDO server has other CAN-IDs than 0x600 and 0x580 plus node-ID, or without "
        "$NODEID",
-       "CiA 301, 7.5.2.33")  # fmt: skip
+       source(0x1200))  # fmt: skip
 def sdo_can_id(device: DescribedDevice) -> Found:
     """No client could reach the node."""
     for sub_index, base in _SDO.items():
@@ -216,7 +217,7 @@ def fixed_cob_id(device: DescribedDevice) -> Found:
 
 
 @check("store-without-restore", NOTE, "store (0x1010) without restore (0x1011), or the reverse",
-       "CiA 301, 7.5.2.13 and 7.5.2.14")  # fmt: skip
+       source(0x1010, 0x1011))  # fmt: skip
 def store_without_restore(device: DescribedDevice) -> Found:
     """Restoring the defaults is impossible."""
     for there, missing in ((0x1010, 0x1011), (0x1011, 0x1010)):
@@ -225,7 +226,7 @@ def store_without_restore(device: DescribedDevice) -> Found:
 
 
 @check("profile-objects", WARNING, "the objects that the device profile of 0x1000 asks for are missing",
-       "CiA 301, 7.5.2.1; CiA 401; CiA 402")  # fmt: skip
+       f"{source(0x1000)}; CiA 401; CiA 402")  # fmt: skip
 def profile_objects(device: DescribedDevice) -> Found:
     """A drive without controlword and statusword, an I/O module without any input or output."""
     number = device.number(0x1000)

@@ -19,6 +19,7 @@ from dvtcli.domain.rules.can_id import FREE_POOL, restricted_use
 from dvtcli.domain.rules.finding import ERROR, NOTE, WARNING, Finding, Proposal, Rule, error, note, warning
 from dvtcli.domain.rules.mapped_object import is_taken, object_findings
 from dvtcli.domain.rules.pdo_mapping import known_dummies
+from dvtcli.domain.standard_objects import source
 from dvtcli.domain.text import join_some
 
 #: Default CAN-IDs of SYNC, EMCY and TIME, which CiA 301 does not restrict.
@@ -107,11 +108,11 @@ RULES = (
     Rule("link-object", WARNING, "a PDO of a link maps an object that its file excludes", "both devices' files"),
     Rule("link-guarded", ERROR, "a heartbeat is to be sent by a node that is guarded (0x100C x 0x100D is not 0)",
          "CiA 301, 7.2.8.3.2: node guarding and heartbeat exclude each other"),
-    Rule("link-no-heartbeat", ERROR, "a heartbeat is to be set on a node that has no 0x1017", "CiA 301, 7.5.2.20"),
+    Rule("link-no-heartbeat", ERROR, "a heartbeat is to be set on a node that has no 0x1017", source(0x1017)),
     Rule("link-silent", NOTE, "the producer of a link sends no heartbeat, so that no node notices its loss",
-         "CiA 301, 7.5.2.20"),
+         source(0x1017)),
     Rule("link-unwatched", WARNING, "the consumer of a link cannot watch the producer's heartbeat",
-         "CiA 301, 7.5.2.19"),
+         source(0x1016)),
 )  # fmt: skip
 #: Rules whose findings are asked about before execution, in interactive use.
 MOVES = frozenset({"link-command", "link-target"})

@@ -10,6 +10,7 @@ from dvtcli.domain.emergency_codes import emergency_text
 from dvtcli.domain.lint.lint_rule import ERROR, WARNING, LintRule
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
+from dvtcli.domain.standard_objects import source
 from dvtcli.watch.recording_checks.beats import LATE_AFTER_PERIODS, PeriodicFrames
 from dvtcli.watch.recording_checks.problems import Moment, Moments, Problem, TimesOf
 
@@ -20,10 +21,10 @@ NO_BOOT_UP = LintRule(
     "no-boot-up", ERROR, "a node did not start again after an NMT reset", "CiA 301, 7.2.8.3.3: boot-up"
 )
 STOPS = LintRule("heartbeat-stops", ERROR, "a node's heartbeats end before the recording does", "CiA 301, 7.2.8.3.2.2")
-LATE = LintRule("heartbeat-late", WARNING, "a heartbeat was late", "CiA 301, 7.5.2.20: producer heartbeat time")
+LATE = LintRule("heartbeat-late", WARNING, "a heartbeat was late", f"{source(0x1017)}: producer heartbeat time")
 NOT_RESET = LintRule("emergency-not-reset", ERROR, "an EMCY was sent, but no error reset", "CiA 301, 7.2.7")
 RESET = LintRule("emergency-reset", WARNING, "an EMCY was sent, and reset later", "CiA 301, 7.2.7")
-SYNC_LATE = LintRule("sync-late", WARNING, "a SYNC message was late", "CiA 301, 7.5.2.6: communication cycle period")
+SYNC_LATE = LintRule("sync-late", WARNING, "a SYNC message was late", f"{source(0x1006)}: communication cycle period")
 SYNC_JITTER = LintRule("sync-jitter", WARNING, "SYNC comes at uneven times", "CiA 301, 7.2.5 and 7.5.2.6")
 TWO_SYNCS = LintRule("two-sync-producers", ERROR, "two nodes seem to send SYNC", "CiA 301, 7.2.5: one producer")
 TWO_HEARTBEATS = LintRule(

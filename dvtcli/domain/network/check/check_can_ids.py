@@ -19,6 +19,7 @@ from dvtcli.domain.network.network_state import (
 )
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.rules.can_id import default_owner, restricted_use
+from dvtcli.domain.standard_objects import source
 
 _SET = "CiA 301, 7.3.5: the pre-defined connection set"
 _RESTRICTED = "CiA 301, 7.3.5: restricted CAN-IDs"
@@ -92,23 +93,21 @@ def can_id_reserved(network: CheckedNetwork) -> NetFound:
     yield from _of_pdos(network, "reserved")
 
 
-@check("can-id-of-sync", ERROR, "an enabled PDO has the CAN-ID of SYNC", "CiA 301, 7.5.2.5")
+@check("can-id-of-sync", ERROR, "an enabled PDO has the CAN-ID of SYNC", source(0x1005))
 def can_id_of_sync(network: CheckedNetwork) -> NetFound:
     """Each of the PDO's frames is a SYNC for every node."""
     syncs = {node.sync for node in network.nodes} or {(0x080, False)}
     return _enabled_among(network, dict.fromkeys(syncs, "SYNC"))
 
 
-@check("can-id-of-emcy", ERROR, "an enabled PDO has the CAN-ID of a node's EMCY", "CiA 301, 7.5.2.17")
+@check("can-id-of-emcy", ERROR, "an enabled PDO has the CAN-ID of a node's EMCY", source(0x1014))
 def can_id_of_emcy(network: CheckedNetwork) -> NetFound:
     """The PDO is taken for an emergency."""
     emcys = {node.emcy: f"EMCY of node {node.node_id}" for node in network.nodes if node.emcy is not None}
     return _enabled_among(network, emcys)
 
 
-@check(
-    "can-id-of-time", ERROR, "an enabled PDO has the CAN-ID of the time stamp that a node sends", "CiA 301, 7.5.2.15"
-)
+@check("can-id-of-time", ERROR, "an enabled PDO has the CAN-ID of the time stamp that a node sends", source(0x1012))
 def can_id_of_time(network: CheckedNetwork) -> NetFound:
     """The PDO's data would be taken for a time."""
     times = {node.time for node in network.nodes if (node.number(TIME_COB_ID) or 0) & PRODUCES}
@@ -122,7 +121,7 @@ def _enabled_among(network: CheckedNetwork, names: Mapping[Identifier, str]) -> 
             yield at(node, pdo), f"{config.communication.cob_id} is {name}"
 
 
-@check("emcy-twice", ERROR, "two nodes send EMCY with the same CAN-ID", "CiA 301, 7.5.2.17")
+@check("emcy-twice", ERROR, "two nodes send EMCY with the same CAN-ID", source(0x1014))
 def emcy_twice(network: CheckedNetwork) -> NetFound:
     """The producer of an emergency is ambiguous, and the frames collide."""
     owners: dict[Identifier, int] = {}
@@ -135,7 +134,7 @@ def emcy_twice(network: CheckedNetwork) -> NetFound:
     "emcy-can-id",
     ERROR,
     "EMCY has the CAN-ID of SYNC or a CAN-ID that CiA 301 restricts",
-    "CiA 301, 7.5.2.17 and 7.3.5",
+    f"{source(0x1014)} and 7.3.5",
 )
 def emcy_can_id(network: CheckedNetwork) -> NetFound:
     """The emergency is taken for another service."""
@@ -157,7 +156,7 @@ def emcy_of_other(network: CheckedNetwork) -> NetFound:
                 yield held(node, EMCY_COB_ID), f"{identifier_text(node.emcy)} is EMCY of node {owner} by default"
 
 
-@check("sync-can-id", ERROR, "SYNC has a CAN-ID that CiA 301 restricts", "CiA 301, 7.5.2.5 and 7.3.5")
+@check("sync-can-id", ERROR, "SYNC has a CAN-ID that CiA 301 restricts", f"{source(0x1005)} and 7.3.5")
 def sync_can_id(network: CheckedNetwork) -> NetFound:
     """The SYNC is taken for another service."""
     for node in network.nodes:
@@ -166,9 +165,7 @@ def sync_can_id(network: CheckedNetwork) -> NetFound:
             yield held(node, SYNC_COB_ID), f"SYNC {identifier_text(node.sync)} is {use}"
 
 
-@check(
-    "sync-ids-differ", ERROR, "a node waits for SYNC with another CAN-ID than the producer sends", "CiA 301, 7.5.2.5"
-)
+@check("sync-ids-differ", ERROR, "a node waits for SYNC with another CAN-ID than the producer sends", source(0x1005))
 def sync_ids_differ(network: CheckedNetwork) -> NetFound:
     """The node's synchronous PDOs wait forever."""
     producers = [node for node in network.nodes if node.produces_sync]
@@ -180,9 +177,7 @@ def sync_ids_differ(network: CheckedNetwork) -> NetFound:
             yield held(node, SYNC_COB_ID), text
 
 
-@check(
-    "time-ids-differ", WARNING, "a node waits for the time stamp with another CAN-ID than is sent", "CiA 301, 7.5.2.15"
-)
+@check("time-ids-differ", WARNING, "a node waits for the time stamp with another CAN-ID than is sent", source(0x1012))
 def time_ids_differ(network: CheckedNetwork) -> NetFound:
     """The node's clock is never set."""
     producers = [node for node in network.nodes if (node.number(TIME_COB_ID) or 0) & PRODUCES]
@@ -193,7 +188,7 @@ def time_ids_differ(network: CheckedNetwork) -> NetFound:
             yield held(node, TIME_COB_ID), f"it waits for {identifier_text(node.time)}, {sent} is sent"
 
 
-@check("two-times", ERROR, "two nodes transmit TIME with the same CAN-ID", "CiA 301, 7.5.2.15")
+@check("two-times", ERROR, "two nodes transmit TIME with the same CAN-ID", source(0x1012))
 def two_times(network: CheckedNetwork) -> NetFound:
     """Clocks jump."""
     seen: dict[Identifier, int] = {}

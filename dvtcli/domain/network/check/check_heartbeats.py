@@ -14,8 +14,9 @@ from dvtcli.domain.network.network_state import (
     PRODUCER_HEARTBEAT,
     NodeState,
 )
+from dvtcli.domain.standard_objects import source
 
-_CONSUMER = "CiA 301, 7.5.2.19"
+_CONSUMER = source(0x1016)
 _GUARDING = "CiA 301, 7.2.8.3.2"
 
 
@@ -70,7 +71,7 @@ def heartbeat_too_short(network: CheckedNetwork) -> NetFound:
     "heartbeat-margin",
     WARNING,
     "a single late heartbeat is an error: the consumer time is less than 1.5 times the producer time",
-    "ours; CiA 301, 7.5.2.19 has it above the producer's",
+    f"ours; {_CONSUMER} has it above the producer's",
 )
 def heartbeat_margin(network: CheckedNetwork) -> NetFound:
     """Producers are late by their own cycle and by the bus."""
@@ -92,7 +93,7 @@ def heartbeat_twice(network: CheckedNetwork) -> NetFound:
                 yield held(node, CONSUMER_HEARTBEAT, _slot(node, producer)), f"{times} entries wait for node {producer}"
 
 
-@check("heartbeat-of-itself", ERROR, "a node waits for its own heartbeat", "CiA 301, 7.5.2.19")
+@check("heartbeat-of-itself", ERROR, "a node waits for its own heartbeat", _CONSUMER)
 def heartbeat_of_itself(network: CheckedNetwork) -> NetFound:
     """A node never receives its own heartbeat."""
     for node in network.nodes:
@@ -165,7 +166,7 @@ def unwatched_link(network: CheckedNetwork) -> NetFound:
     "goes-on-after-error",
     NOTE,
     "a heartbeat consumer does not change its NMT state when a heartbeat is missing (0x1029:01 is 1)",
-    "CiA 301, 7.5.2.32",
+    source(0x1029),
 )
 def goes_on_after_error(network: CheckedNetwork) -> NetFound:
     """The node's outputs keep their state."""

@@ -16,10 +16,11 @@ from dvtcli.domain.network.network_state import (
     SLAVE_ASSIGNMENT,
     NodeState,
 )
+from dvtcli.domain.standard_objects import source
 from dvtcli.domain.text import join_some
 
 
-@check("identity", ERROR, "a node has another identity (0x1018) than the file asks for", "CiA 301, 7.5.2.21")
+@check("identity", ERROR, "a node has another identity (0x1018) than the file asks for", source(0x1018))
 def identity(network: CheckedNetwork) -> NetFound:
     """The node is another device, so its EDS does not fit."""
     for node in network.told:
@@ -30,7 +31,7 @@ def identity(network: CheckedNetwork) -> NetFound:
 
 
 @check("eds-identity", ERROR, "the EDS, DCF, XDD or XDC of a node is for a device with another identity (0x1018)",
-       "CiA 306, DeviceInfo; CiA 301, 7.5.2.21")  # fmt: skip
+       f"CiA 306, DeviceInfo; {source(0x1018)}")  # fmt: skip
 def eds_identity(network: CheckedNetwork) -> NetFound:
     """Names and lengths may be another device's."""
     for node in network.told:

@@ -20,6 +20,7 @@ from dvtcli.domain.network.network_state import (
 from dvtcli.domain.network.received_traffic import ReceivedId
 from dvtcli.domain.network.worst_case_load import most_frames
 from dvtcli.domain.nmt import NmtState
+from dvtcli.domain.standard_objects import source
 from dvtcli.domain.text import join_some, plural
 
 _SET = "CiA 301, 7.3.5: the pre-defined connection set"
@@ -222,7 +223,7 @@ def _signs_of_two(network: CheckedNetwork, node_id: int) -> Iterator[str]:
     "heartbeat-not-heard",
     ERROR,
     "a node is configured to send a heartbeat, but no heartbeat was received",
-    "CiA 301, 7.5.2.20",
+    source(0x1017),
 )
 def heartbeat_not_heard(network: CheckedNetwork) -> NetFound:
     """Heartbeat consumers take the node for lost."""

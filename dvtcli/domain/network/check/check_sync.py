@@ -11,10 +11,11 @@ from dvtcli.domain.network.network_state import (
     SYNC_PERIOD,
     SYNC_WINDOW,
 )
+from dvtcli.domain.standard_objects import source
 from dvtcli.domain.text import join_some
 
-_TYPES = "CiA 301, 7.5.2.35 and 7.5.2.37: transmission type"
-_COUNTER = "CiA 301, 7.5.2.20 and 7.5.2.37: SYNC counter, SYNC start value"
+_TYPES = f"{source(0x1400, 0x1800)}: transmission type"
+_COUNTER = f"{source(0x1019, 0x1800)}: SYNC counter, SYNC start value"
 
 
 @check(
@@ -57,7 +58,7 @@ def two_syncs(network: CheckedNetwork) -> NetFound:
         first = first or f"node {node.node_id}"
 
 
-@check("sync-without-period", ERROR, "a node is SYNC producer, but its period is 0", "CiA 301, 7.5.2.6")
+@check("sync-without-period", ERROR, "a node is SYNC producer, but its period is 0", source(0x1006))
 def sync_without_period(network: CheckedNetwork) -> NetFound:
     """The node sends no SYNC."""
     for node in network.told:
@@ -65,9 +66,7 @@ def sync_without_period(network: CheckedNetwork) -> NetFound:
             yield held(node, SYNC_PERIOD), "0x1005 makes it SYNC producer, but 0x1006 is 0"
 
 
-@check(
-    "sync-window", ERROR, "synchronous PDOs may be received after the synchronous window (0x1007)", "CiA 301, 7.5.2.7"
-)
+@check("sync-window", ERROR, "synchronous PDOs may be received after the synchronous window (0x1007)", source(0x1007))
 def sync_window(network: CheckedNetwork) -> NetFound:
     """Frames after the window are discarded."""
     for need in () if network.need is None else network.need.needs:
@@ -81,7 +80,7 @@ def sync_window(network: CheckedNetwork) -> NetFound:
 
 
 @check("window-over-period", WARNING, "the window for synchronous PDOs (0x1007) is not below the period of SYNC",
-       "CiA 301, 7.5.2.6 and 7.5.2.7")  # fmt: skip
+       source(0x1006, 0x1007))  # fmt: skip
 def window_over_period(network: CheckedNetwork) -> NetFound:
     """The window limits nothing."""
     period = min(network.state.sync_periods_us, default=None)
@@ -128,7 +127,7 @@ def sync_counters_differ(network: CheckedNetwork) -> NetFound:
             yield held(node, SYNC_OVERFLOW), f"it counts to {own}, node {producer.node_id} to {wanted}"
 
 
-@check("synchronous-without-sync", WARNING, "a node with synchronous PDOs has no 0x1005", "CiA 301, 7.5.2.5")
+@check("synchronous-without-sync", WARNING, "a node with synchronous PDOs has no 0x1005", source(0x1005))
 def synchronous_without_sync(network: CheckedNetwork) -> NetFound:
     """It stays unknown whether the node receives SYNC."""
     for node in network.told:

@@ -11,6 +11,7 @@ from dvtcli.domain.lint.described import default_pdos
 from dvtcli.domain.lint.lint_rule import NOTE, WARNING, check
 from dvtcli.domain.object_dictionary import ObjectType
 from dvtcli.domain.pdo import DUMMY_BITS, MAX_PDO_BITS, Pdo
+from dvtcli.domain.standard_objects import source
 from dvtcli.files.eds.ini import IniSection, IniValue
 from dvtcli.files.eds.lint.linted_text import Found, LintedText, all_given, given, missing_keys, no_section
 from dvtcli.files.eds.numbers import quoted, read_number, without_comment
@@ -127,7 +128,7 @@ def missing_device_info(text: LintedText) -> Found:
 
 
 @check("vendor-id", WARNING, "the vendor-ID is 0 or missing: no node can be identified by the file",
-       "CiA 301, 7.5.2.21")  # fmt: skip
+       source(0x1018))  # fmt: skip
 def vendor_id(text: LintedText) -> Found:
     """Neither VendorNumber nor 0x1018:01 names a maker."""
     section = text.section("deviceinfo")
