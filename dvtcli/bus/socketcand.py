@@ -38,13 +38,16 @@ _BLANKS = " \t\r\n\0"
 #: maximum number of bytes of one read
 _READ = 1 << 16
 _QUICK_ACK: int | None = getattr(socket, "TCP_QUICKACK", None)
-#: a data frame: CAN-ID, time (s) and data, in one word or as bytes, perhaps without leading zeros
+#: a data frame: CAN-ID, time (s) and data
 _FRAME = re.compile(
-    r"frame\s+([0-9A-F]{1,8})\s+([0-9]+(?:\.[0-9]*)?)((?:\s+[0-9A-F]{1,2}){0,8}|\s+(?:[0-9A-F]{2}){2,8})\s*",
-    re.ASCII | re.IGNORECASE,
-)
-#: an error frame: the kernel's error class, and time, which some servers leave out
-_ERROR = re.compile(r"error\s+(?:([0-9A-F]{1,8})\s+([0-9]+(?:\.[0-9]*)?)|([0-9A-F]{8}))\s*", re.ASCII | re.IGNORECASE)
+    r"[\s\0]*frame\s+([0-9A-Fa-f]{1,8})\s+([0-9]+(?:\.[0-9]*)?)(?:\s([0-9A-Fa-f\s]*))?", re.ASCII
+)  # fmt: skip
+#: an error frame: the kernel's error class, and time (s), which some servers leave out
+_ERROR = re.compile(
+    r"[\s\0]*error\s+(?:([0-9A-Fa-f]{1,8})\s+([0-9]+(?:\.[0-9]*)?)|([0-9A-Fa-f]{8}))\s*", re.ASCII
+)  # fmt: skip
+#: maximum number of bytes in a frame
+_MOST_DATA = 8
 _BASE_DIGITS = 3
 
 
@@ -188,23 +191,20 @@ class SocketcandBus(can.BusABC):
 
         Raises ValueError for what is no frame.
         """
-        text = part[part.rfind("<") + 1 :].lstrip(_BLANKS)
+        text = part[part.rfind("<") + 1 :]
         if found := _FRAME.fullmatch(text):
-            digits, time_s, data = found.groups()
-            can_id, is_extended = int(digits, 16), len(digits) != _BASE_DIGITS
-            if not fits(can_id, extended=is_extended):
+            digits, time_s, words = found.groups("")
+            can_id, is_extended, data = int(digits, 16), len(digits) != _BASE_DIGITS, _data(words.split())
+            if len(data) > _MOST_DATA or not fits(can_id, extended=is_extended):
                 raise ValueError
-            return can.Message(
-                timestamp=float(time_s), arbitration_id=can_id, is_extended_id=is_extended, channel=self.channel,
-                data=_data(data.split()),
-            )  # fmt: skip
+            return can.Message(float(time_s), can_id, is_extended, channel=self.channel, data=data)
         if found := _ERROR.fullmatch(text):
             timed, time_s, untimed = found.groups()
             return can.Message(
                 timestamp=float(time_s) if time_s else time(), arbitration_id=int(timed or untimed, 16) & 0x1FFF_FFFF,
                 is_error_frame=True, channel=self.channel, data=bytearray(1),
             )  # fmt: skip
-        if text.split(maxsplit=1)[:1] == ["frame"]:
+        if text.lstrip(_BLANKS).split(maxsplit=1)[:1] == ["frame"]:
             raise ValueError
         return None
 
@@ -259,9 +259,11 @@ class SocketcandBus(can.BusABC):
 
 
 def _data(words: list[str]) -> bytearray:
-    """The data in *words*: one word, or bytes, perhaps without leading zeros."""
+    """The data in hexadecimal *words*: one word, or bytes, perhaps without leading zeros. Raises ValueError."""
     if len(words) == 1 and len(words[0]) > 2:
         return bytearray.fromhex(words[0])
+    if any(len(word) > 2 for word in words):
+        raise ValueError
     return bytearray(int(word, 16) for word in words)
 
 
