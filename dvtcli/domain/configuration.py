@@ -123,7 +123,7 @@ _ERROR_HISTORY, _STAMP = 0x1003, 0x1020
 _STORE = (0x1010, 0x1011)
 _PROGRAM = range(0x1F50, 0x1F60)
 _DEFAULT_SDO_SERVER = 0x1200
-#: time stamp, stored EDS, operating system (CiA 301, 7.5.2.16, 7.5.2.24 to 7.5.2.29), node-ID of old standards,
+#: time stamp, stored EDS, operating system (CiA 301, 7.5.2.16 and 7.5.2.24 to 7.5.2.29), node-ID of old standards,
 #: and of CiA 302: verify and configure, request NMT, request guarding
 _REQUESTS = frozenset({0x1013, 0x1021, 0x1022, 0x1023, 0x1024, 0x1025, 0x1026, 0x1F24, 0x1F25, 0x1F82, 0x1F83})
 _NODE_ID = 0x100B

@@ -1,39 +1,86 @@
-"""The clauses of CiA 301 that code and documentation name beside an object are those of that object."""
+"""Clauses of CiA 301: one number for each object, wherever it is cited."""
 
 from __future__ import annotations
 
+import ast
 import re
-from itertools import chain
+from collections.abc import Iterator
 
 import pytest
 
+from dvtcli.domain.standard_objects import CLAUSES, source
+from tests.house.draw import nodes
+from tests.house.source import Module, modules
 from tests.surroundings import ROOT
 
-#: The objects of clauses 7.5.2.1, 7.5.2.2, …, in their order.
-_OBJECTS = [
-    *range(0x1000, 0x1004),
-    *range(0x1005, 0x100B),
-    0x100C,
-    0x100D,
-    *range(0x1010, 0x101A),
-    *range(0x1020, 0x102A),
-    0x1200,
-]
-_CLAUSES = {index: f"7.5.2.{number}" for number, index in enumerate(_OBJECTS, 1)}
-_INDEX, _CLAUSE = re.compile(r"0x(10[0-2][0-9A-F]|1200)\b"), re.compile(r"\b7\.5\.2\.\d+")
-_FILES = [
-    path.relative_to(ROOT).as_posix()
-    for path in chain((ROOT / "dvtcli").rglob("*.py"), (ROOT / "docs/reference").glob("*rules.md"))
-    if "7.5.2." in path.read_text("utf-8")
-]
+pytestmark = pytest.mark.together
+
+_CITED, _INDEX = re.compile(r"\b7\.5\.2\.\d+"), re.compile(r"\b0x1[0-9A-F]{3}\b")
 
 
-@pytest.mark.parametrize("file", _FILES)
-def test_a_line_with_one_object_and_one_clause_has_that_of_the_object(file: str) -> None:
-    for number, line in enumerate((ROOT / file).read_text("utf-8").splitlines(), 1):
-        objects, clauses = {int(found, 16) for found in _INDEX.findall(line)}, set(_CLAUSE.findall(line))
-        if len(objects) == len(clauses) == 1:
-            assert clauses == {_CLAUSES[objects.pop()]}, f"{file}:{number}: {line}"
+def test_the_series_has_its_known_numbers() -> None:
+    """Of each end, and of what others cite: store and restore, consumer heartbeat, SYNC counter, SDO server."""
+    known = {0x1000: 1, 0x1010: 13, 0x1011: 14, 0x1016: 19, 0x1019: 22, 0x1029: 32, 0x1200: 33, 0x1A00: 38, 0x1FD0: 40}
+    assert {index: CLAUSES[index] for index in known} == {index: f"7.5.2.{number}" for index, number in known.items()}
+    assert source(0x1016) == "CiA 301, 7.5.2.19"
+    assert source(0x1000, 0x1010, 0x1011) == "CiA 301, 7.5.2.1, 7.5.2.13 and 7.5.2.14"
+
+
+def clause_of(index: int) -> str | None:
+    """The clause of *index*, also within a range of records."""
+    first = index & 0xFF80 if 0x1200 <= index < 0x1300 else index & 0xFE00 if 0x1400 <= index < 0x1C00 else index
+    return CLAUSES.get(first)
+
+
+def texts(module: Module) -> Iterator[str]:
+    """Each comment with the line that it is about, each docstring, and each call with texts."""
+    comment = ""
+    for line in module.text.splitlines():
+        if line.lstrip().startswith("#"):
+            comment += f"{line}\n"
+        elif comment or "#" in line:
+            yield f"{comment}{line}"
+            comment = ""
+    for node in nodes(module.tree):
+        if isinstance(node, ast.Call):
+            yield ast.unparse(node)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield node.value
+
+
+def contradictions(text: str) -> list[str]:
+    """The clauses in *text* that are none of its objects', if it names objects that have one."""
+    own = {clause for index in _INDEX.findall(text) if (clause := clause_of(int(index, 16)))}
+    cited = set(_CITED.findall(text))
+    return sorted(cited) if own and not own & cited else []
+
+
+@pytest.mark.parametrize(("text", "wrong"), [
+    ("consumer heartbeat times (0x1016, CiA 301, 7.5.2.17)", ["7.5.2.17"]),
+    ("consumer heartbeat times (0x1016, CiA 301, 7.5.2.19)", []),
+    ("a mapping (0x1A03, CiA 301, 7.5.2.38)", []),
+    ("CiA 301, 7.5.2.17", []),
+    ("0x1016", []),
+])  # fmt: skip
+def test_a_contradiction_is_seen(text: str, wrong: list[str]) -> None:
+    assert contradictions(text) == wrong
+
+
+def test_a_clause_beside_an_object_is_that_objects() -> None:
+    found = {
+        f"{module.name}: {', '.join(wrong)}: {' '.join(text.split())[:120]}"
+        for module in modules()
+        for text in texts(module)
+        if (wrong := contradictions(text))
+    }
+    pages = sorted((ROOT / "docs").rglob("*.md"))
+    found |= {
+        f"{page.name}: {', '.join(wrong)}: {line[:120]}"
+        for page in pages
+        for line in page.read_text("utf-8").splitlines()
+        if (wrong := contradictions(line))
+    }
+    assert not found, "\n".join(sorted(found))
 
 
 @pytest.mark.parametrize(("words", "index"), [
@@ -46,4 +93,4 @@ def test_a_rule_has_the_clause_of_its_object(words: str, index: int) -> None:
     ]
     rows = [line for page in pages for line in page.splitlines() if line.startswith(f"| `{words}` ")]
     assert rows
-    assert all(re.search(rf"{re.escape(_CLAUSES[index])}\b", row) for row in rows)
+    assert all(re.search(rf"{re.escape(CLAUSES[index])}\b", row) for row in rows)

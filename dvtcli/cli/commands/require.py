@@ -58,14 +58,15 @@ def command(session: Conversation, /, what: tuple[int | None, str], pairs: tuple
 
     node_id, word = what
     wanted = tuple(map(_pair, pairs))
-    if bool(wanted) is (word == _POWER_OFF):
-        takes = "takes no more words" if wanted else "needs vendor=…, product=…, revision=… or serial=…"
-        raise click.UsageError(f"require {word} {takes}")
+    if word == _POWER_OFF and wanted:
+        raise click.UsageError(f"require {word} takes no more words")
+    if word == _IDENTITY and not wanted:
+        raise click.UsageError(f"require {word} needs vendor=…, product=…, revision=… or serial=…")
     try:
         if word == _POWER_OFF:
             return require_power_off(session, node_id)
         return require_identity(session, wanted, node_id)
-    except DvtcliError:  # also of a node that does not answer: it may be another one, or its power stage on
+    except DvtcliError:  # a node that does not answer may be another, or have its power stage on
         session.requirement_failed = True
         raise
 

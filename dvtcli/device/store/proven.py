@@ -109,8 +109,8 @@ _OFF_FOR_LONGER = Hint(Action.PROVE_POWER, why="switch it off until all its ligh
 def prepare_proof(node: Node, before: Snapshot, sub_index: int | None, restart: Restart) -> AnyPlace | None:
     """Check before the store that a proof will be possible: values to compare, and a value to change as a test.
 
-    *sub_index* is that of `write_signature`. Tries the change and rolls back; None if a power cycle needs no test. Raises
-    DeviceRefused if the proof would be impossible or the node altered other values with the test (rolled back),
+    *sub_index* is that of `write_signature`. Tries the change and rolls back; None if a power cycle needs no test.
+    Raises DeviceRefused if the proof would be impossible or the node altered other values with the test (rolled back),
     LeftChanged if the roll-back failed. Nothing is stored in either case.
     """
     signed = refuse_unprovable(node, sub_index, certain=restart.certain)

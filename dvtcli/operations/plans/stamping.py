@@ -92,7 +92,7 @@ RULES = (
          "CiA 301, 0x1020"),
 )  # fmt: skip
 _PLACE = f"0x{STAMP:04X}"
-#: Indices that are stored (0x1010), restored and reset together with 0x1020 (CiA 301, 7.5.2.13).
+#: Indices that are stored (0x1010), restored and reset together with the stamp (CiA 301, 7.5.2.13).
 _COMMUNICATION = range(0x1000, 0x2000)
 
 

@@ -132,15 +132,6 @@ def test_nothing_is_done_behind_a_requirement_that_failed(
         assert driven.process.stdout.read() == ""
 
 
-def test_nothing_is_written_behind_a_power_stage_that_is_on() -> None:
-    with child("--sim", "gen4", "--signal", "6041=const(0x27)") as driven:
-        refused = driven.ask("require power-off")
-        assert (refused["error"], refused["exit_code"]) == ("safety", 6)
-        assert driven.process.wait(PATIENCE_S) == 6
-        assert driven.process.stdout is not None
-        assert driven.process.stdout.read() == ""
-
-
 @needs_signals
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_signal_ends_it_while_it_waits(number: int, code: int) -> None:
