@@ -254,6 +254,8 @@ def test_error_frames_of_candump_are_none(tmp_path: Path) -> None:
         (b"ASCII Trace IXXAT MiniMon V3  Version: 3.0\n", "a trace of IXXAT's MiniMon"),
         (b"t705105\rt605840416000000000000\r", "lines of an SLCAN interface"),
         (b'{"frames": []}\n', "JSON of another kind"),
+        (b'[{"frame": 1}]\n', "JSON of another kind"),
+        (b"[1000]\nParameterName=Device type\n", "a file of sections, as EDS, DCF and INI files are"),
     ],
 )
 @pytest.mark.parametrize("suffix", [".log", ".asc", ".txt"])

@@ -100,6 +100,7 @@ _OTHER_LINES = (
         re.compile(r"[tr][0-9A-F]{3}[0-8](?:[0-9A-F]{2})*(?:[0-9A-F]{4})?|[TR][0-9A-F]{8}[0-8](?:[0-9A-F]{2})*"),
         "lines of an SLCAN interface; what dvtcli's log makes of them is read",
     ),
+    (re.compile(r"\[\w[\w .-]*\]"), "a file of sections, as EDS, DCF and INI files are"),
     (re.compile(r"[{\[].*"), "JSON of another kind than dvtcli's frames"),
 )
 
