@@ -184,14 +184,15 @@ class Modules:
         return sorted(set(modules) - self.supported.keys())
 
     def unlike(self, attached: Sequence[int] | None, name: str, node_id: int) -> str:
-        """Describe how the connected modules in *name* differ from those *attached* to a node; empty if they do not.
+        """Describe how the connected modules differ from those *attached* to a node; empty if they do not.
 
-        None: the node does not tell. A file without connected modules differs from nothing.
+        *name* begins the sentence, as in `a.dcf has modules`. None: the node does not tell. A file without connected
+        modules differs from nothing.
         """
         if attached is None or not self.connected or tuple(attached) == self.connected:
             return ""
         own, its = (", ".join(map(str, numbers)) or "none" for numbers in (self.connected, attached))
-        return f"{name} is of modules {own}; node {node_id} has {its} (module list, 0x1027)"
+        return f"{name} {own}; node {node_id} has {its} (module list, 0x1027)"
 
     def with_description(self, modules: Sequence[int]) -> tuple[int, ...]:
         """Return *modules* up to the first that the file does not describe: it may shift sub-indices of the others."""

@@ -294,7 +294,7 @@ def kept(tmp_path: Path) -> Path:
     return tmp_path / "kept.dcf"
 
 
-UNLIKE = "is of modules 1, 2, 3; node 1 has 1, 1, 2, 3 (module list, 0x1027)"
+UNLIKE = "has modules 1, 2, 3; node 1 has 1, 1, 2, 3 (module list, 0x1027)"
 
 
 @pytest.mark.parametrize("line", ["plan {}", "apply {}", "clone {}", "verify {}"])
@@ -314,8 +314,9 @@ def test_a_description_of_other_modules_is_warned_of(kept: Path) -> None:
     net.write_text("a: {node_id: 1, dcf: coupler, modules: [1, 2, 3], heartbeat_producer: 500}\n")
     with Bench(("coupler",), {"yes": True}) as bench:
         ran = bench.run(f"plan {net}")
-    said = "what was chosen is of modules 1, 2, 3; node 1 has 1, 1, 2, 3 (module list, 0x1027)"
+    said = "the chosen modules are 1, 2, 3; node 1 has 1, 1, 2, 3 (module list, 0x1027)"
     assert (ran.code, said in " ".join(ran.stderr.split())) == (0, True), ran
+    assert "--modules 1,1,2,3 names its modules" in " ".join(ran.stderr.split()), ran
     net.write_text("a: {node_id: 1, dcf: coupler, modules: [1, 1, 2, 3], heartbeat_producer: 500}\n")
     with Bench(("coupler",), {"yes": True}) as bench:
         assert "module list" not in bench.run(f"plan {net}").stderr

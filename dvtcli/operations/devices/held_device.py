@@ -87,7 +87,7 @@ def unlike_modules(held: HeldDevice, node: ReadableNode) -> str:
     """Describe how the modules in *held* differ from the module list (0x1027) of *node*; empty if they do not."""
     if held.dictionary is None or not held.dictionary.info.modules.connected:
         return ""
-    return held.dictionary.info.modules.unlike(read_modules(node.read_cache), held.name, node.node_id)
+    return held.dictionary.info.modules.unlike(read_modules(node.read_cache), f"{held.name} has modules", node.node_id)
 
 
 def _moved(data: bytes, entry: OdEntry, from_id: int, to_id: int) -> bytes:

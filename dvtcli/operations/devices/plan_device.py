@@ -161,7 +161,7 @@ def _refuse_other_modules(held: HeldDevice, node: ReadableNode, *, force: bool) 
     """
     if not force and (unlike := unlike_modules(held, node)):
         raise SafetyRefusal(
-            f"other modules than the file is about: {unlike}",
+            f"the node has other modules: {unlike}",
             node=node.node_id,
             place="1027",
             hint=Hint(Action.BACKUP, why="{} of this node shows its modules; ")

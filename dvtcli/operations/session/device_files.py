@@ -187,7 +187,7 @@ class DeviceFiles:
         if not dictionary.info.modules.connected:
             return ""
         attached = read_modules(self.read_cache(node_id))
-        name = path.name if chosen is None else "what was chosen"
+        name = f"{path.name} has modules" if chosen is None else "the chosen modules are"
         return dictionary.info.modules.unlike(attached, name, node_id)
 
     def module_remark(self, node_id: int) -> Hint | None:
@@ -196,8 +196,9 @@ class DeviceFiles:
         if path is None or not (described := read_dictionary(path).info.modules).supported:
             return None
         if (unlike := self._unlike_modules(node_id, path)) and self.is_news(unlike):
+            own = ",".join(map(str, read_modules(self.read_cache(node_id)) or ()))
             return Hint(
-                Action.GIVE, {"modules": "1,1,2"}, f"{verbatim(unlike)}: its objects may differ; {{}} names its modules"
+                Action.GIVE, {"modules": own}, f"{verbatim(unlike)}: its objects may differ; {{}} names its modules"
             )
         attached = self._attached(node_id, path)
         if attached is None and (described.connected or self._chosen_modules(node_id) is not None):
