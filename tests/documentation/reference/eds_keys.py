@@ -21,9 +21,9 @@ def keys() -> Iterator[str]:
         yield from _keys(f"[{SECTIONS[name]}]", name, found)
     yield from _keys("An object: [1234], [1234sub5]", "object", OBJECT_KEYS)
     yield from ("", "## Sections", "")
-    yield from table(
-        ("section", "means"), ((code(f"[{name}]"), _meaning("sections", name)) for name in SECTIONS.values())
-    )
+    sections = [(f"[{name}]", _meaning("sections", name)) for name in SECTIONS.values()]
+    tables = [(f"[1234{name}]", _meaning("tables", name)) for name in MEANINGS["tables"]]
+    yield from table(("section", "means"), ((code(name), means) for name, means in (*sections, *tables)))
 
 
 def _keys(title: str, name: str, found: Iterable[str]) -> Iterator[str]:

@@ -22,9 +22,9 @@ from dvtcli.files.recordings.read_recording import read_recording
 from dvtcli.files.recordings.recorder import Recorder
 from dvtcli.watch.decoder import Decoder
 from dvtcli.watch.recording_checks.recording_rules import RECORDING_RULES, RecordingCheck
-from tests.files.recordings import BEGIN_S
 from tests.process import PATIENCE_S, documents, dvtcli
 from tests.simulator.serve.served import bus_words, own_environment, served
+from tests.small_recording import BEGIN_S
 from tests.watch.test_sdo_transfers import by_blocks
 
 pytestmark = [pytest.mark.drawn(8, "recording checks")]
@@ -613,7 +613,7 @@ TWO_NODES = [*heartbeats(0, 10, 6), *heartbeats(0, 2)]
     ([(0x000, "8107")], ["heartbeat-stops"]),
 ])  # fmt: skip
 def test_each_reset_has_its_boot_up(frames: list[tuple[int, str]], rules: list[str]) -> None:
-    others = [(at_s, *frame) for at_s, *frame in TWO_NODES if frames[0] != (0x000, "8200") or at_s < 2]
+    others = [(at_s, can_id, data) for at_s, can_id, data in TWO_NODES if frames[0] != (0x000, "8200") or at_s < 2]
     planted = [(2.01 + number / 100, *frame) for number, frame in enumerate(frames)]
     end = [(10.0, 0x080, "")]
     assert [rule for rule, _ in findings([*others, *planted, *end])] == rules
@@ -659,6 +659,20 @@ def test_a_recorded_session_has_no_problem(tmp_path: Path, family: str) -> None:
         done = dvtcli("check", str(folder / "run.log"))
         if done.returncode == 0 or not was_slow(folder / "run.log"):
             break
+    assert (done.returncode, "error: " in done.stdout or "warning: " in done.stdout) == (0, False), done.stdout
+
+
+@pytest.mark.parametrize("family", ["coupler", "mpdo", "safety"])
+def test_a_device_that_sends_what_others_do_not_has_no_problem(tmp_path: Path, family: str) -> None:
+    """Multiplexed PDOs and SRDOs are no faults."""
+    log = tmp_path / "run.log"
+    script = tmp_path / "record.dvt"
+    script.write_text(f"nmt start\nlog {log} --for 1\n", encoding="utf-8")
+    moving = ("--signal", "2000:1=ramp(0,99,1s)") if family == "mpdo" else ()
+    assert dvtcli("--sim", family, *moving, "--yes", "run", str(script)).returncode == 0
+    done = dvtcli("--eds", family, "check", str(log))
+    sent = {frame.can_id for frame in read_recording(log)}
+    assert {"mpdo": {0x181}, "safety": {0x101, 0x102}}.get(family, {0x701}) <= sent
     assert (done.returncode, "error: " in done.stdout or "warning: " in done.stdout) == (0, False), done.stdout
 
 
