@@ -38,13 +38,13 @@ _BLANKS = " \t\r\n\0"
 #: maximum number of bytes of one read
 _READ = 1 << 16
 _QUICK_ACK: int | None = getattr(socket, "TCP_QUICKACK", None)
-#: a data frame: CAN-ID, time (s) and data
+#: a data frame: CAN-ID, time (s; recordings have no longer ones) and data
 _FRAME = re.compile(
-    r"[\s\0]*frame\s+([0-9A-Fa-f]{1,8})\s+([0-9]+(?:\.[0-9]*)?)(?:\s([0-9A-Fa-f\s]*))?", re.ASCII
+    r"[\s\0]*frame\s+([0-9A-Fa-f]{1,8})\s+([0-9]{1,11}(?:\.[0-9]*)?)(?:\s([0-9A-Fa-f\s]*))?", re.ASCII
 )  # fmt: skip
 #: an error frame: the kernel's error class, and time (s), which some servers leave out
 _ERROR = re.compile(
-    r"[\s\0]*error\s+(?:([0-9A-Fa-f]{1,8})\s+([0-9]+(?:\.[0-9]*)?)|([0-9A-Fa-f]{8}))\s*", re.ASCII
+    r"[\s\0]*error\s+(?:([0-9A-Fa-f]{1,8})\s+([0-9]{1,11}(?:\.[0-9]*)?)|([0-9A-Fa-f]{8}))\s*", re.ASCII
 )  # fmt: skip
 #: maximum number of bytes in a frame
 _MOST_DATA = 8
