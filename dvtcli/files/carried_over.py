@@ -13,6 +13,7 @@ from dvtcli.domain.text import join_some, plural
 from dvtcli.files.eds import findings
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.ini import IniSection, section_values
+from dvtcli.files.eds.keys import OBJECT, Carried, keys_that_are
 from dvtcli.files.eds.reader import EdsFile
 from dvtcli.files.eds.sections import OBJECT_LISTS, object_place
 from dvtcli.files.eds.writer import KeptText
@@ -23,17 +24,6 @@ if TYPE_CHECKING:
     from dvtcli.files.xdd.xdd_reader import XddFile
     from dvtcli.files.xdd.xml_tree import XmlElement
 
-#: Keys of an object's sections held by the dictionary, or written anew.
-_OBJECT_KEYS = {
-    "parametername", "objecttype", "datatype", "lowlimit", "highlimit", "accesstype", "defaultvalue", "parametervalue",
-    "pdomapping", "objflags", "unit", "factor", "denotation", "subnumber", "compactsubobj",
-}  # fmt: skip
-_DEVICE_KEYS = {
-    "vendorname", "vendornumber", "productname", "productnumber", "revisionnumber", "ordercode", "simplebootupmaster",
-    "simplebootupslave", "granularity", "dynamicchannelssupported", "groupmessaging", "nrofrxpdo", "nroftxpdo",
-    "lss_supported", "compactpdo",
-    "nodeid", "nodename", "baudrate", "netnumber", "networkname", "canopenmanager", "lss_serialnumber",
-}  # fmt: skip
 #: Sections written anew.
 _ANEW = {"fileinfo", "dummyusage", *OBJECT_LISTS}
 #: Rules for contents ignored by the reader.
@@ -57,15 +47,14 @@ _ELEMENTS = {
     "DeviceFunction", "capabilities", "characteristicsList",
     "ProfileTechnology", "ProfileIdentification", "ProfileRevision", "ProfileName", "ProfileSource", "ProfileClassID",
 }  # fmt: skip
-#: Keys of a device's kind, and of a node, that no dictionary holds and every EDS, or DCF, keeps (CiA 306, EN 50325-5).
-_KEPT_KEYS = {"srdomapping", "invertedsrad", "canopensafetysupported"}
-_KEPT_OF_A_NODE = {"uploadfile", "downloadfile", "paramrefd", "noderefd", "netrefd"}
 _CONNECTED = "connectedmodules"
 
 
 def kept(file: EdsFile, *, of_a_node: bool) -> KeptText:
     """Return what an EDS made of *file* keeps beside its dictionary; a DCF also what is *of_a_node*."""
-    names = _KEPT_KEYS | (_KEPT_OF_A_NODE if of_a_node else set())
+    names = keys_that_are(Carried.KEPT)
+    if of_a_node:
+        names |= keys_that_are(Carried.KEPT_OF_A_NODE)
     keys: dict[str, dict[str, str]] = {}
     for section in file.text.sections:
         values = section_values([section], Findings())
@@ -141,7 +130,8 @@ def _other_keys(section: IniSection, indices: set[str], kept_keys: set[str], lin
     if name in _ANEW or name == "comments":
         return
     table = name[4:] in ("name", "value", "denotation")
-    known = kept_keys | (_OBJECT_KEYS if name[:4] in indices else _DEVICE_KEYS)
+    sections = (OBJECT,) if name[:4] in indices else ("deviceinfo", "devicecomissioning")
+    known = kept_keys | keys_that_are(Carried.HELD, *sections)
     for key, given in section_values([section], Findings()).items():
         if not table and key not in known and not key.startswith("baudrate_") and given.value:
             lines.setdefault(given.key, []).append(given.line)

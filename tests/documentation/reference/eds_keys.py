@@ -7,7 +7,8 @@ import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
-from dvtcli.files.eds.lint.lint_keys import KEYS, OBJECT_KEYS, SECTIONS
+from dvtcli.files.eds.keys import KEYS, OBJECT
+from dvtcli.files.eds.lint.lint_keys import SECTIONS
 from tests.documentation.reference.markdown import cell, code, table
 
 MEANINGS: Mapping[str, Mapping[str, str]] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
@@ -18,8 +19,8 @@ _RATE = re.compile(r"(?<=^BaudRate_)\d+$")
 def keys() -> Iterator[str]:
     """A table of keys for each section, then the sections."""
     for name, found in KEYS.items():
-        yield from _keys(f"[{SECTIONS[name]}]", name, found)
-    yield from _keys("An object: [1234], [1234sub5]", "object", OBJECT_KEYS)
+        title = "An object: [1234], [1234sub5]" if name == OBJECT else f"[{SECTIONS[name]}]"
+        yield from _keys(title, name, found)
     yield from ("", "## Sections", "")
     sections = [(f"[{name}]", _meaning("sections", name)) for name in SECTIONS.values()]
     tables = [(f"[1234{name}]", _meaning("tables", name)) for name in MEANINGS["tables"]]

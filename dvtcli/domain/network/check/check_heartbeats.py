@@ -79,7 +79,7 @@ def heartbeat_margin(network: CheckedNetwork) -> NetFound:
         for producer, time_ms in node.watched.items():
             beat_ms = _beat_ms(network, producer) or 0
             if beat_ms < time_ms < 1.5 * beat_ms:
-                text = f"it waits {time_ms} ms for node {producer}, which sends a heartbeat every {beat_ms} ms"
+                text = f"it waits {time_ms} ms for node {producer}: less than 1.5 times its period of {beat_ms} ms"
                 yield held(node, CONSUMER_HEARTBEAT, _slot(node, producer)), text
 
 

@@ -8,26 +8,9 @@ from difflib import get_close_matches
 
 from dvtcli.domain.lint.lint_rule import NOTE, WARNING, check
 from dvtcli.files.eds.ini import IniValue
+from dvtcli.files.eds.keys import KEYS, OBJECT
 from dvtcli.files.eds.lint.linted_text import Found, LintedText, is_head
 
-_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
-#: keys of an object and of a sub-index
-OBJECT_KEYS = ("ParameterName", "ObjectType", "DataType", "AccessType", "DefaultValue", "PDOMapping", "LowLimit",
-           "HighLimit", "SubNumber", "CompactSubObj", "ObjFlags", "ParameterValue", "Denotation", "UploadFile",
-           "DownloadFile", "ParamRefd", "SRDOMapping", "InvertedSRAD", "Unit", "Factor", "Description")  # fmt: skip
-#: All keys of a section in their spelling, also those of EN 50325-5 (SRDOs). Unit, Factor and Description are common
-#: but not standard.
-KEYS = {
-    "fileinfo": ("FileName", "FileVersion", "FileRevision", "EDSVersion", "Description", "CreationTime",
-                 "CreationDate", "CreatedBy", "ModificationTime", "ModificationDate", "ModifiedBy", "LastEDS"),
-    "deviceinfo": ("VendorName", "VendorNumber", "ProductName", "ProductNumber", "RevisionNumber", "OrderCode",
-                   *(f"BaudRate_{rate}" for rate in _RATES), "SimpleBootUpMaster", "SimpleBootUpSlave",
-                   "Granularity", "DynamicChannelsSupported", "CompactPDO", "GroupMessaging", "NrOfRXPDO",
-                   "NrOfTXPDO", "LSS_Supported", "CANopenSafetySupported",
-                   "NG_Slave", "NG_Master", "NrOfNG_MonitoredNodes"),
-    "devicecomissioning": ("NodeID", "NodeName", "NodeRefd", "Baudrate", "NetNumber", "NetworkName", "NetRefd",
-                           "CANopenManager", "LSS_SerialNumber"),
-}  # fmt: skip
 SECTIONS = {
     name.lower(): name
     for name in ("FileInfo", "DeviceInfo", "DummyUsage", "Comments", "DeviceComissioning", "MandatoryObjects",
@@ -102,8 +85,8 @@ def key_without_effect(text: LintedText) -> Found:
 def unknown_keys(text: LintedText) -> Iterator[tuple[IniValue, str]]:
     """Iterate over values of unknown keys, each with the most similar known key, or an empty text."""
     seen: dict[tuple[str, str], str] = {}
-    sections = [(name, text.values(name).items()) for name in KEYS]
-    for name, values in [*sections, *(("", entry.values.items()) for entry in text.objects)]:
+    sections = [(name, text.values(name).items()) for name in KEYS if name != OBJECT]
+    for name, values in [*sections, *((OBJECT, entry.values.items()) for entry in text.objects)]:
         known = _LOWER[name]
         for key, value in values:
             if key not in known:
@@ -119,5 +102,5 @@ def _nearest(key: str, known: Collection[str]) -> str:
     return _SPELLED[near[0]] if is_same_number else ""
 
 
-_LOWER = {name: frozenset(key.lower() for key in keys) for name, keys in {**KEYS, "": OBJECT_KEYS}.items()}
-_SPELLED = {key.lower(): key for keys in (*KEYS.values(), OBJECT_KEYS) for key in keys}
+_LOWER = {name: frozenset(key.lower() for key in keys) for name, keys in KEYS.items()}
+_SPELLED = {key.lower(): key for keys in KEYS.values() for key in keys}
