@@ -249,8 +249,8 @@ def _application(
     canvas = Canvas(screen.lines, mouse, plain=session.output.plain)
 
     def renew() -> bool:
-        """Take what is new; whether the picture is another one."""
-        if application.is_done:
+        """Take what is new; whether the picture is another one. Not after the end, when the loop may still run."""
+        if application.is_done or not application.is_running:
             return False
         try:
             screen.gather()
@@ -274,7 +274,7 @@ def _application(
         begin()
 
     def begin() -> None:
-        if application.loop is not None and not application.is_done:
+        if application.loop is not None and application.is_running:
             application.loop.call_later(REDRAW_S, look)
 
     application: Application[None] = Application(

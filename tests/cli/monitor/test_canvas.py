@@ -94,3 +94,34 @@ def test_a_row_that_stays_is_not_written_again() -> None:
 )
 def test_characters_of_other_widths_and_a_line_that_is_too_long(text: str, shown: str) -> None:
     assert drawn([[Cell(text)]]).shown[0].strip() == shown
+
+
+class Still:
+    """A screen that is looked at *looks* times and stays as it is; then *typed* gets the key that leaves it."""
+
+    def __init__(self, looks: int, typed: PipeInput, terminal: Terminal) -> None:
+        self._left, self._typed, self._terminal = looks, typed, terminal
+        self.lengths = list[int]()
+
+    def gather(self) -> None:
+        """Note how much was written so far."""
+        self.lengths.append(len(self._terminal.getvalue()))
+        self._left -= 1
+        if not self._left:
+            self._typed.send_text("q")
+
+    def lines(self, _columns: int, _rows: int) -> Iterable[list[Cell]]:
+        return [[Cell("still")]]
+
+    def leave(self) -> None:
+        """The screen has ended."""
+
+
+def test_nothing_is_written_while_nothing_changes() -> None:
+    terminal, keys = Terminal(), KeyBindings()
+    bind_leaving(keys)
+    with create_pipe_input() as typed:
+        screen = Still(5, typed, terminal)
+        with create_app_session(typed, Vt100_Output(terminal, lambda: Size(ROWS, COLUMNS), term="xterm")):
+            show(Conversation(Output()), screen, keys, None)
+    assert screen.lengths[0] < screen.lengths[1] == screen.lengths[4]
