@@ -101,7 +101,9 @@ class DvtcliError(Exception):
         """Note the nodes *done*, which went back, and those of *failures*; *text* says what was done."""
         self.nodes = dict.fromkeys(done, "rolled_back")
         if self.nodes:
-            self.details.append(("done", f"node {', '.join(map(str, self.nodes))}: {text}"))
+            from dvtcli.domain.text import all_nodes
+
+            self.details.append(("done", f"{all_nodes(self.nodes)}: {text}"))
         failed_states: dict[int, State] = {}
         for failed in failures:
             if failed.node is not None:

@@ -139,7 +139,7 @@ def _setting_hint(interface: str, channel: object, error: Exception) -> Hint | s
         return Hint(Action.GIVE_CHANNEL, why="no channel: give {}")
     if isinstance(error, TypeError):
         return Hint(
-            Action.GIVE_SETTING, why="a setting is missing or unknown: {}, see python-can's page of this interface"
+            Action.GIVE_SETTING, why="a setting is missing or unknown: {}, see python-can's page about this interface"
         )
     return "is the maker's driver installed?" + replace(_NO_CHANNEL, why=f" {_NO_CHANNEL.why}")
 

@@ -199,6 +199,8 @@ def _with_options(args: list[str], command: click.Command) -> Iterator[list[str]
         plain = _plain(head)
         if plain in names and head != names[plain]:
             yield [*args[:at], names[plain], *([value] if equals else []), *args[at + 1 :]]
+        elif word == "--event" and "timer" in names and args[at + 1 : at + 2] and args[at + 1].isdigit():
+            yield [*args[:at], names["timer"], *args[at + 1 :]]
         elif (word.startswith("--") and head not in names.values()) or (word.isalpha() and len(word) > _SHORT):
             near = get_close_matches(plain, names, n=1, cutoff=_NEAR)
             if near:

@@ -21,7 +21,18 @@ def global_options(*, hidden: bool) -> list[click.Option]:
     return [_option(names, dict(settings), hidden=hidden) for names, settings in _TABLE]
 
 
-_RATE = click.IntRange(BIT_RATES[0], BIT_RATES[-1])
+class _BitRate(click.IntRange):
+    """A bit rate in bit/s; says so to who writes kbit/s."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        text = str(value)
+        if text.isdecimal() and int(text) < BIT_RATES[0] <= int(text) * 1000 <= BIT_RATES[-1]:
+            self.fail(f"{text} is not a bit rate in bit/s; did you mean {text}000 ({text} kbit/s)?", param, ctx)
+        rate: int = super().convert(value, param, ctx)
+        return rate
+
+
+_RATE = _BitRate(BIT_RATES[0], BIT_RATES[-1])
 _TABLE: list[tuple[tuple[str, ...], dict[str, Any]]] = [
     (("-i", "--interface"), {"metavar": "NAME", "help": "CAN interface, by python-can's name (socketcan, pcan, …)."}),
     (("-c", "--channel"), {"metavar": "NAME", "help": "Channel of the interface (can0, PCAN_USBBUS1, …)."}),

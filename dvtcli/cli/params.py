@@ -268,7 +268,8 @@ class BitRateType(CanopenType):
         """Return the bit rate. Raises ValueError if no bus supports it."""
         rate = int(text) if text.isascii() and text.isdigit() and len(text) < 9 else 0
         if rate not in BIT_RATES:
-            raise ValueError(f"{text!r} is not a bit rate; bit rates are {BIT_RATES[0]}…{BIT_RATES[-1]} bit/s")
+            near = f"; did you mean {rate * 1000} ({rate} kbit/s)?" if rate * 1000 in BIT_RATES else ""
+            raise ValueError(f"{text!r} is not a bit rate of {BIT_RATES[0]}…{BIT_RATES[-1]} bit/s{near}")
         return rate
 
 

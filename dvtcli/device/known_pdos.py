@@ -335,7 +335,11 @@ def no_pdo(node_id: int, pdo: Pdo, present: Iterable[Pdo], aborted: SdoAborted) 
                 f"the file may be of another revision, which {{}} shows; leave {pdo.label} out",
             ) + Hint(Action.GIVE_EDS, why=", or {}")
         return aborted
-    have = f"it has {same[0]}…{same[-1]}" if same else f"it has no {pdo.direction.upper()}s"
+    have = (
+        f"it has {same[0] if len(same) == 1 else f'{same[0]}…{same[-1]}'}"
+        if same
+        else f"it has no {pdo.direction.upper()}s"
+    )
     aborted.text, aborted.node = f"node {node_id} has no {pdo.label}: {have}", node_id
     aborted.args = (aborted.text,)
     aborted.hint = Hint(Action.SHOW_PDOS, {"all": True}, "lists its PDOs")

@@ -81,7 +81,7 @@ def observed(reboot_monitor: RebootMonitor, look: Callable[[], T], node_id: int 
             return found
     name = "the node" if node_id is None else f"node {node_id}"
     raise NoAnswer(
-        f"{name} restarted, or lost an answer, each of {MAX_READS} times that it was read back",
+        f"{name} restarted, or lost an answer, during each of {MAX_READS} readings",
         node=node_id,
         hint="check its supply and its wiring, then try again",
     )

@@ -10,6 +10,7 @@ from dvtcli.device.nmt_gate import NodeAccess
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import CanopenBus
+from dvtcli.domain.text import all_nodes
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
 
 if TYPE_CHECKING:
@@ -135,8 +136,7 @@ def reset_all_and_wait(
         pending[0].wait_a_moment()
     if silent := [str(reset.node_id) for reset in sent if not reset.is_back]:
         raise NoAnswer(
-            f"no boot-up message within {timeout_s:.0f} s after the reset from node {', '.join(silent)}, "
-            "nor any answer",
+            f"no boot-up message within {timeout_s:.0f} s after the reset from {all_nodes(silent)}, nor any answer",
             hint=Hint(Action.FIND_NODES, why="check it, then {}"),
             state="unknown",
         )

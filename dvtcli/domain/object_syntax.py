@@ -131,6 +131,10 @@ def _only(found: list[OdEntry], dictionary: ObjectDictionary, text: str) -> OdEn
     return next((choice[0] for choice in (whole, exact) if len(choice) == 1), None)
 
 
+#: index and sub-index written as one number, or with a prefix each
+_DIGITS = re.compile(r"(?:0x)?([0-9A-Fa-f]{4})[:.]?(?:0x)?([0-9A-Fa-f]{2})(?:[:/]\d+)?")
+
+
 def similar(text: str, dictionary: ObjectDictionary, aliases: Mapping[str, str]) -> list[str]:
     """Names close to *text*, best first, at most three."""
     from difflib import get_close_matches
@@ -138,6 +142,9 @@ def similar(text: str, dictionary: ObjectDictionary, aliases: Mapping[str, str])
     own = (normalised(name) for entry in dictionary.entries() for name in (entry.name, entry.denotation))
     names = [*aliases, *filter(None, own)]
     wanted = normalised(text)
+    digits = _DIGITS.fullmatch(text)
+    if digits is not None:
+        return [f"{digits[1]}:{digits[2]}".upper()]
     close = get_close_matches(wanted, dict.fromkeys(names), n=3, cutoff=0.6)
     return close or list(dict.fromkeys(name for name in names if len(wanted) > 2 and wanted in name))[:3]
 

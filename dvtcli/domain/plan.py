@@ -12,7 +12,7 @@ from typing import NamedTuple
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.object_scalings import ScaledValue, cut_text, value_text
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
-from dvtcli.domain.text import hex_preview
+from dvtcli.domain.text import hex_preview, join_some, plural
 
 #: Verify configuration (CiA 301): date and time as the stamp of a configuration (`stamp`).
 STAMP = 0x1020
@@ -165,6 +165,10 @@ class Plan:
 
     def __len__(self) -> int:
         return sum(1 for _ in self.steps_in_order())
+
+    def __repr__(self) -> str:
+        labels = dict.fromkeys(change.label for change in self.changes)
+        return f"<Plan of node {self.node_id}: {plural(len(self), 'step')} of {join_some(labels) or 'nothing'}>"
 
     @property
     def unreadable(self) -> tuple[ValueChange, ...]:

@@ -7,6 +7,7 @@ from datetime import date, timedelta
 from typing import NamedTuple
 
 from dvtcli.domain.hint import Hint
+from dvtcli.domain.text import all_nodes
 
 #: ways to restart a node: two NMT commands, and somebody's hand
 RESET_NODE, RESET_COMM, POWER = "reset-node", "reset-comm", "power-cycle"
@@ -66,10 +67,10 @@ class WhoStored(NamedTuple):
     def rows(self) -> list[tuple[str, str]]:
         """Labelled lines for a screen."""
         rows = (("stored", self.stored), ("not stored", self.not_stored), ("unknown", self.unknown))
-        said = [(label, f"node {', '.join(map(str, numbers))}") for label, numbers in rows if numbers]
+        said = [(label, all_nodes(numbers)) for label, numbers in rows if numbers]
         if self.not_held:
-            nodes = ", ".join(map(str, self.not_held))
-            said.append(("not held", f"node {nodes}: its store was acknowledged, but its values differ from the plan"))
+            nodes = all_nodes(self.not_held)
+            said.append(("not held", f"{nodes}: the store was acknowledged, but values differ from the plan"))
         return said
 
     def document(self) -> dict[str, list[int]]:

@@ -17,6 +17,25 @@ def join_some(names: Iterable[str]) -> str:
     return ", ".join(found) if len(found) <= 4 else f"{', '.join(found[:3])} and {len(found) - 3} more"
 
 
+def all_nodes(node_ids: Iterable[object]) -> str:
+    """All of *node_ids* in a sentence: `node 1`, `nodes 1 and 5`."""
+    *first, last = [*map(str, node_ids)] or [""]
+    return f"nodes {', '.join(first)} and {last}" if first else f"node {last}"
+
+
+def some_nodes(node_ids: Iterable[object]) -> str:
+    """As `all_nodes`; of more than four the first three and the number of others."""
+    return some_of("node", node_ids)
+
+
+def some_of(noun: str, names: Iterable[object]) -> str:
+    """A *noun* with its *names* in a sentence: `line 5`, `lines 5 and 9`, of more than four the first three."""
+    found = [*map(str, names)]
+    if len(found) <= 4:
+        return all_nodes(found).replace("node", noun, 1)
+    return f"{noun}s {join_some(found)}"
+
+
 def hex_preview(data: bytes) -> str:
     """The first bytes of *data* and its length, short enough for a line."""
     most = 16

@@ -61,7 +61,7 @@ def test_a_node_that_never_keeps_still_is_said_to_have_been_read_back_in_vain() 
     one, channel = node()
     target = TargetConfig(values={OBJECT: one.upload(*OBJECT)})
     channel.left = 100
-    with pytest.raises(NoAnswer, match="node 1 restarted, or lost an answer, each of 5 times") as caught:
+    with pytest.raises(NoAnswer, match="node 1 restarted, or lost an answer, during each of 5 readings") as caught:
         config_differences(one, target)
     assert caught.value.node == NODE
 

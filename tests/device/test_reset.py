@@ -157,7 +157,7 @@ def test_nodes_that_do_not_come_back_are_waited_for_together() -> None:
     bus = VirtualTimeBus([booted()])
     bus.sleep(5)
     began_s = bus.now_s()
-    with pytest.raises(NoAnswer, match="from node 7, 9") as caught:
+    with pytest.raises(NoAnswer, match="from nodes 7 and 9") as caught:
         reset_all_and_wait(bus, NmtCommand.RESET_NODE, (9, NODE, 7), 3)
     assert bus.now_s() - began_s == pytest.approx(3)
     assert caught.value.state == "unknown"

@@ -378,9 +378,9 @@ class Life:
             None,
             False,
             "it answers again: a request or answer was lost or late, or it restarted unnoticed",
-            "try again; if it repeats",
+            "try again; if it fails again",
         ),
-        ("no acknowledgement", False, "no acknowledgement", "try again; if it repeats"),
+        ("no acknowledgement", False, "no acknowledgement", "try again; if it fails again"),
         (
             None,
             True,

@@ -97,7 +97,7 @@ def damaged() -> Iterator[tuple[str, bytes, str]]:
     yield "a.csv", b"x,y\n1,2\n", "begins with no time"
     yield "a.csv", b"", "begins with no time"
     yield "a.csv", head + b"yesterday,TPDO1 node 5,7\n", "is not a time"
-    yield "a.csv", head + b"2026-01-01T00:00:00Z,TPDO1 node 5\n", "2 cells, and the head has 3"
+    yield "a.csv", head + b"2026-01-01T00:00:00Z,TPDO1 node 5\n", "2 cells, but the header has 3"
     yield "a.csv", head + b"\xff\xfe\n", "not UTF-8"
     yield "a.jsonl", b'{"schema":"dvtcli.frame/1"}\n', "no dvtcli.frame/1 document"
     yield "a.jsonl", b"[1]\n", "no dvtcli.frame/1 document"

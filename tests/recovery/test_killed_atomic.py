@@ -138,7 +138,7 @@ def test_a_kill_between_two_lines_is_said_and_recovered_from_either_node(nodes: 
     assert waiting(nodes) == [1, 3]
     recovered = nodes.dvtcli("-n", "3", "recover", "--yes")
     assert recovered.returncode == 0, recovered.stderr
-    assert f"{script} was interrupted: all its changes are rolled back, on node 1, 3" in recovered.stderr
+    assert f"{script} was interrupted: all its changes are to be rolled back, on nodes 1 and 3" in recovered.stderr
     assert all(f"of node {node_id} rolled back" in recovered.stdout for node_id in NODES)
     assert held(nodes) == before
     assert waiting(nodes) == []

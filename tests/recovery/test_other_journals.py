@@ -111,7 +111,7 @@ def test_an_undo_of_two_nodes_one_of_which_restarts_is_taken_back() -> None:
         assert ran.code == 1, ran.stderr
         assert "node 3 restarted" in ran.stderr
         assert rows["state"].startswith("rolled back: the changes are reverted on every node"), ran.stderr
-        assert rows["state"].endswith("node 3 restarted: its other unstored values are lost")
+        assert rows["state"].endswith("node 3 restarted: other unstored values are lost")
         assert [one.value(0x1800, 5) for one in (trigger, trigger.victim)] == [b"\x28\0", b"\x28\0"]
         assert bench.run("undo --all").code == 0
         assert [one.value(0x1800, 5) for one in (trigger, trigger.victim)] == [b"\0\0", b"\0\0"]
@@ -141,5 +141,5 @@ def test_the_same_of_what_is_recovered() -> None:
         ran = bench.run("recover")
         rows = dict(line.strip().split(None, 1) for line in ran.stderr.splitlines() if line.startswith("  "))
         assert ran.code == 1, ran.stderr
-        assert "node 1 restarted after its roll-back" in ran.stderr
+        assert "node 1 restarted after the roll-back" in ran.stderr
         assert rows["done"].startswith("node 3:"), ran.stderr

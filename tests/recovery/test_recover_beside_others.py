@@ -88,7 +88,7 @@ def test_a_node_that_restarts_when_it_is_started_is_put_back_again(tmp_path: Pat
         assert not served.when_started
         assert (ran.code, ran.document["verified"]) == (0, True)
         (finding,) = (one for one in ran.document["findings"] if one["rule"] == "restarted-meanwhile")
-        assert finding["text"] == "node 1 restarted: its other unstored values are lost"
+        assert finding["text"] == "node 1 restarted: other unstored values are lost"
         assert node.pdo(TPDO1).communication.event_timer == 5, "the restart had taken it"
         assert not journal.exists()
         assert served.state is NmtState.OPERATIONAL
@@ -109,6 +109,6 @@ def test_a_node_that_restarts_whenever_it_is_started_keeps_its_journal(tmp_path:
         journal = under_way(bench.session.node(), NmtState.OPERATIONAL)
         ran = bench.run("recover --json")
         assert (ran.code, ran.document["state"]) == (7, "left_changed")
-        assert "restarted each of 5 times" in ran.document["text"]
+        assert "restarted during each of 5 roll-backs" in ran.document["text"]
         assert ran.document["file"] == str(journal) or str(journal) in ran.stdout
         assert journal.exists()

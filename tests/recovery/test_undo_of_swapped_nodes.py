@@ -53,7 +53,7 @@ def test_it_is_said_that_those_are_other_devices_now(line: str) -> None:
     ran = undo(changed_and_swapped(), line)
     said = " ".join(ran.stderr.split())
     assert ran.code == 2
-    assert "the history has no change of the devices that are now node 1, 3" in said
+    assert "the history has no change of the devices that are now nodes 1 and 3" in said
     assert "-n ID undo" in said
 
 

@@ -16,7 +16,7 @@ ARGV = ("--sim", "gen4", "run", "scripts/pdo_config.dvt")
 def test_it_runs_and_warns_that_nobody_produces_sync() -> None:
     done = dvtcli(*ARGV)
     assert done.returncode == 0, done.stderr
-    assert "warning: no node produces SYNC" in done.stderr
+    assert "warning: no known node produces SYNC" in done.stderr
     assert "0x1006:00  Communication cycle period = 20000" in done.stdout
     assert "0x1005:00  COB-ID SYNC message = 128" in done.stdout
 

@@ -30,7 +30,7 @@ _NEVER = Hint(
 )
 _BEFORE = Hint(
     Action.GIVE_TIMEOUT,
-    why="it answered before; a single lost frame causes this: try again; if it repeats, a longer {}, "
+    why="it answered before; a single lost frame causes this: try again; if it fails again, use a longer {}, "
     "or check its supply, the wiring and the bus load",
 )
 

@@ -51,7 +51,10 @@ def command(session: Conversation, /, command_: str, node_id: int | None) -> Com
     """
     from dvtcli.operations.nodes.command_nmt import command_nmt
 
-    if node_id is None and session.selected_id() is None and (session.base.nodes or session.base.every_node):
+    is_open = node_id is None and session.selected_id() is None
+    if is_open and session.base.every_node:
+        node_id = 0
+    elif is_open and session.base.nodes:
         raise UsageError(
             f"nmt {command_} takes one node or `all`, and -n names several",
             hint=_several(command_, session.base.nodes),
@@ -60,6 +63,12 @@ def command(session: Conversation, /, command_: str, node_id: int | None) -> Com
         raise UsageError(
             f"`all` means every node on the bus, and -n names {join_some(map(str, session.base.nodes))}",
             hint=_several(command_, session.base.nodes),
+        )
+    if is_open and node_id is None:
+        raise UsageError(
+            f"no node is selected for nmt {command_}",
+            hint=Hint(Action.CORRECT, {"words": ("nmt", command_, "all")}, "{} commands all nodes on the bus")
+            + Hint(Action.CORRECT, {"words": ("nmt", command_, "ID")}, ", {} one node"),
         )
     return command_nmt(session, _WORDS[command_], node_id)
 
@@ -73,8 +82,6 @@ def _is_typed_alone(session: Conversation) -> bool:
 
 
 def _several(command: str, nodes: Sequence[int]) -> Hint:
-    """Hint at the command for all nodes, or for the first of *nodes*."""
-    if not nodes:
-        return Hint(Action.CORRECT, {"words": ("nmt", command, "all")}, "{} commands all nodes on the bus")
+    """Hint at the command for the first of *nodes*."""
     more = f", and so for {join_some(map(str, nodes[1:]))}" if nodes[1:] else ""
     return Hint(Action.CORRECT, {"words": ("nmt", command, str(nodes[0]))}, f"{{}} commands node {nodes[0]}{more}")

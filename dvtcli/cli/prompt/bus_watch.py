@@ -16,7 +16,7 @@ from dvtcli.domain.emergency_codes import emergency_text
 from dvtcli.domain.network.received_traffic import LastFrames
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import BootUp, Emergency, Frame, NodeEvent
-from dvtcli.domain.text import join_some
+from dvtcli.domain.text import some_nodes
 from dvtcli.domain.times import local_clock
 from dvtcli.errors import BusUnavailable
 from dvtcli.operations.results.frames import BusEvent
@@ -69,15 +69,15 @@ def _gone(node_ids: list[int], silences: Mapping[int, tuple[float, bool]]) -> li
     ages_s = sorted(silences[node_id][0] for node_id in node_ids)
     if len(node_ids) == 1:
         return [f"node {node_ids[0]}  heartbeat lost: the last was received {ages_s[0]:.1f} s ago"]
-    ids = join_some([str(node_id) for node_id in sorted(node_ids)])
-    return [f"node {ids}  heartbeats lost: the last were received {ages_s[0]:.1f} to {ages_s[-1]:.1f} s ago"]
+    which, ages = some_nodes(sorted(node_ids)), f"{ages_s[0]:.1f} to {ages_s[-1]:.1f} s ago"
+    return [f"{which}  heartbeats lost: the last were received {ages}"]
 
 
 def _back(node_ids: list[int]) -> list[str]:
     if not node_ids:
         return []
-    ids = join_some([str(node_id) for node_id in sorted(node_ids)])
-    return [f"node {ids}  heartbeat is back" if len(node_ids) == 1 else f"node {ids}  heartbeats are back"]
+    returned = "heartbeat is back" if len(node_ids) == 1 else "heartbeats are back"
+    return [f"{some_nodes(sorted(node_ids))}  {returned}"]
 
 
 def event_text(event: NodeEvent) -> str:

@@ -12,7 +12,7 @@ from dvtcli.domain.file_complaint import FileComplaint
 from dvtcli.domain.hint import Hint, next_step
 from dvtcli.domain.profile import Severity
 from dvtcli.domain.rules import Finding
-from dvtcli.domain.text import join_some, plural, safe
+from dvtcli.domain.text import all_nodes, join_some, plural, safe
 from dvtcli.errors import DvtcliError, InputFileError, LeftChanged, RuleError, State
 from dvtcli.operations.results.documents import Document, finding_document
 
@@ -187,7 +187,7 @@ def _state(error: DvtcliError, at: str | None) -> str:
         text = _BY_THIS_LINE.get(error.state, text)
     others = [str(node_id) for node_id, state in sorted(error.nodes.items()) if state != error.state]
     if others and error.state_text is None:
-        text = f"{text}, except for node {', '.join(others)}" if error.node is None else f"node {error.node} {text}"
+        text = f"{text}, except for {all_nodes(others)}" if error.node is None else f"node {error.node} {text}"
     if not error.stays:
         return text
     stays = f"the changes of {join_some(error.stays)} stay"

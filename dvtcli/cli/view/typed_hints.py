@@ -57,7 +57,7 @@ COMMANDS: dict[Action, str] = {
     Action.LISTEN_BIT_RATE: "bitrate",
     Action.SERVE: "sim NODE… --listen {address|HOST:PORT}",
     Action.RUN: "run {file|FILE}",
-    Action.CHECK: "check {file|FILE}",
+    Action.CHECK: "check {file|FILE} {bit_rate?--at} {bit_rate}",
     Action.PLAN: "plan {file|FILE}",
     Action.APPLY: "apply {file|FILE} {to_manager?--to-manager} {to_manager} {force?--force}",
     Action.APPLY_NETWORK: "apply {file|FILE}",
@@ -115,7 +115,8 @@ OPTIONS: dict[Action, str] = {
 }
 #: arguments with a different option name
 _OPTION_OF = {
-    "as_type": "--as", "for_s": "--for", "node": "--for", "services": "--with", "node_id": "-n", "node_ids": "--nodes",
+    "as_type": "--as", "bit_rate": "--at", "for_s": "--for",
+    "node": "--for", "services": "--with", "node_id": "-n", "node_ids": "--nodes",
     "nodes": "--sim", "faults": "--fault", "signals": "--signal", "verbose": "-v", "timeout_s": "--timeout",
     "everything": "--all", "manager": "--to-manager",
 }  # fmt: skip

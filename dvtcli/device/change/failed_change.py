@@ -279,7 +279,7 @@ def return_to_state(node: Changeable, initial_state: InitialState) -> None:
         node.access.insist(NmtState.OPERATIONAL)
 
 
-_RESTARTS = f"the node restarted, or lost an answer, each of {MAX_READS} times that it was read"
+_RESTARTS = f"the node restarted, or lost an answer, during each of {MAX_READS} readings"
 
 
 class Guarded(NamedTuple):

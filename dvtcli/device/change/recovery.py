@@ -191,7 +191,7 @@ class Recovery:
                 node.pending.boot_ups = self._boot_ups
                 return
         raise LeftChanged(
-            f"node {node.node_id} restarted each of {MAX_READS} times that it was rolled back",
+            f"node {node.node_id} restarted during each of {MAX_READS} roll-backs",
             node=node.node_id,
             place=str(self.journal.path),
             hint=Hint(

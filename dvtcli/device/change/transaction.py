@@ -335,7 +335,7 @@ class Transaction:
         own, node_id = join_some(change.label for change in self.plan.changes), self.plan.node_id
         if fault.state == "rolled_back":
             text = fault.state_text or f"rolled back: {own} is as it was, read back equal"
-            fault.state_text = f"{text}; node {node_id} restarted: its other unstored values are lost"
+            fault.state_text = f"{text}; node {node_id} restarted: other unstored values are lost"
 
     def _say_left(self, fault: DvtcliError) -> None:
         """Report an unknown cause: an unnoticed restart loaded stored values, or the change altered them."""
@@ -384,7 +384,7 @@ class Transaction:
             )
             silent.hint = Hint(
                 Action.GIVE_TIMEOUT,
-                why="try again; if it repeats, a longer {}, or check the wiring and the bus load",
+                why="try again; if it fails again, use a longer {}, or check the wiring and the bus load",
             )
 
     def _roll_back_changes(self) -> tuple[PdoChange, ...]:

@@ -259,7 +259,7 @@ def unknown_before(plans: Iterable[Plan]) -> tuple[Finding, ...]:
         warning(
             "write-only",
             f"0x{step.object}",
-            f"0x{step.object} {why_unreadable(step.index)}: its old value is not known, it stays",
+            f"0x{step.object} {why_unreadable(step.index)}: its old value is not known, so it stays",
         )
         for step in steps
         if step.before is None

@@ -88,7 +88,7 @@ class Pending:
     def lost(self, labels: tuple[str, ...]) -> None:
         """Record *labels* as lost before they were stored: no automatic store from now on."""
         self.unstored = {label: index for label, index in self.unstored.items() if label not in labels}
-        self.suspicions[REBOOT] = f"it no longer holds unstored values ({join_some(labels)})"
+        self.suspicions[REBOOT] = f"it lost unstored values ({join_some(labels)})"
 
     def rebooted(self, boot_ups: int) -> tuple[str, ...]:
         """Return the labels lost by an unexpected restart, and record why nothing may be stored."""

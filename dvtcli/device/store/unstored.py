@@ -99,7 +99,9 @@ def prepare_store(node: Changeable, *, force: bool = False, confirm: bool = True
 def _ways_out(node_id: int, *, confirm: bool) -> Hint:
     reset = Hint(Action.RESET_NODE, {"node": node_id}, "{} restores the stored values")
     reset += Hint(Action.STORE if confirm else Action.RESTORE, why="then {}")
-    return Hint(Action.VERIFY, why="set the right value and {}, or") + reset if confirm else reset
+    if not confirm:
+        return reset
+    return Hint(Action.VERIFY, why="set the lost values again and check with {}, then store; or reset instead") + reset
 
 
 def require_storable(node: Changeable, *, force: bool = False, confirm: bool = True) -> None:

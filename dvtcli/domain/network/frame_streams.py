@@ -27,7 +27,7 @@ from dvtcli.domain.network.network_state import (
 )
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.response_time import TimedFrame
-from dvtcli.domain.text import join_some, plural
+from dvtcli.domain.text import join_some, plural, some_nodes
 
 Time = Fraction | int
 SYNCHRONOUS = range(241)
@@ -126,8 +126,8 @@ def assumptions(state: NetworkState, streams: Iterable[Stream], what_if: WhatIf,
     if asked:
         yield f"sent on request (RTR) only, and not counted: {join_some(asked)}"
     if state.untold:
-        ids = join_some(str(node_id) for node_id in state.untold)
-        yield f"of node {ids} only the values of the file are known, 8 bytes a PDO where it says no length"
+        nodes = some_nodes(state.untold)
+        yield f"of {nodes} only the values of the file are known, 8 bytes a PDO if it says no length"
     yield "SDO uses the rest: an SDO frame may be under way when another frame becomes ready"
 
 

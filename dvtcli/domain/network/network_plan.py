@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import STAMP, Change, Plan, Step, ValueChange, disables, needs_rtr_first, plan_pdo
 from dvtcli.domain.rules.finding import Finding
+from dvtcli.domain.text import plural
 
 if TYPE_CHECKING:
     from dvtcli.domain.file_complaint import FileComplaint
@@ -98,6 +99,9 @@ class NodePlan:
     #: boot-ups of the node before it was read; None if not counted
     boot_ups: int | None = None
 
+    def __repr__(self) -> str:
+        return f"<NodePlan {self.name or self.node_id}: {self.plan!r}>"
+
     @property
     def node_id(self) -> int:
         """The node-ID."""
@@ -157,6 +161,10 @@ class NetworkPlan:
     manager: int | None = None
     #: node-IDs in the file without download by the manager, as they have no known EDS
     untold: tuple[int, ...] = ()
+
+    def __repr__(self) -> str:
+        return f"<NetworkPlan {self.file}: {plural(len(self.nodes), 'node')}, {plural(self.writes, 'write')}>"
+
     #: parts of the file that devices lack: the plan then has only the other differences, and cannot be applied
     lacking: tuple[MissingObject, ...] = ()
     #: PDOs that the file only links with missing PDOs: their intended configuration is unknown

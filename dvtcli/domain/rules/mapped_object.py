@@ -94,9 +94,10 @@ def missing_object(dictionary: ObjectDictionary, place: str, index: int, sub_ind
     """Finding for an object missing in *dictionary*, with its existing sub-indices."""
     if index not in dictionary:
         text = f"0x{index:04X} is not in {dictionary.source}"
-        return error(
-            "object-exists", place, text, Abort.NO_OBJECT, Hint(Action.FIND_OBJECTS, why="searches the dictionary")
-        )
+        search = Hint(Action.FIND_OBJECTS, why="searches the dictionary")
+        if len(digits := str(index)) == 4 and int(digits, 16) in dictionary:
+            search = f"0x{index:04X} is decimal {digits}: 0x{digits} is in the dictionary" + search
+        return error("object-exists", place, text, Abort.NO_OBJECT, search)
     known = dictionary[index]
     subs = ", ".join(f"{sub:02X}" for sub in list(known.entries)[:12])
     text = f'0x{index:04X}:{sub_index:02X} is not in {dictionary.source}; {index:04X} "{known.name}" has {subs}'

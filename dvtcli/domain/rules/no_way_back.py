@@ -20,7 +20,7 @@ RULES = (
     Rule("no-way-back", ERROR, "after the change a PDO could neither be rolled back nor be switched off and emptied",
          "ours; the EDS; the family"),
     Rule("restarted-meanwhile", WARNING,
-         "a node restarted during the roll-back: its other unstored values are lost", "ours"),
+         "a node restarted during the roll-back: other unstored values are lost", "ours"),
 )  # fmt: skip
 
 _FIELDS = {
@@ -103,5 +103,5 @@ def left_as(before: PdoConfig, back: PdoConfig) -> str:
 
 def restarted_finding(node_id: int) -> Finding:
     """The warning for a node that restarted during its roll-back."""
-    text = f"node {node_id} restarted: its other unstored values are lost"
+    text = f"node {node_id} restarted: other unstored values are lost"
     return warning("restarted-meanwhile", f"node {node_id}", text)

@@ -95,7 +95,7 @@ def _mpdo_findings(proposal: Proposal) -> Iterator[Finding]:
         yield error(
             "mpdo",
             proposal.communication_place(2),
-            f"{pdo.label} has transmission type {kind}, and a multiplexed TPDO is event-driven (254 or 255)",
+            f"{pdo.label} has transmission type {kind}, but a multiplexed TPDO must be event-driven (254 or 255)",
             Abort.PDO_LENGTH,
             Hint(Action.GIVE, {"event": True}),
         )

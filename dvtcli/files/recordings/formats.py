@@ -57,7 +57,7 @@ def _refused(path: Path, suffix: str, known: Mapping[str, RecordingFormat], *, r
     if suffix in _REFUSED and not reading:
         return UsageError(f"{path.name}: {_REFUSED[suffix]}", hint=others)
     if suffix in formats():
-        return UsageError(f"{path.name}: {suffix} files are only read", hint=others)
+        return UsageError(f"{path.name}: {suffix} files can only be read", hint=others)
     if reading and path.is_dir():
         return UsageError(f"{path} is a directory", hint="name a recording in it")
     by = f"{'its content or by ' if reading else ''}{suffix or 'a name without a suffix'}"

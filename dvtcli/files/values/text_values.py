@@ -107,7 +107,7 @@ def _csv_rows(
     for number, row in enumerate(lines, 2):
         cells = _checked(path, number, row)
         if len(cells) != width:
-            raise InputFileError(f"{len(cells)} cells, and the head has {width}", place=f"{path}:{number}")
+            raise InputFileError(f"{len(cells)} cells, but the header has {width}", place=f"{path}:{number}")
         try:
             time_s = float(cells[0]) if first == 1 else datetime.fromisoformat(cells[0]).timestamp()
         except ValueError as wrong:

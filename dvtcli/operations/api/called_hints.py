@@ -60,7 +60,7 @@ CALLS: dict[Action, str] = {
     Action.SERVE: "dvtcli sim NODE --listen HOST:PORT",
     Action.CORRECT: "dvtcli LINE",
     Action.RUN: "dvtcli run FILE",
-    Action.CHECK: "bus.check({file|FILE})",
+    Action.CHECK: "bus.check({file|FILE} {bit_rate=})",
     Action.PLAN: "bus.plan({file|FILE})",
     Action.APPLY: "bus.apply({file|FILE})",
     Action.APPLY_NETWORK: "bus.apply({file|FILE})",

@@ -10,7 +10,7 @@ from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.times import counts
 from dvtcli.errors import UsageError
-from dvtcli.operations.api.called_hints import errors_in_calls
+from dvtcli.operations.api.called_hints import errors_in_calls, in_calls
 from dvtcli.operations.api.checks import flags, number, path, whole, word, words, wrong
 from dvtcli.operations.network.network_load import LoadOptions
 from dvtcli.operations.user.options import BIT_RATES, Options
@@ -136,7 +136,7 @@ class NetworkCalls:
         files = None if folder is None else str(path("folder", folder))
         manager = _manager("from_manager", from_manager)
         done = self._calls.run(lambda: import_network(self._session, chosen, files, manager), yes=yes)
-        return tuple(dict(done.rows)["notes"])
+        return tuple(map(in_calls, dict(done.rows)["notes"]))
 
     def export(
         self,

@@ -307,7 +307,7 @@ class Bus(FrameCalls):
         try:
             with calls.alone():
                 if calls.rehearsing is not None:
-                    raise UsageError("a dry run is going on already")
+                    raise UsageError("a dry run is already in progress")
                 begun, calls.rehearsing = True, threading.get_ident()
                 twins.__enter__()
             yield self

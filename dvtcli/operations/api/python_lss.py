@@ -22,6 +22,9 @@ class Lss:
     def __init__(self, calls: Calls) -> None:
         self._calls = calls
 
+    def __repr__(self) -> str:
+        return f"<dvtcli LSS master of bus {self._calls.session.bus.name}>"
+
     def scan(self, wait_s: float = 0.05) -> LssFound:
         """Find every node without node-ID by fast scan; *wait_s* (0.005…2) is the time-out of a request in s.
 

@@ -16,6 +16,7 @@ from dvtcli.domain.network.consumers import producer_findings, sent_by
 from dvtcli.domain.plan import PdoChange, ValueChange, alters
 from dvtcli.domain.process_data import is_standard_command
 from dvtcli.domain.script_line import change_lines
+from dvtcli.domain.text import all_nodes
 from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, Restarted, SafetyRefusal
 
 if TYPE_CHECKING:
@@ -294,7 +295,7 @@ def _require_not_restarted(nodes: Mapping[int, ReadableNode], boot_ups: Mapping[
     again = [node_id for node_id, seen in boot_ups.items() if nodes[node_id].bus.boot_ups(node_id) != seen]
     if again:
         raise Restarted(
-            f"node {', '.join(map(str, again))} restarted while the nodes were changed",
+            f"{all_nodes(again)} restarted while the nodes were changed",
             node=again[0],
             hint="check its supply, then try again",
         )

@@ -15,7 +15,7 @@ from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.plan import PdoChange, Plan, ValueChange
 from dvtcli.domain.store import DATE, TIME, Stamp
-from dvtcli.domain.text import join_some
+from dvtcli.domain.text import all_nodes, join_some, some_nodes
 from dvtcli.errors import DeviceRefused, SafetyRefusal, UsageError
 from dvtcli.operations.changes.change import ExpectedAtStore
 from dvtcli.operations.changes.store_network import Stores, back_and_again, store_each
@@ -82,12 +82,14 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
     expected |= {node_id: [change for change in expected[node_id] if not is_stamp(change)] for node_id in stamps}
     for node_id in nodes:
         _refuse_unlike(replace(claims, changes=expected), node_id, part.name)
-    ids = ", ".join(map(str, waiting(part)))
-    what = f"{_not_looked_at(part)}; " + (f"store on node {ids}?" if ids else "is it to stay so?")
-    had_stored = "" if ids else _had_stored(part)
-    who = f"node {join_some(map(str, sorted(nodes)))}" if _accepted_ids(part) else "every node"
-    but = f" but the stamp of node {join_some(map(str, stamps))}, which is written before the stores" if stamps else ""
-    session.consent(f"{part.name}: {who} has the planned values{but}{had_stored}{what}")
+    to_store = all_nodes(waiting(part)) if waiting(part) else ""
+    what = f"{_not_looked_at(part)}; " + (f"store on {to_store}?" if to_store else "is it to stay so?")
+    had_stored = "" if to_store else _had_stored(part)
+    who = "every node has"
+    if _accepted_ids(part):
+        who = f"{some_nodes(sorted(nodes))} {'has' if len(nodes) == 1 else 'have'}"
+    but = f" but the stamp of {some_nodes(stamps)}, which is written before the stores" if stamps else ""
+    session.consent(f"{part.name}: {who} the planned values{but}{had_stored}{what}")
     _store(session, journals, part, claims, tests, stamps)
     rows = (
         ("node", None),
@@ -97,8 +99,8 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
         ("looked_at", sorted(nodes)),
         ("not_looked_at", _accepted_ids(part)),
     )
-    changed_nothing = session.dry_run or not (ids or tests)
-    return Facts("recover", rows, (_said(session, part, who, ids),), changed_nothing=changed_nothing)
+    changed_nothing = session.dry_run or not (to_store or tests)
+    return Facts("recover", rows, (_said(session, part, who, to_store),), changed_nothing=changed_nothing)
 
 
 def _verified(part: GroupMember) -> tuple[Storing, ...]:
@@ -113,21 +115,21 @@ def _refuse_untold(journals: Sequence[Journal], part: GroupMember) -> None:
         store.node_id for store in part.stores if store.node_id not in own and not (store.holds or store.is_accepted)
     ]
     if untold:
-        ids = join_some(map(str, untold))
+        nodes = some_nodes(untold)
         raise SafetyRefusal(
-            f"the planned values of node {ids} are unknown: nothing is stored",
+            f"the planned values of {nodes} are unknown: nothing is stored",
             node=untold[0],
-            why=f"node {ids} has no usable journal",
+            why=f"no usable journal for {nodes}",
             hint=back_and_again(part.name, "the other nodes"),
         )
 
 
-def _said(session: SessionUser, part: GroupMember, who: str, ids: str) -> str:
-    """Report: *who* was verified only; the nodes *ids* stored, if not empty."""
+def _said(session: SessionUser, part: GroupMember, who_has: str, stored: str) -> str:
+    """Report: *who_has* the values was verified only; the nodes *stored* stored, if not empty."""
     if session.dry_run:
-        said = f"node {ids} would store" if ids else f"{who} has it{_had_stored(part)}; the journals are kept"
+        said = f"{stored} would store" if stored else f"{who_has} it{_had_stored(part)}; the journals are kept"
         return f"dry run: {said}{_not_looked_at(part)}"
-    done = f"node {ids} stored" if ids else f"{who} has it{_had_stored(part)}"
+    done = f"{stored} stored" if stored else f"{who_has} it{_had_stored(part)}"
     is_whole = "ended" if _accepted_ids(part) else "complete"
     return f"{part.name} is {is_whole}: {done}{_not_looked_at(part)}"
 
@@ -135,7 +137,7 @@ def _said(session: SessionUser, part: GroupMember, who: str, ids: str) -> str:
 def _had_stored(part: GroupMember) -> str:
     """Name the nodes stored before; empty if none is still part of it."""
     ids = [store.node_id for store in part.stores if store.is_done and not store.is_accepted]
-    return f", and node {join_some(map(str, ids))} had stored it" if ids else ""
+    return f", and {some_nodes(ids)} had stored it" if ids else ""
 
 
 def _accepted_ids(part: GroupMember) -> list[int]:
@@ -145,7 +147,7 @@ def _accepted_ids(part: GroupMember) -> list[int]:
 
 def _not_looked_at(part: GroupMember) -> str:
     ids = _accepted_ids(part)
-    return f"; node {join_some(map(str, ids))}, accepted as found, was not read" if ids else ""
+    return f"; accepted as found, not read: {some_nodes(ids)}" if ids else ""
 
 
 def _claims(

@@ -21,6 +21,7 @@ from dvtcli.device.change.untouched_pdos import as_they_are, untouched_configs, 
 from dvtcli.device.stamped import is_stamp
 from dvtcli.domain.network.network_plan import phases
 from dvtcli.domain.plan import STAMP, Change, PdoChange, Plan, ValueChange, plan_pdo
+from dvtcli.domain.text import all_nodes
 from dvtcli.errors import Interrupted
 from dvtcli.operations.changes.change import (
     AlsoExpected,
@@ -104,9 +105,9 @@ def _open_journals(
 
     A node has a single journal for all its parts: each further journal would make all nodes wait for the disk.
     """
-    ids = ", ".join(str(store.node_id) for store in also.stores)
+    nodes = all_nodes([store.node_id for store in also.stores]) if also.stores else ""
     ends = GroupMember(
-        final=f"{transaction.name}: store on node {ids}; stored on node {ids}", stores=also.stores, equal=also.equal
+        final=f"{transaction.name}: store on {nodes}; stored on {nodes}", stores=also.stores, equal=also.equal
     )
     only_store = {store.node_id: Plan(store.node_id, store.holds) for store in also.stores if store.holds}
     written = {node_id: plan for node_id, plan in only_store.items() if also.proves or any(map(is_stamp, plan.changes))}

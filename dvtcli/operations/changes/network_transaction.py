@@ -18,7 +18,7 @@ from dvtcli.device.change.untouched_pdos import as_they_are, untouched_pdos
 from dvtcli.device.observe import MAX_READS
 from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.domain.plan import Change, PdoChange, Plan, ValueChange
-from dvtcli.domain.text import join_some
+from dvtcli.domain.text import all_nodes, join_some, some_nodes
 from dvtcli.errors import (
     BusUnavailable,
     DeviceRefused,
@@ -123,30 +123,26 @@ def all_back(
     *look_at* is a node of unknown NMT state. *unread* are sentences about values that cannot be read.
     """
     some = bool(unwritten or unread)
-    who = f"node {_names(back)}" if some else "every node"
+    who = all_nodes(back) if some else "every node"
     what = f"the changes are reverted on {who}" if restarted or some else "every node is unchanged"
     said = [f"{what}, read back equal"] if back or not some else []
     said += unread
     if unwritten:
-        said.append(f"nothing was written to node {_names(unwritten)}")
+        said.append(f"nothing was written to {all_nodes(unwritten)}")
     said.append("nothing was stored")
     if look_at is not None:
         said.append(f"check the NMT state of node {look_at}")
     if restarted:
-        said.append(f"node {join_some(map(str, restarted))} restarted: its other unstored values are lost")
+        said.append(f"{some_nodes(restarted)} restarted: other unstored values are lost")
     if unknown:
-        said.append(f"whether node {_names(unknown)} restarted is not known: the bus is gone")
+        said.append(f"whether {all_nodes(unknown)} restarted is not known: the bus is gone")
     return "; ".join(said)
 
 
 def other_nodes(back: Sequence[int], unwritten: Sequence[int]) -> list[tuple[str, str]]:
     """Make labelled lines about nodes not left changed: those rolled *back* and verified, and *unwritten* nodes."""
-    rows = ((back, "as before, read back equal"), (unwritten, "nothing was written to it"))
-    return [("others", f"node {_names(numbers)}: {text}") for numbers, text in rows if numbers]
-
-
-def _names(node_ids: Iterable[int]) -> str:
-    return ", ".join(map(str, node_ids))
+    rows = ((back, "as before, read back equal"), (unwritten, "nothing was written there"))
+    return [("others", f"{all_nodes(numbers)}: {text}") for numbers, text in rows if numbers]
 
 
 _Put = Callable[["Node"], None]

@@ -11,7 +11,7 @@ from dvtcli.device.change.own_journal import journal_files
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.plan import alters
-from dvtcli.domain.text import join_some
+from dvtcli.domain.text import all_nodes, join_some
 from dvtcli.errors import DvtcliError, InputFileError, Restarted, SafetyRefusal, UsageError, worst_of
 from dvtcli.operations.changes.change import change_result
 from dvtcli.operations.changes.waiting_journals import (
@@ -127,7 +127,7 @@ def _rather_finishes(session: SessionUser, journals: list[Journal]) -> bool:
 
 def _begun_stores(journals: list[Journal]) -> str:
     part = newest_store_record(journals)
-    told = "; ".join(f"{label}: node {', '.join(map(str, ids))}" for label, ids in stores_of(part).items() if ids)
+    told = "; ".join(f"{label}: {all_nodes(ids)}" for label, ids in stores_of(part).items() if ids)
     when = "while" if waiting(part) else "once"
     return f"every node had the values of {part.name}, but it ended {when} they stored ({told})"
 
@@ -180,7 +180,7 @@ def _whole_text(journal: Journal, journals: list[Journal]) -> str:
     ids = [
         other_journal.plan.node_id for other_journal in journals if other_journal.part.group_id == journal.part.group_id
     ]
-    return f"{journal.part.name} was interrupted: all its changes are rolled back, on node {', '.join(map(str, ids))}"
+    return f"{journal.part.name} was interrupted: all its changes are to be rolled back, on {all_nodes(ids)}"
 
 
 def _worst_with_others(failures: Sequence[DvtcliError]) -> DvtcliError:
@@ -233,7 +233,7 @@ def _restarted(session: SessionNodes, done: list[Changed]) -> Restarted | None:
     if not again:
         return None
     return Restarted(
-        f"node {', '.join(map(str, again))} restarted after its roll-back: its unstored values are lost",
+        f"{all_nodes(again)} restarted after the roll-back: unstored values are lost",
         hint=Hint(Action.SHOW_PDOS, why="check its supply, then its values with {}")
         + Hint(Action.UNDO, {"backup": True}, "puts an automatic backup back"),
         state="unknown",
@@ -338,7 +338,7 @@ def _first_of(refused: Sequence[DvtcliError], done: Sequence[str]) -> DvtcliErro
     """Return the first *refused* error with the other errors and the nodes *done*."""
     refused[0].details += [("also", other.text) for other in refused[1:]]
     if done:
-        refused[0].details.append(("done", f"node {', '.join(done)}: its present values are accepted"))
+        refused[0].details.append(("done", f"{all_nodes(done)}: the present values are accepted"))
     return refused[0]
 
 
@@ -421,12 +421,11 @@ def _after_accepting(node: ReadableNode, journal: Journal, others: list[int]) ->
             )
         )
     if others:
-        ids = ", ".join(map(str, others))
         lines.append(
             Hint(
                 Action.RECOVER,
                 {"node": others[0]},
-                f"the change of {verbatim(journal.part.name)} on node {ids} can be rolled back, too: {{}}",
+                f"the change of {verbatim(journal.part.name)} on {all_nodes(others)} can be rolled back, too: {{}}",
             )
         )
     return lines

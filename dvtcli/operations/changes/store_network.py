@@ -13,7 +13,7 @@ from dvtcli.device.change.failed_change import BUS_BACK, also_lines, brought_bac
 from dvtcli.device.change.own_journal import complete_groups
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.store import WhoStored
-from dvtcli.domain.text import join_some
+from dvtcli.domain.text import all_nodes, join_some, some_nodes
 from dvtcli.errors import (
     BusUnavailable,
     DeviceRefused,
@@ -175,7 +175,7 @@ def _note_states(name: str, stores: Stores, journals: Sequence[OwnJournal]) -> l
     """Record the result of the stores in *journals*; returns errors."""
     failures: list[str] = []
     states = tuple(stores.states.values())
-    line = f"{name}: store on node {', '.join(str(state.node_id) for state in states)}"
+    line = f"{name}: store on {all_nodes([state.node_id for state in states])}"
     for journal in (journal for journal in journals if journal.is_begun):
         try:
             journal.record_stores(line, states, stores.equal)
@@ -191,8 +191,8 @@ def _say_too_late(session: SessionUser, stores: Stores) -> None:
         stores.was_late = True
         done = [str(state.node_id) for state in stores.states.values() if state.is_done]
         session.reporter.warning(
-            f"too late to stop before the stores: node {', '.join(done)} has stored; node {', '.join(rest)} still "
-            f"stores, so that all keep the same configuration (Ctrl-C again: stop at once)"
+            f"too late to stop before the stores: {all_nodes(done)} stored already; {all_nodes(rest)} will "
+            f"store, too, so that all keep the same configuration (Ctrl-C again: stop at once)"
         )
 
 
@@ -210,7 +210,7 @@ def _to_note(journals: Sequence[OwnJournal], node_id: int) -> Sequence[OwnJourna
 def _final(name: str, states: Iterable[Storing], one: Storing) -> str:
     """Describe the progress for a `recover` if this process ends in the middle."""
     done = [str(before.node_id) for before in states if before.is_done]
-    stored = f"; stored on node {', '.join(done)}" if done else ""
+    stored = f"; stored on {all_nodes(done)}" if done else ""
     return f"{name}: store on node {one.node_id}{stored}"
 
 
@@ -249,9 +249,9 @@ def not_all_stored(stores: Stores, journals: Sequence[Path], unstamped: Sequence
     refused = [node_id for node_id, failure in stores.failed.items() if not _is_unsure(failure)]
     spoilt = [node_id for node_id, failure in stores.failed.items() if _is_spoilt(failure)]
     unsure = [node_id for node_id in stores.failed if node_id not in (*refused, *spoilt)]
-    said = [f"whether node {join_some(map(str, unsure))} stored it is not known"] if unsure else []
+    said = [f"whether {some_nodes(unsure)} stored it is not known"] if unsure else []
     said += [_spoilt_text(spoilt)] if spoilt else []
-    said += [f"node {join_some(map(str, refused))} did not store it"] if refused else []
+    said += [f"{some_nodes(refused)} did not store it"] if refused else []
     left = LeftChanged(
         f"{_held(stores, unstamped)}, and {', and '.join(said)}",
         node=first,
@@ -274,11 +274,7 @@ def _held(stores: Stores, unstamped: Sequence[int]) -> str:
     """Say who holds planned values: accepted nodes are unverified; a stamp is 0 until its node stores."""
     accepted = [node_id for node_id, state in stores.states.items() if state.is_accepted]
     who = f"every node except {join_some(map(str, accepted))}, accepted as found," if accepted else "every node"
-    but = (
-        f" but the stamp of node {join_some(map(str, unstamped))}, which is 0 until the node has stored"
-        if unstamped
-        else ""
-    )
+    but = f" but the stamp of {some_nodes(unstamped)}, which is 0 until the node has stored" if unstamped else ""
     return f"{who} has the planned values{but}"
 
 
@@ -297,12 +293,12 @@ def only_some_stored(node_ids: Sequence[int], outcomes: Mapping[int, Stored | Ba
     missing = tuple(node_id for node_id in node_ids if node_id not in (*kept, *unsure))
     if not stored or not (unsure or missing):
         return None
-    said = [f"node {join_some(map(str, missing))} did not"] if missing else []
+    said = [f"{some_nodes(missing)} did not"] if missing else []
     said += [_spoilt_text(spoilt)] if spoilt else []
-    said += [f"whether node {join_some(map(str, untold))} stored is not known"] if untold else []
+    said += [f"whether {some_nodes(untold)} stored is not known"] if untold else []
     first = next(iter(faults.values()), None)
     error = LeftChanged(
-        f"node {join_some(map(str, stored))} stored, and {', and '.join(said)}",
+        f"{some_nodes(stored)} stored, and {', and '.join(said)}",
         node=(*missing, *unsure)[0],
         place=first.place if isinstance(first, DvtcliError) else None,
         why="; ".join(f"node {node_id}: {str(fault) or 'interrupted'}" for node_id, fault in faults.items()) or None,
@@ -328,10 +324,10 @@ def only_some_restored(node_ids: Sequence[int], outcomes: Mapping[int, Stored | 
     if not answers or len(node_ids) in (len(restored), len(unproved)):
         return None
     rest = sorted((*unproved, *unsure, *missing))
-    said = [f"node {join_some(map(str, restored))} restored its defaults"] if restored else []
-    said += [f"node {join_some(map(str, unproved))} may not have its defaults (not proved)"] if unproved else []
-    said += [f"node {join_some(map(str, missing))} did not"] if missing else []
-    said += [f"whether node {join_some(map(str, unsure))} restored them is not known"] if unsure else []
+    said = [f"{some_nodes(restored)} restored the defaults"] if restored else []
+    said += [f"{some_nodes(unproved)} may not have the defaults (not proved)"] if unproved else []
+    said += [f"{some_nodes(missing)} did not"] if missing else []
+    said += [f"whether {some_nodes(unsure)} restored them is not known"] if unsure else []
     return LeftChanged(
         ", and ".join(said),
         node=rest[0],
@@ -413,7 +409,7 @@ def _say_who(stores: Stores, left: LeftChanged) -> None:
 
 
 def _spoilt_text(spoilt: Sequence[int]) -> str:
-    return f"node {join_some(map(str, spoilt))} refused to store: its stored values are unknown"
+    return f"{some_nodes(spoilt)} refused to store: the stored values are unknown"
 
 
 def _is_spoilt(fault: BaseException) -> bool:

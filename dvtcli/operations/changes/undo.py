@@ -17,6 +17,7 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Plan
 from dvtcli.domain.rules.finding import WARNING, Finding, Rule, warning
 from dvtcli.domain.script_line import backup_of, change_lines
+from dvtcli.domain.text import all_nodes
 from dvtcli.errors import DvtcliError, NoAnswer, Restarted, SafetyRefusal, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.changes.change import change_result
 from dvtcli.operations.results import Changed, ChangedNodes
@@ -92,7 +93,7 @@ def _one_by_one(session: SessionNodes, things: Iterable[T], put_back: Callable[[
         again += [node_id for node_id, seen in boot_ups.items() if session.bus.boot_ups(node_id) != seen]
         if again:
             raise Restarted(
-                f"node {', '.join(map(str, again))} restarted after its roll-back: its unstored values are lost",
+                f"{all_nodes(again)} restarted after the roll-back: unstored values are lost",
                 hint=Hint(Action.SHOW_PDOS, why="check its supply, then its values with {}"),
                 state="unknown",
             )
@@ -228,7 +229,7 @@ def _tell_of_others(session: SessionNodes, remembered_device: RememberedDevice) 
     tops = remembered_device.guard.history.tops(session.selected_id())
     others = sorted({entry.plan.node_id for entry in tops} - {remembered_device.node.node_id})
     if others:
-        nodes = f"node {', '.join(map(str, others))}"
+        nodes = all_nodes(others)
         why = f"the changes on {nodes} are not undone by this: {{}} undoes them all"
         session.reporter.note(Hint(Action.UNDO, {"all": True}, why))
 
@@ -346,8 +347,7 @@ def nothing_remembered(change_files: ChangeFiles, selected: int | None) -> Usage
     others = sorted({top.plan.node_id for top in change_files.history().tops(None)})
     if selected is None and others:
         return UsageError(
-            f"nothing to undo: the history has no change of the devices that are now node "
-            f"{', '.join(map(str, others))}",
+            f"nothing to undo: the history has no change of the devices that are now {all_nodes(others)}",
             why="the remembered changes of these node-IDs are of other devices (0x1018)",
             hint=Hint(Action.UNDO, {"node": "ID"}, "if they have other node-IDs now: {}"),
         )

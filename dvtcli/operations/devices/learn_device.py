@@ -340,7 +340,7 @@ def refuse_other(name: str, node: ReadableNode) -> None:
         theirs = (next(iter(kept.vendor_ids), 0), next(iter(kept.product_codes), 0))
         if theirs != own:
             raise SafetyRefusal(
-                f"{path} was learnt of another device: {kept.title}, {_identity_text(*theirs)}; "
+                f"{path} was learnt from another device: {kept.title}, {_identity_text(*theirs)}; "
                 f"node {node.node_id} is {node.title}, {_identity_text(*own)}",
                 node=node.node_id,
                 hint=Hint(Action.GIVE_NAME, why="with another name")
@@ -405,7 +405,7 @@ def save_learnt(
     )
     if path is None:
         session.reporter.note(
-            f"no EDS of node {node.node_id} is known: {name}.eds has what was read of it, and no more"
+            f"no EDS of node {node.node_id} is known: {name}.eds has only the objects that were read from it"
         )
         if node.bus.bitrate is None:
             session.reporter.note(

@@ -22,6 +22,7 @@ from dvtcli.domain.network.network_config import ExpectedIdentity, NetworkConfig
 from dvtcli.domain.network.network_plan import LeftOut, NetworkPlan
 from dvtcli.domain.pdo import BY_SUB_INDEX, MAPPING, MAX_ENTRIES, Direction, Pdo, PdoConfig
 from dvtcli.domain.rules.pdo_mapping import enables_nothing
+from dvtcli.domain.text import all_nodes
 from dvtcli.errors import SafetyRefusal, SdoAborted, UsageError
 from dvtcli.files.eds.numbers import same_value
 from dvtcli.operations.devices.held_device import (
@@ -204,9 +205,7 @@ def _node_ids(session: SessionNodes, held: HeldDevice, options: DeviceOptions) -
         ids = options.nodes or selected_nodes(session) or (node_of_file(session, held),)
     others = [str(other_id) for other_id in ids if held.node_id not in (None, other_id)]
     if others:
-        text = (
-            f"{held.name} is of node {held.node_id}: on node {', '.join(others)} values with $NODEID use that node-ID"
-        )
+        text = f"{held.name} is of node {held.node_id}: on {all_nodes(others)} values with $NODEID use that node-ID"
         session.reporter.note(text)
     return ids
 

@@ -23,7 +23,7 @@ from dvtcli.domain.network.network_config import (
 from dvtcli.domain.network.worst_case_load import worst_case_load
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import Severity
-from dvtcli.domain.text import join_some, plural
+from dvtcli.domain.text import all_nodes, join_some, plural
 from dvtcli.errors import DeviceRefused, RuleError, UsageError
 from dvtcli.files.device_file import VALUE_SUFFIXES, change_values
 from dvtcli.files.eds.ini import MOST_BYTES
@@ -287,7 +287,7 @@ class EditedNetwork:
     def notes(self) -> tuple[str, ...]:
         """The nodes that are not edited."""
         others = [str(node.node_id) for node in self._config.nodes if node.node_id not in self._words]
-        return (f"node {', '.join(others)} has no EDS: its part of the file is kept unchanged",) if others else ()
+        return (f"no EDS of {all_nodes(others)}: this part of the file is kept unchanged",) if others else ()
 
     def fill(self, session: Session) -> None:
         """Set the nodes to the PDOs in the file; raises UsageError if a rule or a simulated node refuses them."""

@@ -12,7 +12,7 @@ from dvtcli.device.file_fits import refuse_unlike_file
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_config import NetworkConfig
 from dvtcli.domain.script_line import change_lines
-from dvtcli.domain.text import join_some, plural
+from dvtcli.domain.text import all_nodes, join_some, plural
 from dvtcli.errors import NoAnswer, UsageError
 from dvtcli.files.dbc_text import SUFFIX as DBC_SUFFIX
 from dvtcli.files.device_file import VALUE_SUFFIXES
@@ -93,7 +93,7 @@ def export_nodelist(session: SessionNodes, file: str, *, twice: bool = False) ->
             hint=Hint(Action.ADD_EDS, why="adds it to the library for all nodes of this type; then export again"),
         )
     if untold:
-        why = f"node {', '.join(untold)}: no DCF, since it has no EDS; add an EDS to the library, then export again"
+        why = f"{all_nodes(untold)}: no DCF, since there is no EDS; add an EDS to the library, then export again"
         notes.insert(0, why)
         said.insert(0, why)
     make_file(session, path, eds_bytes(nodelist_text(Nodelist(path.parent.resolve().name, tuple(nodes)))))

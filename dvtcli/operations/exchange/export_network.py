@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -41,6 +41,7 @@ from dvtcli.simulator.network.family_file import family_of
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
+    from dvtcli.domain.network.network_config import Endpoint
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
     from dvtcli.domain.ports import SdoReader
@@ -408,7 +409,7 @@ class FoundNode:
 
 
 def write_found(
-    session: SessionUser, path: Path, file: str, title: str, found: list[FoundNode], notes: list[str]
+    session: SessionUser, path: Path, file: str, title: str, found: list[FoundNode], notes: Sequence[Hint | str]
 ) -> Facts:
     """Write the nodes *found* and their links to *path*, named *file* by the user, under *title*.
 
@@ -419,9 +420,7 @@ def write_found(
         {node_id: exported_node.held for node_id, exported_node in nodes.items()},
         lambda consumer, producer: _watches(nodes[consumer].values, nodes[producer].values, producer),
     )
-    for consumer, producer in links.unlike:
-        received, sent = (f"{end.node_id}:{end.pdo}" for end in (consumer, producer))
-        notes.append(f"{received} receives {sent}, but their layouts differ: no link")
+    notes = [*notes, *map(_unlike, links.unlike)]
     options = tuple(exported_node.exported.config for _, exported_node in sorted(nodes.items()))
     remarks = {word: text for node in found for word, text in node.exported.remarks.items()}
     make_file(session, path, write_network(NetworkConfig(options, links.links), title, remarks))
@@ -430,7 +429,7 @@ def write_found(
     errors = _errors(file)
     judged = f"{plural(errors, 'error')} to correct first" if errors else "Check it"
     checked = Hint(Action.CHECK, {"file": file}, f"{verbatim(file)}: {counts}. {judged}: {{}}")
-    said: list[Hint | str] = [checked, *(f"note: {note}" for note in notes)]
+    said: list[Hint | str] = [checked, *map(_noted, notes)]
     rows = (
         ("file", file),
         ("nodes", [_row(exported_node) for _, exported_node in sorted(nodes.items())]),
@@ -439,6 +438,15 @@ def write_found(
         ("notes", notes),
     )
     return Facts("import", rows, tuple(said))
+
+
+def _unlike(ends: tuple[Endpoint, Endpoint]) -> str:
+    received, sent = (f"{end.node_id}:{end.pdo}" for end in ends)
+    return f"{received} receives {sent}, but their layouts differ: no link"
+
+
+def _noted(note: Hint | str) -> Hint | str:
+    return replace(note, why=f"note: {note.why}") if isinstance(note, Hint) else f"note: {note}"
 
 
 def _errors(file: str) -> int:

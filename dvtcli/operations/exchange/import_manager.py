@@ -28,6 +28,7 @@ from dvtcli.domain.network.network_config import (
 from dvtcli.domain.network.network_state import CONCISE_DCF
 from dvtcli.domain.pdo import MAX_ENTRIES, MAX_PDO_BITS, Pdo, PdoMappingEntry
 from dvtcli.domain.plan import STAMP
+from dvtcli.domain.text import all_nodes
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.files.network.network_keys import OF, Where
 from dvtcli.files.profile.library import profile_for_identity, profile_of
@@ -296,7 +297,7 @@ def import_manager(session: SessionNodes, file: str, manager: int) -> Facts:
         why = f": {'; '.join(notes)}" if notes else ""
         raise UsageError(f"node {manager} ({node.title}) downloads no values to any node{why}", node=manager)
     if unnamed:
-        notes.append(f"node {', '.join(unnamed)}: no EDS, so objects are written as numbers; `dcf:` names an EDS")
+        notes.append(f"{all_nodes(unnamed)}: no EDS, so objects are written as numbers; `dcf:` names an EDS")
     return write_found(
         session, path, file, f"Values that node {manager} downloads to the nodes that it boots", found, notes
     )

@@ -16,7 +16,7 @@ from dvtcli.device.read_pdos import WHATEVER, present_pdos, read_identity, read_
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_state import CONSUMER_HEARTBEAT
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.text import join_some, plural
+from dvtcli.domain.text import all_nodes, join_some, plural, some_nodes
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.files.device_file import DEVICE_SUFFIXES, must_not_be_cut, read_device_file
 from dvtcli.files.file_info import is_read_out
@@ -72,7 +72,7 @@ def nodelist_in(place: Path) -> Path | None:
     return found[0] if found else None
 
 
-def listed_files(nodelist: Path, notes: list[str]) -> list[ListedFile]:
+def listed_files(nodelist: Path, notes: list[Hint | str]) -> list[ListedFile]:
     """Read the files in *nodelist* by node-ID; *notes* gets entries left out.
 
     Raises InputFileError if it is invalid or a file is missing; UsageError if it cannot be read.
@@ -86,7 +86,7 @@ def listed_files(nodelist: Path, notes: list[str]) -> list[ListedFile]:
         f"{nodelist.name}: network {other.name or 'without a name'} is left out: one file, one bus" for other in others
     )
     if first.absent:
-        notes.append(f"{nodelist.name}: not present: node {join_some(map(str, first.absent))}")
+        notes.append(f"{nodelist.name}: not present: {some_nodes(first.absent)}")
     found = []
     for node in first.nodes:
         if node.dcf:
@@ -141,7 +141,7 @@ class _FileNode:
         return {name: told[name] or read_identity(self.values, sub) for sub, name in enumerate(told, 1)}
 
 
-def nodes_of_files(folder: Path, path: Path, notes: list[str]) -> Iterator[FoundNode]:
+def nodes_of_files(folder: Path, path: Path, notes: list[Hint | str]) -> Iterator[FoundNode]:
     """Yield the nodes of the EDS and DCF files in *folder* for the network file *path*; *notes* gets omissions.
 
     Raises UsageError if there are none.
@@ -150,32 +150,32 @@ def nodes_of_files(folder: Path, path: Path, notes: list[str]) -> Iterator[Found
     described = _described(folder, notes)
     for node in described:
         yield _of_file(node, path, notes, usual)
-    notes += _bit_rate_of_files(described)
+    notes += _bit_rate_of_files(described, path)
     if usual:
         files = "its file" if len(usual) == 1 else "their files"
         notes.append(
-            f"node {', '.join(usual)}: other values of {files} left out, all equal to the defaults: apply a file "
+            f"{all_nodes(usual)}: other values of {files} left out, all equal to the defaults: apply a file "
             f"itself to write its configuration objects"
         )
 
 
-def _bit_rate_of_files(nodes: Sequence[_FileNode]) -> Iterator[str]:
+def _bit_rate_of_files(nodes: Sequence[_FileNode], path: Path) -> Iterator[Hint | str]:
     """Note the bit rate of the DCFs of *nodes*, or that they have several."""
     rates = sorted({rate for node in nodes if (rate := node.dictionary.info.commissioning.bit_rate_kbit)})
     if len(rates) == 1:
-        yield _bit_rate_note(1000 * rates[0])
+        yield _bit_rate_note(path, 1000 * rates[0])
     elif rates:
         yield f"the files have several bit rates: {', '.join(map(str, rates))} kbit/s; a network has one"
 
 
-def _bit_rate_note(bit_rate: int) -> str:
-    """Say how *bit_rate* (bit/s) gets into a check; a network file has whole kbit/s only."""
-    note = f"the bit rate is not written: for load and deadlines, give the check {bit_rate} bit/s"
-    whole = f", or add master: {{baudrate: {bit_rate // 1000}}} (kbit/s) to the file"
-    return note if bit_rate % 1000 else note + whole
+def _bit_rate_note(path: Path, bit_rate: int) -> Hint:
+    """Say how *bit_rate* (bit/s) gets into a check of the network file *path*, which has whole kbit/s only."""
+    whole = f", or add master: {{{{baudrate: {bit_rate // 1000}}}}} (kbit/s)"
+    why = f"no bit rate in the file: for load and deadlines, {{}}{'' if bit_rate % 1000 else whole}"
+    return Hint(Action.CHECK, {"file": path, "bit_rate": bit_rate}, why)
 
 
-def _of_file(one: _FileNode, path: Path, notes: list[str], usual: list[str]) -> FoundNode:
+def _of_file(one: _FileNode, path: Path, notes: list[Hint | str], usual: list[str]) -> FoundNode:
     """Return node *one* for the network file *path*; *usual* gets its node-ID if it has other values, all defaults."""
     held: dict[Pdo, PdoConfig] = {}
     lacked = _lacked(one)
@@ -250,7 +250,7 @@ def _read(path: Path) -> ObjectDictionary:
     return dictionary
 
 
-def _described(folder: Path, notes: list[str]) -> list[_FileNode]:
+def _described(folder: Path, notes: list[Hint | str]) -> list[_FileNode]:
     """Return the nodes of files in *folder*, with their own or the next free node-ID.
 
     If *folder* is or has a nodelist, those in the nodelist.
@@ -314,13 +314,13 @@ def import_network(session: SessionNodes, file: str, folder: str | None = None, 
         return import_manager(session, file, manager)
     path = network_place(file, "NAME.yaml")
     ask_before_overwriting(session, path)
-    notes: list[str] = []
+    notes: list[Hint | str] = []
     if folder is None:
         bus = session.bus
         title = f"Values of the network {bus.name}"
         found = list(_live(session, path, notes))
         if bus.bitrate is not None and not bus.simulated:
-            notes.append(_bit_rate_note(bus.bitrate))
+            notes.append(_bit_rate_note(path, bus.bitrate))
         if not found:
             raise NoAnswer(
                 "no node answers",
@@ -333,11 +333,11 @@ def import_network(session: SessionNodes, file: str, folder: str | None = None, 
     left_out: dict[str, list[str]] = {}
     for node in found:
         left_out.setdefault(node.exported.left_out_note, []).append(str(node.exported.config.node_id))
-    notes += (f"node {', '.join(node_ids)}: {note}" for note, node_ids in left_out.items() if note)
+    notes += (f"{all_nodes(node_ids)}: {note}" for note, node_ids in left_out.items() if note)
     return write_found(session, path, file, title, found, notes)
 
 
-def _live(session: SessionNodes, path: Path, notes: list[str]) -> Iterator[FoundNode]:
+def _live(session: SessionNodes, path: Path, notes: list[Hint | str]) -> Iterator[FoundNode]:
     """Yield every answering node; reports nodes that are present but do not answer."""
     unnamed: list[str] = []
     ids = list(_ids(session, notes))
@@ -359,7 +359,7 @@ def _live(session: SessionNodes, path: Path, notes: list[str]) -> Iterator[Found
             unnamed.append(str(node_id))
         yield FoundNode(found, held, _memory(node))
     if unnamed:
-        who = f"node {', '.join(unnamed)}"
+        who = all_nodes(unnamed)
         notes.append(f"{who}: no EDS, so objects are written as numbers; add an EDS to the library, then import again")
 
 
@@ -389,7 +389,7 @@ def _memory(node: ReadableNode) -> SdoReader:
     return node.read_cache
 
 
-def _ids(session: SessionNodes, notes: list[str]) -> Iterator[int]:
+def _ids(session: SessionNodes, notes: list[Hint | str]) -> Iterator[int]:
     if session.base.nodes:
         yield from session.base.nodes
         return

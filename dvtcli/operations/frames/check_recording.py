@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_state import identifier_of
 from dvtcli.errors import InputFileError, UsageError
+from dvtcli.files.device_file import DEVICE_SUFFIXES
 from dvtcli.files.recordings.formats import NETWORK_FILE, is_recording, other_format
 from dvtcli.files.recordings.read_recording import check_readable, read_recorded
 from dvtcli.operations.frames.recorded import decoder_for, standard_input
@@ -40,10 +41,11 @@ def are_recordings(files: Sequence[str]) -> bool:
     """
     recordings = [file for file in files if file == STDIN or is_recording(Path(file))]
     for file in files if not recordings else ():
-        if (other := other_format(Path(file))) not in ("", NETWORK_FILE):
+        other = other_format(Path(file)) or (_DEVICE_FILE if _is_device_file(file) else "")
+        if other not in ("", NETWORK_FILE):
             raise UsageError(
                 f"{file} is neither a recording nor a network file: it is {other}",
-                hint="a network file is YAML; recordings are what dvtcli's log, candump and other tools write",
+                hint=_checked_otherwise(file),
             )
     if recordings and len(recordings) < len(files):
         raise UsageError(
@@ -51,6 +53,20 @@ def are_recordings(files: Sequence[str]) -> bool:
             hint=Hint(Action.CHECK, {"file": recordings[0]}, "{} checks it; the others by a check of their own"),
         )
     return bool(recordings)
+
+
+_DEVICE_FILE = "an EDS, DCF, XDD or XDC file"
+
+
+def _is_device_file(file: str) -> bool:
+    return Path(file).suffix.lower() in DEVICE_SUFFIXES and Path(file).is_file()
+
+
+def _checked_otherwise(file: str) -> Hint | str:
+    """How to check *file*, neither a recording nor a network file."""
+    if _is_device_file(file):
+        return Hint(Action.CHECK_EDS, {"file": file})
+    return "a network file is YAML; recordings are what dvtcli's log, candump and other tools write"
 
 
 @dataclass(frozen=True, slots=True)

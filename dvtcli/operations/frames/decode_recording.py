@@ -206,7 +206,7 @@ def _write_file(
         raise DvtcliError(
             f"{target}: {failed.strerror or failed} after {rows.frames} frames",
             place=str(target),
-            hint="an older file of that name is as it was",
+            hint="an older file of that name is unchanged",
         ) from failed
 
 

@@ -118,7 +118,8 @@ def _rows(decoder: Decoder, text: str, reader: FrameReader, only: frozenset[str]
         )
     raise UsageError(
         "no mappings: there is nothing to decode",
-        hint=Hint(Action.GIVE, {"node_ids": None}, "name {} that answer") + Hint(Action.GIVE, {"dbc": None}, ", or {}"),
+        hint=Hint(Action.GIVE, {"node_ids": None}, "name nodes that answer: {}")
+        + Hint(Action.GIVE, {"dbc": None}, ", or {}"),
     )
 
 

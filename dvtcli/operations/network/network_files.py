@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.other_producers import received_ids
 from dvtcli.domain.hint import Action, Hint, plain_json
 from dvtcli.domain.network.network_plan import NetworkPlan
+from dvtcli.domain.text import all_nodes
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.plan_file import is_network_plan, read_network_plan
 from dvtcli.operations.changes.change import names, understood
@@ -109,7 +110,7 @@ def apply_file(
     applied_now = apply_network(session, plan, prove=prove)
     unproved = [str(node.node_id) for node in plan.nodes if node.store and not node.stores]
     if prove is not None and unproved:
-        words = f"node {', '.join(unproved)} stored nothing now, so its stored values are not proved; {{}} proves them"
+        words = f"{all_nodes(unproved)} stored nothing now, so the stored values are not proved; {{}} proves them"
         session.reporter.note(Hint(Action.PROVE_STORE, {"node": [int(node) for node in unproved]}, words))
     return applied_now
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.device.change.private_file import to_disk, unfinished
 from dvtcli.domain.hint import Action, Hint, as_hint
-from dvtcli.domain.text import join_some
+from dvtcli.domain.text import all_nodes, join_some
 from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError
 from dvtcli.operations.results.facts import Check
 from dvtcli.operations.user.options import Options
@@ -190,7 +190,7 @@ def _received(session: SessionNodes) -> Iterator[Check]:
         yield Check(
             "traffic", "warn", f"nothing was received in {LISTEN_S:g} s", f"nodes may be silent: scan asks. {_WORST}"
         )
-    yield Check("heartbeats", "ok", f"heard of node {', '.join(map(str, nodes))}" if nodes else "none was received")
+    yield Check("heartbeats", "ok", f"heard of {all_nodes(nodes)}" if nodes else "none was received")
 
 
 def _node(session: SessionNodes) -> Iterator[Check]:

@@ -37,7 +37,7 @@ def sync_frame(sdo: SdoTransport) -> Frame:
     return Frame(raw & 0x7FF, b"") if raw & 0x7FF else DEFAULT
 
 
-RULES = (Rule("sync-producer", WARNING, "`sync --check`: no node produces SYNC", "CiA 301, 7.5.2.5 and 7.5.2.6"),)
+RULES = (Rule("sync-producer", WARNING, "no known node produces SYNC", "CiA 301, 7.5.2.5 and 7.5.2.6"),)
 #: The bus is recorded for two periods of the slowest node, within these limits, in seconds.
 _SHORTEST_S, _LONGEST_S = 0.1, 2.5
 
@@ -55,14 +55,28 @@ def check_sync(session: SessionNodes, node_ids: Iterable[int] = ()) -> SyncCheck
     identifiers = {(0x080, False)} | {(source.can_id, source.extended) for source in sources}
     received = sum((frame.can_id, frame.extended) in identifiers for frame in session.wire.receive(listen_s))
     checked = SyncCheck(sources, received, round(listen_s * 1000))
-    finding = warning(
-        "sync-producer",
-        "0x1005:00",
-        "no node produces SYNC: synchronous PDOs are not transmitted",
-        Hint(Action.WRITE, {"object": "1005", "value": "0x40000080"}, "makes a node the producer")
-        + Hint(Action.SEND_SYNC, {"period": 20, "count": 100}, ", or {} sends SYNC from here"),
-    )
-    return checked if checked.produced else replace(checked, findings=(finding,))
+    text = "no known node produces SYNC, and synchronous PDOs wait for it"
+    if checked.produced:
+        return checked
+    finding = warning("sync-producer", "0x1005:00", text, _start_of_sync(sources))
+    return replace(checked, findings=(finding,))
+
+
+def _start_of_sync(sources: Iterable[SyncSource]) -> Hint:
+    """How to make a node the producer: preferably one whose period is set; and how to send SYNC once."""
+    able = sorted((source for source in sources if source.cob_id is not None), key=lambda source: not source.period_us)
+    sent = Hint(Action.SEND_SYNC, {"period": 20, "count": 100}, "sends SYNC from here")
+    if not able or able[0].period_us is None:
+        return sent
+    first, node = able[0], {"node": able[0].node}
+    produces = Hint(
+        Action.WRITE, {**node, "object": "1005", "value": f"0x{(first.cob_id or 0) | _PRODUCES:08X}"},
+        f"makes node {first.node} the producer",
+    )  # fmt: skip
+    if not first.period_us:
+        period = Hint(Action.WRITE, {**node, "object": "1006", "value": "20000"}, "sets its period (µs)")
+        produces = produces.after(period)
+    return produces + replace(sent, why=", or {} sends SYNC from here")
 
 
 def _nodes(session: SessionNodes, besides: Iterable[int]) -> list[Node]:

@@ -25,7 +25,7 @@ from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, PdoChange, ValueChange, plan_pdo
 from dvtcli.domain.script_line import change_lines
-from dvtcli.domain.text import join_some, plural
+from dvtcli.domain.text import all_nodes, join_some, plural
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, Restarted, SafetyRefusal
 from dvtcli.operations.changes.change import AlsoExpected, ExpectedAtStore, keep_words, require_held
 from dvtcli.operations.changes.network_phases import apply_together
@@ -186,17 +186,17 @@ def _equal(nodes: Mapping[int, ReadableNode], planned: Sequence[NodePlan]) -> tu
 def _question(nodes: Mapping[int, Node], planned: list[NodePlan], name: str, prove: str | None) -> str:
     writes = plural(sum(len(plan.plan) for plan in planned), "write")
     stores = [str(plan.node_id) for plan in planned if plan.stores]
-    store = f", and store on node {', '.join(stores)}" if stores else ""
+    store = f", and store on {all_nodes(stores)}" if stores else ""
     if stores and prove == "reset":
         store += f", then reset {'it' if len(stores) == 1 else 'them'}"
     doubts = "".join(f"{plan.doubt}; " for plan in planned if plan.doubt)
     moved = [said.text for plan in planned for said in plan.findings if said.rule in MOVES]
     doubts += "".join(f"{text}; " for text in moved)
-    text = f"{doubts}{name} {writes} to node {', '.join(str(plan.node_id) for plan in planned)}{store}?"
+    text = f"{doubts}{name} {writes} to {all_nodes([plan.node_id for plan in planned])}{store}?"
     leaving = (nodes[plan.node_id] for plan in planned if nodes[plan.node_id].is_pre_operational_wanted)
     running = [str(node.node_id) for node in leaving if present_state(node.access) is NmtState.OPERATIONAL]
     if running:
-        text = f"node {', '.join(running)} is set from OPERATIONAL to PRE-OPERATIONAL and back; {text}"
+        text = f"{all_nodes(running)}: from OPERATIONAL to PRE-OPERATIONAL and back; {text}"
     return text
 
 

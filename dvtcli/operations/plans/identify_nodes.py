@@ -14,6 +14,7 @@ from dvtcli.device.file_fits import refuse_unlike_file
 from dvtcli.device.read_pdos import read_identity
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_state import IDENTITY_NAMES
+from dvtcli.domain.text import all_nodes
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SafetyRefusal, SdoProtocolError
 from dvtcli.operations.plans.read_network_config import eds_of
 from dvtcli.operations.results.failures import together
@@ -112,7 +113,7 @@ def _joined(failures: list[DvtcliError]) -> None:
     """Merge failures of silent nodes into one."""
     silent = [failure for failure in failures if isinstance(failure, NoAnswer) and failure.node is not None]
     if len(silent) > 1:
-        silent[0].text = f"nodes {', '.join(str(no_answer.node) for no_answer in silent)} do not answer"
+        silent[0].text = f"{all_nodes([failure.node for failure in silent])} do not answer"
         for answer in silent[1:]:
             failures.remove(answer)
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.network.network_config import Endpoint
-from dvtcli.domain.text import plural
+from dvtcli.domain.text import all_nodes, plural
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.network.read_network import WhyNot, read_network_file
 from dvtcli.operations.plans.stamping import linked_with
@@ -118,8 +118,9 @@ def _why_no_profile(name: str) -> str:
 
 def skipped_rules(ids: Collection[int]) -> str:
     """Say that rules which need an EDS were skipped for the nodes *ids* without a description."""
-    nodes = f"node{'' if len(ids) == 1 else 's'} {', '.join(map(str, sorted(ids)))}"
-    return f"{nodes}: no EDS, so rules that need an EDS were skipped; `dcf:` next to node_id names an EDS"
+    return (
+        f"{all_nodes(sorted(ids))}: no EDS, so rules that need an EDS were skipped; `dcf:` next to node_id names an EDS"
+    )
 
 
 def named_nodes(session: Session) -> tuple[int, ...]:
@@ -138,7 +139,7 @@ def of_nodes(session: SessionUser, file: str, config: NetworkConfig, ids: tuple[
     if not ids:
         return config
     if unknown := [chosen_id for chosen_id in ids if chosen_id not in {node.node_id for node in config.nodes}]:
-        raise UsageError(f"{file} has no node {', '.join(map(str, unknown))}", place=file)
+        raise UsageError(f"{file} has no {all_nodes(unknown)}", place=file)
     chosen, alone = _without_torn_links(config, _without_stamps(config, config.of(ids)))
     if left_out := len(config.links) - len(chosen.links):
         stay = ", ".join(f"{end.node_id}:{end.pdo}" for end in alone)

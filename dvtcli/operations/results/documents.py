@@ -21,14 +21,19 @@ CASES = {"github": "github_lines:github_case_lines", "junit": "junit_lines:junit
 
 
 class Short:
-    """A result, or a part: short if printed, with every field in its `repr`."""
+    """A result, or a part: a line in a Python session; `dataclasses.asdict` has every field."""
 
     __slots__ = ()
 
     def __init_subclass__(cls) -> None:
-        # IPython asks each class, the last first, and prefers a dataclass's own repr
+        # a dataclass makes a repr of all its fields unless its class has one; IPython asks each class, the last first
         if "_repr_pretty_" not in vars(cls):
             cls._repr_pretty_ = Short._repr_pretty_  # type: ignore[method-assign]
+        if "__repr__" not in vars(cls):
+            cls.__repr__ = Short.__repr__  # type: ignore[method-assign]
+
+    def __repr__(self) -> str:
+        return f"<{brief(self)}>"
 
     def __str__(self) -> str:
         """Print it in a line, without default values."""
@@ -58,7 +63,7 @@ class Answer(Short):
         return ""
 
     def __str__(self) -> str:
-        """Print it in short: summary, and a line per row; `repr` has every field."""
+        """Print it in short: summary, and a line per row."""
         return "\n  ".join([brief(self), *(str(brief(row)) for row in self._shown())])
 
     def _shown(self) -> Iterable[object]:

@@ -149,7 +149,7 @@ def _faults(options: Options, nodes: tuple[Simulated, ...]) -> tuple[Fault, ...]
     for fault in faults:
         if fault.kind.of_bit_rate:
             raise UsageError(
-                "a served bus keeps its one bit rate",
+                "the bit rate of a served bus cannot change",
                 given={"faults": fault},
                 hint=Hint(Action.GIVE, {"nodes": None}, "it is for {}"),
             )

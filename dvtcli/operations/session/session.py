@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
+from dvtcli.domain.text import all_nodes
 from dvtcli.errors import DvtcliError, UsageError
 from dvtcli.operations.session.opened import Opened
 
@@ -116,7 +117,7 @@ class Session(Opened):
                 hint=Hint(
                     Action.GIVE,
                     {"node_id": "ID"},
-                    "{} with one node-ID; what looks at nodes, stores, or takes a file goes with several",
+                    "{} with one node-ID; commands that read, store, or take a file accept several",
                 ),
             )
         if self.base.sim and (simulated := self.network.simulated_ids):
@@ -172,11 +173,11 @@ class Session(Opened):
             ]
             if not restarted:
                 return found
-            names = f"node {', '.join(map(str, restarted))}"
+            names = all_nodes(restarted)
             if left:
-                self.reporter.note(f"{names} restarted while it was read: it is read again")
+                self.reporter.note(f"{names} restarted during the reading, which is repeated")
         raise NoAnswer(
-            f"{names} restarted each of {MAX_READS} times that it was read",
+            f"{names} restarted during each of {MAX_READS} readings",
             node=restarted[0],
             hint="check its supply and its wiring, then try again",
         )

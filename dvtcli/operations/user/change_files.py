@@ -18,7 +18,7 @@ from dvtcli.device.change.private_file import unusable
 from dvtcli.device.programs import ProgramNotes
 from dvtcli.domain.hint import Action, Hint, as_hint, verbatim
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.text import join_some
+from dvtcli.domain.text import all_nodes, join_some
 from dvtcli.errors import InputFileError, SafetyRefusal
 from dvtcli.files.user_folders import user_folder
 from dvtcli.operations.user.options import Options
@@ -139,7 +139,7 @@ def _changed(journal: Journal) -> str:
     together = [] if whole is None else Journals(journal.path.parent, journal.bus).all_of(whole)
     ids = sorted({journal.plan.node_id, *(other_journal.plan.node_id for other_journal in together)})
     if len(ids) > 1:
-        return f"nodes {', '.join(map(str, ids))}"
+        return all_nodes(ids)
     return f"{join_some(journal.labels)} of node {ids[0]}"
 
 

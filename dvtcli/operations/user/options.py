@@ -152,7 +152,7 @@ def _folder(text: str) -> str:
         return text and os.path.abspath(text)  # noqa: PTH100 - pathlib costs 7 ms of a --help
     except FileNotFoundError:
         raise UsageError(
-            "this folder was removed", given={"journal": text}, hint="cd, or give the whole path"
+            "this folder was removed", given={"journal": text}, hint="change to another folder, or give the whole path"
         ) from None
 
 

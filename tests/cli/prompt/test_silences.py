@@ -16,8 +16,10 @@ def test_a_missing_heartbeat_is_said_once_and_once_that_it_is_back() -> None:
 def test_many_nodes_are_one_message() -> None:
     silences = Silences()
     gone = {node_id: (2.0 + node_id / 100, True) for node_id in (1, 2, 3)}
-    assert silences.heard_of(gone, 1.0) == ["node 1, 2, 3  heartbeats lost: the last were received 2.0 to 2.0 s ago"]
-    assert silences.heard_of(dict.fromkeys(gone, (0.0, False)), 2.0) == ["node 1, 2, 3  heartbeats are back"]
+    assert silences.heard_of(gone, 1.0) == [
+        "nodes 1, 2 and 3  heartbeats lost: the last were received 2.0 to 2.0 s ago"
+    ]
+    assert silences.heard_of(dict.fromkeys(gone, (0.0, False)), 2.0) == ["nodes 1, 2 and 3  heartbeats are back"]
 
 
 def test_heartbeats_that_come_and_go_are_not_said_each_time_and_the_last_state_is() -> None:

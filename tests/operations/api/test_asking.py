@@ -21,8 +21,8 @@ def test_who_produces_sync_is_what_the_command_says() -> None:
         assert isinstance(checked, SyncCheck)
         said, typed = checked.document(), ran.document
         [found], [line] = said["findings"], typed["findings"]
-        assert found.pop("hint").startswith("`node.write('1005', 0x40000080)` makes a node the producer")
-        assert line.pop("hint").startswith("`dvtcli --sim gen4 write 1005 0x40000080` makes a node the producer")
+        assert found.pop("hint").startswith("`bus.node(1).write('1005', 0x40000080)` makes node 1 the producer")
+        assert line.pop("hint").startswith("`dvtcli --sim gen4 write 1005 0x40000080` makes node 1 the producer")
         assert (found.pop("next"), line.pop("next")[3:]) == (None, ["write", "1005", "0x40000080"])
         assert said == typed
         assert not checked

@@ -31,7 +31,7 @@ from dvtcli.testing import Serve
 from tests.cli.commands.bench import Bench
 from tests.harness.sample import heavy
 from tests.posix import SIGKILL
-from tests.process import PATIENCE_S, environment
+from tests.process import PATIENCE_S, ROOT, environment
 
 
 def test_a_map_answers_what_the_command_answers() -> None:
@@ -590,5 +590,23 @@ def test_a_row_by_itself_is_short() -> None:
     assert str(rows[0]) == "TPDO1 0x181 enabled, type 255: 6041:00/16"
     assert str(rows[1]).startswith("ObjectRow(object=2020:03, name=Motor drive left.Target velocity left, ")
     for row in rows:
-        assert len(str(row)) < len(repr(row)), repr(row)
         assert "\n" not in str(row)
+        assert repr(row) == f"<{row}>"
+
+
+def test_every_answer_and_its_plan_are_a_short_line_in_a_python_session() -> None:
+    """The interpreter shows the `repr` of what a line returns."""
+    with dvtcli.simulate("gen4", "generic@5", ask=lambda _question: True) as bus:
+        node = bus.node(1)
+        changed = node.map("tpdo1", "6041", "606C")
+        planned = bus.plan(ROOT / "examples" / "first.yaml")
+        answers = (
+            changed, changed.plan, planned, planned.plan, planned.plan.nodes[0], bus.scan(), node.pdos(), node.verify(),
+            node.read("6041"), node.store(), bus.check(ROOT / "examples" / "line.yaml"),
+            bus.load(ROOT / "examples" / "line.yaml", for_s=0), bus.apply(ROOT / "examples" / "first.yaml"),
+            dvtcli.profile("gen4"), bus.lss, node.vpdo(), node.undo(),
+        )  # fmt: skip
+    assert repr(changed.plan) == "<Plan of node 1: 6 steps of TPDO1>"
+    for answer in answers:
+        assert "\n" not in repr(answer)
+        assert len(repr(answer)) < 300, repr(answer)

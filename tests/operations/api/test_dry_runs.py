@@ -83,7 +83,7 @@ def test_another_one_in_it_is_refused_and_ends_nothing() -> None:
     with dvtcli.simulate("gen4@5") as bus:
         before = event_timer(bus)
         with bus.dry_run():
-            with pytest.raises(errors.UsageError, match="a dry run is going on already"), bus.dry_run():
+            with pytest.raises(errors.UsageError, match="a dry run is already in progress"), bus.dry_run():
                 pass
             assert bus.is_dry_run
             assert bus.node(5).set("tpdo1", timer_ms=111).dry_run

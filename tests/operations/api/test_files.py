@@ -121,8 +121,8 @@ def test_all_nodes_go_to_one_file_and_files_to_other_formats(tmp_path: Path, mon
         assert bus.export("now.dbc", yes=True) == ()
         left_out = bus.import_network("line.yaml", "nodelist.cpj")
         assert left_out == (
-            "node 1, 5: other values of their files left out, all equal to the defaults: apply a file itself to write "
-            "its configuration objects",
+            "nodes 1 and 5: other values of their files left out, all equal to the defaults: apply a file itself "
+            "to write its configuration objects",
         )
     about, comments = dvtcli.convert("node5.dcf", "node5.xdc")
     assert about.startswith("FileInfo: Description (")

@@ -17,7 +17,7 @@ from tests.process import ROOT
 def test_a_program_plans_and_applies_a_network_file(tmp_path: Path) -> None:
     file = tmp_path / "net.yaml"
     file.write_text("a: {node_id: 1, tpdo: {1: {event_timer: 70}}}\nb: {node_id: 5, tpdo: {1: {event_timer: 80}}}\n")
-    with dvtcli.simulate("generic@1", "generic@5", ask=lambda question: "node 1, 5" in question) as bus:
+    with dvtcli.simulate("generic@1", "generic@5", ask=lambda question: "nodes 1 and 5" in question) as bus:
         planned = bus.plan(file)
         assert (bool(planned), planned.plan.writes, planned.exit_code) == (False, 2, 0)
         assert bus.apply(file)

@@ -186,7 +186,7 @@ def test_a_node_that_restarts_meanwhile_is_read_again(line: str, tmp_path: Path)
         assert bench.run("write 1017 700").code == 0
         made = bench.run(line.format(tmp_path))
         assert made.code == 0
-        assert "restarted while it was read: it is read again" in made.stderr
+        assert "restarted during the reading, which is repeated" in made.stderr
         (file,) = tmp_path.iterdir()
         assert bench.run(f"compare {file}").code == 0
         assert "700" not in bench.run("read 1017").stdout

@@ -148,7 +148,10 @@ def test_a_bus_that_is_gone_for_every_node_is_said_once(home: Path, cut: str) ->
     assert "the bus is gone" in f"{raised.value} {raised.value.why}"
     assert ("also", "the bus is gone") not in raised.value.details
     if cut == "first write":
-        assert (raised.value.node, raised.value.details) == (5, [("others", "node 7, 9: nothing was written to it")])
+        assert (raised.value.node, raised.value.details) == (
+            5,
+            [("others", "nodes 7 and 9: nothing was written there")],
+        )
 
 
 class Dead(Heard):
@@ -178,7 +181,7 @@ def test_of_nodes_that_were_not_begun_nobody_says_that_they_were_read_back(home:
         chain.apply(path)
     assert (raised.value.state, chain.held()) == ("rolled_back", before)
     assert raised.value.state_text == (
-        "rolled back: the changes are reverted on node 5, 7, read back equal; nothing was written to node 9; "
+        "rolled back: the changes are reverted on nodes 5 and 7, read back equal; nothing was written to node 9; "
         "nothing was stored"
     )
 
@@ -190,7 +193,7 @@ def test_beside_one_that_is_left_changed_too(home: Path) -> None:
         chain.apply(path)
     assert raised.value.node == 7
     others = [text for label, text in raised.value.details if label == "others"]
-    assert others == ["node 5: as before, read back equal", "node 9: nothing was written to it"]
+    assert others == ["node 5: as before, read back equal", "node 9: nothing was written there"]
 
 
 @heavy
@@ -211,7 +214,7 @@ def test_a_bus_that_is_gone_once_all_is_back_replaces_no_fault(home: Path, node_
     assert (raised.value.exit_code, raised.value.node, raised.value.abort) == (1, node_id, 0x06090030)
     told = {
         9: "rolled back: every node is unchanged, read back equal; nothing was stored",
-        7: "rolled back: the changes are reverted on node 5, 7, read back equal; nothing was written to node 9; "
+        7: "rolled back: the changes are reverted on nodes 5 and 7, read back equal; nothing was written to node 9; "
         "nothing was stored; whether node 9 restarted is not known: the bus is gone",
     }
     assert raised.value.state_text == told[node_id]

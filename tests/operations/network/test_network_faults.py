@@ -155,7 +155,7 @@ def test_a_store_that_fails_names_who_has_stored_and_takes_nothing_back(
     error = raised.value
     assert (error.exit_code, error.node, error.state) == (7, node_id, "left_changed")
     told = dict(error.details)
-    assert told.get("stored", "node ") == f"node {', '.join(map(str, stored))}"
+    assert told.get("stored") == f"nodes {stored[0]} and {stored[1]}"
     assert str(node_id) in told.get("not stored", "") + told.get("unknown", "")
     assert [one for one in CHAIN if chain.stored()[one] != before[one]] == stored
     assert not chain.plan().plan.changed, "every node has the planned values"

@@ -574,6 +574,6 @@ def test_finish_says_nothing_of_a_node_that_was_accepted(home: Path, *, dry_run:
     assert (dict(done.rows)["looked_at"], dict(done.rows)["not_looked_at"]) == ([9], [5])
     said = typed(done.text[0])
     assert "node 9 has it, and node 9 had stored it" in said
-    assert said.endswith("; node 5, accepted as found, was not read")
+    assert said.endswith("; accepted as found, not read: node 5")
     assert "every" not in said
     assert "complete" not in said

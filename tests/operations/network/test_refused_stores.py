@@ -291,7 +291,7 @@ def test_a_node_that_cannot_be_accepted_keeps_no_other_from_it(chain: Chain, hom
     with chain.session(node=None) as session, pytest.raises(InputFileError) as told:
         recover(session, accept=True)
     assert (str(told.value.place), chain.journals()) == (str(damaged), [damaged])
-    assert ("done", "node 5, 9: its present values are accepted") in told.value.details
+    assert ("done", "nodes 5 and 9: the present values are accepted") in told.value.details
 
 
 def test_of_several_the_hint_names_what_can_be_set_aside(chain: Chain, home: Path) -> None:

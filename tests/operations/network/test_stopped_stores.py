@@ -71,7 +71,7 @@ def test_one_while_the_first_stores_says_that_the_others_do_so_too(chain: Chain,
         while_storing(chain, 5, lambda _chain: ctrl_c(session))
         done = apply_file(session, str(file(home)))
     assert said.warnings == [
-        "too late to stop before the stores: node 5 has stored; node 9 still stores, so that all keep the same "
+        "too late to stop before the stores: node 5 stored already; node 9 will store, too, so that all keep the same "
         "configuration (Ctrl-C again: stop at once)"
     ]
     assert [one.node for one in done.stored] == [5, 9]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from dvtcli.cli.view.error_lines import source_lines
 from dvtcli.cli.view.lines import Cell, Line, Table
-from dvtcli.domain.text import join_some, plural
+from dvtcli.domain.text import plural, some_of
 from dvtcli.operations.results.checked_files import SEVERITIES, FileFinding, FileReport, FileReports
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def check_lines(result: FileReport, width: int) -> Iterator[Line]:
         if said[finding.rule] > most:
             continue
         shown[finding.rule] += 1 + len(others)
-        more = f"({len(others) + 1} times: also line {join_some([str(one.line) for one in others])}) " if others else ""
+        more = f"({len(others) + 1} times: also {some_of('line', [one.line for one in others])}) " if others else ""
         yield [
             Cell(f"{result.path}:{finding.line}: "),
             Cell(f"{finding.severity}: ", STYLES[finding.severity]),
@@ -240,7 +240,7 @@ def _sum(report: NetworkReport) -> str:
     if report.bus:
         return f"{report.path} against {report.bus}: {plural(len(report.nodes), 'node')}; {found or 'no error'}"
     if report.said:
-        found = f"{found + ', and ' if found else ''}{report.said} as said of the file"
+        found = f"{found + ', and ' if found else ''}{report.said} of the file (above)"
     received = "" if report.heard is None else f", heard {report.heard[0]:.1f} s, {plural(report.heard[1], 'frame')}"
     nodes = plural(len(report.nodes), "node")
     folded = f"; {report.folded} more about PDOs that it does not name (--all shows them)" if report.folded else ""

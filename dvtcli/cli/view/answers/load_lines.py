@@ -180,7 +180,11 @@ def unbounded(streams: Iterable[Stream]) -> Iterator[tuple[str, str, str]]:
             "--inhibit NODE:tpdoN=MS tries an inhibit time",
         ),
         (NO_SYNC, "synchronous, but no known node produces SYNC", "--sync MS sets its period"),
-        ("", "its trigger is unknown", "a transmission type that CiA 301 has"),
+        (
+            "",
+            "transmission type unknown or reserved",
+            "1 to 240 with SYNC, 254 and 255 with an inhibit time have a limit",
+        ),
     ):
         names = [
             _who(stream.node, stream.label)

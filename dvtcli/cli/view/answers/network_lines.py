@@ -13,7 +13,7 @@ from dvtcli.domain.network.concise_dcf import download_lines
 from dvtcli.domain.pdo import entry_text
 from dvtcli.domain.plan import STAMP, PdoChange, Step, step_text
 from dvtcli.domain.rules import errors_in
-from dvtcli.domain.text import join_some, plural
+from dvtcli.domain.text import all_nodes, join_some, plural
 from dvtcli.operations.results.networks import action, differing, parameter_texts
 
 if TYPE_CHECKING:
@@ -190,8 +190,8 @@ def planned_lines(result: NetworkPlanned, width: int) -> Iterator[Line]:
     saved = f" Saved: {verbatim(result.saved)}." if result.saved else ""
     runs = result.saved.lower().endswith(".309")
     if result.interrupted:
-        nodes = ", ".join(map(str, result.interrupted))
-        why = f"Nothing was written.{saved} Next: {{}}, since a change of node {nodes} was interrupted; then plan again"
+        nodes = all_nodes(result.interrupted)
+        why = f"Nothing was written.{saved} Next: {{}}, since a change of {nodes} was interrupted; then plan again"
         yield Hint(Action.RECOVER_ALL, why=why)
         return
     arguments = {
@@ -341,8 +341,9 @@ def _kept(result: NetworkApplied) -> Iterator[Line]:
         if node_id not in stored:
             told.setdefault((typed(words), reverts[node_id]), []).append(str(node_id))
     for (words, reverts_text), nodes in told.items():
-        where = ", ".join(nodes)
-        text = f"In RAM only on node {where}: {words}" if words else f"Stored by node {where} on its own"
+        where = all_nodes(nodes)
+        own = "its" if len(nodes) == 1 else "their"
+        text = f"In RAM only on {where}: {words}" if words else f"Stored by {where} on {own} own"
         yield [Cell(f"{text}{reverts_text}.", "dim")]
     for node_id, labels in result.kept_without.items():
         if labels and node_id not in stored:
@@ -363,14 +364,18 @@ def _stored(result: NetworkApplied) -> Iterator[Line]:
     told: dict[str, list[str]] = {}
     for store in result.stored:
         if store.proof is None:
-            text = "Stored, as acknowledged by node {}. To check, use store --prove for each node"
+            text = ""
         elif store.proof.holds:
-            text = "Stored on node {}, and proved by a restart."
+            text = "Stored on {}, and proved by a restart."
         else:
-            text = "Acknowledged by node {}, and not proved by the restart."
+            text = "Acknowledged by {}, and not proved by the restart."
         told.setdefault(text, []).append(str(store.node))
     for text, nodes in told.items():
-        yield text.format(", ".join(nodes))
+        if text:
+            yield text.format(all_nodes(nodes))
+        else:
+            why = f"Stored, as acknowledged by {all_nodes(nodes)}; {{}} proves it"
+            yield Hint(Action.PROVE_STORE, {"node": [int(node) for node in nodes]}, why)
 
 
 def _counted(plan: NetworkPlan) -> str:
@@ -383,5 +388,5 @@ def _counted(plan: NetworkPlan) -> str:
         plural(values, "object") if values else "",
         f"{sum(max(0, node.unchanged) for node in plan.nodes)} unchanged",
     ]
-    store = f"a store on node {', '.join(stores)}" if stores else "no store"
+    store = f"a store on {all_nodes(stores)}" if stores else "no store"
     return f"{', '.join(filter(None, parts))}; {plural(plan.writes, 'SDO write')}, {store}"

@@ -10,7 +10,7 @@ from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.emergency_codes import register_words
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.profile import GENERIC
-from dvtcli.domain.text import plural, safe
+from dvtcli.domain.text import all_nodes, plural, safe
 from dvtcli.domain.times import local_clock
 from dvtcli.operations.results.nodes import FaultRow, Faults, FaultSeen, LoggedIn
 
@@ -135,13 +135,13 @@ def _files_of_others(result: NodeListing) -> Iterator[Line]:
     """Show notes on the nodes' files, merged for nodes with the same note, and nodes without a file."""
     unknown = [str(row.node) for row in result.rows if not row.source and not row.note]
     if unknown:
-        yield [Cell(f"  no EDS for node {', '.join(unknown)}: `eds add FILE`, or --eds FILE", "dim")]
+        yield [Cell(f"  no EDS for {all_nodes(unknown)}: `eds add FILE`, or --eds FILE", "dim")]
     said: dict[str, list[str]] = {}
     for row in result.rows:
         if row.eds_note:
             said.setdefault(row.eds_note, []).append(str(row.node))
     for note, nodes in said.items():
-        yield [Cell(f"  node {', '.join(nodes)}: {note}", "yellow")]
+        yield [Cell(f"  {all_nodes(nodes)}: {note}", "yellow")]
 
 
 def _word(value: int | None) -> str:
@@ -222,12 +222,10 @@ def sync_check_lines(result: SyncCheck, _width: int) -> Iterator[Line]:
 
 def _source_text(source: SyncSource) -> str:
     word = "no 0x1005" if source.cob_id is None else f"0x1005 = 0x{source.cob_id:08X}"
-    period = "no 0x1006" if source.period_us is None else f"0x1006 = {source.period_us} us"
-    if source.period_us:
-        period += f" ({source.period_us / 1000:g} ms)"
+    period = "no 0x1006" if source.period_us is None else f"0x1006 = {source.period_us / 1000:g} ms"
     does = "produces SYNC" if source.produces else "does not produce SYNC"
     can_id = can_id_text(source.can_id, extended=source.extended)
-    return f"node {source.node}  {does}: {word}, {period}; its SYNC is {can_id}"
+    return f"node {source.node}  {does} {can_id} ({word}, {period})"
 
 
 _SOURCES = {"active": "active now", "history": "history", "heard": "EMCY heard"}

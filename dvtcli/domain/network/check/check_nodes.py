@@ -67,7 +67,7 @@ def _managers(network: CheckedNetwork) -> list[NodeState]:
     return [node for node in network.nodes if (node.number(NMT_STARTUP) or 0) & _MASTER]
 
 
-@check("two-managers", ERROR, "two nodes are NMT master (0x1F80)", _BOOT)
+@check("two-managers", ERROR, "two nodes are NMT masters (0x1F80)", _BOOT)
 def two_managers(network: CheckedNetwork) -> NetFound:
     """Each master starts and stops the nodes of the other."""
     first, *others = [*_managers(network), None]

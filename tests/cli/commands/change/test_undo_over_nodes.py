@@ -127,5 +127,5 @@ def test_a_node_that_restarts_while_another_is_undone_is_not_called_put_back() -
         assert ran.code == 1
         assert "node 1 restarted while" in ran.stderr
         assert "rolled back: the changes are reverted on every node" in ran.stderr
-        assert "node 1 restarted: its other unstored values are lost" in ran.stderr
+        assert "node 1 restarted: other unstored values are lost" in ran.stderr
         assert bench.session.wire.sdo(1).upload(0x1800, 5) == (55).to_bytes(2, "little")

@@ -148,7 +148,7 @@ def test_undo_says_that_it_stays(bench: Bench) -> None:
     assert bench.run("write 1F51:1 1").code == 0
     ran = bench.run("undo")
     assert ran.code == 2
-    assert "0x1F51:01 reads back a state: its old value is not known, it stays" in ran.stderr
+    assert "0x1F51:01 reads back a state: its old value is not known, so it stays" in ran.stderr
 
 
 @pytest.mark.parametrize("line", ["write 2050 1", "write 1F51:1 1"])
@@ -185,7 +185,7 @@ def test_an_atomic_script_that_wrote_it_is_left_changed(bench: Bench, tmp_path: 
     script.write_text("\n".join([*lines, "write 2FFF 1"]), "utf-8")
     ran = bench.run(f"run --atomic {script}")
     assert ran.code == 7, ran
-    assert "0x2050:00 is write-only: its old value is not known, it stays" in ran.stderr
+    assert "0x2050:00 is write-only: its old value is not known, so it stays" in ran.stderr
     assert "everything is as before" not in ran.stderr
     assert "= 100 " in bench.run("read 2070").stdout
 

@@ -172,8 +172,8 @@ def test_what_a_file_holds_is_said_with_its_notes(bench: Bench, tmp_path: Path) 
     assert ran.code == 0
     assert ran.stdout.splitlines() == [
         f"{file}:1:43: note: driver is ignored: a key of another tool (2 times)",
-        f"{file}:1:1: note: nodes 1, 2: no EDS, so rules that need an EDS were skipped; `dcf:` next to node_id names "
-        f"an EDS",
+        f"{file}:1:1: note: nodes 1 and 2: no EDS, so rules that need an EDS were skipped; `dcf:` next to node_id "
+        f"names an EDS",
         f"{file}: note: unknown bit rate: load and deadlines were not checked; add master: {{baudrate: …}} (kbit/s) "
         "[unknown-bit-rate]",
         f"{file}: 2 nodes, 0 PDOs; 1 note",

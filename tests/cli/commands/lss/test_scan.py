@@ -165,7 +165,7 @@ def test_who_is_known_by_which_file_fits_a_terminal() -> None:
         assert lines[1].rstrip().endswith("epos.eds")
         assert lines[2].rstrip().endswith("gen4: a fil…e.dcf" if width == 80 else "gen4: a file with…ong name.dcf")
         assert [line.rstrip().rpartition("  ")[2] for line in lines[3:6]] == ["tmcm: no EDS", "no EDS", "-"]
-        assert lines[6] == "  no EDS for node 3, 4: `eds add FILE`, or --eds FILE"
+        assert lines[6] == "  no EDS for nodes 3 and 4: `eds add FILE`, or --eds FILE"
     lines = ["".join(map(_text, line)) for line in node_lines(NodeListing("can0", rows), 60)]
     assert lines[0].endswith("PRODUCT     NAME")
     assert lines[2] == "        known by epos.eds"

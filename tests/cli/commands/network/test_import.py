@@ -123,7 +123,7 @@ def test_nodes_without_an_eds_are_one_note(tmp_path: Path) -> None:
     bus = VirtualTimeBus([unknown(1), unknown(5)], simulated=False)
     with Bench((), {"node": (1, 5), "journal": str(tmp_path)}, bus) as bench:
         notes = bench.run(f"import {tmp_path / 'net.yaml'} --json").document["notes"]
-    assert [note.partition(":")[0] for note in notes] == ["node 1, 5"]
+    assert [note.partition(":")[0] for note in notes] == ["nodes 1 and 5"]
 
 
 @pytest.mark.parametrize("bit_rate", [None, 125000, 500000, 83333])
@@ -139,7 +139,7 @@ def test_a_known_bit_rate_is_a_note_and_no_master_is_written(bit_rate: int | Non
             assert about == []
             return
         (note,) = about
-        assert f"give the check {bit_rate} bit/s" in note
+        assert f"check {file} --at {bit_rate}`" in note
         assert bench.run(f"load {file} --at {bit_rate} --json").document["bit_rate"] == bit_rate
         if bit_rate % 1000:  # a file has whole kbit/s only
             assert "baudrate" not in note
@@ -151,7 +151,7 @@ def test_a_known_bit_rate_is_a_note_and_no_master_is_written(bit_rate: int | Non
 
 
 @pytest.mark.parametrize(("rates", "note"), [
-    ([250, None, 250], "give the check 250000 bit/s, or add master: {baudrate: 250} (kbit/s) to the file"),
+    ([250, None, 250], "--at 250000`, or add master: {baudrate: 250} (kbit/s)"),
     ([250, 500], "the files have several bit rates: 250, 500 kbit/s; a network has one"),
     ([None, None], None),
     ([0], None),
@@ -197,7 +197,7 @@ def test_nodes_whose_other_values_are_left_out_are_all_named(tmp_path: Path) -> 
     with Bench(()) as bench:
         notes = bench.run(f"import {tmp_path / 'net.yaml'} {folder} --json").document["notes"]
     (note,) = [text for text in notes if "other values of their files left out" in text]
-    assert note.startswith("node 1, 2, 3, 4, 5, 6, 7: ")
+    assert note.startswith("nodes 1, 2, 3, 4, 5, 6 and 7: ")
 
 
 def test_a_folder_of_files_needs_no_bus(tmp_path: Path) -> None:

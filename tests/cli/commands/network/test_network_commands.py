@@ -219,7 +219,7 @@ def test_what_is_right_and_not_stored_is_stored_by_the_next_apply_that_should(be
     file.write_text("defaults: {store: true}\n" + FILE)
     planned = bench.run(f"plan {file}")
     assert "not stored yet: TPDO1, TPDO2" in planned.stdout
-    assert "0 SDO writes, a store on node 1, 5" in planned.stdout
+    assert "0 SDO writes, a store on nodes 1 and 5" in planned.stdout
     assert "No difference" not in planned.stdout
     assert "but not everything is stored" in planned.stdout
     for line in (f"plan {file} --exit-code", f"diff {file}"):
@@ -280,17 +280,17 @@ def test_all_that_is_wrong_with_any_node_is_said_at_once(bench: Bench, tmp_path:
     assert ran.code == 6
     assert "node 5 has vendor 0x00000286, not 0x00000099" in ran.stderr.splitlines()[0]
     assert f"  also    {path}:2:38: " in ran.stderr
-    assert "  also    nodes 7, 8 do not answer" in ran.stderr
+    assert "  also    nodes 7 and 8 do not answer" in ran.stderr
     path.write_text(ALL_WRONG.replace("0x99", "0x286"))
     ran = bench.run(f"plan {path} --json")
     assert (ran.code, [one["line"] for one in ran.document["complaints"]]) == (4, [2, 3])
-    assert ran.document["also"] == ["nodes 7, 8 do not answer"]
+    assert ran.document["also"] == ["nodes 7 and 8 do not answer"]
     shown = bench.run(f"plan {path}").stderr.splitlines()
-    assert shown[-2:] == ["2 errors. Nothing was written.", "  also    nodes 7, 8 do not answer"]
+    assert shown[-2:] == ["2 errors. Nothing was written.", "  also    nodes 7 and 8 do not answer"]
     path.write_text(ALL_WRONG.replace("0x99", "0x286").replace("nothing_like_it", "1018:01"))
     ran = bench.run(f"plan {path}")
     assert (ran.code, ran.stderr.count("is not mappable")) == (1, 2)
-    assert "  also    nodes 7, 8 do not answer" in ran.stderr
+    assert "  also    nodes 7 and 8 do not answer" in ran.stderr
     path.write_text(ALL_WRONG.replace("0x99", "0x286").replace("nothing_like_it", "statusword"))
     ran = bench.run(f"plan {path} --json")
     assert (ran.code, ran.document["error"], ran.document["also"]) == (5, "no_answer", [])

@@ -88,24 +88,32 @@ def test_lines_that_are_about_one_node_refuse_several() -> None:
                 ), line
 
 
-@pytest.mark.parametrize("named", [(1, 7), "all"])
 @pytest.mark.parametrize("word", ["start", "stop", "reset-node"])
-def test_an_nmt_command_to_several_nodes_names_the_line_to_one_or_all(named: object, word: str) -> None:
-    with Bench(NODES, {"node": named, "yes": True}) as bench:
+def test_an_nmt_command_to_several_nodes_names_the_line_to_one(word: str) -> None:
+    with Bench(NODES, {"node": (1, 7), "yes": True}) as bench:
         ran = bench.run(f"nmt {word}")
         assert (ran.code, ran.stderr.splitlines()[0]) == (
             2, f"error: nmt {word} takes one node or `all`, and -n names several",
         )  # fmt: skip
-        expected = f"nmt {word} all` commands all nodes on the bus"
-        if named != "all":
-            expected = f"nmt {word} 1` commands node 1, and so for 7"
-        assert expected in ran.stderr
-        if named == "all":
-            assert bench.run(f"nmt {word} all").code == 0
-        else:
-            ran = bench.run(f"nmt {word} all")
-            assert (ran.code, "means every node on the bus, and -n names 1, 7" in ran.stderr) == (2, True)
-            assert bench.run(f"nmt {word} 1").code == 0
+        assert f"nmt {word} 1` commands node 1, and so for 7" in ran.stderr
+        ran = bench.run(f"nmt {word} all")
+        assert (ran.code, "means every node on the bus, and -n names 1, 7" in ran.stderr) == (2, True)
+        assert bench.run(f"nmt {word} 1").code == 0
+
+
+@pytest.mark.parametrize("word", ["start", "stop", "reset-node"])
+def test_an_nmt_command_with_every_node_selected_is_one_to_all(word: str) -> None:
+    with Bench(NODES, {"node": "all", "yes": True}) as bench:
+        ran, same = bench.run(f"nmt {word}"), bench.run(f"nmt {word} all")
+        assert (ran.code, ran.stdout) == (0, same.stdout)
+
+
+def test_an_nmt_command_without_a_node_names_the_line_to_all() -> None:
+    bus = VirtualTimeBus([simulated_device(one) for one in simulated_nodes(("generic@5", "tmcm@7"))], simulated=False)
+    with Bench((), {"sim": ()}, bus) as bench:
+        ran = bench.run("nmt start")
+        assert ran.code == 2
+        assert "nmt start all` commands all nodes on the bus, `dvtcli nmt start ID` one node" in ran.stderr
 
 
 def test_all_are_those_that_a_scan_finds() -> None:

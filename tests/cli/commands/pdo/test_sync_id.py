@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -46,6 +47,17 @@ def test_that_nobody_produces_it_is_a_warning_until_somebody_does() -> None:
         checked = bench.run("sync --check --json")
         assert checked.document["produced"] is True
         assert "sync-producer" not in checked.stdout
+
+
+def test_its_hint_makes_a_node_the_producer() -> None:
+    """The commands of the hint run as they are printed: the period first where there is none."""
+    with Bench(("generic@5", "generic@7")) as bench:
+        (said,) = bench.run("sync --check --json").document["findings"]
+        lines = re.findall(r"`(.*?)`", said["hint"])
+        assert [line.partition(" write ")[2] for line in lines[:2]] == ["1006 20000", "1005 0x40000080"]
+        for line in lines[:2]:
+            assert bench.run(f"{line} --yes").code == 0, line
+        assert bench.run("sync --check --json").document["produced"] is True
 
 
 @pytest.mark.parametrize("value", ["0x702", "0x000", "0x5A1", "0x03A", "0x7E5"])

@@ -197,7 +197,7 @@ def test_another_revision_is_taken_and_said_once() -> None:
         for again in ("read 3:1000", "read 4:1000", "read 6:1000"):
             assert "revision" not in bench.run(again).stderr
         scanned = bench.run("scan")
-        assert "node 3, 4: revision 0x00010003 on the device, 0x00010001 in old.eds" in scanned.stdout
+        assert "nodes 3 and 4: revision 0x00010003 on the device, 0x00010001 in old.eds" in scanned.stdout
         assert "node 5: revision 0x00020000 on the device, 0x00010001 in old.eds" in scanned.stdout
         assert bench.run("read 5:1000").stderr == ""
         rows = {row["node"]: row for row in bench.run("scan --json").document["nodes"]}

@@ -39,7 +39,9 @@ def test_an_unrelated_verify_does_not_allow_it_again() -> None:
     )
     assert "0x08000021" in err
     assert err.count("is not stored") == 1
-    assert "set the right value and `dvtcli --sim gen4 pdo`, or" in err, "no other program knows what was set"
+    assert "set the lost values again and check with `dvtcli --sim gen4 pdo`, then store; or reset instead; " in err, (
+        "no other program knows what was set"
+    )
     assert any("read back" in line for line in out)
 
 

@@ -584,10 +584,10 @@ def test_what_was_not_stored_now_is_not_called_proved(faults: tuple[str, ...], t
     file.write_text("drive: {node_id: 5, store: true, tpdo: {1: {event_timer: 80}}}\n", "utf-8")
     with Bench(("generic@5",), {"fault": faults, "yes": True}) as bench:
         first = bench.run(f"apply {file}")
-        assert (first.code, "To check, use store --prove for each node" in first.stdout) == (0, True)
+        assert (first.code, "store --prove` proves it" in first.stdout) == (0, True)
         again = bench.run(f"apply {file} --prove")
         assert (again.code, "nothing was written" in again.stdout) == (0, True)
-        assert "node 5 stored nothing now, so its stored values are not proved; `dvtcli " in again.stderr
+        assert "node 5 stored nothing now, so the stored values are not proved; `dvtcli " in again.stderr
         assert bench.run("store --prove").code == (1 if faults else 0)
 
 

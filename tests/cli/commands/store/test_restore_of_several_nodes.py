@@ -38,7 +38,7 @@ def test_who_refused_is_named() -> None:
     bus = beside([device("generic", n) for n in (1, 2, 3)], "2:refuse@1=0x08000020")
     with Bench((), OPTIONS, bus) as bench:
         ran = bench.run("restore")
-    assert (ran.code, "node 1, 3 restored its defaults, and node 2 did not" in " ".join(ran.stderr.split())) == (
+    assert (ran.code, "nodes 1 and 3 restored the defaults, and node 2 did not" in " ".join(ran.stderr.split())) == (
         7,
         True,
     )
@@ -52,7 +52,7 @@ def test_a_lost_answer_leaves_it_unknown_who_restored(fault: str, words: str) ->
         ran = bench.run(words)
     said = " ".join(ran.stderr.split())
     assert (ran.code, "-n 2 restore" in said) == (7, True), ran
-    assert "node 1, 3 restored its defaults, and whether node 2 restored them is not known" in said
+    assert "nodes 1 and 3 restored the defaults, and whether node 2 restored them is not known" in said
 
 
 def test_a_node_without_its_defaults_is_not_among_those_that_restored() -> None:
@@ -63,7 +63,7 @@ def test_a_node_without_its_defaults_is_not_among_those_that_restored() -> None:
         ran = bench.run("restore --prove")
     said = " ".join(ran.stderr.split())
     assert (ran.code, "-n 2 restore" in said) == (7, True), ran
-    assert "node 1, 3 restored its defaults, and node 2 may not have its defaults (not proved)" in said
+    assert "nodes 1 and 3 restored the defaults, and node 2 may not have the defaults (not proved)" in said
 
 
 def test_no_node_is_restored_before_a_later_one_is_refused() -> None:

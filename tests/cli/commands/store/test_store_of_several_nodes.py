@@ -49,6 +49,6 @@ def test_a_store_that_fails_behind_another_one_is_left_changed_and_says_who_stor
         ran = session.run("store --json")
     assert ran.code == 7
     error = ran.documents[-1]
-    assert error["text"] == "node 5 stored, and node 9 refused to store: its stored values are unknown"
+    assert error["text"] == "node 5 stored, and node 9 refused to store: the stored values are unknown"
     assert (error["stores"]["stored"], error["stores"]["unknown"]) == ([5], [9])
     assert "-n 9 store` stores the rest" in error["hint"]
