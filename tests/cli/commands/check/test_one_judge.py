@@ -205,7 +205,7 @@ def test_of_nodes_without_a_dcf_it_is_said_once_that_rules_were_skipped(both: Be
     path.write_text("a: {node_id: 7, tpdo: {1: {event_timer: 5}}}\nb: {node_id: 8, tpdo: {1: {event_timer: 5}}}\n")
     (note,) = both.run(f"check {path} --json").document["files"][0]["notes"]
     assert (note["line"], note["column"]) == (1, 1)
-    assert note["text"].startswith("nodes 7, 8: no EDS, so rules that need an EDS were skipped")
+    assert note["text"].startswith("nodes 7 and 8: no EDS, so rules that need an EDS were skipped")
 
 
 MANY = """\
