@@ -134,6 +134,7 @@ def _candidates(words: list[str], wrong: UsageError) -> Iterator[list[str]]:
         yield from ([name, *line] for line in _pdo_first(args))
         yield from ([name, *line] for line in _with_pdo(args))
     yield from ([name, *line] for line in _with_options(args, command))
+    yield from ([name, *line] for line in _with_choice(args, command))
     yield from ([name, *line] for line in _with_name(args, wrong))
     if name in _FILES and wrong.text.endswith("'FILE'."):
         yield [name, _free(_FILES[name]), *args]
@@ -207,6 +208,20 @@ def _with_options(args: list[str], command: click.Command) -> Iterator[list[str]
                 yield [*args[:at], names[near[0]] + equals + value, *args[at + 1 :]]
         elif at and args[at - 1] == "--cob-id" and re.fullmatch(r"[0-9A-Fa-f]{3,8}", word) and not _is_decimal_id(word):
             yield [*args[:at], f"0x{word}", *args[at + 1 :]]
+
+
+def _with_choice(args: list[str], command: click.Command) -> Iterator[list[str]]:
+    """Correct a misspelt word of an argument with fixed words: `nmt strat`."""
+    words = [
+        str(word)
+        for param in command.params
+        if isinstance(param, click.Argument) and isinstance(param.type, click.Choice)
+        for word in param.type.choices
+    ]
+    for at, word in enumerate(args):
+        near = next((other for other in words if word not in words and _one_edit(word.lower(), other)), None)
+        if near is not None:
+            yield [*args[:at], near, *args[at + 1 :]]
 
 
 def _is_decimal_id(word: str) -> bool:

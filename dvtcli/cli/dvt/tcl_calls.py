@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.operations.results import DvtAnswer, Result
 
+_NO_FILE = re.compile(r'invalid command name "([\w./-]+\.(?:tcl|dvt))"')
 _NO_COMMAND = re.compile(r'invalid command name "(\w+)"')
 
 
@@ -102,6 +103,8 @@ class TclCalls:
 def modern(message: str) -> str:
     """Return how to call a dvtcli command in Tcl, if *message* is Tcl's for an unknown command."""
     found = _NO_COMMAND.fullmatch(message)
+    if found is None and (file := _NO_FILE.fullmatch(message)):
+        return f"`run {file[1]}` runs a file"
     return f"in Tcl it is `dvtcli {found[1]} …`" if found and found[1] in command_names() else ""
 
 

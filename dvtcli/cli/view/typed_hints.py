@@ -87,7 +87,7 @@ COMMANDS: dict[Action, str] = {
     Action.BACKUP: "backup {file|FILE}",
     Action.SAVE_SCRIPT: "save {file|FILE.dvt} {all?--all} {history?--history}",
     Action.DECODE: "decode {file|FILE}",
-    Action.DRAW: "report {file|NAME.html}",
+    Action.DRAW: "report {file|NAME.html} {source}",
 }
 #: Actions that are an option for the typed line.
 OPTIONS: dict[Action, str] = {

@@ -168,6 +168,9 @@ def known_names(method: Callable[P, T]) -> Callable[P, T]:
         for name in named:
             if name not in known:
                 raise _unknown(name)
+        required = code.co_argcount - len(method.__defaults__ or ())
+        if lacking := [name for name in known[len(args) : required] if name not in named]:
+            raise UsageError(f"{method.__name__}: {lacking[0]} is missing")
         return method(*args, **named)
 
     return checked

@@ -22,7 +22,7 @@ from dvtcli.domain.network.network_state import (
 )
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.object_scalings import NOTHING
-from dvtcli.domain.text import plural
+from dvtcli.domain.text import all_nodes, plural
 from dvtcli.errors import NoAnswer, UsageError
 from dvtcli.files.dbc_text import LONGEST_NAME, NOBODY, DbcMessage, DbcSignal, Names, dbc_bytes
 from dvtcli.operations.exchange.dbc_options import DbcOptions
@@ -340,8 +340,11 @@ def export_dbc(session: SessionNodes, file: str, options: DbcOptions = PLAIN) ->
             "no node answers",
             hint=Hint(Action.CHECK_SETUP, why="check bit rate and supply: {}") + Hint(Action.FIND_NODES, why=", {}"),
         )
-    state = network_state([session.node(node_id) for node_id in ids])
-    return _write(session, file, None, state, {}, options)
+    nodes = [session.node(node_id) for node_id in ids]
+    if unnamed := [node.node_id for node in nodes if node.dictionary is None]:
+        what = f"no EDS of {all_nodes(unnamed)}: without one, signals have no names, signs or units"
+        session.reporter.warning(Hint(Action.ADD_EDS, why=f"{what}; {{}}, then export again"))
+    return _write(session, file, None, network_state(nodes), {}, options)
 
 
 def convert_to_dbc(session: SessionUser, source: str, file: str, options: DbcOptions = PLAIN) -> Facts:

@@ -182,8 +182,12 @@ def _of_file(one: _FileNode, path: Path, notes: list[Hint | str], usual: list[st
     if lacked:
         labels = join_some(pdo.label for pdo in lacked)
         notes.append(f"node {one.node_id}: {labels} left out: {one.path.name} has no values of it")
+    unsaid = [pdo for pdo in present_pdos(one.values, one.dictionary) if pdo not in lacked and _is_unsaid(one, pdo)]
+    if unsaid:
+        labels = join_some(pdo.label for pdo in unsaid)
+        notes.append(f"node {one.node_id}: {labels} left out: {one.path.name} does not say what the mapping is")
     for pdo in present_pdos(one.values, one.dictionary):
-        if pdo in lacked:
+        if pdo in lacked or pdo in unsaid:
             continue
         try:
             held[pdo] = read_pdo(one.values, pdo, WHATEVER)
@@ -239,6 +243,12 @@ def _lacked(one: _FileNode) -> list[Pdo]:
         return []
     said = {Pdo.at(entry.index) for entry in one.dictionary.entries() if entry.value is not None}
     return [pdo for pdo in present_pdos(one.values, one.dictionary) if pdo not in said]
+
+
+def _is_unsaid(one: _FileNode, pdo: Pdo) -> bool:
+    """Tell whether the file lists the mapping of *pdo* without its count: what the device maps is not known."""
+    count = one.dictionary.entry(pdo.mapping_index, 0)
+    return count is not None and count.value is None and count.default is None
 
 
 def _read(path: Path) -> ObjectDictionary:

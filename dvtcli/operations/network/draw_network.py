@@ -72,7 +72,10 @@ def draw_network(
     """
     path = place_of(target, "NAME.html")
     if path.suffix.lower() not in SUFFIXES:
-        raise UsageError(f"{target}: unknown format", hint=Hint(Action.DRAW, why="{}, NAME.svg or NAME.dot"))
+        hint = Hint(Action.DRAW, why="{}, NAME.svg or NAME.dot")
+        if file is not None and PurePath(file).suffix.lower() in SUFFIXES:  # they were given the other way round
+            hint = Hint(Action.DRAW, {"file": file, "source": target}, "the page comes first: {}")
+        raise UsageError(f"{target}: unknown format", hint=hint)
     picture = network_picture(session, file, options)
     data = drawn(picture, path)
     ask_before_overwriting(session, path)

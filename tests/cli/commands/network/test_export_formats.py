@@ -7,8 +7,10 @@ from pathlib import Path
 import pytest
 
 from dvtcli.operations.exchange.export_file import ExportFormat, export_formats
+from tests.bus.devices import unknown
 from tests.cli.commands.bench import Bench
-from tests.process import documents, dvtcli
+from tests.process import ROOT, documents, dvtcli
+from tests.virtual_time import VirtualTimeBus
 
 PLACE = "dvtcli/cli/commands/export.py"
 
@@ -42,3 +44,20 @@ def test_a_suffix_that_is_no_format_is_said_with_all_that_are(tmp_path: Path) ->
         ran = bench.run(f"export {tmp_path / 'y.foo'}")
     assert (ran.code, "unknown format" in ran.stderr) == (2, True)
     assert all(suffix in ran.stderr for suffix in (".yaml", ".dcf", ".xdc", ".cpj", ".dbc"))
+
+
+def test_a_report_whose_names_are_the_other_way_round_is_said_with_the_line_that_runs(tmp_path: Path) -> None:
+    page, file = tmp_path / "line.html", ROOT / "examples" / "line.yaml"
+    with Bench(()) as bench:
+        ran = bench.run(f"report {file} {page}")
+        assert (ran.code, f"report {page} {file}" in ran.stderr) == (2, True), ran.stderr
+        assert bench.run(f"report {page} {file}").code == 0
+
+
+def test_a_dbc_file_of_nodes_without_an_eds_has_a_warning(tmp_path: Path) -> None:
+    """Their values have no sign in it, which nobody sees in the file."""
+    bus = VirtualTimeBus([unknown(1)], simulated=False)
+    with Bench((), {"node": (1,), "journal": str(tmp_path)}, bus) as bench:
+        ran = bench.run(f"export {tmp_path / 'a.dbc'}")
+    assert ran.code == 0, ran.stderr
+    assert "warning: no EDS of node 1: without one, signals have no names, signs or units" in ran.stderr

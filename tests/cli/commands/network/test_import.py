@@ -275,3 +275,20 @@ def test_a_file_that_is_cut_short_is_not_imported(name: str, tmp_path: Path) -> 
     assert [line for line in ran.stderr.splitlines() if "cut short" in line] == [
         line for line in added.stderr.splitlines() if "cut short" in line
     ]
+
+
+def test_a_mapping_that_an_eds_does_not_tell_is_left_out_and_named(tmp_path: Path) -> None:
+    """A file that claims an empty mapping would be refused, or clear the device's own."""
+    folder = tmp_path / "eds"
+    folder.mkdir()
+    text = (PACKAGE / "families" / "generic" / "generic.eds").read_text("utf-8")
+    head, count, tail = text.partition("[1A00sub0]")
+    assert count
+    told, default, rest = tail.partition("DefaultValue=")
+    (folder / "a.eds").write_text(head + count + told + rest.partition("\n")[2], "utf-8")
+    assert default
+    with Bench(()) as bench:
+        imported = bench.run(f"import {tmp_path / 'net.yaml'} {folder} --json").document
+    assert "node 1: TPDO1 left out: a.eds does not say what the mapping is" in imported["notes"]
+    assert "1A00" not in (written := (tmp_path / "net.yaml").read_text("utf-8"))
+    assert "tpdo:\n      2:" in written
