@@ -41,11 +41,11 @@ class Habit(NamedTuple):
 class Habits:
     """Writes that device types accept only with the PDO disabled or in PRE-OPERATIONAL, in files of *folder*.
 
-    *say* shows a failure.
+    *report* shows a failure.
     """
 
     folder: Path | None = None
-    say: Callable[[str], None] = lambda _text: None
+    report: Callable[[str], None] = lambda _text: None
     _known: dict[str, Counter[Habit]] = field(default_factory=dict)
 
     @property
@@ -73,7 +73,7 @@ class Habits:
             try:
                 write_private(self.folder / f"{name}.json", json.dumps(_document(known)))
             except (OSError, SafetyRefusal) as failed:
-                self.say(f"the habits of this device cannot be saved: {failed}")
+                self.report(f"the habits of this device cannot be saved: {failed}")
         return known[refusal]
 
     def _of(self, identity: Identity) -> Counter[Habit]:
@@ -90,7 +90,7 @@ class Habits:
         except FileNotFoundError:
             return Counter()
         except (OSError, ValueError, RecursionError) as wrong:
-            self.say(f"{path} is damaged ({wrong}): the habits of this device are found again")
+            self.report(f"{path} is damaged ({wrong}): the habits of this device are found again")
             return Counter()
 
 

@@ -75,7 +75,7 @@ class KnownPdos:
     #: the wanted PDOs of this session's changes, for `verify`
     wanted: dict[Pdo, PdoConfig] = field(default_factory=dict)
     #: the requested parameters of each; the others stayed unchanged
-    said: dict[Pdo, frozenset[str]] = field(default_factory=dict)
+    requested: dict[Pdo, frozenset[str]] = field(default_factory=dict)
     #: the wanted values of readable single objects outside PDOs
     wanted_values: dict[tuple[int, int], bytes] = field(default_factory=dict)
     #: values written by this session to unreadable single objects

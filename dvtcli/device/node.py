@@ -83,7 +83,7 @@ class Node(Changeable):
         changes = tuple(plan_pdo(pdo, now[pdo], want) for pdo, want in wanted.items())
         applied = self.apply(Plan(self.node_id, changes), tuple(findings), force=force, initial_state=initial_state)
         for pdo, asked in wants.items():
-            self._say(pdo, requested_parameters(asked))
+            self._note_request(pdo, requested_parameters(asked))
         return applied
 
     def write(self, index: int, sub_index: int, data: bytes, *, force: bool = False) -> Applied:
@@ -117,15 +117,15 @@ class Node(Changeable):
                 refuse(findings, what, self.node_id, force=force)
         applied = self.apply(Plan(self.node_id, (change,)), findings, force=force, initial_state=initial_state)
         if isinstance(change, PdoChange):
-            self._say(change.pdo, parameters_at(change.pdo, index, sub_index))
+            self._note_request(change.pdo, parameters_at(change.pdo, index, sub_index))
         return applied
 
-    def _say(self, pdo: Pdo, parameters: frozenset[str]) -> None:
-        self.said[pdo] = self.said.get(pdo, frozenset()) | parameters
+    def _note_request(self, pdo: Pdo, parameters: frozenset[str]) -> None:
+        self.requested[pdo] = self.requested.get(pdo, frozenset()) | parameters
 
     def go_on_from(self, before: Node) -> None:
         """Continue as the device *before*, opened again: keep this session's changes, discard all reads."""
-        self.history, self.undone_earlier, self.said = before.history, before.undone_earlier, before.said
+        self.history, self.undone_earlier, self.requested = before.history, before.undone_earlier, before.requested
         self.wanted, self.wanted_values = before.wanted, before.wanted_values
         self.unreadable_values = before.unreadable_values
         self.unchanged_commands, self.undid_own = before.unchanged_commands, before.undid_own
@@ -234,7 +234,7 @@ class Node(Changeable):
         self.gate.done.append(set_words(plan))
         saves = any(self.saves((step.index, step.sub_index)) for step in plan.steps)
         if remembered and not saves and any(map(alters, plan.changes)):
-            self.keep(plan)
+            self.remember_for_undo(plan)
         elif remembered and not saves:
             self.unchanged_commands += 1
         self._remember(plan.changes)
@@ -261,7 +261,7 @@ class Node(Changeable):
 
         look_again(self, Plan(self.node_id, changes), None, "restarted after it was changed")
 
-    def keep(self, plan: Plan) -> None:
+    def remember_for_undo(self, plan: Plan) -> None:
         """Record the completed *plan* for undo, by this session and on a real bus by later sessions."""
         self.history.append(plan)
         self.order.append(self.node_id)

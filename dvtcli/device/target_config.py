@@ -80,13 +80,13 @@ ValueFormatter = Callable[[int, int, bytes], str]
 class TargetConfig:
     """The requested PDOs and single objects of a node.
 
-    *said* are the requested parameters of a PDO (`domain.pdo.PARAMETERS`) if not all; the others keep their present
-    values and do not differ.
+    *requested* are the parameters of a PDO (`domain.pdo.PARAMETERS`) if not all; the others keep their present values
+    and do not differ.
     """
 
     pdos: dict[Pdo, PdoConfig] = field(default_factory=dict)
     values: dict[Place, bytes] = field(default_factory=dict)
-    said: Mapping[Pdo, frozenset[str]] = field(default_factory=dict)
+    requested: Mapping[Pdo, frozenset[str]] = field(default_factory=dict)
     #: differences that nobody would write
     unwritten: tuple[Difference, ...] = ()
     #: equal objects that nobody would write
@@ -101,7 +101,7 @@ class TargetConfig:
         """The part about *pdos*."""
         chosen = {pdo: config for pdo, config in self.pdos.items() if pdo in pdos}
         unwritten = tuple(row for row in self.unwritten if _pdo_of(row[0]) in pdos)
-        return TargetConfig(chosen, said=self.said, unwritten=unwritten)
+        return TargetConfig(chosen, requested=self.requested, unwritten=unwritten)
 
     @property
     def objects(self) -> int:
@@ -119,9 +119,9 @@ class TargetConfig:
         return sum(5 + len(config.mapping) - self._said_of(pdo, config) for pdo, config in self.pdos.items())
 
     def _said_of(self, pdo: Pdo, config: PdoConfig) -> int:
-        said = self.said.get(pdo, frozenset(PARAMETERS))
-        communication = len(said - {MAPPING}) if config.has_cob_id else 0
-        return communication + (len(config.mapping) if MAPPING in said and config.has_mapping else 0)
+        requested = self.requested.get(pdo, frozenset(PARAMETERS))
+        communication = len(requested - {MAPPING}) if config.has_cob_id else 0
+        return communication + (len(config.mapping) if MAPPING in requested and config.has_mapping else 0)
 
 
 def _pdo_of(label: str) -> Pdo | None:
@@ -146,28 +146,28 @@ def value_in_hex(_index: int, _sub_index: int, data: bytes) -> str:
 
 
 def config_differences(
-    node: ReadableNode, target: TargetConfig, says: ValueFormatter = value_in_hex
+    node: ReadableNode, target: TargetConfig, format_value: ValueFormatter = value_in_hex
 ) -> tuple[Difference, ...]:
-    """Every difference between *target* and *node* now, with values formatted by *says*.
+    """Every difference between *target* and *node* now, with values formatted by *format_value*.
 
     Raises NoAnswer after repeated restarts of the node.
     """
-    return node.observed(lambda: tuple(_config_differences(node, target, says)))
+    return node.observed(lambda: tuple(_config_differences(node, target, format_value)))
 
 
-def _config_differences(node: ReadableNode, target: TargetConfig, says: ValueFormatter) -> Iterator[Difference]:
+def _config_differences(node: ReadableNode, target: TargetConfig, format_value: ValueFormatter) -> Iterator[Difference]:
     for pdo, wanted in target.pdos.items():
         yield from ((pdo.label, text) for text in differences(pdo, wanted, node.pdo(pdo)))
-    yield from value_differences(node, target.values, says)
+    yield from value_differences(node, target.values, format_value)
     yield from target.unwritten
 
 
 def value_differences(
-    node: ReadableNode, values: Mapping[Place, bytes], says: ValueFormatter = value_in_hex
+    node: ReadableNode, values: Mapping[Place, bytes], format_value: ValueFormatter = value_in_hex
 ) -> Iterator[Difference]:
     """Every single object that differs from *values*."""
     for (index, sub_index), value in values.items():
         held = node.upload(index, sub_index)
         if held != value:
-            texts = (says(index, sub_index, data) for data in (held, value))
+            texts = (format_value(index, sub_index, data) for data in (held, value))
             yield f"{index:04X}:{sub_index:02X}", "is {}, expected {}".format(*texts)

@@ -132,7 +132,7 @@ class Pins:
         wanted[pin - 1] = value
         for number, after in enumerate(wanted, 1):
             if number >= min(pin, self.active + 1) and self.values[number - 1] != after:
-                yield self._write(number, self.values[number - 1], after, self.said(number, after, name))
+                yield self._write(number, self.values[number - 1], after, self.reason(number, after, name))
         count = len(wanted)
         while count and wanted[count - 1] == none:
             count -= 1
@@ -142,7 +142,7 @@ class Pins:
         """The write that makes *count* pins active, none if unchanged."""
         if count != self.active:
             before, after = bytes([self.active]), bytes([count])
-            yield ValueChange(Step(self.group.index, 0, before, after, self.said(0, count)))
+            yield ValueChange(Step(self.group.index, 0, before, after, self.reason(0, count)))
 
     def with_ties(self, ties: Mapping[int, int]) -> dict[int, int]:
         """Values of the group by sub-index with *ties*, object indices by pin (1…), and the active count (0) last.
@@ -156,12 +156,12 @@ class Pins:
         between = dict.fromkeys(range(self.active + 1, count + 1), none)
         return {**dict(sorted({**between, **ties}.items())), 0: count}
 
-    def said(self, sub_index: int, value: int, name: str = "") -> str:
+    def reason(self, sub_index: int, value: int, name: str = "") -> str:
         """Text of *value* at a sub-index, with the object's *name*: `digital-in pin 1: 2121 Forward switch`."""
         if not sub_index:
             return f"{self.name}: {value} active"
-        said = "not linked" if value == self.group.none else f"{value:04X} {name}".rstrip()
-        return f"{self.name} pin {sub_index}: {said}"
+        reason = "not linked" if value == self.group.none else f"{value:04X} {name}".rstrip()
+        return f"{self.name} pin {sub_index}: {reason}"
 
     def _write(self, pin: int, before: int, after: int, reason: str) -> ValueChange:
         return ValueChange(

@@ -99,7 +99,7 @@ class ValueChange(NamedTuple):
 
     @property
     def is_dependent(self) -> bool:
-        """Whether the value must be written in an order with others (`in_order`)."""
+        """Whether the value must be written in an order with others (`order_of_dependent_values`)."""
         return is_dependent(self.step.index, self.step.sub_index)
 
     @property
@@ -107,7 +107,7 @@ class ValueChange(NamedTuple):
         """The steps of the change, if it stands alone."""
         before, after = self.step.before, self.step.after
         if self.is_dependent:
-            return tuple(in_order((self.step,)))
+            return tuple(order_of_dependent_values((self.step,)))
         if self.step.index != STAMP or not any(before or b"") or not any(after):
             return (self.step,)
         nothing = bytes(len(after))
@@ -160,7 +160,7 @@ class Plan:
                 yield from ((change, step) for step in change.steps)
             elif not is_done:
                 is_done = True
-                steps = in_order(value_change.step for value_change in dependent.values())
+                steps = order_of_dependent_values(value_change.step for value_change in dependent.values())
                 yield from ((dependent[step.index, step.sub_index], step) for step in steps)
 
     def __len__(self) -> int:
@@ -326,7 +326,7 @@ def is_dependent(index: int, sub_index: int) -> bool:
     )
 
 
-def in_order(steps: Iterable[Step]) -> list[Step]:
+def order_of_dependent_values(steps: Iterable[Step]) -> list[Step]:
     """Downloads that bring the objects in *steps*, one step each, to their new values in an order CiA 301 allows.
 
     Obstructive old values are released first: a service stops before its CAN-ID changes (7.5.2.5,

@@ -23,7 +23,7 @@ from dvtcli.bus import socketcand
 from dvtcli.bus.can_message import frame_of
 from dvtcli.bus.socketcand import ServerCarrier, SocketcandBus
 from dvtcli.domain.ports import Frame
-from dvtcli.simulator.network.hub_client import Requests, sent_frame, told_frame
+from dvtcli.simulator.network.hub_client import Requests, frame_line, parse_send
 
 data_frames = st.one_of(
     st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8), timestamp_s=st.integers(0, 2_000_000_000)),
@@ -68,7 +68,7 @@ def read(bus: SocketcandBus, count: int) -> list[Frame]:
 
 @given(st.lists(data_frames, min_size=1, max_size=6), st.lists(st.integers(1, 60), min_size=1, max_size=20))
 def test_each_frame_is_read_once_and_in_order_however_it_is_cut(frames: list[Frame], cuts: list[int]) -> None:
-    text = b"".join(told_frame(frame, frame.timestamp_s) for frame in frames)
+    text = b"".join(frame_line(frame, frame.timestamp_s) for frame in frames)
     with opened() as (bus, server):
         at, found = 0, list[Frame]()
         for size in [*cuts, len(text)]:
@@ -82,7 +82,7 @@ def test_each_frame_is_read_once_and_in_order_however_it_is_cut(frames: list[Fra
 
 @given(data_frames)
 def test_a_frame_is_read_as_python_can_reads_it(frame: Frame) -> None:
-    text = told_frame(frame, frame.timestamp_s)
+    text = frame_line(frame, frame.timestamp_s)
     with opened() as (bus, server):
         server.sendall(text)
         assert read(bus, 1) == [frame_of(convert_ascii_message_to_can_message(text.decode()))]
@@ -96,7 +96,7 @@ def test_a_server_reads_what_is_sent(frame: Frame) -> None:
         while not found:
             found = requests.feed(server.recv(256))
     (request,) = found
-    sent = sent_frame(request)
+    sent = parse_send(request)
     assert sent is not None
     assert (sent.can_id, sent.data, sent.extended) == (frame.can_id, frame.data, frame.extended)
 
@@ -199,7 +199,7 @@ def test_frames_beside_what_is_no_frame_are_read_before_the_error(
     before: list[Frame], text: str, after: list[Frame], with_the_answer: bool
 ) -> None:
     """Also if they came right behind the server's last answer."""
-    frames = [told_frame(frame, frame.timestamp_s) for frame in before + after]
+    frames = [frame_line(frame, frame.timestamp_s) for frame in before + after]
     frames.insert(len(before), f"< frame {text} >".encode())
     greeting = (b"< hi >", b"< ok >", b"< ok >" + b"".join(frames if with_the_answer else []))
     with opened(*greeting) as (bus, server):

@@ -261,7 +261,7 @@ def test_beside_a_change_whose_program_goes_on_the_others_are_read_for_a_store()
     node = Node(DirectBus.of(booted()), NODE, dictionary("generic"))
     held = node.pdos()
     node.configure({TPDO1: PdoRequest(event_timer=50)})
-    assert (node.expected.pdos.keys(), node.expected.is_whole) == (held.keys(), True)
+    assert (node.expected.pdos.keys(), node.expected.is_complete) == (held.keys(), True)
 
 
 def test_beside_a_moved_pdo_the_others_are_expected_to_stay(bench: Bench) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.device.change.change_guard import BackingUp, Backup, backups, in_order, way_to
+from dvtcli.device.change.change_guard import BackingUp, Backup, backups, pdos_freeing_can_ids_first, way_to
 from dvtcli.device.change.change_history import ChangeHistory
 from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.read_pdos import read_pdo
@@ -93,7 +93,10 @@ def test_a_can_id_is_given_up_before_another_pdo_gets_it(
 ) -> None:
     before, after = (dict(pdo(*row) for row in rows.items()) for rows in (held, wanted))
     assert [str(change.pdo) for change in way_to(before, after)] == order
-    assert [str(change.pdo) for change in in_order(plan_pdo(one, before[one], after[one]) for one in before)] == order
+    assert [
+        str(change.pdo)
+        for change in pdos_freeing_can_ids_first(plan_pdo(one, before[one], after[one]) for one in before)
+    ] == order
 
 
 def test_what_is_right_already_is_left_alone() -> None:

@@ -65,7 +65,7 @@ def test_single_objects_that_are_not_their_default_are_named() -> None:
     held = {(0x1000, 0): b"\2\0", (0x1017, 0): b"\5\0", (0x2000, 0): b"\1\0", (0x2005, 1): b""}
     found = values_unlike_defaults(DESCRIBED, 5, held)
     assert (found.compared, found.differences) == (2, ("1000:00: is 0x0002, its default is 0x0001",))
-    assert found.untold == ("0x2000:00", "0x2005:01")
+    assert found.not_compared == ("0x2000:00", "0x2005:01")
 
 
 def altered(config: PdoConfig, **parameters: int) -> PdoConfig:
@@ -80,7 +80,7 @@ def test_every_parameter_of_a_pdo_that_is_not_its_default_is_named() -> None:
     held[TPDO1] = altered(held[TPDO1], transmission_type=1, inhibit_time=0x123, event_timer=7)
     held[RPDO1] = replace(held[RPDO1], mapping=(held[TPDO2].mapping[0],))
     found = differing_from_defaults(one.dictionary, GENERIC, 1, held)
-    assert (found.compared, found.untold) == (3, ())
+    assert (found.compared, found.not_compared) == (3, ())
     assert found.differences == (
         "TPDO1: 0x1800:02 is 0x01, its default is 0xFF",
         "TPDO1: 0x1800:03 is 0x0123, its default is 0x0000",
@@ -138,7 +138,7 @@ def test_a_parameter_of_which_the_file_or_the_node_tells_nothing_is_named() -> N
     held = replace(held, communication=replace(held.communication, event_timer=None, inhibit_time=None))
     found = differing_from_defaults(described, GENERIC, 1, {TPDO1: held})
     assert (found.compared, found.differences) == (1, ())
-    assert found.untold == ("0x1800:01", "0x1800:05", "0x1800:06", "0x1A00:00"), "0x000 is no CAN-ID of a PDO"
+    assert found.not_compared == ("0x1800:01", "0x1800:05", "0x1800:06", "0x1A00:00"), "0x000 is no CAN-ID of a PDO"
 
 
 @pytest.mark.parametrize(

@@ -151,6 +151,6 @@ def test_it_is_whole_once_all_that_lay_beside_a_change_was_read(node: Node) -> N
     expected, now = Expected(), {TPDO2: node.pdo(TPDO2)}
     for others, whole, so in (({}, True, False), (now, False, False), (now, True, True), (now, False, True)):
         expected.seen(others, whole=whole)
-        assert expected.is_whole is so
+        assert expected.is_complete is so
     expected.clear()
-    assert expected.is_whole is False
+    assert expected.is_complete is False

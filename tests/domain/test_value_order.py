@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dvtcli.domain.plan import EMCY_COB_ID, SYNC_COB_ID, TIME_COB_ID, Step, in_order
+from dvtcli.domain.plan import EMCY_COB_ID, SYNC_COB_ID, TIME_COB_ID, Step, order_of_dependent_values
 
 PRODUCES, CONSUMES, OFF = 1 << 30, 1 << 31, 1 << 31
 
@@ -32,5 +32,5 @@ def step(index: int, before: int, after: int, sub_index: int = 0) -> Step:
 def test_a_service_that_uses_a_cob_id_stops_before_that_changes(
     index: int, sub_index: int, held: int, wanted: int, written: list[int]
 ) -> None:
-    ordered = in_order([step(index, held, wanted, sub_index)])
+    ordered = order_of_dependent_values([step(index, held, wanted, sub_index)])
     assert [int.from_bytes(one.after, "little") for one in ordered] == written

@@ -41,7 +41,7 @@ def rehearsed(session: Conversation, file: str, node_id: int | None = None) -> d
 def _config(twin: Node) -> TargetConfig:
     """Return the values set on *twin*, with each changed PDO as a whole at the script's end."""
     pdos = {pdo: twin.pdo(pdo) for pdo in twin.wanted}
-    return TargetConfig(pdos, dict(twin.wanted_values), dict(twin.said), unreadable=unreadable_of(twin))
+    return TargetConfig(pdos, dict(twin.wanted_values), dict(twin.requested), unreadable=unreadable_of(twin))
 
 
 def _play(stage: Conversation, sources: Sequence[str]) -> None:

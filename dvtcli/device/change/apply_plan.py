@@ -24,7 +24,7 @@ from dvtcli.device.change.roll_back import first_difference
 from dvtcli.device.change.transaction import Transaction
 from dvtcli.device.change.untouched_pdos import (
     UntouchedPdos,
-    is_of_pdo,
+    changes_a_pdo,
     unlike_backups,
     untouched_cob_ids,
     untouched_configs,
@@ -89,7 +89,7 @@ def apply_plan(
             )
         try:
             untouched = untouched_configs(node, plan, initial_state)
-            untold = any(config.lacking for config in node.last_read.values())
+            unread = any(config.lacking for config in node.last_read.values())
             enter(node, initial_state)
             node.require_not_restarted(initial_state)
             others = UntouchedPdos(
@@ -110,7 +110,7 @@ def apply_plan(
             restore_nmt_state(node, error, initial_state)
             raise
         node.answered_otherwise = dict(transaction.answered_otherwise)
-        node.expected.seen(untouched, whole=is_watched and not untold)
+        node.expected.seen(untouched, complete=is_watched and not unread)
         if node.guard is not None:
             node.guard.own_journal.carried_out()
         done(plan, transaction.boot_ups_verified)
@@ -151,7 +151,7 @@ def _is_watched(node: Changeable, plan: Plan) -> bool:
 
     A program with a single change stores nothing afterwards and saves these uploads.
     """
-    return is_of_pdo(plan) and not node.only_one() and not node.expected.is_whole
+    return changes_a_pdo(plan) and not node.only_one() and not node.expected.is_complete
 
 
 def _transaction(node: Changeable, plan: Plan, others: UntouchedPdos, initial_state: InitialState) -> Transaction:
@@ -279,7 +279,7 @@ def _apply_again(node: Changeable, plan: Plan, refused: DeviceRefused, run: _App
 
 def _is_for_its_state(node: Changeable, plan: Plan, refused: DeviceRefused) -> bool:
     """True if a PDO write was refused and rolled back, possibly because the node is OPERATIONAL."""
-    steps = {step.object for change in plan.changes for step in change.steps if _is_of_pdo(change)}
+    steps = {step.object for change in plan.changes for step in change.steps if _changes_pdo(change)}
     return (
         refused.state == "rolled_back"
         and refused.abort in _WHILE_OPERATIONAL
@@ -312,10 +312,10 @@ def _in_pre_operational(node: Changeable, plan: Plan, refused: DeviceRefused, ru
 
 def _wants_pre_operational(node: Changeable, plan: Plan) -> bool:
     """True if the device type is known to take a PDO change like *plan* only in PRE-OPERATIONAL."""
-    return any(map(_is_of_pdo, plan.changes)) and not node.gate.entered and node.is_found_to_want_pre_operational
+    return any(map(_changes_pdo, plan.changes)) and not node.gate.entered and node.is_found_to_want_pre_operational
 
 
-def _is_of_pdo(change: Change) -> bool:
+def _changes_pdo(change: Change) -> bool:
     return isinstance(change, PdoChange) or Pdo.at(change.step.index) is not None
 
 

@@ -91,14 +91,14 @@ def _is_in(made: Collection[set[str]], pdo: Pdo, config: PdoConfig) -> bool:
 class ChangeGuard:
     """The files of one node on the bus called *bus*: journals and backups below *folder*, locks in *locks*.
 
-    All dvtcli processes of a user share the folder of the locks. *say* shows a message.
+    All dvtcli processes of a user share the folder of the locks. *report* shows a message.
     """
 
     folder: Path
     locks: Path
     bus: str
     node_id: int
-    say: Callable[[str], None] = lambda _text: None
+    report: Callable[[str], None] = lambda _text: None
     #: whether a PDO's COB-ID is known to be read-only
     is_fixed: Callable[[Pdo], bool] = lambda _pdo: False
     #: shows an important message, even with JSON output
@@ -239,10 +239,10 @@ class ChangeGuard:
             self.lock.take()
             needed = self._backing_up.needed(identity, {pdo: before.get(pdo, one) for pdo, one in held.items()})
         if needed:
-            whole = {**pdos(), **before}
+            every_pdo = {**pdos(), **before}
             with self._files("kept"):
-                path = self._backing_up.make(identity, whole, {pdo for pdo in whole if self.is_fixed(pdo)})
-                self.say(f"backup of node {self.node_id}: {path}")
+                path = self._backing_up.make(identity, every_pdo, {pdo for pdo in every_pdo if self.is_fixed(pdo)})
+                self.report(f"backup of node {self.node_id}: {path}")
 
     def unlike_backups(self, identity: Identity, held: Mapping[Pdo, PdoConfig]) -> list[Pdo]:
         """The PDOs in *held* that match neither a backup of the device nor a remembered change."""
@@ -284,7 +284,7 @@ class ChangeGuard:
         with self._files("set aside"):
             self.lock.take()
             closed = None
-            with suppress(InputFileError, SafetyRefusal):  # what cannot be used names no whole
+            with suppress(InputFileError, SafetyRefusal):  # what cannot be used names no group
                 closed = read_journal(path)
             aside = set_aside(path, word)
             if closed is not None:
@@ -369,7 +369,7 @@ def _digits(text: str) -> str:
     return re.sub(r"\D", "", text)
 
 
-def in_order(changes: Iterable[PdoChange]) -> Iterator[PdoChange]:
+def pdos_freeing_can_ids_first(changes: Iterable[PdoChange]) -> Iterator[PdoChange]:
     """Sort *changes* to free a CAN-ID before another PDO gets the same CAN-ID, if possible."""
     pending = list(changes)
     while pending:
@@ -390,4 +390,4 @@ def _holds(other: PdoChange, one: PdoChange) -> bool:
 def way_to(now: Mapping[Pdo, PdoConfig], wanted: Mapping[Pdo, PdoConfig]) -> tuple[PdoChange, ...]:
     """The changes from *now* to *wanted*, without PDOs that are equal already."""
     changes = (plan_pdo(pdo, now[pdo], config) for pdo, config in wanted.items())
-    return tuple(in_order([change for change in changes if change.steps]))
+    return tuple(pdos_freeing_can_ids_first([change for change in changes if change.steps]))

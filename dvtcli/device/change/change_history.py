@@ -119,11 +119,11 @@ def has_serial(identity: Identity) -> bool:
 
 @dataclass(slots=True, eq=False, repr=False)
 class ChangeHistory:
-    """The changes on *bus*, in files of *folder*; *say* shows failures to record a change."""
+    """The changes on *bus*, in files of *folder*; *report* shows failures to record a change."""
 
     folder: Path
     bus: str
-    say: Callable[[str], None] = lambda _text: None
+    report: Callable[[str], None] = lambda _text: None
     #: the node-ID given to dvtcli at its start
     selected: int | None = None
     #: entries added by this process, oldest first; None for a change that could not be recorded
@@ -144,7 +144,7 @@ class ChangeHistory:
             entry = self._entry(plan, identity, name)
             self._write(path, [*self._sound(path), entry][-MOST_CHANGES:])
         except (OSError, SafetyRefusal) as failed:
-            self.say(f"the change is done, but cannot be saved for a later undo: {_why(failed)}")
+            self.report(f"the change is done, but cannot be saved for a later undo: {_why(failed)}")
         else:
             self._own[-1] = (path, entry.id)
 
@@ -159,7 +159,7 @@ class ChangeHistory:
             return self._read(path)
         except InputFileError as damaged:
             aside = set_aside(path, "damaged")
-            self.say(f"{damaged.text}: it is kept as {aside}")
+            self.report(f"{damaged.text}: it is kept as {aside}")
             return []
 
     def newest(self, node_id: int, identity: Identity) -> ChangeHistoryEntry | None:
@@ -228,7 +228,7 @@ class ChangeHistory:
             try:
                 self._remember_back(back, back.changes, identity)
             except (OSError, SafetyRefusal) as failed:
-                self.say(f"it is rolled back, but cannot be marked as not stored: {_why(failed)}")
+                self.report(f"it is rolled back, but cannot be marked as not stored: {_why(failed)}")
 
     def was_stored(self, node_id: int, identity: Identity, labels: Collection[str]) -> None:
         """Mark *labels* as stored, and with them all earlier changes to the same PDOs and objects."""
@@ -239,7 +239,7 @@ class ChangeHistory:
         try:
             self._write(path, [entry for entry in entries if not (entry.undoes and entry.stored >= entry.labels)])
         except (OSError, SafetyRefusal) as failed:
-            self.say(f"it is stored, but cannot be marked as stored: {_why(failed)}")
+            self.report(f"it is stored, but cannot be marked as stored: {_why(failed)}")
 
     def may_be_stored(self, node_id: int, identity: Identity, names: Collection[str]) -> None:
         """Mark the changes with the ids *names* as possibly stored, after a store without an answer.
@@ -255,7 +255,7 @@ class ChangeHistory:
         try:
             self._write(path, entries)
         except (OSError, SafetyRefusal) as failed:
-            self.say(f"it cannot be marked as stored for a later undo: {_why(failed)}")
+            self.report(f"it cannot be marked as stored for a later undo: {_why(failed)}")
 
     def drop_own(self, count: int, back: Plan) -> None:
         """Drop the last *count* changes of this process, undone by *back*."""
@@ -272,7 +272,7 @@ class ChangeHistory:
             if back is not None:
                 self._add_undoing(back, [entry for entry in found if entry.id in names])
         except (OSError, SafetyRefusal) as failed:
-            self.say(f"it is rolled back, but the history for undo cannot be written: {_why(failed)}")
+            self.report(f"it is rolled back, but the history for undo cannot be written: {_why(failed)}")
 
     def _add_undoing(self, back: Plan, undone: Sequence[ChangeHistoryEntry]) -> None:
         stored = {label for entry in undone for label in entry.stored | entry.maybe_stored}
@@ -299,8 +299,8 @@ class ChangeHistory:
         with os.fdopen(open_private(path, os.O_RDWR | os.O_CREAT), "rb+", buffering=0) as file:
             lock_within(file, WAIT_S)
             said = file.read(_COUNT_BYTES + 1)
-            is_whole = len(said) == _COUNT_BYTES and said[:-1].isdigit()
-            last = int(said) if is_whole else self._highest_number()
+            is_complete = len(said) == _COUNT_BYTES and said[:-1].isdigit()
+            last = int(said) if is_complete else self._highest_number()
             file.seek(0)
             file.write(f"{last + 1:0{_COUNT_BYTES - 1}d}\n".encode())
             to_disk(file.fileno())

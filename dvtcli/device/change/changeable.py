@@ -35,13 +35,13 @@ class Expected:
     pdos: dict[Pdo, PdoConfig] = field(default_factory=dict)
     values: dict[tuple[int, int], bytes] = field(default_factory=dict)
     #: whether every PDO that lay beside a change was read
-    is_whole: bool = False
+    is_complete: bool = False
 
-    def seen(self, others: Mapping[Pdo, PdoConfig], *, whole: bool = False) -> None:
-        """Record *others*, read beside a change (with *whole* all PDOs); the first known value of a PDO counts."""
+    def seen(self, others: Mapping[Pdo, PdoConfig], *, complete: bool = False) -> None:
+        """Record *others*, read beside a change (with *complete* all PDOs); the first known value of a PDO counts."""
         for pdo, config in others.items():
             self.pdos.setdefault(pdo, config)
-        self.is_whole = self.is_whole or (whole and bool(others))
+        self.is_complete = self.is_complete or (complete and bool(others))
 
     def changed(self, change: Change) -> None:
         """Record *change* as read back."""
@@ -65,7 +65,7 @@ class Expected:
         """Expect nothing after a requested reset, whose losses were reported."""
         self.pdos.clear()
         self.values.clear()
-        self.is_whole = False
+        self.is_complete = False
 
     def require(self, node: ReadableNode, who_else: str) -> None:
         """Read everything again; raise SafetyRefusal, naming *who_else* as a possible cause, on a difference."""

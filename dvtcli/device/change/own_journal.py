@@ -211,16 +211,16 @@ class OwnJournal:
         """Leave the group incomplete; changes not rolled back wait for `recover`."""
         self._tidy(self.group.id)
 
-    def _tidy(self, whole: str | None) -> None:
+    def _tidy(self, group_id: str | None) -> None:
         with self._files("removed"):
-            self.journals.tidy(whole)
+            self.journals.tidy(group_id)
 
     def end_group(self) -> None:
         """Remove the journal after this node's part of the group was rolled back and verified."""
         if self._contents.is_begun and self._contents.in_hand is None:
-            whole = self._contents.part.group_id
+            group_id = self._contents.part.group_id
             self.delete()
-            self._tidy(whole)
+            self._tidy(group_id)
 
     def detach(self) -> None:
         """Forget the changes of this process, but leave the files on disk."""

@@ -13,7 +13,7 @@ from dvtcli.device.change.expected_refusals import substitute_findings
 from dvtcli.device.change.failed_change import Guarded, failure_sentence, name_left
 from dvtcli.device.change.roll_back import roll_back_patiently, unreadable_now
 from dvtcli.device.change.undo_plan import undo_plan_of
-from dvtcli.device.change.untouched_pdos import altered_of, as_they_are, is_of_pdo, others_left, untouched_pdos
+from dvtcli.device.change.untouched_pdos import altered_of, as_they_are, changes_a_pdo, others_left, untouched_pdos
 from dvtcli.device.observe import MAX_READS, RestartCounter
 from dvtcli.device.stamped import NO_STAMP, held_stamp, is_stamp, stamp_back
 from dvtcli.device.store.pending import CHANGE
@@ -86,7 +86,7 @@ class Recovery:
         boot_ups = node.bus.boot_ups(node.node_id)
         plan = undo_plan_of(node, [journal.plan], patient=True)
         with_substitutes = undo_plan_of(node, [journal.plan], with_substitutes=True, patient=True)
-        present = untouched_pdos(node, journal.plan) if is_of_pdo(journal.plan) else []
+        present = untouched_pdos(node, journal.plan) if changes_a_pdo(journal.plan) else []
         others = as_they_are(_readable(node, present))
         return cls(node, journal, plan, with_substitutes, _without_stamp(node, journal.plan, plan), others, boot_ups)
 

@@ -121,7 +121,7 @@ def _roll_back_one(
 
 def _roll_back_dependent(sdo: SdoTransport, changes: Sequence[ValueChange]) -> None:
     """Restore *before* of dependent values; the first refusal is raised at the end."""
-    from dvtcli.domain.plan import altering, in_order
+    from dvtcli.domain.plan import altering, order_of_dependent_values
 
     known = ((change.step, change.step.before) for change in changes if change.step.before is not None)
     back: list[Step] = []
@@ -133,7 +133,7 @@ def _roll_back_dependent(sdo: SdoTransport, changes: Sequence[ValueChange]) -> N
         except SdoAborted:
             unseen.append(step)
     refused: list[SdoAborted] = []
-    for step in (*in_order(altering(back)), *unseen):
+    for step in (*order_of_dependent_values(altering(back)), *unseen):
         try:
             _download_or_verify(sdo, step)
         except SdoAborted as aborted:

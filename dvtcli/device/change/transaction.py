@@ -24,7 +24,7 @@ from dvtcli.device.change.roll_back import (
     held_otherwise,
     roll_back_patiently,
 )
-from dvtcli.device.change.untouched_pdos import UntouchedPdos, altered_too, is_of_pdo
+from dvtcli.device.change.untouched_pdos import UntouchedPdos, altered_too, changes_a_pdo
 from dvtcli.device.observe import MAX_READS, NeverRestarts, RebootMonitor, observed, restarted_since_read
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Pdo
@@ -267,7 +267,7 @@ class Transaction:
                 self._say_left(fault)
             elif self._restarted():
                 self._say_lost(fault)
-            elif is_of_pdo(self.plan):
+            elif changes_a_pdo(self.plan):
                 self._say_unread(fault)
             if isinstance(fault, NoAnswer):
                 self._explain_silence(fault)

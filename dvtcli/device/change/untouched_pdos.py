@@ -138,7 +138,7 @@ def untouched_cob_ids(node: ReadableNode, plan: Plan) -> dict[Pdo, CobId]:
 
 def untouched_configs(node: ReadableNode, plan: Plan, initial_state: InitialState) -> dict[Pdo, PdoConfig]:
     """The PDOs outside *plan* read whole since *initial_state*, to compare before a store."""
-    if not is_of_pdo(plan) or node.bus.boot_ups(node.node_id) != initial_state.boot_ups:
+    if not changes_a_pdo(plan) or node.bus.boot_ups(node.node_id) != initial_state.boot_ups:
         return {}
     own = set(_own(plan))
     return {pdo: config for pdo, config in movable(node.last_read).items() if pdo not in own}
@@ -154,7 +154,7 @@ def unlike_backups(node: Changeable, held: Mapping[Pdo, PdoConfig]) -> Sequence[
 
 def movable(pdos: Mapping[Pdo, PdoConfig]) -> dict[Pdo, PdoConfig]:
     """The PDOs read completely enough to be restored."""
-    return {pdo: config for pdo, config in pdos.items() if config.has_cob_id and not config.untold}
+    return {pdo: config for pdo, config in pdos.items() if config.has_cob_id and not config.unread_optional}
 
 
 def as_they_are(pdos: Mapping[Pdo, PdoConfig]) -> tuple[PdoChange, ...]:
@@ -193,7 +193,7 @@ def untouched_pdos(node: ReadableNode, plan: Plan) -> list[Pdo]:
     return [pdo for pdo in node.present() if pdo not in own]
 
 
-def is_of_pdo(plan: Plan) -> bool:
+def changes_a_pdo(plan: Plan) -> bool:
     """True if *plan* writes an object of a PDO."""
     return any(Pdo.at(step.index) for step in plan.steps)
 

@@ -171,7 +171,7 @@ def places_beside(node: ReadableNode, pdos: Mapping[Pdo, PdoConfig]) -> Iterator
 def _places_of_enabled(node: ReadableNode, pdos: Mapping[Pdo, PdoConfig]) -> Iterator[CanaryParameter]:
     """Canary places in enabled PDOs for use while no PDO is sent: an event timer, bit 31, a transmission type."""
     timer, _, kind = _FIELDS
-    on = [(pdo, config) for pdo, config in pdos.items() if _is_whole_and_on(node, pdo, config)]
+    on = [(pdo, config) for pdo, config in pdos.items() if _is_complete_and_on(node, pdo, config)]
     timers = (islice(_allowed(node, pdo, config, *timer), 1) for pdo, config in on if pdo.is_tpdo)
     off = (_taken_off(node, pdo, config) for pdo, config in on)
     types = (islice(_allowed(node, pdo, config, *kind), 1) for pdo, config in on)
@@ -206,9 +206,9 @@ def _unused_entries(node: ReadableNode, pdo: Pdo, pdos: Mapping[Pdo, PdoConfig])
             return
 
 
-def _is_whole_and_on(node: NodeDescription, pdo: Pdo, config: PdoConfig) -> bool:
-    is_whole = config.has_cob_id and config.mpdo is None and not config.inconsistency
-    return is_whole and config.enabled and node.profile.store.needed_for(pdo.communication_index)
+def _is_complete_and_on(node: NodeDescription, pdo: Pdo, config: PdoConfig) -> bool:
+    is_complete = config.has_cob_id and config.mpdo is None and not config.inconsistency
+    return is_complete and config.enabled and node.profile.store.needed_for(pdo.communication_index)
 
 
 def _taken_off(node: ReadableNode, pdo: Pdo, config: PdoConfig) -> Iterator[CanaryParameter]:

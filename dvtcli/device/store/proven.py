@@ -85,13 +85,13 @@ def unread_of(held: Snapshot, signed: StoreAnswer, after: Mapping[Pdo, PdoConfig
     For the PDOs *after* a restart: the values unreadable both before and after.
     """
     objects = held.unread_of_group(signed.sub_index)
-    untold = [
+    unread_optional = [
         f"0x{index:04X}:{sub_index:02X} cannot be read"
         for pdo, config in (after or {}).items()
-        for index, sub_index in config.untold
-        if pdo in held.pdos and (index, sub_index) in held.pdos[pdo].untold
+        for index, sub_index in config.unread_optional
+        if pdo in held.pdos and (index, sub_index) in held.pdos[pdo].unread_optional
     ]
-    unread = join_some([*untold, *filter(None, [objects])])
+    unread = join_some([*unread_optional, *filter(None, [objects])])
     return unread and f"not compared: {unread}"
 
 
@@ -212,12 +212,12 @@ def prove_store(
     signed: StoreAnswer,
     restart: Restart,
     place: AnyPlace | None,
-    says: ValueFormatter = value_in_hex,
+    format_value: ValueFormatter = value_in_hex,
 ) -> Proof:
     """Restart *node* and compare it with *before*, read ahead of the acknowledged store.
 
-    *says* formats values. The canary at *place*, changed after the store, shows whether the restart cleared RAM. Errors
-    mention the acknowledged store; LeftChanged if the canary could not be rolled back.
+    The canary at *place*, changed after the store, shows whether the restart cleared RAM. Errors mention the
+    acknowledged store; LeftChanged if the canary could not be rolled back.
     """
     covered, policy = before.of_group(signed.sub_index), node.profile.store
     values = {place: value for place, value in covered.items() if policy.needed_for(place[0])}
@@ -225,7 +225,7 @@ def prove_store(
         found = node.access.state()
         canary, blind = _canary(node, place, signed)
         after, lost, survived = _restarted(node, restart, canary)
-        unlike = [f"{place}: {text}" for place, text in value_differences(node, values, says)]
+        unlike = [f"{place}: {text}" for place, text in value_differences(node, values, format_value)]
         return_to(node.access, found)
     hint = _POWER
     if survived is not None:
@@ -305,14 +305,14 @@ def _unread_before(before: PdoConfig, after: PdoConfig) -> Iterator[str]:
 
 
 class AgainstDefaults(NamedTuple):
-    """The number of PDOs or objects with a default in the file, the differing values in words, and *untold*.
+    """The number of PDOs or objects with a default in the file, the differing values in words, and *not_compared*.
 
-    *untold* are PDOs and objects not compared, since the file has no default or the node returned no value.
+    *not_compared* are PDOs and objects not compared, since the file has no default or the node returned no value.
     """
 
     compared: int
     differences: tuple[str, ...]
-    untold: tuple[str, ...]
+    not_compared: tuple[str, ...]
 
 
 def differing_from_defaults(
@@ -322,7 +322,7 @@ def differing_from_defaults(
     channel = in_standard_order(Defaults(dictionary, node_id), profile)
     compared = 0
     differences: list[str] = []
-    untold: list[str] = []
+    not_compared: list[str] = []
     for pdo, config in held.items():
         rows = list(_rows(channel, pdo, config))
         both = [(place, value, data) for place, value, data in rows if value is not None and data is not None]
@@ -333,8 +333,8 @@ def differing_from_defaults(
         differences += _lacking(channel, pdo, config)
         lacking = {f"0x{index:04X}:{sub:02X}" for index, sub in config.lacking}
         alone = [place for place, value, data in rows if (value is None) != (data is None) and place not in lacking]
-        untold += alone if both else [pdo.label]
-    return AgainstDefaults(compared, tuple(differences), tuple(untold))
+        not_compared += alone if both else [pdo.label]
+    return AgainstDefaults(compared, tuple(differences), tuple(not_compared))
 
 
 def _rows(channel: SdoTransport, pdo: Pdo, config: PdoConfig) -> Iterator[tuple[str, int | None, bytes | None]]:
@@ -370,24 +370,23 @@ def values_unlike_defaults(
     dictionary: ObjectDictionary,
     node_id: int,
     held: Mapping[tuple[int, int], bytes],
-    says: ValueFormatter = value_in_hex,
+    format_value: ValueFormatter = value_in_hex,
 ) -> AgainstDefaults:
-    """Compare the single objects in *held* with their defaults in the EDS, formatting values with *says*."""
+    """Compare the single objects in *held* with their defaults in the EDS, formatting values with *format_value*."""
     channel = Defaults(dictionary, node_id)
     compared = 0
     differences: list[str] = []
-    untold: list[str] = []
+    not_compared: list[str] = []
     for (index, sub_index), data in held.items():
         place, default = f"{index:04X}:{sub_index:02X}", _default(channel, index, sub_index)
         if default is None:
-            untold.append(f"0x{place}")
+            not_compared.append(f"0x{place}")
             continue
         compared += 1
         if data != default:
-            differences.append(
-                f"{place}: is {says(index, sub_index, data)}, its default is {says(index, sub_index, default)}"
-            )
-    return AgainstDefaults(compared, tuple(differences), tuple(untold))
+            present, expected = (format_value(index, sub_index, value) for value in (data, default))
+            differences.append(f"{place}: is {present}, its default is {expected}")
+    return AgainstDefaults(compared, tuple(differences), tuple(not_compared))
 
 
 def _values(pdo: Pdo, config: PdoConfig) -> Iterator[tuple[int, int, int | None]]:
@@ -425,19 +424,18 @@ def restart_and_read(node: Node, restart: Restart) -> tuple[Snapshot, tuple[str,
 
 def prove_restore(
     node: Node, signed: StoreAnswer, restart: Restart, before: Snapshot | None,
-    lost_before: tuple[str, ...] = (), says: ValueFormatter = value_in_hex,
+    lost_before: tuple[str, ...] = (), format_value: ValueFormatter = value_in_hex,
 ) -> Proof:  # fmt: skip
     """Restart *node* after an acknowledged restore and compare its values with the defaults of the EDS.
 
     Compares PDOs and the single objects written by dvtcli. *before* is the snapshot ahead of the restore. Without an
     EDS, or with the EDS of another device, a PDO must differ from *before* after a restart that lost *lost_before*.
-    *says* formats values.
     """
     with acknowledged(node, signed):
         after, lost = restart_and_read(node, restart)
     lost = (*lost_before, *lost)
     if node.dictionary is not None and not node.unlike_file:
-        return _against_defaults(node, node.dictionary, signed, restart, before, after, lost, says)
+        return _against_defaults(node, node.dictionary, signed, restart, before, after, lost, format_value)
     uncovered = uncovered_group(signed.sub_index)
     changed = sum(_is_otherwise(config, after.pdos.get(pdo)) for pdo, config in (before.pdos if before else {}).items())
     who = "the EDS is another device's" if node.unlike_file else "no EDS has the defaults"
@@ -456,15 +454,19 @@ def _against_defaults(
     before: Snapshot | None,
     after: Snapshot,
     lost: tuple[str, ...],
-    says: ValueFormatter,
+    format_value: ValueFormatter,
 ) -> Proof:
     uncovered, against = uncovered_group(signed.sub_index), f"the defaults of {dictionary.source or 'the EDS'}"
 
     def look(held: Snapshot) -> Proof:
         pdos = differing_from_defaults(dictionary, node.profile, node.node_id, {} if uncovered else held.pdos)
-        objects = values_unlike_defaults(dictionary, node.node_id, held.of_group(signed.sub_index), says)
-        untold = join_some((*pdos.untold, *objects.untold))
-        said = (f"not compared: {untold}, of which the EDS has no default or the node no value",) if untold else ()
+        objects = values_unlike_defaults(dictionary, node.node_id, held.of_group(signed.sub_index), format_value)
+        not_compared = join_some((*pdos.not_compared, *objects.not_compared))
+        said = (
+            (f"not compared: {not_compared}, of which the EDS has no default or the node no value",)
+            if not_compared
+            else ()
+        )
         return Proof(
             restart.by, pdos.compared, against, (*pdos.differences, *objects.differences), objects=objects.compared,
             notes=(*held.notes, *said),

@@ -125,8 +125,8 @@ def assumptions(state: NetworkState, streams: Iterable[Stream], what_if: WhatIf,
     asked = [f"{node.node_id}:{pdo}" for node, pdo, config in state.enabled(is_tpdo=True) if _is_asked(config)]
     if asked:
         yield f"sent on request (RTR) only, and not counted: {join_some(asked)}"
-    if state.untold:
-        nodes = some_nodes(state.untold)
+    if state.undescribed:
+        nodes = some_nodes(state.undescribed)
         yield f"of {nodes} only the values of the file are known, 8 bytes a PDO if it says no length"
     yield "SDO uses the rest: an SDO frame may be under way when another frame becomes ready"
 

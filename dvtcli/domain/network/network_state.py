@@ -157,14 +157,14 @@ def identifier_text(identifier: Identifier) -> str:
 class NetworkState(NamedTuple):
     """Nodes by node-ID, the master if a file names it, and a file's requested links.
 
-    *file* is the source, empty if nodes were read. *untold* are nodes without known contents.
+    *file* is the source, empty if nodes were read. *undescribed* are nodes without known contents.
     """
 
     nodes: tuple[NodeState, ...] = ()
     master: MasterRole | None = None
     links: tuple[LinkConfig, ...] = ()
     file: str = ""
-    untold: tuple[int, ...] = ()
+    undescribed: tuple[int, ...] = ()
 
     def node(self, node_id: int) -> NodeState | None:
         """The node with *node_id*, None if missing."""

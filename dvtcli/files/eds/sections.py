@@ -237,7 +237,7 @@ def _node_id(layout: EdsLayout, findings: Findings) -> int | None:
     given = values.get("nodeid")
     if given is None or not without_comment(given.value):
         return None
-    node_id = _whole(given)
+    node_id = _whole_number(given)
     if node_id is None or not (0 <= node_id <= _HIGHEST_NODE_ID or node_id == _UNCONFIGURED):
         text = f"{quoted(given)} is not a node-ID (1..127): the node of the values is unknown; ignored"
         findings.add(NODE_ID, given.line, text, value_lost=True)
@@ -251,7 +251,7 @@ def _node_id(layout: EdsLayout, findings: Findings) -> int | None:
     return None
 
 
-def _whole(given: IniValue) -> int | None:
+def _whole_number(given: IniValue) -> int | None:
     """Return the number of a key, None if malformed."""
     try:
         return read_number(without_comment(given.value))

@@ -114,7 +114,7 @@ def _of_pcap(file: BinaryIO, order: str, ticks: int) -> Iterator[_Packet]:
     _, _, _, _, _, link = struct.unpack(f"{order}HHiIII", _read(file, 20))
     interface = _Interface(link & 0x0FFF_FFFF, ticks=ticks)
     while head := file.read(16):
-        seconds, parts, kept, length = struct.unpack(f"{order}IIII", _whole(head, 16))
+        seconds, parts, kept, length = struct.unpack(f"{order}IIII", _complete(head, 16))
         yield _Packet(interface, seconds + parts / ticks, _read(file, _bounded(kept)), length)
 
 
@@ -132,7 +132,7 @@ class _Blocks:
         """Iterate over the packets of all sections."""
         self._begin_section()
         while head := self.file.read(4):
-            kind = int.from_bytes(_whole(head, 4), "little" if self.order == "<" else "big")
+            kind = int.from_bytes(_complete(head, 4), "little" if self.order == "<" else "big")
             if kind == _SECTION:
                 self._begin_section()
                 continue
@@ -248,10 +248,10 @@ def _bounded(length: int) -> int:
 
 
 def _read(file: BinaryIO, length: int) -> bytes:
-    return _whole(file.read(length), length)
+    return _complete(file.read(length), length)
 
 
-def _whole(data: bytes, length: int) -> bytes:
+def _complete(data: bytes, length: int) -> bytes:
     if len(data) < length:
         raise ValueError("it ends in the middle")
     return data
@@ -259,7 +259,7 @@ def _whole(data: bytes, length: int) -> bytes:
 
 def _cut(data: bytes, length: int) -> bytes:
     """Return the first *length* bytes of *data*."""
-    return _whole(data[:length], length)
+    return _complete(data[:length], length)
 
 
 class PcapngWriter:

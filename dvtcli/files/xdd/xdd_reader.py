@@ -415,7 +415,7 @@ def _identity(
     text = "" if element is None else element.text.strip()
     if element is None or not text:
         return in_object
-    given = _whole(text)
+    given = _whole_number(text)
     if given is None or not 0 <= given <= _U32:
         findings.add(BAD_NUMBER, element.line, f"{name} is {text[:40]!r}, not a number; ignored")
         return in_object
@@ -431,7 +431,7 @@ def _of_identity(identity: OdObject | None, sub_index: int) -> int | None:
     return None if data is None or len(data) > 4 else int.from_bytes(data, "little")
 
 
-def _whole(text: str) -> int | None:
+def _whole_number(text: str) -> int | None:
     try:
         return read_number(text)
     except ValueError:
@@ -443,7 +443,7 @@ def _number(element: XmlElement, name: str, highest: int, findings: Findings) ->
     text = element.attributes.get(name, "").strip()
     if not text:
         return None
-    number = _whole(text)
+    number = _whole_number(text)
     if number is None or not 0 <= number <= highest:
         findings.add(BAD_NUMBER, element.line, f"{name}={text[:40]!r} is not within 0..{highest}; ignored")
         return None
@@ -479,7 +479,7 @@ def _node_id(placed: XmlElement, findings: Findings) -> int | None:
     text = placed.attributes.get("nodeID", "").strip()
     if not text:
         return None
-    node_id = _whole(text)
+    node_id = _whole_number(text)
     if node_id is not None and 1 <= node_id <= _HIGHEST_NODE_ID:
         return node_id
     if node_id in (0, _UNCONFIGURED):
@@ -494,7 +494,7 @@ def _characteristics(root: XmlElement) -> dict[str, int]:
     """Read dvtcli's entries in DeviceFunction, because CiA 311 has no other place for them."""
     found: dict[str, int] = {}
     for name, content in map(characteristic, root.anywhere("characteristic")):
-        number = _whole(content)
+        number = _whole_number(content)
         if name in OWN_CHARACTERISTICS and number is not None and 0 <= number <= _U32:
             found.setdefault(name, number)
     return found

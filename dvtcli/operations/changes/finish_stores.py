@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 
 def may_finish(journals: Sequence[Journal]) -> bool:
     """Tell whether *journals* are of the same change, with all nodes verified before the stores."""
-    wholes = {journal.part.group_id for journal in journals}
-    return len(wholes) == 1 and bool(
+    groups = {journal.part.group_id for journal in journals}
+    return len(groups) == 1 and bool(
         newest_store_record(journals).stores
     )  # one that only tests a proof says of no stores
 
@@ -63,7 +63,7 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
     part = newest_store_record(journals)
     nodes = {storing.node_id: session.node(storing.node_id) for storing in _verified(part)}
     nodes |= {journal.plan.node_id: session.node(journal.plan.node_id) for journal in journals}
-    _refuse_untold(journals, part)
+    _refuse_undecided(journals, part)
     for journal in journals:
         refuse_other_device(nodes[journal.plan.node_id], journal)
     claims = _claims(session, journals, part, nodes)
@@ -108,17 +108,17 @@ def _verified(part: GroupMember) -> tuple[Storing, ...]:
     return tuple(storing for storing in (*part.stores, *part.equal) if not storing.is_accepted)
 
 
-def _refuse_untold(journals: Sequence[Journal], part: GroupMember) -> None:
+def _refuse_undecided(journals: Sequence[Journal], part: GroupMember) -> None:
     """Raises SafetyRefusal if no journal has a node's wanted values: its own was closed, or is unusable."""
     own = {journal.plan.node_id for journal in journals}
-    untold = [
+    undecided = [
         store.node_id for store in part.stores if store.node_id not in own and not (store.holds or store.is_accepted)
     ]
-    if untold:
-        nodes = some_nodes(untold)
+    if undecided:
+        nodes = some_nodes(undecided)
         raise SafetyRefusal(
             f"the planned values of {nodes} are unknown: nothing is stored",
-            node=untold[0],
+            node=undecided[0],
             why=f"no usable journal for {nodes}",
             hint=back_and_again(part.name, "the other nodes"),
         )
@@ -130,8 +130,8 @@ def _said(session: SessionUser, part: GroupMember, who_has: str, stored: str) ->
         said = f"{stored} would store" if stored else f"{who_has} it{_had_stored(part)}; the journals are kept"
         return f"dry run: {said}{_not_looked_at(part)}"
     done = f"{stored} stored" if stored else f"{who_has} it{_had_stored(part)}"
-    is_whole = "ended" if _accepted_ids(part) else "complete"
-    return f"{part.name} is {is_whole}: {done}{_not_looked_at(part)}"
+    outcome = "ended" if _accepted_ids(part) else "complete"
+    return f"{part.name} is {outcome}: {done}{_not_looked_at(part)}"
 
 
 def _had_stored(part: GroupMember) -> str:

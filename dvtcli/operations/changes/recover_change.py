@@ -77,7 +77,7 @@ def _recovered(session: Session, file: str | None, *, finish: bool) -> Changed |
         return go_on(session, journals)
     session.consent(lambda: _question(session, journals), _only(journals))
     for said in dict.fromkeys(
-        _whole_text(journal, journals) for journal in journals if journal.part.group_id is not None
+        _group_text(journal, journals) for journal in journals if journal.part.group_id is not None
     ):
         session.reporter.note(said)
     done, failures = _put_back(session, journals, refused)
@@ -108,12 +108,12 @@ def _rather_finishes(session: SessionUser, journals: list[Journal]) -> bool:
     """
     from dvtcli.operations.changes.finish_stores import may_finish
 
-    wholes = {
+    groups = {
         journal.part.group_id: [other for other in journals if other.part.group_id == journal.part.group_id]
         for journal in journals
     }
-    finishing = [ours for ours in wholes.values() if may_finish(ours)]
-    alone = len(wholes) == 1
+    finishing = [ours for ours in groups.values() if may_finish(ours)]
+    alone = len(groups) == 1
     for ours in finishing:
         if session.options.yes or session.dry_run or not alone:
             node = {} if alone else {"node": ours[0].plan.node_id}
@@ -176,7 +176,7 @@ def _question(session: SessionNodes, journals: Sequence[Journal]) -> str:
     return f"{'; '.join([*said, *unread])}; recover?"
 
 
-def _whole_text(journal: Journal, journals: list[Journal]) -> str:
+def _group_text(journal: Journal, journals: list[Journal]) -> str:
     ids = [
         other_journal.plan.node_id for other_journal in journals if other_journal.part.group_id == journal.part.group_id
     ]

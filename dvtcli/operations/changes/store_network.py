@@ -289,13 +289,13 @@ def only_some_stored(node_ids: Sequence[int], outcomes: Mapping[int, Stored | Ba
     kept = [*stored, *(node_id for node_id, answer in answers.items() if answer.skipped)]
     unsure = tuple(node_id for node_id, fault in faults.items() if _is_unsure(fault))
     spoilt = [node_id for node_id, fault in faults.items() if _is_spoilt(fault)]
-    untold = [node_id for node_id in unsure if node_id not in spoilt]
+    unknown = [node_id for node_id in unsure if node_id not in spoilt]
     missing = tuple(node_id for node_id in node_ids if node_id not in (*kept, *unsure))
     if not stored or not (unsure or missing):
         return None
     said = [f"{some_nodes(missing)} did not"] if missing else []
     said += [_spoilt_text(spoilt)] if spoilt else []
-    said += [f"whether {some_nodes(untold)} stored is not known"] if untold else []
+    said += [f"whether {some_nodes(unknown)} stored is not known"] if unknown else []
     first = next(iter(faults.values()), None)
     error = LeftChanged(
         f"{some_nodes(stored)} stored, and {', and '.join(said)}",

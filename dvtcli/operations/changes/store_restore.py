@@ -87,7 +87,11 @@ def store_settings(
     if restart is None and not (is_part_of_group or session.options.force):
         _refuse_lost(node, done)
     changed = node.pending.was_stored(done.sub_index, len(node.history))
-    proof = None if restart is None or before is None else prove_store(node, before, done, restart, place, _says(node))
+    proof = (
+        None
+        if restart is None or before is None
+        else prove_store(node, before, done, restart, place, _value_formatter(node))
+    )
     if proof is not None and proof.differences and set(changed) <= set(proof.differing):
         node.pending.was_not_kept(stored_at)
     mark_stored(node, set(changed) - set(() if proof is None else proof.differing))
@@ -241,7 +245,7 @@ def restore_defaults(session: SessionNodes, node: Node, sub_index: int | None, *
         node.require_not_restarted,
     )
     node.gate.done.append(f"0x{done.place} acknowledged the restore")
-    proof = prove_restore(node, done, restart, before, lost, _says(node)) if prove else None
+    proof = prove_restore(node, done, restart, before, lost, _value_formatter(node)) if prove else None
     return_to(node.access, state)
     node.wanted.clear()
     if proof is None or not proof.differences:  # what is not restored is looked at again the next time
@@ -290,7 +294,7 @@ def _before_restore(node: Node, restart: Restart) -> tuple[Snapshot | None, tupl
         return None, ()
 
 
-def _says(node: NodeDescription) -> ValueFormatter:
+def _value_formatter(node: NodeDescription) -> ValueFormatter:
     """Return the printing of values of *node*, as used on all screens."""
     from dvtcli.operations.values.object_values import planned_words
 

@@ -221,10 +221,10 @@ def compare(
     named: bool = False,
 ) -> Compared:
     """Compare a node; again after a frame, as the node was started and may have restarted."""
-    says = partial(planned_words, node)
-    found = config_differences(node, target, says)
+    format_value = partial(planned_words, node)
+    found = config_differences(node, target, format_value)
     frames, note = look(session, node, [pdo for pdo in target.pdos if pdo.is_tpdo]) if frame else ((), "")
-    found = config_differences(node, target, says) if frame else found
+    found = config_differences(node, target, format_value) if frame else found
     if file is None:
         _judge(node, target, differs=bool(found))
     return Compared(

@@ -86,14 +86,14 @@ def export_nodelist(session: SessionNodes, file: str, *, twice: bool = False) ->
         )
     said: list[str] = []
     nodes = [_listed(session, path, node_id, notes, said, twice=twice) for node_id in sorted(ids)]
-    untold = [str(node.node_id) for node in nodes if not node.dcf]
-    if len(untold) == len(nodes):
+    without_dcf = [str(node.node_id) for node in nodes if not node.dcf]
+    if len(without_dcf) == len(nodes):
         raise UsageError(
-            f"none of the nodes has an EDS ({join_some(untold)}): a nodelist needs their DCFs",
+            f"none of the nodes has an EDS ({join_some(without_dcf)}): a nodelist needs their DCFs",
             hint=Hint(Action.ADD_EDS, why="adds it to the library for all nodes of this type; then export again"),
         )
-    if untold:
-        why = f"{all_nodes(untold)}: no DCF, since there is no EDS; add an EDS to the library, then export again"
+    if without_dcf:
+        why = f"{all_nodes(without_dcf)}: no DCF, since there is no EDS; add an EDS to the library, then export again"
         notes.insert(0, why)
         said.insert(0, why)
     make_file(session, path, eds_bytes(nodelist_text(Nodelist(path.parent.resolve().name, tuple(nodes)))))

@@ -215,7 +215,7 @@ def exported(holder: PdoHolder, held: Mapping[Pdo, PdoConfig], values: SdoReader
     Usual values are included if *said*.
     """
     remarks: dict[str, str] = {}
-    pdo_configs = tuple(_pdo(holder, pdo, config, remarks) for pdo, config in held.items() if is_whole(config))
+    pdo_configs = tuple(_pdo(holder, pdo, config, remarks) for pdo, config in held.items() if is_complete(config))
     found = exported_objects(values, holder.dictionary, said)
     objects = sorted(found, key=lambda entry: (entry.index, entry.sub_index))
     watches = tuple(exported_watches(values))
@@ -225,11 +225,11 @@ def exported(holder: PdoHolder, held: Mapping[Pdo, PdoConfig], values: SdoReader
         title_word(holder), holder.node_id, _identity(holder), pdos=pdo_configs, objects=tuple(objects),
         values=tuple(others), watches=watches, pins=tuple(exported_pins(values, holder.profile.vpdo)),
     )  # fmt: skip
-    left_out = tuple(pdo.label for pdo, config in held.items() if not is_whole(config))
+    left_out = tuple(pdo.label for pdo, config in held.items() if not is_complete(config))
     return Exported(node_config, {(holder.node_id, word): text for word, text in remarks.items()}, left_out)
 
 
-def is_whole(config: PdoConfig) -> bool:
+def is_complete(config: PdoConfig) -> bool:
     """Tell whether a network file can have it: no MPDO, nothing unknown, each entry has a length."""
     has_bits = all(1 <= entry.bits <= MAX_PDO_BITS for entry in config.mapping)
     return config.mpdo is None and not config.inconsistency and has_bits

@@ -265,7 +265,7 @@ def _with_live(state: NetworkState, live: NetworkState) -> NetworkState:
     nodes = [_one_with_live(node, live.node(node.node_id)) for node in state.nodes]
     managers = [node for node in live.nodes if state.node(node.node_id) is None and node.number(NMT_STARTUP)]
     ordered = sorted([*nodes, *managers], key=lambda live_node: live_node.node_id)
-    return state._replace(nodes=tuple(ordered), untold=())
+    return state._replace(nodes=tuple(ordered), undescribed=())
 
 
 def _one_with_live(node: NodeState, live: NodeState | None) -> NodeState:
@@ -282,7 +282,7 @@ def words_on_bus(session: SessionNodes, file: str, config: NetworkConfig) -> dic
     Silent nodes and other devices than in the file are left out.
     """
     found: dict[int, DeviceWord] = {}
-    for node in _untold(file, config):
+    for node in _undescribed(file, config):
         with suppress(NoAnswer, SdoAborted, SdoProtocolError):
             if is_wanted(session.network.node(node.node_id), node.identity):
                 found |= _word(session, node.node_id)
@@ -295,12 +295,12 @@ def words_of_present(session: SessionNodes, file: str, config: NetworkConfig) ->
     A node without a word has no EDS, rather than no power.
     """
     with session.network.as_it_was_if_refused():
-        met = identify_nodes(session, file, replace(config, nodes=tuple(_untold(file, config)), links=()))
+        met = identify_nodes(session, file, replace(config, nodes=tuple(_undescribed(file, config)), links=()))
         met.end()
     return {node_id: word for node in met.nodes for node_id, word in _word(session, node).items()}
 
 
-def _untold(file: str, config: NetworkConfig) -> list[NodeConfig]:
+def _undescribed(file: str, config: NetworkConfig) -> list[NodeConfig]:
     return [node for node in config.nodes if simulated_word(file, node) is None]
 
 

@@ -161,9 +161,9 @@ def _undescribed(state: NetworkState) -> Iterator[FileNote]:
     from dvtcli.domain.network.network_config import NOWHERE, FileNote
     from dvtcli.operations.plans.read_network_config import skipped_rules
 
-    if state.untold:
-        marks = [node.mark for node in state.nodes if node.node_id in state.untold]
-        yield FileNote(skipped_rules(state.untold), min(marks, default=NOWHERE))
+    if state.undescribed:
+        marks = [node.mark for node in state.nodes if node.node_id in state.undescribed]
+        yield FileNote(skipped_rules(state.undescribed), min(marks, default=NOWHERE))
 
 
 def _report_anyway(
@@ -253,7 +253,7 @@ def _nothing_asked(config: NetworkConfig, state: NetworkState, names: Collection
     from dvtcli.operations.plans.plan_network import ASKS_NOTHING
 
     for node_id in config.asked_nothing if "asked-nothing" in names else ():
-        if node_id in state.untold:
+        if node_id in state.undescribed:
             yield _of_change(state, node_id, warning("asked-nothing", "", ASKS_NOTHING))
 
 

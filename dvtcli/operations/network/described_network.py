@@ -93,9 +93,9 @@ def described_network(
     read = config or read_network_config(file)
     read = read if with_links else replace(read, links=())
     words = words_of(file, read, on_bus)
-    config = _with_untold_links(read, words.keys())
+    config = _with_undescribed_links(read, words.keys())
     known = tuple(replace(node, identity=ExpectedIdentity()) for node in config.nodes if node.node_id in words)
-    links = tuple(link for link in config.links if _is_told(link, words.keys()))
+    links = tuple(link for link in config.links if _is_described(link, words.keys()))
     state = NetworkState(file=file, master=config.master, links=links)
     if known:
         state = _simulated(
@@ -103,10 +103,10 @@ def described_network(
         )
     named = {node.node_id: node for node in config.nodes}
     met = [_met(node, named[node.node_id], words[node.node_id]) for node in state.nodes]
-    untold = [node for node in config.nodes if node.node_id not in words]
-    nodes = sorted([*met, *map(told_state, untold)], key=lambda node_state: node_state.node_id)
-    ids = tuple(node.node_id for node in untold)
-    return with_link_marks(state._replace(nodes=tuple(nodes), untold=ids), read.links)
+    undescribed = [node for node in config.nodes if node.node_id not in words]
+    nodes = sorted([*met, *map(state_of_file, undescribed)], key=lambda node_state: node_state.node_id)
+    ids = tuple(node.node_id for node in undescribed)
+    return with_link_marks(state._replace(nodes=tuple(nodes), undescribed=ids), read.links)
 
 
 def described_pdos(file: str, config: NetworkConfig) -> NetworkState:
@@ -117,11 +117,11 @@ def described_pdos(file: str, config: NetworkConfig) -> NetworkState:
     is_said = not config.links and not any(
         node.prune or any(pdo.cob_id == "auto" for pdo in node.pdos) for node in config.nodes
     )
-    state = _as_said(file, config) if is_said else None
+    state = _as_described(file, config) if is_said else None
     return described_network(file, config=config) if state is None else state
 
 
-def _as_said(file: str, config: NetworkConfig) -> NetworkState | None:
+def _as_described(file: str, config: NetworkConfig) -> NetworkState | None:
     """Return the PDOs of *config* on its simulated nodes; None if one of them cannot be made as it stands."""
     words, log, nodes = words_of(file, config), FileLog(file, network_text(file)), list[NodeState]()
     read: dict[DeviceWord, Mapping[Pdo, PdoConfig]] = {}
@@ -132,13 +132,13 @@ def _as_said(file: str, config: NetworkConfig) -> NetworkState | None:
         for told in config.nodes:
             word = words.get(told.node_id)
             if word is None:
-                nodes.append(told_state(told))
+                nodes.append(state_of_file(told))
                 continue
             node = session.node(told.node_id)
             held = _held_pdos(node, read.get(word, {}))
             if word not in read:
                 read[word] = {pdo: config for pdo, config in held.items() if _is_alike(node.dictionary, pdo, config)}
-            pdos = _said_pdos(node, told, held, log)
+            pdos = _described_pdos(node, told, held, log)
             if pdos is None:
                 return None
             state = NodeState(told.node_id, told.name, pdos, {}, node.dictionary, node.profile)
@@ -173,10 +173,10 @@ def _is_alike(dictionary: ObjectDictionary | None, pdo: Pdo, config: PdoConfig) 
     )
 
 
-def _said_pdos(
+def _described_pdos(
     node: ReadableNode, config: NodeConfig, held: Mapping[Pdo, PdoConfig], log: FileLog
 ) -> dict[Pdo, PdoConfig] | None:
-    """Return the PDOs of *node*, which it *held* by default, with those of *config*; None as `_as_said`."""
+    """Return the PDOs of *node*, which it *held* by default, with those of *config*; None as `_as_described`."""
     wanted: dict[Pdo, PdoConfig] = {}
     for pdo in config.pdos:
         request = pdo_request(node, pdo, log)
@@ -223,24 +223,24 @@ def simulation_of(words: Mapping[int, DeviceWord], *, force: bool = False) -> Op
     )
 
 
-def _is_told(link: LinkConfig, told: Collection[int]) -> bool:
+def _is_described(link: LinkConfig, told: Collection[int]) -> bool:
     """Tell whether all ends of *link* are on *told* nodes, described by an EDS or a family."""
     return all(end.node_id in told for end in link.ends)
 
 
-def _with_untold_links(config: NetworkConfig, told: Collection[int]) -> NetworkConfig:
+def _with_undescribed_links(config: NetworkConfig, told: Collection[int]) -> NetworkConfig:
     """Give both ends of each link with an undescribed node the same CAN-ID, and enable them.
 
     The CAN-ID is the file's for the TPDO, else the pre-defined CAN-ID. Layouts need a dictionary.
     """
     ends: dict[Endpoint, int] = {}
     for link in config.links:
-        can_id = _said_can_id(config, link.producer)
-        if not _is_told(link, told) and can_id is not None:
+        can_id = _described_can_id(config, link.producer)
+        if not _is_described(link, told) and can_id is not None:
             ends |= dict.fromkeys(link.ends, can_id)
     consumers = {end for link in config.links for end in link.consumers}
-    untold = [link for link in config.links if not _is_told(link, told)]
-    nodes = (_linked_node(_watching(config, node, untold), ends, consumers, told) for node in config.nodes)
+    undescribed = [link for link in config.links if not _is_described(link, told)]
+    nodes = (_linked_node(_watching(config, node, undescribed), ends, consumers, told) for node in config.nodes)
     return replace(config, nodes=tuple(nodes))
 
 
@@ -250,7 +250,7 @@ def _watching(config: NetworkConfig, node: NodeConfig, links: Collection[LinkCon
     found: dict[int, HeartbeatWatch] = {}
     for link in links:
         producer, hears = link.producer.node_id, any(end.node_id == node.node_id for end in link.consumers)
-        time_ms = link.heartbeat or _said_heartbeat_ms(config, producer)
+        time_ms = link.heartbeat or _described_heartbeat_ms(config, producer)
         late_ms = (
             watch_time_ms(time_ms, CONSUMER_PERIODS if config.multiplier is None else config.multiplier)
             if time_ms
@@ -261,14 +261,14 @@ def _watching(config: NetworkConfig, node: NodeConfig, links: Collection[LinkCon
     return replace(node, watches=(*node.watches, *found.values()))
 
 
-def _said_heartbeat_ms(config: NetworkConfig, node_id: int) -> int:
+def _described_heartbeat_ms(config: NetworkConfig, node_id: int) -> int:
     said = (object_config for node in config.nodes if node.node_id == node_id for object_config in node.objects)
     return next(
         (int.from_bytes(object_config.data, "little") for object_config in said if object_config.index == 0x1017), 0
     )
 
 
-def _said_can_id(config: NetworkConfig, end: Endpoint) -> int | None:
+def _described_can_id(config: NetworkConfig, end: Endpoint) -> int | None:
     node = next((node for node in config.nodes if node.node_id == end.node_id), None)
     said = next((pdo.cob_id for pdo in node.pdos if pdo.pdo == end.pdo), None) if node is not None else None
     return said if isinstance(said, int) else end.pdo.default_can_id(end.node_id)
@@ -388,7 +388,7 @@ def library_match(file: str, node: NodeConfig) -> Match | None:
     return match(stored_files(), vendor, product, node.identity.revision)
 
 
-def told_state(node_config: NodeConfig) -> NodeState:
+def state_of_file(node_config: NodeConfig) -> NodeState:
     """Build the state of a node from *node_config* alone: PDOs named there are enabled unless disabled."""
     numbers = {
         (object_config.index, object_config.sub_index): int.from_bytes(object_config.data, "little")
@@ -396,11 +396,15 @@ def told_state(node_config: NodeConfig) -> NodeState:
     }
     for sub_index, watch in enumerate(node_config.watches, 1):
         numbers[0x1016, sub_index] = watch.producer << 16 | watch.time_ms
-    pdos = {pdo.pdo: config for pdo in node_config.pdos if (config := _told_pdo(node_config.node_id, pdo)) is not None}
+    pdos = {
+        pdo.pdo: config
+        for pdo in node_config.pdos
+        if (config := _undescribed_pdo(node_config.node_id, pdo)) is not None
+    }
     return with_config(NodeState(node_config.node_id, node_config.name, pdos, numbers), node_config)
 
 
-def _told_pdo(node_id: int, node_config: PartialPdoConfig) -> PdoConfig | None:
+def _undescribed_pdo(node_id: int, node_config: PartialPdoConfig) -> PdoConfig | None:
     default = node_config.pdo.default_can_id(node_id)
     can_id = node_config.cob_id if isinstance(node_config.cob_id, int) else default
     if can_id is None:
@@ -413,7 +417,7 @@ def _told_pdo(node_id: int, node_config: PartialPdoConfig) -> PdoConfig | None:
         node_config.event_timer,
         node_config.sync_start_value,
     )
-    entries = None if node_config.mapping is None else [_told_entry(word) for word in node_config.mapping]
+    entries = None if node_config.mapping is None else [_undescribed_entry(word) for word in node_config.mapping]
     if entries is None or None in entries:
         return PdoConfig(communication, (), unread=((node_config.pdo.mapping_index, 0),))
     return PdoConfig(
@@ -421,7 +425,7 @@ def _told_pdo(node_id: int, node_config: PartialPdoConfig) -> PdoConfig | None:
     )
 
 
-def _told_entry(word: FileWord) -> tuple[PdoMappingEntry, ...] | None:
+def _undescribed_entry(word: FileWord) -> tuple[PdoMappingEntry, ...] | None:
     """Return the mapping that *word* means, None if a dictionary is needed."""
     from dvtcli.domain.pdo import DUMMY_BITS, split_dummy
 

@@ -149,7 +149,7 @@ def drawn_nodes(state: NetworkState, said: Mapping[int, Rules]) -> Iterator[Pict
     for node in state.nodes:
         scalings = scalings_of(node.profile, node.dictionary, [said.get(node.node_id, {})])
         pdos = (_pdo(node, pdo, config, scalings, partners) for pdo, config in sorted(node.pdos.items()))
-        is_told = node.node_id not in state.untold
+        is_told = node.node_id not in state.undescribed
         yield PictureNode(node.node_id, node.name, node.title, tuple(_facts(node)), tuple(pdos), is_told)
 
 

@@ -15,7 +15,7 @@ from dvtcli.device.change.change_group import Storing
 from dvtcli.device.change.changeable import moves
 from dvtcli.device.change.own_journal import complete_groups
 from dvtcli.device.change.roll_back import first_difference
-from dvtcli.device.change.untouched_pdos import is_of_pdo
+from dvtcli.device.change.untouched_pdos import changes_a_pdo
 from dvtcli.device.observe import MAX_READS
 from dvtcli.device.read_whole import PAUSE_S
 from dvtcli.device.seen_state import present_state
@@ -146,7 +146,7 @@ def _refuse_any_stale(
 def _keep(session: SessionNodes, nodes: Mapping[int, Node], done: Mapping[int, Plan]) -> None:
     """Make *done* undoable and add it to the session's record."""
     for node_id, plan in done.items():
-        nodes[node_id].keep(plan)
+        nodes[node_id].remember_for_undo(plan)
         if not session.dry_run:
             session.record.add(node_id, change_lines(plan))
 
@@ -215,7 +215,7 @@ class UnwrittenValues:
         Each value is a change to itself. Raises the errors of reading PDOs for nodes that store.
         """
         written = [plan for plan in self.planned if len(plan.plan)]
-        stores = [plan.node_id for plan in written if plan.stores and is_of_pdo(plan.plan)]
+        stores = [plan.node_id for plan in written if plan.stores and changes_a_pdo(plan.plan)]
         self._side_by_side([partial(_read_pdos, self.nodes[node_id]) for node_id in stores])
         return {plan.node_id: _held(self.nodes[plan.node_id], plan, beside=plan.node_id in stores) for plan in written}
 
@@ -332,7 +332,7 @@ def _held(node: ReadableNode, planned: NodePlan, *, beside: bool) -> tuple[Chang
     others = [
         plan_pdo(pdo, config, config)
         for pdo, config in (node.last_read.items() if beside else ())
-        if pdo not in own | told and config.has_cob_id and not config.untold
+        if pdo not in own | told and config.has_cob_id and not config.unread_optional
     ]
     return (*said, *others)
 

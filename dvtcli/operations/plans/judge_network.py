@@ -247,7 +247,7 @@ def judge_network(
     read = [planned.node_id for planned in plan.nodes if planned.is_read]
     if not read or plan.lacking:
         return plan
-    is_whole = all(node.mark.line for node in config.nodes) and not plan.unread and not named_nodes(session)
+    is_complete = all(node.mark.line for node in config.nodes) and not plan.unread and not named_nodes(session)
     bit_rate = session.wire.bitrate or session.options.bitrate
     state = network_after(states_of(session, [session.node(read_id) for read_id in read]), plan, config)
     state = with_link_marks(state, config.links)
@@ -273,7 +273,7 @@ def judge_network(
         is_changed = (node_id, spot.index if spot.pdo is None else spot.pdo) in changed
         is_unchanged = (of_device or rule.name in OF_ONE_DEVICE) and not is_changed
         severity = WARNING if is_unchanged and rule.severity is ERROR else rule.severity
-        counts = severity is ERROR or (severity is WARNING and is_named and is_whole)
+        counts = severity is ERROR or (severity is WARNING and is_named and is_complete)
         if counts and (node_id, text) not in texts:
             label = "" if spot.pdo is None or text.startswith(spot.pdo.label) else f"{spot.pdo.label}: "
             words = text if severity is rule.severity else f"{text}; the node already has it"

@@ -54,11 +54,11 @@ _CONSUMER = 0x1016
 
 @dataclass(slots=True)
 class LinkedHeartbeats:
-    """The heartbeats for links between *nodes*, in addition to those in *before*; *say* takes findings."""
+    """The heartbeats for links between *nodes*, in addition to those in *before*; *report* takes findings."""
 
     nodes: Mapping[int, Node]
     before: NetworkConfig
-    say: Callable[[int, Finding], None]
+    report: Callable[[int, Finding], None]
     _producers: dict[int, list[ObjectConfig]] = field(default_factory=dict)
     _watches: dict[int, dict[int, HeartbeatWatch]] = field(default_factory=dict)
     _slots: dict[int, dict[int, int]] = field(default_factory=dict)
@@ -69,7 +69,7 @@ class LinkedHeartbeats:
         time_ms = self._period_ms(node_id, asked_ms, link.mark)
         if not time_ms:
             text = f"node {node_id} sends no heartbeat: its loss would go unnoticed"
-            self.say(node_id, note("link-silent", f"node {node_id}", text))
+            self.report(node_id, note("link-silent", f"node {node_id}", text))
             return
         for consumer in dict.fromkeys(end.node_id for end in link.consumers):
             self._watch_one(consumer, HeartbeatWatch(node_id, time_ms, link.mark))
@@ -83,7 +83,7 @@ class LinkedHeartbeats:
         place = f"node {node_id}"
         if heartbeat_ms(node.read_cache) is None:
             text = f"node {node_id} has no 0x1017: it cannot send a heartbeat"
-            self.say(
+            self.report(
                 node_id,
                 error(
                     "link-no-heartbeat", place, text, hint=Hint(Action.GIVE, {"heartbeat": False}, "leaves it alone")
@@ -91,7 +91,7 @@ class LinkedHeartbeats:
             )
         elif is_guarded(node.read_cache):
             text = f"node {node_id} is guarded (0x100C and 0x100D are not 0), which excludes a heartbeat"
-            self.say(
+            self.report(
                 node_id,
                 error("link-guarded", place, text, hint=Hint(Action.GIVE, {"heartbeat": False}, "leaves it alone")),
             )
@@ -106,7 +106,7 @@ class LinkedHeartbeats:
             return  # somebody said how long
         if consumer not in self._slots:
             held = heartbeat_slots(self.nodes[consumer].read_cache)
-            said = _said_slots(_node(self.before, consumer).values)
+            said = _configured_slots(_node(self.before, consumer).values)
             self._slots[consumer] = held | {sub: value for sub, value in said.items() if sub in held}
         slots = self._slots[consumer]
         if watched_ms(slots, producer) > time_ms:
@@ -115,7 +115,7 @@ class LinkedHeartbeats:
         late_ms, sub_index = watch_time_ms(time_ms, multiplier), slot_for(slots, producer)
         if late_ms is None or sub_index is None:
             text = f"node {consumer} does not monitor node {producer}: {_why_not(slots, sub_index, time_ms)}"
-            self.say(consumer, warning("link-unwatched", f"node {consumer}", text))
+            self.report(consumer, warning("link-unwatched", f"node {consumer}", text))
             return
         slots[sub_index] = producer << 16 | late_ms
         self._watches.setdefault(consumer, {})[producer] = replace(heartbeat, time_ms=late_ms)
@@ -137,7 +137,7 @@ def _node(config: NetworkConfig, node_id: int) -> NodeConfig:
     return next(node for node in config.nodes if node.node_id == node_id)
 
 
-def _said_slots(values: Iterable[ValueConfig]) -> dict[int, int]:
+def _configured_slots(values: Iterable[ValueConfig]) -> dict[int, int]:
     """Map entries of 0x1016 that *values* name by number; invalid numbers are reported elsewhere."""
     found: dict[int, int] = {}
     for value in values:
@@ -194,7 +194,7 @@ class _Linking:
     _heartbeats: LinkedHeartbeats = field(init=False)
 
     def __post_init__(self) -> None:
-        self._heartbeats = LinkedHeartbeats(self.nodes, self.before, self._say)
+        self._heartbeats = LinkedHeartbeats(self.nodes, self.before, self._report)
         for node in self.before.nodes:
             self._pdos |= {Endpoint(node.node_id, pdo.pdo): pdo for pdo in node.pdos}
 
@@ -203,16 +203,18 @@ class _Linking:
         producer = self._side(link.producer)
         cob_id = self._cob_id(link, producer)
         if cob_id is None:
-            self._say(link.producer.node_id, error("link-can-id", str(producer), f"no CAN-ID is free for {producer}"))
+            self._report(
+                link.producer.node_id, error("link-can-id", str(producer), f"no CAN-ID is free for {producer}")
+            )
             return
-        self._say(link.producer.node_id, *object_remarks(producer))
+        self._report(link.producer.node_id, *object_remarks(producer))
         self._set(link.producer, cob_id, None)
         for end in link.consumers:
             self._hear(producer, cob_id, end)
         if link.heartbeat is not False:
             self._heartbeats.watch(link, link.heartbeat)
 
-    def _say(self, node_id: int, *findings: Finding) -> None:
+    def _report(self, node_id: int, *findings: Finding) -> None:
         self.findings.setdefault(node_id, {}).update(dict.fromkeys(findings))
 
     def _side(self, end: Endpoint) -> LinkSide:
@@ -280,11 +282,11 @@ class _Linking:
         ):
             wanted = can_id_text(said.cob_id, extended=said.extended)
             text = f"{consumer} is to have CAN-ID {wanted}, and {producer} sends {cob_id}"
-            self._say(end.node_id, error("link-can-id", str(consumer), text, hint="remove one of them"))
+            self._report(end.node_id, error("link-can-id", str(consumer), text, hint="remove one of them"))
             return
         found = linked(producer, consumer)
         stays = found.mapping == consumer.config.mapping
-        self._say(end.node_id, *found.findings, *(object_remarks(consumer) if stays else ()))
+        self._report(end.node_id, *found.findings, *(object_remarks(consumer) if stays else ()))
         mapping = tuple(FileWord(str(entry)) for entry in found.mapping)
         self._set(end, cob_id, None if stays else mapping)
 

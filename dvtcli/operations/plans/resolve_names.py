@@ -104,7 +104,7 @@ def _group(node: NodeDescription, held: Pins, configs: list[PinConfig], log: Fil
     marks = {config.pin: config.mark for config in configs}
     for sub_index, value in held.with_ties(ties).items() if ties else ():
         data = value.to_bytes(2 if sub_index else 1, "little")
-        reason = held.said(sub_index, value, tied_name(node, value))
+        reason = held.reason(sub_index, value, tied_name(node, value))
         yield ResolvedValue((held.group.index, sub_index), data, reason, marks.get(sub_index, configs[0].mark))
 
 

@@ -37,7 +37,7 @@ class ChangeFiles:
     #: the node-ID of -n
     selected: int | None
     #: show a message, and a warning
-    say: Callable[[Hint | str], None]
+    report: Callable[[Hint | str], None]
     warn: Callable[[Hint | str], None]
     #: the current work, for another dvtcli that finds a node's lock taken
     doing: Callable[[], str]
@@ -54,11 +54,11 @@ class ChangeFiles:
         if refused is not None and refused.text not in self._said:
             self._said.add(refused.text)
             said = as_hint(f"{refused.text}; until that is corrected no node of this bus can be changed")
-            self.say(said + refused.hint if refused.hint else said)
+            self.report(said + refused.hint if refused.hint else said)
         interrupted, is_damaged = _interrupted(guard)
         if interrupted and interrupted not in self._said:
             self._said.add(interrupted)
-            (self.warn if is_damaged else self.say)(interrupted)
+            (self.warn if is_damaged else self.report)(interrupted)
         if (program := self.programs().told(node_id)) and guard.lock.is_free():
             self.warn(program)
         return guard
@@ -76,7 +76,7 @@ class ChangeFiles:
 
     def history(self) -> ChangeHistory:
         """Return the remembered changes on this bus."""
-        return ChangeHistory(state_folder(None) / "changes", self.bus, self.say)
+        return ChangeHistory(state_folder(None) / "changes", self.bus, self.report)
 
     @staticmethod
     def is_fixed(dictionary: ObjectDictionary | None) -> Callable[[Pdo], bool]:
@@ -91,7 +91,9 @@ class ChangeFiles:
     def _change_guard(self, node_id: int, dictionary: ObjectDictionary | None) -> ChangeGuard:
         locks = state_folder(None) / "locks"
         fixed = self.is_fixed(dictionary)
-        guard = ChangeGuard(self.folder, locks, self.bus, node_id, self.say, fixed, self.warn, self.doing, self.group)
+        guard = ChangeGuard(
+            self.folder, locks, self.bus, node_id, self.report, fixed, self.warn, self.doing, self.group
+        )
         guard.history.selected = self.selected
         return guard
 

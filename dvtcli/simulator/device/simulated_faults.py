@@ -55,13 +55,15 @@ class Fault:
         if found is None or found["kind"] not in list(FaultKind):
             raise ValueError(f"no such fault; there are {known_kinds()}")
         kind, value = FaultKind(found["kind"]), found["value"]
-        node_id = None if found["node"] is None else _whole(found["node"], kind)
-        at = None if found["at"] is None else _whole(found["at"], kind)
+        node_id = None if found["node"] is None else _whole_number(found["node"], kind)
+        at = None if found["at"] is None else _whole_number(found["at"], kind)
         if kind in REFUSALS or kind is FaultKind.BIT_RATE:
-            return cls(kind, at, code=None if value is None else _whole(value, kind), node_id=node_id)
+            return cls(kind, at, code=None if value is None else _whole_number(value, kind), node_id=node_id)
         if kind is FaultKind.EMCY:
             code, _, seconds = (value or "").partition(":")
-            return cls(kind, at, code=_whole(code, kind), seconds=_seconds(seconds or "0", kind), node_id=node_id)
+            return cls(
+                kind, at, code=_whole_number(code, kind), seconds=_seconds(seconds or "0", kind), node_id=node_id
+            )
         if kind in ALTERING:
             place, number = _alteration(value or "", kind)
             return cls(kind, at, node_id=node_id, place=place, value=number)
@@ -124,10 +126,10 @@ def _alteration(text: str, kind: FaultKind) -> tuple[tuple[int, int], int]:
     found = re.fullmatch(r"(?:0x)?([0-9a-fA-F]{4}):([0-9a-fA-F]{1,2}):(\w+)", text)
     if found is None:
         raise wrong_fault(kind, f"{text!r} is no object with a value")
-    return (int(found[1], 16), int(found[2], 16)), _whole(found[3], kind)
+    return (int(found[1], 16), int(found[2], 16)), _whole_number(found[3], kind)
 
 
-def _whole(text: str, kind: FaultKind) -> int:
+def _whole_number(text: str, kind: FaultKind) -> int:
     """A number, decimal or `0x…`."""
     if not re.fullmatch(r"\d{1,10}|0[xX][0-9a-fA-F]{1,8}", text, re.ASCII):
         raise wrong_fault(kind, f"{text!r} is no number")

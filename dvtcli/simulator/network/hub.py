@@ -145,9 +145,11 @@ class Hub:
         """
         self._flush()
         self._open_again()
-        slow = [client for client in self._clients.values() if client.owed]
+        slow = [client for client in self._clients.values() if client.queued_by_sender]
         for client in self._clients.values():
-            self._listen(client, may_read(client) and all(each.owed.get(client, 0) <= SHARE for each in slow))
+            self._listen(
+                client, may_read(client) and all(each.queued_by_sender.get(client, 0) <= SHARE for each in slow)
+            )
             if client.unanswered:
                 client.acknowledge()
         frames: list[tuple[Client, Frame]] = []
@@ -186,7 +188,7 @@ class Hub:
             if client.held_until_s is not None:
                 timeout_s = min(timeout_s, client.held_until_s - now_s)
             if client.out:
-                timeout_s = min(timeout_s, LOOK_S, client.progress_s + self._stall_s - now_s)
+                timeout_s = min(timeout_s, LOOK_S, client.last_sent_s + self._stall_s - now_s)
         return timeout_s
 
     def _listen(self, client: Client, read: bool) -> None:
@@ -253,7 +255,7 @@ class Hub:
         if _is_internet(connection):
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)  # or the system keeps megabytes
-        client = self._admit(connection, _name(peer), self._tell, peer=peer, said_s=monotonic())
+        client = self._admit(connection, _name(peer), self._tell, peer=peer, last_received_s=monotonic())
         self._clients[connection] = client
         self._selector.register(connection, client.events, client)
         client.greet()
@@ -282,7 +284,7 @@ class Hub:
         (greedy, most), own = places.most_common(1)[0], places[whose[newcomer]]
         if own + 1 < most:
             of_greedy = [client for client in self._clients.values() if whose[client.peer] == greedy]
-            silent = min(of_greedy, key=lambda client: client.said_s)
+            silent = min(of_greedy, key=lambda client: client.last_received_s)
             self._drop(silent, f"{greedy} has {most} of {self._most} places, and another program wants one")
         else:
             self._tell(f"refused a client: {self._most} are connected already, {own} of them of {whose[newcomer]}")

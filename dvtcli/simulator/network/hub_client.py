@@ -60,11 +60,11 @@ class Client:
     held: bytearray = field(default_factory=bytearray)
     held_until_s: float | None = None
     #: queued bytes per sender since the queue was last empty
-    owed: dict[object, int] = field(default_factory=dict)
+    queued_by_sender: dict[object, int] = field(default_factory=dict)
     #: when something was last taken, or began to wait
-    progress_s: float = 0.0
+    last_sent_s: float = 0.0
     #: the time of the last flush
-    looked_s: float = 0.0
+    last_flush_s: float = 0.0
     blocked: bool = False
     events: int = selectors.EVENT_READ
     #: true if the client sent data since the last send to it
@@ -72,7 +72,7 @@ class Client:
     complained: bool = False
     #: host and port of the client, and the time of its last data (s)
     peer: tuple[str, int] = ("", 0)
-    said_s: float = 0.0
+    last_received_s: float = 0.0
     #: true if the connection has ended or must end, and the reason for the user, if any
     gone: bool = False
     why: str | None = None
@@ -84,12 +84,12 @@ class Client:
 
     def put(self, text: bytes, source: object) -> None:
         """Queue the *text* of a frame of *source*."""
-        self.owed[source] = self.owed.get(source, 0) + len(text)
+        self.queued_by_sender[source] = self.queued_by_sender.get(source, 0) + len(text)
         (self.out if self.held_until_s is None else self.held).extend(text)
 
     def reply(self, text: bytes) -> None:
         """Queue an answer ahead of all held frames."""
-        self.owed[self] = self.owed.get(self, 0) + len(text)
+        self.queued_by_sender[self] = self.queued_by_sender.get(self, 0) + len(text)
         self.out.extend(text)
         if not self.blocked:
             self.send()
@@ -112,11 +112,11 @@ class Client:
             return
         if sent:
             self.unanswered = False
-            self.progress_s = monotonic()
+            self.last_sent_s = monotonic()
             del self.out[:sent]
         self.blocked = bool(self.out)
         if not self.waiting:
-            self.owed.clear()
+            self.queued_by_sender.clear()
 
     def flush(self, now_s: float, stall_s: float, most: int) -> None:
         """Send waiting data at *now_s* on the monotonic clock, and decide whether the client must go.
@@ -124,15 +124,15 @@ class Client:
         It must go after reading nothing for *stall_s* (s), or more than *most* bytes behind. Time without a call does
         not count: a stopped server drops nobody.
         """
-        self.progress_s = min(now_s, self.progress_s + max(0.0, now_s - self.looked_s - LOOK_S))
-        self.looked_s = now_s
+        self.last_sent_s = min(now_s, self.last_sent_s + max(0.0, now_s - self.last_flush_s - LOOK_S))
+        self.last_flush_s = now_s
         if self.held_until_s is not None and self.held_until_s <= now_s:
             self.release()
         if not self.out:
-            self.progress_s = now_s
+            self.last_sent_s = now_s
         elif self.waiting > most:
             self.gone, self.why = True, f"{self.waiting} bytes wait for it: it reads too slowly"
-        elif self.blocked and now_s - self.progress_s >= stall_s:
+        elif self.blocked and now_s - self.last_sent_s >= stall_s:
             self.gone, self.why = True, f"took nothing for {stall_s:g} s while frames waited for it"
         elif not self.blocked:
             self.send()
@@ -156,7 +156,7 @@ class Client:
             self.gone = True
             return []
         self.unanswered = True
-        self.said_s = monotonic()
+        self.last_received_s = monotonic()
         self.release()
         return self.take(data)
 
@@ -177,13 +177,13 @@ class Client:
         """Obey *request*; its frame, if any."""
         if self.opened:
             try:
-                frame = sent_frame(request)
+                frame = parse_send(request)
             except ValueError as wrong:
                 self._complain(request, SYNTAX, str(wrong))
                 return None
             if frame is not None:
                 return frame
-        if not self.opened and opened_bus(request) is not None:
+        if not self.opened and parse_open(request) is not None:
             self.opened = True
             self.reply(OK)
         elif self.opened and request in (b"rawmode", b"bcmmode"):
@@ -223,7 +223,7 @@ class RubbishError(ValueError):
     """The received data is not the protocol."""
 
 
-def sent_frame(request: bytes) -> Frame | None:
+def parse_send(request: bytes) -> Frame | None:
     """The frame of a `send` or `sendrtr`; None for another *request*. Raises ValueError if malformed."""
     match = _SEND.fullmatch(request)
     if match is not None:
@@ -246,13 +246,13 @@ def _frame(digits: bytes, data: bytes, *, remote: bool, dlc: int = 0) -> Frame:
     return Frame(can_id, data, extended, remote, dlc=dlc)
 
 
-def opened_bus(request: bytes) -> bytes | None:
+def parse_open(request: bytes) -> bytes | None:
     """The bus name in an `open`; None if *request* is no valid `open`."""
     words = request.split()
     return words[1] if len(words) == 2 and words[0] == b"open" and len(words[1]) <= _LONGEST_NAME else None
 
 
-def told_frame(frame: Frame, wall_s: float) -> bytes:
+def frame_line(frame: Frame, wall_s: float) -> bytes:
     """*frame* in the form for clients; *wall_s* is its time, in seconds since 1970."""
     digits = f"{frame.can_id:08X}" if frame.extended else f"{frame.can_id:03X}"
     if frame.remote:

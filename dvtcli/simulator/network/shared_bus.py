@@ -15,7 +15,7 @@ from dvtcli.domain.ports import CanopenBus, Frame
 from dvtcli.errors import BusUnavailable
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.hub import Hub
-from dvtcli.simulator.network.hub_client import Client, told_frame
+from dvtcli.simulator.network.hub_client import Client, frame_line
 from dvtcli.simulator.network.station import SDO_RESPONSE, Roster, SimulatedNode
 
 #: Waits for the bus that failed until it is back, or (None) until the function that it is given says to stop.
@@ -209,7 +209,7 @@ class Server:
         """Deliver *frame* of *source*, complete at *at_s*, to everybody else."""
         self.frames += 1
         if self.hub.clients:
-            self.hub.tell_all(told_frame(frame, self._wall_s + at_s), source)
+            self.hub.tell_all(frame_line(frame, self._wall_s + at_s), source)
         for member in self._members:
             if member is not source:
                 member.tell(frame)

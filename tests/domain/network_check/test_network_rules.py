@@ -80,7 +80,7 @@ def test_most_faults_are_found_by_few_rules() -> None:
 
 def test_nothing_is_held_against_a_node_that_nobody_knows() -> None:
     """Without an EDS only what is there counts, never what is missing."""
-    bare = NetworkState(SOUND.nodes[:2], untold=(1, 5))
+    bare = NetworkState(SOUND.nodes[:2], undescribed=(1, 5))
     names = set(found(bare)) - {"sync-from-elsewhere"}
     assert not names
 

@@ -48,4 +48,4 @@ def test_the_can_id_is_what_the_file_says_of_the_tpdo(tmp_path: Path) -> None:
     path.write_text(FILE.format(first="", second="").replace("event_timer", "cob_id: 0x3A1, event_timer"))
     state = described_network(str(path))
     assert {config.communication.cob_id.can_id for node in state.nodes for config in node.pdos.values()} == {0x3A1}
-    assert state.untold == (1, 2)
+    assert state.undescribed == (1, 2)

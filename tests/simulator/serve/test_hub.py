@@ -280,7 +280,9 @@ def test_nobody_but_the_sender_waits_for_who_reads_nothing() -> None:
             threads = [threading.Thread(target=each) for each in (flood, drain)]
             for each in threads:
                 each.start()
-            wait_for(lambda: any(client.owed.values() for client in (*hub._clients.values(),)), "somebody behind")
+            wait_for(
+                lambda: any(client.queued_by_sender.values() for client in (*hub._clients.values(),)), "somebody behind"
+            )
             for _ in range(200):
                 asking.sendall(b"< send 601 8 40 00 10 00 00 00 00 00 >")
                 text = b""

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dvtcli.domain.ports import Frame
-from dvtcli.simulator.network.hub_client import LONGEST, Requests, RubbishError, opened_bus, sent_frame, told_frame
+from dvtcli.simulator.network.hub_client import LONGEST, Requests, RubbishError, frame_line, parse_open, parse_send
 
 data_frames = st.one_of(
     st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8)),
@@ -23,11 +23,11 @@ data_frames = st.one_of(
 
 @given(data_frames)
 def test_python_cans_client_reads_what_is_told_and_is_read(frame: Frame) -> None:
-    message = convert_ascii_message_to_can_message(told_frame(frame, 1_700_000_000.25).decode())
+    message = convert_ascii_message_to_can_message(frame_line(frame, 1_700_000_000.25).decode())
     assert (message.arbitration_id, bytes(message.data)) == (frame.can_id, frame.data)
     assert (message.is_extended_id, message.timestamp) == (frame.extended, 1_700_000_000.25)
     (request,) = Requests().feed(convert_can_message_to_ascii_message(message).encode())
-    assert sent_frame(request) == frame
+    assert parse_send(request) == frame
 
 
 @given(st.lists(data_frames, max_size=5), st.lists(st.integers(1, 40), min_size=1, max_size=20))
@@ -42,7 +42,7 @@ def test_requests_survive_being_split_and_merged(frames: list[Frame], cuts: list
         cut = cuts[at % len(cuts)]
         found += requests.feed(text[at : at + cut])
         at += cut
-    assert [sent_frame(request) for request in found] == frames
+    assert [parse_send(request) for request in found] == frames
 
 
 @pytest.mark.parametrize(
@@ -57,7 +57,7 @@ def test_requests_survive_being_split_and_merged(frames: list[Frame], cuts: list
     ],
 )
 def test_frames_that_clients_send(request_: bytes, frame: Frame | None) -> None:
-    assert sent_frame(request_) == frame
+    assert parse_send(request_) == frame
 
 
 @pytest.mark.parametrize(
@@ -69,7 +69,7 @@ def test_frames_that_clients_send(request_: bytes, frame: Frame | None) -> None:
 )  # fmt: skip
 def test_frames_that_do_not_exist(request_: bytes) -> None:
     with pytest.raises(ValueError, match=r"no such|differ"):
-        sent_frame(request_)
+        parse_send(request_)
 
 
 @given(st.lists(st.binary(max_size=60) | st.sampled_from([b"<", b">", b"< send ", b"123 1 ff", b"< open can0 >"])))
@@ -78,9 +78,9 @@ def test_whatever_comes_is_requests_or_rubbish(chunks: list[bytes]) -> None:
     with suppress(ValueError):  # RubbishError is one
         for chunk in chunks:
             for request in requests.feed(chunk):
-                frame = sent_frame(request)
+                frame = parse_send(request)
                 assert frame is None or len(frame.data) <= 8
-                opened_bus(request)
+                parse_open(request)
 
 
 @pytest.mark.parametrize("rubbish", [b"GET / HTTP/1.1\r\n", b"\xff\xfe", b"< ok > and more", b"<" + b"a" * LONGEST])
@@ -94,8 +94,8 @@ def test_rubbish_is_noticed(rubbish: bytes) -> None:
     [(b"open can0", b"can0"), (b"open", None), (b"open a b", None), (b"open " + b"x" * 17, None), (b"rawmode", None)],
 )
 def test_opening(request_: bytes, name: bytes | None) -> None:
-    assert opened_bus(request_) == name
+    assert parse_open(request_) == name
 
 
 def test_a_remote_frame_is_told_with_its_length() -> None:
-    assert told_frame(Frame(0x181, b"", remote=True, dlc=6), 1.5) == b"< rtr 181 1.500000 6 >"
+    assert frame_line(Frame(0x181, b"", remote=True, dlc=6), 1.5) == b"< rtr 181 1.500000 6 >"

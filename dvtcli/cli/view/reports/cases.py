@@ -50,7 +50,7 @@ def cases_of(result: NetworkPlanned | Compared | ComparedNodes | WholeCompared) 
     elif isinstance(result, Compared):
         yield from _compared(result)
     elif isinstance(result, WholeCompared):
-        yield from _whole(result)
+        yield from _whole_device(result)
     else:
         for compared in result.nodes:
             yield from _compared(compared)
@@ -121,7 +121,7 @@ def _compared(one: Compared) -> Iterator[Case]:
         yield Case(one.node, f"frame of {label}", says, file=one.against, line=one.line_of(label))
 
 
-def _whole(result: WholeCompared) -> Iterator[Case]:
+def _whole_device(result: WholeCompared) -> Iterator[Case]:
     """Return each differing setting, and equal settings together; other objects are notices on request."""
     where = result.second if result.node is None else result.node
     equal = result.objects - len(result.differences)

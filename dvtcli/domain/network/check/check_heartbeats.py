@@ -30,7 +30,9 @@ def _beat_ms(network: CheckedNetwork, node_id: int) -> int | None:
     if master is not None and master.node_id == node_id:
         return master.heartbeat_producer_ms
     node = network.state.node(node_id)
-    return None if node is None or (node_id in network.state.untold and not node.heartbeat_ms) else node.heartbeat_ms
+    return (
+        None if node is None or (node_id in network.state.undescribed and not node.heartbeat_ms) else node.heartbeat_ms
+    )
 
 
 @check("heartbeat-not-sent", ERROR, "a node waits for a heartbeat that its producer does not send", _CONSUMER)
@@ -118,7 +120,7 @@ def heartbeat_node_id(network: CheckedNetwork) -> NetFound:
 )
 def no_error_control(network: CheckedNetwork) -> NetFound:
     """A loss of the node goes unnoticed."""
-    for node in network.told:
+    for node in network.described:
         if not node.heartbeat_ms and not node.is_guarded:
             yield held(node, PRODUCER_HEARTBEAT), "it has neither heartbeat nor node guarding"
 
@@ -134,7 +136,7 @@ def heartbeat_and_guarding(network: CheckedNetwork) -> NetFound:
 @check("half-guarding", WARNING, "either guard time or life time factor is 0, but not both", _GUARDING)
 def half_guarding(network: CheckedNetwork) -> NetFound:
     """Guarding stays off."""
-    for node in network.told:
+    for node in network.described:
         time, factor = node.number(GUARD_TIME) or 0, node.number(LIFE_TIME_FACTOR) or 0
         if bool(time) != bool(factor):
             yield held(node, GUARD_TIME), f"0x100C is {time} ms, 0x100D is {factor}"
@@ -155,7 +157,12 @@ def unwatched_link(network: CheckedNetwork) -> NetFound:
     for connection in network.received:
         pair = connection.consumer.node_id, connection.producer.node_id
         timed = bool(connection.takes.communication.event_timer)
-        if connection.consumer not in network.told or pair in said or timed or pair[1] in connection.consumer.watched:
+        if (
+            connection.consumer not in network.described
+            or pair in said
+            or timed
+            or pair[1] in connection.consumer.watched
+        ):
             continue
         if connection.producer.heartbeat_ms:
             said.add(pair)

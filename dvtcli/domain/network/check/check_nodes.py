@@ -23,7 +23,7 @@ from dvtcli.domain.text import join_some
 @check("identity", ERROR, "a node has another identity (0x1018) than the file asks for", source(0x1018))
 def identity(network: CheckedNetwork) -> NetFound:
     """The node is another device, so its EDS does not fit."""
-    for node in network.told:
+    for node in network.described:
         for sub_index, name in enumerate(IDENTITY_NAMES, 1):
             wanted, has = node.asked.get(name), node.number(IDENTITY, sub_index)
             if wanted is not None and has is not None and wanted != has:
@@ -34,20 +34,20 @@ def identity(network: CheckedNetwork) -> NetFound:
        f"CiA 306, DeviceInfo; {source(0x1018)}")  # fmt: skip
 def eds_identity(network: CheckedNetwork) -> NetFound:
     """Names and lengths may be another device's."""
-    for node in network.told:
+    for node in network.described:
         if node.dictionary is None:
             continue
         info = node.dictionary.info
-        for sub_index, told in ((1, info.vendor_id), (2, info.product_code)):
+        for sub_index, described in ((1, info.vendor_id), (2, info.product_code)):
             has = node.number(IDENTITY, sub_index)
-            if told and has and told != has:
-                yield held(node, IDENTITY, sub_index), f"it is 0x{has:08X}, its file is for 0x{told:08X}"
+            if described and has and described != has:
+                yield held(node, IDENTITY, sub_index), f"it is 0x{has:08X}, its file is for 0x{described:08X}"
 
 
 @check("dcf-node-id", WARNING, "a node's DCF was made for another node-ID", "CiA 306, DeviceComissioning: NodeID")
 def dcf_node_id(network: CheckedNetwork) -> NetFound:
     """The DCF's values may contain the other node-ID."""
-    for node in network.told:
+    for node in network.described:
         made_for = None if node.dictionary is None else node.dictionary.info.node_id
         if made_for and made_for != node.node_id:
             yield at(node), f"its DCF is for node-ID {made_for}"
@@ -142,7 +142,7 @@ def guarded_by_manager(network: CheckedNetwork) -> NetFound:
 @check("nobody-starts", NOTE, "no node is NMT master, and the file names no master", _BOOT)
 def nobody_starts(network: CheckedNetwork) -> NetFound:
     """Another master must start them: nodes come up in PRE-OPERATIONAL, unless they start by themselves (0x1F80)."""
-    known = [node for node in network.told if node.number(NMT_STARTUP) is not None]
+    known = [node for node in network.described if node.number(NMT_STARTUP) is not None]
     if known and not _managers(network) and network.state.master is None:
         yield held(known[0], NMT_STARTUP), "no node starts the others, and the file names no master"
 

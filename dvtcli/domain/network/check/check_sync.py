@@ -61,7 +61,7 @@ def two_syncs(network: CheckedNetwork) -> NetFound:
 @check("sync-without-period", ERROR, "a node is SYNC producer, but its period is 0", source(0x1006))
 def sync_without_period(network: CheckedNetwork) -> NetFound:
     """The node sends no SYNC."""
-    for node in network.told:
+    for node in network.described:
         if (node.number(SYNC_COB_ID) or 0) & PRODUCES and not node.number(SYNC_PERIOD):
             yield held(node, SYNC_PERIOD), "0x1005 makes it SYNC producer, but 0x1006 is 0"
 
@@ -130,7 +130,7 @@ def sync_counters_differ(network: CheckedNetwork) -> NetFound:
 @check("synchronous-without-sync", WARNING, "a node with synchronous PDOs has no 0x1005", source(0x1005))
 def synchronous_without_sync(network: CheckedNetwork) -> NetFound:
     """It stays unknown whether the node receives SYNC."""
-    for node in network.told:
+    for node in network.described:
         mine = [pdo for other, pdo, _ in network.synchronous if other is node]
         if mine and node.number(SYNC_COB_ID) is None:
             yield at(node, mine[0]), "it is synchronous, but the node has no 0x1005"

@@ -99,14 +99,14 @@ class CheckedNetwork:
         return self.state.nodes
 
     @cached_property
-    def told(self) -> tuple[NodeState, ...]:
+    def described(self) -> tuple[NodeState, ...]:
         """Nodes with known contents."""
-        return tuple(node for node in self.nodes if node.node_id not in self.state.untold)
+        return tuple(node for node in self.nodes if node.node_id not in self.state.undescribed)
 
     @cached_property
     def judged(self) -> tuple[tuple[int, Pdo, Finding], ...]:
         """Findings of the `map` rules about each enabled PDO."""
-        return tuple((node.node_id, *found) for node in self.told for found in judged_pdos(node))
+        return tuple((node.node_id, *found) for node in self.described for found in judged_pdos(node))
 
     @cached_property
     def streams(self) -> Streams:
