@@ -14,7 +14,7 @@ from dvtcli.domain.datatypes import parse_number
 from dvtcli.domain.object_syntax import (
     parse_cob_id,
 )
-from dvtcli.domain.pdo import Pdo
+from dvtcli.domain.pdo import Direction, Pdo, transmission_type_text
 
 if TYPE_CHECKING:
     from dvtcli.operations.session.session_nodes import SessionNodes
@@ -71,7 +71,6 @@ def _known_pdos(session: SessionNodes, node_id: int | None) -> list[tuple[str, s
     node = session.network.nodes.get((session.selected_id() if node_id is None else node_id) or 0)
     if node is None:
         return []
-    from dvtcli.domain.pdo import transmission_type_text
 
     def text(pdo: Pdo) -> str:
         config = node.last_seen.get(pdo)
@@ -134,7 +133,6 @@ class TransmissionType(NumberType):
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         """The common types with what they mean for a TPDO and for an RPDO."""
-        from dvtcli.domain.pdo import Direction, transmission_type_text
 
         def text(kind: int) -> str:
             sent, taken = (transmission_type_text(kind, way) for way in (Direction.TPDO, Direction.RPDO))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import InputFileError
-from dvtcli.files.eds.reader import EdsFile
+from dvtcli.files.eds.reader import EdsFile, parse_eds, read_eds
 from dvtcli.files.input_file import read_input_head
 
 if TYPE_CHECKING:
@@ -43,7 +43,6 @@ def read_device_file(path: Path, modules: Sequence[int] | None = None) -> EdsFil
         from dvtcli.files.xdd.xdd_reader import read_xdd
 
         return read_xdd(path)
-    from dvtcli.files.eds.reader import read_eds
 
     return read_eds(path, modules)
 
@@ -54,7 +53,6 @@ def parse_device_file(data: bytes, source: str) -> EdsFile | XddFile:
         from dvtcli.files.xdd.xdd_reader import parse_xdd
 
         return parse_xdd(data, source)
-    from dvtcli.files.eds.reader import parse_eds
 
     return parse_eds(data, source)
 

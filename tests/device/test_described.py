@@ -18,7 +18,7 @@ from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.profile import GENERIC
 from dvtcli.domain.text import value_text
 from dvtcli.errors import SdoAborted
-from tests.device.test_wants import node
+from tests.device.test_request import node
 
 TPDO1, TPDO2, RPDO1 = Pdo.parse("tpdo1"), Pdo.parse("tpdo2"), Pdo.parse("rpdo1")
 

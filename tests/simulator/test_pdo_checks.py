@@ -8,7 +8,7 @@ import pytest
 
 from dvtcli.errors import InputFileError
 from dvtcli.files.eds.reader import read_eds
-from dvtcli.simulator.device.pdo_guard import CHECKS
+from dvtcli.simulator.device.pdo_checks import CHECKS
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family_folder, read_family
 from tests.cli.commands.bench import Bench

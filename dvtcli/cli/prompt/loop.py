@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Protocol, TextIO, cast
 from dvtcli.cli.boundary import LEAVE
 from dvtcli.cli.catalogue import command_names
 from dvtcli.cli.lexer import split
-from dvtcli.cli.prompt.line import CONTINUED, paged, usable_aliases, withheld_aliases
+from dvtcli.cli.prompt.line import CONTINUED, expanded, paged, usable_aliases, withheld_aliases
 from dvtcli.cli.run_line import boundary, run_words
 from dvtcli.cli.view.lines import Cell, Line
 from dvtcli.cli.view.output import Output
@@ -196,8 +196,6 @@ def _gone() -> bool:
 
 def _help(session: Conversation, line: str) -> None:
     """Print help for the command of *line*, by name or alias, else the list of commands."""
-    from dvtcli.cli.prompt.line import expanded
-
     name = expanded(line, session.aliases).split()[:1]
     if "help" in command_names():
         run_words(["help", *(name if name and name[0] in command_names() else [])], session)

@@ -15,7 +15,7 @@ from dvtcli.device.read_pdos import read_cob_id, read_pdo
 from dvtcli.domain.abort import may_pass
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange, plan_pdo
+from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange, altering, order_of_dependent_values, plan_pdo
 from dvtcli.domain.ports import SdoReader, SdoTransport
 from dvtcli.domain.text import value_text
 from dvtcli.errors import DeviceRefused, NoAnswer, SdoAborted, SdoProtocolError
@@ -121,8 +121,6 @@ def _roll_back_one(
 
 def _roll_back_dependent(sdo: SdoTransport, changes: Sequence[ValueChange]) -> None:
     """Restore *before* of dependent values; the first refusal is raised at the end."""
-    from dvtcli.domain.plan import altering, order_of_dependent_values
-
     known = ((change.step, change.step.before) for change in changes if change.step.before is not None)
     back: list[Step] = []
     unseen: list[Step] = []  # what cannot be read now

@@ -10,7 +10,10 @@ from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.change.expected_refusals import substitute_findings
 from dvtcli.device.change.failed_change import (
     TRY_AGAIN,
+    Guarded,
+    failure_sentence,
     left_changed,
+    name_left,
     refused,
     refused_unreadable,
     step_text,
@@ -296,8 +299,6 @@ class Transaction:
 
     def _left_changed(self, fault: BaseException, second: BaseException) -> LeftChanged:
         """The error of a roll-back that failed with *second*, with the objects that differ from before, as read now."""
-        from dvtcli.device.change.failed_change import Guarded, failure_sentence, name_left
-
         left = left_changed(self.plan, fault, second)
         untouched = tuple(self.others.unchanged())
         guarded = Guarded(self.plan.node_id, self.sdo, self.reboot_monitor, self.plan.changes, untouched)

@@ -16,7 +16,7 @@ from dvtcli.domain.datatypes import U8, U16
 from dvtcli.domain.object_dictionary import Access, Modules, ObjectType, OdEntry, OdObject
 from dvtcli.files.eds.entry import EntryPlace, read_entry
 from dvtcli.files.eds.findings import Findings
-from dvtcli.files.eds.ini import Values, section_values, split_sections
+from dvtcli.files.eds.ini import EditedText, Values, section_values, split_sections
 from dvtcli.files.eds.numbers import number_key, read_number, text_key, without_comment
 from dvtcli.files.eds.sections import EdsLayout, ObjectSections, Parts
 
@@ -35,8 +35,6 @@ _MOST_SUB_INDICES = 254
 
 def with_modules(data: bytes, modules: Sequence[int]) -> bytes:
     """Return the EDS or DCF *data* with *modules* as its [ConnectedModules], at its end."""
-    from dvtcli.files.eds.ini import EditedText
-
     text = EditedText(data)
     for section in split_sections(data).sections:
         if section.name.lower() == _CONNECTED:

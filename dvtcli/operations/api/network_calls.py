@@ -11,8 +11,19 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.times import counts
 from dvtcli.errors import UsageError
 from dvtcli.operations.api.called_hints import errors_in_calls, in_calls
-from dvtcli.operations.api.checks import flags, number, path, whole, word, words, wrong
-from dvtcli.operations.network.network_load import LoadOptions
+from dvtcli.operations.api.checks import (
+    check_options,
+    dbc_options,
+    flags,
+    number,
+    path,
+    refuse_recordings,
+    whole,
+    word,
+    words,
+    wrong,
+)
+from dvtcli.operations.network.network_load import LoadOptions, network_load
 from dvtcli.operations.user.options import BIT_RATES, Options
 
 if TYPE_CHECKING:
@@ -154,7 +165,6 @@ class NetworkCalls:
         in a node's `export`. Returns omissions. Overwriting needs *yes*. Raises NoAnswer if no node answers; UsageError
         for another suffix, or if a file cannot be written.
         """
-        from dvtcli.operations.api.checks import dbc_options
         from dvtcli.operations.exchange.export_file import export_all
 
         chosen = str(path("file", file))
@@ -179,8 +189,6 @@ class NetworkCalls:
         period of SYNC in ms, *inhibit_ms* has inhibit times in ms: `{"5:tpdo3": 40}`. Writes nothing. Raises as `plan`;
         UsageError for an invalid PDO.
         """
-        from dvtcli.operations.network.network_load import network_load
-
         chosen = None if file is None else str(path("file", file))
         options = load_options(for_s, bit_rate, sync_ms, inhibit_ms)
         return self._calls.run(lambda: network_load(self._session, chosen, options))
@@ -224,7 +232,6 @@ class NetworkCalls:
         the bus's own. The bus is recorded for *for_s* seconds (0…3600; None: 2, or not at all if nobody else can be on
         it). Read errors of a file are findings. Writes nothing. Raises UsageError for an unknown rule, or a recording.
         """
-        from dvtcli.operations.api.checks import check_options, refuse_recordings
         from dvtcli.operations.network.check_live import check_all
 
         chosen = [str(path("files", file)) for file in files]

@@ -10,7 +10,16 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.failed_change import BUS_BACK, also_lines, name_journal, not_rolled_back
+from dvtcli.device.change.failed_change import (
+    BUS_BACK,
+    Guarded,
+    also_lines,
+    failure_sentence,
+    merge_left,
+    name_journal,
+    name_left,
+    not_rolled_back,
+)
 from dvtcli.device.change.journal import combine_plans
 from dvtcli.device.change.roll_back import PATIENCE_S, RETRY_S, first_difference
 from dvtcli.device.change.undo_plan import UndoRequest
@@ -306,8 +315,6 @@ class NetworkTransaction:
 
     def _all_left(self, failures: Mapping[int, LeftChanged]) -> LeftChanged:
         """Return the first of *failures* with the state of the other nodes."""
-        from dvtcli.device.change.failed_change import Guarded, failure_sentence, merge_left, name_left
-
         first, *others = failures.values()
         for node_id, failure in failures.items():
             node = self.nodes[node_id]

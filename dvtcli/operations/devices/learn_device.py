@@ -14,7 +14,7 @@ from dvtcli.device.access_level import level_finding
 from dvtcli.device.change.applied import refuse
 from dvtcli.device.learn.probing import Terms, ask_safely
 from dvtcli.device.learn.saving import RESTORE, STORE, not_asked, read_storage, storage_for_family, storage_for_profile
-from dvtcli.device.learn.subjects import absences, mapped_subjects, subjects
+from dvtcli.device.learn.subjects import absences, mapped_subjects, read_device, subjects
 from dvtcli.device.read_whole import values_of
 from dvtcli.device.store.unstored import mark_stored, require_storable
 from dvtcli.domain.datatypes import DOMAIN
@@ -453,7 +453,6 @@ def _described(
     node: ReadableNode, name: str, origin: Origin, pdos: Mapping[Pdo, PdoConfig], known: Sequence[KnownAnswers]
 ) -> str:
     """Make an EDS from reads of *node*, which has none."""
-    from dvtcli.device.learn.subjects import read_device
     from dvtcli.domain.learning.read_dictionary import described
     from dvtcli.files.eds.writer import eds_text
 

@@ -35,7 +35,7 @@ from dvtcli.operations.exchange.dbc_options import DbcOptions
 from dvtcli.operations.exchange.export_network import SUFFIXES as NETWORK_SUFFIXES
 from dvtcli.operations.results.facts import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
-from dvtcli.operations.session.simulated_nodes import must_have_modules
+from dvtcli.operations.session.simulated_nodes import file_or_family, must_have_modules
 
 if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import ObjectDictionary
@@ -163,7 +163,6 @@ def _read(file: str, modules: tuple[int, ...] | None) -> EdsFile | XddFile:
             hint=Hint(Action.SHOW_EDS, {"file": file}, "shows it")
             + Hint(Action.WRITE, {"object": "1F22:5", "value": f"@{file}"}, "writes that of node 5 to the manager"),
         )
-    from dvtcli.operations.session.simulated_nodes import file_or_family
 
     try:
         read = read_device_file(file_or_family(file), modules)

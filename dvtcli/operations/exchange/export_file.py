@@ -24,7 +24,7 @@ from dvtcli.operations.devices.export_dcf import dcf_of, export_dcf, is_exported
 from dvtcli.operations.devices.read_whole_device import described, read_every_object
 from dvtcli.operations.exchange.dbc_options import DbcOptions
 from dvtcli.operations.exchange.export_network import SUFFIXES as NETWORK_SUFFIXES
-from dvtcli.operations.exchange.export_network import exported_node
+from dvtcli.operations.exchange.export_network import export_node, exported_node
 from dvtcli.operations.nodes.find_nodes import find_nodes
 from dvtcli.operations.pdos.edit_pdos import Configs, edited_plan
 from dvtcli.operations.results import Facts
@@ -167,8 +167,6 @@ class NetworkFileExport(ExportFormat):
 
     def write(self, session: Session, file: str, wanted: ExportRequest) -> Facts:
         """Write it by `export_node`; raises UsageError for another suffix."""
-        from dvtcli.operations.exchange.export_network import export_node
-
         return export_node(session, file, wanted.node_id)
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 from dvtcli.files.recordings.read_recording import check_readable, read_recorded, read_recording
-from dvtcli.files.values.value_file import is_value_file, next_part, read_values
+from dvtcli.files.values.value_file import WholeFile, checked_form, is_value_file, next_part, read_values
 from dvtcli.files.values.value_rows import LONG, Origin, ParquetForm
 from dvtcli.operations.frames.explain_frame import frame_seen
 from dvtcli.operations.frames.recorded import decoder_for
@@ -135,7 +135,6 @@ def values_into_file(
     options: ValuesOptions = DEFAULTS,
 ) -> Facts:
     """Write the values in the recording at *path* into *target*, a .csv, .parquet or .jsonl; else as `write_values`."""
-    from dvtcli.files.values.value_file import checked_form
     from dvtcli.operations.results import Facts
     from dvtcli.operations.session.save_script import ask_before_overwriting
 
@@ -180,7 +179,6 @@ def _write_file(
     form: ParquetForm | None,
 ) -> None:
     """Write *rows* of *frames* to *target*; if the recording is damaged, what is before that to another file."""
-    from dvtcli.files.values.value_file import WholeFile
 
     def document(frame: Frame) -> Document:
         return frame_seen(frame, rows.decoder, rows.reading).chosen(text).document()

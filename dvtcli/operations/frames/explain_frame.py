@@ -11,7 +11,7 @@ from dvtcli.domain.cob_id import SRDO_COB_IDS, SRDO_DIRECTION, SRDOS, CobId
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.typed_frame import typed_frame
 from dvtcli.errors import BusUnavailable, NoAnswer, SdoAborted, SdoProtocolError, UsageError
-from dvtcli.operations.frames.layouts import HEARD_S, mapping_of
+from dvtcli.operations.frames.layouts import HEARD_S, file_layouts, mapping_of
 from dvtcli.operations.frames.recorded import decoder_for
 from dvtcli.operations.network.described_nodes import NETWORK_SUFFIXES, described_nodes, network_config_of
 from dvtcli.operations.pdos.sync import sync_frame
@@ -201,8 +201,6 @@ class KnownParties:
             )
 
     def _know_file(self, file: str) -> None:
-        from dvtcli.operations.frames.layouts import file_layouts
-
         self.decoder.add(file_layouts(file, self._session.reporter))
         if Path(file).suffix.lower() in NETWORK_SUFFIXES:
             from dvtcli.operations.network.described_network import described_network

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.change.private_file import open_private, private_folder, unreadable
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.ports import Frame
-from dvtcli.domain.typed_frame import typed_frame
+from dvtcli.domain.typed_frame import frame_text, typed_frame
 from dvtcli.errors import SafetyRefusal, UsageError
 from dvtcli.files.user_folders import user_folder
 
@@ -153,7 +153,6 @@ def _of_a_failed_run(session: SessionUser) -> list[tuple[Frame, bool, bool]]:
 def exchange_text(session: SessionNodes) -> list[str]:
     """Return the last exchange as text for a file, a line per frame; empty if there was none."""
     from dvtcli.domain.times import utc
-    from dvtcli.domain.typed_frame import frame_text
 
     return [
         f"{utc(frame.timestamp_s)} {'->' if sent else '<-'} {frame_text(frame)}{LEFT_OUT if secret else ''}"

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import BusUnavailable, DvtcliError, SafetyRefusal, UsageError, ended_with
-from dvtcli.files.values.value_file import Rotation, ValueParts, finish_parts, next_part
+from dvtcli.files.values.value_file import Rotation, ValueParts, checked_form, finish_parts, next_part, write_file
 from dvtcli.operations.frames.decode_recording import DEFAULTS, ValuesOptions, is_parquet, parquet_form
 from dvtcli.operations.frames.explain_frame import frame_seen
 from dvtcli.operations.frames.layouts import live_decoder, open_wire
@@ -53,8 +53,6 @@ def record_values(
     written, BusUnavailable if the bus is lost and not waited for, SafetyRefusal if another process writes the file,
     *path* exists and may not be overwritten, or the bus returns with other mappings.
     """
-    from dvtcli.files.values.value_file import checked_form, write_file
-
     checked_form(path)
     path = _first_file(session, path, append=options.append)
     open_wire(session)

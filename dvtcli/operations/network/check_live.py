@@ -22,7 +22,7 @@ from dvtcli.operations.network.check_networks import (
     chosen_rules,
     findings_of,
 )
-from dvtcli.operations.network.described_network import DeviceWord, simulated_word
+from dvtcli.operations.network.described_network import DeviceWord, described_network, simulated_word
 from dvtcli.operations.network.described_nodes import described_nodes
 from dvtcli.operations.network.live_network import live_state, received_traffic, refuse_without_bus
 from dvtcli.operations.plans.identify_nodes import identify_nodes, is_wanted
@@ -222,8 +222,6 @@ def _received(traffic: ReceivedTraffic | None) -> tuple[float, int] | None:
 
 def _described(file: str, on_bus: Mapping[int, DeviceWord]) -> NetworkState | None:
     """Build the state that *file* describes, without links that cannot be made; None if there is none."""
-    from dvtcli.operations.network.described_network import described_network
-
     try:
         return described_network(file, for_rules=True, on_bus=on_bus)
     except (RuleError, UsageError):

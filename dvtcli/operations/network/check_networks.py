@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.lint.lint_rule import ERROR, LintRule
-from dvtcli.domain.network.network_config import FileNote
+from dvtcli.domain.network.network_config import NOWHERE, FileNote, Mark
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
-from dvtcli.operations.network.described_network import unknown_names
-from dvtcli.operations.plans.read_network_config import read_network_config
+from dvtcli.operations.network.described_network import described_network, library_match, unknown_names
+from dvtcli.operations.plans.read_network_config import read_network_config, skipped_rules
 from dvtcli.operations.results.checked_files import FileRule, rules_among
 from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkReport, NetworksChecked
 
@@ -147,9 +147,6 @@ def _report(
 
 def _described(file: str, config: NetworkConfig) -> Iterator[FileNote]:
     """Note each node described by a library file that may not match exactly."""
-    from dvtcli.domain.network.network_config import FileNote
-    from dvtcli.operations.network.described_network import library_match
-
     for node in config.nodes:
         found = library_match(file, node)
         if found is not None and (remark := found.remark("in `identity:`")):
@@ -158,9 +155,6 @@ def _described(file: str, config: NetworkConfig) -> Iterator[FileNote]:
 
 def _undescribed(state: NetworkState) -> Iterator[FileNote]:
     """Note the nodes of *state* without a description, if any."""
-    from dvtcli.domain.network.network_config import NOWHERE, FileNote
-    from dvtcli.operations.plans.read_network_config import skipped_rules
-
     if state.undescribed:
         marks = [node.mark for node in state.nodes if node.node_id in state.undescribed]
         yield FileNote(skipped_rules(state.undescribed), min(marks, default=NOWHERE))
@@ -205,7 +199,6 @@ def judged_file(
     from dvtcli.domain.network.check.checked_network import CheckedNetwork
     from dvtcli.files.network.file_log import FileLog
     from dvtcli.files.network.read_network import network_text
-    from dvtcli.operations.network.described_network import described_network
 
     rules, failures, log = chosen_rules(options), list[DvtcliError](), FileLog(file, network_text(file))
     state = described_network(file, reporter, for_rules=True, on_bus=on_bus, config=config, failures=failures)
@@ -239,8 +232,6 @@ def _unread_pdos(config: NetworkConfig, failures: Iterable[DvtcliError]) -> set[
 
 def _shown(found: NetworkFinding, log: FileLog) -> NetworkFinding:
     """Add to *found* its line in the file, if it has a place there."""
-    from dvtcli.domain.network.network_config import Mark
-
     if found.complaint is not None or not found.column:
         return found
     mark = Mark(found.line, found.column, found.end_column - found.column + 1)
@@ -278,8 +269,6 @@ def _refused(config: NetworkConfig, refused: DvtcliError, names: Collection[str]
 
 
 def _mark_of(complaint: FileComplaint) -> Mark:
-    from dvtcli.domain.network.network_config import Mark
-
     return Mark(complaint.line, complaint.column, complaint.width)
 
 

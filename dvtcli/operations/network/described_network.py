@@ -28,7 +28,7 @@ from dvtcli.domain.network.network_config import (
 )
 from dvtcli.domain.network.network_state import NetworkState, NodeState
 from dvtcli.domain.object_syntax import MappedObject, Skipped, UnknownName, resolve_entry
-from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
+from dvtcli.domain.pdo import DUMMY_BITS, Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry, split_dummy
 from dvtcli.errors import DvtcliError, RuleError, SdoAborted, UsageError
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.read_network import network_text
@@ -427,8 +427,6 @@ def _undescribed_pdo(node_id: int, node_config: PartialPdoConfig) -> PdoConfig |
 
 def _undescribed_entry(word: FileWord) -> tuple[PdoMappingEntry, ...] | None:
     """Return the mapping that *word* means, None if a dictionary is needed."""
-    from dvtcli.domain.pdo import DUMMY_BITS, split_dummy
-
     try:
         found = resolve_entry(word.text, None, {})
         if isinstance(found, Skipped):

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.private_file import to_disk, unfinished
+from dvtcli.device.change.private_file import OTHER_STATE, private_folder, to_disk, unfinished, unusable
 from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.domain.text import all_nodes, join_some
 from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError
@@ -42,7 +42,6 @@ def library_check() -> Check:
 
 def state_checks(session: SessionUser) -> Iterator[Check]:
     """Check that backups and journals can be written, and that no journal waits."""
-    from dvtcli.device.change.private_file import OTHER_STATE, private_folder, unusable
     from dvtcli.operations.user.change_files import state_folder
 
     folder, always = session.state_folder, state_folder(None)

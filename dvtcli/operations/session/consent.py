@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator
 from typing import TYPE_CHECKING
 
-from dvtcli.device.seen_state import STATUSWORDS
+from dvtcli.device.seen_state import CONTROLWORDS, STATUSWORDS, why_it_may_move
 from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.concise_dcf import concise_entries
@@ -170,8 +170,6 @@ def refuse_reset(session: SessionNodes, node_ids: Collection[int]) -> None:
 
 def _may_move(session: SessionNodes, node_ids: Collection[int]) -> dict[int, str]:
     """Map those of *node_ids* that may be enabled drives to the reason."""
-    from dvtcli.device.seen_state import why_it_may_move
-
     if session.bus.simulated:
         node_ids = [node_id for node_id in node_ids if commanded(session, node_id)]
     said = {node_id: why_it_may_move(session.bus, node_id) for node_id in sorted(node_ids)}
@@ -186,7 +184,5 @@ def consent_to_reset_silent(session: SessionNodes) -> None:
 
 def commanded(session: SessionNodes, node_id: int) -> bool:
     """Tell whether this session wrote a controlword of the node."""
-    from dvtcli.device.seen_state import CONTROLWORDS
-
     node = session.network.nodes.get(node_id)
     return node is not None and not CONTROLWORDS.isdisjoint(node.wanted_values)

@@ -16,6 +16,7 @@ from dvtcli.domain.profile import DeviceProfile
 from dvtcli.domain.text import join_some
 from dvtcli.errors import SdoAborted
 from dvtcli.files.profile.library import (
+    builtin_for_identity,
     has_profile,
     load_folder_profile,
     load_profile,
@@ -69,7 +70,6 @@ def _of_family(node: SdoReader, vendor: int, product: int) -> FileChoice | None:
 
     A real device of the family has another serial number, and its own EDS. A learnt profile does not matter here.
     """
-    from dvtcli.files.profile.library import builtin_for_identity
     from dvtcli.simulator.network.family_file import family_eds, family_names
 
     name = builtin_for_identity(vendor, product).name

@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from dvtcli.domain.text import all_nodes
-from dvtcli.errors import DvtcliError, UsageError
+from dvtcli.errors import DvtcliError, NoAnswer, UsageError
 from dvtcli.operations.session.opened import Opened
 
 if TYPE_CHECKING:
@@ -161,7 +161,6 @@ class Session(Opened):
 
     def _read_together(self, look: Callable[[], T]) -> T:
         from dvtcli.device.observe import MAX_READS
-        from dvtcli.errors import NoAnswer
 
         for left in reversed(range(MAX_READS)):
             boot_ups = {node_id: node.bus.boot_ups(node_id) for node_id, node in self.seen_nodes().items()}

@@ -12,7 +12,7 @@ from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.text import join_some
 from dvtcli.errors import InputFileError, UsageError
-from dvtcli.files.device_file import VALUE_SUFFIXES, read_device_file
+from dvtcli.files.device_file import VALUE_SUFFIXES, must_describe, read_device_file
 from dvtcli.files.profile.library import profile_of
 from dvtcli.files.user_folders import file_state
 from dvtcli.operations.user.options import is_file, modules_of_node, node_id
@@ -352,8 +352,6 @@ def _dictionary(
     path: Path, _folder: Path | None, _state: tuple[int, ...], modules: tuple[int, ...] | None
 ) -> ObjectDictionary:
     """Cache the dictionary at *path* (relative to *_folder*) until the file changes."""
-    from dvtcli.files.device_file import must_describe
-
     dictionary = read_device_file(path, modules).dictionary
     must_describe(dictionary)
     return dictionary

@@ -11,7 +11,7 @@ from stat import S_IMODE
 from dvtcli.device.change.private_file import put_in_place
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
-from dvtcli.files.device_file import DEVICE_SUFFIXES
+from dvtcli.files.device_file import DEVICE_SUFFIXES, must_be_whole, read_device_file
 
 
 def write_whole(path: Path, data: bytes, read_back: ReadBack | None = None) -> None:
@@ -80,8 +80,6 @@ def reader_of(path: Path) -> ReadBack | None:
 
 def _read_device(path: Path) -> None:
     """Read an EDS, DCF, XDD or XDC with all objects in its lists."""
-    from dvtcli.files.device_file import must_be_whole, read_device_file
-
     must_be_whole(read_device_file(path))
 
 

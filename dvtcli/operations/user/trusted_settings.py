@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from dvtcli.device.change.private_file import open_private
+from dvtcli.device.change.private_file import open_private, write_private
 from dvtcli.errors import SafetyRefusal
 from dvtcli.files.user_folders import user_folder
 
@@ -100,6 +100,4 @@ def _entry(entry: Path) -> tuple[str, str]:
 
 
 def _keep(known: str, word: str, path: str) -> None:
-    from dvtcli.device.change.private_file import write_private
-
     write_private(_file(known), f"{word}\n{real_path(path)!r}\n")

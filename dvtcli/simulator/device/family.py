@@ -87,7 +87,7 @@ class Family(NamedTuple):
       *zero_bits_counted*: a count may cover an entry of 0, or of 0 bits.
     - *empty_pdos_enabled*: a PDO without a mapping may be enabled; *restricted_ids_refused*: a PDO must not have a
       CAN-ID restricted by CiA 301.
-    - *answers*: abort code of a check of `pdo_guard.CHECKS` by direction, 0 for accepted; overrides the other keys.
+    - *answers*: abort code of a check of `pdo_checks.CHECKS` by direction, 0 for accepted; overrides the other keys.
       *pdo_types*: abort code of each range of transmission types by direction, 0 for accepted; replaces
       *transmission_types*.
     - *max_inhibit_time* (100 µs), *max_event_timer* (ms): the highest accepted value.

@@ -17,7 +17,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.frame_services import HEARTBEAT, FrameServices
 from dvtcli.simulator.device.memory import Backing, Memory, ParameterAreas, Refusal
-from dvtcli.simulator.device.pdo_guard import Gates, PdoGuard, limit_check, refuse
+from dvtcli.simulator.device.pdo_checks import Gates, PdoChecks, limit_check, refuse_unless_accepted
 
 if TYPE_CHECKING:
     from dvtcli.simulator.device.boot_loader import BootLoader
@@ -65,7 +65,7 @@ class Judge:
         self._gates = gates
         self._store = store
         self._services = tuple(services)
-        self._guard = PdoGuard(memory, family)
+        self._guard = PdoChecks(memory, family)
 
     def check_access(self, index: int, sub_index: int, size: int | None) -> None:
         """Raise Refusal for a write impossible with any value; *size* is in bytes, None if unknown."""
@@ -101,7 +101,7 @@ class Judge:
             check = limit_check(entry.index, entry.sub_index, outside.code)
             if pdo is None or not check:
                 raise
-            refuse(self._family, pdo, check, outside.code)
+            refuse_unless_accepted(self._family, pdo, check, outside.code)
 
 
 #: Verify configuration (CiA 301, 7.5.2.23).

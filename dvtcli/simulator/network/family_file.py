@@ -38,7 +38,7 @@ from dvtcli.files.toml_item import (
 )
 from dvtcli.files.user_folders import families_with, family_path
 from dvtcli.simulator.device.family import GENERIC, ErrorList, Family, Login, MotorCopy, PinCopy
-from dvtcli.simulator.device.pdo_guard import CHECKS
+from dvtcli.simulator.device.pdo_checks import CHECKS
 
 #: The one thing that moves in a simulation: a CiA 402 motor.
 _PLANT = "cia402"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.ports import Frame
-from dvtcli.simulator.device.plant import NEVER, Source
+from dvtcli.simulator.device.plant import NEVER, Plant, Source, is_drive
 from dvtcli.simulator.device.sdo_server import SdoServer
 from dvtcli.simulator.device.strict_device import StrictDevice
 
@@ -70,8 +70,6 @@ class SimulatedNode:
 
         Raises ValueError if the device lacks a number object.
         """
-        from dvtcli.simulator.device.plant import Plant, is_drive
-
         if signals:
             from dvtcli.simulator.network.signals import SignalSource
 

@@ -11,7 +11,7 @@ from dvtcli.errors import InputFileError
 from dvtcli.files.profile.library import profile_names
 from dvtcli.files.sim_state import Values
 from dvtcli.operations.session.simulated_nodes import simulated_device, simulated_nodes
-from dvtcli.simulator.device.pdo_guard import CHECKS
+from dvtcli.simulator.device.pdo_checks import CHECKS
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import family_eds, load_family
 from tests.cli.commands.bench import Bench, Ran

@@ -8,7 +8,7 @@ import pytest
 
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.pdo import Direction
-from dvtcli.simulator.device.pdo_guard import CHECKS
+from dvtcli.simulator.device.pdo_checks import CHECKS
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.family_file import load_family
 from tests.device.learn.cells import some

@@ -9,7 +9,7 @@ from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.cli.view.paint import wrapped
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.pdo import Pdo, PdoMappingEntry
-from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange
+from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange, step_text
 from dvtcli.domain.process_data import answers_with_state
 from dvtcli.domain.text import join_some, plural
 from dvtcli.operations.results.failures import compared_text
@@ -143,8 +143,6 @@ def _others(result: Changed) -> str:
 
 def _value(result: Changed, step: Step, data: bytes | None) -> str:
     """Return a step's value with its meaning, if known."""
-    from dvtcli.domain.plan import step_text
-
     return step_text(step, data, result.understood.get(step.object))
 
 

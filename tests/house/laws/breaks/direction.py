@@ -39,7 +39,7 @@ BREAKS = [
         "simulator/device/simulated_faults.py",
         in_a_function('importlib.import_module("dvtcli.domain.rules")'),
     ),
-    Break("independence", "simulator/device/pdo_guard.py", "import dvtcli.device.read_pdos"),
+    Break("independence", "simulator/device/pdo_checks.py", "import dvtcli.device.read_pdos"),
     Break("independence", "simulator/device/lss_slave.py", "from dvtcli.bus.discover import *"),
     Break("independence", "simulator/device/strict_device.py", "from dvtcli import domain"),
     Break("independence", "simulator/device/strict_device.py", "from dvtcli.domain.script_line import EndState"),

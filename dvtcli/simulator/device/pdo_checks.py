@@ -119,14 +119,14 @@ _SAFETY = range(0x1300, 0x1400)
 _MISSING: dict[int, str] = {Abort.NO_OBJECT: "missing-object", Abort.NO_SUB_INDEX: "missing-sub-index"}
 
 
-def refuse(family: Family, pdo: Pdo, check: str, code: int) -> None:
+def refuse_unless_accepted(family: Family, pdo: Pdo, check: str, code: int) -> None:
     """Raise Refusal with the family's abort code for *check*, else *code*; 0 is no refusal."""
     code = family.answers.get(pdo.direction, {}).get(check, code)
     if code:
         raise Refusal(code)
 
 
-class EntryGuard:
+class EntryChecks:
     """Checks mapping entries of one device."""
 
     def __init__(self, memory: Memory, family: Family) -> None:
@@ -140,13 +140,15 @@ class EntryGuard:
         else:
             longest = self._object_bits(pdo, entry)
         if longest is not None and entry.bits > longest:
-            refuse(self._family, pdo, "entry-too-long", Abort.NOT_MAPPABLE if self._family.entry_length_checked else 0)
+            refuse_unless_accepted(
+                self._family, pdo, "entry-too-long", Abort.NOT_MAPPABLE if self._family.entry_length_checked else 0
+            )
         elif longest is not None and entry.bits < longest:
-            refuse(self._family, pdo, "entry-too-short", 0)
+            refuse_unless_accepted(self._family, pdo, "entry-too-short", 0)
         if entry.bits > self._family.max_entry_bits:
-            refuse(self._family, pdo, "entry-bits", Abort.NOT_MAPPABLE)
+            refuse_unless_accepted(self._family, pdo, "entry-bits", Abort.NOT_MAPPABLE)
         if entry.bits % self._granularity:
-            refuse(self._family, pdo, "granularity", Abort.NOT_MAPPABLE)
+            refuse_unless_accepted(self._family, pdo, "granularity", Abort.NOT_MAPPABLE)
 
     @property
     def _granularity(self) -> int:
@@ -157,14 +159,14 @@ class EntryGuard:
 
     def _dummy_bits(self, pdo: Pdo, entry: PdoMappingEntry) -> int:
         if entry.sub_index:
-            refuse(self._family, pdo, "dummy-sub-index", Abort.NO_SUB_INDEX)
+            refuse_unless_accepted(self._family, pdo, "dummy-sub-index", Abort.NO_SUB_INDEX)
         if pdo.is_tpdo and self._family.tpdo_dummies:
-            refuse(self._family, pdo, "dummy", self._family.tpdo_dummies)
+            refuse_unless_accepted(self._family, pdo, "dummy", self._family.tpdo_dummies)
         supported = self._family.dummies
         if supported is None:
             supported = self._memory.dictionary.info.dummies
         if supported is not None and entry.index not in supported:
-            refuse(self._family, pdo, "dummy", Abort.NOT_MAPPABLE)
+            refuse_unless_accepted(self._family, pdo, "dummy", Abort.NOT_MAPPABLE)
         return DUMMY_BITS[entry.index]
 
     def _object_bits(self, pdo: Pdo, entry: PdoMappingEntry) -> int | None:
@@ -172,10 +174,10 @@ class EntryGuard:
         try:
             self._memory.require(entry.index, entry.sub_index)
         except Refusal as missing:
-            refuse(self._family, pdo, _MISSING.get(missing.code, "missing-object"), missing.code)
+            refuse_unless_accepted(self._family, pdo, _MISSING.get(missing.code, "missing-object"), missing.code)
             return None
         if entry.index in _SAFETY:
-            refuse(self._family, pdo, "not-mappable", Abort.NOT_MAPPABLE)
+            refuse_unless_accepted(self._family, pdo, "not-mappable", Abort.NOT_MAPPABLE)
         self._check_mappable(pdo, entry.index, entry.sub_index)
         data_type = self._memory.data_type(entry.index, entry.sub_index)
         if data_type is not None and data_type.bits is not None:
@@ -192,10 +194,10 @@ class EntryGuard:
         if described.access not in (self._family.tpdo_access if pdo.is_tpdo else self._family.rpdo_access):
             wrong_way = Abort.WRITE_ONLY if pdo.is_tpdo else Abort.READ_ONLY
             telling = self._family.entry_access_codes and described.pdo_mapping
-            refuse(self._family, pdo, "wrong-direction", wrong_way if telling else Abort.NOT_MAPPABLE)
+            refuse_unless_accepted(self._family, pdo, "wrong-direction", wrong_way if telling else Abort.NOT_MAPPABLE)
         mappable = not self._states_mappability if described.pdo_mapping is None else described.pdo_mapping
         if not mappable:
-            refuse(self._family, pdo, "not-mappable", Abort.NOT_MAPPABLE)
+            refuse_unless_accepted(self._family, pdo, "not-mappable", Abort.NOT_MAPPABLE)
 
     @cached_property
     def _states_mappability(self) -> bool:
@@ -302,13 +304,13 @@ _IN_USE = {
 }
 
 
-class PdoGuard:
+class PdoChecks:
     """Checks downloads to the PDO parameters of one device."""
 
     def __init__(self, memory: Memory, family: Family) -> None:
         self._memory = memory
         self._family = family
-        self._entries = EntryGuard(memory, family)
+        self._entries = EntryChecks(memory, family)
 
     def check(self, index: int, sub_index: int, data: bytes) -> None:
         """Raise Refusal if the device does not accept *data* for a PDO parameter now."""
@@ -334,30 +336,34 @@ class PdoGuard:
         if sub_index == TRANSMISSION_TYPE:
             self._check_transmission_type(pdo, value)
         elif sub_index == INHIBIT_TIME and value > self._family.max_inhibit_time:
-            refuse(self._family, pdo, "inhibit-high", Abort.VALUE_HIGH)
+            refuse_unless_accepted(self._family, pdo, "inhibit-high", Abort.VALUE_HIGH)
         elif sub_index == EVENT_TIMER and value > self._family.max_event_timer:
-            refuse(self._family, pdo, "event-high", Abort.VALUE_HIGH)
+            refuse_unless_accepted(self._family, pdo, "event-high", Abort.VALUE_HIGH)
         if sub_index in _WHILE_VALID and self.cob_id(pdo).valid:
-            refuse(self._family, pdo, *_WHILE_VALID[sub_index])
+            refuse_unless_accepted(self._family, pdo, *_WHILE_VALID[sub_index])
 
     def _check_cob_id(self, pdo: Pdo, wanted: CobId) -> None:
         held = self.cob_id(pdo)
         if wanted == held:
             if held.valid:
-                refuse(self._family, pdo, "cob-id-again", 0)
+                refuse_unless_accepted(self._family, pdo, "cob-id-again", 0)
             return
         self._check_frame_bits(pdo, wanted)
         if not wanted.valid:
             return
         if held.valid and (held.can_id, held.extended) != (wanted.can_id, wanted.extended):
-            refuse(self._family, pdo, "cob-id-while-valid", Abort.VALUE_RANGE)
+            refuse_unless_accepted(self._family, pdo, "cob-id-while-valid", Abort.VALUE_RANGE)
         if not wanted.fits_frame:
-            refuse(self._family, pdo, "beyond-frame", Abort.VALUE_RANGE)
+            refuse_unless_accepted(self._family, pdo, "beyond-frame", Abort.VALUE_RANGE)
         elif not wanted.extended and within(wanted.can_id, _RESTRICTED):
-            refuse(self._family, pdo, "restricted", Abort.VALUE_RANGE if self._family.restricted_ids_refused else 0)
+            refuse_unless_accepted(
+                self._family, pdo, "restricted", Abort.VALUE_RANGE if self._family.restricted_ids_refused else 0
+            )
         used = self._filled_mapping(pdo) if self._count_is_fixed(pdo) else self._memory.number(pdo.mapping_index, 0)
         if not held.valid and used == 0:
-            refuse(self._family, pdo, "empty-enabled", 0 if self._family.empty_pdos_enabled else Abort.VALUE_RANGE)
+            refuse_unless_accepted(
+                self._family, pdo, "empty-enabled", 0 if self._family.empty_pdos_enabled else Abort.VALUE_RANGE
+            )
 
     def _count_is_fixed(self, pdo: Pdo) -> bool:
         """True if entries are writable but their count is not: unused entries contain a filler."""
@@ -376,13 +382,13 @@ class PdoGuard:
     def _check_frame_bits(self, pdo: Pdo, wanted: CobId) -> None:
         policy = self._family.rtr_bit[pdo.direction]
         if (policy is BitPolicy.SET and wanted.rtr_allowed) or (policy is BitPolicy.CLEAR and not wanted.rtr_allowed):
-            refuse(self._family, pdo, "rtr-bit", Abort.VALUE_RANGE)
+            refuse_unless_accepted(self._family, pdo, "rtr-bit", Abort.VALUE_RANGE)
         if wanted.extended and not self._family.extended_ids:
-            refuse(self._family, pdo, "extended", Abort.VALUE_RANGE)
+            refuse_unless_accepted(self._family, pdo, "extended", Abort.VALUE_RANGE)
 
     def _check_transmission_type(self, pdo: Pdo, value: int) -> None:
         if value in _RTR_TYPES and pdo.is_tpdo and not self.cob_id(pdo).rtr_allowed:
-            refuse(self._family, pdo, "type-without-rtr", Abort.VALUE_RANGE)
+            refuse_unless_accepted(self._family, pdo, "type-without-rtr", Abort.VALUE_RANGE)
         own = self._family.pdo_types.get(pdo.direction)
         if own is not None:
             code = next((code for first, last, code in own if first <= value <= last), Abort.VALUE_RANGE)
@@ -390,54 +396,56 @@ class PdoGuard:
             known = within(value, self._family.transmission_types) and (pdo.is_tpdo or value not in _RTR_TYPES)
             code = 0 if known else Abort.VALUE_RANGE
         if code:
-            refuse(self._family, pdo, "type", code)
+            refuse_unless_accepted(self._family, pdo, "type", code)
 
     def _check_count(self, pdo: Pdo, count: int) -> None:
         if self.cob_id(pdo).valid:
             again = self._memory.number(pdo.mapping_index, 0) == count
             code = 0 if self._is_same(pdo, 0, count) else self._family.mapping_in_use
-            refuse(self._family, pdo, "count-again" if again else "count-while-valid", code)
+            refuse_unless_accepted(self._family, pdo, "count-again" if again else "count-while-valid", code)
             if again:
                 return
         if is_mpdo(count) and self._memory.dictionary.info.group_messaging:
             return
         strict = Abort.PDO_LENGTH if self._family.count_within_entries else 0
         if count > self._max_entries(pdo):
-            refuse(self._family, pdo, "count-beyond", strict)
+            refuse_unless_accepted(self._family, pdo, "count-beyond", strict)
         bits = 0
         for sub_index in range(1, count + 1):
             if not self._memory.exists(pdo.mapping_index, sub_index):
-                refuse(self._family, pdo, "count-beyond", strict)
+                refuse_unless_accepted(self._family, pdo, "count-beyond", strict)
                 break
             bits += self._covered_bits(pdo, self._memory.number(pdo.mapping_index, sub_index))
         if bits > 64:
-            refuse(self._family, pdo, "too-many-bits", Abort.PDO_LENGTH)
+            refuse_unless_accepted(self._family, pdo, "too-many-bits", Abort.PDO_LENGTH)
 
     def _covered_bits(self, pdo: Pdo, raw: int) -> int:
         """The length of an entry activated by a count, checked again."""
         if raw == 0:
             code = 0 if self._family.empty_entries_counted else Abort.NOT_MAPPABLE
-            refuse(self._family, pdo, "count-over-zero", code)
+            refuse_unless_accepted(self._family, pdo, "count-over-zero", code)
             return 0
         entry = PdoMappingEntry.from_raw(raw)
         if entry.bits == 0:
-            refuse(self._family, pdo, "count-over-no-bits", 0 if self._family.zero_bits_counted else Abort.VALUE_RANGE)
+            refuse_unless_accepted(
+                self._family, pdo, "count-over-no-bits", 0 if self._family.zero_bits_counted else Abort.VALUE_RANGE
+            )
         self._entries.check(pdo, entry)
         return entry.bits
 
     def _check_entry_write(self, pdo: Pdo, sub_index: int, raw: int) -> None:
         if sub_index > self._max_entries(pdo):
-            refuse(self._family, pdo, "no-entry", Abort.NO_SUB_INDEX)
+            refuse_unless_accepted(self._family, pdo, "no-entry", Abort.NO_SUB_INDEX)
         fixed = self._count_is_fixed(pdo)
         valid = self.cob_id(pdo).valid
         if valid or (not fixed and self._memory.number(pdo.mapping_index, 0)):
             again = self._memory.number(pdo.mapping_index, sub_index) == raw
             code = 0 if self._is_same(pdo, sub_index, raw) else self._family.mapping_in_use
-            refuse(self._family, pdo, _IN_USE[valid, again], code)
+            refuse_unless_accepted(self._family, pdo, _IN_USE[valid, again], code)
             if again:
                 return
         if not raw:
-            refuse(self._family, pdo, "entry-zero", 0)
+            refuse_unless_accepted(self._family, pdo, "entry-zero", 0)
         elif not (fixed and raw == self._family.filler):
             self._entries.check(pdo, PdoMappingEntry.from_raw(raw))
 
