@@ -29,9 +29,9 @@ class Node(Changeable):
     #: node-IDs of this session's changes on all nodes, oldest first
     order: list[int] = field(default_factory=list)
     #: label -> change of this line that the node keeps without a store
-    kept_by_itself: dict[str, Change] = field(default_factory=dict)
+    saved_automatically: dict[str, Change] = field(default_factory=dict)
     #: boot-up messages seen when the first of them was read back
-    kept_boot_ups: int = 0
+    saved_boot_ups: int = 0
     #: commands of this session without a change, not yet reported by `undo`
     unchanged_commands: int = 0
     #: labels of losses by a restart during a change, still to be reported
@@ -123,7 +123,7 @@ class Node(Changeable):
     def _note_request(self, pdo: Pdo, parameters: frozenset[str]) -> None:
         self.requested[pdo] = self.requested.get(pdo, frozenset()) | parameters
 
-    def go_on_from(self, before: Node) -> None:
+    def continue_from(self, before: Node) -> None:
         """Continue as the device *before*, opened again: keep this session's changes, discard all reads."""
         self.history, self.undone_earlier, self.requested = before.history, before.undone_earlier, before.requested
         self.wanted, self.wanted_values = before.wanted, before.wanted_values
@@ -131,7 +131,7 @@ class Node(Changeable):
         self.unchanged_commands, self.undid_own = before.unchanged_commands, before.undid_own
         self.pending, self.expected = before.pending, before.expected
 
-    def look_after_gap(self) -> tuple[str, ...]:
+    def lost_during_gap(self) -> tuple[str, ...]:
         """After a gap in monitoring: labels of unstored changes that the node has lost."""
         from dvtcli.device.target_config import TargetConfig, config_differences
 
@@ -177,7 +177,7 @@ class Node(Changeable):
                 plan,
                 findings,
                 initial_state,
-                lambda carried_out, boot_ups: self._done(carried_out, boot_ups, remembered=remembered),
+                lambda carried_out, boot_ups: self._record_verified(carried_out, boot_ups, remembered=remembered),
                 is_remembered=remembered,
             )
             findings += self._unreadable_findings(plan)
@@ -221,7 +221,7 @@ class Node(Changeable):
 
         return with_stamp_ended(self, plan)
 
-    def _done(self, plan: Plan, boot_ups: int, *, remembered: bool) -> None:
+    def _record_verified(self, plan: Plan, boot_ups: int, *, remembered: bool) -> None:
         """Record *plan* as verified after *boot_ups* boot-ups, before any later step can fail.
 
         These boot-ups cleared earlier changes, but nothing of the plan.
@@ -240,19 +240,19 @@ class Node(Changeable):
         self._remember(plan.changes)
         needed = self.profile.store.needed_for
         by_itself = [change for change in plan.changes if change.steps and not needed(change.steps[0].index)]
-        if by_itself and not self.kept_by_itself:
-            self.kept_boot_ups = boot_ups
+        if by_itself and not self.saved_automatically:
+            self.saved_boot_ups = boot_ups
         readable = (change for change in by_itself if change.label not in self.answered_otherwise)
-        self.kept_by_itself |= {change.label: change for change in readable}
+        self.saved_automatically |= {change.label: change for change in readable}
 
     def require_kept(self) -> None:
         """Read this line's changes that need no store again if the node restarted since the read-back.
 
         Raises Restarted if the node has lost them: nothing else reports the loss.
         """
-        changes = tuple(self.kept_by_itself.values())
+        changes = tuple(self.saved_automatically.values())
         try:
-            if not changes or self.bus.boot_ups(self.node_id) == self.kept_boot_ups:
+            if not changes or self.bus.boot_ups(self.node_id) == self.saved_boot_ups:
                 return
         except BusUnavailable:
             return  # as for `notice_reboot`
@@ -311,7 +311,7 @@ class Node(Changeable):
         *communication*: only communication objects were reset.
         """
         self.mark_unknown()
-        self.kept_by_itself.clear()
+        self.saved_automatically.clear()
         if self.restarts_at_read is not None:
             self.restarts_at_read = self.bus.restarts(self.node_id)
         self.expected.clear()

@@ -201,7 +201,7 @@ def is_mpdo(count: int) -> bool:
 
 
 def transmission_type_text(value: int, direction: Direction) -> str:
-    """Transmission type *value* (0..255) in words for *direction* (CiA 301, table 71 ff.)."""
+    """Transmission type *value* (0..255) in words for *direction* (CiA 301, 7.5.2.35 and 7.5.2.37)."""
     tpdo = direction is Direction.TPDO
     if value == 0:
         return "acyclic, synchronous" if tpdo else "synchronous"

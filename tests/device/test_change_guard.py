@@ -65,7 +65,7 @@ def test_a_journal_in_another_folder_is_found_through_the_lock(keep: Keep, tmp_p
     assert (found.path, found.plan, found.identity) == (first.journals.path(5), PLAN, IDENTITY)
     assert (found.nmt_state, found.bus) == (127, "socketcan:can0")
     with pytest.raises(SafetyRefusal) as caught:
-        second.refuse_while_open()
+        second.lock_or_refuse()
     assert caught.value.place == str(first.journals.path(5))
     second.journals.folder.mkdir(parents=True)
     second.delete_journal(found)
@@ -78,7 +78,7 @@ def test_a_change_that_ended_leaves_nothing_open(keep: Keep, tmp_path: Path) -> 
     one.begin(PLAN, IDENTITY, None, dict)
     one.own_journal.end()
     assert one.lock.noted() is None
-    assert one.open_journal() is None
+    assert one.unfinished_journal() is None
     assert one.lock.path.read_text().splitlines()[:2] == [str(os.getpid()), ""]
 
 
@@ -296,7 +296,7 @@ def test_what_is_set_aside_is_set_aside_by_the_holder_of_the_lock(keep: Keep) ->
     first.lock.release()
     aside = second.set_aside(first.journals.path(5), "discarded")
     assert second.lock.held
-    assert (aside.exists(), second.lock.noted(), second.open_journal()) == (True, None, None)
+    assert (aside.exists(), second.lock.noted(), second.unfinished_journal()) == (True, None, None)
 
 
 def test_what_was_recovered_elsewhere_is_not_noted_any_more_beside_one_that_does_not_count(keep: Keep) -> None:
@@ -309,7 +309,7 @@ def test_what_was_recovered_elsewhere_is_not_noted_any_more_beside_one_that_does
     second.journals.write(PLAN, IDENTITY, None, GroupMember("5f"))  # of a whole that is complete
     second.delete_journal(found)
     assert second.journals.path(5).exists()
-    assert (second.lock.noted(), second.open_journal()) == (None, None)
+    assert (second.lock.noted(), second.unfinished_journal()) == (None, None)
 
 
 def test_where_one_of_ours_is_open_the_lock_says_what_it_said(keep: Keep) -> None:
@@ -322,7 +322,7 @@ def test_where_one_of_ours_is_open_the_lock_says_what_it_said(keep: Keep) -> Non
     own = second.journals.write(Plan(5, PLAN.changes * 2), IDENTITY, None)
     second.lock.note(own)
     second.delete_journal(found)
-    assert second.lock.noted() == second.open_journal() == own
+    assert second.lock.noted() == second.unfinished_journal() == own
 
 
 @pytest.mark.parametrize("name", ["letter.json", "socketcan_can0-6.json", "socketcan_can0-5.txt", "passwd"])
@@ -335,7 +335,7 @@ def test_a_lock_that_names_another_file_than_a_journal_of_its_node_leaves_that_a
     other.write_text("dear reader")
     one.take_lock()
     one.lock.note(other)
-    assert one.open_journal() is None
+    assert one.unfinished_journal() is None
     one.begin(PLAN, IDENTITY, 127, dict)
     one.own_journal.end()
     assert other.read_text() == "dear reader"

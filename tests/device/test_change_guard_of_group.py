@@ -72,7 +72,7 @@ def markers(guard: ChangeGuard) -> int:
 
 def test_the_journal_of_a_whole_grows_with_each_change_and_counts_to_its_end(keep: Keep) -> None:
     one = keep()
-    assert one.refuse_while_open()
+    assert one.lock_or_refuse()
     make(one, 0x2000)
     make(one, 0x2001, 127)
     held = journal(one)
@@ -80,9 +80,9 @@ def test_the_journal_of_a_whole_grows_with_each_change_and_counts_to_its_end(kee
     assert (held.nmt_state, held.part.group_id, held.part.name) == (5, one.group.id, "set-up.dvt")
     assert len(set(held.part.entries)) == 2
     assert markers(one) == 1
-    assert not one.refuse_while_open(), "its own journal does not stand in its way, and it has the lock"
+    assert not one.lock_or_refuse(), "its own journal does not stand in its way, and it has the lock"
     one.own_journal.complete_group()
-    assert (one.open_journal(), one.lock.noted(), markers(one)) == (None, None, 0)
+    assert (one.unfinished_journal(), one.lock.noted(), markers(one)) == (None, None, 0)
     assert not one.journals.path(5).exists()
 
 
@@ -92,13 +92,13 @@ def test_a_change_that_is_undone_leaves_what_was_made_before_it(keep: Keep) -> N
     one.begin(plan(5, 0x2001), IDENTITY, 5, dict)
     assert indices(one) == [0x2000, 0x2001]
     with pytest.raises(SafetyRefusal, match="not finished yet") as caught:
-        one.refuse_while_open()  # while it is in hand, nobody knows what the device holds
+        one.lock_or_refuse()  # while it is in hand, nobody knows what the device holds
     assert (
         typed(caught.value.hint)
         == f"`recover` rolls back to the old configuration, with the journal {one.journals.path(5)}"
     )
     one.own_journal.end()
-    assert not one.refuse_while_open()
+    assert not one.lock_or_refuse()
     one.own_journal.note(plan(5, 0x2002))
     assert indices(one) == [0x2000, 0x2002]
     one.own_journal.end()
@@ -113,7 +113,7 @@ def test_a_whole_of_several_nodes_ends_on_all_of_them_at_one_stroke(keep: Keep) 
     assert [found.plan.node_id for found in one.journals.all_of(str(one.group.id))] == [5, 7]
     one.own_journal.complete_group()
     assert other.journals.path(7).exists()
-    assert other.open_journal() is None, "it is there, and counts no longer"
+    assert other.unfinished_journal() is None, "it is there, and counts no longer"
     other.own_journal.complete_group()
     assert not other.journals.path(7).exists()
 
@@ -123,11 +123,11 @@ def test_the_last_node_that_is_put_back_takes_the_marker_along(keep: Keep) -> No
     make(one, 0x2000)
     make(other, 0x2000)
     one.own_journal.end_group()
-    assert (markers(one), one.open_journal(), other.open_journal()) == (1, None, other.journals.path(7))
+    assert (markers(one), one.unfinished_journal(), other.unfinished_journal()) == (1, None, other.journals.path(7))
     one.own_journal.abandon_group()
     assert markers(one) == 1, "the other node waits for it"
     other.own_journal.end_group()
-    assert (markers(one), other.open_journal()) == (0, None)
+    assert (markers(one), other.unfinished_journal()) == (0, None)
 
 
 def test_while_a_change_is_in_hand_the_whole_is_not_over(keep: Keep) -> None:
@@ -141,7 +141,7 @@ def test_while_a_change_is_in_hand_the_whole_is_not_over(keep: Keep) -> None:
 def test_a_whole_that_changed_nothing_leaves_nothing(keep: Keep) -> None:
     one = keep()
     one.own_journal.complete_group()
-    assert one.open_journal() is None
+    assert one.unfinished_journal() is None
     one.begin(plan(5, 0x2000), IDENTITY, 5, dict)
     assert markers(one) == 1
     one.own_journal.end()
@@ -153,7 +153,7 @@ def test_a_whole_that_changed_nothing_leaves_nothing(keep: Keep) -> None:
 def test_a_line_that_no_undo_reverts_is_on_disk_before_it_begins(keep: Keep) -> None:
     one = keep()
     one.own_journal.record_stores("store")
-    assert one.open_journal() is None, "nothing was changed: nothing to roll back"
+    assert one.unfinished_journal() is None, "nothing was changed: nothing to roll back"
     make(one, 0x2000)
     one.own_journal.record_stores("store")
     assert journal(one).part.final == "store"
@@ -167,7 +167,7 @@ def test_a_journal_of_another_whole_stands_in_the_way(keep: Keep) -> None:
     make(one, 0x2000)
     one.group.begin("another.dvt")
     with pytest.raises(SafetyRefusal, match="not finished yet"):
-        one.refuse_while_open()
+        one.lock_or_refuse()
 
 
 def test_a_damaged_journal_says_what_closes_it(keep: Keep) -> None:
@@ -177,7 +177,7 @@ def test_a_damaged_journal_says_what_closes_it(keep: Keep) -> None:
     path.write_text("{", "utf-8")
     one.group.begin("another.dvt")
     with pytest.raises(SafetyRefusal) as caught:
-        one.refuse_while_open()
+        one.lock_or_refuse()
     assert (
         typed(caught.value.hint)
         == f"the journal is damaged: `recover --discard` sets {path} aside, then check the node with `pdo`"
@@ -192,7 +192,7 @@ def test_what_is_recovered_is_forgotten_and_so_is_what_undo_knew_of_it(keep: Kee
     assert len(history.entries(5, IDENTITY)) == 2
     one.delete_journal(journal(one))
     assert history.entries(5, IDENTITY) == []
-    assert (one.open_journal(), one.lock.noted(), markers(one)) == (None, None, 0)
+    assert (one.unfinished_journal(), one.lock.noted(), markers(one)) == (None, None, 0)
     make(one, 0x2002)
     assert indices(one) == [0x2002], "what was rolled back is no part of what comes after it"
 
@@ -206,7 +206,7 @@ def test_a_journal_that_was_kept_elsewhere_is_forgotten_there(keep: Keep) -> Non
     assert found is not None
     second.take_lock()
     second.delete_journal(found)
-    assert (one.open_journal(), second.open_journal(), markers(one)) == (None, None, 0)
+    assert (one.unfinished_journal(), second.unfinished_journal(), markers(one)) == (None, None, 0)
 
 
 def test_what_is_set_aside_blocks_nothing_and_is_kept(keep: Keep) -> None:
@@ -214,29 +214,29 @@ def test_what_is_set_aside_blocks_nothing_and_is_kept(keep: Keep) -> None:
     make(one, 0x2000)
     aside = one.set_aside(one.journals.path(5), "discarded")
     assert journal_document(aside)["node"] == 5
-    assert (one.open_journal(), one.lock.noted(), one.lock.held) == (None, None, True)
+    assert (one.unfinished_journal(), one.lock.noted(), one.lock.held) == (None, None, True)
 
 
 def test_the_lock_is_kept_only_where_there_is_a_journal(keep: Keep) -> None:
     one = keep()
-    assert (one.journal_under_lock(), one.lock.held) == (None, False)
+    assert (one.lock_and_find_journal(), one.lock.held) == (None, False)
     one.take_lock()
-    assert (one.journal_under_lock(), one.lock.held) == (None, True), "whoever held it before holds it still"
+    assert (one.lock_and_find_journal(), one.lock.held) == (None, True), "whoever held it before holds it still"
     make(one, 0x2000)
     let_go(one)
     assert not one.lock.held
-    assert (one.journal_under_lock(), one.lock.held) == (one.journals.path(5), True)
+    assert (one.lock_and_find_journal(), one.lock.held) == (one.journals.path(5), True)
 
 
 def test_a_change_alone_is_over_with_its_end(keep: Keep) -> None:
     one = keep(group=ChangeGroup())
     make(one, 0x2000)
-    assert (one.open_journal(), one.lock.noted(), markers(one)) == (None, None, 0)
+    assert (one.unfinished_journal(), one.lock.noted(), markers(one)) == (None, None, 0)
     one.begin(plan(5, 0x2001), IDENTITY, 5, dict)
     assert indices(one) == [0x2001]
     one.own_journal.end()
     one.own_journal.complete_group()
-    assert one.open_journal() is None
+    assert one.unfinished_journal() is None
 
 
 def test_a_folder_that_takes_nothing_is_the_users_to_mend(keep: Keep, tmp_path: Path) -> None:
@@ -276,7 +276,7 @@ def test_a_journal_of_ours_stays_where_another_one_was_recovered(keep: Keep) -> 
     own = second.journals.write(plan(5, 0x2007), IDENTITY, 5)
     second.delete_journal(old)
     assert (one.journals.path(5).exists(), own.exists()) == (False, True)
-    assert second.open_journal() == own
+    assert second.unfinished_journal() == own
     own.write_text("{", "utf-8")
     second.delete_journal(old)
     assert own.exists(), "whatever it is, it was not recovered"
@@ -323,7 +323,7 @@ def test_what_was_prepared_and_is_put_back_or_not_begun_has_no_journal(keep: Kee
     for _ in range(begun):
         part(one, 0x2000)
     one.own_journal.end_group()
-    assert (one.open_journal(), markers(one), one.lock.noted()) == (None, 0, None)
+    assert (one.unfinished_journal(), markers(one), one.lock.noted()) == (None, 0, None)
     make(one, 0x2001)
     assert indices(one) == [0x2001]
 

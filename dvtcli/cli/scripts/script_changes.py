@@ -96,7 +96,7 @@ def _left_of(rolled_back: NodeRolledBack, cause: str, failed: BaseException) -> 
     node = rolled_back.node
     left = not_rolled_back(rolled_back.made, node.node_id, cause, str(failed) or "interrupted")
     left.__cause__ = failed
-    path = node.guard.open_journal() if node.guard is not None else None
+    path = node.guard.unfinished_journal() if node.guard is not None else None
     name_journal(left, path, BUS_BACK if isinstance(failed, BusUnavailable) else None)
     return left
 
@@ -314,7 +314,7 @@ class ScriptChanges:
         """Undo the changes of *node*, or record the reason for failure; its journal stays."""
         made = self._made(node)
         tried = NodeRolledBack(node, made)
-        if not made and (node.guard is None or node.guard.open_journal() is None):
+        if not made and (node.guard is None or node.guard.unfinished_journal() is None):
             return tried  # nothing was written to it, and it need not be there any more
         try:
             tried.boot_ups = node.bus.boot_ups(node.node_id)

@@ -343,15 +343,16 @@ def _refused_while_on(plan: Plan, refused: DeviceRefused) -> tuple[PdoChange, St
     """The change and the step *refused* while a PDO was enabled; None if another step was refused."""
     if refused.state == "rolled_back" and refused.abort in _WHILE_ON:
         for change in plan.changes:
-            for step in _while_on(change):
-                if step.object == refused.place and isinstance(change, PdoChange):
-                    return change, step
+            if isinstance(change, PdoChange):
+                for step in _while_on(change):
+                    if step.object == refused.place:
+                        return change, step
     return None, None
 
 
-def _while_on(change: Change) -> Iterator[Step]:
+def _while_on(change: PdoChange) -> Iterator[Step]:
     """The steps of *change* that write a parameter of an enabled PDO."""
-    if not isinstance(change, PdoChange) or not change.before.enabled:
+    if not change.before.enabled:
         return
     for step in change.steps:
         if step.index != change.pdo.communication_index or step.sub_index == 1:
@@ -361,13 +362,13 @@ def _while_on(change: Change) -> Iterator[Step]:
 
 def _as_known(node: Changeable, plan: Plan) -> Plan:
     """*plan* adapted to the known requirements of this device."""
-    candidates = [change for change in plan.changes if any(True for _ in _while_on(change))]
+    candidates = [change for change in plan.changes if isinstance(change, PdoChange) and any(_while_on(change))]
     if not candidates or not node.habits.are_there:
         return plan
     off_first = node.habits.off_first(node.identity())
     for change in candidates:
-        wants = any((change.pdo.direction, step.sub_index) in off_first for step in _while_on(change))  # type: ignore[union-attr]
-        if wants and isinstance(change, PdoChange) and _may_be_off(node, change):
+        wants = any((change.pdo.direction, step.sub_index) in off_first for step in _while_on(change))
+        if wants and _may_be_off(node, change):
             plan = _with_off(plan, change)
     return plan
 

@@ -129,7 +129,7 @@ class ChangeGuard:
         remove_unfinished(self.folder / "backups", f"{own.stem}-*.dvt")
         remove_unfinished(self.history.folder, f"{file_name(self.bus)}-*-node{self.node_id}.json")
 
-    def open_journal(self) -> Path | None:
+    def unfinished_journal(self) -> Path | None:
         """Path of the journal of an unfinished change, in our folder or as noted by another dvtcli."""
         with self._files("read"):
             own, noted = self.journals.path(self.node_id), self.lock.noted()
@@ -140,7 +140,7 @@ class ChangeGuard:
     def interrupted(self) -> Journal | None:
         """The journal of a change without a running process, or None. Raises InputFileError if damaged."""
         with self._files("read"):
-            path = self.open_journal()
+            path = self.unfinished_journal()
             if path is None or not self.lock.is_free():
                 return None
             try:
@@ -150,15 +150,15 @@ class ChangeGuard:
                     raise
                 return None  # a process at work a moment ago has ended its change
 
-    def journal_under_lock(self) -> Path | None:
-        """As `open_journal`, but under the lock: a change in progress is not an interrupted change.
+    def lock_and_find_journal(self) -> Path | None:
+        """As `unfinished_journal`, but under the lock: a change in progress is not an interrupted change.
 
         Raises SafetyRefusal if another dvtcli is working on the node. Keeps the lock only if there is a journal.
         """
         taken = not self.lock.held
         self.take_lock()
         with self._files("read"):
-            path = self.open_journal()
+            path = self.unfinished_journal()
         if taken and path is None:
             self.lock.release()
         return path
@@ -168,7 +168,7 @@ class ChangeGuard:
         with self._files("read"):
             self.lock.take()
 
-    def refuse_while_open(self) -> bool:
+    def lock_or_refuse(self) -> bool:
         """Take the lock; true if this process did not hold the lock before, which makes earlier reads uncertain.
 
         Raises SafetyRefusal if another dvtcli holds the lock, or an interrupted change is unfinished.
@@ -176,7 +176,7 @@ class ChangeGuard:
         with self._files("kept"):
             taken = not self.lock.held
             self.lock.take()
-            path = self.open_journal()
+            path = self.unfinished_journal()
         if path is not None and not self.own_journal.is_open(path):
             raise SafetyRefusal(
                 f"an interrupted change of node {self.node_id} is not finished yet",
@@ -266,7 +266,7 @@ class ChangeGuard:
         with self._files("removed"):
             if self._is_gone_or(journal, self.journals.path(self.node_id)):
                 self.own_journal.delete()
-            elif self.open_journal() is None:
+            elif self.unfinished_journal() is None:
                 self.lock.note(None)
             Journals(journal.path.parent, journal.bus).tidy(journal.part.group_id)
 
@@ -289,7 +289,7 @@ class ChangeGuard:
             aside = set_aside(path, word)
             if closed is not None:
                 Journals(path.parent, closed.bus).tidy(closed.part.group_id)
-            if self.open_journal() is None:
+            if self.unfinished_journal() is None:
                 self.lock.note(None)
         return aside
 

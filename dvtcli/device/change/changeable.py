@@ -179,7 +179,7 @@ class Changeable(KnownPdos):
         last read. With *ignores_restarts* (a roll-back) a restart does not matter.
         """
         if self.guard is not None:
-            self.guard.refuse_while_open()
+            self.guard.lock_or_refuse()
         if not ignores_restarts:
             self.require_not_restarted()
         self.read_anew()
@@ -229,7 +229,7 @@ class Changeable(KnownPdos):
         self.restarts_at_read = restarts
         return not told
 
-    def let_go(self) -> None:
+    def release_lock(self) -> None:
         """Release the lock after a change; changes by others are read before the next change."""
         if self.guard is not None:
             self.guard.lock.release()

@@ -40,4 +40,4 @@ class TakingTurns:
                 session.wire.sdo(self._node_id).download(index, sub_index, data, timeout_s=timeout_s)
             finally:
                 node.forget()
-                node.let_go()
+                node.release_lock()

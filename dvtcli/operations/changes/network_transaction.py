@@ -423,7 +423,7 @@ class NetworkTransaction:
         why = failed.why or failed.text if isinstance(failed, LeftChanged) else str(failed) or "interrupted"
         left = not_rolled_back([self.plans[node_id]], node_id, str(fault) or "interrupted", why)
         guard = self.nodes[node_id].guard
-        path = guard.open_journal() if guard is not None else None
+        path = guard.unfinished_journal() if guard is not None else None
         name_journal(left, path, BUS_BACK if isinstance(failed, BusUnavailable) else None)
         return left
 

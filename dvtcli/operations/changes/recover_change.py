@@ -213,7 +213,9 @@ def _put_back(
     for recovery in begun:
         try:
             if recovery.node.node_id not in failed:
-                ended = _ended(session, recovery, stored_before(recovery.journal, journals), time.monotonic() - started)
+                ended = _close_and_report(
+                    session, recovery, stored_before(recovery.journal, journals), time.monotonic() - started
+                )
                 left = recovery.left_unknown()
                 if left is None:
                     done.append(ended)
@@ -245,7 +247,7 @@ def _restarted_since(node: Node) -> bool:
     return node.bus.boot_ups(node.node_id) != node.pending.boot_ups
 
 
-def _ended(session: SessionNodes, recovery: Recovery, stored: bool | None, seconds: float) -> Changed:
+def _close_and_report(session: SessionNodes, recovery: Recovery, stored: bool | None, seconds: float) -> Changed:
     """Remove the journal after a recovery, and return the result; *stored* as of `stored_before`."""
     from dvtcli.device.change.applied import Applied
     from dvtcli.device.change.undo_plan import unknown_before, unrestored_objects

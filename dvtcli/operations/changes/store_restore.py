@@ -64,7 +64,7 @@ def store_settings(
     because = why_to_store(node, sub_index) if if_changed else ""
     if if_changed and not because:
         return _skipped(session, node, sub_index)
-    restart = _restart(session, node, prove, wait_s) if prove else None
+    restart = _agree_on_restart(session, node, prove, wait_s) if prove else None
     boot_ups = node.bus.boot_ups(node.node_id)
     before = place = None
     with _resetting(node, restart):
@@ -188,7 +188,7 @@ def _skipped(session: SessionUser, node: NodeDescription, sub_index: int | None)
     return Stored(node.node_id, place, "store", 0.0, node.profile.store.timeout_s, (), session.dry_run, skipped=skipped)
 
 
-def _restart(session: SessionNodes, node: ReadableNode, way: str, wait_s: float) -> Restart | None:
+def _agree_on_restart(session: SessionNodes, node: ReadableNode, way: str, wait_s: float) -> Restart | None:
     """Ask for consent and choose the restart; None on a twin, where a restart proves nothing."""
     if session.dry_run:
         return None

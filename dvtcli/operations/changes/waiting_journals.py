@@ -124,7 +124,7 @@ def waiting_paths(session: SessionNodes, file: str | None, refused: list[DvtcliE
 def _of_node(session: SessionNodes, node_id: int) -> list[Path]:
     guard = session.open_network().node(node_id).guard
     if guard is not None:
-        path = guard.open_journal() if session.dry_run else guard.journal_under_lock()
+        path = guard.unfinished_journal() if session.dry_run else guard.lock_and_find_journal()
     else:
         journals = Journals(session.state_folder / "journals", session.wire.name)
         path = journals.path(node_id) if journals.counts(journals.path(node_id)) else None

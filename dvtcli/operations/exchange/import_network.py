@@ -367,7 +367,7 @@ def _live(session: SessionNodes, path: Path, notes: list[Hint | str]) -> Iterato
             continue
         if node.dictionary is None:
             unnamed.append(str(node_id))
-        yield FoundNode(found, held, _memory(node))
+        yield FoundNode(found, held, node.read_cache)
     if unnamed:
         who = all_nodes(unnamed)
         notes.append(f"{who}: no EDS, so objects are written as numbers; add an EDS to the library, then import again")
@@ -393,10 +393,6 @@ def _look_ahead(session: SessionNodes, ids: Sequence[int]) -> dict[int, DvtcliEr
     for fault in session.bus.side_by_side([partial(read, node) for node in nodes]):
         raise fault
     return silent
-
-
-def _memory(node: ReadableNode) -> SdoReader:
-    return node.read_cache
 
 
 def _ids(session: SessionNodes, notes: list[Hint | str]) -> Iterator[int]:

@@ -202,7 +202,7 @@ def forget(session: SessionNodes, given: LssGiven) -> None:
     for node_id in (given.before, given.node_id):
         node = network.nodes.pop(node_id, None)
         if node is not None:
-            node.let_go()
+            node.release_lock()
         network.files.forget(node_id)
         # changes are remembered by device, whatever its node-ID
         network.order[:] = [known_id for known_id in network.order if known_id != node_id]

@@ -64,7 +64,7 @@ def plan_file(
 
     plan, need = session.read_together(read)
     guards = {node.node_id: session.node(node.node_id).guard for node in plan.nodes}
-    interrupted = (node_id for node_id, guard in guards.items() if guard is not None and guard.open_journal())
+    interrupted = (node_id for node_id, guard in guards.items() if guard is not None and guard.unfinished_journal())
     answer = NetworkPlanned(plan, tells, saved or "", need, tuple(interrupted))
     if saved is not None:
         from dvtcli.operations.session.save_script import make_file

@@ -174,6 +174,6 @@ def _forget(session: SessionNodes, node: Node) -> None:
     network = session.open_network()
     network.nodes.pop(node.node_id, None)
     network.files.forget(node.node_id)
-    node.let_go()
+    node.release_lock()
     if left_behind:
         session.reporter.note(left_behind)

@@ -150,7 +150,7 @@ def _is_stamped(nodes: Mapping[int, Node], config: NodeConfig, wanted: Stamp | N
         return False
     node = nodes[config.node_id]
     guard = node.guard
-    if node.unstored or (guard is not None and (guard.open_journal() or is_remembered(node, guard.history))):
+    if node.unstored or (guard is not None and (guard.unfinished_journal() or is_remembered(node, guard.history))):
         return False
     stored = all(index in _COMMUNICATION and node.profile.store.needed_for(index) for index in _indices(node, config))
     return stored and held_stamp(node) == wanted

@@ -245,7 +245,7 @@ class DeviceFiles:
             return "", False
         return f"node {node_id}: {chosen.note}", chosen.doubtful
 
-    def go_on_from(self, before: DeviceFiles) -> None:
+    def continue_from(self, before: DeviceFiles) -> None:
         """Continue from *before* on the reopened bus: its remarks are not repeated."""
         self._said.update(before._said)
 

@@ -207,7 +207,7 @@ class Network:
             for before in described:
                 self._describe(*before)
             for node_id in self.nodes.keys() - {node.node_id for node, *_ in described}:
-                self.nodes.pop(node_id).let_go()
+                self.nodes.pop(node_id).release_lock()
             self.left = left
             raise
 
@@ -220,9 +220,9 @@ class Network:
             unlike = unlike_before(self.identities[node.node_id], now)
             if unlike:
                 raise another_device(node.node_id, unlike)
-            node.go_on_from(before)
+            node.continue_from(before)
             with suppress(SdoAborted, UsageError):  # what cannot be read is not called lost
-                if lost := node.look_after_gap():
+                if lost := node.lost_during_gap():
                     self.warn(f"node {node.node_id} has lost unstored values: {join_some(lost)}; it may have restarted")
             self.left.pop(node.node_id, None)
         self.identities[node.node_id] = now
@@ -255,10 +255,10 @@ class Network:
         self.close()
         self.left |= {node_id: node for node_id, node in self.nodes.items() if node_id in self.identities}
 
-    def go_on_from(self, before: Network) -> None:
+    def continue_from(self, before: Network) -> None:
         """Be the same bus as *before*, opened again."""
         self.left, self.identities, self.order = before.left, before.identities, before.order
-        self.files.go_on_from(before.files)
+        self.files.continue_from(before.files)
 
     def _others(self, node_id: int) -> list[Node]:
         """List the met or simulated nodes except *node_id*; of twins, those of met nodes."""
@@ -278,4 +278,4 @@ class Network:
         """Leave the bus and release its nodes for other writers."""
         self.bus.close()
         for node in self.nodes.values():
-            node.let_go()
+            node.release_lock()

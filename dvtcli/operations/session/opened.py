@@ -342,7 +342,7 @@ class Opened:
         """Continue with the reopened *bus*; earlier reads of its nodes are void."""
         assert self._network is not None  # noqa: S101 - it was open
         network = self._network_on(bus, ())
-        network.go_on_from(self._network)
+        network.continue_from(self._network)
         self._network, self._twin, self._untap, self._gone = network, None, None, None
         self._obey(bus)
         self._watch()

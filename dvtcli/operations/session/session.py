@@ -203,9 +203,9 @@ class Session(Opened):
                 finally:
                     if node.end_of_line(failed=bool(code)):
                         self.reporter.warning(f"node {node.node_id} restarted since it was read before")
-                    node.kept_by_itself.clear()
+                    node.saved_automatically.clear()
                     node.read_cache.clear()
-                    node.let_go()
+                    node.release_lock()
         if failures:
             raise failures[0]
         if alone and not code and (nodes := self._nodes()):

@@ -160,7 +160,7 @@ def opened(node: StrictDevice, *faults: str) -> Iterator[Session]:
             session.open_network().files.own_eds[1] = EDS
             session.open_network().files.own_profile[1] = "generic"
             session.node(1).configure({TPDO1: PdoRequest(transmission_type=1)})
-            session.node(1).let_go()
+            session.node(1).release_lock()
             yield session
 
 

@@ -26,31 +26,32 @@ def github_lines(result: Reported, _width: int) -> Iterator[Line]:
         for report in reports:
             for finding in report.findings:
                 if finding.severity == severity:
-                    yield f"::{_COMMANDS[severity]} {_place(report, finding)}::{as_data(finding.text)}"
+                    yield f"::{_COMMANDS[severity]} {_place(report, finding)}::{escaped_message(finding.text)}"
     for report in reports:
         counted = report.count()
-        yield as_path(f"{report.path}: {', '.join(plural(counted[severity], severity) for severity in SEVERITIES)}")
+        found = ", ".join(plural(counted[severity], severity) for severity in SEVERITIES)
+        yield line_without_command(f"{report.path}: {found}")
 
 
 def _place(report: Report, finding: FileFinding) -> str:
     columns = f"col={finding.column},endColumn={finding.end_column}," if finding.column else ""
-    return f"file={as_property(report.path)},line={finding.line},{columns}title={as_property(finding.rule)}"
+    return f"file={escaped_property(report.path)},line={finding.line},{columns}title={escaped_property(finding.rule)}"
 
 
-def as_data(text: str) -> str:
+def escaped_message(text: str) -> str:
     """Escape *text* for the message of a workflow command."""
     return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
 
 
-def as_path(text: str) -> str:
+def line_without_command(text: str) -> str:
     """Return *text*, beginning with a path, as a line that is no workflow command: `::x::`, `##[x]`."""
     plain = text.replace("##[", "## [")
     return f"./{plain}" if plain.lstrip().startswith("::") else plain
 
 
-def as_property(text: str) -> str:
+def escaped_property(text: str) -> str:
     """Escape *text* for a property of a workflow command."""
-    return as_data(text).replace(":", "%3A").replace(",", "%2C")
+    return escaped_message(text).replace(":", "%3A").replace(",", "%2C")
 
 
 _LEVELS = {"error": "error", "warning": "warning", "notice": "notice", "skipped": "notice"}
@@ -83,5 +84,5 @@ def github_error_lines(error: DvtcliError) -> Iterator[Line]:
 def workflow_command(level: str, file: str, line: int, title: str, text: str, column: int = 0) -> str:
     """Return a workflow command of *level* for a place, with possibly empty parts."""
     places = (("file", file), ("line", line), ("col", column), ("title", title))
-    words = ",".join(f"{key}={as_property(str(value))}" for key, value in places if value)
-    return f"::{level} {words}::{as_data(text)}"
+    words = ",".join(f"{key}={escaped_property(str(value))}" for key, value in places if value)
+    return f"::{level} {words}::{escaped_message(text)}"

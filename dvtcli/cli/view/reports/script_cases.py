@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
 from dvtcli.cli.view.lines import Line
-from dvtcli.cli.view.reports.github_lines import as_data, workflow_command
+from dvtcli.cli.view.reports.github_lines import escaped_message, workflow_command
 from dvtcli.cli.view.reports.junit_lines import suites_text
 from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.domain.text import plural, safe
@@ -69,7 +69,7 @@ def github_script_lines(lines: Sequence[LineRan]) -> Iterator[Line]:
     """
     for line in lines:
         if line.said:
-            yield f"::group::{as_data(safe(line.words))}"
+            yield f"::group::{escaped_message(safe(line.words))}"
             yield from (f"| {safe(text)}" for text in line.said.splitlines())
             yield "::endgroup::"
         if line.code:

@@ -239,7 +239,7 @@ def test_a_state_folder_without_rights_stops_changes_only(tmp_path: Path, bits: 
         f"os.chown({str(folder)!r}, 65534, 65534)\nos.chdir({str(tmp_path)!r})\nos.setgroups([])\n"
         "os.setgid(65534)\nos.setuid(65534)\nfolder = Path('state')\n"
         "print(unusable(folder / 'locks').text)\nkeeper = ChangeGuard(folder, folder / 'locks', 'can0', 5)\n"
-        "try:\n    keeper.refuse_while_open()\nexcept SafetyRefusal as refused:\n    print('refused', refused.text)\n"
+        "try:\n    keeper.lock_or_refuse()\nexcept SafetyRefusal as refused:\n    print('refused', refused.text)\n"
     )
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, encoding="utf-8", check=False,
                          timeout=PATIENCE_S)  # fmt: skip
