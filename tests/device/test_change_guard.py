@@ -192,7 +192,7 @@ def test_what_the_lock_s_file_says_is_cut_short(keep: Keep) -> None:
 def test_the_backup_is_made_once_and_read_by_its_owner_only(keep: Keep, tmp_path: Path) -> None:
     said: list[str] = []
     one = keep()
-    one.say = said.append
+    one.report = said.append
     reads: list[int] = []
     for _ in range(2):
         one.begin(PLAN, IDENTITY, None, lambda: reads.append(1) or {})

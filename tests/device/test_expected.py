@@ -150,7 +150,7 @@ def plans(*changes: Change) -> list[Plan]:
 def test_it_is_whole_once_all_that_lay_beside_a_change_was_read(node: Node) -> None:
     expected, now = Expected(), {TPDO2: node.pdo(TPDO2)}
     for others, whole, so in (({}, True, False), (now, False, False), (now, True, True), (now, False, True)):
-        expected.seen(others, whole=whole)
+        expected.seen(others, complete=whole)
         assert expected.is_complete is so
     expected.clear()
     assert expected.is_complete is False

@@ -116,10 +116,10 @@ def test_a_timer_that_could_not_be_read_is_neither_saved_nor_changed_nor_expecte
         refused = bench.run("set tpdo1 --timer 40")
         assert (refused.code, "0x08000022" in refused.stderr) == (1, True)
         node = bench.session.node(1)
-        assert (Pdo.parse("tpdo1") in node.expected.pdos, node.expected.is_whole) == (False, False)
+        assert (Pdo.parse("tpdo1") in node.expected.pdos, node.expected.is_complete) == (False, False)
         device.is_busy = False
         assert bench.run("set tpdo2 --timer 31").code == 0
-        assert (Pdo.parse("tpdo1") in node.expected.pdos, node.expected.is_whole) == (True, True)
+        assert (Pdo.parse("tpdo1") in node.expected.pdos, node.expected.is_complete) == (True, True)
         assert bench.run("verify").code == 0
     assert device.value(*TIMER) == bytes(2)
 
