@@ -157,7 +157,7 @@ class PdoConfig:
         return tuple(place for place in self.unread if not _is_entry(*place))
 
     @property
-    def unread_optional(self) -> tuple[tuple[int, int], ...]:
+    def untold(self) -> tuple[tuple[int, int], ...]:
         """Optional objects of *unread*: their existence and values are unknown."""
         return tuple(place for place in self.lacking if place[1] in _OPTIONAL)
 
@@ -182,7 +182,7 @@ def _is_entry(index: int, sub_index: int) -> bool:
 
 
 def _inconsistencies(config: PdoConfig) -> Iterator[str]:
-    without_cob_id = () if config.has_cob_id else config.unread_optional  # other missing parts do not matter then
+    without_cob_id = () if config.has_cob_id else config.untold  # other missing parts do not matter then
     for index, sub_index in (place for place in config.unread if place not in without_cob_id):
         place = f"0x{index:04X}:{sub_index:02X}"
         if not is_mapping_index(index):

@@ -217,7 +217,7 @@ def test_an_optional_parameter_that_is_refused_for_a_moment_is_not_one_that_is_n
     may_pass = code >> 24 != 6
     assert config.unread == (((0x1800, sub_index),) if may_pass else ())
     assert config != whole
-    assert bool(config.inconsistency) is bool(config.unread_optional) is may_pass
+    assert bool(config.inconsistency) is bool(config.untold) is may_pass
     assert (config.has_cob_id, config.has_mapping, config.enabled) == (True, True, True)
     assert any(f"0x1800:{sub_index:02X} cannot be read" in text for text in differences(TPDO1, whole, config)) is (
         may_pass

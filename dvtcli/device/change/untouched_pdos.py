@@ -154,7 +154,7 @@ def unlike_backups(node: Changeable, held: Mapping[Pdo, PdoConfig]) -> Sequence[
 
 def movable(pdos: Mapping[Pdo, PdoConfig]) -> dict[Pdo, PdoConfig]:
     """The PDOs read completely enough to be restored."""
-    return {pdo: config for pdo, config in pdos.items() if config.has_cob_id and not config.unread_optional}
+    return {pdo: config for pdo, config in pdos.items() if config.has_cob_id and not config.untold}
 
 
 def as_they_are(pdos: Mapping[Pdo, PdoConfig]) -> tuple[PdoChange, ...]:

@@ -141,6 +141,6 @@ class BootSnapshot:
         gone = [pdo.label for pdo in self.pdos if pdo not in now]
         if gone:
             return f"{join_some(gone)} came up with it and can no longer be read"
-        if any(config.unread_optional for config in now.values()):
+        if any(config.untold for config in now.values()):
             return "not all of its PDOs could be read"
         return "" if self.pdos == now else "it is not what came up"

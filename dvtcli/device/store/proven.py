@@ -85,13 +85,13 @@ def unread_of(held: Snapshot, signed: StoreAnswer, after: Mapping[Pdo, PdoConfig
     For the PDOs *after* a restart: the values unreadable both before and after.
     """
     objects = held.unread_of_group(signed.sub_index)
-    unread_optional = [
+    untold = [
         f"0x{index:04X}:{sub_index:02X} cannot be read"
         for pdo, config in (after or {}).items()
-        for index, sub_index in config.unread_optional
-        if pdo in held.pdos and (index, sub_index) in held.pdos[pdo].unread_optional
+        for index, sub_index in config.untold
+        if pdo in held.pdos and (index, sub_index) in held.pdos[pdo].untold
     ]
-    unread = join_some([*unread_optional, *filter(None, [objects])])
+    unread = join_some([*untold, *filter(None, [objects])])
     return unread and f"not compared: {unread}"
 
 

@@ -332,7 +332,7 @@ def _held(node: ReadableNode, planned: NodePlan, *, beside: bool) -> tuple[Chang
     others = [
         plan_pdo(pdo, config, config)
         for pdo, config in (node.last_read.items() if beside else ())
-        if pdo not in own | told and config.has_cob_id and not config.unread_optional
+        if pdo not in own | told and config.has_cob_id and not config.untold
     ]
     return (*said, *others)
 

@@ -127,7 +127,6 @@ NEAR = {
 }
 
 
-@pytest.mark.parametrize(("name", "meant"), NEAR.items())
 def test_a_call_without_its_pdo_is_a_usage_error() -> None:
     with dvtcli.simulate("gen4") as bus:
         node: Any = bus.node()
@@ -135,6 +134,7 @@ def test_a_call_without_its_pdo_is_a_usage_error() -> None:
             node.map()
 
 
+@pytest.mark.parametrize(("name", "meant"), NEAR.items())
 def test_a_wrong_name_of_an_option_has_the_nearest_as_hint(name: str, meant: str) -> None:
     with dvtcli.simulate("gen4") as bus:
         node: Any = bus.node()

@@ -152,5 +152,5 @@ def test_nodes_are_met_side_by_side_and_named_in_order(home: Path) -> None:
         with pytest.raises(NoAnswer) as raised:
             made.plan(file)
         took_s.append(made.bus.now_s() - began_s)
-    assert raised.value.text == "nodes 20, 21, 22 do not answer"
+    assert raised.value.text == "nodes 20, 21 and 22 do not answer"
     assert took_s[1] < 1.5 * took_s[0]

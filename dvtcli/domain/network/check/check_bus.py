@@ -22,7 +22,7 @@ _PROPOSED = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000)
 
 def _readable(network: CheckedNetwork) -> list[tuple[NodeState, Pdo, PdoConfig]]:
     """TPDOs whose times and mapping are known: of others it is not known how often they come."""
-    return [found for found in network.tpdos if found[2].has_mapping and not found[2].unread_optional]
+    return [found for found in network.tpdos if found[2].has_mapping and not found[2].untold]
 
 
 def _unlimited(network: CheckedNetwork) -> list[NetSpot]:
