@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import accumulate
 
 import pytest
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import BY_SHORT_NAME
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.links import (
     Linked,
     LinkSide,
@@ -25,9 +27,18 @@ from dvtcli.domain.network.links import (
 )
 from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.object_dictionary import DeviceInfo, ObjectDictionary, ObjectType, OdEntry, OdObject
-from dvtcli.domain.pdo import MAX_PDO_BITS, Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry, total_bits
-from dvtcli.domain.profile import GENERIC
+from dvtcli.domain.pdo import (
+    MAX_PDO_BITS,
+    Pdo,
+    PdoCommunicationParameter,
+    PdoConfig,
+    PdoMappingEntry,
+    split_dummy,
+    total_bits,
+)
+from dvtcli.domain.profile import GENERIC, Severity
 from dvtcli.domain.rules.can_id import restricted_use
+from dvtcli.operations.plans.judge_network import in_keys
 
 SENT, HEARD = 0x2100, 0x2200
 OFF = PdoCommunicationParameter(CobId(0x181, valid=False))
@@ -95,7 +106,34 @@ def test_what_is_not_clear_is_refused(sent: str, received: str, rule: str) -> No
     assert [one.rule for one in found.findings] == [rule]
     assert found.mapping == ()
     if rule in ("link-length", "link-place"):
-        assert "in the network file" in typed(found.findings[0].hint), "whoever wrote a file types no command"
+        assert "`mapping:" in typed(in_keys(found.findings[0].hint)), "whoever wrote a file types no command"
+
+
+@pytest.mark.parametrize(("sent", "received"), [("i32 i32", "i32"), ("u16 u16 u16", "u16 u16"), ("u8 u8 i16", "u8")])
+@pytest.mark.parametrize("dummies", [ALL_DUMMIES, frozenset[int]()])
+def test_the_hint_of_an_ambiguous_link_makes_the_link(sent: str, received: str, dummies: frozenset[int]) -> None:
+    """Each mapping that the hint names is placed without doubt; without dummies, it is the producer's."""
+    (found,) = link(sent, received, dummies).findings
+    assert isinstance(found.hint, Hint)
+    steps = [step for step in found.hint if step.action is Action.MAP]
+    assert len(steps) == (2 if dummies else 1)
+    for step in steps:
+        entries = [made for word in step.arguments["objects"] for made in entries_of(word)]
+        sides = side(1, "tpdo1", sent), side(5, "rpdo2", received, dummies)
+        mapped = {str(end): replace(end, config=replace(end.config, mapping=tuple(entries))) for end in sides}
+        assert str(step.arguments["pdo"]) == ("5:rpdo2" if dummies else "1:tpdo1")
+        made = linked(*(mapped[str(end)] if str(end) == str(step.arguments["pdo"]) else end for end in sides))
+        assert made.mapping
+        assert not any(finding.severity is Severity.ERROR for finding in made.findings)
+
+
+def entries_of(word: str) -> tuple[PdoMappingEntry, ...]:
+    """The entries of `2100:00/16` or `dummy/16`."""
+    place, _, bits = word.partition("/")
+    if place == "dummy":
+        return split_dummy(int(bits), ALL_DUMMIES)
+    index, _, sub_index = place.partition(":")
+    return (PdoMappingEntry(int(index, 16), int(sub_index, 16), int(bits)),)
 
 
 def test_a_node_does_not_hear_itself() -> None:

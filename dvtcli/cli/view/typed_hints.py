@@ -12,6 +12,7 @@ from dvtcli.domain.hint import Action, Hint, filled, sentence
 
 if TYPE_CHECKING:
     from dvtcli.errors import DvtcliError
+    from dvtcli.operations.results.checked_files import FileFinding
 
 #: Actions that are commands; a command without a node gets `-n` (except `_OF_THE_BUS`).
 COMMANDS: dict[Action, str] = {
@@ -262,6 +263,11 @@ def _of_node(call: TypedCall, node: Any) -> Sequence[str]:
 def typed(hint: Hint | str | None) -> str:
     """Return *hint* as typed at the prompt, empty if none."""
     return TypedHints().text(hint) if hint else ""
+
+
+def advised(finding: FileFinding) -> str:
+    """Return the text of *finding* with its hint, in one line."""
+    return f"{finding.text}; {typed(finding.hint)}" if finding.hint else finding.text
 
 
 def prompt_line(words: Sequence[str]) -> str:

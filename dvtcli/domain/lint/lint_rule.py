@@ -16,7 +16,7 @@ ERROR, WARNING, NOTE = Severity.ERROR, Severity.WARNING, Severity.NOTE
 
 
 class LintRule(NamedTuple):
-    """A rule: *name*, *severity*, finding text (*sense*) and *source*.
+    """A rule: *name*, *severity*, finding text (*sense*), *source*, and what to change in the file (*hint*).
 
     Error: the file contradicts itself or the standard, and readers that trust it do the wrong thing. Warning: probably
     unintended, or against the standard, but tools cope. Note: worth knowing.
@@ -26,6 +26,7 @@ class LintRule(NamedTuple):
     severity: Severity
     sense: str
     source: str
+    hint: str = ""
 
 
 Subject = TypeVar("Subject")
@@ -42,10 +43,10 @@ class RuleCheck(Generic[Subject, Place]):
 
 
 def check(
-    name: str, severity: Severity, sense: str, source: str
+    name: str, severity: Severity, sense: str, source: str, hint: str = ""
 ) -> Callable[[Look[Subject, Place]], RuleCheck[Subject, Place]]:
     """Declare a rule at its check function, which becomes the `RuleCheck`."""
-    return lambda look: RuleCheck(LintRule(name, severity, sense, source), look)
+    return lambda look: RuleCheck(LintRule(name, severity, sense, source, hint), look)
 
 
 def checks_of(*modules: ModuleType) -> list[RuleCheck[Any, Any]]:

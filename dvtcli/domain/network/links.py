@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from typing import NamedTuple
 
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.datatypes import DataType
-from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.network.network_config import Endpoint, LinkConfig
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
 from dvtcli.domain.pdo import DUMMY_BITS, MAX_PDO_BITS, Pdo, PdoConfig, PdoMappingEntry, split_dummy, total_bits
@@ -245,8 +245,7 @@ def _placed(producer: LinkSide, consumer: LinkSide) -> tuple[tuple[PdoMappingEnt
         return (), (_no_place(producer, consumer, objects),)
     first, last = places
     if first != last:
-        number = next(one for one, pair in enumerate(zip(first, last, strict=True)) if pair[0] != pair[1])
-        return (), (_ambiguous(producer, consumer, objects[number], [sent[first[number]], sent[last[number]]]),)
+        return (), (_ambiguous(producer, consumer, objects, first, last),)
     return placed_mapping(producer, consumer, dict(zip(first, objects, strict=True)))
 
 
@@ -290,23 +289,45 @@ def _no_place(producer: LinkSide, consumer: LinkSide, objects: list[PdoMappingEn
     layout = join_some(f"{entry.object}/{entry.bits}" for entry in producer.config.mapping)
     what = f"{consumer.name(odd)}, {odd.bits} bits," if odd else f"not all {len(objects)} objects of {consumer}"
     verb = "has no place" if odd else "have a place"
-    hint = Hint(
-        Action.MAP, {"pdo": consumer, "off": True},
-        f"give {consumer} objects of these lengths: {{}}, or mapping in the network file",
-    )  # fmt: skip
+    hint = Hint(Action.MAP, {"pdo": consumer, "off": True}, "{} with objects of these lengths")
     return error("link-length", str(consumer), f"{what} {verb} in {producer}, which sends {layout}", hint=hint)
 
 
 def _ambiguous(
-    producer: LinkSide, consumer: LinkSide, received: PdoMappingEntry, sent: list[PdoMappingEntry]
+    producer: LinkSide,
+    consumer: LinkSide,
+    objects: Sequence[PdoMappingEntry],
+    first: Sequence[int],
+    last: Sequence[int],
 ) -> Finding:
-    text = f"{consumer.name(received)} of {consumer} could receive {producer.name(sent[0])} or {producer.name(sent[1])}"
-    hint = Hint(
-        Action.MAP, {"pdo": consumer, "objects": f"dummy/BITS {received.object}", "off": True},
-        "say where it is: {}, or mapping: [dummy/BITS, …] in the network file, "
-        f"all {producer.config.bits} bits of it",
-    )  # fmt: skip
+    """Refuse to choose between the places *first* and *last* of *objects*; the hint has a mapping for each."""
+    number = next(number for number, pair in enumerate(zip(first, last, strict=True)) if pair[0] != pair[1])
+    sent, starts = producer.config.mapping, [start for start, _ in _starts(producer.config.mapping)]
+    names = [producer.name(sent[places[number]]) for places in (first, last)]
+    if names[0] == names[1]:
+        names = [f"{name} at bit {starts[places[number]]}" for name, places in zip(names, (first, last), strict=True)]
+    text = f"{consumer.name(objects[number])} of {consumer} could receive {names[0]} or {names[1]}"
+    made = [placed_mapping(producer, consumer, dict(zip(places, objects, strict=True))) for places in (first, last)]
+    hints = [
+        _map_hint(consumer, mapping, f"{{}} receives {verbatim(name)}")
+        for name, (mapping, refused) in zip(names, made, strict=True)
+        if not refused
+    ]
+    hint = sum(hints[1:], start=hints[0]) if hints else _shorter(producer, consumer, first)
     return error("link-place", str(consumer), text, hint=hint)
+
+
+def _map_hint(side: LinkSide, mapping: Sequence[PdoMappingEntry], why: str) -> Hint:
+    """The hint to map *mapping* to the PDO of *side*; an RPDO stays off, for a link to enable it."""
+    words = tuple(f"dummy/{entry.bits}" if entry.is_dummy else str(entry) for entry in mapping)
+    return Hint(Action.MAP, {"pdo": side, "objects": words, "off": not side.end.pdo.is_tpdo}, why)
+
+
+def _shorter(producer: LinkSide, consumer: LinkSide, taken: Iterable[int]) -> Hint:
+    """The hint for a consumer that cannot skip: its producer sends only the entries *taken*, by number."""
+    sent = [producer.config.mapping[number] for number in taken]
+    why = f"{consumer} has no dummies for what it does not take: let {producer} send only what it takes, {{}}"
+    return _map_hint(producer, sent, why)
 
 
 def receivers(producer: LinkSide, sent: PdoMappingEntry, consumer: LinkSide) -> list[PdoMappingEntry]:
@@ -338,7 +359,7 @@ def placed_mapping(
             skipped = 0
         mapping += split_dummy(skipped, DUMMY_BITS if usable is None else usable)
     except ValueError as wrong:
-        hint = f"change {producer}, or map what {consumer} skips onto objects that nobody uses"
+        hint = _shorter(producer, consumer, sorted(placed)) + ", or map the rest onto objects that nobody uses"
         return (), (error("link-skip", str(consumer), f"{consumer} cannot receive {producer}: {wrong}", hint=hint),)
     return tuple(mapping), ()
 

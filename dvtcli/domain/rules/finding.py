@@ -113,9 +113,9 @@ class Proposal:
         return f"0x{self.pdo.mapping_index:04X}:{sub_index:02X}"
 
 
-def finding_of(rule: str, severity: Severity, place: str, text: str) -> Finding:
+def finding_of(rule: str, severity: Severity, place: str, text: str, hint: str | None = None) -> Finding:
     """A finding of a rule declared elsewhere, such as a network rule."""
-    return Finding(rule, severity, place, text)
+    return Finding(rule, severity, place, text, hint=hint)
 
 
 def error(rule: str, place: str, text: str, abort: int | None = None, hint: Hint | str | None = None) -> Finding:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from itertools import count
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_dictionary import ObjectDictionary
-from dvtcli.domain.pdo import DUMMY_BITS, MAX_ENTRIES, MAX_PDO_BITS, PdoConfig, PdoMappingEntry
+from dvtcli.domain.pdo import DUMMY_BITS, MAX_ENTRIES, MAX_PDO_BITS, PdoConfig, PdoMappingEntry, split_dummy
 from dvtcli.domain.plan import disables, mapping_differs, needs_disabling
 from dvtcli.domain.profile import DeviceProfile, Severity
 from dvtcli.domain.rules.finding import ERROR, NOTE, WARNING, Finding, Proposal, Rule, error, note, warning
@@ -197,7 +197,8 @@ def _dummy(proposal: Proposal, place: str, entry: PdoMappingEntry) -> Iterator[F
         yield warning("dummy-unknown", place, f"no file states whether this device has the dummy {entry}")
     elif entry.index not in usable:
         have = ", ".join(f"{index:04X}/{DUMMY_BITS[index]}" for index in sorted(usable)) or "none"
-        yield error("dummy-supported", place, f"this device has no dummy {entry} (it has {have})", Abort.NOT_MAPPABLE)
+        text = f"this device has no dummy {entry} (it has {have})"
+        yield error("dummy-supported", place, text, Abort.NOT_MAPPABLE, _instead_of(entry, usable))
     if entry.bits != DUMMY_BITS[entry.index]:
         yield error(
             "dummy-length",
@@ -205,6 +206,15 @@ def _dummy(proposal: Proposal, place: str, entry: PdoMappingEntry) -> Iterator[F
             f"the dummy {entry.object} is {DUMMY_BITS[entry.index]} bits long, not {entry.bits}",
             Abort.NOT_MAPPABLE,
         )
+
+
+def _instead_of(dummy: PdoMappingEntry, usable: Collection[int]) -> str:
+    """What to do without *dummy* on a device with the dummies *usable*."""
+    try:
+        words = " ".join(f"{entry.index:04X}" for entry in split_dummy(dummy.bits, usable))
+    except ValueError:
+        return "shorten or reorder the TPDO that this RPDO receives, so that it skips nothing"
+    return f"skip these bits with {words}"
 
 
 def usable_dummies(proposal: Proposal) -> frozenset[int] | None:

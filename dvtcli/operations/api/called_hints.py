@@ -26,7 +26,7 @@ CALLS: dict[Action, str] = {
     Action.SHOW_FAULTS: "node.faults()",
     Action.VERIFY: "node.verify({file})",
     Action.MONITOR: "dvtcli monitor",
-    Action.MAP: "node.map({pdo}, OBJECT {off?enabled=False})",
+    Action.MAP: "node.map({pdo}, {objects|OBJECT} {off?enabled=False})",
     Action.SET_PDO: "node.set({pdo} {cob_id=} {extended?extended=True} {rtr?rtr=True} {no_rtr?rtr=False} "
     "{inhibit?inhibit_ms=}{inhibit} {sync_start=})",
     Action.CLEAR: "node.clear({pdo})",
@@ -133,7 +133,7 @@ def called(hint: Hint) -> str:
 
 def _called(step: Hint) -> str:
     assert step.action is not None  # noqa: S101 - `sentence` asks for actions only
-    arguments = step.arguments
+    arguments = _of_node(step.arguments)
     if step.action is Action.GIVE:
         return ", ".join(map(_argument, arguments.items()))
     if command := next((command for name, command in _COMMANDS.items() if arguments.get(name)), None):
@@ -150,6 +150,12 @@ def _called(step: Hint) -> str:
     return f"`{call}`" if node is None else f"`{re.sub(r'^node[.]', f'bus.node({node}).', call)}`"
 
 
+def _of_node(arguments: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Take the node-ID of `5:rpdo2` among *arguments* as the node: a call of a node takes its PDO alone."""
+    node, _, pdo = str(arguments.get("pdo", "")).partition(":")
+    return {**arguments, "node": int(node), "pdo": pdo} if pdo and node.isdecimal() else arguments
+
+
 def _argument(given: tuple[str, Any]) -> str:
     """Write an argument in Python; only its name without a value."""
     name, value = given
@@ -159,6 +165,8 @@ def _argument(given: tuple[str, Any]) -> str:
 
 
 def _value(given: Any) -> str:
+    if type(given) is tuple:
+        return ", ".join(map(_value, given))
     is_plain = isinstance(given, int | float) or str(given) in _PLACEHOLDERS or _HEXADECIMAL.fullmatch(str(given))
     return str(given) if is_plain else repr(str(given))
 
@@ -209,6 +217,8 @@ def _part(value: Any) -> Any:
         return called(value)
     if type(value) is tuple and any(isinstance(row, Hint | Finding) or _hints_in_row(row) for row in value):
         return tuple(map(_row, value))
+    if type(value) is tuple and any(type(getattr(row, "findings", None)) is tuple for row in value):
+        return tuple(answer_in_calls(row) for row in value)  # a report for each file
     if isinstance(value, dict) and any(isinstance(row, Hint) for row in value.values()):
         return {key: _row(row) for key, row in value.items()}
     return value

@@ -253,6 +253,8 @@ def _refused(config: NetworkConfig, refused: DvtcliError, names: Collection[str]
 
     The rule is that of the refusal; a refusal without a rule of changes gets the rule for parts that cannot be made.
     """
+    from dvtcli.operations.plans.judge_network import in_keys
+
     if isinstance(refused, InputFileError) and refused.complaints:
         yield from (
             replace(_at(complaint, FILE_RULES[0].name), complaint=complaint) for complaint in refused.complaints
@@ -262,10 +264,12 @@ def _refused(config: NetworkConfig, refused: DvtcliError, names: Collection[str]
         rule = said.rule if said.rule in names else FILE_RULES[1].name
         mark = config.mark_of(refused.node, said.place) if said.complaint is None else _mark_of(said.complaint)
         if rule in names:
-            yield _finding(rule, str(said.severity), refused.node, None, "", said.text, mark)
+            hint = in_keys(said.hint)
+            yield replace(_finding(rule, str(said.severity), refused.node, None, "", said.text, mark), hint=hint)
     if not getattr(refused, "findings", ()) and FILE_RULES[1].name in names:
         mark = config.mark_of(refused.node, "")
-        yield _finding(FILE_RULES[1].name, "error", refused.node, None, "", refused.text, mark)
+        hint = in_keys(refused.hint)
+        yield replace(_finding(FILE_RULES[1].name, "error", refused.node, None, "", refused.text, mark), hint=hint)
 
 
 def _mark_of(complaint: FileComplaint) -> Mark:
@@ -275,13 +279,16 @@ def _mark_of(complaint: FileComplaint) -> Mark:
 def _of_change(state: NetworkState, node_id: int, said: Finding) -> NetworkFinding:
     """Place the finding of a rule of changes in the file."""
     from dvtcli.domain.network.check.checked_network import NetSpot, mark_of
+    from dvtcli.operations.plans.judge_network import in_keys
 
     place = said.place.removeprefix("0x").partition(":")
     index = int(place[0], 16) if said.place.startswith("0x") else None
     sub_index = int(place[2], 16) if place[2] and index is not None else 0
     spot = NetSpot(node_id, said.pdo, index, sub_index)
     mark = mark_of(state, spot) if said.complaint is None else _mark_of(said.complaint)
-    return _finding(said.rule, str(said.severity), node_id, spot, spot.object, said.text, mark, _is_aside(state, spot))
+    aside = _is_aside(state, spot)
+    found = _finding(said.rule, str(said.severity), node_id, spot, spot.object, said.text, mark, aside)
+    return replace(found, hint=in_keys(said.hint))
 
 
 def findings_of(network: CheckedNetwork, rules: Sequence[LintRule]) -> Iterator[NetworkFinding]:
@@ -292,7 +299,8 @@ def findings_of(network: CheckedNetwork, rules: Sequence[LintRule]) -> Iterator[
     state = network.state
     for rule, spot, text in network_findings(network, {rule.name for rule in rules}):
         aside, mark = _is_aside(state, spot), mark_of(state, spot)
-        yield _finding(rule.name, str(rule.severity), spot.node_id, spot, spot.object, text, mark, aside)
+        found = _finding(rule.name, str(rule.severity), spot.node_id, spot, spot.object, text, mark, aside)
+        yield replace(found, hint=rule.hint) if state.file and rule.hint else found
 
 
 def _is_aside(state: NetworkState, spot: NetSpot) -> bool:
@@ -330,6 +338,6 @@ def _finding(
     line, column, width = (mark.line, mark.column, mark.width) if mark is not None and mark.line else (1, 0, 0)
     end = column + max(width, 1) - 1 if column else 0
     return NetworkFinding(
-        line, severity, rule, about, f"{who}{text}", column, end, node, None if pdo is None else str(pdo),
-        is_aside=is_aside and severity != "error",
+        line, severity, rule, about, f"{who}{text}", column, end, node=node,
+        pdo=None if pdo is None else str(pdo), is_aside=is_aside and severity != "error",
     )  # fmt: skip

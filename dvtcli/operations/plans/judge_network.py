@@ -94,7 +94,7 @@ def placed_in(config: NetworkConfig, log: FileLog) -> Placed:
         mark = config.mark_of(node_id, finding.place)
         if finding.complaint is not None or not mark.line:
             return finding
-        return replace(finding, complaint=log.shown(mark, finding.text), hint=_in_keys(finding.hint))
+        return replace(finding, complaint=log.shown(mark, finding.text), hint=in_keys(finding.hint))
 
     return placed
 
@@ -121,7 +121,7 @@ _BITS = {
 }
 
 
-def _in_keys(hint: Hint | str | None) -> Hint | str | None:
+def in_keys(hint: Hint | str | None) -> Hint | str | None:
     """Replace actions in *hint* by the keys of a network file, if it has such keys."""
     return _each_step(hint, _step_in_keys)
 
@@ -173,6 +173,8 @@ def _step_in_keys(step: Hint) -> Hint:
         return step
     node, pdo = step.arguments.get("node"), step.arguments.get("pdo")
     words = key.format(f"{node}:{pdo}" if node else pdo)
+    if step.action is Action.MAP and (objects := step.arguments.get("objects")):
+        words = words.replace("mapping:", f"mapping: [{', '.join(objects)}]")
     return _said_together(step, words)
 
 
@@ -277,7 +279,8 @@ def judge_network(
         if counts and (node_id, text) not in texts:
             label = "" if spot.pdo is None or text.startswith(spot.pdo.label) else f"{spot.pdo.label}: "
             words = text if severity is rule.severity else f"{text}; the node already has it"
-            finding = finding_of(rule.name, severity, _place(spot, plan.file), f"{label}{words}")
+            hint = rule.hint if rule.hint and any(held.mark.line for held in config.nodes) else None
+            finding = finding_of(rule.name, severity, _place(spot, plan.file), f"{label}{words}", hint)
             mark = mark_of(state, spot)
             complaint = log.shown(mark, words) if mark.line else None
             found.setdefault(node_id, {})[replace(finding, complaint=complaint)] = None

@@ -156,6 +156,7 @@ def _configured_ms(said: Iterable[ObjectConfig], held_ms: int) -> int:
 RULES = (
     Rule("link-can-id", ERROR, "the two sides of a link were given different CAN-IDs, or no CAN-ID is free",
          "CiA 301, 7.3.5: a PDO has one CAN-ID"),
+    Rule("link-off", WARNING, "a network file disables an RPDO that it links to a TPDO", "CiA 301, 7.5.2.35: bit 31"),
     Rule("link-no-sync", WARNING, "`link`: the TPDO is synchronous, and no known node produces SYNC",
          "CiA 301, 7.5.2.37: transmission type"),
 )  # fmt: skip
@@ -282,8 +283,12 @@ class _Linking:
         ):
             wanted = can_id_text(said.cob_id, extended=said.extended)
             text = f"{consumer} is to have CAN-ID {wanted}, and {producer} sends {cob_id}"
-            self._report(end.node_id, error("link-can-id", str(consumer), text, hint="remove one of them"))
+            self._report(end.node_id, error("link-can-id", str(consumer), text, hint=_without_can_id(said, consumer)))
             return
+        if said is not None and said.enabled is False:
+            text = f"{consumer} is linked to {producer}, but the file disables it: it receives nothing"
+            hint = f"remove enabled: false of {consumer}, or the link"
+            self._report(end.node_id, warning("link-off", str(consumer), text, hint))
         found = linked(producer, consumer)
         stays = found.mapping == consumer.config.mapping
         self._report(end.node_id, *found.findings, *(object_remarks(consumer) if stays else ()))
@@ -305,6 +310,14 @@ class _Linking:
     def _node(self, node: NodeConfig) -> NodeConfig:
         pdos = tuple(self._pdos[end] for end in sorted(self._pdos, key=_order) if end.node_id == node.node_id)
         return self._heartbeats.taken_by(replace(node, pdos=pdos))
+
+
+def _without_can_id(said: PartialPdoConfig, consumer: LinkSide) -> str:
+    """What to remove from the file's RPDO *said*, so that a link gives it the CAN-ID."""
+    mark = said.keys.get(1)
+    line = f" (line {mark.line})" if mark is not None and mark.line else ""
+    off = " and enabled: false" if said.enabled is False else ""
+    return f"remove cob_id:{line}{off} of {consumer}: the link gives it the CAN-ID of its TPDO"
 
 
 def _order(end: Endpoint) -> tuple[bool, Endpoint | object]:

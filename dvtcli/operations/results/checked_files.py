@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, Protocol
 
 from dvtcli.domain.text import join_some, plural
@@ -12,6 +12,7 @@ from dvtcli.errors import DvtcliError, UsageError, ended_with
 from dvtcli.operations.results.documents import Answer, Document, Short
 
 if TYPE_CHECKING:
+    from dvtcli.domain.hint import Hint
     from dvtcli.domain.lint.lint_rule import LintRule
 
 #: From bad to harmless.
@@ -54,7 +55,7 @@ def rules_among(
 class FileFinding(Short):
     """A finding of *rule*: its line (1 and up), first and last *column*, 0 for none.
 
-    *object* is printed as `6C01:01`, empty for the file as a whole.
+    *object* is printed as `6C01:01`, empty for the file as a whole. *hint* is what to do, None if nothing is known.
     """
 
     line: int
@@ -64,6 +65,7 @@ class FileFinding(Short):
     text: str
     column: int = 0
     end_column: int = 0
+    hint: Hint | str | None = field(default=None, compare=False)
 
     def document(self) -> Document:
         """An element of `findings` in `dvtcli.eds/1`."""

@@ -38,6 +38,7 @@ class NetworkFinding(FileFinding):
             "pdo": self.pdo,
             "object": self.object or None,
             "text": self.text,
+            "hint": self.hint,
         }
 
 

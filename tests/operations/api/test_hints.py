@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import pytest
 
@@ -10,8 +11,9 @@ import dvtcli
 from dvtcli.cli.catalogue import command_names
 from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.errors import BusUnavailable, DvtcliError, State, UsageError
+from dvtcli.errors import BusUnavailable, DvtcliError, RuleError, State, UsageError
 from dvtcli.operations.api.called_hints import called, errors_in_calls
+from tests.cli.commands.bench import Bench
 from tests.operations.api.hints_of_the_product import all_hints
 
 _NAMES = "|".join(map(re.escape, command_names()))
@@ -153,3 +155,48 @@ def test_what_takes_a_network_back_is_a_call_of_the_bus() -> None:
     hint = Hint(Action.FINISH_STORES, why="continues with the stores")
     said = called(hint + Hint(Action.RECOVER_ALL, why=", {} puts every node back"))
     assert said == "`bus.finish_stores()` continues with the stores, `bus.recover()` puts every node back"
+
+
+LINKS = (
+    ("606C 606C", "5:rpdo4 60FF"),
+    ("6041 6041 6041", "5:rpdo4 6040"),
+    ("6041 6041 6041", "6:rpdo2 6040"),
+)
+#: gen4 and generic have dummies, tmcm has none
+LINKED = ("gen4@1", "generic@5", "tmcm@6")
+
+
+@pytest.mark.parametrize(("sent", "received"), LINKS)
+@pytest.mark.parametrize("choice", [0, -1])
+def test_the_hint_of_a_link_is_a_call_that_runs(sent: str, received: str, choice: int) -> None:
+    consumer, *objects = received.split()
+    with dvtcli.simulate(*LINKED) as bus:
+        bus.node(1).map("tpdo1", *sent.split())
+        bus.node(int(consumer[0])).map(consumer[2:], *objects, enabled=False)
+        with pytest.raises(RuleError, match="could receive") as refused:
+            bus.link("1:tpdo1", consumer)
+        calls = re.findall(r"`(bus[.].*?)`", str(refused.value.findings[0].hint))
+        assert eval(calls[choice], {"bus": bus})  # noqa: S307 - the product's words
+        assert bus.link("1:tpdo1", consumer)
+
+
+@pytest.mark.parametrize(("sent", "received"), LINKS)
+@pytest.mark.parametrize("choice", [0, -1])
+def test_the_hint_of_a_link_is_a_command_that_runs(sent: str, received: str, choice: int) -> None:
+    with Bench(LINKED, {"yes": True}) as bench:
+        assert bench.run(f"map 1:tpdo1 {sent}").code == 0
+        assert bench.run(f"map {received} --off").code == 0
+        refused = bench.run(f"link 1:tpdo1 {received[:7]}")
+        assert refused.code == 1
+        assert bench.run(re.findall(r"`dvtcli .*?(map .*?)`", refused.stderr)[choice]).code == 0
+        assert bench.run(f"link 1:tpdo1 {received[:7]}").code == 0
+
+
+def test_the_hints_of_a_checked_file_are_calls(tmp_path: Path) -> None:
+    """A command among them would be typed elsewhere."""
+    path = tmp_path / "net.yaml"
+    path.write_text("a: {node_id: 1, dcf: gen4, tpdo: {1: {transmission: 1}}}\n")
+    with dvtcli.simulate("gen4@1") as bus:
+        report = bus.check(path).reports[0]
+    assert [finding.hint for finding in report.findings if finding.hint]
+    assert all(finding.hint is None or isinstance(finding.hint, str) for finding in report.findings)

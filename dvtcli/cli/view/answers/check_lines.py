@@ -8,11 +8,12 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, TypeVar
 
 from dvtcli.cli.view.error_lines import source_lines
-from dvtcli.cli.view.lines import Cell, Line, Table
+from dvtcli.cli.view.lines import Cell, Line, Table, part
 from dvtcli.domain.text import plural, some_of
 from dvtcli.operations.results.checked_files import SEVERITIES, FileFinding, FileReport, FileReports
 
 if TYPE_CHECKING:
+    from dvtcli.domain.hint import Hint
     from dvtcli.operations.results.checked_networks import (
         NetworkFinding,
         NetworkReport,
@@ -145,6 +146,7 @@ def network_check_lines(result: NetworksChecked, _width: int) -> Iterator[Line]:
                 yield _network_finding(report, finding, others)
                 if finding.complaint is not None and severity != "note":
                     yield from source_lines(finding.complaint)
+                yield from _hint(finding)
         yield f"{_sum(report)}{'; --rule NAME alone lists each finding of that rule' if is_folded else ''}"
 
 
@@ -152,12 +154,21 @@ def _errors(report: NetworkReport, *, with_excerpts: bool) -> Iterator[Line]:
     """A line for each error, *with_excerpts* of the file or if a rule has few errors."""
     errors = [finding for finding in report.findings if finding.severity == "error"]
     times, shown = Counter(finding.rule for finding in errors), set[str]()
+    hinted: set[tuple[str, Hint | str | None]] = set()
     for finding in errors:
         yield _network_finding(report, finding, [])
         is_shown = with_excerpts or times[finding.rule] < _MANY_ERRORS or finding.rule not in shown
         if finding.complaint is not None and is_shown:
             shown.add(finding.rule)
             yield from source_lines(finding.complaint)
+        if is_shown or (finding.rule, finding.hint) not in hinted:
+            hinted.add((finding.rule, finding.hint))
+            yield from _hint(finding)
+
+
+def _hint(finding: NetworkFinding) -> Iterator[Line]:
+    if finding.hint:
+        yield [Cell("  hint    ", "dim"), part(finding.hint)]
 
 
 def _notes_of_file(report: NetworkReport) -> Iterator[Line]:

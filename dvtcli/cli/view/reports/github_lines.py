@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Line
 from dvtcli.cli.view.reports.cases import cases_of
-from dvtcli.cli.view.typed_hints import error_text
+from dvtcli.cli.view.typed_hints import advised, error_text
 from dvtcli.domain.text import plural
 from dvtcli.errors import InputFileError, RuleError
 from dvtcli.operations.results.checked_files import SEVERITIES, FileFinding, Report, Reported
@@ -26,7 +26,7 @@ def github_lines(result: Reported, _width: int) -> Iterator[Line]:
         for report in reports:
             for finding in report.findings:
                 if finding.severity == severity:
-                    yield f"::{_COMMANDS[severity]} {_place(report, finding)}::{escaped_message(finding.text)}"
+                    yield f"::{_COMMANDS[severity]} {_place(report, finding)}::{escaped_message(advised(finding))}"
     for report in reports:
         counted = report.count()
         found = ", ".join(plural(counted[severity], severity) for severity in SEVERITIES)

@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 
 from dvtcli.cli.view.lines import Line
 from dvtcli.cli.view.reports.cases import Case, cases_of
-from dvtcli.cli.view.typed_hints import error_text
+from dvtcli.cli.view.typed_hints import advised, error_text
 from dvtcli.domain.text import plural, safe
 from dvtcli.errors import InputFileError, RuleError
 from dvtcli.operations.results.checked_files import FileFinding, Report, Reported
@@ -55,7 +55,7 @@ def _suite(result: Report) -> ET.Element:
 
 
 def _text(result: Report, findings: list[FileFinding]) -> str:
-    return "\n".join(safe(f"{_place(result, finding)}: {finding.severity}: {finding.text}") for finding in findings)
+    return "\n".join(safe(f"{_place(result, finding)}: {finding.severity}: {advised(finding)}") for finding in findings)
 
 
 def _place(result: Report, found: FileFinding) -> str:

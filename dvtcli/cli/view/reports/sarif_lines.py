@@ -10,6 +10,7 @@ from typing import Any
 from urllib.parse import quote
 
 from dvtcli.cli.view.lines import Line
+from dvtcli.cli.view.typed_hints import advised
 from dvtcli.operations.results.checked_files import FileFinding, Report, Reported
 from dvtcli.version import __version__
 
@@ -40,7 +41,7 @@ def _result(report: Report, finding: FileFinding, places: Mapping[str, int]) -> 
         "ruleId": finding.rule,
         "ruleIndex": places[finding.rule],
         "level": finding.severity,
-        "message": {"text": finding.text},
+        "message": {"text": advised(finding)},
         "locations": [{"physicalLocation": location}],
     }
 

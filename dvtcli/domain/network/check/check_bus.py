@@ -122,7 +122,5 @@ def _share(need: WorstCaseLoad) -> str:
 def unknown_bit_rate(network: CheckedNetwork) -> NetFound:
     """A load too high for a slow bus may fit a fast bus."""
     if network.bit_rate is None and network.streams.streams:
-        yield (
-            NetSpot(),
-            "unknown bit rate: load and deadlines were not checked; add master: {baudrate: …} (kbit/s)",
-        )
+        what = "add master: {baudrate: …} (kbit/s)" if network.state.file else "give the bit rate (bit/s)"
+        yield NetSpot(), f"unknown bit rate: load and deadlines were not checked; {what}"

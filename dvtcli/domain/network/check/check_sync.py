@@ -16,33 +16,42 @@ from dvtcli.domain.text import join_some
 
 _TYPES = f"{source(0x1400, 0x1800)}: transmission type"
 _COUNTER = f"{source(0x1019, 0x1800)}: SYNC counter, SYNC start value"
+_PRODUCER = "name who sends SYNC: sync_period: (µs) of master:, or sync_cob_id: 0x40000080 and sync_period: of a node"
 
 
 @check(
-    "sync-not-produced", ERROR, "PDOs are synchronous, but neither a known node nor the master produces SYNC", _TYPES
-)
+    "sync-not-produced", ERROR, "PDOs are synchronous, no known node produces SYNC, and the file says that the master "
+    "does not (`sync_period: 0`)", _TYPES, _PRODUCER,
+)  # fmt: skip
 def sync_not_produced(network: CheckedNetwork) -> NetFound:
     """Synchronous PDOs are never sent, and never take effect."""
-    if network.state.master is not None:
+    if _is_excluded(network):
         yield from _without_sync(network)
 
 
 @check(
-    "sync-from-elsewhere", WARNING, "PDOs are synchronous, no known node produces SYNC, and no master is named", _TYPES
-)
+    "sync-from-elsewhere", WARNING, "PDOs are synchronous, no known node produces SYNC, and the file does not say "
+    "whether the master does", _TYPES, _PRODUCER,
+)  # fmt: skip
 def sync_from_elsewhere(network: CheckedNetwork) -> NetFound:
     """A device outside the network has to send SYNC."""
     if network.traffic is not None and any(network.traffic.count(node.sync) for node in network.nodes):
         return  # somebody does
-    if network.state.master is None:
+    if not _is_excluded(network):
         yield from _without_sync(network)
+
+
+def _is_excluded(network: CheckedNetwork) -> bool:
+    """Tell whether the file says that its master sends no SYNC, and names a synchronous PDO."""
+    master, named = network.state.master, [row for row in network.synchronous if row[1] in row[0].marks]
+    return master is not None and master.sync_period_us == 0 and bool(named or not network.state.file)
 
 
 def _without_sync(network: CheckedNetwork) -> NetFound:
     if network.state.sync_periods_us or not network.synchronous:
         return
     listed = join_some(f"{node.node_id}:{pdo}" for node, pdo, _ in network.synchronous)
-    first, pdo, _ = network.synchronous[0]
+    first, pdo, _ = min(network.synchronous, key=lambda row: row[1] not in row[0].marks)
     yield at(first, pdo), f"no known node produces SYNC; these PDOs wait for it: {listed}"
 
 

@@ -110,6 +110,75 @@ def test_every_judge_reports_every_rule_with_its_place(broken: Broken, judge: st
     assert (broken.rule, severity, *broken.place) in found(ran), (found(ran), ran)
 
 
+def hints(ran: Ran) -> set[tuple[str, str]]:
+    """Rule and hint of all that *ran* reported with a hint as JSON, without the bus of commands."""
+    document = ran.answer
+    if "files" in document:
+        said = [one for file in document["files"] for one in file["findings"]]
+    elif "findings" in document:
+        said = document["findings"]
+    else:
+        said = [one for node in document.get("nodes", ()) for one in node.get("findings", ())]
+    return {(one["rule"], one["hint"]) for one in said if one["hint"]}
+
+
+#: a synchronous PDO, of a file that says whether its master sends SYNC
+SYNCHRONOUS = one("gen4", "1: {transmission: 1}")
+HINTED = (
+    *(broken.text for broken in BROKEN),
+    SYNCHRONOUS,
+    f"master: {{sync_period: 0}}\nnodes:\n{''.join(f'  {line}' for line in SYNCHRONOUS.splitlines(True))}",
+    "nodes:\n  a: {node_id: 1, dcf: gen4, tpdo: {1: {cob_id: 0x1A1}}}\n"
+    "  b: {node_id: 5, dcf: generic, rpdo: {1: {cob_id: 0x1A2}}}\nlinks: [{from: 'a:tpdo1', to: 'b:rpdo1'}]\n",
+    "nodes:\n  a: {node_id: 1, dcf: gen4, tpdo: {1: {mapping: [6041, 6041]}}}\n"
+    "  b: {node_id: 5, dcf: generic, rpdo: {1: {mapping: [6040]}}}\nlinks: [{from: 'a:tpdo1', to: 'b:rpdo1'}]\n",
+)
+
+
+@pytest.mark.parametrize("text", HINTED)
+def test_check_and_plan_give_the_same_hints(text: str, both: Bench, tmp_path: Path) -> None:
+    path = tmp_path / "net.yaml"
+    path.write_text(text)
+    checked, planned = both.run(f"check {path} --json"), both.run(f"plan {path} --json")
+    rules = {rule for rule, _, _, _ in found(planned)}
+    assert {said for said in hints(checked) if said[0] in rules} == hints(planned)
+
+
+def test_a_refusal_of_check_shows_its_hint(both: Bench, tmp_path: Path) -> None:
+    path = tmp_path / "net.yaml"
+    path.write_text(HINTED[-3])
+    said = "name who sends SYNC: sync_period:"
+    for command in ("check", "check --format github", "check --format junit", "check --format sarif", "plan"):
+        ran = both.run(f"{command} {path}")
+        assert ran.code
+        assert "sync-not-produced" in ran.stdout + ran.stderr
+        assert said in ran.stdout + ran.stderr, command
+
+
+@pytest.mark.parametrize("master", ["baudrate: 250", "node_id: 127", "heartbeat_producer: 100, baudrate: 250"])
+def test_a_master_without_a_sync_period_says_nothing_of_sync(master: str, both: Bench, tmp_path: Path) -> None:
+    path = tmp_path / "net.yaml"
+    path.write_text(HINTED[-3].replace("sync_period: 0", master))
+    checked, planned = both.run(f"check {path} --json"), both.run(f"plan {path} --json")
+    assert (checked.code, planned.code) == (0, 0)
+    for ran in (checked, planned):
+        assert {("sync-from-elsewhere", "warning")} == {said[:2] for said in found(ran) if said[0].startswith("sync-")}
+
+
+def test_nodes_without_settings_do_not_forbid_a_file(both: Bench, tmp_path: Path) -> None:
+    """Node 1 has synchronous PDOs, but the file has nothing of it: the master's SYNC is its own matter."""
+    path = tmp_path / "net.yaml"
+    path.write_text(
+        "master: {sync_period: 0}\nnodes:\n  a: {node_id: 1, dcf: tmcm}\n"
+        "  b: {node_id: 5, dcf: generic, tpdo: {1: {event_timer: 50, inhibit_ms: 10}}}\n"
+    )
+    with Bench(("tmcm@1", "generic@5"), {"yes": True}) as bench:
+        for command in ("check --all", "plan", "apply"):
+            ran = bench.run(f"{command} {path}")
+            assert ran.code == 0, ran
+    assert "sync-not-produced" not in ran.stdout + ran.stderr
+
+
 @pytest.mark.parametrize("judge", JUDGES)
 def test_a_dcf_that_names_nothing_is_an_error_with_its_place(judge: str, both: Bench, tmp_path: Path) -> None:
     path = tmp_path / "net.yaml"

@@ -390,3 +390,51 @@ def test_what_moves_a_drive_is_named_in_the_plan_and_in_the_question() -> None:
         found = bench.run("link 1:tpdo1 6:rpdo1 --yes --json").document["nodes"][1]["findings"]
         rules = {one["rule"]: one["severity"] for one in found}
         assert (rules["link-command"], rules["link-target"]) == ("warning", "note")
+
+
+LINKED_FILE = """\
+nodes:
+  a: {node_id: 1, dcf: gen4, tpdo: {1: {mapping: [6041]}}}
+  b:
+    node_id: 6
+    dcf: generic
+    rpdo:
+      1:
+        enabled: true
+        cob_id: 0x206
+        mapping: [6040]
+links: [{from: "a:tpdo1", to: "b:rpdo1"}]
+"""
+
+
+def test_a_file_that_gives_a_linked_rpdo_another_can_id_is_told_which_line_to_remove(
+    bench: Bench, tmp_path: Path
+) -> None:
+    """As after `import`, which writes the COB-ID of each RPDO."""
+    path = tmp_path / "net.yaml"
+    path.write_text(LINKED_FILE)
+    for command in ("check", "plan"):
+        ran = bench.run(f"{command} {path}")
+        assert ran.code
+        said = "remove cob_id: (line 9) of 6:rpdo1: the link gives it the CAN-ID of its TPDO"
+        assert said in ran.stdout + ran.stderr
+    path.write_text(LINKED_FILE.replace("        cob_id: 0x206\n", ""))
+    for command in ("check", "plan", "apply"):
+        assert bench.run(f"{command} {path}").code == 0
+    assert (pdos(bench, 6)["rpdo1"]["cob_id"], pdos(bench, 6)["rpdo1"]["enabled"]) == (0x181, True)
+
+
+def test_a_link_to_an_rpdo_that_the_file_disables_is_warned_of(bench: Bench, tmp_path: Path) -> None:
+    """As after `import` of an RPDO that is off: it would receive nothing."""
+    path = tmp_path / "net.yaml"
+    path.write_text(LINKED_FILE.replace("enabled: true", "enabled: false"))
+    ran = bench.run(f"check {path}")
+    assert "remove cob_id: (line 9) and enabled: false of 6:rpdo1" in ran.stdout + ran.stderr
+    path.write_text(LINKED_FILE.replace("enabled: true", "enabled: false").replace("        cob_id: 0x206\n", ""))
+    for command in ("check", "plan"):
+        document = bench.run(f"{command} {path} --json").document
+        found = document["files"][0]["findings"] if command == "check" else document["nodes"][1]["findings"]
+        said = {(one["rule"], one["severity"], one["hint"]) for one in found}
+        assert ("link-off", "warning", "remove enabled: false of 6:rpdo1, or the link") in said
+    path.write_text(LINKED_FILE.replace("        enabled: true\n        cob_id: 0x206\n", ""))
+    assert "link-off" not in bench.run(f"check {path}").stdout
