@@ -18,13 +18,13 @@ def show_plan(output: Output, plan: NetworkPlan) -> None:
     if output.json:
         return
     from dvtcli.cli.view.answers.network_lines import plan_lines
-    from dvtcli.cli.view.error_lines import finding_line
+    from dvtcli.cli.view.error_lines import finding_lines
     from dvtcli.domain.profile import Severity
     from dvtcli.operations.results.networks import network_findings
 
     findings = network_findings(plan)
     shown = (finding for finding in findings if not output.quiet or finding.severity is not Severity.NOTE)
-    output.lines(map(finding_line, shown))
+    output.lines(finding_lines(shown))
     if plan.to_do:
         output.said(plan_lines(plan, output.width), error=False)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
 from dvtcli.cli.view.lines import Cell, Line, columns, part
 from dvtcli.cli.view.typed_hints import error_text
@@ -246,6 +247,35 @@ def _rule_text(finding: Finding) -> str:
     if finding.abort is not None:
         text += f"; the device would answer 0x{finding.abort:08X} ({abort_text(finding.abort)})"
     return text
+
+
+#: number from which warnings or notes that say the same of several nodes or PDOs of a file are one line
+_MANY = 3
+_CAN_ID = re.compile(r"\b0x[0-9A-F]{3}\b")
+
+
+def finding_lines(findings: Iterable[Finding]) -> Iterator[Line]:
+    """Show tolerated findings; warnings and notes that say the same of places in a file are one line if many."""
+    causes: dict[tuple[str, str], list[Finding]] = {}
+    for number, finding in enumerate(findings):
+        is_alone = finding.complaint is None or finding.severity is Severity.ERROR
+        causes.setdefault((finding.rule, f"{number}" if is_alone else _without_place(finding)), []).append(finding)
+    for first, *others in causes.values():
+        if len(others) + 1 < _MANY:
+            yield from map(finding_line, (first, *others))
+            continue
+        lines = dict.fromkeys(str(other.complaint.line) for other in others if other.complaint is not None)
+        more = f" ({len(others) + 1} times: also line {', '.join(lines)})"
+        yield finding_line(replace(first, text=f"{first.text}{more}"))
+
+
+def _without_place(finding: Finding) -> str:
+    """The text of *finding* without its node, its PDO and the PDO's CAN-ID; all other values remain."""
+    places = [r"node \d+"]
+    if finding.pdo is not None:
+        can_ids = set(_CAN_ID.findall(finding.text))
+        places += [finding.pdo.label, *(can_ids if len(can_ids) == 1 else ())]
+    return re.sub(rf"\b(?:{'|'.join(places)})\b", "…", finding.text)
 
 
 def finding_line(finding: Finding) -> Line:

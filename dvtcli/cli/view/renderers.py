@@ -36,9 +36,9 @@ def remarks(result: Result) -> Iterator[Line]:
     """Return warnings and notes of *result* for stderr."""
     findings = getattr(result, "findings", ())
     if findings and result.show_findings:
-        from dvtcli.cli.view.error_lines import finding_line
+        from dvtcli.cli.view.error_lines import finding_lines
 
-        yield from map(finding_line, findings)
+        yield from finding_lines(findings)
     lost = getattr(result, "lost", ())
     if lost:
         yield [Cell("warning: ", "yellow"), Cell(f"the reset lost unstored values: {join_some(lost)}")]

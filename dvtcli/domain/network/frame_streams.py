@@ -35,7 +35,7 @@ ON_RTR = (252, 253)
 EVENT_DRIVEN = (254, 255)
 #: Assumed periods of a node's EMCY, and of the time stamp (µs).
 EMCY_US, TIME_US = 1_000_000, 1_000_000
-NO_LIMIT, NO_SYNC = "any event", "unknown SYNC"
+NO_LIMIT, NO_SYNC, UNKNOWN_TYPE = "any event", "unknown SYNC", "type unknown"
 
 
 class Stream(NamedTuple):
@@ -230,7 +230,9 @@ def _period(kind: int | None, inhibit_us: int, timer_us: int, sync_us: int | Non
         return inhibit_us, f"inhibit {in_ms(inhibit_us)}"
     if timer_us:
         return timer_us, f"timer {in_ms(timer_us)}"
-    return None, NO_LIMIT if kind in EVENT_DRIVEN else f"type {'unknown' if kind is None else kind}"
+    if kind is None:
+        return None, UNKNOWN_TYPE
+    return None, NO_LIMIT if kind in EVENT_DRIVEN else f"type {kind}"
 
 
 def _waits(consumers: Sequence[PdoConfig], period_us: Time) -> Iterator[Time]:

@@ -33,7 +33,8 @@ class NodeState:
 
     *name* is the node's name in a file, *title* the device's own name; *mark* is its place in the file. *asked*
     is the requested identity, by `Identity` names. *downloads* are a manager's downloads to other nodes by node-ID
-    (0x1F22). *guessed* are PDOs whose mapping comes from another source, named in words. *said* are findings about the
+    (0x1F22). *guessed* are PDOs whose mapping comes from another source, named in words, *unsaid* those whose mapping
+    neither file nor EDS has. *said* are findings about the
     plan to this state; *places* are the places of objects in a file. *unresolved* are PDOs whose mapping in the file
     has an object that is unknown: their mapping here is not the file's.
     """
@@ -50,6 +51,7 @@ class NodeState:
     asked: Identity = field(default_factory=dict)
     downloads: Mapping[int, bytes] = field(default_factory=dict)
     guessed: Mapping[Pdo, str] = field(default_factory=dict)
+    unsaid: frozenset[Pdo] = frozenset()
     said: tuple[Finding, ...] = ()
     places: Mapping[Place, Mark] = field(default_factory=dict)
     unresolved: frozenset[Pdo] = frozenset()

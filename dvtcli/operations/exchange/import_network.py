@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dvtcli.device.described_node import Defaults, FileValues
 from dvtcli.device.quirks import in_standard_order
@@ -43,7 +43,7 @@ from dvtcli.operations.session.simulated_nodes import read_dictionary
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.device.node_parts import ReadableNode
-    from dvtcli.domain.network.network_config import NodeConfig
+    from dvtcli.domain.network.network_config import NodeConfig, PartialPdoConfig
     from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
     from dvtcli.domain.pdo import PdoConfig
     from dvtcli.domain.ports import SdoReader
@@ -196,7 +196,9 @@ def _of_file(one: _FileNode, path: Path, notes: list[Hint | str], usual: list[st
     said = values_of(one.dictionary)
     found = exported(one, held, one.values, said)
     behaviours = exported_behaviours(one.values, one.dictionary, said)
-    config = replace(found.config, dcf=beside(one.path, path), objects=(*found.config.objects, *behaviours))
+    pdos = _without_unsaid(one, found.config.pdos, notes)
+    objects = (*found.config.objects, *behaviours)
+    config = replace(found.config, dcf=beside(one.path, path), objects=objects, pdos=pdos)
     left, unlike = _not_taken(one, config)
     if unlike:
         differ = "1 differs" if len(unlike) == 1 else f"{len(unlike)} differ"
@@ -207,6 +209,37 @@ def _of_file(one: _FileNode, path: Path, notes: list[Hint | str], usual: list[st
     elif left:
         usual.append(str(one.node_id))
     return FoundNode(replace(found, config=config), held, one.values)
+
+
+#: what a network file says of a PDO: field, key in the file, and the object's sub-index
+_OF_PDO = (
+    ("transmission_type", "transmission", 2), ("inhibit_time", "inhibit_ms", 3),
+    ("event_timer", "event_timer", 5), ("sync_start_value", "sync_start", 6),
+)  # fmt: skip
+
+
+def _without_unsaid(one: _FileNode, pdos: Sequence[PartialPdoConfig], notes: list[str]) -> tuple[PartialPdoConfig, ...]:
+    """Leave out of *pdos* what the file of *one* has no value of; *notes* gets it.
+
+    The device has its own value, which a network file would overwrite.
+    """
+    left: dict[tuple[str, ...], list[str]] = {}
+    found = []
+    for config in pdos:
+        unsaid = [row for row in _OF_PDO if getattr(config, row[0]) is not None and _is_untold(one, config.pdo, row[2])]
+        if unsaid:
+            left.setdefault(tuple(key for _, key, _ in unsaid), []).append(config.pdo.label)
+        nothing: dict[str, Any] = dict.fromkeys(field for field, _, _ in unsaid)
+        found.append(replace(config, **nothing))
+    for keys, labels in left.items():
+        what = " and ".join(filter(None, (", ".join(keys[:-1]), keys[-1])))
+        notes.append(f"node {one.node_id}: {what} of {join_some(labels)} left out: {one.path.name} has no value of it")
+    return tuple(found)
+
+
+def _is_untold(one: _FileNode, pdo: Pdo, sub_index: int) -> bool:
+    entry = one.dictionary.entry(pdo.communication_index, sub_index)
+    return entry is not None and entry.at_power_on(one.node_id) is None
 
 
 def _not_taken(one: _FileNode, config: NodeConfig) -> tuple[int, list[str]]:

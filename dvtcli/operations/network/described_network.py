@@ -303,20 +303,28 @@ def _simulated(
         plan = _planned(session, config, FileLog(file, network_text(file)), failures, by_rules=for_rules)
         nodes = [session.node(node.node_id) for node in config.nodes]
         state = network_state(nodes, for_rules=for_rules)
-        state = state._replace(nodes=tuple(map(_without_unknown_types, state.nodes)))
-        return network_after(state, plan, config)
+        named = {node.node_id: node for node in config.nodes}
+        known = tuple(_without_unsaid(node, named[node.node_id]) for node in state.nodes)
+        return network_after(state._replace(nodes=known), plan, config)
 
 
-def _without_unknown_types(node: NodeState) -> NodeState:
-    """Drop transmission types without a default in the EDS: the standard has none (7.5.2.35)."""
-    return replace(node, pdos={pdo: _without_unknown_type(node, pdo, config) for pdo, config in node.pdos.items()})
+def _without_unsaid(node: NodeState, config: NodeConfig) -> NodeState:
+    """Drop transmission types and mappings that neither *config* nor the EDS has: the standard has no default."""
+    types = {pdo.pdo for pdo in config.pdos if pdo.transmission_type is not None}
+    mappings = {pdo.pdo for pdo in config.pdos if pdo.mapping is not None}
+    pdos, unsaid = dict(node.pdos), set[Pdo]()
+    for pdo, held in node.pdos.items():
+        if pdo not in types and _is_unsaid(node, pdo.communication_index, 2):
+            pdos[pdo] = replace(held, communication=replace(held.communication, transmission_type=None))
+        if pdo not in mappings and _is_unsaid(node, pdo.mapping_index, 0):
+            pdos[pdo] = replace(pdos[pdo], mapping=(), unread=(*held.unread, (pdo.mapping_index, 0)))
+            unsaid.add(pdo)
+    return replace(node, pdos=pdos, unsaid=frozenset(unsaid))
 
 
-def _without_unknown_type(node: NodeState, pdo: Pdo, config: PdoConfig) -> PdoConfig:
-    entry = None if node.dictionary is None else node.dictionary.entry(pdo.communication_index, 2)
-    if entry is None or entry.initial(node.node_id) is not None:
-        return config
-    return replace(config, communication=replace(config.communication, transmission_type=None))
+def _is_unsaid(node: NodeState, index: int, sub_index: int) -> bool:
+    entry = None if node.dictionary is None else node.dictionary.entry(index, sub_index)
+    return entry is not None and entry.initial(node.node_id) is None
 
 
 def _planned(

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 #: Default bit rate of a bus, in bit/s; reported with the result.
 USUAL_BIT_RATE = 500_000
 MEASURED_S = 3.0
+#: what stands beside the values of a network file
+_DEFAULTS = "what the file does not say has the default of the EDS; with a bus, the nodes are asked"
 _HOW = "NODE:tpdoN=MS, such as 5:tpdo3=40; NODE is a node-ID, or a name in the file"
 
 
@@ -59,6 +61,8 @@ def network_load(session: Session, file: str | None = None, options: LoadOptions
     told = told or state.bit_rate
     bit_rate = told or USUAL_BIT_RATE
     found = streams_of(state, _what_if(session, state, options))
+    if file is not None and measured is None and len(state.untold) < len(state.nodes):
+        found = found._replace(assumed=(*found.assumed, _DEFAULTS))
     bus = session.wire.name if measured is not None else ""
     return NetworkLoad(
         worst_case_load(found, bit_rate),

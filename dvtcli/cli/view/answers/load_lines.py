@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.cob_id import can_id_text
-from dvtcli.domain.network.frame_streams import NO_LIMIT, NO_SYNC
+from dvtcli.domain.network.frame_streams import NO_LIMIT, NO_SYNC, UNKNOWN_TYPE
 from dvtcli.domain.text import join_some, plural
 
 if TYPE_CHECKING:
@@ -181,15 +181,16 @@ def unbounded(streams: Iterable[Stream]) -> Iterator[tuple[str, str, str]]:
         ),
         (NO_SYNC, "synchronous, but no known node produces SYNC", "--sync MS sets its period"),
         (
-            "",
-            "transmission type unknown or reserved",
-            "1 to 240 with SYNC, 254 and 255 with an inhibit time have a limit",
+            UNKNOWN_TYPE,
+            "the transmission type is not known",
+            "transmission: of the PDO in the network file says it; without a file, load asks the nodes",
         ),
+        ("", "the transmission type is reserved", "a transmission type that CiA 301 has"),
     ):
         names = [
             _who(stream.node, stream.label)
             for stream in streams
-            if (stream.why if stream.why in (NO_LIMIT, NO_SYNC) else "") == why
+            if (stream.why if stream.why in (NO_LIMIT, NO_SYNC, UNKNOWN_TYPE) else "") == why
         ]
         if names:
             yield join_some(names), text, hint

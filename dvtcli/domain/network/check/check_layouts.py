@@ -182,7 +182,7 @@ def takes_nothing(network: CheckedNetwork) -> NetFound:
 def no_whole_pdo(network: CheckedNetwork) -> NetFound:
     """The contents of its frames are unknown."""
     for node, pdo, config in network.enabled:
-        if config.inconsistency and node in network.described:
+        if config.inconsistency and node in network.described and pdo not in node.unsaid:
             yield at(node, pdo), config.inconsistency
 
 

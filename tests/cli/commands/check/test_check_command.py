@@ -114,6 +114,25 @@ def test_findings_of_one_cause_are_one_line(bench: Bench, tmp_path: Path, count:
     assert lines[-1].endswith("; --rule NAME alone lists each finding of that rule") == (shown == 1)
 
 
+@pytest.mark.parametrize(("count", "shown"), [(2, 2), (3, 1), (4, 1)])
+def test_plan_and_apply_show_findings_of_one_cause_in_one_line(tmp_path: Path, count: int, shown: int) -> None:
+    file = tmp_path / "net.yaml"
+    nodes = "{{node_id: {0}, dcf: generic, heartbeat_producer: 0, rpdo: {{1: {{cob_id: 0x20{0}}}}}}}"
+    names = "".join(f"n{node_id}: {nodes.format(node_id)}\n" for node_id in range(1, count + 1))
+    file.write_text(names, "utf-8")
+    with Bench(tuple(f"generic@{node_id}" for node_id in range(1, count + 1)), {"yes": True}) as bench:
+        for command in ("plan", "apply"):
+            ran = bench.run(f"{command} {file}")
+            lines = [line for line in ran.stderr.splitlines() + ran.stdout.splitlines() if "no node of the net" in line]
+            assert (ran.code, len(lines)) == (0, shown), ran
+            if shown == 1:
+                others = ", ".join(map(str, range(2, count + 1)))
+                assert lines[0].endswith(f"transmits 0x201 ({count} times: also line {others})")
+        document = bench.run(f"plan {file} --json").document
+    found = [one["rule"] for node in document["nodes"] for one in node["findings"]]
+    assert found.count("rpdo-without-producer") == count
+
+
 def test_a_warning_about_a_whole_pdo_shows_its_line(bench: Bench, tmp_path: Path) -> None:
     file = tmp_path / "net.yaml"
     file.write_text(silent_nodes(1), "utf-8")

@@ -292,3 +292,51 @@ def test_a_mapping_that_an_eds_does_not_tell_is_left_out_and_named(tmp_path: Pat
     assert "node 1: TPDO1 left out: a.eds does not say what the mapping is" in imported["notes"]
     assert "1A00" not in (written := (tmp_path / "net.yaml").read_text("utf-8"))
     assert "tpdo:\n      2:" in written
+
+
+def test_what_an_eds_does_not_say_is_left_out_and_named(tmp_path: Path) -> None:
+    """The device has its own values, which a network file would overwrite: TPDO1 keeps its mapping, type and time."""
+    text = (PACKAGE / "families" / "generic" / "generic.eds").read_text("utf-8")
+    for section in ("1A00sub0", "1800sub2", "1801sub2", "1801sub5"):
+        text, count = re.subn(rf"(\[{section}\][^\[]*?)DefaultValue=\S*\n", r"\1", text)
+        assert count == 1
+    text = re.sub(r"(\[1800sub3\][^\[]*?DefaultValue=)\S*\n", r"\g<1>0\n", text)
+    folder, file = tmp_path / "eds", tmp_path / "net.yaml"
+    folder.mkdir()
+    (folder / "odd.eds").write_text(text, "utf-8")
+    with Bench(()) as bench:
+        ran = bench.run(f"import {file} {folder} --json")
+        assert ran.document["notes"][1:] == [
+            "node 1: TPDO1 left out: odd.eds does not say what the mapping is",
+            "node 1: transmission and event_timer of TPDO2 left out: odd.eds has no value of it",
+        ]
+        checked = bench.run(f"check {file}")
+        assert checked.code == 0, checked
+        assert "maps nothing" not in checked.stdout
+        load = bench.run(f"load {file} --at 250000").stdout
+        assert "1:tpdo1, 1:tpdo2: the transmission type is not known" in load
+    (config,) = read_network_file(file).nodes
+    (second,) = (pdo for pdo in config.pdos if str(pdo.pdo) in ("tpdo1", "tpdo2"))
+    assert (bool(second.mapping), second.transmission_type, second.event_timer) == (True, None, None)
+    assert second.cob_id == 0x281
+    whole = PACKAGE / "families" / "generic" / "generic.eds"
+    (folder / "odd.eds").write_text(whole.read_text("utf-8"), "utf-8")
+    with Bench(("generic@1",)) as bench:
+        planned = bench.run(f"plan {file} --exit-code --json")
+        assert (planned.code, planned.document["writes"]) == (0, 0), planned
+
+
+def test_what_the_file_says_counts_where_the_eds_says_nothing(tmp_path: Path) -> None:
+    """Transmission type 0 waits for SYNC, and an empty mapping is empty: in `check` and `load` as in `plan`."""
+    text = (PACKAGE / "families" / "generic" / "generic.eds").read_text("utf-8")
+    for section in ("1A00sub0", "1800sub2"):
+        text = re.sub(rf"(\[{section}\][^\[]*?)DefaultValue=\S*\n", r"\1", text)
+    (tmp_path / "odd.eds").write_text(text, "utf-8")
+    file = tmp_path / "net.yaml"
+    file.write_text("a: {node_id: 1, dcf: odd.eds, tpdo: {1: {enabled: true, transmission: 0, mapping: []}}}\n")
+    with Bench(()) as bench:
+        found = {one["rule"] for one in bench.run(f"check {file} --json").document["files"][0]["findings"]}
+        assert {"sync-from-elsewhere", "sends-nothing"} <= found
+        load = bench.run(f"load {file} --at 250000").stdout
+        assert "1:tpdo1: synchronous, but no known node produces SYNC" in load
+        assert "not known" not in load
