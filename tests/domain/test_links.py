@@ -136,6 +136,11 @@ def entries_of(word: str) -> tuple[PdoMappingEntry, ...]:
     return (PdoMappingEntry(int(index, 16), int(sub_index, 16), int(bits)),)
 
 
+def test_an_rpdo_of_dummies_only_is_called_so() -> None:
+    assert [one.text for one in link("i16", "16").findings] == ["5:rpdo2 maps dummies only"]
+    assert [one.text for one in link("i16", "").findings] == ["5:rpdo2 maps nothing"]
+
+
 def test_a_node_does_not_hear_itself() -> None:
     found = linked(side(5, "tpdo1", "u8"), side(5, "rpdo1", "u8"))
     assert [one.rule for one in found.findings] == ["link-self"]

@@ -208,7 +208,8 @@ def _refused(producer: LinkSide, consumer: LinkSide) -> Iterator[Finding]:
             "link-producer", str(producer), f"{producer} {wrong}", hint=Hint(Action.MAP, {"pdo": producer}, "{} first")
         )
     objects = any(not entry.is_dummy for entry in consumer.config.mapping)
-    if wrong := _not_whole(consumer.config) or ("" if objects else "maps nothing"):
+    nothing = "maps dummies only" if consumer.config.mapping else "maps nothing"
+    if wrong := _not_whole(consumer.config) or ("" if objects else nothing):
         sent = join_some(f"{entry.object} ({entry.bits} bits)" for entry in producer.config.mapping)
         hint = Hint(
             Action.MAP,

@@ -109,6 +109,8 @@ class _Known:
     rpdos: Mapping[NodePdo, Address]
     tpdos: Mapping[NodePdo, PdoCommunicationParameter]
     bit_rate: int | None
+    #: node-IDs in the network file
+    node_ids: tuple[int, ...] = ()
 
 
 def _known(session: SessionNodes, options: RecordingOptions) -> _Known:
@@ -118,6 +120,7 @@ def _known(session: SessionNodes, options: RecordingOptions) -> _Known:
     return _Known(
         decoder_for(session, None, dbc, config=config) if is_given else None,
         described_nodes(session, dbc, config), rpdos, tpdos, options.bit_rate or bit_rate,
+        () if config is None else tuple(sorted(node.node_id for node in config.nodes)),
     )  # fmt: skip
 
 
@@ -177,7 +180,13 @@ def _report_of(
     ]
     found.sort(key=lambda each: each[0].order)
     findings = tuple(_finding(problem, bus) for problem, bus in found)
-    return RecordingReport(file, _asked(rules, known.bit_rate), findings, number, first_s, last_s)
+    unseen = tuple(
+        node_id for node_id in known.node_ids if not any(check.has_sent(node_id) for check in checks.values())
+    )
+    return RecordingReport(
+        file, _asked(rules, known.bit_rate), findings, number, first_s, last_s, unseen=unseen,
+        described=len(known.node_ids),
+    )  # fmt: skip
 
 
 def _asked(rules: Sequence[LintRule], bit_rate: int | None) -> tuple[FileRule, ...]:

@@ -167,7 +167,8 @@ class RecordingFinding(FileFinding):
 class RecordingReport(Short, Judged):
     """The findings of *rules* in the recording *path*, which has *frames* from *first_s* to *last_s* (s since 1970).
 
-    *unread* is the exit code of a file that cannot be read, else 0.
+    *unread* is the exit code of a file that cannot be read, else 0. *unseen* are the node-IDs of the network file, of
+    which *described* is the number, that sent nothing.
     """
 
     made_by: ClassVar = "check"
@@ -180,6 +181,8 @@ class RecordingReport(Short, Judged):
     last_s: float = 0.0
     strict: bool = True
     unread: int = 0
+    unseen: tuple[int, ...] = ()
+    described: int = 0
 
     @property
     def exit_code(self) -> int:
@@ -194,6 +197,7 @@ class RecordingReport(Short, Judged):
             "seconds": round(self.last_s - self.first_s, 6),
             "rules": len(self.rules),
             "count": self.count(),
+            "unseen": list(self.unseen),
             "findings": [finding.document() for finding in self.findings],
         }
 

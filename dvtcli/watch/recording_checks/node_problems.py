@@ -56,7 +56,7 @@ class _NodeSeen:
     gone: Moment | None = None
     heartbeats: PeriodicFrames = field(default_factory=PeriodicFrames)
     is_guarded: bool = False
-    #: its first and last heartbeat in OPERATIONAL
+    #: when it first and last showed that it is OPERATIONAL: by a heartbeat, a TPDO, or any frame after an NMT start
     operational: tuple[Moment, Moment] | None = None
     #: the state before the last one, and returns to it since an NMT command
     state_before: NmtState | None = None
@@ -79,6 +79,8 @@ class NodeProblems:
     _ended: list[tuple[int, int, Moments]] = field(default_factory=list)
     #: by node-ID (0: all other nodes), what showed STOPPED; None for another state
     _stopped: dict[int, Stop | None] = field(default_factory=dict)
+    #: by node-ID (0: all other nodes), its last NMT command if that is a start; None for another one
+    _started: dict[int, Moment | None] = field(default_factory=dict)
 
     def take(self, moment: Moment, frame: Frame, before: Moment) -> None:
         """Look at *frame*, of NMT, EMCY, SDO or error control; any frame came *before*."""
@@ -97,6 +99,7 @@ class NodeProblems:
                 self._error_control(moment, node_id, node, data[0] & 0x7F, moment.time_s - before.time_s)
         elif service == _EMERGENCIES and len(data) >= 2:
             node.is_alive, node.gone = True, None
+            self._shows_start(moment, node_id, node)
             self._emergency(moment, node_id, node, int.from_bytes(data[:2], "little"))
         elif service == _REQUESTS and data[1:4] == _HEARTBEAT_TIME and data[0] >> 5 == 1:
             self._new_period(moment, node_id, node)
@@ -129,16 +132,29 @@ class NodeProblems:
         return Cause(stop, None if node is None or node.is_guarded else asked.silence)
 
     def operational(self, node_id: int) -> tuple[Moment, Moment] | None:
-        """The first and the last heartbeat of *node_id* in OPERATIONAL."""
+        """When node *node_id* first and last showed that it is OPERATIONAL."""
         return self._nodes[node_id].operational if node_id in self._nodes else None
 
-    def take_pdo(self, node_id: int) -> None:
-        """Look at a frame with the default CAN-ID of a TPDO of *node_id*: the node is there."""
-        if (node := self._nodes.get(node_id)) is not None:
-            node.gone = None
+    def take_pdo(self, moment: Moment, node_id: int) -> None:
+        """Look at a frame of a TPDO of *node_id*: the node is there, and OPERATIONAL."""
+        node = self._nodes.setdefault(node_id, _NodeSeen())
+        node.gone = None
+        begin = self._start(node_id) or moment
+        node.operational = (node.operational or (begin,))[0], moment
+
+    def _start(self, node_id: int) -> Moment | None:
+        """The NMT start of node *node_id*, None if another command or a boot-up came behind it."""
+        return self._started.get(node_id, self._started.get(0))
+
+    def _shows_start(self, moment: Moment, node_id: int, node: _NodeSeen) -> None:
+        """Take a frame of *node* at *moment* as a sign of OPERATIONAL if it was started, and no heartbeat denies it."""
+        begin = self._start(node_id)
+        if begin is not None and node.state in (None, NmtState.OPERATIONAL):
+            node.operational = (node.operational or (begin,))[0], moment
 
     def _answer(self, moment: Moment, node_id: int, node: _NodeSeen) -> None:
         node.is_alive, node.gone, node.answered = True, None, moment
+        self._shows_start(moment, node_id, node)
         self._stopped[node_id] = None
         if node.silence is not None:
             node.silence.is_answered = True
@@ -148,6 +164,8 @@ class NodeProblems:
             return
         if not data[1]:
             self._stopped.clear()
+            self._started.clear()
+        self._started[data[1]] = moment if data[0] == NmtCommand.START else None
         self._stopped[data[1]] = Stop("the NMT stop", moment) if data[0] == NmtCommand.STOP else None
         for node_id, node in self._nodes.items():
             if data[1] in (0, node_id):
@@ -183,6 +201,7 @@ class NodeProblems:
             if state == NmtState.OPERATIONAL:
                 node.operational = (node.operational or (moment,))[0], moment
             return
+        self._started[node_id] = None
         if node.is_alive and not node.resets:
             self._boot_ups.note(moment, (node_id, node.state))
         if not node.resets:

@@ -40,6 +40,8 @@ _NMT, _SYNC, _ANSWERS, _REQUESTS, _OF_NODES = 0x000, 0x080, 0x580, 0x600, frozen
 #: name of each node's default SDO server
 _DEFAULT = "SDO"
 _PDOS, _TPDO = range(0x180, 0x580), 0x080
+#: EMCY, TPDO1 to TPDO4, SDO response and heartbeat of a node, each plus its node-ID
+_SENT_BASES = (0x080, 0x180, 0x280, 0x380, 0x480, 0x580, 0x700)
 _Watch = Callable[[Moment, Frame], None]
 
 
@@ -63,6 +65,9 @@ class RecordingCheck:
         self._masters = MasterProblems()
         self._rpdos, self._streams = RpdoProblems(rpdos or {}), StreamProblems(bit_rate)
         self._tpdos, self._transfers = KnownTpdos(tpdos or {}), SdoTransfers()
+        self._senders = {
+            (told.cob_id.can_id, told.cob_id.extended): node_id for (node_id, _), told in (tpdos or {}).items()
+        }
         self._last: Moment | None = None
         self._errors: TimesOf[str] = TimesOf()
         self._watches: dict[Address, _Watch] = {}
@@ -95,7 +100,7 @@ class RecordingCheck:
             return self._take_sync if can_id == _SYNC else self._take_of_node
         if service.kind == "pdo" or function in _PDOS:
             sender = node_id if function in _PDOS and function & _TPDO else 0
-            return partial(self._take_pdo, sender)
+            return partial(self._take_pdo, self._senders.get(address, sender))
         return _nothing
 
     def _take_command(self, moment: Moment, frame: Frame) -> None:
@@ -135,14 +140,22 @@ class RecordingCheck:
                 self._watches.pop(address, None)
 
     def _take_pdo(self, sender: int, moment: Moment, frame: Frame) -> None:
+        if frame.remote:
+            return
         if sender:
-            self._nodes.take_pdo(sender)
-        if not frame.remote:
-            self._streams.take_pdo(moment, frame)
+            self._nodes.take_pdo(moment, sender)
+        self._streams.take_pdo(moment, frame)
 
     def take_error(self, number: int, time_s: float) -> None:
         """Look at an error frame, which has this *number* in its recording."""
         self._errors.note(Moment(number, time_s), "")
+
+    def has_sent(self, node_id: int) -> bool:
+        """Tell whether a frame so far is of node *node_id*: by its TPDOs in the file, else by the default CAN-IDs."""
+        of_node = {(base + node_id, False) for base in _SENT_BASES}
+        own = {address for address in of_node if self._senders.get(address, node_id) == node_id}
+        own |= {address for address, sender in self._senders.items() if sender == node_id}
+        return not own.isdisjoint(self._lengths.sent)
 
     def problems(self) -> Iterator[Problem]:
         """Return the problems in the frames so far, each once with all its moments."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from dvtcli.cli.view.error_lines import source_lines
 from dvtcli.cli.view.lines import Cell, Line, Table, part
-from dvtcli.domain.text import plural, some_of
+from dvtcli.domain.text import plural, some_nodes, some_of
 from dvtcli.operations.results.checked_files import SEVERITIES, FileFinding, FileReport, FileReports
 
 if TYPE_CHECKING:
@@ -106,7 +106,19 @@ def recording_lines(result: RecordingsChecked, _width: int) -> Iterator[Line]:
         counted = report.count()
         found = ", ".join(plural(counted[severity], severity) for severity in SEVERITIES if counted[severity])
         seconds = report.last_s - report.first_s
-        yield f"{report.path}: {plural(report.frames, 'frame')} in {seconds:.1f} s; {found or 'no problem'}"
+        unseen = _unseen(report)
+        found = found or ("no problem" if len(report.unseen) < report.described or not unseen else "")
+        said = "; ".join(filter(None, (found, unseen)))
+        yield f"{report.path}: {plural(report.frames, 'frame')} in {seconds:.1f} s; {said}"
+
+
+def _unseen(report: RecordingReport) -> str:
+    """Name the nodes of the network file that sent nothing, empty for none."""
+    if not report.unseen:
+        return ""
+    if len(report.unseen) == report.described:
+        return "no node of the network file sent anything, so nothing of them was checked"
+    return f"{some_nodes(report.unseen)} of the network file sent nothing"
 
 
 def _finding(report: RecordingReport, found: RecordingFinding) -> Iterator[Line]:

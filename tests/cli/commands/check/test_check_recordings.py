@@ -733,6 +733,61 @@ def test_an_rpdo_of_the_network_file_is_missed_if_the_file_names_it(tmp_path: Pa
     assert "rpdo-not-sent" not in done.stdout
 
 
+def answers(first_s: float, last_s: float) -> Planted:
+    """SDO responses of node 5 to reads of 1001."""
+    return [
+        row for n in range(int(10 * first_s), int(10 * last_s)) for row in read(n / 10, "1001:00", "4FPLACE00000000")
+    ]
+
+
+@pytest.mark.parametrize(
+    ("frames", "is_found"),
+    [
+        (pdos(0, 4), True),  # its TPDOs alone
+        ([(0.0, 0, "0100"), *answers(0.1, 4)], True),  # NMT start, and what shows that it is there
+        ([(0.0, 0, "0105"), *answers(0.1, 4)], True),
+        ([(0.0, 0, "0106"), *answers(0.1, 4)], False),  # another node is started
+        ([(0.0, 0, "0100"), (0.5, 0, "8005"), *answers(0.1, 4)], False),  # PRE-OPERATIONAL again
+        ([(0.0, 0, "0100"), (0.5, 0x705, "00"), *answers(0.6, 4)], False),  # it restarted
+        ([(0.0, 0, "0100"), *heartbeats(0, 4, state=0x7F), *answers(0.1, 4)], False),  # its heartbeat denies it
+        ([(0.0, 0, "0100"), *syncs(0, 4)], False),  # nothing of the node
+        (answers(0, 4), False),
+        (pdos(0, 1), False),  # too short
+    ],
+)
+def test_an_rpdo_is_missed_of_a_node_that_is_operational_by_whatever_shows_it(
+    tmp_path: Path, frames: Planted, is_found: bool
+) -> None:
+    (tmp_path / "net.yaml").write_text(
+        "drive:\n  node_id: 5\n  profile: gen4\n  rpdo: {1: {cob_id: 0x205, enabled: true}}\n"
+    )
+    path = recorded(tmp_path / "run.log", frames)
+    done = dvtcli("check", str(path), "-d", str(tmp_path / "net.yaml"), "--rule", "rpdo-not-sent")
+    assert ("RPDO1 of node 5 is 0x205, which no node transmits" in done.stdout) is is_found, done.stdout + done.stderr
+    assert done.returncode == (3 if is_found else 0)
+
+
+def test_a_recording_without_the_nodes_of_the_network_file_says_so(tmp_path: Path) -> None:
+    net = tmp_path / "net.yaml"
+    net.write_text(
+        "a: {node_id: 5, profile: gen4, tpdo: {1: {cob_id: 0x3C5, enabled: true}}}\nb: {node_id: 6, profile: gen4}\n"
+    )
+    for frames, unseen, said in (
+        (syncs(0, 1), [5, 6], "no node of the network file sent anything, so nothing of them was checked"),
+        ([*syncs(0, 1), *pdos(0, 1, can_id=0x205)], [5, 6], "no node of the network file sent anything"),
+        ([*syncs(0, 1), *pdos(0, 1, "1122", 0x3C5)], [6], "no problem; node 6 of the network file sent nothing"),
+        ([*heartbeats(0, 1), *heartbeats(0, 1, 6)], [], "no problem"),
+    ):
+        path = recorded(tmp_path / "run.log", frames)
+        done = dvtcli("check", str(path), "-d", str(net))
+        assert done.returncode == 0, done
+        assert said in done.stdout
+        assert ("no problem" in done.stdout) is (unseen != [5, 6])
+        (report,) = documents(dvtcli("check", str(path), "-d", str(net), "--json").stdout)[0]["files"]
+        assert report["unseen"] == unseen
+    assert documents(dvtcli("check", str(path), "--json").stdout)[0]["files"][0]["unseen"] == []
+
+
 def test_an_emergency_that_comes_again_and_again_is_one_finding(tmp_path: Path) -> None:
     """With the number of its messages, the first and the last time, and the frames; another code is another one."""
     again = [
