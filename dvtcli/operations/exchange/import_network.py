@@ -218,7 +218,9 @@ _OF_PDO = (
 )  # fmt: skip
 
 
-def _without_unsaid(one: _FileNode, pdos: Sequence[PartialPdoConfig], notes: list[str]) -> tuple[PartialPdoConfig, ...]:
+def _without_unsaid(
+    one: _FileNode, pdos: Sequence[PartialPdoConfig], notes: list[Hint | str]
+) -> tuple[PartialPdoConfig, ...]:
     """Leave out of *pdos* what the file of *one* has no value of; *notes* gets it.
 
     The device has its own value, which a network file would overwrite.

@@ -181,6 +181,7 @@ class RecordingReport(Short, Judged):
     last_s: float = 0.0
     strict: bool = True
     unread: int = 0
+    #: node-IDs of the network file (`-d`) that sent nothing
     unseen: tuple[int, ...] = ()
     described: int = 0
 
