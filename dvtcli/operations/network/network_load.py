@@ -61,7 +61,7 @@ def network_load(session: Session, file: str | None = None, options: LoadOptions
     told = told or state.bit_rate
     bit_rate = told or USUAL_BIT_RATE
     found = streams_of(state, _what_if(session, state, options))
-    if file is not None and measured is None and len(state.untold) < len(state.nodes):
+    if file is not None and measured is None and len(state.undescribed) < len(state.nodes):
         found = found._replace(assumed=(*found.assumed, _DEFAULTS))
     bus = session.wire.name if measured is not None else ""
     return NetworkLoad(
