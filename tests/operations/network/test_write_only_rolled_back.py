@@ -124,8 +124,8 @@ def test_what_was_refused_is_not_said_to_be_read(file: str) -> None:
     with bench(f"6:{REFUSED}") as network:
         ran = network.run("apply net.yaml")
         assert (ran.code, trim(network), limits(network)) == (1, bytes(1), [bytes(2)] * 2), ran
-        nodes = "5, 6" if file == BOTH else "5"
-        assert f"rolled back: the changes are reverted on node {nodes}, read back equal" in ran.stderr
+        nodes = "nodes 5 and 6" if file == BOTH else "node 5"
+        assert f"rolled back: the changes are reverted on {nodes}, read back equal" in ran.stderr
         assert "2050:00 of node 6 was refused, but its value cannot be read" in ran.stderr
 
 

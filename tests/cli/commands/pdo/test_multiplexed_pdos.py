@@ -84,7 +84,7 @@ def test_an_empty_pdo_becomes_one() -> None:
     ("name", "line", "said"),
     [
         ("sam", "map tpdo1 6000:01", "clear tpdo1"),
-        ("plain", "set tpdo1 --mpdo sam --sync 1", "is event-driven (254 or 255)"),
+        ("plain", "set tpdo1 --mpdo sam --sync 1", "must be event-driven"),
         ("plain", "write 1A01:00 254", "set tpdo2 --mpdo sam"),
     ],
 )
