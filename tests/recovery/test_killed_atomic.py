@@ -132,7 +132,7 @@ def test_a_kill_between_two_lines_is_said_and_recovered_from_either_node(nodes: 
         assert f"{script} was interrupted, which changed" in refused.stderr
         assert "recover` rolls all its changes back, on all nodes" in refused.stderr
     both = nodes.dvtcli("-n", "1,3", "read", "1000").stderr
-    assert both.count("was interrupted, which changed nodes 1, 3: `dvtcli ") == both.count("interrupted") == 1
+    assert both.count("was interrupted, which changed nodes 1 and 3: `dvtcli ") == both.count("interrupted") == 1
     tried = nodes.dvtcli("-n", "3", "recover", "--dry-run", "--json")
     assert (tried.returncode, json.loads(tried.stdout)["dry_run"]) == (0, True)
     assert waiting(nodes) == [1, 3]

@@ -101,7 +101,7 @@ def test_scan_alone_says_that_a_change_was_interrupted(chain: Chain, home: Path)
     def look(after: Chain) -> None:
         with bench(after, yes=False) as asking:
             ran = asking.run("scan")
-        assert "was interrupted, which changed nodes 5, 9" in ran.stderr
+        assert "was interrupted, which changed nodes 5 and 9" in ran.stderr
         assert printed(ran) == {"recover"}
 
     killed(chain, home, "change", look)

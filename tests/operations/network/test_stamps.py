@@ -437,7 +437,7 @@ def test_what_is_not_stored_is_not_trusted(chain: Chain, tmp_path: Path) -> None
     with pytest.raises(LeftChanged) as left:
         failing.apply(path)
     held_but = "every node has the planned values but the stamp of node 5, which is 0 until the node has stored"
-    assert left.value.text == f"{held_but}, and node 5 refused to store: its stored values are unknown"
+    assert left.value.text == f"{held_but}, and node 5 refused to store: the stored values are unknown"
     assert str(left.value.state_text).startswith(f"{held_but}, read back equal;")
     with failing.session(node=None) as session, pytest.raises(LeftChanged) as again:
         recover(session, finish=True)
