@@ -288,7 +288,7 @@ def _free_line(config: PdoConfig, free: int) -> list[Cell]:
     over = config.bits - MAX_PDO_BITS
     if over > 0:
         return [state, Cell(f"{plural(over, 'bit')} too many", "red")]
-    return [state, Cell(f"{free // 8} bytes free" if not free % 8 else f"{free} bits free", "dim")]
+    return [state, Cell(f"{plural(free, 'bit') if free % 8 else plural(free // 8, 'byte')} free", "dim")]
 
 
 def _strip(config: PdoConfig) -> list[Cell]:

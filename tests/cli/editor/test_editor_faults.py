@@ -17,7 +17,7 @@ from tests.cli.prompt.conftest import Open, open_terminal
 from tests.cli.prompt.terminal import ESCAPE, Terminal
 from tests.posix import SIGKILL
 from tests.simulator.serve.killing import CutOff, Victim, killable
-from tests.simulator.serve.served import bus_words, own_environment
+from tests.simulator.serve.served import bus_words, own_environment, served
 
 pytestmark = pytest.mark.drawn(2, "mapping editor")
 
@@ -61,6 +61,19 @@ def test_a_change_cut_short_is_recovered(tmp_path: Path, open_terminal: Open, is
         assert pdos(server) != before
         assert server.dvtcli("-n", "1", "--yes", "recover").returncode == 0
         assert pdos(server) == before
+
+
+def test_a_bus_lost_while_one_edits_is_told_and_the_editor_still_works(tmp_path: Path, open_terminal: Open) -> None:
+    with served(tmp_path, "gen4@1") as server:
+        words = (*bus_words(server.port), "-n", "1", "--eds", "gen4", "edit", "tpdo2")
+        terminal = open_terminal(*words, environment=state_of(tmp_path))
+        terminal.wait("FRAME OF TPDO2", "606C:00/32")
+        server.end()
+        terminal.wait("failed")
+        terminal.type("d")
+        terminal.wait("TPDO2 changed, not applied", "4 bytes free")
+        terminal.type(F10)
+        assert terminal.ended() == 5, terminal.text
 
 
 def test_another_size_of_the_terminal_shows_one_pane_or_all(open_terminal: Open) -> None:
