@@ -87,7 +87,7 @@ class SocketcandBus(can.BusABC):
         except BaseException:
             self._link.close()
             raise
-        self._take("")
+        self._take("")  # frames may have come with the last answer
 
     def _begin(self, channel: str) -> None:
         """Greet the server, and ask for all frames of *channel*."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from typing import Protocol, TypeVar
 
 from dvtcli.cli.view.lines import Cell, Line, columns, part
-from dvtcli.cli.view.typed_hints import error_text
+from dvtcli.cli.view.typed_hints import error_text, typed
 from dvtcli.domain.abort import abort_text
 from dvtcli.domain.file_complaint import FileComplaint
 from dvtcli.domain.hint import Hint, next_step
@@ -250,32 +251,47 @@ def _rule_text(finding: Finding) -> str:
 
 
 #: number from which warnings or notes that say the same of several nodes or PDOs of a file are one line
-_MANY = 3
-_CAN_ID = re.compile(r"\b0x[0-9A-F]{3}\b")
+MANY = 3
+PDO_CAN_ID = re.compile(r"\b0x[0-9A-F]{3}\b")
+_OWN_NODE = re.compile(r"node \d+: ")
+
+
+class _OfARule(Protocol):
+    @property
+    def rule(self) -> str: ...
+
+
+F = TypeVar("F", bound=_OfARule)
+
+
+def by_cause(findings: Iterable[F], cause: Callable[[F], str], many: int = 1) -> Iterator[list[F]]:
+    """Yield *findings* of a rule with equal *cause* together if they are *many*, else each alone."""
+    causes: dict[tuple[str, str], list[F]] = {}
+    for finding in findings:
+        causes.setdefault((finding.rule, cause(finding)), []).append(finding)
+    for alike in causes.values():
+        yield from [alike] if len(alike) >= many else ([finding] for finding in alike)
 
 
 def finding_lines(findings: Iterable[Finding]) -> Iterator[Line]:
     """Show tolerated findings; warnings and notes that say the same of places in a file are one line if many."""
-    causes: dict[tuple[str, str], list[Finding]] = {}
-    for number, finding in enumerate(findings):
-        is_alone = finding.complaint is None or finding.severity is Severity.ERROR
-        causes.setdefault((finding.rule, f"{number}" if is_alone else _without_place(finding)), []).append(finding)
-    for first, *others in causes.values():
-        if len(others) + 1 < _MANY:
-            yield from map(finding_line, (first, *others))
-            continue
+    found = list(findings)
+    in_file = [each for each in found if each.complaint is not None and each.severity is not Severity.ERROR]
+    yield from map(finding_line, (each for each in found if each.complaint is None or each.severity is Severity.ERROR))
+    for first, *others in by_cause(in_file, _without_place, MANY):
         lines = dict.fromkeys(str(other.complaint.line) for other in others if other.complaint is not None)
-        more = f" ({len(others) + 1} times: also line {', '.join(lines)})"
+        more = f" ({len(others) + 1} times: also line {', '.join(lines)})" if others else ""
         yield finding_line(replace(first, text=f"{first.text}{more}"))
 
 
 def _without_place(finding: Finding) -> str:
-    """The text of *finding* without its node, its PDO and the PDO's CAN-ID; all other values remain."""
-    places = [r"node \d+"]
+    """The text and hint of *finding* without its own node, its PDO and the PDO's CAN-ID; all other values remain."""
+    text = finding.text[own.end() :] if (own := _OWN_NODE.match(finding.text)) else finding.text
     if finding.pdo is not None:
-        can_ids = set(_CAN_ID.findall(finding.text))
-        places += [finding.pdo.label, *(can_ids if len(can_ids) == 1 else ())]
-    return re.sub(rf"\b(?:{'|'.join(places)})\b", "…", finding.text)
+        can_ids = set(PDO_CAN_ID.findall(text))
+        places = [finding.pdo.label, *(can_ids if len(can_ids) == 1 else ())]
+        text = re.sub(rf"\b(?:{'|'.join(places)})\b", "…", text)
+    return f"{text}\n{typed(finding.hint)}"
 
 
 def finding_line(finding: Finding) -> Line:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -117,10 +118,7 @@ class NetworksChecked(Answer):
     @property
     def failure_of_document(self) -> DvtcliError | None:
         """The error for a nonzero exit code, for programs."""
-        code = self.exit_code
-        unread = [report.path for report in self.reports if report.unread]
-        wrong = wrong_reports(self.reports) or f"{', '.join(unread)} cannot be read"
-        return ended_with(code, wrong) if code else None
+        return _failure_of(self.reports, self.exit_code)
 
     def document(self) -> Document:
         """`dvtcli.network-check/1`."""
@@ -225,10 +223,15 @@ class RecordingsChecked(Answer):
     @property
     def failure_of_document(self) -> DvtcliError | None:
         """The error for a nonzero exit code, for programs."""
-        unread = [report.path for report in self.reports if report.unread]
-        wrong = wrong_reports(self.reports) or f"{', '.join(unread)} cannot be read"
-        return ended_with(self.exit_code, wrong) if self.exit_code else None
+        return _failure_of(self.reports, self.exit_code)
 
     def document(self) -> Document:
         """`dvtcli.recording-check/1`."""
         return {"schema": "dvtcli.recording-check/1", "files": [report.fields() for report in self.reports]}
+
+
+def _failure_of(reports: Sequence[NetworkReport] | Sequence[RecordingReport], exit_code: int) -> DvtcliError | None:
+    """Make the error for a nonzero *exit_code*: it names the invalid *reports*, else those that cannot be read."""
+    unread = [report.path for report in reports if report.unread]
+    wrong = wrong_reports(reports) or f"{', '.join(unread)} cannot be read"
+    return ended_with(exit_code, wrong) if exit_code else None

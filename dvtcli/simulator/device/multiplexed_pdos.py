@@ -64,9 +64,8 @@ class MultiplexedTpdo:
     def _listed(self) -> Iterator[_Place]:
         for index, sub_index in _entries(self.memory, SCANNER_LISTS):
             entry = listed_objects(index, self.memory.number(index, sub_index))
-            for offset in range(max(entry.count, 1) if entry else 0):
-                assert entry is not None  # noqa: S101 - else there is no offset
-                yield entry.index, entry.sub_index + offset
+            if entry is not None:
+                yield from ((entry.index, entry.sub_index + offset) for offset in range(max(entry.count, 1)))
 
     def _mapped(self) -> Iterator[_Place]:
         entry = PdoMappingEntry.from_raw(self.memory.number(self.pdo.mapping_index, 1))

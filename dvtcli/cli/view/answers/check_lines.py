@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
-from typing import TYPE_CHECKING, TypeVar
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
 
-from dvtcli.cli.view.error_lines import source_lines
+from dvtcli.cli.view.error_lines import MANY, PDO_CAN_ID, by_cause, source_lines
 from dvtcli.cli.view.lines import Cell, Line, Table, part
 from dvtcli.domain.text import plural, some_nodes, some_of
 from dvtcli.operations.results.checked_files import SEVERITIES, FileFinding, FileReport, FileReports
@@ -23,14 +23,12 @@ if TYPE_CHECKING:
         RecordingsChecked,
     )
 
-F = TypeVar("F", bound=FileFinding)
 STYLES = {"error": "red", "warning": "yellow", "note": "cyan"}
 #: Maximum number of causes per rule; `--rule` shows every finding, and other formats always have all.
 _SHOWN = 10
-#: number from which warnings or notes of one cause are one line, and from which only the first error of a rule has an
-#: excerpt of the file: each error has its own line, since each must be corrected
-_MANY, _MANY_ERRORS = 3, 6
-_CAN_ID = re.compile(r"\b0x[0-9A-F]{3}\b")
+#: number from which only the first error of a rule has an excerpt of the file: each error has its own line, since each
+#: must be corrected
+_MANY_ERRORS = 6
 
 
 def check_lines(result: FileReport, width: int) -> Iterator[Line]:
@@ -38,7 +36,7 @@ def check_lines(result: FileReport, width: int) -> Iterator[Line]:
     times = Counter(finding.rule for finding in result.findings)
     is_alone = len(result.rules) == 1
     most = len(result.findings) if is_alone else _SHOWN
-    causes = [[finding] for finding in result.findings] if is_alone else _by_cause(result.findings, _without_object)
+    causes = [[finding] for finding in result.findings] if is_alone else by_cause(result.findings, _without_object)
     said: Counter[str] = Counter()
     shown: Counter[str] = Counter()
     for finding, *others in causes:
@@ -70,15 +68,6 @@ def checks_lines(result: FileReports, width: int) -> Iterator[Line]:
     counted, bad = result.count(), sum(1 for report in result.files if report.exit_code)
     found = ", ".join(plural(counted[severity], severity) for severity in SEVERITIES)
     yield f"{plural(len(result.files), 'file')}, {bad} of them invalid: {found}"
-
-
-def _by_cause(findings: Iterable[F], cause: Callable[[F], str], many: int = 1) -> Iterator[list[F]]:
-    """Yield *findings* of a rule with equal *cause* together if they are *many*, else each alone."""
-    causes: dict[tuple[str, str], list[F]] = {}
-    for finding in findings:
-        causes.setdefault((finding.rule, cause(finding)), []).append(finding)
-    for alike in causes.values():
-        yield from [alike] if len(alike) >= many else ([finding] for finding in alike)
 
 
 def _without_object(finding: FileFinding) -> str:
@@ -152,7 +141,7 @@ def network_check_lines(result: NetworksChecked, _width: int) -> Iterator[Line]:
             found = [finding for finding in report.findings if finding.severity == severity]
             if severity == "note":
                 yield from _notes_of_file(report)
-            causes = [[each] for each in found] if is_alone else _by_cause(found, _without_place, _MANY)
+            causes = [[each] for each in found] if is_alone else by_cause(found, _without_place, MANY)
             for finding, *others in causes:
                 is_folded |= bool(others)
                 yield _network_finding(report, finding, others)
@@ -196,7 +185,7 @@ def _without_place(found: NetworkFinding) -> str:
         places.append(rf"node {found.node}")
     if found.pdo is not None:
         places.append(found.pdo.upper())
-        if len(can_ids := set(_CAN_ID.findall(found.text))) == 1:
+        if len(can_ids := set(PDO_CAN_ID.findall(found.text))) == 1:
             places.extend(can_ids)
     if found.object:
         index, _, sub_index = found.object.partition(":")

@@ -30,9 +30,9 @@ def _beat_ms(network: CheckedNetwork, node_id: int) -> int | None:
     if master is not None and master.node_id == node_id:
         return master.heartbeat_producer_ms
     node = network.state.node(node_id)
-    return (
-        None if node is None or (node_id in network.state.undescribed and not node.heartbeat_ms) else node.heartbeat_ms
-    )
+    if node is None:
+        return None
+    return node.heartbeat_ms or (None if node_id in network.state.undescribed else 0)
 
 
 @check("heartbeat-not-sent", ERROR, "a node waits for a heartbeat that its producer does not send", _CONSUMER)

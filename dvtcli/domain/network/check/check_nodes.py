@@ -38,10 +38,10 @@ def eds_identity(network: CheckedNetwork) -> NetFound:
         if node.dictionary is None:
             continue
         info = node.dictionary.info
-        for sub_index, described in ((1, info.vendor_id), (2, info.product_code)):
+        for sub_index, of_file in ((1, info.vendor_id), (2, info.product_code)):
             has = node.number(IDENTITY, sub_index)
-            if described and has and described != has:
-                yield held(node, IDENTITY, sub_index), f"it is 0x{has:08X}, its file is for 0x{described:08X}"
+            if of_file and has and of_file != has:
+                yield held(node, IDENTITY, sub_index), f"it is 0x{has:08X}, its file is for 0x{of_file:08X}"
 
 
 @check("dcf-node-id", WARNING, "a node's DCF was made for another node-ID", "CiA 306, DeviceComissioning: NodeID")
