@@ -64,7 +64,7 @@ def pdo_of(config: NetworkConfig, node_id: int, pdo: str) -> PartialPdoConfig:
 def test_nodes_of_a_network_file_are_edited_and_everything_else_is_kept(tmp_path: Path, open_terminal: Open) -> None:
     terminal = opened(tmp_path, open_terminal)
     before = read_network_config(str(tmp_path / "net.yaml"))
-    terminal.wait("node 7 has no EDS: its part of the file is kept unchanged")
+    terminal.wait("no EDS of node 7: this part of the file is kept unchanged")
     terminal.type(F10)
     terminal.wait("nothing to write: the file already has these values")
     terminal.type(ENTER)
@@ -301,7 +301,7 @@ def test_screens_of_a_network_file_look_as_they_did(
         terminal.wait(*texts)
         shown.append("\n".join([f"==== {view}", *terminal.lines]))
 
-    keep("as opened", "", "node 7 has no EDS", "> ")
+    keep("as opened", "", "no EDS of node 7", "> ")
     keep("which RPDO", "L", "TPDO1 to which RPDO?", "6:rpdo5")
     keep("which object", "3", "which object of node 6 receives 6041:00", "skip it")
     keep("linked", ESCAPE + "L1", "6:rpdo1 receives 5:tpdo1", "check: 0 errors", "2 warnings")
