@@ -9,7 +9,6 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable
-from dataclasses import replace
 from math import inf
 from queue import Empty, SimpleQueue
 from time import monotonic, process_time, time
@@ -330,7 +329,7 @@ class Traffic(Generic[M]):
 
     def exchanged(self) -> list[tuple[Frame, bool]]:
         """The last exchanges, oldest first: each frame, and whether it is ours."""
-        return [(replace(self._frame_of(one), timestamp_s=at_s), ours) for one, ours, at_s in tuple(self._exchanged)]
+        return [(self._frame_of(one)._replace(timestamp_s=at_s), ours) for one, ours, at_s in tuple(self._exchanged)]
 
     def _tell_taps(self, frame: Frame, sent: bool) -> None:
         for tap in tuple(self._taps):

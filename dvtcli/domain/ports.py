@@ -50,8 +50,7 @@ class ReceivedEmergency:
 NodeEvent = BootUp | StateChange | Emergency
 
 
-@dataclass(frozen=True, slots=True)
-class Frame:
+class Frame(NamedTuple):
     """A CAN data or remote frame; *timestamp_s* is the bus's clock in seconds.
 
     *dlc* is the data length code of a remote frame without data: the number of requested bytes (0..8).

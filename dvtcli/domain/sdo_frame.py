@@ -7,7 +7,6 @@ block, counts as a value.
 from __future__ import annotations
 
 from collections.abc import Set
-from dataclasses import replace
 
 from dvtcli.domain.ports import Frame
 
@@ -57,7 +56,7 @@ class SdoValues:
             return frame, False
         data = bytearray(frame.data)
         data[found] = bytes(len(data[found]))
-        return replace(frame, data=bytes(data)), True
+        return frame._replace(data=bytes(data)), True
 
     def _way(self, can_id: int, begins: int) -> _Way:
         if can_id not in self._ways:

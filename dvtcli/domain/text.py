@@ -55,7 +55,7 @@ _UNSAFE = frozenset({"Cc", "Cf", "Cs", "Co", "Zl", "Zp"})
 
 def safe(text: str) -> str:
     r"""*text* with every character that could control a terminal escaped as `\x1b`, `\u202e`, …."""
-    if text.isascii() and text.isprintable():
+    if text.isprintable():  # no character of _UNSAFE is
         return text
     return "".join(_escaped(char) if unicodedata.category(char) in _UNSAFE else char for char in text)
 

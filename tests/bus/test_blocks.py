@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -59,7 +58,7 @@ class Line(VirtualTimeBus):
             case "doubled":
                 return [frame, frame]
             case "wrong" if in_block:
-                return [replace(frame, data=frame.data[:5] + bytes([frame.data[5] ^ 0x10]) + frame.data[6:])]
+                return [frame._replace(data=frame.data[:5] + bytes([frame.data[5] ^ 0x10]) + frame.data[6:])]
         return [frame]
 
     def _follow(self, frame: Frame) -> bool:

@@ -24,10 +24,11 @@ from dvtcli.bus.can_message import frame_of
 from dvtcli.bus.socketcand import ServerCarrier, SocketcandBus
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.network.hub_client import Requests, frame_line, parse_send
+from tests.drawn_frames import drawn
 
 data_frames = st.one_of(
-    st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8), timestamp_s=st.integers(0, 2_000_000_000)),
-    st.builds(Frame, st.integers(0, 0x1FFF_FFFF), st.binary(max_size=8), st.just(True), timestamp_s=st.just(1.5)),
+    drawn(st.integers(0, 0x7FF), st.binary(max_size=8), timestamp_s=st.integers(0, 2_000_000_000)),
+    drawn(st.integers(0, 0x1FFF_FFFF), st.binary(max_size=8), extended=st.just(True), timestamp_s=st.just(1.5)),
 )
 #: pieces of a message, and what servers of other protocols send
 rubbish = st.lists(st.sampled_from(["<", ">", " frame ", "< frame 181 1.0 ", "< ok ", "< error ", "00", "\n", "é"]))

@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.typed_frame import frame_text, typed_frame
+from tests.drawn_frames import drawn
 
-FRAMES = st.builds(
-    Frame,
+FRAMES = drawn(
     st.integers(0, 0x7FF),
     st.binary(max_size=8),
-) | st.builds(Frame, st.integers(0, 0x1FFF_FFFF), st.binary(max_size=8), extended=st.just(True))
+) | drawn(st.integers(0, 0x1FFF_FFFF), st.binary(max_size=8), extended=st.just(True))
 
 
 @given(FRAMES)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
@@ -140,7 +140,7 @@ class Run:
         """
         if self.device.state is NmtState.INITIALISING:
             return False
-        boots = [at for at, frame in enumerate(self.said) if frame == replace(frame, can_id=0x700 + NODE, data=b"\0")]
+        boots = [at for at, frame in enumerate(self.said) if frame == frame._replace(can_id=0x700 + NODE, data=b"\0")]
         return any(frame.can_id == 0x580 + NODE for frame in self.said[boots[-1] :]) if boots else False
 
     def node(self) -> Node:

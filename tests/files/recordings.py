@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from hypothesis import strategies as st
 
 from dvtcli.domain.ports import Frame
@@ -34,5 +32,5 @@ def _timed(gaps: list[tuple[int, Frame]]) -> list[Frame]:
     at_ms, timed = 0, []
     for gap_ms, frame in gaps:
         at_ms += gap_ms
-        timed.append(replace(frame, timestamp_s=BEGIN_S + at_ms / 1000))
+        timed.append(frame._replace(timestamp_s=BEGIN_S + at_ms / 1000))
     return timed

@@ -11,6 +11,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.sdo_server import BLOCK_DOWNLOAD, BLOCK_UPLOAD, SdoServer
 from dvtcli.simulator.device.strict_device import StrictDevice
 from dvtcli.simulator.network.station import SimulatedNode
+from tests.drawn_frames import drawn
 from tests.simulator.bench import booted
 
 FAMILIES = ["generic", "gen4", "tmcm", "roboteq"]
@@ -131,8 +132,7 @@ def test_no_sequence_of_pdo_writes_makes_an_illegal_pdo(family: str, requests: l
         assert len(frame.data) <= 8
 
 
-FRAMES = st.builds(
-    Frame,
+FRAMES = drawn(
     st.sampled_from([0x000, 0x080, 0x100, 0x181, 0x201, 0x301, 0x401, 0x581, 0x601, 0x701]) | st.integers(0, 0x7FF),
     st.binary(max_size=8) | st.sampled_from([b"\x01\x01", b"\x80\x00", b"\x81\x01", b"\x82\x00", b"\x02\x01"]),
     extended=st.booleans(),

@@ -279,13 +279,16 @@ class Output:
         if self.json:
             self.documents(result.document() for result in results)
             return
-        from dvtcli.cli.view.renderers import text
+        from dvtcli.cli.view.renderers import renderer_of
 
-        width, paint = self.width, self._painter(self.stdout)
+        width, paint, write = self.width, self._painter(self.stdout), self.stdout.write
+        kind, lines = None, None
         with self._streaming():
             for result in results:
-                for line in text(result, width):
-                    self.stdout.write(paint(line) + "\n")
+                if type(result) is not kind or lines is None:
+                    kind, lines = type(result), renderer_of(result)
+                for line in lines(result, width):
+                    write(paint(line) + "\n")
             self.stdout.flush()
 
     def documents(self, documents: Iterable[Document]) -> None:

@@ -62,6 +62,8 @@ def with_hints(line: Line, hints: Callable[[], TypedHints]) -> str | Cell | Sequ
     if isinstance(line, str | Cell):
         return line
     parts = [line] if isinstance(line, Hint) else line
+    if Hint not in map(type, parts):
+        return parts  # type: ignore[return-value]  # cells
     return [part if isinstance(part, Cell) else Cell(hints().text(part)) for part in parts]
 
 

@@ -16,8 +16,13 @@ if TYPE_CHECKING:
 
 def text(result: Result, width: int, format_name: str = "text") -> Iterable[Line]:
     """Return the lines of *result* for *width* columns, or in another format of its class."""
+    return renderer_of(result, format_name)(result, width)
+
+
+def renderer_of(result: Result, format_name: str = "text") -> Callable[[Result, int], Iterable[Line]]:
+    """Return what makes the lines of results of the class of *result*, in a format."""
     report = result.formats.get(format_name)
-    return _renderer(report or result.renderer, is_report=bool(report))(result, width)
+    return _renderer(report or result.renderer, is_report=bool(report))
 
 
 @cache

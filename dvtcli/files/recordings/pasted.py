@@ -9,7 +9,7 @@ import base64
 import json
 import re
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
@@ -176,7 +176,7 @@ class CandumpScreen(PastedFormat):
         length = int(found["length"])
         frame = _frame(found, times.at(time_s), remote=bool(found["remote"]), length=length)
         if found["error"]:
-            return RecordedFrame(replace(frame, can_id=frame.can_id & CAN_ID_MASK), found["channel"], error=True)
+            return RecordedFrame(frame._replace(can_id=frame.can_id & CAN_ID_MASK), found["channel"], error=True)
         return RecordedFrame(frame, found["channel"], fd=length > 8)
 
 
@@ -211,7 +211,7 @@ class CandumpDeltas(PastedFormat):
         time_s = 0.0
         for recorded in self._screen.reader(source):
             time_s += recorded.frame.timestamp_s
-            yield recorded._replace(frame=replace(recorded.frame, timestamp_s=time_s))
+            yield recorded._replace(frame=recorded.frame._replace(timestamp_s=time_s))
 
 
 class Busmaster(PastedFormat):

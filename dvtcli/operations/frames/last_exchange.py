@@ -9,7 +9,6 @@ import os
 import tempfile
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -78,7 +77,7 @@ def _frame(line: str) -> tuple[Frame, bool, bool]:
         raise ValueError(f"{arrow!r} is no arrow")
     frame = typed_frame(said.removesuffix(LEFT_OUT))
     at_s = datetime.fromisoformat(time.replace("Z", "+00:00")).timestamp()
-    return replace(frame, timestamp_s=at_s), _ARROWS[arrow], said.endswith(LEFT_OUT)
+    return frame._replace(timestamp_s=at_s), _ARROWS[arrow], said.endswith(LEFT_OUT)
 
 
 #: default number of frames

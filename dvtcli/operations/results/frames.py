@@ -130,7 +130,7 @@ class Traced(Answer):
         return {"schema": "dvtcli.trace/1", "frames": [frame.document() for frame in self.frames]}
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)  # not frozen: a recording has a million, and a frozen one takes five times as long to make
 class FrameSeen(Answer):
     """A frame: *kind*, *label*, its *node* and *pdo* if known, and *signals* by name.
 

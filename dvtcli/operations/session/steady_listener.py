@@ -8,7 +8,6 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import replace
 from time import monotonic, sleep
 from typing import TYPE_CHECKING, Protocol
 
@@ -330,11 +329,11 @@ class Listener:
         """
         now_s, sent_s = time.time(), frame.timestamp_s
         if not sent_s:
-            return replace(frame, timestamp_s=now_s)
+            return frame._replace(timestamp_s=now_s)
         if self._clock_s is None:
             ahead_s = now_s - sent_s
             self._clock_s = ahead_s if abs(ahead_s) > FOREIGN_CLOCK_S else 0.0
         dated_s = sent_s + self._clock_s
         if not -FOREIGN_CLOCK_S <= now_s - dated_s <= FOREIGN_CLOCK_S:  # also for NaN
             dated_s = now_s
-        return frame if dated_s == sent_s else replace(frame, timestamp_s=dated_s)
+        return frame if dated_s == sent_s else frame._replace(timestamp_s=dated_s)

@@ -14,10 +14,11 @@ from hypothesis import strategies as st
 
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.network.hub_client import LONGEST, Requests, RubbishError, frame_line, parse_open, parse_send
+from tests.drawn_frames import drawn
 
 data_frames = st.one_of(
-    st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8)),
-    st.builds(Frame, st.integers(0, 0x1FFF_FFFF), st.binary(max_size=8), st.just(True)),
+    drawn(st.integers(0, 0x7FF), st.binary(max_size=8)),
+    drawn(st.integers(0, 0x1FFF_FFFF), st.binary(max_size=8), extended=st.just(True)),
 )
 
 

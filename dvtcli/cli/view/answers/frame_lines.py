@@ -84,13 +84,16 @@ def frame_lines(result: FrameSeen, _width: int) -> Iterable[Line]:
     """Show a frame with local time and UTC offset, kind, bytes and signals."""
     frame = result.frame
     data = "remote request" if frame.remote else frame.data.hex(" ").upper()
-    signals = result.reading.text or "  ".join(
-        [f"{name}={value_text(value, result.scalings.get(name, NOTHING))}" for name, value in result.signals.items()]
-    )
+    words = result.reading.text
+    if not words and result.signals:
+        scaling_of = result.scalings.get
+        words = "  ".join(
+            [f"{name}={value_text(value, scaling_of(name, NOTHING))}" for name, value in result.signals.items()]
+        )
     cells = [
         Cell(f"{local_clock(frame.timestamp_s, 'microseconds')}  ", "dim"),
         *_who(frame.can_id, frame.extended, result.label, result.node),
-        Cell(f"{data:<23}  {signals}" if signals else f"{data:<23}"),
+        Cell(f"{data:<23}  {words}" if words else f"{data:<23}"),
     ]
     mapped = result.mapped_bytes
     if mapped is not None:

@@ -22,6 +22,7 @@ from dvtcli.files.recordings.read_recording import read_recording
 from dvtcli.files.recordings.recorder import Recorder
 from dvtcli.watch.decoder import Decoder
 from dvtcli.watch.recording_checks.recording_rules import RECORDING_RULES, RecordingCheck
+from tests.drawn_frames import drawn
 from tests.process import PATIENCE_S, documents, dvtcli
 from tests.simulator.serve.served import bus_words, own_environment, served
 from tests.small_recording import BEGIN_S
@@ -186,11 +187,10 @@ def test_a_fault_is_found_with_its_frames(tmp_path: Path, rule: str) -> None:
     assert dvtcli("check", str(path), "--without", rule).returncode == 0
 
 
-ANY_FRAMES = st.builds(
-    Frame,
+ANY_FRAMES = drawn(
     st.sampled_from([0, 0x080, 0x085, 0x185, 0x585, 0x605, 0x705]) | st.integers(0, 0x7FF),
     st.sampled_from([bytes.fromhex(data.replace(" ", "")) for _, _, data in mapped(0)]) | st.binary(max_size=8),
-    st.booleans(), st.booleans(), st.floats(0, 100),
+    extended=st.booleans(), remote=st.booleans(), timestamp_s=st.floats(0, 100),
 )  # fmt: skip
 
 

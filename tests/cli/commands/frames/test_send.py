@@ -19,10 +19,11 @@ from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.watch.frame_effect import Parties, effects
 from dvtcli.watch.statistics import Lateness
 from tests.cli.commands.bench import Bench
+from tests.drawn_frames import drawn
 from tests.small_eds import U8, U32, Eds, var
 from tests.virtual_time import VirtualTimeBus
 
-FRAMES = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8), remote=st.booleans())
+FRAMES = drawn(st.integers(0, 0x7FF), st.binary(max_size=8), remote=st.booleans())
 
 
 def sent_by(bench: Bench) -> list[tuple[float, Frame]]:

@@ -1,0 +1,18 @@
+"""Text from devices and files that goes to a terminal."""
+
+from __future__ import annotations
+
+import sys
+import unicodedata
+
+from dvtcli.domain.text import safe
+
+UNSAFE = {"Cc", "Cf", "Cs", "Co", "Zl", "Zp"}
+
+
+def test_every_character_that_could_control_a_terminal_is_escaped_and_no_other() -> None:
+    for code in range(sys.maxunicode + 1):
+        char = chr(code)
+        is_unsafe = unicodedata.category(char) in UNSAFE
+        assert (safe(char) != char) is is_unsafe, hex(code)
+        assert not is_unsafe or safe(char).isascii()
