@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
     from dvtcli.domain.profile import DeviceProfile
     from dvtcli.operations.results.frames import BusEvent
-    from dvtcli.operations.session.bus_of_options import OpenBus
+    from dvtcli.operations.session.open_network import OpenBus
 
 #: The options that a follow-up command needs for the same nodes, with their letters.
 _REPEATED = {

@@ -17,7 +17,7 @@ from dvtcli.files.eds.keys import OBJECT, Carried, keys_that_are
 from dvtcli.files.eds.reader import EdsFile
 from dvtcli.files.eds.sections import OBJECT_LISTS, object_place
 from dvtcli.files.eds.writer import KeptText
-from dvtcli.files.xdd import xdd_rules
+from dvtcli.files.xdd import xdd_parameters
 from dvtcli.files.xdd.xdd_reader import OWN_CHARACTERISTICS, characteristic
 
 if TYPE_CHECKING:
@@ -32,8 +32,8 @@ _LEFT_OUT = {
     for rule in (
         findings.BAD_NUMBER, findings.BAD_LINE, findings.BAD_VALUE, findings.UNTYPED_VALUE,
         findings.LIMIT_TYPE, findings.LIMITS_CROSSED, findings.LIMITS_WRAPPED, findings.LIMIT_WITHOUT_SENSE,
-        findings.NO_SUB_INDEX, xdd_rules.MAPPING_WORD, xdd_rules.MAPPING_DIRECTION, xdd_rules.OBJECT_TWICE,
-        xdd_rules.NO_INDEX, xdd_rules.OBJECT_LISTS,
+        findings.NO_SUB_INDEX, xdd_parameters.MAPPING_WORD, xdd_parameters.MAPPING_DIRECTION,
+        xdd_parameters.OBJECT_TWICE, xdd_parameters.NO_INDEX, xdd_parameters.OBJECT_LISTS,
     )
 }  # fmt: skip
 #: Elements held by the dictionary, or written anew.

@@ -17,8 +17,8 @@ from dvtcli.files.eds.lint.linted_text import LintedText, named
 from dvtcli.files.eds.modules import added_by_modules, connected_modules
 from dvtcli.files.eds.reader import EdsFile
 from dvtcli.files.eds.sections import Parts, object_place
+from dvtcli.files.xdd.xdd_parameters import XDD_RULES
 from dvtcli.files.xdd.xdd_reader import XddFile
-from dvtcli.files.xdd.xdd_rules import XDD_RULES
 
 _OF_KEYS = {
     rule.name

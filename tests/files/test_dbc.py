@@ -21,8 +21,7 @@ from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMapp
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.scaling import Scaling
 from dvtcli.files.dbc_text import LONGEST_NAME, DbcMessage, DbcSignal, Names, dbc_bytes, decimal
-from dvtcli.operations.exchange.dbc_options import DbcOptions
-from dvtcli.operations.exchange.export_dbc import SERVICES, NetworkMessages, network_messages
+from dvtcli.operations.exchange.export_dbc import SERVICES, DbcOptions, NetworkMessages, network_messages
 from dvtcli.watch.decoder import Decoder, pdo_layouts
 
 TPDO1, RPDO1 = Pdo.parse("tpdo1"), Pdo.parse("rpdo1")

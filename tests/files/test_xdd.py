@@ -18,8 +18,8 @@ from dvtcli.domain.scaling import Scaling
 from dvtcli.errors import InputFileError
 from dvtcli.files.carried_over import differences
 from dvtcli.files.device_file import device_file_bytes, parse_device_file
+from dvtcli.files.xdd.xdd_parameters import XDD_RULES
 from dvtcli.files.xdd.xdd_reader import XddFile, parse_xdd
-from dvtcli.files.xdd.xdd_rules import XDD_RULES
 from tests.cli.commands.bench import Bench
 from tests.real_files import real_files
 from tests.small_xdd import COMMISSIONING, OBJECTS, record, variable, xdd

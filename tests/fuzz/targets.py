@@ -74,8 +74,7 @@ from dvtcli.operations.objects.search_objects import object_row
 from dvtcli.operations.session.device_files import DeviceFiles
 from dvtcli.operations.session.open_network import Network
 from dvtcli.operations.user.options import node_id
-from dvtcli.operations.user.settings import File
-from dvtcli.operations.user.settings_search import SettingsFile
+from dvtcli.operations.user.settings import File, SettingsFile
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.memory import Refusal
 from dvtcli.simulator.device.sdo_server import SdoServer

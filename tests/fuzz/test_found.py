@@ -20,8 +20,7 @@ from dvtcli.errors import InputFileError, SdoProtocolError, UsageError
 from dvtcli.files.eds.reader import parse_eds
 from dvtcli.files.profile.toml import read_profile
 from dvtcli.operations.results import ValueRead
-from dvtcli.operations.user.settings import File
-from dvtcli.operations.user.settings_search import SettingsFile
+from dvtcli.operations.user.settings import File, SettingsFile
 from tests.cli.commands.bench import Bench
 from tests.fuzz.server import NODE, HostileLink
 from tests.harness.sample import heavy

@@ -44,7 +44,7 @@ MAY_OPEN = {
     "operations/devices/eds_library.py": "compares with dvtcli's own library",
     "operations/frames/last_exchange.py": "dvtcli's own last exchange",
     "operations/objects/watch_objects.py": "writes values",
-    "operations/user/settings_search.py": "settings, which it refuses if they are no file",
+    "operations/user/settings.py": "settings, which it refuses if they are no file",
     "operations/user/trusted_settings.py": "what is kept of settings, which nobody else can write",
     "files/values/value_rows.py": "the unfinished file of our own recording, which is locked",
     "operations/frames/recorded.py": "the temporary copy of stdin that it made itself",

@@ -19,8 +19,7 @@ def dbc_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
     @wraps(command)
     def with_options(*values: Any, services: str | None, split_bits: bool, everything: bool, **others: Any) -> Any:
-        from dvtcli.operations.exchange.dbc_options import DbcOptions
-        from dvtcli.operations.exchange.export_dbc import services_of
+        from dvtcli.operations.exchange.export_dbc import DbcOptions, services_of
 
         return command(*values, options=DbcOptions(services_of(services), split_bits, everything), **others)
 

@@ -28,6 +28,6 @@ def command(session: Session, /, listen_s: float | None) -> BitRateFound:
     bitrate
     bitrate --for 800ms
     """
-    from dvtcli.operations.nodes.find_bit_rate import LISTEN_S, find_bit_rate
+    from dvtcli.operations.nodes.find_nodes import LISTEN_S, find_bit_rate
 
     return find_bit_rate(session, LISTEN_S if listen_s is None else listen_s)

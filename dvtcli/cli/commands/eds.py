@@ -18,7 +18,7 @@ from dvtcli.operations.user.options import SPECIAL_FORMATS
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
-    from dvtcli.operations.exchange.dbc_options import DbcOptions
+    from dvtcli.operations.exchange.export_dbc import DbcOptions
     from dvtcli.operations.results import Facts, FileReport, FileReports, LibraryAdded, LibraryListing
     from dvtcli.operations.user.session_user import SessionUser
 

@@ -11,7 +11,7 @@ from dvtcli.cli.commands._frame_options import dbc_options
 from dvtcli.cli.params import FILE
 
 if TYPE_CHECKING:
-    from dvtcli.operations.exchange.dbc_options import DbcOptions
+    from dvtcli.operations.exchange.export_dbc import DbcOptions
     from dvtcli.operations.results import Facts
     from dvtcli.operations.session.session import Session
 

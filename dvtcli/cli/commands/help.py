@@ -144,7 +144,7 @@ def topic(name: str) -> str:
     """Return the text of topic *name*; the first line is its subject."""
     from importlib.resources import files
 
-    return (files("dvtcli.cli.help") / "topics" / f"{name}.txt").read_text("utf-8").rstrip()
+    return (files("dvtcli.cli") / "help" / "topics" / f"{name}.txt").read_text("utf-8").rstrip()
 
 
 def overview(aliases: Mapping[str, str] | None = None) -> list[str]:

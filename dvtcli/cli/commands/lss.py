@@ -171,7 +171,7 @@ def command(
     lss bitrate 250k press.yaml --store      refused unless just its nodes are there
     lss bitrate 250k --store --prove         all are reset then, and seen at it again
     """
-    from dvtcli.operations.lss import lss_assign, lss_bit_rate, lss_find, lss_node_id, lss_store
+    from dvtcli.operations.lss import lss_assign, lss_bit_rate, lss_find, lss_node_id
 
     _refuse_options(action, waits=wait is not None, stores=stores, proves=prove)
     match action:
@@ -188,7 +188,7 @@ def command(
             return lss_assign.lss_assign(session, one_file(words), stores=stores, prove=prove)
         case "bitrate":
             return lss_bit_rate.lss_bit_rate(session, *rate_and_file(words), stores=stores, prove=prove)
-    return lss_store.lss_store(session, only_node_id(words), prove=prove)
+    return lss_node_id.lss_store(session, only_node_id(words), prove=prove)
 
 
 def _refuse_options(action: str, *, waits: bool, stores: bool, proves: bool) -> None:

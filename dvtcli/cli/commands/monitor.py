@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.operations.results import FrameSeen
     from dvtcli.operations.results.frames import BusEvent
-    from dvtcli.operations.session.bus_of_options import OnBusEvent
+    from dvtcli.operations.session.open_network import OnBusEvent
 
 
 @click.command("monitor", cls=DvtCommand, short_help=__doc__, effect=Effect.READS)

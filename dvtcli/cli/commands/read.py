@@ -86,7 +86,7 @@ def _once(
 
 def _to_file(session: SessionNodes, objects: tuple[ObjectWord, ...], data_type: DataType | None, output: str) -> Facts:
     """Write the bytes of the object into the file *output*."""
-    from dvtcli.operations.objects.object_files import read_to_file
+    from dvtcli.operations.objects.write_object import read_to_file
 
     if len(objects) > 1:
         raise click.UsageError("-o takes the bytes of one object; with --every the values of several as .csv")

@@ -54,7 +54,7 @@ def command(session: Conversation, /, what: tuple[int | None, str], pairs: tuple
     require power-off                                a drive that cannot move
     """
     from dvtcli.errors import DvtcliError
-    from dvtcli.operations.nodes.required_identity import require_identity, require_power_off
+    from dvtcli.operations.session.consent import require_identity, require_power_off
 
     node_id, word = what
     wanted = tuple(map(_pair, pairs))

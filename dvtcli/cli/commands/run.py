@@ -13,11 +13,12 @@ from dvtcli.cli.boundary import exit_code_of
 from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.params import FILE, CanopenType
 from dvtcli.cli.runner_interface import runners
-from dvtcli.cli.scripts.script_report import LineRan, ScriptReport
 from dvtcli.operations.user.options import CASE_FORMATS
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
+    from dvtcli.cli.scripts.script_report import ScriptReport
+    from dvtcli.cli.view.reports.cases import LineRan
     from dvtcli.errors import DvtcliError
 
 
@@ -73,7 +74,7 @@ def command(ctx: click.Context, /, file: str, keep_going: bool, atomic: bool, mo
 
 
 #: the writer of each report format
-_REPORTS = {"github": "github_script_lines", "junit": "junit_script_lines"}
+_REPORTS = {"github": ("github_lines", "github_script_lines"), "junit": ("junit_lines", "junit_script_lines")}
 
 
 def reported_run(session: Conversation, file: str, run: Callable[[], int]) -> int:
@@ -82,6 +83,9 @@ def reported_run(session: Conversation, file: str, run: Callable[[], int]) -> in
     Failures also go to stderr. An unusable file, a script with unknown lines (Tcl), and a failure after the last line
     are one case each.
     """
+    from dvtcli.cli.scripts.script_report import ScriptReport
+    from dvtcli.cli.view.reports.cases import LineRan
+
     output, outer = session.output, session.report
     output.failed = None
     name, stdout = output.format, output.stdout
@@ -99,7 +103,8 @@ def reported_run(session: Conversation, file: str, run: Callable[[], int]) -> in
     for line in cases:
         if line.error is not None and line.error.hint:
             line.hint = output.hints(line.error.node).text(line.error.hint)
-    make = getattr(import_module("dvtcli.cli.view.reports.script_cases"), _REPORTS[name])
+    module, writer = _REPORTS[name]
+    make = getattr(import_module(f"dvtcli.cli.view.reports.{module}"), writer)
     output.machine_lines(make(cases))
     return whole.code
 

@@ -46,7 +46,7 @@ def command(session: Session, /, object_: ObjectWord, value: str, data_type: Dat
     node = session.node(object_.node_id)
     index, sub_index = object_.resolve(node)
     if value.startswith("@") and not value.startswith("@@"):
-        from dvtcli.operations.objects.object_files import write_from_file
+        from dvtcli.operations.objects.write_object import write_from_file
 
         if data_type is not None:
             raise click.UsageError("--as has no effect with @FILE: its bytes are written as they are")

@@ -11,7 +11,7 @@ from dvtcli.cli.view.typed_hints import error_text, typed
 from dvtcli.device.cancellation import INTERRUPTED
 from dvtcli.errors import InputFileError
 from dvtcli.operations.user.change_settings import trust_settings
-from dvtcli.operations.user.settings_search import NAME, why_unusable
+from dvtcli.operations.user.settings import NAME, why_unusable
 
 if TYPE_CHECKING:
     from dvtcli.bus.discover import FoundInterface

@@ -356,7 +356,7 @@ class FullReader:
 
     def _typed(self, begun: str) -> str | None:
         """Return the typed line, which began with *begun*; None if discarded."""
-        from dvtcli.cli.prompt.key_bindings import ThrownAway
+        from dvtcli.cli.prompt.full_line import ThrownAway
 
         try:
             return self._prompt.prompt(default=begun)

@@ -7,24 +7,10 @@ import time
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from dvtcli.cli.view.reports.cases import LineRan
+
 if TYPE_CHECKING:
     from dvtcli.cli.view.output import Output
-    from dvtcli.errors import DvtcliError
-
-
-@dataclass(slots=True)
-class LineRan:
-    """A line: place, output, and exit *code* (None: not run), with its *error*."""
-
-    file: str
-    number: int
-    words: str
-    code: int | None = None
-    said: str = ""
-    error: DvtcliError | None = None
-    seconds: float = 0.0
-    #: the next step of its error, as typed
-    hint: str = ""
 
 
 @dataclass(slots=True)

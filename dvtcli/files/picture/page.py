@@ -21,21 +21,26 @@ from dvtcli.domain.network.picture import (
 )
 from dvtcli.domain.pdo import MAX_PDO_BITS, PdoConfig
 from dvtcli.domain.text import plural, safe
-from dvtcli.files.picture.picture_words import (
+from dvtcli.files.picture.wiring import (
+    Element,
+    add,
     bit_range,
     byte_count,
     cob_id,
+    drawing,
     end_text,
     ends_text,
     kbit,
+    markup,
     meaning_text,
     ms,
     node_text,
     object_text,
     percent,
+    style,
     timing,
+    wiring,
 )
-from dvtcli.files.picture.wiring import Element, add, drawing, markup, style, wiring
 
 _COLOURS = 6
 

@@ -32,8 +32,7 @@ from dvtcli.files.eds.findings import (
 from dvtcli.files.eds.ini import IniValue, Values
 from dvtcli.files.eds.numbers import number_key, read_number
 from dvtcli.files.input_file import read_input_head
-from dvtcli.files.xdd.xdd_parameters import Parameter, read_parameters
-from dvtcli.files.xdd.xdd_rules import (
+from dvtcli.files.xdd.xdd_parameters import (
     COMMISSIONING,
     MAPPING_DIRECTION,
     MAPPING_WORD,
@@ -42,6 +41,8 @@ from dvtcli.files.xdd.xdd_rules import (
     OBJECT_LISTS,
     OBJECT_TWICE,
     OTHER_NAMESPACE,
+    Parameter,
+    read_parameters,
 )
 from dvtcli.files.xdd.xml_tree import MOST_BYTES, XmlElement, XmlTree, read_xml
 

@@ -15,7 +15,7 @@ from dvtcli.operations.network.check_networks import CheckOptions
 from dvtcli.operations.user.options import BIT_RATES, Options
 
 if TYPE_CHECKING:
-    from dvtcli.operations.exchange.dbc_options import DbcOptions
+    from dvtcli.operations.exchange.export_dbc import DbcOptions
     from dvtcli.operations.results import FileReports, LibraryAdded, LibraryListing, ProfileListing, ProfileShown
 
 #: Range of a time-out, in seconds.
@@ -194,8 +194,7 @@ def convert(  # noqa: PLR0913 - each option of a conversion by its name
 
 def dbc_options(services: Sequence[str], *, split_bits: bool, everything: bool) -> DbcOptions:
     """How a program wants a DBC file, checked; UsageError for a wrong argument."""
-    from dvtcli.operations.exchange.dbc_options import DbcOptions
-    from dvtcli.operations.exchange.export_dbc import services_of
+    from dvtcli.operations.exchange.export_dbc import DbcOptions, services_of
 
     flags(split_bits=split_bits, everything=everything)
     return DbcOptions(services_of(",".join(words("services", services))), split_bits, everything)

@@ -74,7 +74,7 @@ class Lss:
 
         Asks first, unless *yes*. Raises DeviceRefused with its reason, LeftChanged if it returns without its node-ID.
         """
-        from dvtcli.operations.lss.lss_store import lss_store
+        from dvtcli.operations.lss.lss_node_id import lss_store
 
         whole("node_id", node_id, "a node-ID", 127, low=1)
         flags(prove=prove)

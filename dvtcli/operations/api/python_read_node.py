@@ -128,7 +128,7 @@ class ReadNode:
         serial: int | None = None,
     ) -> None:
         """Raises SafetyRefusal unless the node's identity (0x1018) equals the given numbers; each 32 bits."""
-        from dvtcli.operations.nodes.required_identity import require_identity
+        from dvtcli.operations.session.consent import require_identity
 
         given = {"vendor": vendor_id, "product": product_code, "revision": revision, "serial": serial}
         called = {"vendor": "vendor_id", "product": "product_code"}

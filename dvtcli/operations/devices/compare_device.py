@@ -16,7 +16,7 @@ from dvtcli.domain.standard_objects import is_pdo_mapping
 from dvtcli.errors import UsageError
 from dvtcli.files.eds.numbers import same_value
 from dvtcli.files.whole_device_file import KeptObject
-from dvtcli.operations.devices.export_dcf import why_unread
+from dvtcli.operations.devices.backup_device import configuration, read_entries, why_unread
 from dvtcli.operations.devices.file_kinds import holds_values
 from dvtcli.operations.devices.held_device import (
     DifferenceKind,
@@ -29,7 +29,6 @@ from dvtcli.operations.devices.held_device import (
     selected_nodes,
     told_of,
 )
-from dvtcli.operations.devices.read_whole_device import configuration, read_entries
 from dvtcli.operations.results.comparisons import ObjectDifference, WholeCompared
 from dvtcli.operations.values.object_values import scalings_of
 

@@ -25,7 +25,7 @@ from dvtcli.domain.learning.read_dictionary import absent_for_family
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.text import join_some
 from dvtcli.errors import DeviceRefused, SafetyRefusal, UsageError, stopped_node
-from dvtcli.operations.devices.read_whole_device import read_every_object
+from dvtcli.operations.devices.backup_device import read_every_object
 from dvtcli.operations.results import LearnForecast, LearntDevice
 from dvtcli.operations.results.learnt import Difference
 from dvtcli.operations.session.simulated_nodes import family_named

@@ -25,6 +25,7 @@ from dvtcli.domain.rules.pdo_mapping import enables_nothing
 from dvtcli.domain.text import all_nodes
 from dvtcli.errors import SafetyRefusal, SdoAborted, UsageError
 from dvtcli.files.eds.numbers import same_value
+from dvtcli.operations.devices.backup_device import configuration, described
 from dvtcli.operations.devices.held_device import (
     Included,
     entry_of,
@@ -39,7 +40,6 @@ from dvtcli.operations.devices.held_device import (
     told_of,
     unlike_modules,
 )
-from dvtcli.operations.devices.read_whole_device import configuration, described
 from dvtcli.operations.pdos.sync import short_frames
 from dvtcli.operations.plans.apply_network import apply_network
 from dvtcli.operations.plans.identify_nodes import identify_nodes, identity_errors

@@ -31,7 +31,7 @@ from dvtcli.files.device_file import (
     read_device_file,
 )
 from dvtcli.files.file_info import NO_DATE, file_info
-from dvtcli.operations.exchange.dbc_options import DbcOptions
+from dvtcli.operations.exchange.export_dbc import DbcOptions
 from dvtcli.operations.exchange.export_network import SUFFIXES as NETWORK_SUFFIXES
 from dvtcli.operations.results.facts import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -25,7 +25,6 @@ from dvtcli.domain.object_scalings import NOTHING
 from dvtcli.domain.text import all_nodes, plural
 from dvtcli.errors import NoAnswer, UsageError
 from dvtcli.files.dbc_text import LONGEST_NAME, NOBODY, DbcMessage, DbcSignal, Names, dbc_bytes
-from dvtcli.operations.exchange.dbc_options import DbcOptions
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
 from dvtcli.operations.values.object_values import scalings_of
@@ -127,6 +126,27 @@ def _signal_comment(field: Field, kind: DataType | None, name: str, meaning: Sca
     what = " ".join(filter(None, (f"0x{entry.index:04X}:{entry.sub_index:02X}", kind.short if kind else "", name)))
     bits = ", ".join(f"bit {bit} {word}" for bit, word in sorted(meaning.bits.items()) if bit < field.bits)
     return f"{what}; {bits}" if bits else what
+
+
+@dataclass(frozen=True, slots=True)
+class DbcOptions:
+    """*services* (see `SERVICES`) adds their frames; *split_bits* makes a signal per named bit.
+
+    *everything* includes disabled PDOs, as if enabled.
+    """
+
+    services: tuple[str, ...] = ()
+    split_bits: bool = False
+    everything: bool = False
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """Name the options that are not default."""
+        return tuple(field.name for field in fields(self) if getattr(self, field.name))
+
+    def __bool__(self) -> bool:
+        """Tell whether any option is not default."""
+        return bool(self.named)
 
 
 #: the options of a DBC file if none are given

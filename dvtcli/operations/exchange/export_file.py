@@ -20,9 +20,15 @@ from dvtcli.files.eds.writer import eds_bytes
 from dvtcli.files.network.write_network import write_network
 from dvtcli.files.nodelist import SUFFIX as NODELIST_SUFFIX
 from dvtcli.files.nodelist import ListedNode, Nodelist, nodelist_text
-from dvtcli.operations.devices.export_dcf import dcf_of, export_dcf, is_exported, left_out
-from dvtcli.operations.devices.read_whole_device import described, read_every_object
-from dvtcli.operations.exchange.dbc_options import DbcOptions
+from dvtcli.operations.devices.backup_device import (
+    dcf_of,
+    described,
+    export_dcf,
+    is_exported,
+    left_out,
+    read_every_object,
+)
+from dvtcli.operations.exchange.export_dbc import DbcOptions
 from dvtcli.operations.exchange.export_network import SUFFIXES as NETWORK_SUFFIXES
 from dvtcli.operations.exchange.export_network import export_node, exported_node
 from dvtcli.operations.nodes.find_nodes import find_nodes
@@ -32,7 +38,7 @@ from dvtcli.operations.session.save_script import ask_before_overwriting, make_f
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
-    from dvtcli.operations.devices.read_whole_device import WholeDevice
+    from dvtcli.operations.devices.backup_device import WholeDevice
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.session.session_nodes import SessionNodes
 

@@ -20,7 +20,7 @@ from dvtcli.watch.seen import FrameStore
 if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame
     from dvtcli.operations.results import FrameSeen
-    from dvtcli.operations.session.bus_of_options import OnBusEvent
+    from dvtcli.operations.session.open_network import OnBusEvent
     from dvtcli.operations.session.session import Session
 
 

@@ -489,7 +489,7 @@ class LssLines:
         return self._set_node(address, numbers[0]) if name == "lss_set_node" else self._store(address)
 
     def _store(self, address: LssAddress) -> Answer:
-        from dvtcli.operations.lss.lss_store import lss_store
+        from dvtcli.operations.lss.lss_node_id import lss_store
 
         node_id = self._node_id(address)
         if node_id == UNCONFIGURED:

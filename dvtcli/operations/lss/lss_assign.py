@@ -13,8 +13,15 @@ from dvtcli.domain.nmt import UNCONFIGURED
 from dvtcli.domain.text import join_some
 from dvtcli.errors import DvtcliError, NoAnswer, SafetyRefusal, UsageError
 from dvtcli.operations.lss.lss_find import Identity, in_words, lss_bus, scanned, selected, two_alike, who_is_there
-from dvtcli.operations.lss.lss_node_id import consent_to_give, give, received_ids, told_id
-from dvtcli.operations.lss.lss_store import all_back, prove_all, store_all
+from dvtcli.operations.lss.lss_node_id import (
+    all_back,
+    consent_to_give,
+    give,
+    prove_all,
+    received_ids,
+    store_all,
+    told_id,
+)
 from dvtcli.operations.plans.read_network_config import read_network_config
 from dvtcli.operations.results.lss_nodes import LssChanged, LssGiven, LssNode
 

@@ -15,8 +15,7 @@ from dvtcli.domain.nmt import UNCONFIGURED, NmtState
 from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SafetyRefusal, UsageError
 from dvtcli.operations.lss.lss_find import Identity, lss_bus, require_on, scanned, selected, two_alike, who_is_there
-from dvtcli.operations.lss.lss_node_id import BOOT_UP_S, forget, received_ids, told_id
-from dvtcli.operations.lss.lss_store import store_again
+from dvtcli.operations.lss.lss_node_id import BOOT_UP_S, forget, received_ids, store_again, told_id
 from dvtcli.operations.results.lss_nodes import LssBitRate, LssGiven
 from dvtcli.operations.session.consent import refuse_reset
 

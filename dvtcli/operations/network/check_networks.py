@@ -102,11 +102,11 @@ def change_rules() -> tuple[LintRule, ...]:
     from dvtcli.domain.network import consumers, links
     from dvtcli.domain.rules import can_id, communication, mapped_object, no_way_back, pdo_mapping, raw_write
     from dvtcli.operations.changes import possible_stores
-    from dvtcli.operations.plans import plan_network, resolve_links, resolve_names, stamping
+    from dvtcli.operations.plans import plan_network, read_network_config, resolve_links, resolve_names
 
     files = (
         can_id, communication, pdo_mapping, mapped_object, no_way_back, raw_write, virtual_pdos, consumers, links,
-        possible_stores, resolve_names, resolve_links, stamping, plan_network,
+        possible_stores, resolve_names, resolve_links, read_network_config, plan_network,
     )  # fmt: skip
     return tuple(
         LintRule(rule.name, rule.severities[0], rule.sense, rule.source) for file in files for rule in file.RULES

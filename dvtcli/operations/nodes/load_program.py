@@ -17,7 +17,7 @@ from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.profile import CRC32
 from dvtcli.errors import DvtcliError, LeftChanged, SafetyRefusal, SdoAborted, UsageError, stopped_node
 from dvtcli.files.program_file import read_program
-from dvtcli.operations.objects.object_files import transfer_progress
+from dvtcli.operations.objects.write_object import transfer_progress
 from dvtcli.operations.results.facts import Facts
 from dvtcli.operations.results.nodes import ProgramLoaded
 from dvtcli.operations.session.consent import consent_to_reset

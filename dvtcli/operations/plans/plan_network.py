@@ -40,9 +40,12 @@ from dvtcli.operations.plans.identify_nodes import IdentifiedNodes, identify_nod
 from dvtcli.operations.plans.judge_network import in_objects, judge_network, judge_plans, placed_in, refusals
 from dvtcli.operations.plans.read_network_config import (
     named_nodes,
+    nodes_by_stamp,
     of_nodes,
     read_network_config,
     skipped_rules,
+    stamping,
+    stamps_of,
     tell_unknown_bit_rate,
 )
 from dvtcli.operations.plans.resolve_names import (
@@ -52,7 +55,6 @@ from dvtcli.operations.plans.resolve_names import (
     resolve_node_config,
     without_missing,
 )
-from dvtcli.operations.plans.stamping import nodes_by_stamp, stamping, stamps_of
 from dvtcli.operations.results.failures import missing_error, together
 
 if TYPE_CHECKING:

@@ -1,10 +1,11 @@
-"""What needs a yes before it is done: resets, power stages, other NMT masters, concise DCFs."""
+"""What is required before something is done: a yes, or the identity or power state that a script asks for."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from dvtcli.device.read_pdos import read_identity
 from dvtcli.device.seen_state import CONTROLWORDS, STATUSWORDS, why_it_may_move
 from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.hint import Action, Hint
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from dvtcli.device.node_parts import NodeDescription
     from dvtcli.domain.ports import Frame
     from dvtcli.domain.rules.finding import Finding
+    from dvtcli.operations.results import Facts
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
 
@@ -186,3 +188,42 @@ def commanded(session: SessionNodes, node_id: int) -> bool:
     """Tell whether this session wrote a controlword of the node."""
     node = session.network.nodes.get(node_id)
     return node is not None and not CONTROLWORDS.isdisjoint(node.wanted_values)
+
+
+#: sub-indices of 0x1018, the identity object
+_SUB_INDICES = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}
+
+
+def require_identity(
+    session: SessionNodes, wanted: Sequence[tuple[str, int]], node_id: int | None = None, who: str = "the script"
+) -> Facts:
+    """Compare the identity (0x1018) of a node (None: the selected node) with *wanted*.
+
+    *wanted* has pairs of `vendor`, `product`, `revision` or `serial` and a number. Raises SafetyRefusal, naming *who*
+    wants another device, if a number differs.
+    """
+    from dvtcli.operations.results import Facts
+
+    node = session.node(node_id)
+    held = {name: read_identity(node.sdo, sub_index) for name, sub_index in _SUB_INDICES.items()}
+    for name, value in wanted:
+        if held[name] != value:
+            has = "none" if held[name] is None else f"0x{held[name]:08X}"
+            raise SafetyRefusal(
+                f"node {node.node_id} is another device: {name} is {has}, {who} wants 0x{value:08X}",
+                node=node.node_id,
+                place=f"1018:{_SUB_INDICES[name]:02X}",
+                hint=Hint(Action.FIND_NODES, why="is this the right node? {} lists them"),
+            )
+    shown = ", ".join(f"{name} 0x{value:08X}" for name, value in wanted)
+    return Facts("require", (("node", node.node_id), ("identity", held)), (f"node {node.node_id} is the one: {shown}",))
+
+
+def require_power_off(session: SessionNodes, node_id: int | None = None) -> Facts:
+    """Raises SafetyRefusal if a statusword of a node (None: the selected node) shows an enabled power stage."""
+    from dvtcli.operations.results import Facts
+
+    node = session.node(node_id)
+    refuse_powered(session, [node.node_id])
+    rows = (("node", node.node_id), ("power_off", True))
+    return Facts("require", rows, (f"no statusword of node {node.node_id} says that its power stage is on",))

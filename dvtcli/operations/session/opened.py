@@ -31,8 +31,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.hint import Hint
     from dvtcli.domain.network.received_traffic import LastFrames
     from dvtcli.domain.ports import CanopenBus
-    from dvtcli.operations.session.bus_of_options import OpenBus, StartSimulation
-    from dvtcli.operations.session.open_network import Network
+    from dvtcli.operations.session.open_network import Network, OpenBus, StartSimulation
     from dvtcli.operations.session.serve import ServeRequest, Serving
     from dvtcli.operations.session.simulated_nodes import Simulated
     from dvtcli.operations.user.secret_objects import Secrets
@@ -310,20 +309,20 @@ class Opened:
 
     def _first_bus(self) -> tuple[CanopenBus, tuple[Simulated, ...]]:
         """Open the bus of the options, with its simulated nodes; --reconnect waits for it."""
-        from dvtcli.operations.session.bus_of_options import bus_of
+        from dvtcli.operations.session.open_network import bus_of
 
         def opened() -> tuple[CanopenBus, tuple[Simulated, ...]]:
             return bus_of(self.base, self._open_bus, self.simulate)
 
         if not self.options.reconnect:
             return opened()
-        from dvtcli.operations.session.bus_of_options import first_bus
+        from dvtcli.operations.session.open_network import first_bus
 
         return first_bus(opened, self.options, self.reporter.bus)
 
     def bus_again(self) -> CanopenBus:
         """Open the bus of the options again, from any thread; raises BusUnavailable."""
-        from dvtcli.operations.session.bus_of_options import bus_of
+        from dvtcli.operations.session.open_network import bus_of
 
         given = self.base if self._set_rate is None else self.base._replace(bitrate=self._set_rate)
         return bus_of(given, self._open_bus, self.simulate)[0]

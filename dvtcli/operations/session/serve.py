@@ -30,7 +30,7 @@ from dvtcli.operations.user.options import Options, node_id
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import CanopenBus
-    from dvtcli.operations.session.bus_of_options import OnBusEvent
+    from dvtcli.operations.session.open_network import OnBusEvent
     from dvtcli.simulator.device.simulated_faults import Fault
     from dvtcli.simulator.device.strict_device import StrictDevice
     from dvtcli.simulator.network.hub import Hub
@@ -191,7 +191,7 @@ def _hub(where: tuple[str, int] | None, warn: Callable[[str], None]) -> Hub:
 
 
 def _joined(options: Options, hub: Hub, on_bus_event: OnBusEvent) -> JoinedBus:
-    from dvtcli.operations.session.bus_of_options import first_bus, waited_for
+    from dvtcli.operations.session.open_network import first_bus, waited_for
     from dvtcli.simulator.network.shared_bus import JoinedBus
 
     def opened() -> CanopenBus:

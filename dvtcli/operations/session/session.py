@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from dvtcli.device.nmt_gate import Gate
     from dvtcli.device.node import Node
     from dvtcli.device.target_config import TargetConfig
-    from dvtcli.operations.session.bus_of_options import OpenBus
+    from dvtcli.operations.session.open_network import OpenBus
     from dvtcli.operations.user.options import Options
     from dvtcli.operations.user.session_user import Reporter
 

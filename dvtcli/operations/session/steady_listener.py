@@ -15,7 +15,7 @@ from dvtcli.domain.ports import Frame
 from dvtcli.domain.sdo_frame import SDO_CAN_IDS, SdoValues
 from dvtcli.errors import BusUnavailable
 from dvtcli.operations.results.frames import BusEvent
-from dvtcli.operations.session.bus_of_options import OnBusEvent, gone
+from dvtcli.operations.session.open_network import OnBusEvent, gone
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import CanopenBus

@@ -10,8 +10,7 @@ from dvtcli.errors import InputFileError, SafetyRefusal, UsageError
 from dvtcli.files.settings_file import save_table
 from dvtcli.files.user_folders import user_folder
 from dvtcli.operations.results import Facts
-from dvtcli.operations.user.settings import ALIASES, File, Settings
-from dvtcli.operations.user.settings_search import NAME, SettingsFile, project_file, user_file
+from dvtcli.operations.user.settings import ALIASES, NAME, File, Settings, SettingsFile, project_file, user_file
 from dvtcli.operations.user.trusted_settings import is_trusted, real_path, revoke, trust
 
 

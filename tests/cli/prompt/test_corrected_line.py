@@ -12,7 +12,7 @@ from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.corrected_line import corrected
 from dvtcli.cli.lexer import split
 from dvtcli.cli.parse_line import parse
-from dvtcli.cli.prompt.key_bindings import _SEEN_S
+from dvtcli.cli.prompt.full_line import _SEEN_S
 from dvtcli.cli.view.output import Output
 from dvtcli.domain.hint import Action, Hint
 from tests.cli.commands.bench import Bench

@@ -13,7 +13,7 @@ from dvtcli.domain.configuration import configuration_of
 from dvtcli.files.eds.numbers import same_value
 from dvtcli.files.eds.reader import read_eds
 from dvtcli.files.profile.toml import builtin_path
-from dvtcli.operations.devices.export_dcf import export_dcf
+from dvtcli.operations.devices.backup_device import export_dcf
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import Options
 from dvtcli.operations.user.session_user import NullReporter

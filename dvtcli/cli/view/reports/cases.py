@@ -1,4 +1,4 @@
-"""The cases of a comparison, as counted by CI tools."""
+"""The cases of a comparison, and of a script's lines, as CI tools count them."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.answers.compare_lines import value_text
+from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.domain.plan import PdoChange, step_text
 from dvtcli.domain.text import join_some, plural
 from dvtcli.operations.results.comparisons import Compared, WholeCompared
@@ -15,13 +16,14 @@ from dvtcli.operations.results.networks import NetworkPlanned, differing, parame
 if TYPE_CHECKING:
     from dvtcli.domain.network.network_plan import MissingObject, NodePlan
     from dvtcli.domain.plan import Change
+    from dvtcli.errors import DvtcliError
     from dvtcli.operations.results import ComparedNodes
     from dvtcli.operations.results.comparisons import ObjectDifference
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A PDO or object of a *node* or a file; *says* are the deviations, empty if none.
+    """A PDO or object of a *node* or a file; *differences* are texts, empty if none.
 
     *level* is `error`, `warning` or `notice`, or `skipped` if not checked; *file* with *line* and *column* (0: unknown)
     is the place of the wanted value.
@@ -29,7 +31,7 @@ class Case:
 
     node: int | str
     name: str
-    says: tuple[str, ...] = ()
+    differences: tuple[str, ...] = ()
     level: str = "error"
     file: str = ""
     line: int = 0
@@ -66,17 +68,17 @@ def _planned(result: NetworkPlanned, node: NodePlan) -> Iterator[Case]:
     unreadable = node.plan.unreadable
     for change in node.plan.changes:
         is_compared = change not in unreadable
-        says = tuple(_differences(node, change)) if is_compared else ("not compared: it is write-only",)
+        differences = tuple(_differences(node, change)) if is_compared else ("not compared: it is write-only",)
         case_level = level if is_compared else "skipped"
-        yield Case(node.node_id, change.label, says, case_level, result.plan.file, _line(node, change))
+        yield Case(node.node_id, change.label, differences, case_level, result.plan.file, _line(node, change))
     for held in node.holds:
         yield Case(node.node_id, held.label, file=result.plan.file, line=_line(node, held))
     for left in node.remaining:
-        says = (f"differs, not written: {left.why}",)
-        yield Case(node.node_id, left.object, says, level, result.plan.file, node.line)
+        differences = (f"differs, not written: {left.why}",)
+        yield Case(node.node_id, left.object, differences, level, result.plan.file, node.line)
     if node.store and node.unstored:
-        says = (f"not stored yet: {join_some(node.unstored)}",)
-        yield Case(node.node_id, "store", says, level, result.plan.file, node.line)
+        differences = (f"not stored yet: {join_some(node.unstored)}",)
+        yield Case(node.node_id, "store", differences, level, result.plan.file, node.line)
     for finding in node.findings:
         level = "notice" if str(finding.severity) == "note" else "warning"
         said = finding.complaint
@@ -117,8 +119,8 @@ def _compared(one: Compared) -> Iterator[Case]:
     for label, texts in found.items():
         yield Case(one.node, label, tuple(texts), file=one.against, line=one.line_of(label))
     for label, frame, _ in one.frames:
-        says = () if frame else ("none came",)
-        yield Case(one.node, f"frame of {label}", says, file=one.against, line=one.line_of(label))
+        differences = () if frame else ("none came",)
+        yield Case(one.node, f"frame of {label}", differences, file=one.against, line=one.line_of(label))
 
 
 def _whole_device(result: WholeCompared) -> Iterator[Case]:
@@ -141,3 +143,24 @@ def _named(one: ObjectDifference) -> str:
 def _sides(one: ObjectDifference) -> str:
     before, after = (one.unread or "-" if data is None else value_text(one, data) for data in (one.before, one.after))
     return f"is {after}, expected {before}"
+
+
+@dataclass(slots=True)
+class LineRan:
+    """A line: place, output, and exit *code* (None: not run), with its *error*."""
+
+    file: str
+    number: int
+    words: str
+    code: int | None = None
+    said: str = ""
+    error: DvtcliError | None = None
+    seconds: float = 0.0
+    #: the next step of its error, as typed
+    hint: str = ""
+
+
+def why_failed(line: LineRan) -> str:
+    """Return the error of *line* with its exit code."""
+    said = f"exit code {line.code}" if line.error is None else error_text(line.error, str(line.error))
+    return f"{said} (exit code {line.code})" if line.error is not None else said

@@ -1,22 +1,24 @@
-"""The workflow commands by which GitHub Actions shows findings beside a file's lines."""
+"""The workflow commands by which GitHub Actions shows findings, and failed lines of a script, beside a file's lines."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Line
-from dvtcli.cli.view.reports.cases import cases_of
+from dvtcli.cli.view.reports.cases import cases_of, why_failed
 from dvtcli.cli.view.typed_hints import advised, error_text
-from dvtcli.domain.text import plural
+from dvtcli.domain.text import plural, safe
 from dvtcli.errors import InputFileError, RuleError
-from dvtcli.operations.results.checked_files import SEVERITIES, FileFinding, Report, Reported
+from dvtcli.operations.results.checked_files import SEVERITIES, Reported
 
 if TYPE_CHECKING:
+    from dvtcli.cli.view.reports.cases import LineRan
     from dvtcli.errors import DvtcliError
     from dvtcli.operations.results import Compared, ComparedNodes, NetworkPlanned, WholeCompared
 
-_COMMANDS = {"error": "error", "warning": "warning", "note": "notice"}
+#: the command for each severity, and for each level of a case, worst first
+_COMMANDS = {"error": "error", "warning": "warning", "note": "notice", "notice": "notice", "skipped": "notice"}
 
 
 def github_lines(result: Reported, _width: int) -> Iterator[Line]:
@@ -26,16 +28,19 @@ def github_lines(result: Reported, _width: int) -> Iterator[Line]:
         for report in reports:
             for finding in report.findings:
                 if finding.severity == severity:
-                    yield f"::{_COMMANDS[severity]} {_place(report, finding)}::{escaped_message(advised(finding))}"
+                    yield workflow_command(
+                        severity,
+                        report.path,
+                        finding.line,
+                        finding.rule,
+                        advised(finding),
+                        finding.column,
+                        finding.end_column,
+                    )
     for report in reports:
         counted = report.count()
         found = ", ".join(plural(counted[severity], severity) for severity in SEVERITIES)
         yield line_without_command(f"{report.path}: {found}")
-
-
-def _place(report: Report, finding: FileFinding) -> str:
-    columns = f"col={finding.column},endColumn={finding.end_column}," if finding.column else ""
-    return f"file={escaped_property(report.path)},line={finding.line},{columns}title={escaped_property(finding.rule)}"
 
 
 def escaped_message(text: str) -> str:
@@ -54,18 +59,15 @@ def escaped_property(text: str) -> str:
     return escaped_message(text).replace(":", "%3A").replace(",", "%2C")
 
 
-_LEVELS = {"error": "error", "warning": "warning", "notice": "notice", "skipped": "notice"}
-
-
 def github_case_lines(result: NetworkPlanned | Compared | ComparedNodes | WholeCompared, _width: int) -> Iterator[Line]:
     """Show a command per difference, errors first, and the sum: GitHub shows ten of a kind."""
     cases = list(cases_of(result))
-    for level, command in _LEVELS.items():
+    for level in _COMMANDS:
         for case in cases:
-            if case.says and case.level == level:
-                text = f"{case.name} of {case.where}: {'; '.join(case.says)}"
-                yield workflow_command(command, case.file, case.line, case.where, text, case.column)
-    differing = sum(bool(case.says) for case in cases)
+            if case.differences and case.level == level:
+                text = f"{case.name} of {case.where}: {'; '.join(case.differences)}"
+                yield workflow_command(level, case.file, case.line, case.where, text, case.column)
+    differing = sum(bool(case.differences) for case in cases)
     yield f"{plural(len(cases), 'case')}, {plural(differing, 'notice')} or worse"
 
 
@@ -81,8 +83,26 @@ def github_error_lines(error: DvtcliError) -> Iterator[Line]:
             yield workflow_command("error", "", 0, error.slug, text)
 
 
-def workflow_command(level: str, file: str, line: int, title: str, text: str, column: int = 0) -> str:
+def workflow_command(
+    level: str, file: str, line: int, title: str, text: str, column: int = 0, end_column: int = 0
+) -> str:
     """Return a workflow command of *level* for a place, with possibly empty parts."""
-    places = (("file", file), ("line", line), ("col", column), ("title", title))
+    places = (("file", file), ("line", line), ("col", column), ("endColumn", end_column), ("title", title))
     words = ",".join(f"{key}={escaped_property(str(value))}" for key, value in places if value)
-    return f"::{level} {words}::{escaped_message(text)}"
+    return f"::{_COMMANDS[level]} {words}::{escaped_message(text)}"
+
+
+def github_script_lines(lines: Sequence[LineRan]) -> Iterator[Line]:
+    """Show each line's output in a group, an error per failure, and the number of lines.
+
+    A device's text must not begin a line: it could be a workflow command.
+    """
+    for line in lines:
+        if line.said:
+            yield f"::group::{escaped_message(safe(line.words))}"
+            yield from (f"| {safe(text)}" for text in line.said.splitlines())
+            yield "::endgroup::"
+        if line.code:
+            yield workflow_command("error", line.file, line.number, line.words.partition(" ")[0], why_failed(line))
+    failed, missed = sum(bool(line.code) for line in lines), sum(line.code is None for line in lines)
+    yield f"{plural(len(lines), 'line')}, {failed} failed, {missed} not reached"

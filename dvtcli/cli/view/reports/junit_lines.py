@@ -1,20 +1,21 @@
-"""JUnit's XML for CI servers: a suite per file, a test case per rule."""
+"""JUnit's XML for CI servers: a suite per file, a test case per rule, difference or line of a script."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
 from dvtcli.cli.view.lines import Line
-from dvtcli.cli.view.reports.cases import Case, cases_of
+from dvtcli.cli.view.reports.cases import Case, cases_of, why_failed
 from dvtcli.cli.view.typed_hints import advised, error_text
 from dvtcli.domain.text import plural, safe
 from dvtcli.errors import InputFileError, RuleError
 from dvtcli.operations.results.checked_files import FileFinding, Report, Reported
 
 if TYPE_CHECKING:
+    from dvtcli.cli.view.reports.cases import LineRan
     from dvtcli.errors import DvtcliError
     from dvtcli.operations.results import Compared, ComparedNodes, NetworkPlanned, WholeCompared
 
@@ -81,18 +82,18 @@ def _case_suite(where: str, cases: list[Case]) -> ET.Element:
             suite, "testcase", {"classname": safe(f"{case.file}.{where.replace(' ', '')}"), "name": safe(case.name)}
         )
         place = f"{case.file}:{case.line}:{case.column}: " if case.column else ""
-        text = "\n".join(safe(f"{place}{said}") for said in case.says)
+        text = "\n".join(safe(f"{place}{said}") for said in case.differences)
         if _fails(case):
-            ET.SubElement(element, "failure", {"type": "differs", "message": safe(case.says[0])}).text = text
+            ET.SubElement(element, "failure", {"type": "differs", "message": safe(case.differences[0])}).text = text
         elif case.level == "skipped":
-            ET.SubElement(element, "skipped", {"message": safe(case.says[0])})
+            ET.SubElement(element, "skipped", {"message": safe(case.differences[0])})
         elif text:
             ET.SubElement(element, "system-out").text = text
     return suite
 
 
 def _fails(case: Case) -> bool:
-    return bool(case.says) and case.level == "error"
+    return bool(case.differences) and case.level == "error"
 
 
 def junit_error_lines(error: DvtcliError) -> Iterator[Line]:
@@ -107,3 +108,43 @@ def junit_error_lines(error: DvtcliError) -> Iterator[Line]:
     said = {"type": error.slug, "message": safe(error_text(error, str(error)))}
     ET.SubElement(element, "error", said).text = "\n".join(map(safe, texts))
     yield from suites_text([suite])
+
+
+def junit_script_lines(lines: Sequence[LineRan]) -> Iterator[Line]:
+    """Show a suite per script, a test case per line; unreached lines are skipped."""
+    by_file = sorted(lines, key=lambda line: (line.file != lines[0].file, line.file))
+    yield from suites_text(_script_suite(file, list(ran)) for file, ran in groupby(by_file, key=lambda line: line.file))
+
+
+def _script_suite(file: str, lines: list[LineRan]) -> ET.Element:
+    counts = {
+        "tests": str(len(lines)),
+        "failures": str(sum(bool(line.code) for line in lines)),
+        "errors": "0",
+        "skipped": str(sum(line.code is None for line in lines)),
+    }
+    suite = ET.Element("testsuite", {"name": safe(file), **counts})
+    for line in lines:
+        place = {"file": safe(line.file), "line": str(line.number), "time": f"{line.seconds:.3f}"}
+        name = safe(f"{line.number}: {line.words}")
+        case = ET.SubElement(suite, "testcase", {"classname": safe(line.file), "name": name, **place})
+        if line.code is None:
+            ET.SubElement(case, "skipped", {"message": "not reached"})
+        elif line.code:
+            _failure(case, line)
+        if line.said:
+            ET.SubElement(case, "system-out").text = "\n".join(map(safe, line.said.splitlines()))
+    return suite
+
+
+def _failure(case: ET.Element, line: LineRan) -> None:
+    kind = "interrupted" if line.error is None else line.error.slug
+    failure = ET.SubElement(case, "failure", {"type": kind, "message": safe(why_failed(line))})
+    if line.error is not None:
+        rows = [
+            ("why", line.error.why),
+            ("hint", line.hint),
+            ("state", line.error.state),
+            *line.error.details,
+        ]
+        failure.text = "\n".join(safe(f"{label}: {text}") for label, text in rows if text)

@@ -1,1 +1,0 @@
-"""The output of `help`, and its topics as texts."""
