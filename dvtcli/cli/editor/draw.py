@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING, Protocol
 
-from dvtcli.cli.editor.model import PARAMETERS, EditedPdos
-from dvtcli.cli.screen.widgets import Cursor, Field, cut, filled
+from dvtcli.cli.editor.model import INHIBIT_PER_MS, PARAMETERS, EditedPdos
+from dvtcli.cli.screen.widgets import CURSOR, Cursor, Field, cut, filled
 from dvtcli.cli.view.lines import Cell, broken, columns
 from dvtcli.domain.frame import layout
 from dvtcli.domain.pdo import MAX_PDO_BITS, SAM_MPDO
@@ -24,29 +25,40 @@ PDOS, FRAME, OBJECTS = range(3)
 #: columns from which all panes stand side by side
 SIDE_BY_SIDE = 110
 #: share of the columns of each pane, in percent
-_SHARES = (26, 38, 36)
-#: columns from which the pane of PDOs names their objects
+_SHARES = (31, 36, 33)
+#: columns from which the pane of PDOs has all their parameters and objects
 _WITH_OBJECTS = 50
+#: an object as findings name it
+_OBJECT = re.compile(r"(?:0x)?([0-9A-F]{4}):([0-9A-F]{2})")
+#: sub-indices of the communication parameter (CiA 301, 7.5.2.35 and 7.5.2.37), in the order of `PARAMETERS`
+_SUB_INDICES = (1, 2, 3, 5, 6)
 _TITLES = ("PDOS", "FRAME", "OBJECTS")
 Lines = list[list[Cell]]
 #: letters of the entries in the strip of bytes
 _LETTERS = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789+*"
 _KEYS = (
-    (("↑↓", "choose"), ("Enter", "its frame"), ("a", "add"), ("e", "on/off"), ("Tab", "frame")),
+    (("↑ ↓", "choose"), ("Enter", "its frame"), ("a", "add"), ("e", "on/off"), ("Tab", "frame")),
     (
         ("a", "add"), ("r", "replace"), ("d", "remove"), ("< >", "move"), ("s", "skip"), ("Enter", "edit"),
         ("e", "on/off"), ("Tab", "objects"),
     ),
-    (("letters", "filter"), ("↑↓", "choose"), ("Enter", "map"), ("Tab", "PDOs")),
+    (("letters", "filter"), ("↑ ↓", "choose"), ("Enter", "map"), ("Tab", "PDOs")),
 )  # fmt: skip
 _ALWAYS = (
     ("F1", "keys"), ("F5", "plan"), ("F10/^S", "apply"), ("F2", "save"), ("^Z", "undo"), ("^Y", "redo"),
     ("Esc", "leave"),
 )  # fmt: skip
+#: names of keys that are no letters
+_NAMED_KEYS = {
+    "Enter": ("enter", ""), "Tab": ("tab", ""), "F1": ("f1", ""), "F5": ("f5", ""), "F10/^S": ("f10", ""),
+    "F2": ("f2", ""), "^Z": ("c-z", ""), "^Y": ("c-y", ""), "Esc": ("escape", ""), "↑": ("up", ""), "↓": ("down", ""),
+    "letters": ("", ""),
+}  # fmt: skip
+_Keys = Sequence[tuple[str, str]]
 #: every key, for the list of F1
 ALL_KEYS = (
     ("Tab, Shift-Tab", "next and previous pane: PDOs, frame, objects"),
-    ("up, down, wheel", "choose a row, as does a click"),
+    ("up, down, wheel", "choose a row, as does a click; a second click is Enter"),
     ("Enter", "PDOs: to the frame; frame: edit the value; objects: map"),
     ("a, r", "add an object behind the last; replace the chosen object"),
     ("d, Delete", "remove the chosen object"),
@@ -126,6 +138,8 @@ class EditorView:
     has_nodes: bool = False
     #: the file's bus load and findings in a line
     status: str = ""
+    #: what differs from the node or the file, in words
+    changed: Sequence[str] = ()
 
     @property
     def pdo(self) -> Pdo:
@@ -148,7 +162,7 @@ def picture(view: EditorView, width: int, height: int) -> Lines:
         panes = [_pane(view, pane, draw[pane](view, widths[pane], room - 1), widths[pane], room) for pane in range(3)]
         body = [[*left, Cell(" "), *middle, Cell(" "), *right] for left, middle, right in zip(*panes, strict=True)]
     else:
-        body = _pane(view, view.pane, draw[view.pane](view, width, room - 1), width, room)
+        body = _pane(view, view.pane, draw[view.pane](view, width, room - 1), width, room, is_alone=True)
     above, below = ([cut(line, width, plain=view.plain) for line in lines] for lines in (above, below))
     return [*above, *body[:room], *below]
 
@@ -161,9 +175,28 @@ def pane_at(view: EditorView, width: int, column: int) -> int:
     return next((pane for pane, end in enumerate(ends) if column < end), OBJECTS)
 
 
-def _pane(view: EditorView, pane: int, lines: Lines, width: int, room: int) -> Lines:
-    """Return *lines* with the pane's title, filled up to *width* columns and *room* lines."""
+def row_at(view: EditorView, row: int, width: int, height: int) -> int | None:
+    """Return the number of the active pane's row that is drawn at *row* of the screen; None if none is."""
+    if row >= height - len(_below(view, width)):
+        return None
+    entries, first = len(view.config.mapping), 4 if view.pane == FRAME else 3
+    cursor, count = (
+        (view.pdo_cursor, len(view.order)),
+        (view.frame_cursor, frame_rows(view.config)),
+        (view.object_cursor, len(view.offers)),
+    )[view.pane]
+    number = cursor.top + row - first
+    if view.pane == FRAME and cursor.top <= entries <= number:  # the state of the frame stands behind the entries
+        number = number - 1 if number > entries else -1
+    return number if row >= first and 0 <= number < count else None
+
+
+def _pane(view: EditorView, pane: int, lines: Lines, width: int, room: int, *, is_alone: bool = False) -> Lines:
+    """Return *lines* with the pane's title, in *width* columns and *room* lines; *is_alone*: no other pane."""
     title = _TITLES[pane] if pane != FRAME else f"FRAME OF {view.pdo.label}"
+    if pane == OBJECTS and is_alone:
+        mapped = " ".join(entry.object for entry in view.config.mapping) or "maps nothing"
+        title = f"{title} FOR {view.pdo.label}: {mapped}, {_free(view)[0]}"
     head = [Cell(filled(f" {title}", width, plain=view.plain), "reverse" if pane == view.pane else "dim")]
     whole = [head, *lines][:room]
     whole += [[] for _ in range(room - len(whole))]
@@ -177,33 +210,45 @@ def _filled(line: tuple[Cell, ...], width: int, *, plain: bool) -> list[Cell]:
     used = "".join(cell.text for cell in cells)
     return [
         *cells,
-        Cell(filled("", width, plain=plain)[len(filled(used, 0, plain=plain)) :][: max(0, width - _w(used))]),
+        Cell(filled("", width, plain=plain)[len(filled(used, 0, plain=plain)) :][: max(0, width - columns(used))]),
     ]
-
-
-def _w(text: str) -> int:
-
-    return columns(text)
 
 
 def _head(view: EditorView, width: int) -> Lines:
     """Return the node and its state: of both, the state is never cut."""
-    changed = view.pdos.changed()
     done, held = ("written", "as the file has it") if view.of_file else ("applied", "value in the node")
-    state = f"{', '.join(pdo.label for pdo in changed)} changed, not {done}" if changed else held
+    state = f"{', '.join(view.changed)} changed, not {done}" if view.changed else held
     if columns(state) > width // 2:
-        state = f"{plural(len(changed), 'PDO')} changed, not {done}"
+        state = f"{plural(len(view.changed), 'change')}, not {done}"
     title = cut([Cell("EDIT ", "bold"), Cell(view.title)], max(8, width - columns(state) - 2), plain=view.plain)
-    return [[*title, Cell("  "), Cell(state, "yellow" if changed else "dim")]]
+    return [[*title, Cell("  "), Cell(state, "yellow" if view.changed else "dim")]]
 
 
 def _below(view: EditorView, width: int) -> Lines:
     """Return what the rules say of the chosen PDO, the message, and the keys."""
     message = _rows(Cell(view.message, "red" if view.is_bad else "cyan"), width)
-    keys = [("F10/^S", "write") if view.of_file and key == "F10/^S" else (key, does) for key, does in _ALWAYS]
-    own = (*_KEYS[view.pane], *((("n", "node"), ("L", "link")) if view.has_nodes and view.pane == PDOS else ()))
+    if view.message:
+        message[0] = [message[0][0]._replace(style=f"{message[0][0].style}{CURSOR}")]
     status = _rows(Cell(view.status, "dim"), width) if view.of_file else []
-    return [*status, *_rows(_rule_line(view), width), *message, _key_line(own), _key_line(keys)]
+    return [*status, *_rows(_rule_line(view), width), *message, *map(_key_line, _keys(view))]
+
+
+def _keys(view: EditorView) -> tuple[_Keys, _Keys]:
+    """Return the keys of the pane, and those of every pane."""
+    own = (*_KEYS[view.pane], *((("n", "node"), ("L", "link")) if view.has_nodes and view.pane == PDOS else ()))
+    return own, [("F10/^S", "write") if view.of_file and key == "F10/^S" else (key, does) for key, does in _ALWAYS]
+
+
+def key_at(view: EditorView, column: int, row: int) -> tuple[str, str] | None:
+    """Return the key, with its text, that is named at *column* of *row*, -2 or -1 from below; None if none is."""
+    end = 0
+    for name, does in _keys(view)[row] if row in (-2, -1) else ():
+        begin, end = end, end + columns(name) + columns(does) + 3
+        if begin <= column < end:
+            first, _, second = name.partition(" ")
+            name = second if second and column > begin + len(first) + 1 else first  # noqa: PLW2901
+            return _NAMED_KEYS.get(name, ("", name))
+    return None
 
 
 def _rows(text: Cell, width: int) -> Lines:
@@ -227,32 +272,91 @@ def _rule_line(view: EditorView) -> Cell:
     if not found:
         others = [pdo.label for pdo, findings in view.findings.items() if findings]
         return Cell(f"the rules also have findings for {', '.join(others)}" if others else "", "yellow")
-    first = max(found, key=lambda finding: finding.severity is Severity.ERROR)
+    chosen = view.frame_cursor.chosen if view.pane == FRAME else None
+    first = max(found, key=lambda finding: (_row_of(view, finding) == chosen, finding.severity is Severity.ERROR))
     more = f"  (+{len(found) - 1})" if len(found) > 1 else ""
     style = "red" if first.severity is Severity.ERROR else "yellow"
     return Cell(f"{first.place}: {first.text} [{first.rule}]{more}", style)
 
 
+def _row_of(view: EditorView, finding: Remark) -> int | None:
+    """Return the number of the frame's row that *finding* is about, None for none."""
+    found, entries = _OBJECT.fullmatch(finding.place), len(view.config.mapping)
+    if found is None:
+        return None
+    index, sub_index = int(found[1], 16), int(found[2], 16)
+    if index == view.pdo.mapping_index and 0 < sub_index <= entries:
+        return sub_index - 1
+    if index == view.pdo.communication_index and sub_index in _SUB_INDICES:
+        return entries + _SUB_INDICES.index(sub_index)
+    return None
+
+
+def _marks(view: EditorView) -> dict[int | None, Remark]:
+    """Return the strongest finding of each row of the frame; None is the row of the frame's state."""
+    marks: dict[int | None, Remark] = {}
+    for finding in (view.findings or {}).get(view.pdo, ()):
+        row = _row_of(view, finding)
+        if row not in marks or finding.severity is Severity.ERROR is not marks[row].severity:
+            marks[row] = finding
+    return marks
+
+
+def _style_of(finding: Remark) -> str:
+    return "red" if finding.severity is Severity.ERROR else "yellow"
+
+
+def _chosen(view: EditorView, pane: int, number: int) -> Cell:
+    """Return the mark in front of the row *number* of *pane*; the cursor stands at that of the active pane."""
+    cursor = (view.pdo_cursor, view.frame_cursor, view.object_cursor)[pane]
+    if number != cursor.chosen:
+        return Cell(" ")
+    return Cell(">", f"cyan{CURSOR}" if pane == view.pane else "cyan")
+
+
+def _milliseconds(value: int | None, scale: int = 1) -> str:
+    return "-" if not value else f"{value / scale:g}"
+
+
 def _pdo_lines(view: EditorView, width: int, room: int) -> Lines:
-    lines: Lines = []
-    for number in view.pdo_cursor.window(len(view.order), room):
+    labels = max(map(len, (pdo.label for pdo in view.order)), default=0)
+    ids = max(len("COB-ID"), *(len(str(config.communication.cob_id)) for config in view.pdos.now.values()))
+    if width > _WITH_OBJECTS:
+        parameters = f"STATE    TYPE  INHIBIT  {'EVENT':>8}  LEN   OBJECTS"
+    else:
+        parameters = f"   TYPE {'LEN':>4} INH/EVT"
+    lines: Lines = [[Cell(f"   {'PDO':<{labels}} {'COB-ID':<{ids}} {parameters}", "dim")]]
+    for number in view.pdo_cursor.window(len(view.order), max(1, room - 1)):
         pdo = view.order[number]
         config = view.pdos.now[pdo]
         bad = any(finding.severity is Severity.ERROR for finding in (view.findings or {}).get(pdo, ()))
         mark = "!" if bad else "*" if config != view.pdos.held.get(pdo) else " "
-        kind = config.communication.transmission_type
-        state = f"{config.communication.cob_id!s:<10}" if config.enabled else f"{'off':<10}"
         lines.append([
-            Cell("> " if number == view.pdo_cursor.chosen else "  ", "cyan"), Cell(mark, "red" if bad else "yellow"),
-            Cell(f"{pdo.label:<7} "), Cell(state, "green" if config.enabled else "dim"),
-            Cell(f" {'' if kind is None else kind:>3} {'MPDO' if config.mpdo is not None else _size(config)}"),
-            Cell(f"  {' '.join(entry.object for entry in config.mapping)}" if width > _WITH_OBJECTS else "", "dim"),
+            _chosen(view, PDOS, number), Cell(" "), Cell(mark, "red" if bad else "yellow"),
+            Cell(f"{pdo.label:<{labels}} "),
+            Cell(f"{config.communication.cob_id!s:<{ids}} ", "green" if config.enabled else "dim"),
+            *_pdo_parameters(config, is_wide=width > _WITH_OBJECTS),
         ])  # fmt: skip
     return lines
 
 
-def _size(config: PdoConfig) -> str:
-    return f"{(config.bits + 7) // 8} B"
+def _pdo_parameters(config: PdoConfig, *, is_wide: bool) -> list[Cell]:
+    """Return state, type, timers and length of a PDO, and if *is_wide* its objects."""
+    communication = config.communication
+    kind = "-" if communication.transmission_type is None else str(communication.transmission_type)
+    inhibit = _milliseconds(communication.inhibit_time, INHIBIT_PER_MS)
+    event = _milliseconds(communication.event_timer)
+    size = "MPDO" if config.mpdo is not None else f"{(config.bits + 7) // 8} B"
+    style = "green" if config.enabled else "dim"
+    if not is_wide:
+        timers = "" if inhibit == event == "-" else f"{inhibit}/{event}"
+        return [Cell(f"{'on' if config.enabled else 'off':<3}", style), Cell(f" {kind:>3} {size:>4} {timers}")]
+    times = [f"{time}{'' if time == '-' else ' ms'}" for time in (inhibit, event)]
+    objects = " ".join(entry.object for entry in config.mapping)
+    return [
+        Cell(f"{'enabled' if config.enabled else 'off':<7} ", style),
+        Cell(f" {kind:>4}  {times[0]:>7}  {times[1]:>8}  {size:<4}  "), Cell(objects, "dim"),
+    ]  # fmt: skip
 
 
 def frame_rows(config: PdoConfig) -> int:
@@ -263,32 +367,41 @@ def frame_rows(config: PdoConfig) -> int:
 def _frame_lines(view: EditorView, width: int, room: int) -> Lines:
     config, cursor = view.config, view.frame_cursor
     lines: Lines = [[Cell(" byte " + "".join(f" {byte:<3}" for byte in range(8)), "dim")], _strip(config)]
-    entries = [_entry_line(view, number, width) for number in range(len(config.mapping))]
-    free = view.pdos.bits_left(view.pdo)
+    marks, count = _marks(view), len(config.mapping)
+    entries = [_entry_line(view, number, width, marks.get(number)) for number in range(count)]
     parameters: Lines = [
-        [Cell("> " if cursor.chosen == len(entries) + number else "  ", "cyan"),
-         Cell(f"{parameter.name:<13} ", "dim"), Cell(parameter.text(view.pdo, config))]
-        for number, parameter in enumerate(PARAMETERS)
+        [_chosen(view, FRAME, number), _mark(found), Cell(f"{parameter.name:<13} ", "dim"),
+         Cell(parameter.text(view.pdo, config)), *_rule_name(found)]
+        for number, parameter in enumerate(PARAMETERS, count) for found in [marks.get(number)]
     ]  # fmt: skip
     shown = [*entries, *parameters]
     room = max(1, room - len(lines) - 1)
     for number in cursor.window(len(shown), room):
         if number == len(entries):
-            lines.append(_free_line(config, free))
+            state = Cell("enabled, " if config.enabled else "off, ", "bold")
+            lines.append([Cell(" "), _mark(marks.get(None)), state, Cell(*_free(view)), *_rule_name(marks.get(None))])
         lines.append(shown[number])
     return lines
 
 
-def _free_line(config: PdoConfig, free: int) -> list[Cell]:
-    """Return the state of the PDO, and how much of its frame is free or too much."""
-    state = Cell("  enabled, " if config.enabled else "  off, ", "bold")
+def _mark(finding: Remark | None) -> Cell:
+    return Cell(" ") if finding is None else Cell("!", _style_of(finding))
+
+
+def _rule_name(finding: Remark | None) -> list[Cell]:
+    return [] if finding is None else [Cell(f"  [{finding.rule}]", _style_of(finding))]
+
+
+def _free(view: EditorView) -> tuple[str, str]:
+    """Return how much of the frame is free or too much, with its style."""
+    config, free = view.config, view.pdos.bits_left(view.pdo)
     if config.mpdo is not None:
         way = "SAM, source addressing" if config.mpdo == SAM_MPDO else "DAM, destination addressing"
-        return [state, Cell(f"multiplexed PDO ({way})", "yellow")]
+        return f"multiplexed PDO ({way})", "yellow"
     over = config.bits - MAX_PDO_BITS
     if over > 0:
-        return [state, Cell(f"{plural(over, 'bit')} too many", "red")]
-    return [state, Cell(f"{plural(free, 'bit') if free % 8 else plural(free // 8, 'byte')} free", "dim")]
+        return f"{plural(over, 'bit')} too many", "red"
+    return f"{plural(free, 'bit') if free % 8 else plural(free // 8, 'byte')} free", "dim"
 
 
 def _strip(config: PdoConfig) -> list[Cell]:
@@ -306,7 +419,7 @@ def _strip(config: PdoConfig) -> list[Cell]:
     return cells
 
 
-def _entry_line(view: EditorView, number: int, width: int) -> list[Cell]:
+def _entry_line(view: EditorView, number: int, width: int, found: Remark | None) -> list[Cell]:
     config = view.config
     entry = config.mapping[number]
     place = layout(config.mapping)[number]
@@ -314,14 +427,19 @@ def _entry_line(view: EditorView, number: int, width: int) -> list[Cell]:
     where = f"{first}" if first == last else f"{first}-{last}"
     named = view.names.get(entry, Named())
     name = "(skipped)" if entry.is_dummy else named.name
-    chosen = view.frame_cursor.chosen == number
     letter = "." if entry.is_dummy else _LETTERS[number % len(_LETTERS)]
-    room = max(8, width - 25 - len(named.value))
+    tail = _rule_name(found) or ([Cell(f" {named.value}", "yellow")] if named.value else [])
+    room = max(8, width - 20 - sum(columns(cell.text) for cell in tail))
     return [
-        Cell("> " if chosen else "  ", "cyan"), Cell(f"{letter} ", "green"), Cell(f"{where:<4} ", "dim"),
-        Cell(f"{entry.object}/{entry.bits:<2} "), Cell(filled(name, room, plain=view.plain)),
-        Cell(named.value, "yellow"),
+        _chosen(view, FRAME, number), _mark(found), Cell(f"{letter} ", "green"), Cell(f"{where:<4} ", "dim"),
+        Cell(f"{entry.object}/{entry.bits:<2} "), Cell(_named(name, room, plain=view.plain)), *tail,
     ]  # fmt: skip
+
+
+def _named(name: str, room: int, *, plain: bool) -> str:
+    """Return *name* in *room* columns: if it is too long, without the name of its record."""
+    _, _, last = name.partition(".")
+    return filled(f"…{last}" if last and columns(name) > room else name, room, plain=plain)
 
 
 def _object_lines(view: EditorView, width: int, room: int) -> Lines:
@@ -333,10 +451,11 @@ def _object_lines(view: EditorView, width: int, room: int) -> Lines:
         offer = view.offers[number]
         kind = offer.listed.entry.data_type.short if offer.listed.entry.data_type else "?"
         tail = offer.reason or f"{kind} {offer.listed.unit}".rstrip()
+        tail = f"{kind} {tail}" if offer.is_too_long else tail
         style = "dim" if offer.reason else ""
-        name = filled(offer.listed.name, max(8, width - 12 - len(tail)), plain=view.plain)
+        name = _named(offer.listed.name, max(8, width - 11 - columns(tail)), plain=view.plain)
         lines.append([
-            Cell("> " if number == view.object_cursor.chosen else "  ", "cyan"),
+            _chosen(view, OBJECTS, number), Cell(" "),
             Cell(f"{offer.listed.entry.object} {name} ", style), Cell(tail, "dim"),
         ])  # fmt: skip
     return lines

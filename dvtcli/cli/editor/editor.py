@@ -9,7 +9,19 @@ from typing import TYPE_CHECKING
 from prompt_toolkit.application import get_app
 from prompt_toolkit.key_binding import KeyBindings
 
-from dvtcli.cli.editor.draw import ALL_KEYS, FRAME, OBJECTS, PDOS, EditorView, Named, frame_rows, pane_at, picture
+from dvtcli.cli.editor.draw import (
+    ALL_KEYS,
+    FRAME,
+    OBJECTS,
+    PDOS,
+    EditorView,
+    Named,
+    frame_rows,
+    key_at,
+    pane_at,
+    picture,
+    row_at,
+)
 from dvtcli.cli.editor.file_of_nodes import LinkDialogs
 from dvtcli.cli.editor.model import COB_ID, PARAMETERS, EditedPdos, ObjectList
 from dvtcli.cli.screen.full_screen import BesideScreen, bind_all, show
@@ -74,7 +86,7 @@ class Editor:
         self._fault: BaseException | None = None
         self._beside: BesideScreen | None = None
         self._leaving = False
-        self._rows = self._columns = 0
+        self._rows = self._columns = self._dialog_row = 0
         self.outcome = LEAVE
 
     def run(self) -> str:
@@ -112,6 +124,7 @@ class Editor:
         if self._fault is not None:
             raise self._fault
         self._ask_rules()
+        self.view.changed = self._shown_changes()
         try:
             happened = self.node.bus.happened(self.node.node_id)
             self._session.wire.drain()
@@ -125,6 +138,7 @@ class Editor:
     def _read_again(self, happened: tuple[int, int]) -> str:
         self.node.read_anew()
         note = self.pdos.read_again(self.node.pdos())
+        self.node.end_of_line(failed=True)  # the user is told, so a change after the restart is meant
         self._judged, self._happened = None, happened
         if note:
             self.beside.say(f"the node was read again: {note}", bad=True)
@@ -189,6 +203,7 @@ class Editor:
         if dialog is not None:
             block = [cut(line, columns, plain=view.plain) for line in dialog.lines(columns, rows - 2)]
             drawn[-len(block) :] = block
+            self._dialog_row = len(drawn) - len(block)
         return drawn
 
     def _offer(self) -> None:
@@ -222,20 +237,32 @@ class Editor:
             self._press_objects(key, text)
 
     def mouse(self, act: str, column: int, row: int) -> None:
-        """Choose a row by a click, and scroll by the wheel."""
-        if self._dialog() is not None or act != "click":
+        """Choose a row by a click, and scroll by the wheel; a click on the chosen row is Enter, on a key that key."""
+        dialog = self._dialog()
+        if act != "click":
             self.press(act, "")
-            return
-        view = self.view
-        view.pane = pane_at(view, self._columns, column)
-        if view.pane == PDOS:
-            self._choose_pdo(view.pdo_cursor.top + row - 2)
-        elif view.pane == OBJECTS:
-            view.object_cursor.chosen = max(0, min(len(view.offers) - 1, view.object_cursor.top + row - 3))
+        elif dialog is not None:
+            if dialog.click(row - self._dialog_row):
+                self.press("enter", "")
+        elif (key := key_at(self.view, column, row - self._rows)) is not None:
+            self.press(*key)
         else:
-            at = view.frame_cursor.top + row - 4
-            at -= 2 if at > len(view.config.mapping) else 0
-            view.frame_cursor.chosen = max(0, min(frame_rows(view.config) - 1, at))
+            self._click(column, row)
+
+    def _click(self, column: int, row: int) -> None:
+        """Choose the pane and the row there; Enter if they are chosen already."""
+        view = self.view
+        before, view.pane = view.pane, pane_at(view, self._columns, column)
+        number = row_at(view, row, self._columns, self._rows)
+        cursor = (view.pdo_cursor, view.frame_cursor, view.object_cursor)[view.pane]
+        if number is None:
+            return
+        if (view.pane, number) == (before, cursor.chosen):
+            self.press("enter", "")
+        elif view.pane == PDOS:
+            self._choose_pdo(number)
+        else:
+            cursor.chosen = number
 
     def _choose_pdo(self, number: int) -> None:
         self.view.pdo_cursor.chosen = max(0, min(len(self.view.order) - 1, number))
@@ -306,6 +333,8 @@ class Editor:
             return
 
         def done(text: str) -> str:
+            if parameter.name == COB_ID and text.lower() == "keep":
+                return ""
             if parameter.name == COB_ID and text.lower() == "auto":
                 default = pdo.default_can_id(self.node.node_id)
                 if default is None:
@@ -317,7 +346,7 @@ class Editor:
                 return str(wrong)
             return ""
 
-        self._ask(parameter.name, shown.split()[0], done)
+        self._ask(parameter.name, shown.split()[0], done, parameter.help)
 
     def _set_length(self, text: str) -> str:
         view, at = self.view, self.view.frame_cursor.chosen
@@ -329,14 +358,15 @@ class Editor:
 
     def _skip(self, text: str) -> str:
         """Add dummies of the bits in *text*, as `map … dummy/16` does."""
+        view = self.view
         if not text.isdecimal() or not 1 <= int(text) <= 64:
             return f"{text or 'nothing'}: 1…64 bits"
         try:
             dummies = split_dummy(int(text), known_dummies(self.node.dictionary, self.node.profile) or DUMMY_BITS)
         except ValueError as wrong:
             return str(wrong)
-        for dummy in dummies:
-            self._insert(dummy)
+        self.pdos.insert(view.pdo, len(view.config.mapping), *dummies)
+        view.frame_cursor.chosen = len(view.config.mapping) - 1
         return ""
 
     def _press_objects(self, key: str, text: str) -> None:
@@ -358,7 +388,7 @@ class Editor:
             return
         offer = view.offers[view.object_cursor.chosen]
         entry = offer.listed.entry
-        if offer.reason and not offer.reason.endswith("free"):
+        if offer.reason and not offer.is_too_long:
             self.say(f"{entry.object}: {offer.reason}", bad=True)
             return
         if entry.bits is None:
@@ -407,12 +437,6 @@ class Editor:
         switch = "" if self.pdos.now[pdo].enabled else f"; {pdo.label} is off: Tab, then e enables it"
         self.say(f"{entry.object}/{entry.bits} is mapped; Enter maps another, Tab leaves the list{switch}")
 
-    def _insert(self, entry: PdoMappingEntry) -> None:
-        """Map *entry* behind all others."""
-        view = self.view
-        self.pdos.insert(view.pdo, len(view.config.mapping), entry)
-        view.frame_cursor.chosen = len(view.config.mapping) - 1
-
     def _undo(self) -> None:
         if not self.pdos.undo():
             self.say("nothing to undo")
@@ -441,7 +465,11 @@ class Editor:
 
     def _plan_lines(self, result: Changed) -> Iterator[list[Cell]]:
         width = max(60, self._columns)
-        for line in (*text(result, width), *remarks(result)):
+        if self._file is None:
+            found = [*remarks(result)]
+        else:  # a file is written all the same: nothing is forced, and options of `map` help nobody
+            found = [[Cell(f"{each.severity}: {each.text} [{each.rule}]", "yellow")] for each in result.findings]
+        for line in (*text(result, width), *found):
             cells = self._cells(line)
             whole = "".join(cell.text for cell in cells)
             if columns(whole) <= width:
@@ -461,6 +489,14 @@ class Editor:
             self.say(f"nothing to {act}: the {holder} already has these values")
             return
         self._end(APPLY)
+
+    def _shown_changes(self) -> list[str]:
+        """Return the changed PDOs in words; those of a file's other nodes, and links, with their nodes."""
+        own = [pdo.label for pdo in self.pdos.changed()]
+        file = self._file
+        return own if file is None else [
+            *own, *(change for change in file.changed() if not change.startswith(f"{self.node.node_id}:"))
+        ]  # fmt: skip
 
     def _changes(self) -> Sequence[str]:
         """Return the changed PDOs in words, of all nodes of a file."""

@@ -33,16 +33,20 @@ _STEPS = 200
 _WORD, _BYTE = 0xFFFF, 0xFF
 #: highest SYNC start value (CiA 301, 7.5.2.37)
 _SYNC_START = 240
-_INHIBIT_PER_MS = 10
+#: steps of the inhibit time in a millisecond
+INHIBIT_PER_MS = 10
+#: of a number of steps, what a float may lack
+_ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A communication parameter that is edited as text."""
+    """A communication parameter that is edited as text; *help* says what may be entered."""
 
     name: str
     text: Callable[[Pdo, PdoConfig], str]
     set: Callable[[PdoConfig, str], PdoConfig]
+    help: str
 
 
 def _cob_id_text(_pdo: Pdo, config: PdoConfig) -> str:
@@ -66,37 +70,60 @@ def _with(config: PdoConfig, **changes: object) -> PdoConfig:
     return replace(config, communication=communication)
 
 
-def _number(text: str, most: int, unit: str, scale: int = 1) -> int:
-    """Return *text*, in *unit*, times *scale*; raises ValueError unless it is within 0 and *most*."""
+def _number(text: str, most: int) -> int:
+    """Return *text*, decimal or hexadecimal with 0x; raises ValueError unless it is within 0 and *most*."""
+    number = text.lower()
     try:
-        value = float(text.split(maxsplit=1)[0]) * scale if text else -1.0
+        value = int(number.removeprefix("0x"), 16 if number.startswith("0x") else 10)
+    except ValueError:
+        value = -1
+    if not 0 <= value <= most:
+        raise ValueError(f"{_typed(text)} is not a number from 0 to {most}")
+    return value
+
+
+def _time(text: str, scale: int = 1) -> int:
+    """Return *text*, a time in ms, times *scale*; raises ValueError unless it fits 16 bits."""
+    try:
+        value = float(text.lower().removesuffix("ms")) * scale
     except ValueError:
         value = -1.0
-    if not 0 <= value <= most or value != round(value, 6) or abs(value - round(value)) > 1e-6:
-        raise ValueError(f"{text or 'nothing'}: 0…{most / scale:g}{unit}")
+    if not 0 <= value <= _WORD or abs(value - round(value)) > _ROUNDING:
+        steps = f" in steps of {1 / scale:g} ms" if scale > 1 else ""
+        raise ValueError(f"{_typed(text)} is not a time from 0 to {_WORD / scale:g} ms{steps}")
     return round(value)
+
+
+def _typed(text: str) -> str:
+    return f"'{text}'" if text else "nothing"
 
 
 COB_ID = "COB-ID"
 PARAMETERS = (
-    Parameter(COB_ID, _cob_id_text, _set_cob_id),
+    Parameter(COB_ID, _cob_id_text, _set_cob_id, "a CAN-ID as 0x181; auto: that of the pre-defined connection set"),
     Parameter(
-        "type", _type_text, lambda config, text: _with(config, transmission_type=_number(text, _BYTE, ", a type"))
+        "type",
+        _type_text,
+        lambda config, text: _with(config, transmission_type=_number(text, _BYTE)),
+        "0: acyclic, synchronous; 1…240: every N-th SYNC; 254, 255: event-driven",
     ),
     Parameter(
         "inhibit time",
-        lambda _pdo, config: _text(config.communication.inhibit_time, " ms", _INHIBIT_PER_MS),
-        lambda config, text: _with(config, inhibit_time=_number(text, _WORD, " ms", _INHIBIT_PER_MS)),
+        lambda _pdo, config: _text(config.communication.inhibit_time, " ms", INHIBIT_PER_MS),
+        lambda config, text: _with(config, inhibit_time=_time(text, INHIBIT_PER_MS)),
+        "minimum time between two frames in ms, in steps of 0.1; 0: none",
     ),
     Parameter(
         "event timer",
         lambda _pdo, config: _text(config.communication.event_timer, " ms"),
-        lambda config, text: _with(config, event_timer=_number(text, _WORD, " ms")),
+        lambda config, text: _with(config, event_timer=_time(text)),
+        "ms; a TPDO is sent at least so often; 0: off",
     ),
     Parameter(
         "SYNC start",
         lambda _pdo, config: _text(config.communication.sync_start_value, ""),
-        lambda config, text: _with(config, sync_start_value=_number(text, _SYNC_START, ", a SYNC start value")),
+        lambda config, text: _with(config, sync_start_value=_number(text, _SYNC_START)),
+        "value of the SYNC counter at which the PDO begins, 1…240; 0: any",
     ),
 )
 
@@ -180,10 +207,10 @@ class EditedPdos:
         self.held, self.now = {**self.held, **held}, now
         return "; ".join(notes)
 
-    def insert(self, pdo: Pdo, at: int, entry: PdoMappingEntry) -> None:
-        """Map *entry* in front of the entry number *at*."""
+    def insert(self, pdo: Pdo, at: int, *entries: PdoMappingEntry) -> None:
+        """Map *entries* in front of the entry number *at*, in one step."""
         mapping = self.now[pdo].mapping
-        self._map(pdo, (*mapping[:at], entry, *mapping[at:]))
+        self._map(pdo, (*mapping[:at], *entries, *mapping[at:]))
 
     def replace(self, pdo: Pdo, at: int, entry: PdoMappingEntry) -> None:
         """Map *entry* instead of the entry number *at*."""
@@ -234,10 +261,11 @@ class MappableRow:
 
 @dataclass(frozen=True, slots=True)
 class Offer:
-    """An object in the list, and why it cannot be mapped; empty if it can."""
+    """An object in the list, and why it does not fit; empty if it does. One that *is_too_long* can be mapped."""
 
     listed: MappableRow
     reason: str = ""
+    is_too_long: bool = False
 
 
 class ObjectList:
@@ -269,7 +297,7 @@ class ObjectList:
             if not listed.taken[tpdo]:
                 refused.append(refusals[tpdo])
             elif (listed.entry.bits or 1) > bits_left:
-                too_long.append(Offer(listed, f"{listed.entry.bits} bits, {bits_left} are free"))
+                too_long.append(Offer(listed, "too long", is_too_long=True))
             elif search.startswith(wanted):
                 numbers.append(offer)
             else:

@@ -96,9 +96,9 @@ class TransmitList:
             self._act(key, text, self._rows[self._cursor.chosen])
         return True
 
-    def click(self, row: int) -> None:
-        """Move to the clicked row."""
-        self._cursor.click(row - 1, len(self._rows))
+    def click(self, row: int) -> bool:
+        """Move to the clicked row; True if it was chosen."""
+        return self._cursor.click(row - 1, len(self._rows))
 
     def _act(self, key: str, text: str, listed: TransmitEntry) -> None:
         if key == "enter":

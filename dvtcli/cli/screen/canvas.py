@@ -13,6 +13,8 @@ from prompt_toolkit.layout import FormattedTextControl, Window
 from prompt_toolkit.layout.screen import Char
 from prompt_toolkit.mouse_events import MouseEvent, MouseEventType
 
+from dvtcli.cli.screen.widgets import CURSOR
+from dvtcli.cli.view.lines import columns
 from dvtcli.domain.text import ascii_only
 
 if TYPE_CHECKING:
@@ -45,7 +47,7 @@ def _blank() -> Char:
 
 
 class Canvas(Window):
-    """Shows *lines*, in ASCII if *plain*; *mouse* gets what the mouse does.
+    """Shows *lines*, in ASCII if *plain*; *mouse* gets what the mouse does. The cursor stands where a cell has it.
 
     prompt_toolkit compares all characters of two pictures, which takes longer than a key may: a row that is still the
     same is left empty in both.
@@ -57,6 +59,7 @@ class Canvas(Window):
         self._size = (0, 0)
         self._cells: list[tuple[Cell, ...]] = []
         self._rows: list[_Row] = []
+        self._cursor = Point(0, 0)
         #: the screen with the last picture, and its rows
         self._screen: Screen | None = None
         self._drawn: list[_Row] = []
@@ -77,13 +80,25 @@ class Canvas(Window):
             is_same = number < len(before) and before[number][0] == line
             self._rows.append(before[number][1] if is_same else known.get(line) or self._row(line, columns))
         self._cells, self._size = cells, (columns, rows)
+        self._cursor = self._cursor_place()
         return True
+
+    def _cursor_place(self) -> Point:
+        """Return the place of the last cell with the cursor, else the first place."""
+        for number in reversed(range(len(self._cells))):
+            before = ""
+            for cell in self._cells[number]:
+                if cell.style.endswith(CURSOR):
+                    return Point(min(columns(before), max(0, self._size[0] - 1)), number)
+                before += cell.text
+        return Point(0, 0)
 
     def _row(self, line: Iterable[Cell], columns: int) -> _Row:
         """Return *line* by columns: a wide character takes two, a combining one none."""
         row, column = _Row(_blank), 0
         for cell in line:
-            style = f"class:{cell.style}" if cell.style else ""
+            name = cell.style.removesuffix(CURSOR)
+            style = f"class:{name}" if name else ""
             for letter in ascii_only(cell.text) if self._plain else cell.text:
                 char = _char(letter, style)
                 if not char.width and column:
@@ -124,7 +139,7 @@ class Canvas(Window):
                 before.data_buffer[number] = self._drawn[number]
         screen.width, screen.height = size
         screen.show_cursor = True
-        screen.set_cursor_position(self, Point(0, 0))
+        screen.set_cursor_position(self, self._cursor)
         screen.visible_windows_to_write_positions[self] = write_position
         if self._mouse is not None:
             for number in range(size[1]):

@@ -10,6 +10,8 @@ from dvtcli.cli.view.lines import Cell, broken, clipped, columns
 from dvtcli.domain.scaling import Scaling
 from dvtcli.domain.text import ascii_only, safe
 
+#: what the style of a cell ends with if the terminal's cursor stands there, which screen readers follow
+CURSOR = "+"
 #: keys that move the cursor: the key, and the new place from the old one and the length
 _MOVES: dict[str, Callable[[int, int], int]] = {
     "left": lambda place, _length: max(0, place - 1),
@@ -30,8 +32,8 @@ class Dialog(Protocol):
         """Take a *key* with its *text*; False once the dialog is finished."""
         ...
 
-    def click(self, row: int) -> None:
-        """Take a click on *row* of its lines."""
+    def click(self, row: int) -> bool:
+        """Take a click on *row* of its lines; True if it means Enter."""
         ...
 
     def lines(self, width: int, height: int) -> Iterable[list[Cell]]:
@@ -74,8 +76,8 @@ class Field:
         begin = max(0, self.cursor - width + 2) if width else 0
         before, after = self.text[begin : self.cursor], self.text[self.cursor :]
         if not after:
-            return [Cell(f"{before}_")]
-        return [Cell(before), Cell(after[:1], "reverse"), Cell(after[1:])]
+            return [Cell(before), Cell("_", CURSOR)]
+        return [Cell(before), Cell(after[:1], f"reverse{CURSOR}"), Cell(after[1:])]
 
 
 class FieldDialog:
@@ -97,15 +99,17 @@ class FieldDialog:
             self._wrong = ""
         return True
 
-    def click(self, row: int) -> None:
+    def click(self, row: int) -> bool:  # noqa: ARG002 - as every dialog
         """Do nothing: the field has one line."""
+        return False
 
     def lines(self, width: int, _height: int) -> list[list[Cell]]:
         """Return what is wrong, or the help, above the field."""
-        note = Cell(self._wrong, "red") if self._wrong else Cell(self._help, "dim")
+        note, style = (self._wrong, "red") if self._wrong else (self._help, "dim")
+        notes = [[Cell(row, style)] for row in broken(note, max(8, width)) or [""]]
         keys = Cell("   Enter ok  Esc no", "dim")
         room = max(8, width - len(self._label) - 2 - len(keys.text))
-        return [[note], [Cell(f"{self._label}: ", "cyan"), *self.field.cells(room), keys]]
+        return [*notes, [Cell(f"{self._label}: ", "cyan"), *self.field.cells(room), keys]]
 
 
 _STEPS = {"up": -1, "down": 1, "pageup": -10, "pagedown": 10, "wheel-up": -3, "wheel-down": 3}
@@ -130,10 +134,13 @@ class Cursor:
         self.chosen = max(0, min(count - 1, self.chosen))
         return True
 
-    def click(self, row: int, count: int) -> None:
-        """Choose the row that is shown as the window's *row*, if there is one of *count*."""
-        if row >= 0 and self.top + row < count:
-            self.chosen = self.top + row
+    def click(self, row: int, count: int) -> bool:
+        """Choose the row that is shown as the window's *row*, if there is one of *count*; True if it was chosen."""
+        before = self.chosen
+        if row < 0 or self.top + row >= count:
+            return False
+        self.chosen = self.top + row
+        return self.chosen == before
 
     def window(self, count: int, height: int) -> range:
         """Return the numbers of the rows to show, of *count*, in *height* lines: the chosen row is among them."""
@@ -161,9 +168,9 @@ class Choices:
         self._cursor.press(key, len(self._rows))
         return True
 
-    def click(self, row: int) -> None:
-        """Move to the clicked row."""
-        self._cursor.click(row - 1, len(self._rows))
+    def click(self, row: int) -> bool:
+        """Move to the clicked row; a click on the chosen row is Enter."""
+        return self._cursor.click(row - 1, len(self._rows))
 
     def lines(self, _width: int, height: int) -> list[list[Cell]]:
         """Return the title, and the rows that fit."""
@@ -171,7 +178,8 @@ class Choices:
         for number in self._cursor.window(len(self._rows), height - 1):
             letter, text = self._rows[number]
             mark = "> " if number == self._cursor.chosen else "  "
-            lines.append([Cell(f"  {mark}", "cyan"), Cell(letter, "bold"), Cell(f"  {text}")])
+            style = f"cyan{CURSOR}" if number == self._cursor.chosen else "cyan"
+            lines.append([Cell(f"  {mark}", style), Cell(letter, "bold"), Cell(f"  {text}")])
         return lines
 
 
@@ -188,13 +196,14 @@ class Question:
             return False
         return True
 
-    def click(self, row: int) -> None:
+    def click(self, row: int) -> bool:  # noqa: ARG002 - as every dialog
         """Do nothing: a click is no answer."""
+        return False
 
     def lines(self, width: int, height: int) -> list[list[Cell]]:
         """Return the question, its end if it is longer than *height* rows."""
-        rows = broken(f"{self._text} [y/N]", max(8, width))
-        return [[Cell(row, "yellow")] for row in rows[-max(1, height) :]]
+        rows = broken(f"{self._text} [y/N]", max(8, width))[-max(1, height) :]
+        return [[Cell(row, "yellow" if number else f"yellow{CURSOR}")] for number, row in enumerate(rows)]
 
 
 class TextDialog:
@@ -211,13 +220,14 @@ class TextDialog:
         self._cursor.press(key, len(self._lines))
         return True
 
-    def click(self, row: int) -> None:
+    def click(self, row: int) -> bool:  # noqa: ARG002 - as every dialog
         """Do nothing: the lines are only read."""
+        return False
 
     def lines(self, _width: int, height: int) -> list[list[Cell]]:
         """Return the title, and the lines that fit."""
         shown = [self._lines[number] for number in self._cursor.window(len(self._lines), max(1, height - 1))]
-        return [[Cell(self._title, "cyan"), Cell("   ↑↓ scroll  Esc back", "dim")], *shown]
+        return [[Cell(self._title, f"cyan{CURSOR}"), Cell("   ↑↓ scroll  Esc back", "dim")], *shown]
 
 
 #: numbers of significant digits to try for a long number, highest first

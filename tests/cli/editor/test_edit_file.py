@@ -11,7 +11,7 @@ import pytest
 from dvtcli.domain.network.network_config import FileWord, NetworkConfig, PartialPdoConfig
 from dvtcli.domain.pdo import Pdo
 from dvtcli.operations.plans.read_network_config import read_network_config
-from tests.cli.editor.test_editor_screen import CLEAR_LINE, F2, F5, F10, compare, fill
+from tests.cli.editor.test_editor_screen import CLEAR_LINE, F2, F5, F10, click, compare, fill
 from tests.cli.prompt.conftest import Open, open_terminal
 from tests.cli.prompt.terminal import DOWN, ENTER, ESCAPE, TAB, Terminal
 from tests.process import run
@@ -77,13 +77,13 @@ def test_nodes_of_a_network_file_are_edited_and_everything_else_is_kept(tmp_path
     terminal.until(lambda: "PLAN" not in terminal.text, "the plan gone")
     other_node(terminal, "2", 6)
     terminal.type(DOWN + "e")
-    terminal.wait("TPDO2 changed, not written")
+    terminal.wait("TPDO2, 5:tpdo1 changed, not written")
     terminal.type(ESCAPE)
     terminal.wait("5:tpdo1, 6:tpdo2 changed and not written: leave without?")
     terminal.type("n" + F10)
     terminal.wait("net.yaml exists; overwrite it, which loses 2 comments? [y/N]")
     terminal.type("n" + ENTER)
-    terminal.wait("not written: not done: the answer was no", "TPDO2 changed, not written")
+    terminal.wait("not written: not done: the answer was no", "TPDO2, 5:tpdo1 changed, not written")
     assert (tmp_path / "net.yaml").read_text(encoding="utf-8") == PLAIN
     terminal.type(F10)
     terminal.wait("overwrite it")
@@ -224,10 +224,10 @@ def test_a_tpdo_is_linked_to_an_rpdo_which_skips_what_it_does_not_receive(tmp_pa
     terminal.type("L")
     terminal.wait("TPDO1 to which RPDO?", "6:rpdo1  6040:00", "6:rpdo3  maps nothing")
     terminal.type("1")
-    terminal.wait("6:rpdo1 receives 5:tpdo1 with 0x185", "[link-command]")
+    terminal.wait("6:rpdo1 receives 5:tpdo1 with 0x185", "[link-command]", "6:rpdo1 changed, not written")
     terminal.type("n2")
-    terminal.wait("RPDO1 changed, not written")
-    terminal.row("RPDO1 ", "0x185", "6 B  6040:00 0007:00")
+    terminal.wait(" RPDO1 changed, not written")
+    terminal.row("RPDO1 ", "0x185", "6 B   6040:00 0007:00")
     terminal.type(F2)
     fill(terminal, "save as", "linked.yaml")
     terminal.wait("linked.yaml: 6:rpdo1 written")
@@ -235,6 +235,20 @@ def test_a_tpdo_is_linked_to_an_rpdo_which_skips_what_it_does_not_receive(tmp_pa
     assert (made.cob_id, made.enabled) == (0x185, True)
     assert [word.text for word in made.mapping or ()] == ["controlword", "0007:00/32"]
     terminal.type(ESCAPE)
+
+
+def test_the_plan_of_a_file_names_errors_and_forces_nothing(tmp_path: Path, open_terminal: Open) -> None:
+    terminal = opened(tmp_path, open_terminal, columns=120, rows=40)
+    click(terminal, "COB-ID        0x185")
+    terminal.wait("> COB-ID")
+    terminal.type(ENTER)
+    fill(terminal, "COB-ID", "0x285")
+    terminal.wait("[can-id-clash]")
+    terminal.type(F5)
+    terminal.wait("PLAN", "error: CAN-ID 0x285 is already used", "Nothing was")
+    assert "forced" not in terminal.text
+    terminal.type(ESCAPE + ESCAPE + "y")
+    assert terminal.ended() == 0
 
 
 def test_an_empty_rpdo_is_linked_to_the_objects_that_one_chooses(tmp_path: Path, open_terminal: Open) -> None:

@@ -8,10 +8,12 @@ from pathlib import Path
 import can
 import pytest
 
-from dvtcli.cli.editor.draw import FRAME, EditorView, picture
+from dvtcli.cli.editor.draw import FRAME, PDOS, EditorView, Named, picture
 from dvtcli.cli.editor.model import EditedPdos
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
+from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
+from dvtcli.domain.profile import Severity
+from dvtcli.domain.rules.finding import Finding
 from tests.cli.editor.test_editor_screen import F10, edited, pdos
 from tests.cli.prompt.conftest import Open, open_terminal
 from tests.cli.prompt.terminal import ESCAPE, Terminal
@@ -104,6 +106,52 @@ def test_a_multiplexed_pdo_is_shown_as_such(mpdo: int, way: str) -> None:
     tpdo1 = Pdo.parse("tpdo1")
     config = PdoConfig(PdoCommunicationParameter(CobId(0x181), 255, 0, 0), (), mpdo=mpdo)
     view = EditorView("node 1", EditedPdos({tpdo1: config}), [tpdo1], pane=FRAME)
-    text = "\n".join("".join(cell.text for cell in line) for line in picture(view, 80, 24))
+    text = "\n".join(drawn(view))
     assert f"multiplexed PDO ({way}," in text
     assert "free" not in text
+
+
+def drawn(view: EditorView, columns: int = 80) -> list[str]:
+    return ["".join(cell.text for cell in line).rstrip() for line in picture(view, columns, 24)]
+
+
+def view_of_two(pane: int, *findings: Finding) -> EditorView:
+    tpdo1, rpdo1 = Pdo.parse("tpdo1"), Pdo.parse("rpdo1")
+    mapping = PdoMappingEntry(0x6041, 0, 16), PdoMappingEntry(0x5100, 1, 16)
+    sends = PdoConfig(PdoCommunicationParameter(CobId(0x181), 255, 25, 100), mapping)
+    receives = PdoConfig(PdoCommunicationParameter(CobId(0x201, valid=False), 1, None, 0), ())
+    pdos = EditedPdos({tpdo1: sends, rpdo1: receives})
+    return EditorView("node 1", pdos, [tpdo1, rpdo1], pane=pane, findings={tpdo1: findings})
+
+
+def test_a_finding_is_marked_in_its_line_and_said_for_the_chosen_line() -> None:
+    findings = (
+        Finding("pdo-length", Severity.ERROR, "0x1A00:00", "too many"),
+        Finding("entry-length", Severity.WARNING, "0x1A00:02", "another length"),
+        Finding("can-id-clash", Severity.ERROR, "1800:01", "used twice"),
+    )
+    view = view_of_two(FRAME, *findings)
+    lines = drawn(view)
+    marked = [(line[:13].split("!")[1].split()[0], line.rpartition("  ")[2]) for line in lines if line[1:2] == "!"]
+    assert marked == [("b", "[entry-length]"), ("enabled,", "[pdo-length]"), ("COB-ID", "[can-id-clash]")]
+    for chosen, finding in ((0, findings[0]), (1, findings[1]), (2, findings[2])):
+        view.frame_cursor.chosen = chosen
+        assert f"{finding.place}: {finding.text} [{finding.rule}] (+2)" in drawn(view)
+
+
+@pytest.mark.parametrize("columns", [80, 120])
+def test_the_pdos_stand_with_state_timers_and_length(columns: int) -> None:
+    lines = drawn(view_of_two(PDOS), columns)
+    (sends,) = [line for line in lines if "TPDO1 " in line[:12]]
+    (receives,) = [line for line in lines if "RPDO1 " in line[:12]]
+    words = "TPDO1 0x181 enabled 255 2.5 ms 100 ms 4 B" if columns == 80 else "TPDO1 0x181 on 255 4 B 2.5/100"
+    assert " ".join(sends.split()[1:]).startswith(words)
+    assert receives.split()[:4] == ["RPDO1", "0x201", "off", "1"]
+
+
+def test_a_record_s_name_gives_way_to_that_of_its_object() -> None:
+    view = view_of_two(FRAME)
+    entry = PdoMappingEntry(0x5100, 1, 16)
+    view.names = {entry: Named("Device measurements of the left drive.Battery voltage")}
+    assert any("5100:01/16 …Battery voltage" in line for line in drawn(view, 120))
+    assert any("5100:01/16 Device measurements of the left drive.Battery voltage" in line for line in drawn(view))

@@ -55,6 +55,14 @@ def test_undo_takes_each_step_back_and_redo_makes_it_again(
     assert not pdos.redo()
 
 
+def test_entries_that_are_added_at_once_are_one_step() -> None:
+    pdos = EditedPdos(held())
+    pdos.insert(TPDO1, 1, SPEED, STATUS)
+    assert pdos.now[TPDO1].mapping == (held()[TPDO1].mapping[0], SPEED, STATUS, *held()[TPDO1].mapping[1:])
+    assert pdos.undo()
+    assert not pdos.changed()
+
+
 def test_what_is_edited_stays_when_the_node_is_read_again() -> None:
     pdos = EditedPdos(held())
     pdos.insert(TPDO1, 1, SPEED)
@@ -99,7 +107,16 @@ def test_a_pdo_that_is_missing_later_stands_as_it_was(edits: bool) -> None:
 
 @pytest.mark.parametrize(
     ("number", "text", "value"),
-    [(0, "0x201", 0x201), (1, "254", 254), (2, "1.5", 15), (3, "100", 100), (4, "240", 240)],
+    [
+        (0, "0x201", 0x201),
+        (1, "254", 254),
+        (1, "0xFE", 254),
+        (2, "1.5", 15),
+        (2, "1.5 ms", 15),
+        (3, "100", 100),
+        (3, "100ms", 100),
+        (4, "240", 240),
+    ],
 )
 def test_parameters_are_read_in_their_units(number: int, text: str, value: int) -> None:
     communication = PARAMETERS[number].set(held()[TPDO1], text).communication
@@ -121,6 +138,11 @@ def test_parameters_are_read_in_their_units(number: int, text: str, value: int) 
         (2, "0.05"),
         (2, "6554"),
         (3, "1.5"),
+        (3, "1 s"),
+        (3, "100 x"),
+        (3, "ms"),
+        (1, "0x"),
+        (1, "1.5"),
         (3, "nan"),
         (4, "241"),
     ],
@@ -150,7 +172,7 @@ def test_what_does_not_fit_stands_last_with_its_reason() -> None:
         offers = objects.offers("", tpdo=tpdo, bits_left=8)
         reasons = [bool(offer.reason) for offer in offers]
         assert reasons == sorted(reasons)
-        assert {offer.reason for offer in offers if offer.reason} >= {"16 bits, 8 are free", "not mappable"}
+        assert {offer.reason for offer in offers if offer.reason} >= {"too long", "not mappable"}
         assert all((offer.listed.entry.bits or 1) <= 8 for offer in offers if not offer.reason)
     assert "TPDO only" in {offer.reason for offer in objects.offers("606c", tpdo=False, bits_left=64)}
 

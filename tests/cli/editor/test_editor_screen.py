@@ -210,12 +210,94 @@ def test_leaving_with_changes_asks_and_writes_nothing(open_terminal: Open) -> No
 
 def test_a_click_chooses_and_the_wheel_scrolls(open_terminal: Open) -> None:
     terminal = edited(open_terminal, columns=120, rows=40)
-    terminal.type("\x1b[<0;5;4M\x1b[<0;5;4m")  # column 5, row 4 from 1: the second PDO
+    terminal.type("\x1b[<0;5;5M\x1b[<0;5;5m")  # column 5, row 5 from 1: the second PDO
     terminal.wait("FRAME OF TPDO2")
     terminal.type("\x1b[<65;5;4M")
     terminal.wait("FRAME OF TPDO5")
     terminal.type("\x1b[<0;90;6M\x1b[<0;90;6m")
     terminal.until(lambda: any("> 2020:0" in line for line in terminal.lines), "the third object chosen")
+
+
+def click(terminal: Terminal, text: str, *, at: int = 0) -> None:
+    """Click on the first row that holds *text*, in its column *at*."""
+    terminal.wait(text)
+    row = next(number for number, line in enumerate(terminal.lines) if text in line)
+    column = terminal.lines[row].index(text) + at
+    terminal.type(f"\x1b[<0;{column + 1};{row + 1}M\x1b[<0;{column + 1};{row + 1}m")
+
+
+def test_the_mouse_alone_maps_moves_edits_and_applies(open_terminal: Open) -> None:
+    terminal = edited(open_terminal)
+    click(terminal, "TPDO3")
+    chosen(terminal, "TPDO3")
+    click(terminal, " a add", at=1)
+    terminal.wait("OBJECTS FOR TPDO3: maps nothing, 8 bytes free")
+    for text in ("2020:01", "2020:03"):
+        click(terminal, text)
+        chosen(terminal, text)
+        click(terminal, text)
+        terminal.wait(f"{text}/", " is mapped", " map: _")
+    click(terminal, " Tab PDOs", at=1)
+    terminal.wait("STATE")
+    click(terminal, "*TPDO3")
+    terminal.wait("FRAME OF TPDO3")
+    chosen(terminal, "2020:03")
+    click(terminal, " < > move", at=1)
+    chosen(terminal, "a 0-3  2020:03")
+    click(terminal, " < > move", at=3)
+    chosen(terminal, "b 2-5  2020:03")
+    click(terminal, "COB-ID")
+    chosen(terminal, "COB-ID")
+    click(terminal, "COB-ID")
+    fill(terminal, "COB-ID", "auto")
+    click(terminal, " e on/off", at=1)
+    terminal.wait("enabled, 2 bytes free")
+    click(terminal, "2020:01")
+    chosen(terminal, "2020:01")
+    click(terminal, " d remove", at=1)
+    terminal.wait("4 bytes free")
+    click(terminal, " ^Z undo", at=1)
+    terminal.wait("2 bytes free")
+    click(terminal, " F10/^S", at=1)
+    terminal.wait("TPDO3 set: ", "value in the node")
+    click(terminal, " Esc leave", at=1)
+    assert terminal.ended() == 0
+
+
+def test_the_cursor_of_the_terminal_stands_where_something_is_said(open_terminal: Open) -> None:
+    terminal = edited(open_terminal, "tpdo2")
+    chosen(terminal, "606C:00")
+    assert terminal.cursor_line.startswith("> a 0-3  606C:00")
+    terminal.type(REDO)
+    terminal.wait("nothing to redo")
+    assert terminal.cursor_line == "nothing to redo"
+    terminal.type(DOWN)
+    terminal.until(lambda: terminal.cursor_line.startswith("> b"), "the second object chosen")
+    terminal.type(ENTER)
+    terminal.wait("length in bits: 16_")
+    assert terminal.screen.cursor.x == len("length in bits: 16")
+    terminal.type(ESCAPE + "d" + ESCAPE)
+    terminal.wait("leave without?")
+    assert "leave without?" in terminal.cursor_line
+    terminal.type("y")
+    assert terminal.ended() == 0
+
+
+def test_a_value_that_cannot_be_is_said_whole_and_each_field_says_what_it_takes(open_terminal: Open) -> None:
+    terminal = edited(open_terminal, "tpdo2")
+    for _ in range(3):
+        terminal.type(DOWN)
+    chosen(terminal, "COB-ID")
+    terminal.type(ENTER)
+    terminal.wait("a CAN-ID as 0x181; auto: that of the pre-defined connection set")
+    fill(terminal, "COB-ID", "0x80000281")
+    terminal.wait("bits 29..31", "have options of their own")
+    terminal.type(CLEAR_LINE + "keep" + ENTER)
+    terminal.until(lambda: "COB-ID: " not in terminal.lines[-1], "the field gone")
+    terminal.type(DOWN + ENTER)
+    terminal.wait("1…240: every N-th SYNC")
+    fill(terminal, "type", "0xFE")
+    terminal.row("type", "254")
 
 
 def test_a_node_that_restarts_is_read_again_and_what_is_edited_stays(tmp_path: Path, open_terminal: Open) -> None:
@@ -226,8 +308,12 @@ def test_a_node_that_restarts_is_read_again_and_what_is_edited_stays(tmp_path: P
         terminal.wait("TPDO2 changed, not applied")
         assert server.dvtcli("-n", "1", "--yes", "nmt", "reset-node").returncode == 0
         terminal.wait("the node restarted, another client wrote to it", "TPDO2 changed, not applied")
-        terminal.type(ESCAPE + "y")
+        terminal.type(F10)
+        terminal.wait("TPDO2 set: ", "value in the node")
+        terminal.type(ESCAPE)
         assert terminal.ended() == 0
+        tpdo2 = next(row for row in pdos(server) if row["pdo"] == "tpdo2")
+        assert [entry["object"] for entry in tpdo2["mapping"]] == ["6077:00", "5100:02"]
 
 
 def test_without_a_terminal_it_is_refused(tmp_path: Path) -> None:
