@@ -82,7 +82,12 @@ def _shown_by(session: Conversation) -> Callable[[Iterable[FrameSeen]], None]:
 
     output = session.output
     lines = FrameJson(output.encoder())
-    return lambda seen: output.json_lines(map(lines.text, seen))
+
+    def show(seen: Iterable[FrameSeen]) -> None:
+        if texts := list(map(lines.text, seen)):
+            output.json_lines(("\n".join(texts),))  # what has arrived, in one call
+
+    return show
 
 
 def _on_bus_event(session: Conversation) -> OnBusEvent:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.domain.times import utc
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
 Encode = Callable[[Any], str]
 #: stands for a changing value when the constant parts are encoded; none of the parts before them comes from a file
 _CHANGING = "changing"
+#: values of a signal whose text is kept: most signals keep a value for many frames
+_REMEMBERED = 64
 
 
 class FrameJson:
@@ -89,6 +92,7 @@ def _physical_text(name: str, meaning: Scaling, encode: Encode) -> Callable[[Val
     before, after = f'{key}{{"value":', f'{unit}","bits":[]}}'
     between = f',"unit":{encode(meaning.unit)},"text":"'
 
+    @lru_cache(maxsize=_REMEMBERED, typed=True)
     def text(value: Value) -> str:
         if type(value) is not int:  # a REAL may be infinite, and a BOOLEAN has another text
             return key + encode(physical_document(value, meaning))

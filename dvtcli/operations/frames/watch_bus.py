@@ -136,6 +136,6 @@ def stream(
                 for frame, reading in read
                 if not only or reading.is_one_of(only)
             )
-            show(seen_frame.chosen(text) for seen_frame in seen if not text or seen_frame.matches(text))
+            show((seen_frame.chosen(text) for seen_frame in seen if seen_frame.matches(text)) if text else seen)
     finally:
         listener.tell_overflow()
