@@ -130,6 +130,8 @@ class EditorView:
     findings: Mapping[Pdo, Sequence[Remark]] | None = field(default_factory=dict)
     #: why the rules could not be asked, empty if they were
     not_judged: str = ""
+    #: how the bus was lost, empty if it was not
+    lost: str = ""
     message: str = ""
     is_bad: bool = False
     plain: bool = False
@@ -264,6 +266,8 @@ def _key_line(keys: Sequence[tuple[str, str]]) -> list[Cell]:
 
 
 def _rule_line(view: EditorView) -> Cell:
+    if view.lost:
+        return Cell(f"{view.lost}; edits stay, but F10 cannot write", "red")
     if view.findings is None:
         return Cell("asking the rules...", "dim")
     if view.not_judged:

@@ -16,6 +16,7 @@ from dvtcli.device.seen_state import heartbeat_slots
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.links import LinkSide, agrees, linked, placed_mapping, receivers
 from dvtcli.domain.network.network_config import Endpoint
+from dvtcli.domain.script_line import change_lines
 from dvtcli.domain.text import join_some, plural
 from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError, ended_with
 from dvtcli.operations.exchange.edit_file import (
@@ -26,13 +27,14 @@ from dvtcli.operations.exchange.edit_file import (
     file_to_edit,
     refuse_other_values,
 )
-from dvtcli.operations.pdos.edit_pdos import apply_edited
+from dvtcli.operations.pdos.edit_pdos import apply_edited, edited_plan
 
 if TYPE_CHECKING:
     from dvtcli.cli.editor.draw import Remark
     from dvtcli.cli.pdo_params import NodePdo
     from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
+    from dvtcli.domain.plan import Plan
     from dvtcli.domain.rules.finding import Finding
     from dvtcli.operations.results import Changed
 
@@ -58,6 +60,7 @@ def edit(session: Conversation, pdo: NodePdo | None) -> None:
             result = apply_edited(session, editor.node, editor.pdos.held, changed)
         except DvtcliError as failed:
             if failed.exit_code in _ENDS or failed.state in _NOT_WHAT_IT_WAS or session.cancellation.requested:
+                _say_edits(session, failed, edited_plan(node.node_id, editor.pdos.held, changed))
                 raise
             if failed.state == "unchanged":  # the editor shows it; the shell only if it is not corrected
                 refused = failed
@@ -77,6 +80,13 @@ def edit(session: Conversation, pdo: NodePdo | None) -> None:
             editor.say(f"{editor.view.message}; {note}", bad=True)
     if left := editor.pdos.changed():
         _say_left(session, left, refused)
+
+
+def _say_edits(session: Conversation, failed: DvtcliError, plan: Plan) -> None:
+    """Show the edits of *plan*, of which nothing was written as it *failed*: the screen is left, and they with it."""
+    if failed.state == "unchanged":
+        for line in change_lines(plan):
+            session.reporter.note(f"your edit as a command: {line}")
 
 
 def _say_left(session: Conversation, left: Collection[Pdo], refused: DvtcliError | None) -> None:

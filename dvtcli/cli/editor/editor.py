@@ -129,8 +129,9 @@ class Editor:
             happened = self.node.bus.happened(self.node.node_id)
             self._session.wire.drain()
         except BusUnavailable as gone:
-            self.say(error_text(gone), bad=True)
+            self.view.lost = error_text(gone)
             return
+        self.view.lost = ""
         if happened != self._happened and not self.beside.doing:
             self.beside.start("reading the node again", lambda: self._read_again(happened))
         self.view.names = dict(self._names())

@@ -14,9 +14,9 @@ from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
 from dvtcli.domain.profile import Severity
 from dvtcli.domain.rules.finding import Finding
-from tests.cli.editor.test_editor_screen import F10, edited, pdos
+from tests.cli.editor.test_editor_screen import F2, F10, edited, pdos
 from tests.cli.prompt.conftest import Open, open_terminal
-from tests.cli.prompt.terminal import ESCAPE, Terminal
+from tests.cli.prompt.terminal import ENTER, ESCAPE, Terminal
 from tests.posix import SIGKILL
 from tests.simulator.serve.killing import CutOff, Victim, killable
 from tests.simulator.serve.served import bus_words, own_environment, served
@@ -71,11 +71,16 @@ def test_a_bus_lost_while_one_edits_is_told_and_the_editor_still_works(tmp_path:
         terminal = open_terminal(*words, environment=state_of(tmp_path))
         terminal.wait("FRAME OF TPDO2", "606C:00/32")
         server.end()
-        terminal.wait("failed")
+        terminal.wait("failed", "edits stay, but F10 cannot write")
         terminal.type("d")
         terminal.wait("TPDO2 changed, not applied", "4 bytes free")
+        terminal.type(F2)
+        terminal.wait("save as: ")
+        terminal.type(ENTER)
+        terminal.wait("edits stay, but F10 cannot write", "is the server still running?")
         terminal.type(F10)
         assert terminal.ended() == 5, terminal.text
+        assert "your edit as a command: map tpdo2 6077" in " ".join(terminal.text.split())
 
 
 def test_another_size_of_the_terminal_shows_one_pane_or_all(open_terminal: Open) -> None:
