@@ -15,6 +15,23 @@ if TYPE_CHECKING:
 _SHELLS = ("bash", "zsh", "fish", "powershell")
 #: A colon is a letter of an object (6C01:01), which bash would take for the end of a word.
 _BASH_WORDS = "COMP_WORDBREAKS=${COMP_WORDBREAKS//:}"
+#: changes of click's scripts, by shell
+_CHANGES = {
+    "fish": (
+        ("complete --no-files", "complete --no-files --keep-order"),  # the usual objects first
+        ('string split ","', 'string split --max 1 ","'),  # descriptions have commas
+    ),
+    # words found by a part of a name have no common beginning: zsh would delete the part, and list nothing
+    "zsh": (
+        (
+            "        compadd -U -V unsorted -a completions\n    fi\n",
+            "        compadd -U -V unsorted -a completions\n    fi\n"
+            "    if (( compstate[nmatches] > 1 )) && [[ ${compstate[unambiguous]:l} != ${PREFIX:l}* ]]; then\n"
+            "        compstate[insert]= compstate[list]='list force'\n"
+            "    fi\n",
+        ),
+    ),
+}
 
 
 @click.command("completion", cls=DvtCommand, short_help=__doc__, effect=Effect.READS, needs_settings=False)
@@ -43,7 +60,7 @@ def command(ctx: click.Context, /, shell: str) -> Facts:
             f"click {version('click')} has no completion for {shell}; newer versions have: pip install -U click"
         )
     script = found(root(ctx), {}, "dvtcli", "_DVTCLI_COMPLETE").source()
-    if shell == "fish":
-        script = script.replace("complete --no-files", "complete --no-files --keep-order")  # the usual objects first
+    for old, new in _CHANGES.get(shell, ()):
+        script = script.replace(old, new)
     lines = [*script.splitlines(), *([_BASH_WORDS] if shell == "bash" else [])]
     return Facts("completion", (("shell", shell), ("script", "\n".join(lines))), tuple(lines))

@@ -139,6 +139,30 @@ def test_tab_in_a_real_shell_shows_names_with_the_usual_objects_first(
         terminal.close()
 
 
+@heavy
+@needs_shell
+@pytest.mark.skipif(shutil.which("zsh") is None, reason="no zsh")
+def test_zsh_lists_what_is_found_by_a_part_of_its_name_and_keeps_the_part(program: Path) -> None:
+    terminal = shell(program, *_ZSH)
+    try:
+        terminal.wait("ready")
+        terminal.type("dvtcli --sim gen4 read veloc" + TAB)
+        terminal.wait("606B:00", "-- Velocity demand value")
+        assert terminal.cursor_line.endswith(" read veloc")
+    finally:
+        terminal.close()
+
+
+@pytest.mark.skipif(shutil.which("fish") is None, reason="no fish")
+def test_fish_shows_a_description_to_its_end(program: Path) -> None:
+    environ = environment() | {"PATH": f"{program.parent}{os.pathsep}{os.environ['PATH']}"}
+    line = "dvtcli completion fish | source; complete -C 'dvtcli set tpdo1 --cob'"
+    done = subprocess.run(
+        ["fish", "-c", line], capture_output=True, encoding="utf-8", env=environ, timeout=PATIENCE_S, check=True
+    )
+    assert done.stdout == "--cob-id\tCAN-ID with 0x, `auto` or `keep`.\n"
+
+
 @pytest.mark.skipif(shutil.which("zsh") is None, reason="no zsh")
 def test_zsh_takes_the_script(program: Path) -> None:
     environ = environment() | {"PATH": f"{program.parent}{os.pathsep}{os.environ['PATH']}"}
