@@ -347,7 +347,8 @@ class LineCompleter(Completer):
             yield from self._paths.get_completions(Document(line.incomplete), complete_event)
             return
         start = line.start - len(before)
-        for item, meta in zip(items, _aligned([item.help or "" for item in items]), strict=True):
+        room = get_app().output.get_size().columns - _BORDERS - max((len(item.value) for item in items), default=0)
+        for item, meta in zip(items, _aligned([item.help or "" for item in items], room), strict=True):
             yield Completion(quoted(item.value), start, display=item.value, display_meta=meta)
 
     def _taken_apart(self, before: str) -> tuple[TypedLine | None, str | None]:
@@ -412,20 +413,29 @@ def _global_items() -> Iterator[CompletionItem]:
         yield CompletionItem(max(option.opts, key=len), help=option.help)
 
 
-#: Columns of a description: names get no more, so that type and access are seen on a narrow terminal too.
-WIDEST = 40
+#: columns of a menu beside its words and their descriptions
+_BORDERS = 6
+#: least and most columns of an object's name: with most, all else is seen at 80 columns, even after a resize
+_LEAST, _MOST = 8, 40
 
 
-def _aligned(texts: list[str]) -> list[str]:
-    """Align parts of descriptions, separated by two blanks, in columns."""
-    rows = [[_shortened(part) for part in text.split("  ")] for text in texts]
+def _aligned(texts: list[str], room: int) -> list[str]:
+    """Align parts of descriptions, separated by two blanks, in *room* columns: names give way, all else is seen."""
+    rows = [text.split("  ") for text in texts]
     columns = max((len(row) for row in rows), default=0)
-    widths = [max(len(row[i]) for row in rows if i < len(row)) for i in range(columns)]
+    others = [max(len(row[i]) for row in rows if i < len(row)) for i in range(1, columns)]
+    most = max(_LEAST, min(_MOST, room - sum(width + 2 for width in others)) if others else room)
+    rows = [[_shortened(name, most, of_object=bool(rest)), *rest] for name, *rest in rows]
+    widths = [max((len(row[0]) for row in rows), default=0), *others]
     return ["  ".join(part.ljust(width) for part, width in zip(row, widths, strict=False)).rstrip() for row in rows]
 
 
-def _shortened(text: str) -> str:
-    return text if len(text) <= WIDEST else text[: WIDEST - 1] + "…"
+def _shortened(text: str, most: int, *, of_object: bool) -> str:
+    """Return *text* in at most *most* columns; the name *of_object* loses that of its record first."""
+    _, _, last = text.partition(".")
+    if of_object and last and len(text) > most:
+        text = f"…{last}"
+    return text if len(text) <= most else text[: most - 1] + "…"
 
 
 #: how long a corrected line is shown before Enter runs it (s): who presses Enter twice by habit has not seen it

@@ -126,6 +126,15 @@ def test_a_key_never_uses_the_bus(session: Conversation) -> None:
     assert frames, "a read would have been seen"
 
 
+@pytest.mark.parametrize("line", ["map tpdo1 ", "map tpdo1 v", "map rpdo1 2020", "map tpdo1 5100:01 2", "set tpdo1 --"])
+def test_what_is_free_is_seen_at_80_columns_and_names_give_way(session: Conversation, line: str) -> None:
+    offered = menu(session, line)
+    assert offered
+    for item in offered:
+        assert len(f" {item.display_text}   {item.display_meta_text} ") < 80
+        assert line.startswith("set") or item.display_meta_text.endswith(("free bytes", "free bits"))
+
+
 @heavy
 def test_a_large_dictionary_gives_a_menu_that_can_be_read(tmp_path: Path) -> None:
     eds = tmp_path / "large.eds"
