@@ -195,9 +195,10 @@ def _sdo_text(step: SdoStep, named: str, value: str) -> str:
         return f"{way} {named}: accepted{how}{'' if step.is_write else size}"
     if step.step == "segment":
         of = "" if step.size is None else f" of {step.size}"
-        return f"{way} {named}: bytes {step.position - len(step.data) + 1} to {step.position}{of}"
+        return f"{way} {named}: bytes {step.position - len(step.data) + 1} to {_bytes_so_far(step)}{of}"
     if step.step == "next":
-        return f"{way} {named}: {plural(step.position, 'byte')} taken" if step.position else f"{way} {named}: go on"
+        taken = plural(_bytes_so_far(step), "byte")
+        return f"{way} {named}: {taken} taken" if step.position else f"{way} {named}: go on"
     if step.step == "incomplete":
         return f"{way} {named}: {_misfit(step)}"
     if step.step == "end":
@@ -205,6 +206,13 @@ def _sdo_text(step: SdoStep, named: str, value: str) -> str:
     if not step.is_write:
         return f"{named} = {value or 'empty'}"
     return f"{named} written{f' = {value}' if step.way not in ('', 'expedited') else ''}"
+
+
+def _bytes_so_far(step: SdoStep) -> int:
+    """Bytes of the value so far, without those that fill the last segment of blocks."""
+    if step.way == "blocks" and step.size is not None and 0 < step.position - step.size < SDO_BYTES - 1:
+        return step.size
+    return step.position
 
 
 def _misfit(step: SdoStep) -> str:

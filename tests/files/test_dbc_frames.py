@@ -19,6 +19,7 @@ from dvtcli.watch.seen import FrameStore
 from dvtcli.watch.table import all_columns, fill, find_tracks
 from tests.cli.commands.bench import Bench
 from tests.process import documents
+from tests.small_eds import U16, U32, communication, mapping, plain, var
 
 HEAD = 'VERSION ""\n\nBU_: A\n\n'
 #: a multiplexor at byte 0, another one at byte 1 that is there only with 0, and a signal that is always there
@@ -182,6 +183,60 @@ def test_a_frame_is_explained_by_an_exported_dbc_as_by_the_mapping(split: str, t
                 *by_mapping,
                 *((bit, 1, int.from_bytes(bytes.fromhex(frame[4:]), "little") >> bit & 1) for bit in range(64)),
             }
+
+
+#: bits of statuswords and controlwords that have a name in CiA 402-2, 8.4.1 and 8.4.2
+STATUS_BITS = {
+    0: "ready_to_switch_on", 1: "switched_on", 2: "operation_enabled", 3: "fault", 4: "voltage_enabled",
+    5: "no_quick_stop", 6: "switch_on_disabled", 7: "warning", 9: "remote", 10: "target_reached",
+    11: "internal_limit_active",
+}  # fmt: skip
+CONTROL_BITS = {
+    0: "switch_on", 1: "enable_voltage", 2: "no_quick_stop", 3: "enable_operation", 7: "fault_reset", 8: "halt"
+}  # fmt: skip
+
+
+def eight_axes() -> str:
+    """An EDS of a drive with eight axes: each word four times in a PDO."""
+    eds = plain()
+    eds.variable(0x1000, var("Device type", U32, 0x20192, "ro"))
+    for axis in range(8):
+        eds.variable(0x6040 + 0x800 * axis, var(f"Controlword {axis + 1}", U16, 0, "rww", 1))
+        eds.variable(0x6041 + 0x800 * axis, var(f"Statusword {axis + 1}", U16, 0, "ro", 1))
+    for index, word, base in ((0x1600, 0x6040, 0x200), (0x1A00, 0x6041, 0x180)):
+        for number in (0, 1):
+            objects = [(word + 0x800 * axis) << 16 | 16 for axis in range(4 * number, 4 * number + 4)]
+            eds.record(index + number, f"Mapping {number + 1}", mapping(4, objects))
+            can_id = f"$NODEID+0x{base + 0x100 * number:X}"
+            eds.record(index - 0x200 + number, f"Communication {number + 1}", communication(can_id))
+    return eds.text()
+
+
+@pytest.mark.parametrize("words", ["export {} --split-bits", "eds convert net.yaml {} --split-bits"])
+def test_status_and_controlwords_of_every_axis_are_signals_of_a_bit(words: str, tmp_path: Path) -> None:
+    eds, dbc, network = tmp_path / "axes.eds", tmp_path / "axes.dbc", tmp_path / "net.yaml"
+    eds.write_text(eight_axes(), "utf-8")
+    network.write_text(f"nodes: {{axes: {{node_id: 1, eds: {eds}}}}}\n", "utf-8")
+    with Bench((f"{eds}@1",)) as bench:
+        ran = bench.run(words.format(dbc).replace("net.yaml", str(network)))
+        assert ran.code == 0, ran.stderr
+        data = Random(402).randbytes(8)
+        explained = bench.run(f"explain 281#{data.hex()} -d {dbc} --json").document["parts"]
+    database = cantools.database.load_file(dbc)
+    assert {message.frame_id for message in database.messages} == {0x181, 0x201, 0x281, 0x301}
+    for can_id, word, bits, first in (
+        (0x181, "Statusword", STATUS_BITS, 1), (0x281, "Statusword", STATUS_BITS, 5),
+        (0x201, "Controlword", CONTROL_BITS, 1), (0x301, "Controlword", CONTROL_BITS, 5),
+    ):  # fmt: skip
+        signals = {
+            f"{word}_{first + axis}_{bits.get(bit, f'bit_{bit}')}": data[2 * axis + bit // 8] >> bit % 8 & 1
+            for axis in range(4) for bit in range(16)
+        }  # fmt: skip
+        long_names = database.get_message_by_frame_id(can_id).decode(data)
+        assert long_names == signals
+    assert [part["raw"] for part in explained if not part["in_can_id"]] == [
+        int.from_bytes(data, "little") >> bit & 1 for bit in range(64)
+    ]
 
 
 def _any_message(random: Random, number: int) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
@@ -19,12 +21,13 @@ from dvtcli.domain.ports import Frame
 from dvtcli.domain.scaling import Scaling, parse_scale
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.values.parquet_values import MOST_COLUMNS, _kind, _schema, cells_array, long_cells
-from dvtcli.files.values.text_values import csv_text
+from dvtcli.files.values.text_values import CsvWriter, csv_text
 from dvtcli.files.values.value_file import FORMS, WholeFile, read_values, write_file
 from dvtcli.files.values.value_rows import Origin, ParquetForm
 from dvtcli.operations.frames.decode_recording import find_tracks
 from dvtcli.operations.frames.explain_frame import frame_seen
-from dvtcli.watch.decoder import Decoder, Signal, pdo_layouts
+from dvtcli.watch.decoder import Decoder, Layout, Signal, pdo_layouts
+from dvtcli.watch.service import Service
 from dvtcli.watch.table import Column, SignalRows, all_columns
 from tests.files.recordings import BEGIN_S
 
@@ -133,6 +136,22 @@ def test_a_text_of_a_device_is_no_formula(text: str, first: str) -> None:
     """A spreadsheet runs what begins so: `=HYPERLINK(…)` as a device's name."""
     assert csv_text(first + text) == f"'{first}{text}"
     assert csv_text(f"x{text}") == f"x{text}"
+
+
+_texts = st.text(st.sampled_from("a ,;\"'\n\r\t="), max_size=6)
+
+
+@given(label=_texts, names=st.lists(_texts, min_size=1, max_size=3, unique=True), values=st.lists(_texts, max_size=3))
+def test_any_name_and_text_stays_one_cell(label: str, names: list[str], values: list[str]) -> None:
+    held = [*values, *[None] * len(names)][: len(names)]
+    signals = tuple(Signal(f"n{name}") for name in names)
+    layout = Layout(Service("pdo", f"L{label}"), signals, lambda _data: list(held))
+    file = io.StringIO(newline="")
+    writer = CsvWriter(file, SignalRows(Decoder({(0x181, False): layout})))
+    writer.write(Frame(0x181, b"", timestamp_s=BEGIN_S))
+    head, row = csv.reader(io.StringIO(file.getvalue(), newline=""))
+    assert head == ["time", "frame", *(f"L{label} n{name}" for name in names)]
+    assert row[1:] == [f"L{label}", *(csv_text(value) for value in held)]
 
 
 @given(st.one_of(st.integers(), st.floats(allow_nan=False)))

@@ -111,8 +111,10 @@ def main() -> None:
 
 
 def _told(path: str) -> Iterator[list[Any] | str]:
+    from can.io import MF4Reader
+
     try:
-        for message in can.LogReader(path):
+        for message in MF4Reader(path):  # whatever its suffix: the content tells the format
             yield [
                 message.timestamp, message.arbitration_id, message.is_extended_id, message.is_remote_frame,
                 message.is_error_frame, message.is_fd, message.dlc, message.data.hex(), message.channel,

@@ -361,7 +361,7 @@ class DecodedText(PastedFormat):
     most_characters = MOST_CHARACTERS
     line = re.compile(
         r"(?P<time>\d\d:\d\d:\d\d\.\d{6})(?P<zone>[+-]\d\d:\d\d)  0x(?P<id>[0-9A-F]{8}|[0-9A-F]{3})  .{18,}?  "
-        r"(?:(?P<remote>remote request)|" + _DATA + r")(?:\s{2,}.*|\s*)", re.ASCII,
+        r"(?:(?P<remote>remote request)|no data|" + _DATA + r")(?:\s{2,}.*|\s*)", re.ASCII,
     )  # fmt: skip
 
     def frame(self, found: re.Match[str], times: Times) -> RecordedFrame:

@@ -8,6 +8,7 @@ import math
 import re
 from collections.abc import Callable, Iterator
 from datetime import datetime
+from functools import lru_cache
 from io import TextIOWrapper
 from pathlib import Path
 from typing import IO, Any
@@ -34,20 +35,25 @@ class CsvWriter:
         self._file = file
         self._rows = rows
         self.size = 0
+        self._cells = [column.cell for column in rows.columns]
         self._empty = [""] * len(rows.columns)
-        self._csv = csv.writer(file, lineterminator="\n")
-        self._csv.writerow([TIME, FRAME, *(no_formula(column.header) for column in rows.columns)])
+        self._without_values = "," * len(rows.columns) + "\n"
+        heads = [_quoted(no_formula(column.header)) for column in rows.columns]
+        file.write(",".join([TIME, FRAME, *heads]) + "\n")
 
     def write(self, frame: Frame, _bus: str = "") -> None:
         """Write a frame."""
         values = self._rows.values(frame)
         if values is None:
             return
-        columns = self._rows.columns
-        cells = [utc(frame.timestamp_s), no_formula(self._rows.head(frame)), *self._empty]
+        row = f"{utc(frame.timestamp_s)},{_name_cell(self._rows.head(frame))}"
+        if not values:
+            self._file.write(row + self._without_values)
+            return
+        cells = self._empty.copy()
         for number, value in values:
-            cells[number + 2] = csv_text(columns[number].cell(value))
-        self._csv.writerow(cells)
+            cells[number] = _quoted(csv_text(self._cells[number](value)))
+        self._file.write(f"{row},{','.join(cells)}\n")
 
     def flush(self) -> None:
         """Flush to the system."""
@@ -58,6 +64,18 @@ class CsvWriter:
         """Close the file."""
         with self._file:
             self.flush()
+
+
+@lru_cache(maxsize=1024)
+def _name_cell(name: str) -> str:
+    return _quoted(no_formula(name))
+
+
+def _quoted(cell: str) -> str:
+    """*cell* in quotes if RFC 4180 wants them."""
+    if "," in cell or '"' in cell or "\n" in cell or "\r" in cell:
+        return '"' + cell.replace('"', '""') + '"'
+    return cell
 
 
 def csv_text(value: Value | None) -> str:

@@ -83,13 +83,13 @@ def outcome_text(outcome: Outcome) -> str:
 def frame_lines(result: FrameSeen, _width: int) -> Iterable[Line]:
     """Show a frame with local time and UTC offset, kind, bytes and signals."""
     frame = result.frame
-    data = "remote request" if frame.remote else frame.data.hex(" ").upper()
     words = result.reading.text
     if not words and result.signals:
         scaling_of = result.scalings.get
         words = "  ".join(
             [f"{name}={value_text(value, scaling_of(name, NOTHING))}" for name, value in result.signals.items()]
         )
+    data = "remote request" if frame.remote else frame.data.hex(" ").upper() or ("" if words else "no data")
     cells = [
         Cell(f"{local_clock(frame.timestamp_s, 'microseconds')}  ", "dim"),
         *_who(frame.can_id, frame.extended, result.label, result.node),

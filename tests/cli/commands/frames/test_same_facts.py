@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from dvtcli.domain.typed_frame import READ_KINDS, frame_text, typed_frame
@@ -21,15 +21,43 @@ BEGIN_S = 1_700_000_000
 _values = st.binary(min_size=1, max_size=30)
 
 
+#: simulated nodes: TPDO2 of node 1, MPDOs of node 2 (SAM sent and taken, DAM taken), SRDOs of node 3
+NODES = ("gen4@1", "mpdo@2", "safety@3")
+_MPDOS, _SRDOS, _HEARTBEATS = (0x182, 0x202, 0x302), (0x101, 0x102, 0x103, 0x104), (0x701, 0x702, 0x703)
+#: COB-IDs of a second SDO server of node 5, as a transfer tells them
+_SECOND_SERVER = (0x5A1, 0x5A2)
+
+
 def _hexed(can_id: int, data: bytes) -> str:
     return f"{can_id:03X}#{data.hex().upper()}"
+
+
+def _mpdo(can_id: int, node: int, place: int, value: bytes) -> str:
+    return _hexed(can_id, bytes([node]) + place.to_bytes(3, "little") + value)
+
+
+def _second_server(value: bytes) -> list[str]:
+    """Node 5 tells the COB-IDs of its second server, through which an object is read and a write is aborted."""
+    told = [
+        frame
+        for sub_index, cob_id in enumerate(_SECOND_SERVER, 1)
+        for frame in (
+            _hexed(0x605, bytes([0x40, 0x01, 0x12, sub_index, 0, 0, 0, 0])),
+            _hexed(0x585, bytes([0x43, 0x01, 0x12, sub_index]) + cob_id.to_bytes(4, "little")),
+        )
+    ]
+    used = [
+        _hexed(_SECOND_SERVER[not request], data)
+        for request, data in (*in_segments(value, is_write=False), (False, bytes.fromhex("8000210300000206")))
+    ]
+    return [*told, *used]
 
 
 def _transfer(frames: Any) -> list[str]:
     return [_hexed(0x605 if request else 0x585, data) for request, data in frames]
 
 
-#: frames of a node that is not there, 5, and TPDO2 of the simulated node 1: nobody answers any of them
+#: frames of a node that is not there, 5, and PDOs of the simulated nodes: nobody answers any of them
 single = st.one_of(
     st.builds(lambda data: _hexed(0x281, data), st.binary(min_size=8, max_size=8)),
     st.builds(lambda command: _hexed(0x000, bytes([command, 5])), st.sampled_from([1, 2, 0x80, 0x81, 0x82, 0x33])),
@@ -39,16 +67,40 @@ single = st.one_of(
     st.builds(lambda data: _hexed(0x585, data), st.binary(min_size=8, max_size=8)),
     st.builds(lambda data: _hexed(0x605, data), st.binary(min_size=6, max_size=8)),
     st.builds(lambda data: _hexed(0x7E4, data), st.binary(min_size=8, max_size=8)),
+    st.builds(
+        lambda command, data: _hexed(0x7E5, bytes([command]) + data),
+        st.sampled_from([0x40, 0x41, 0x42, 0x61]), st.binary(min_size=7, max_size=7),
+    ),
+    st.builds(
+        lambda can_id, data: f"{can_id:08X}#{data.hex().upper()}", st.integers(0, 0x1FFFFFFF), st.binary(max_size=8)
+    ),
+    st.builds(
+        _mpdo, st.sampled_from(_MPDOS), st.sampled_from([0x01, 0x02, 0x09, 0x80, 0x82, 0x85]),
+        st.sampled_from([0x012000, 0x012001, 0x012100, 0x056000]), st.binary(min_size=4, max_size=4),
+    ),
+    st.builds(_hexed, st.sampled_from(_SRDOS), st.binary(min_size=1, max_size=2)),
     st.sampled_from(["080#", "080#07", "705#R", "6FF#10"]),
-)
+)  # fmt: skip
 frames_of_a_bus = st.lists(
     st.one_of(
         single.map(lambda frame: [frame]),
         st.builds(lambda value, way: _transfer(in_segments(value, is_write=way)), _values, st.booleans()),
         st.builds(lambda value, way: _transfer(by_blocks(value, 4, iter(()), is_write=way)), _values, st.booleans()),
+        st.builds(_second_server, _values),
     ),
     min_size=1, max_size=6,
 ).map(lambda parts: [frame for part in parts for frame in part])  # fmt: skip
+
+
+#: each kind of frames, and each way of a transfer
+EVERY_KIND = [
+    "000#8105", "705#00", "705#05", "705#R", "705#85", "080#07", "100#80EE3602B33B", "085#2030810000000000",
+    "7E5#4000000000000000", "281#0102030405060708", "18FF0102#0102",
+    _mpdo(0x182, 2, 0x012000, b"\x05\0\0\0"), _mpdo(0x302, 0x82, 0x012100, b"\x05\0\0\0"), "101#05", "102#FA",
+    "605#2F60600008000000", "585#8060600030000906", *_second_server(b"firmware 4"),
+    *_transfer(in_segments(b"firmware 4", is_write=True)),
+    *_transfer(by_blocks(b"firmware 4", 4, iter(()), is_write=False)),
+]  # fmt: skip
 
 
 def facts(document: dict[str, Any]) -> tuple[Any, ...]:
@@ -59,31 +111,36 @@ def facts(document: dict[str, Any]) -> tuple[Any, ...]:
 def monitored(bench: Bench, frames: list[str]) -> list[dict[str, Any]]:
     """What the monitor in a pipe gives of *frames*, put on the bus meanwhile."""
     found: list[dict[str, Any]] = []
-    with watching(bench.session, (1,)) as watched:
+    with watching(bench.session, (1, 2, 3)) as watched:
         for frame in frames:
             sent = typed_frame(frame)
             bench.session.wire.send(sent)
         stream(watched, lambda seen: found.extend(each.document() for each in seen), duration_s=0.12)
-    return [document for document in found if document["cob_id"] != 0x701]
+    return [document for document in found if document["cob_id"] not in _HEARTBEATS]
 
 
 @settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(frames=frames_of_a_bus)
+@example(frames=EVERY_KIND)
 def test_a_recording_says_the_same_every_way(tmp_path: Path, frames: list[str]) -> None:
     pytest.importorskip("pyarrow")
     import pyarrow.parquet
 
     log, table = tmp_path / "run.log", tmp_path / "run.parquet"
     log.write_text("".join(f"({BEGIN_S + n}.000000) can0 {frame}\n" for n, frame in enumerate(frames)), "ascii")
-    with Bench(("gen4",), in_real_time=True) as bench:
+    with Bench(NODES, in_real_time=True) as bench:
         documents = [json.loads(line) for line in bench.run(f"decode {log} --json").stdout.splitlines()]
         lines = bench.run(f"decode {log}").stdout.splitlines()
         rows = list(csv.reader(io.StringIO(bench.run(f"decode {log} --csv").stdout)))[1:]
         assert bench.run(f"decode {log} -o {table} --yes").code == 0
         live = monitored(bench, frames)
     assert [frame_text(typed_frame(frame)) for frame in frames] == [
-        f"{one['cob_id']:03X}#{'R' if one['remote'] else one['data'].replace(' ', '')}" for one in documents
+        f"{one['cob_id']:0{8 if one['extended'] else 3}X}#{'R' if one['remote'] else one['data'].replace(' ', '')}"
+        for one in documents
     ]
+    if frames is EVERY_KIND:
+        assert {one["what"] for one in documents} == set(READ_KINDS)
+        assert {"SRDO1", "SDO2 answer"} <= {line.split("  ")[2].partition(" node")[0].rstrip() for line in lines}
     assert [facts(one) for one in live] == [facts(one) for one in documents]
     for line, document in zip(lines, documents, strict=True):
         assert line.endswith(document["text"])
