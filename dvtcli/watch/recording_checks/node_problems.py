@@ -37,6 +37,8 @@ NODE_RULES = (
 _NMT, _EMERGENCIES, _ANSWERS, _REQUESTS, _HEARTBEATS = 0x000, 0x080, 0x580, 0x600, 0x700
 _STATES = frozenset(NmtState)
 _RESETS = (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
+#: command specifiers of a download, of its acceptance, and the first byte of an abort (CiA 301, 7.2.4.3)
+_DOWNLOAD, _DOWNLOADED, _ABORT = 1, 3, 0x80
 #: downloads of 0x1017 and 0x1006 begin so behind their command
 _HEARTBEAT_TIME, _SYNC_PERIOD = b"\x17\x10\x00", b"\x06\x10\x00"
 #: how long a node may be silent after a reset (s)
@@ -66,6 +68,8 @@ class _NodeSeen:
     answered: Moment | None = None
     #: the time since its last heartbeat, if it was asked since
     silence: Silence | None = None
+    #: the heartbeats before a write of 0x1017 that has no answer yet
+    before_write: PeriodicFrames | None = None
 
 
 @dataclass(slots=True)
@@ -81,6 +85,8 @@ class NodeProblems:
     _stopped: dict[int, Stop | None] = field(default_factory=dict)
     #: by node-ID (0: all other nodes), its last NMT command if that is a start; None for another one
     _started: dict[int, Moment | None] = field(default_factory=dict)
+    #: the node with a write of 0x1006 that has no answer yet, 0: none
+    _sync_writer: int = 0
 
     def take(self, moment: Moment, frame: Frame, before: Moment) -> None:
         """Look at *frame*, of NMT, EMCY, SDO or error control; any frame came *before*."""
@@ -101,12 +107,39 @@ class NodeProblems:
             node.is_alive, node.gone = True, None
             self._shows_start(moment, node_id, node)
             self._emergency(moment, node_id, node, int.from_bytes(data[:2], "little"))
-        elif service == _REQUESTS and data[1:4] == _HEARTBEAT_TIME and data[0] >> 5 == 1:
-            self._new_period(moment, node_id, node)
-        elif service == _REQUESTS and data[1:4] == _SYNC_PERIOD and data[0] >> 5 == 1:
-            self._syncs.append(PeriodicFrames())
-        elif service == _ANSWERS:
-            self._answer(moment, node_id, node)
+        elif service in (_REQUESTS, _ANSWERS):
+            if data[1:4] in (_HEARTBEAT_TIME, _SYNC_PERIOD):
+                self._write_of_period(moment, node_id, node, data, is_request=service == _REQUESTS)
+            if service == _ANSWERS:
+                self._answer(moment, node_id, node)
+
+    def _write_of_period(self, moment: Moment, node_id: int, node: _NodeSeen, data: bytes, *, is_request: bool) -> None:
+        """Take a frame about 0x1017 or 0x1006: a write begins a new period; an abort of it returns to the old one.
+
+        A write without an answer in the recording counts as accepted.
+        """
+        is_heartbeat, command = data[1:4] == _HEARTBEAT_TIME, data[0] >> 5
+        if is_request and command == _DOWNLOAD:
+            before = node.heartbeats
+            if is_heartbeat:
+                self._new_period(moment, node_id, node)
+                node.before_write = before
+            else:
+                self._syncs.append(PeriodicFrames())
+                self._sync_writer = node_id
+            return
+        is_refused = data[0] == _ABORT
+        if not is_refused and (is_request or command != _DOWNLOADED):
+            return
+        if is_heartbeat:
+            if is_refused and node.before_write is not None:
+                node.heartbeats = node.before_write
+                self._late = [entry for entry in self._late if entry[2] is not node.heartbeats]
+            node.before_write = None
+        elif self._sync_writer == node_id:
+            if is_refused:
+                self._syncs.pop()
+            self._sync_writer = 0
 
     def _stop(self, node_id: int) -> Stop | None:
         """What showed that node *node_id* is STOPPED now; None if it is not known to be."""
@@ -183,7 +216,7 @@ class NodeProblems:
         """Judge later heartbeats by themselves: the node starts, or its 0x1017 is written."""
         if (period_s := node.heartbeats.period_s) and not node.is_guarded:
             self._late.append((node_id, period_s, node.heartbeats))
-        node.heartbeats = PeriodicFrames()
+        node.heartbeats, node.before_write = PeriodicFrames(), None
         _end_silence(moment, node)
 
     def _error_control(self, moment: Moment, node_id: int, node: _NodeSeen, state: int, silent_s: float) -> None:

@@ -424,6 +424,23 @@ def test_a_silence_ends_with_any_new_start(then: tuple[float, int, str]) -> None
     assert looks(planted, {"sdo-given-up"}) == {f"whether the node was on: {says}"}
 
 
+@pytest.mark.parametrize(("answer", "is_found"), [("60", False), ("22000008", True)])
+def test_a_period_changes_only_if_its_write_is_accepted(answer: str, is_found: bool) -> None:
+    """A node whose heartbeats end, and SYNC that ends for a while: the write of 0 is no reason if it is refused."""
+    beats = [*heartbeats(0, 2), *write(2.01, "1017:00", "0000", answer), *heartbeats(0, 6, 6)]
+    syncing = [*syncs(0, 2), *write(2.01, "1006:00", "00000000", answer), *syncs(3, 5)]
+    assert ("heartbeat-stops" in {rule for rule, _ in findings(beats)}) == is_found
+    assert ("sync-late" in {rule for rule, _ in findings([*heartbeats(0, 6, 6), *syncing])}) == is_found
+
+
+def test_a_period_goes_on_beside_writes_that_are_refused() -> None:
+    """Each gap of the node's heartbeats has one of them before it."""
+    bursts = [beat for at_s in range(0, 8, 2) for beat in heartbeats(at_s, at_s + 1)]
+    refused = [frame for at_s in range(0, 8, 2) for frame in write(at_s + 0.95, "1017:00", "6400", "22000008")]
+    rules = [rule for rule, _ in findings([*bursts, *refused, *heartbeats(0, 7, 6)])]
+    assert rules == ["refused-write", "heartbeat-late"]
+
+
 def test_a_node_that_answers_between_two_heartbeats_was_on() -> None:
     planted = [*ANSWERED_ONCE, *asked(2.05), *heartbeats(0, 1), *read(3.0, "1018:04", "43PLACE01000000")]
     assert looks(planted, {"sdo-given-up"}) < UNKNOWN
