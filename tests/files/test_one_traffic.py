@@ -17,7 +17,7 @@ from dvtcli.files.recordings.recorder import Recorder
 from tests.cli.commands.bench import Bench
 from tests.files.captures import Style, pcap, pcapng
 from tests.files.test_pasted import BEGIN_S, FORMS
-from tests.process import ROOT
+from tests.surroundings import ROOT
 from tests.watch.test_sdo_transfers import by_blocks, in_segments
 
 LINE = ROOT / "examples" / "line.yaml"

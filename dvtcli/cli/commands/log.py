@@ -68,8 +68,11 @@ def command(
     if decode and size:
         raise UsageError("-s is of recorded frames", hint="with --decode: --rotate 100MB")
     rotate, layout, source, only = (values.pop(name) for name in ("rotate", "layout", "source", "only"))
-    if not decode and (layout or source or rotate):
-        raise UsageError("--layout, --rotate and --source are of values", hint="with --decode; frames: -s BYTES")
+    if not decode and (layout or source or rotate or only):
+        raise UsageError(
+            "--layout, --only, --rotate and --source are of values",
+            hint="with --decode; frames: -s BYTES, --filter ID:MASK",
+        )
     path, (masks, text) = Path(file), _masks_and_text(filters, decode=decode)
     if decode:
         from dvtcli.operations.frames.decode_recording import ValuesOptions

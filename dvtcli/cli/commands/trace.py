@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from dvtcli.cli.command import DvtCommand, Effect
+from dvtcli.cli.commands._frame_options import only_option
 from dvtcli.cli.params import NumberType
 
 if TYPE_CHECKING:
@@ -22,8 +23,15 @@ if TYPE_CHECKING:
     metavar="N",
     help="Number of frames [32, or from the last refused write on].",
 )
+@only_option
 @click.pass_obj
-def command(session: Session, /, which: str, count: int | None) -> Traced:  # noqa: ARG001 - there is one
+def command(
+    session: Session,
+    /,
+    which: str,  # noqa: ARG001 - there is one
+    count: int | None,
+    only: frozenset[str] | None,
+) -> Traced:
     """Show the last frames that dvtcli sent, and their answers: SDO, LSS, EMCY and boot-up messages.
 
     It sends nothing. At the prompt and in a script it shows the frames of the lines before; a run of its own shows the
@@ -32,7 +40,8 @@ def command(session: Session, /, which: str, count: int | None) -> Traced:  # no
     \b
     trace last
     trace last --count 8
+    trace last --only sdo-abort,emcy
     """
     from dvtcli.operations.frames.last_exchange import trace_last
 
-    return trace_last(session, count)
+    return trace_last(session, count, only or frozenset())

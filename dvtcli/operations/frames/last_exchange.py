@@ -86,11 +86,12 @@ _SHOWN = 32
 _DOWNLOAD, _BLOCK_DOWNLOAD, _ABORT = 1, 6, 4
 
 
-def trace_last(session: SessionNodes, count: int | None = None) -> Traced:
+def trace_last(session: SessionNodes, count: int | None = None, only: frozenset[str] = frozenset()) -> Traced:
     """Explain the last *count* frames exchanged on the session's bus.
 
     None: 32, or all from the last write that a node refused or did not answer. Without an exchange, those of the last
-    failed run. The values of passcodes are left out. Raises UsageError if there are none.
+    failed run. *only* are kinds of frames, as in `typed_frame.READ_KINDS`; none: all. The values of passcodes are left
+    out. Raises UsageError if nothing was exchanged.
     """
     from dvtcli.operations.frames.explain_frame import explained
     from dvtcli.operations.network.described_nodes import described_nodes
@@ -99,12 +100,19 @@ def trace_last(session: SessionNodes, count: int | None = None) -> Traced:
     from dvtcli.watch.frame_reader import FrameReader
 
     exchanged = _exchanged(session) or _of_a_failed_run(session)
-    found = exchanged[-(_count_of_refusal(exchanged) if count is None else count) :]
+    wanted = _count_of_refusal(exchanged) if count is None else count
     reader = FrameReader(Decoder(), described_nodes(session))
-    for frame, _, _ in exchanged[: len(exchanged) - len(found)]:
-        reader.read(frame)  # a transfer may have begun before
-    frames = (TracedFrame(explained(frame, reader), sent, secret) for frame, sent, secret in found)
-    return Traced(tuple(frames))
+    frames = []
+    for number, (frame, sent, secret) in enumerate(exchanged):
+        if number < len(exchanged) - wanted and (not only or count is None):
+            reader.read(frame)  # a transfer may have begun before
+            continue
+        seen = explained(frame, reader)
+        if not only or seen.reading.is_one_of(only):
+            frames.append(TracedFrame(seen, sent, secret))
+    if not frames:
+        session.reporter.note(f"no frame of the last exchange is of the kinds {', '.join(sorted(only))}")
+    return Traced(tuple(frames[-wanted:]))
 
 
 def _count_of_refusal(exchanged: Sequence[tuple[Frame, bool, bool]]) -> int:

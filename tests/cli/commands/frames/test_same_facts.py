@@ -108,14 +108,14 @@ def facts(document: dict[str, Any]) -> tuple[Any, ...]:
     return tuple(document[key] for key in ("cob_id", "data", "what", "text", "fields", "signals", "node"))
 
 
-def monitored(bench: Bench, frames: list[str]) -> list[dict[str, Any]]:
+def monitored(bench: Bench, frames: list[str], only: frozenset[str] = frozenset()) -> list[dict[str, Any]]:
     """What the monitor in a pipe gives of *frames*, put on the bus meanwhile."""
     found: list[dict[str, Any]] = []
     with watching(bench.session, (1, 2, 3)) as watched:
         for frame in frames:
             sent = typed_frame(frame)
             bench.session.wire.send(sent)
-        stream(watched, lambda seen: found.extend(each.document() for each in seen), duration_s=0.12)
+        stream(watched, lambda seen: found.extend(each.document() for each in seen), duration_s=0.12, only=only)
     return [document for document in found if document["cob_id"] not in _HEARTBEATS]
 
 
@@ -174,10 +174,12 @@ def test_only_thins_out_every_way(only: str, kept: list[str], tmp_path: Path) ->
     ]  # fmt: skip
     log, jsonl = tmp_path / "run.log", tmp_path / "run.jsonl"
     log.write_text("".join(f"({BEGIN_S + n}.000000) can0 {frame}\n" for n, frame in enumerate(frames)), "ascii")
-    with Bench(("gen4",)) as bench:
+    with Bench(("gen4",), in_real_time=True) as bench:
         found = [json.loads(line) for line in bench.run(f"decode {log} --json --only {only}").stdout.splitlines()]
         rows = bench.run(f"decode {log} --csv --only {only}").stdout.splitlines()[1:]
         assert bench.run(f"decode {log} -o {jsonl} --only {only}").code == 0
+        live = [facts(one) for one in monitored(bench, frames, frozenset(only.split(",")))]
+    assert live == [facts(one) for one in found]
     assert [f"{one['cob_id']:03X}#{one['data'].replace(' ', '')}" for one in found] == kept
     assert len(rows) == len(kept)
     assert [facts(json.loads(line)) for line in jsonl.read_text("utf-8").splitlines()] == [facts(one) for one in found]
@@ -186,3 +188,19 @@ def test_only_thins_out_every_way(only: str, kept: list[str], tmp_path: Path) ->
 def test_a_kind_that_there_is_not_is_a_usage_error() -> None:
     ran = Bench(()).run("decode run.log --only pdos")
     assert (ran.code, "'pdos' is not a kind of frames; the kinds are pdo, mpdo" in ran.stderr) == (2, True)
+
+
+def test_log_thins_out_values_and_refuses_to_do_so_with_frames(tmp_path: Path) -> None:
+    """What it would not do is not taken in silence: a .log has all frames."""
+    path = tmp_path / "run.jsonl"
+    with Bench(("gen4",), in_real_time=True) as bench:
+        for line in ("write 1017 20", "set tpdo1 --timer 20", "nmt start 1"):
+            assert bench.run(line).code == 0
+        kinds = {}
+        for words in ("", " --only heartbeat"):
+            assert bench.run(f"log {path} --decode --duration 0.3 --yes{words}").code == 0
+            kinds[words] = {json.loads(line)["what"] for line in path.read_text("utf-8").splitlines()}
+        refused = bench.run(f"log {tmp_path / 'run.log'} --only heartbeat")
+    assert kinds == {"": {"pdo", "heartbeat"}, " --only heartbeat": {"heartbeat"}}
+    assert (refused.code, "--only, --rotate and --source are of values" in refused.stderr) == (2, True)
+    assert not (tmp_path / "run.log").exists()

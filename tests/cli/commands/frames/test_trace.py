@@ -48,6 +48,20 @@ def test_an_abort_is_in_words() -> None:
         assert "object does not exist in the object dictionary" in bench.run("trace last").stdout
 
 
+def test_kinds_of_frames_are_selected() -> None:
+    with Bench(in_real_time=True) as bench:
+        bench.run("read 2FFF --force")
+        bench.run("read 1001")
+        found = bench.run("trace last --only sdo-abort --json").document["frames"]
+        assert [(one["what"], one["frame"][:4]) for one in found] == [("sdo-abort", "581#")]
+        two = bench.run("trace last --count 2 --only sdo --json").document["frames"]
+        assert [one["sent"] for one in two] == [True, False]
+        assert two == bench.run("trace last --json").document["frames"][-2:]
+        none = bench.run("trace last --only emcy")
+        assert (none.code, none.stdout) == (0, "")
+        assert "no frame of the last exchange is of the kinds emcy" in none.stderr
+
+
 def test_it_sends_nothing_and_stays_bounded() -> None:
     with Bench(in_real_time=True) as bench:
         for _ in range(REMEMBERED):
