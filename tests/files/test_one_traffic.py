@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +44,7 @@ TRAFFIC = [
     *_frames("181#120034125634", "185#370012", "3A5#0102030405060708", "085#2030810000000000", "085#0000000000000000"),
     *_frames("18FF0102#0102", "00000181#010203", "6FF#"),
 ]  # fmt: skip
-TIMED = [replace(frame, timestamp_s=BEGIN_S + 0.001 + 0.01 * number) for number, frame in enumerate(TRAFFIC)]
+TIMED = [frame._replace(timestamp_s=BEGIN_S + 0.001 + 0.01 * number) for number, frame in enumerate(TRAFFIC)]
 #: what a fact is: all but the time
 KEYS = ("cob_id", "extended", "data", "kind", "node", "pdo", "signals", "physical", "what", "text", "fields")
 
