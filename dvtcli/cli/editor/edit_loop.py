@@ -83,8 +83,8 @@ def edit(session: Conversation, pdo: NodePdo | None) -> None:
 
 
 def _say_edits(session: Conversation, failed: DvtcliError, plan: Plan) -> None:
-    """Show the edits of *plan*, of which nothing was written as it *failed*: the screen is left, and they with it."""
-    if failed.state == "unchanged":
+    """Show the edits of *plan* if it *failed* without a trace on the node: they end with the screen."""
+    if failed.state in ("unchanged", "rolled_back"):
         for line in change_lines(plan):
             session.reporter.note(f"your edit as a command: {line}")
 

@@ -16,7 +16,7 @@ from dvtcli.domain.profile import Severity
 from dvtcli.domain.rules.finding import Finding
 from tests.cli.editor.test_editor_screen import F2, F10, edited, pdos
 from tests.cli.prompt.conftest import Open, open_terminal
-from tests.cli.prompt.terminal import ENTER, ESCAPE, Terminal
+from tests.cli.prompt.terminal import CTRL_C, ENTER, ESCAPE, Terminal
 from tests.posix import SIGKILL
 from tests.simulator.serve.killing import CutOff, Victim, killable
 from tests.simulator.serve.served import bus_words, own_environment, served
@@ -62,6 +62,36 @@ def test_a_change_cut_short_is_recovered(tmp_path: Path, open_terminal: Open, is
         assert code in ((None, 137) if is_killed else (5, 7)), terminal.text
         assert pdos(server) != before
         assert server.dvtcli("-n", "1", "--yes", "recover").returncode == 0
+        assert pdos(server) == before
+
+
+@dataclass
+class Stopped(Victim):
+    """A dvtcli at a terminal that gets a Ctrl-C at a frame."""
+
+    terminal: Terminal = field(kw_only=True)
+
+    def falls_at(self, request: bytes) -> bool:
+        """Press Ctrl-C there; the request is passed on all the same."""
+        if super().falls_at(request):
+            self.left = -1  # once
+            self.terminal.type(CTRL_C)
+        return False
+
+
+def test_ctrl_c_while_a_change_is_written_rolls_it_back_and_says_the_edits(tmp_path: Path, open_terminal: Open) -> None:
+    with killable(tmp_path, "gen4@1") as server:
+        before = pdos(server)
+        terminal = open_terminal(*bus_words(server.port), "-n", "1", "edit", "tpdo2", environment=state_of(tmp_path))
+        terminal.wait("FRAME OF TPDO2", "606C:00/32")
+        terminal.type("d")
+        terminal.wait("TPDO2 changed, not applied", "4 bytes free")
+        terminal.until(lambda: "asking the rules" not in terminal.text, "the rules asked")
+        server.door.victim = Stopped(3, is_download, terminal=terminal)
+        terminal.type(F10)
+        assert terminal.ended() == 130, terminal.text
+        server.door.victim = None
+        assert "your edit as a command: map tpdo2 6077" in " ".join(terminal.text.split())
         assert pdos(server) == before
 
 
