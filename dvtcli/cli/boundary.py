@@ -112,8 +112,8 @@ def _stopped(session: Conversation) -> int:
     word = "interrupted" if code == INTERRUPTED else "terminated"
     if session.tells_state or session.output.json:
         state, said = session.state_now()
-        stopped = Interrupted(word, state=state)
-        stopped.exit_code, stopped.state_text = code, said
+        stopped = session.cancellation.interrupted(word, state=state)
+        stopped.state_text = said
         return _shown(session, stopped)
     left = f": the changes of {join_some(staying)} stay" if staying else ""
     session.output.lines([word + left])

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from dvtcli.errors import Interrupted
 
 if TYPE_CHECKING:
+    from dvtcli.domain.hint import Hint
     from dvtcli.errors import State
 
 #: Exit code of what Ctrl-C stopped.
@@ -44,9 +45,11 @@ class Cancellation:
             self.requested = True
         return again and insists
 
-    def interrupted(self, text: str, *, node: int | None = None, state: State = "unchanged") -> Interrupted:
+    def interrupted(
+        self, text: str, *, node: int | None = None, state: State = "unchanged", hint: Hint | None = None
+    ) -> Interrupted:
         """The error of work that a request stopped, with its exit code."""
-        error = Interrupted(text, node=node, state=state)
+        error = Interrupted(text, node=node, state=state, hint=hint)
         error.exit_code = self.exit_code
         return error
 

@@ -24,7 +24,7 @@ from dvtcli.device.programs import (
 from dvtcli.device.read_pdos import ABSENT
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.ports import CanopenBus
-from dvtcli.errors import DeviceRefused, DvtcliError, Interrupted, LeftChanged, NoAnswer, SdoAborted, SdoProtocolError
+from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, NoAnswer, SdoAborted, SdoProtocolError
 
 #: how long clearing, and the answer after the last byte, may take (s)
 SLOW_S = 30.0
@@ -93,7 +93,7 @@ class ProgramDownload:
         if self._read(PROGRAM_CONTROL) == START:
             raise DeviceRefused(f"node {self.node_id} did not stop its firmware", node=self.node_id)
         if self.cancellation.requested:
-            raise Interrupted("stopped before the old program was cleared", node=self.node_id)
+            raise self.cancellation.interrupted("stopped before the old program was cleared", node=self.node_id)
 
     def _replace(self, data: bytes, expected: int | None) -> None:
         self._enter(Stage.CLEARING)

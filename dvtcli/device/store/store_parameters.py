@@ -93,14 +93,12 @@ def chosen(
 
 
 def _interrupted(node_id: int, index: int, cancellation: Cancellation) -> Interrupted:
-    error = Interrupted(
+    return cancellation.interrupted(
         f"node {node_id} was asked to {word_of(index)}; its answer was not waited for",
         node=node_id,
-        hint=_again(index, "it may still be writing its memory: leave it powered, then {} again"),
         state="unknown",
+        hint=_again(index, "it may still be writing its memory: leave it powered, then {} again"),
     )
-    error.exit_code = cancellation.exit_code
-    return error
 
 
 def _unanswered(gone: BusUnavailable, index: int) -> BusUnavailable:

@@ -370,6 +370,20 @@ def test_words_that_do_not_fit(loading: Loading) -> None:
     assert loading.held == FACTORY_PROGRAM
 
 
+@pytest.mark.parametrize("code", [130, 143])
+def test_a_signal_before_the_old_program_is_cleared_leaves_it_running(loading: Loading, code: int) -> None:
+    """It comes when the program is stopped, and ends the command with its own exit code."""
+
+    def stop(frame: Frame, ours: bool) -> None:
+        if ours and frame.data[:4] == bytes.fromhex("2F511F01"):
+            loading.bench.session.cancellation.asked(code, insists=True)
+
+    loading.bench.session.open_network().bus.tap(stop)
+    ran = loading.run()
+    assert (ran.code, loading.held, loading.control) == (code, FACTORY_PROGRAM, 1), ran
+    assert "stopped before the old program was cleared" in ran.stderr
+
+
 def test_from_python(tmp_path: Path) -> None:
     (tmp_path / "fw.bin").write_bytes(PROGRAM)
     with dvtcli.simulate("loader") as bus:
