@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 from dvtcli.domain.cob_id import CobId, can_id_text
 
@@ -107,6 +107,16 @@ class PdoCommunicationParameter:
     sync_start_value: int | None = None
 
 
+class PdoParameters(TypedDict, total=False):
+    """Fields of a `PdoCommunicationParameter` to replace."""
+
+    cob_id: CobId
+    transmission_type: int | None
+    inhibit_time: int | None
+    event_timer: int | None
+    sync_start_value: int | None
+
+
 @dataclass(frozen=True, slots=True)
 class PdoConfig:
     """A PDO's configuration: its communication parameter and its active mapping, in frame order.
@@ -170,6 +180,14 @@ class PdoConfig:
     def bits(self) -> int:
         """Total length of the mapping in bits."""
         return total_bits(self.mapping)
+
+    def with_parameters(self, **values: Unpack[PdoParameters]) -> PdoConfig:
+        """The same PDO with *values* in its communication parameter."""
+        return replace(self, communication=replace(self.communication, **values))
+
+    def disabled(self) -> PdoConfig:
+        """The same PDO with bit 31 of its COB-ID set."""
+        return self.with_parameters(cob_id=self.communication.cob_id.disabled())
 
 
 def is_mapping_index(index: int) -> bool:

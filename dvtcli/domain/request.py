@@ -112,14 +112,12 @@ def resolved(want: AnyPdoRequest, proposal: Proposal, lengths: Mapping[ObjectAdd
     now = proposal.now
     if isinstance(want, Cleared):
         return cleared(now)
-    cob_id = now.communication.cob_id.enabled() if want.enabled else now.communication.cob_id.disabled()
-    return replace(now, communication=replace(now.communication, cob_id=cob_id))
+    return now.with_parameters(cob_id=now.communication.cob_id.enabled()) if want.enabled else now.disabled()
 
 
 def cleared(now: PdoConfig) -> PdoConfig:
     """*now* without mapping, and disabled; missing parameters stay missing."""
-    off = replace(now.communication, cob_id=now.communication.cob_id.disabled())
-    return PdoConfig(off, (), unread=now.lacking)
+    return PdoConfig(now.disabled().communication, (), unread=now.lacking)
 
 
 def _requested(request: PdoRequest, proposal: Proposal, lengths: Mapping[ObjectAddress, int | None]) -> PdoConfig:
@@ -137,7 +135,7 @@ def _requested(request: PdoRequest, proposal: Proposal, lengths: Mapping[ObjectA
         want = PdoConfig(communication, _entries(request.objects, proposal, lengths), unread=now.lacking)
     elif request.mpdo is not None and request.mpdo != now.count:
         want = PdoConfig(communication, (), request.mpdo, unread=now.lacking)
-    return _with_cob_id(want, _cob_id(request, proposal, want))
+    return want.with_parameters(cob_id=_cob_id(request, proposal, want))
 
 
 def instead_findings(want: AnyPdoRequest, proposal: Proposal) -> Iterator[Finding]:
@@ -153,7 +151,7 @@ def instead_findings(want: AnyPdoRequest, proposal: Proposal) -> Iterator[Findin
     if not kept or kept == got.can_id:
         return
     usual = replace(got, can_id=kept, extended=held.extended and want.cob_id is None)
-    kept_proposal = replace(proposal, want=_with_cob_id(proposal.want, usual))
+    kept_proposal = replace(proposal, want=proposal.want.with_parameters(cob_id=usual))
     refusals = (finding for finding in can_id_findings(kept_proposal) if finding.severity is Severity.ERROR)
     for refused in islice(refusals, 1):
         same = Hint(Action.SELECT_CAN_ID, {"can_id": usual}) + Hint(Action.FORCE, why=" {} accepts it nevertheless")
@@ -191,10 +189,6 @@ def _by_set(step: Hint, pdo: Pdo) -> Hint:
     return replace(step, action=Action.SET_PDO, arguments={"pdo": pdo, **_SAID_BY_SET[step.action], **can_id})
 
 
-def _with_cob_id(config: PdoConfig, cob_id: CobId) -> PdoConfig:
-    return replace(config, communication=replace(config.communication, cob_id=cob_id))
-
-
 def _pick(asked: int | None, held: int | None) -> int | None:
     return held if asked is None else asked
 
@@ -229,7 +223,7 @@ def _rtr(request: PdoRequest, proposal: Proposal) -> bool:
 
 def _legal(proposal: Proposal, cob_id: CobId) -> bool:
     """Whether the PDO may be enabled with *cob_id*; an enabled PDO keeps its COB-ID even if shared."""
-    wanted = replace(proposal, want=_with_cob_id(proposal.want, cob_id))
+    wanted = replace(proposal, want=proposal.want.with_parameters(cob_id=cob_id))
     if cob_id != proposal.now.communication.cob_id:
         findings = can_id_findings(wanted)
     elif disables(proposal.now, wanted.want):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
@@ -163,7 +162,7 @@ def whole_lines(pdo: Pdo, config: PdoConfig) -> list[str]:
         return _mpdo_lines(pdo, config)
     cob_id = config.communication.cob_id
     if config.mapping and config.enabled and not (cob_id.extended or _is_free(cob_id)):
-        off = replace(config, communication=replace(config.communication, cob_id=cob_id.disabled()))
+        off = config.disabled()
         return [
             map_line(pdo, off),
             f"# {pdo} was enabled with CAN-ID {cob_id}, which CiA 301 does not allow for PDOs: {STAYS_OFF}",
@@ -274,5 +273,5 @@ def _pdo_lines(
         return whole_lines(pdo, after[pdo])
     now = before[pdo]
     if disabled:
-        now = replace(now, communication=replace(now.communication, cob_id=now.communication.cob_id.disabled()))
+        now = now.disabled()
     return change_line(plan_pdo(pdo, now, after[pdo])).splitlines()

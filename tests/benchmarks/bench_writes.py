@@ -51,11 +51,11 @@ def entries(*words: int) -> tuple[PdoMappingEntry, ...]:
 
 
 def communication(**changes: object) -> Ours:
-    return lambda config: replace(config, communication=replace(config.communication, **changes))  # type: ignore[arg-type]
+    return lambda config: config.with_parameters(**changes)  # type: ignore[arg-type]
 
 
 def at(can_id: int) -> Ours:
-    return lambda now: communication(cob_id=replace(now.communication.cob_id, can_id=can_id))(now)
+    return lambda now: now.with_parameters(cob_id=replace(now.communication.cob_id, can_id=can_id))
 
 
 def remap(pdo_map: canopen.pdo.PdoMap) -> None:
@@ -68,7 +68,7 @@ START = entries(0x60410010, 0x60610008, 0x60640020)
 CHANGES = [
     Change("event timer only", communication(event_timer=100), lambda pdo: setattr(pdo, "event_timer", 100), 1),
     Change("transmission type only", communication(transmission_type=2), lambda pdo: setattr(pdo, "trans_type", 2), 1),
-    Change("disable", lambda now: communication(cob_id=now.communication.cob_id.disabled())(now),
+    Change("disable", lambda now: now.disabled(),
            lambda pdo: setattr(pdo, "enabled", False), 1),
     Change("another COB-ID", at(0x1C1), lambda pdo: setattr(pdo, "cob_id", 0x1C1), 2),
     Change("3 other entries", lambda now: replace(now, mapping=entries(0x60770010, 0x606C0020, 0x60410010)), remap, 7),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -72,7 +71,7 @@ def pdo(text: str, cob_id: int) -> tuple[Pdo, PdoConfig]:
     """A PDO of the generic drive as it would be with this COB-ID."""
     one = Pdo.parse(text)
     held = read_pdo(SDO, one)
-    return one, replace(held, communication=replace(held.communication, cob_id=CobId.from_raw(cob_id)))
+    return one, held.with_parameters(cob_id=CobId.from_raw(cob_id))
 
 
 @pytest.mark.parametrize(
@@ -109,7 +108,7 @@ def test_what_is_right_already_is_left_alone() -> None:
 def held(text: str, event_timer: int) -> tuple[Pdo, PdoConfig]:
     one = Pdo.parse(text)
     config = read_pdo(SDO, one)
-    return one, replace(config, communication=replace(config.communication, event_timer=event_timer))
+    return one, config.with_parameters(event_timer=event_timer)
 
 
 @pytest.fixture

@@ -30,7 +30,7 @@ def off(one: Node, pdo: Pdo = TPDO1, *, held: dict[str, int | None] | None = Non
     """*pdo* of *one* as it would be if it were disabled and its parameters were *held*."""
     config = one.pdo(pdo)
     cob_id = config.communication.cob_id.disabled()
-    return replace(config, communication=replace(config.communication, cob_id=cob_id, **(held or {})))
+    return config.with_parameters(cob_id=cob_id, **(held or {}))
 
 
 def changes(one: Node, *configs: PdoConfig, pdo: Pdo = TPDO1) -> list[tuple[str, int, int | None, int | None]]:

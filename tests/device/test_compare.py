@@ -17,7 +17,7 @@ WANTED = PdoConfig(PdoCommunicationParameter(CobId(0x181), 255, 10, 20, 1), (STA
 
 
 def held(**parameters: object) -> PdoConfig:
-    return replace(WANTED, communication=replace(WANTED.communication, **parameters))  # type: ignore[arg-type]
+    return WANTED.with_parameters(**parameters)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

@@ -69,7 +69,7 @@ def test_single_objects_that_are_not_their_default_are_named() -> None:
 
 
 def altered(config: PdoConfig, **parameters: int) -> PdoConfig:
-    return replace(config, communication=replace(config.communication, **parameters))
+    return config.with_parameters(**parameters)
 
 
 def test_every_parameter_of_a_pdo_that_is_not_its_default_is_named() -> None:
@@ -135,7 +135,7 @@ def test_a_parameter_of_which_the_file_or_the_node_tells_nothing_is_named() -> N
         *(OdEntry(0x1800, sub, "", default=data) for sub, data in ((1, bytes(4)), (2, b"\xff"), (5, bytes(2))))
     )
     held = replace(one.pdo(TPDO1), mapping=())
-    held = replace(held, communication=replace(held.communication, event_timer=None, inhibit_time=None))
+    held = held.with_parameters(event_timer=None, inhibit_time=None)
     found = differing_from_defaults(described, GENERIC, 1, {TPDO1: held})
     assert (found.compared, found.differences) == (1, ())
     assert found.not_compared == ("0x1800:01", "0x1800:05", "0x1800:06", "0x1A00:00"), "0x000 is no CAN-ID of a PDO"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
 from dvtcli.cli.view.typed_hints import typed
@@ -25,7 +23,7 @@ def node() -> Node:
 
 
 def timed(config: PdoConfig, timer_ms: int) -> PdoConfig:
-    return replace(config, communication=replace(config.communication, event_timer=timer_ms))
+    return config.with_parameters(event_timer=timer_ms)
 
 
 def written(node: Node, place: tuple[int, int], number: int, before: bytes | None = b"\0\0") -> ValueChange:

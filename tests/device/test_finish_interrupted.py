@@ -42,7 +42,7 @@ def interrupted(bench: Bench, plan: Plan | None = None) -> Journal:
 
 def timed(bench: Bench, timer_ms: int) -> Plan:
     now = bench.node.pdo(TPDO1)
-    want = replace(now, communication=replace(now.communication, event_timer=timer_ms))
+    want = now.with_parameters(event_timer=timer_ms)
     return Plan(NODE, (plan_pdo(TPDO1, now, want),))
 
 

@@ -22,7 +22,7 @@ def timed(pdo: Pdo, before_ms: int, after_ms: int) -> Plan:
 
 
 def at(pdo: Pdo, event_timer: int) -> PdoConfig:
-    return replace(HELD[pdo], communication=replace(HELD[pdo].communication, event_timer=event_timer))
+    return HELD[pdo].with_parameters(event_timer=event_timer)
 
 
 def written(index: int, sub_index: int, before: int, after: int) -> Plan:
@@ -58,13 +58,12 @@ def test_what_was_written_to_a_pdo_that_is_put_back_whole_counts_no_longer() -> 
 
 def test_but_for_an_entry_behind_the_count_of_a_mapping_that_was_empty() -> None:
     """It is put back after the PDO, which makes room for it: so it stands before it."""
-    off = HELD[TPDO1].communication.cob_id.disabled()
-    empty = replace(HELD[TPDO1], communication=replace(HELD[TPDO1].communication, cob_id=off), mapping=())
+    empty = replace(HELD[TPDO1].disabled(), mapping=())
     mapped = replace(empty, mapping=HELD[TPDO1].mapping)
     on_and_empty = replace(HELD[TPDO1], mapping=())
     entry, count = written(0x1A00, 1, 1, 2), written(0x1A00, 0, 0, 1)
     for before, labels in ((empty, ["1A00:01", "TPDO1"]), (mapped, ["TPDO1"]), (on_and_empty, ["TPDO1"])):
-        after = replace(before, communication=replace(before.communication, event_timer=77))
+        after = before.with_parameters(event_timer=77)
         change = Plan(NODE, (plan_pdo(TPDO1, before, after),))
         for plans in ([entry, change], [change, entry], [count, entry, change, written(0x1800, 2, 1, 2)]):
             assert [one.label for one in combine_plans(NODE, plans).changes] == labels

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import pytest
 
@@ -69,5 +69,5 @@ def test_a_node_that_never_keeps_still_is_said_to_have_been_read_back_in_vain() 
 def test_a_difference_is_told_of_what_was_read_last() -> None:
     one, _ = node()
     held = one.pdo(TPDO1)
-    wanted = replace(held, communication=replace(held.communication, event_timer=77))
+    wanted = held.with_parameters(event_timer=77)
     assert [label for label, _ in config_differences(one, TargetConfig({TPDO1: wanted}))] == ["TPDO1"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import pytest
 
@@ -27,11 +27,11 @@ def test_the_cob_ids_of_the_others_are_known_also_of_a_multiplexed_pdo(count: in
     channel = DirectSdo(device)
     node = Node(DirectBus(device, channel), NODE, dictionary("generic"))
     now = node.pdos()
-    moved = replace(now[TPDO1], communication=replace(now[TPDO1].communication, cob_id=CobId(0x190)))
+    moved = now[TPDO1].with_parameters(cob_id=CobId(0x190))
     beside = untouched_cob_ids(node, Plan(NODE, (plan_pdo(TPDO1, now[TPDO1], moved),)))
     assert beside.keys() == now.keys() - {TPDO1}
     assert all(cob_id == now[pdo].communication.cob_id for pdo, cob_id in beside.items())
-    timed = replace(now[TPDO1], communication=replace(now[TPDO1].communication, event_timer=5))
+    timed = now[TPDO1].with_parameters(event_timer=5)
     assert untouched_cob_ids(node, Plan(NODE, (plan_pdo(TPDO1, now[TPDO1], timed),))) == {}
 
 

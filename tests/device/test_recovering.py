@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -39,7 +38,7 @@ def journal(node: Node, *changes: Change, identity: Identity | None = None) -> J
 
 
 def with_(config: PdoConfig, **parameters: int) -> PdoConfig:
-    return replace(config, communication=replace(config.communication, **parameters))  # type: ignore[arg-type]
+    return config.with_parameters(**parameters)  # type: ignore[arg-type]
 
 
 def heartbeat(before: bytes | None, after: bytes = b"\xe8\3") -> ValueChange:

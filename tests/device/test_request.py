@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
 from dvtcli.device.node import Node
@@ -28,7 +26,7 @@ def test_a_request_without_objects_keeps_the_mapping() -> None:
     one, _ = node()
     before = one.pdo(TPDO1)
     one.configure({TPDO1: PdoRequest(event_timer=70)})
-    assert one.pdo(TPDO1) == replace(before, communication=replace(before.communication, event_timer=70))
+    assert one.pdo(TPDO1) == before.with_parameters(event_timer=70)
 
 
 def test_objects_come_as_words_without_a_length_as_entries_and_as_gaps() -> None:
@@ -47,7 +45,7 @@ def test_switching_and_clearing_touch_nothing_else(want: AnyPdoRequest) -> None:
     before = one.pdo(TPDO1)
     one.configure({TPDO1: want})
     held = one.pdo(TPDO1)
-    assert held.communication == replace(before.communication, cob_id=before.communication.cob_id.disabled())
+    assert held.communication == before.disabled().communication
     assert held.mapping == (() if want == Cleared() else before.mapping)
 
 

@@ -39,7 +39,7 @@ def timers(sdo: DirectSdo, timer_ms: int, *pdos: Pdo) -> Plan:
     changes = []
     for pdo in pdos:
         now = read_pdo(sdo, pdo)
-        want = replace(now, communication=replace(now.communication, event_timer=timer_ms))
+        want = now.with_parameters(event_timer=timer_ms)
         changes.append(plan_pdo(pdo, now, want))
     return Plan(NODE, tuple(changes))
 
@@ -103,7 +103,7 @@ def test_a_journal_puts_back_what_the_device_takes_wherever_the_change_was_kille
     before = read_pdo(sdo, one)
     assert bool(before.inconsistency) is one.is_tpdo
     entry = PdoMappingEntry((INPUTS if one.is_tpdo else OUTPUTS), 3, 8)
-    back = PdoConfig(replace(before.communication, cob_id=before.communication.cob_id.disabled()), ())
+    back = PdoConfig(before.disabled().communication, ())
     change = plan_pdo(one, before, PdoConfig(before.communication, (entry,)))._replace(substitute=back)
     journals = Journals(Path("journals").resolve(), "direct")
     journals.write(Plan(NODE, (change,)), {}, None)
@@ -127,8 +127,7 @@ def with_weaker_way_back(sdo: SdoReader) -> PdoChange:
     """TPDO1 gets another mapping; it was foreseen that its present one is not taken back."""
     before = read_pdo(sdo, TPDO1)
     want = replace(before, mapping=(PdoMappingEntry(0x606C, 0, 32),))
-    off = replace(before.communication, cob_id=before.communication.cob_id.disabled())
-    return plan_pdo(TPDO1, before, want)._replace(substitute=PdoConfig(off, ()))
+    return plan_pdo(TPDO1, before, want)._replace(substitute=PdoConfig(before.disabled().communication, ()))
 
 
 @pytest.mark.parametrize("at", range(1, 6))
@@ -171,7 +170,7 @@ class AlwaysBusy(DirectSdo):
 def test_a_refusal_that_lasts_leads_there_whatever_reason_it_gives() -> None:
     sdo = AlwaysBusy(odd_device().device)
     before = read_pdo(sdo, TPDO1)
-    back = PdoConfig(replace(before.communication, cob_id=before.communication.cob_id.disabled()), ())
+    back = PdoConfig(before.disabled().communication, ())
     entry = PdoMappingEntry(INPUTS, 3, 8)
     change = plan_pdo(TPDO1, before, PdoConfig(before.communication, (entry,)))._replace(substitute=back)
     for step in change.steps:
@@ -184,7 +183,7 @@ def test_an_entry_behind_the_count_goes_back_with_its_pdo_whose_count_is_in_its_
     sdo = DirectSdo(booted())
     sdo.download(0x1800, 1, (0xC000_0181).to_bytes(4, "little"))
     before = read_pdo(sdo, TPDO1)
-    want = replace(before, communication=replace(before.communication, event_timer=77))
+    want = before.with_parameters(event_timer=77)
     old, new = sdo.upload(0x1A00, 2), (0x606C_0020).to_bytes(4, "little")
     assert (len(before.mapping), old != new) == (1, True)
     unknown = ValueChange(Step(0x1A00, 4, None, new, "write-only, as it was said"))

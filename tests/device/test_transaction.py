@@ -61,7 +61,7 @@ def value(sdo: DirectSdo, number: int) -> ValueChange:
 def moved(sdo: DirectSdo, pdo: Pdo, can_id: int) -> PdoChange:
     now = read_pdo(sdo, pdo)
     cob_id = replace(now.communication.cob_id, can_id=can_id)
-    return plan_pdo(pdo, now, replace(now, communication=replace(now.communication, cob_id=cob_id)))
+    return plan_pdo(pdo, now, now.with_parameters(cob_id=cob_id))
 
 
 def refused_bus(_inner: SdoTransport, _index: int, _sub_index: int, _data: bytes) -> None:
@@ -183,7 +183,7 @@ def test_a_difference_is_laid_to_a_restart_only_where_there_was_one(sdo: DirectS
 
 def test_what_was_so_already_and_is_lost_meanwhile_is_a_difference_too(sdo: DirectSdo) -> None:
     now = read_pdo(sdo, TPDO1)
-    lost = replace(now, communication=replace(now.communication, cob_id=now.communication.cob_id.disabled()))
+    lost = now.disabled()
     error = failed(sdo, PdoChange(TPDO1, lost, lost, ()))
     assert error.place == "TPDO1"
 
@@ -269,9 +269,9 @@ def enabled(sdo: DirectSdo) -> PdoChange:
     """TPDO1, which is made to be off, is switched on."""
     run(sdo, moved(sdo, TPDO2, 0x2B1))
     now = read_pdo(sdo, TPDO1)
-    off = replace(now, communication=replace(now.communication, cob_id=now.communication.cob_id.disabled()))
+    off = now.disabled()
     run(sdo, plan_pdo(TPDO1, now, off))
-    on = replace(now, communication=replace(now.communication, cob_id=now.communication.cob_id.enabled()))
+    on = now.with_parameters(cob_id=now.communication.cob_id.enabled())
     return plan_pdo(TPDO1, off, on)
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
 from dvtcli.device.change.undo_plan import refuse_unless_left, undo_plan_of
@@ -25,7 +23,7 @@ def node() -> Node:
 
 def timed(node: Node, pdo: Pdo, timer_ms: int) -> PdoConfig:
     now = node.pdo(pdo)
-    return replace(now, communication=replace(now.communication, event_timer=timer_ms))
+    return now.with_parameters(event_timer=timer_ms)
 
 
 def from_to(node: Node, pdo: Pdo, before_ms: int, after_ms: int) -> PdoChange:

@@ -28,7 +28,7 @@ class Bench:
 
     def timed(self, pdo: Pdo, timer_ms: int) -> PdoConfig:
         now = self.node.pdo(pdo)
-        return replace(now, communication=replace(now.communication, event_timer=timer_ms))
+        return now.with_parameters(event_timer=timer_ms)
 
     def made(self, change: Change) -> None:
         """*change* is made, and remembered."""

@@ -96,7 +96,7 @@ def test_disabling_is_needed_or_left_out_and_keeps_every_other_bit(pdo: Pdo, pai
 @given(pdos, configs, st.integers(0, 0xFFFF))
 def test_another_event_timer_is_one_step(pdo: Pdo, a: PdoConfig, timer: int) -> None:
     assume(a.communication.event_timer not in (None, timer))
-    b = replace(a, communication=replace(a.communication, event_timer=timer))
+    b = a.with_parameters(event_timer=timer)
     (step,) = plan_pdo(pdo, a, b).steps
     assert (step.object, step.after) == (f"{pdo.communication_index:04X}:05", timer.to_bytes(2, "little"))
 
@@ -104,7 +104,7 @@ def test_another_event_timer_is_one_step(pdo: Pdo, a: PdoConfig, timer: int) -> 
 @given(pdos, configs, st.integers(0, 0xFF))
 def test_another_transmission_type_is_one_step(pdo: Pdo, a: PdoConfig, transmission_type: int) -> None:
     assume(a.communication.transmission_type not in (None, transmission_type))
-    b = replace(a, communication=replace(a.communication, transmission_type=transmission_type))
+    b = a.with_parameters(transmission_type=transmission_type)
     (step,) = plan_pdo(pdo, a, b).steps
     assert (step.object, step.after) == (f"{pdo.communication_index:04X}:02", bytes([transmission_type]))
 
@@ -113,7 +113,7 @@ def test_another_transmission_type_is_one_step(pdo: Pdo, a: PdoConfig, transmiss
 def test_switching_on_and_off_is_one_step(pdo: Pdo, a: PdoConfig) -> None:
     cob_id = a.communication.cob_id
     flipped = cob_id.disabled() if cob_id.valid else cob_id.enabled()
-    b = replace(a, communication=replace(a.communication, cob_id=flipped))
+    b = a.with_parameters(cob_id=flipped)
     (step,) = plan_pdo(pdo, a, b).steps
     assert int.from_bytes(step.after, "little") == cob_id.raw ^ 0x8000_0000
 
@@ -123,7 +123,7 @@ def test_a_plan_that_is_cut_leaves_the_pdo_disabled_or_as_it_was(
     pdo: Pdo, a: PdoConfig, mapping: tuple[PdoMappingEntry, ...], enabled: bool
 ) -> None:
     cob_id = a.communication.cob_id
-    a = replace(a, communication=replace(a.communication, cob_id=replace(cob_id, valid=enabled)))
+    a = a.with_parameters(cob_id=replace(cob_id, valid=enabled))
     steps = plan_pdo(pdo, a, replace(a, mapping=mapping)).steps
     for cut in range(1, len(steps)):
         device = ModelDevice(pdo, a)

@@ -225,7 +225,7 @@ def one_change(make: Callable[[PdoConfig], PdoConfig], pdo: Pdo = TPDO1) -> Benc
 
 
 def with_parameter(**values: object) -> Callable[[PdoConfig], PdoConfig]:
-    return lambda now: replace(now, communication=replace(now.communication, **values))  # type: ignore[arg-type]
+    return lambda now: now.with_parameters(**values)  # type: ignore[arg-type]
 
 
 CHANGES: dict[str, Callable[[PdoConfig], PdoConfig]] = {

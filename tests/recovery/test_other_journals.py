@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -31,7 +30,7 @@ def waiting(node: Node, label: str, state: NmtState | None = None) -> Path:
     assert node.guard is not None
     pdo = Pdo.parse(label)
     now = node.pdo(pdo)
-    after = replace(now, communication=replace(now.communication, event_timer=50))
+    after = now.with_parameters(event_timer=50)
     path = node.guard.journals.write(Plan(node.node_id, (plan_pdo(pdo, now, after),)), node.identity(), state)
     node.guard.lock.take()
     node.guard.lock.note(path)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -25,7 +24,7 @@ def under_way(node: Node, nmt_state: NmtState | None = None) -> Path:
     """Put the journal of a change of TPDO1's event timer to 50 ms on disk, as its first step; where it is."""
     assert node.guard is not None
     now = node.pdo(TPDO1)
-    after = replace(now, communication=replace(now.communication, event_timer=50))
+    after = now.with_parameters(event_timer=50)
     return node.guard.journals.write(Plan(1, (plan_pdo(TPDO1, now, after),)), node.identity(), nmt_state)
 
 

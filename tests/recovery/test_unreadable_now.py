@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -58,7 +57,7 @@ def interrupted(chain: Chain, node_id: int = 5, places: Collection[tuple[int, in
     with chain.session(node=node_id) as session:
         node, tpdo1 = session.node(node_id), Pdo.parse("tpdo1")
         now = node.pdo(tpdo1)
-        after = replace(now, communication=replace(now.communication, event_timer=50))
+        after = now.with_parameters(event_timer=50)
         changes: list[Change] = [plan_pdo(tpdo1, now, after)]
         for place in places:
             held = node.upload(*place)

@@ -57,17 +57,12 @@ def _set_cob_id(config: PdoConfig, text: str) -> PdoConfig:
     """Set the CAN-ID; it has 29 bits if it is higher than 0x7FF, or written with more than three digits."""
     cob_id, held = parse_cob_id(text), config.communication.cob_id
     extended = cob_id > HIGHEST_BASE_CAN_ID or len(text) > len("0x7FF")
-    return _with(config, cob_id=CobId(cob_id, held.valid, held.rtr_allowed, extended))
+    return config.with_parameters(cob_id=CobId(cob_id, held.valid, held.rtr_allowed, extended))
 
 
 def _type_text(pdo: Pdo, config: PdoConfig) -> str:
     kind = config.communication.transmission_type
     return "" if kind is None else f"{kind}  {transmission_type_text(kind, pdo.direction)}"
-
-
-def _with(config: PdoConfig, **changes: object) -> PdoConfig:
-    communication: PdoCommunicationParameter = replace(config.communication, **changes)  # type: ignore[arg-type]
-    return replace(config, communication=communication)
 
 
 def _number(text: str, most: int) -> int:
@@ -104,25 +99,25 @@ PARAMETERS = (
     Parameter(
         "type",
         _type_text,
-        lambda config, text: _with(config, transmission_type=_number(text, _BYTE)),
+        lambda config, text: config.with_parameters(transmission_type=_number(text, _BYTE)),
         "0: acyclic, synchronous; 1…240: every N-th SYNC; 254, 255: event-driven",
     ),
     Parameter(
         "inhibit time",
         lambda _pdo, config: _text(config.communication.inhibit_time, " ms", INHIBIT_PER_MS),
-        lambda config, text: _with(config, inhibit_time=_time(text, INHIBIT_PER_MS)),
+        lambda config, text: config.with_parameters(inhibit_time=_time(text, INHIBIT_PER_MS)),
         "minimum time between two frames in ms, in steps of 0.1; 0: none",
     ),
     Parameter(
         "event timer",
         lambda _pdo, config: _text(config.communication.event_timer, " ms"),
-        lambda config, text: _with(config, event_timer=_time(text)),
+        lambda config, text: config.with_parameters(event_timer=_time(text)),
         "ms; a TPDO is sent at least so often; 0: off",
     ),
     Parameter(
         "SYNC start",
         lambda _pdo, config: _text(config.communication.sync_start_value, ""),
-        lambda config, text: _with(config, sync_start_value=_number(text, _SYNC_START)),
+        lambda config, text: config.with_parameters(sync_start_value=_number(text, _SYNC_START)),
         "value of the SYNC counter at which the PDO begins, 1…240; 0: any",
     ),
 )
@@ -237,7 +232,7 @@ class EditedPdos:
     def switch(self, pdo: Pdo) -> None:
         """Enable *pdo* if it is disabled, else disable it."""
         config = self.now[pdo]
-        self.put(pdo, _with(config, cob_id=replace(config.communication.cob_id, valid=not config.enabled)))
+        self.put(pdo, config.with_parameters(cob_id=replace(config.communication.cob_id, valid=not config.enabled)))
 
     def bits_left(self, pdo: Pdo) -> int:
         """Return the free bits of the frame."""

@@ -375,9 +375,8 @@ def _as_known(node: Changeable, plan: Plan) -> Plan:
 
 def _may_be_off(node: ReadableNode, change: PdoChange) -> bool:
     """True if the rules allow the PDO to be enabled again, both as planned and as before."""
-    off = replace(change.before.communication, cob_id=change.before.communication.cob_id.disabled())
-    now = replace(change.before, communication=off)
-    return not any(_errors(node, change, now, want) for want in (change.after, change.before))
+    off = change.before.disabled()
+    return not any(_errors(node, change, off, want) for want in (change.after, change.before))
 
 
 def _errors(node: ReadableNode, change: PdoChange, now: PdoConfig, want: PdoConfig) -> tuple[Finding, ...]:

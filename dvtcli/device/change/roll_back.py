@@ -222,8 +222,7 @@ def _pdo_roll_back_steps(sdo: SdoTransport, change: PdoChange, fillers: Sequence
     differing = [filler for filler, data in held.items() if data != filler.step.before]
     if not differing:
         return plan_pdo(change.pdo, now, change.before).steps
-    cob_id = now.communication.cob_id.disabled()
-    opened = PdoConfig(replace(now.communication, cob_id=cob_id), ())
+    opened = PdoConfig(now.disabled().communication, ())
     return (
         *plan_pdo(change.pdo, now, opened).steps,
         *(step for filler in differing for step in filler.reversed().steps),

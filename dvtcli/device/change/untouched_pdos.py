@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.roll_back import altered_cob_ids, first_difference
@@ -100,7 +100,7 @@ class UntouchedPdos:
         cob_id = self.cob_ids.get(pdo, held.communication.cob_id)
         if cob_id != held.communication.cob_id:
             self._in_part.append(pdo)
-        return replace(held, communication=replace(held.communication, cob_id=cob_id))
+        return held.with_parameters(cob_id=cob_id)
 
     def rolled_back_in_part(self, plan: Plan) -> str | None:
         """The device's state after the roll-back of *plan*; None if all PDOs were restored whole."""

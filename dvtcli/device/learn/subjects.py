@@ -96,7 +96,7 @@ def _goes_back(node: NodeDescription, pdo: Pdo, held: PdoConfig) -> bool:
         return False
     if held.inconsistency or (held.enabled and not held.count):
         return False
-    opened = PdoConfig(replace(held.communication, cob_id=held.communication.cob_id.disabled()), ())
+    opened = PdoConfig(held.disabled().communication, ())
     return way_back(Proposal(node.node_id, pdo, opened, held, {}, node.profile, node.dictionary)) is None
 
 

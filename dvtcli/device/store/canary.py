@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain, islice
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -91,7 +91,7 @@ class CanaryParameter(NamedTuple):
         """*pdos* with the canary rolled back to the old value."""
         held = pdos[self.pdo]
         value = getattr(self.before.communication, self.field)
-        return {**pdos, self.pdo: replace(held, communication=replace(held.communication, **{self.field: value}))}
+        return {**pdos, self.pdo: held.with_parameters(**{self.field: value})}
 
 
 class CanaryObject(NamedTuple):
@@ -213,7 +213,7 @@ def _is_complete_and_on(node: NodeDescription, pdo: Pdo, config: PdoConfig) -> b
 
 def _taken_off(node: ReadableNode, pdo: Pdo, config: PdoConfig) -> Iterator[CanaryParameter]:
     """*pdo* disabled, if the rules allow both the change and the roll-back."""
-    off = replace(config, communication=replace(config.communication, cob_id=config.communication.cob_id.disabled()))
+    off = config.disabled()
     ways = ((config, off), (off, config))
     if not any(errors_in(check_pdo(proposal(node, pdo, now, want))) for now, want in ways):
         yield CanaryParameter(pdo, "cob_id", 1, config, off)
@@ -234,7 +234,7 @@ def _allowed(
     for value in (*(() if held and neighbours else values), *neighbours):
         if value == held or value < 0:
             continue
-        want = replace(config, communication=replace(config.communication, **{field: value}))
+        want = config.with_parameters(**{field: value})
         if not errors_in(check_pdo(proposal(node, pdo, config, want))):
             yield CanaryParameter(pdo, field, sub_index, config, want)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.pdo import Pdo, PdoConfig
@@ -244,14 +244,10 @@ def _parts(change: Change) -> Iterator[tuple[int, Change]]:
         return
     off, on = (0, 4) if change.pdo.is_tpdo else (1, 3)
     now, want = change.before, change.after
-    held = _disabled(now) if disables(now, want) else now
+    held = now.disabled() if disables(now, want) else now
     first = want.communication.cob_id.disabled() if needs_rtr_first(now, want) else held.communication.cob_id
-    written = replace(want, communication=replace(want.communication, cob_id=first))
+    written = want.with_parameters(cob_id=first)
     for number, before, after in ((off, now, held), (_WRITE, held, written), (on, written, want)):
         part = plan_pdo(change.pdo, before, after)
         if part.steps:
             yield number, part
-
-
-def _disabled(config: PdoConfig) -> PdoConfig:
-    return replace(config, communication=replace(config.communication, cob_id=config.communication.cob_id.disabled()))

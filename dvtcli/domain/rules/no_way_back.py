@@ -60,11 +60,11 @@ def _weaker(back: Proposal) -> Iterator[PdoConfig]:
     places = {finding.place for finding in _refusals(back)}
     refused = [name for sub, name in _FIELDS.items() if back.communication_place(sub) in places]
     kept = {name: getattr(back.now.communication, name) for name in refused}
-    as_set = replace(back.want, communication=replace(back.want.communication, **kept))
-    off = replace(as_set, communication=replace(as_set.communication, cob_id=as_set.communication.cob_id.disabled()))
+    as_set = back.want.with_parameters(**kept)
+    off = as_set.disabled()
     empty = cleared(off)
     yield from (as_set, off, empty)
-    yield replace(empty, communication=replace(back.now.communication, cob_id=back.now.communication.cob_id.disabled()))
+    yield replace(empty, communication=back.now.disabled().communication)
 
 
 def put_back_finding(pdo: Pdo, before: PdoConfig, back: PdoConfig) -> Finding:

@@ -175,8 +175,7 @@ def _communication(
             yield error("cob-id-while-valid", write.place, "bits 0…30 of a COB-ID are frozen while the PDO is enabled",
                         Abort.VALUE_RANGE, _in_order(write, "cob_id", wanted) if legal else None)  # fmt: skip
             return
-        want = replace(now, communication=replace(parameter, cob_id=wanted))
-        proposal = proposal_for(want)
+        proposal = proposal_for(now.with_parameters(cob_id=wanted))
         yield from can_id_findings(proposal)
         yield from mapping_findings(proposal)
         return

@@ -406,7 +406,7 @@ def _hold(session: SessionNodes, node: Node, state: NetworkState) -> None:
             continue
         if config.communication.transmission_type is None:  # the file's EDS has no default
             kind = held.communication.transmission_type
-            config = replace(config, communication=replace(config.communication, transmission_type=kind))  # noqa: PLW2901
+            config = config.with_parameters(transmission_type=kind)  # noqa: PLW2901
         if config != held:
             changes[pdo] = config
     if changes:

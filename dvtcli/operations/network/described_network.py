@@ -151,8 +151,7 @@ def _held_pdos(node: ReadableNode, alike: Mapping[Pdo, PdoConfig]) -> dict[Pdo, 
     held: dict[Pdo, PdoConfig] = {}
     for pdo in node.present():
         if (same := alike.get(pdo)) is not None:
-            communication = replace(same.communication, cob_id=read_cob_id(node.sdo, pdo))
-            held[pdo] = replace(same, communication=communication)
+            held[pdo] = same.with_parameters(cob_id=read_cob_id(node.sdo, pdo))
             continue
         with suppress(SdoAborted):  # neither COB-ID nor mapping: no such PDO
             held[pdo] = read_pdo(node.sdo, pdo, WHATEVER)
@@ -315,7 +314,7 @@ def _without_unsaid(node: NodeState, config: NodeConfig) -> NodeState:
     pdos, unsaid = dict(node.pdos), set[Pdo]()
     for pdo, held in node.pdos.items():
         if pdo not in types and _is_unsaid(node, pdo.communication_index, 2):
-            pdos[pdo] = replace(held, communication=replace(held.communication, transmission_type=None))
+            pdos[pdo] = held.with_parameters(transmission_type=None)
         if pdo not in mappings and _is_unsaid(node, pdo.mapping_index, 0):
             pdos[pdo] = replace(pdos[pdo], mapping=(), unread=(*held.unread, (pdo.mapping_index, 0)))
             unsaid.add(pdo)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -59,7 +58,7 @@ def edit(nodes: FileNodes, node_id: int | None = None) -> tuple[Pdo, int]:
     pdo, config = next((pdo, pdos.now[pdo]) for pdo in sorted(pdos.now, key=lambda pdo: not pdo.is_tpdo)
                        if pdos.now[pdo].communication.event_timer is not None)  # fmt: skip
     timer = (config.communication.event_timer or 0) + 7
-    pdos.put(pdo, replace(config, communication=replace(config.communication, event_timer=timer)))
+    pdos.put(pdo, config.with_parameters(event_timer=timer))
     return pdo, timer
 
 

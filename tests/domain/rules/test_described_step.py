@@ -33,7 +33,7 @@ def said(asked: Proposal, rule: str) -> list[Finding]:
 
 def test_an_object_that_is_written_twice_is_told_once() -> None:
     asked = proposal(described=parameter(1, access=Access.RO), cob_id=CobId(0x190, rtr_allowed=False))
-    on = replace(asked.now, communication=replace(asked.now.communication, cob_id=CobId(0x181, rtr_allowed=False)))
+    on = asked.now.with_parameters(cob_id=CobId(0x181, rtr_allowed=False))
     (finding,) = said(replace(asked, now=on), "parameter-static")
     assert (
         typed(finding.hint)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
@@ -111,7 +111,7 @@ def proposed(case: Case, sdo: DirectSdo) -> Proposal:
     described, pdo = dictionary(case.family), Pdo.parse(case.pdo)
     held = {one: read_pdo(sdo, one) for one in present_pdos(sdo, described)}
     now = held.pop(pdo)
-    want = replace(now, communication=replace(now.communication, **case.parameters))
+    want = now.with_parameters(**case.parameters)
     if case.mapping is not None:
         want = PdoConfig(want.communication, tuple(entry(text) for text in case.mapping))
     return Proposal(NODE, pdo, now, want, held, profile(case.family), described)

@@ -36,7 +36,7 @@ def proposal(pdo: Pdo = TPDO1, *, described: ObjectDictionary | None = None, **p
     """*pdo* of a generic device with other communication *parameters*."""
     others = held()
     now = others.pop(pdo)
-    want = replace(now, communication=replace(now.communication, **parameters))  # type: ignore[arg-type]
+    want = now.with_parameters(**parameters)  # type: ignore[arg-type]
     return Proposal(NODE, pdo, now, want, others, GENERIC, described or dictionary("generic"))
 
 
@@ -142,9 +142,7 @@ def test_auto_has_an_end() -> None:
     asked = replace(proposal(), pdo=TPDO5)
     template = asked.others[TPDO2]
     full = {
-        Pdo(Direction.TPDO, 10 + number): replace(
-            template, communication=replace(template.communication, cob_id=CobId(can_id, rtr_allowed=False))
-        )
+        Pdo(Direction.TPDO, 10 + number): template.with_parameters(cob_id=CobId(can_id, rtr_allowed=False))
         for number, can_id in enumerate(FREE_POOL)
     }
     assert automatic_can_id(replace(asked, others=full)) is None
@@ -232,13 +230,13 @@ def test_a_value_that_its_object_cannot_hold(name: str, fits: int) -> None:
 def test_a_sync_start_value_is_one_byte() -> None:
     for value, found in ((0xFF, []), (0x100, ["parameter-range"])):
         asked = proposal(sync_start_value=value)
-        has_one = replace(asked.now, communication=replace(asked.now.communication, sync_start_value=0))
+        has_one = asked.now.with_parameters(sync_start_value=0)
         assert rules(replace(asked, now=has_one)) == found
 
 
 def test_type_255_fits() -> None:
     asked = proposal(transmission_type=0xFF)
-    other = replace(asked.now, communication=replace(asked.now.communication, transmission_type=1))
+    other = asked.now.with_parameters(transmission_type=1)
     assert rules(replace(asked, now=other)) == []
 
 
@@ -274,9 +272,9 @@ def test_a_type_that_answers_rtr_needs_rtr(kind: int) -> None:
 
 def test_a_parameter_that_the_device_lacks() -> None:
     asked = proposal(sync_start_value=3)
-    lacking = replace(asked.now, communication=replace(asked.now.communication, sync_start_value=None))
+    lacking = asked.now.with_parameters(sync_start_value=None)
     assert rules(replace(asked, now=lacking)) == ["parameter-exists"]
-    left_alone = replace(asked.want, communication=replace(asked.want.communication, sync_start_value=None))
+    left_alone = asked.want.with_parameters(sync_start_value=None)
     assert rules(replace(asked, want=left_alone)) == []
 
 
@@ -290,7 +288,7 @@ def test_a_can_id_of_the_other_frame_format_is_another_one() -> None:
     off = with_other(asked, 0x2A5, valid=False)
     assert (rules(off), "can-id-default" in rules(off, Severity.NOTE)) == ([], True)
     other = with_other(asked, 0x2A5).others[TPDO2]
-    extended = replace(other, communication=replace(other.communication, cob_id=CobId(0x2A5, extended=True)))
+    extended = other.with_parameters(cob_id=CobId(0x2A5, extended=True))
     assert rules(replace(asked, others={**asked.others, TPDO2: extended})) == []
 
 
@@ -379,8 +377,8 @@ def test_a_target_has_one_writer() -> None:
     asked = mapped(proposal(RPDO1), (0x6040, 0, 16))
     rpdo2 = Pdo.parse("rpdo2")
     other = replace(asked.others[rpdo2], mapping=(PdoMappingEntry(0x6040, 0, 16),))
-    live = replace(other, communication=replace(other.communication, cob_id=other.communication.cob_id.enabled()))
-    off = replace(other, communication=replace(other.communication, cob_id=other.communication.cob_id.disabled()))
+    live = other.with_parameters(cob_id=other.communication.cob_id.enabled())
+    off = other.disabled()
     assert "double-target" in rules(replace(asked, others={rpdo2: live}), Severity.WARNING)
     assert "double-target" not in rules(replace(asked, others={rpdo2: off}), Severity.WARNING)
     assert "double-target" not in rules(replace(asked, others={TPDO2: live}), Severity.WARNING)

@@ -18,8 +18,7 @@ UNKNOWN = "it is not known whether TPDO1 is off: 0x1800:01 cannot be read"
 
 def half(asked: Proposal, *unread: tuple[int, int]) -> Proposal:
     """*asked* of a device that does not tell the objects *unread*, nothing of which changes."""
-    off = replace(asked.now.communication, cob_id=asked.now.communication.cob_id.disabled())
-    held = replace(asked.now, communication=off, mapping=(), unread=unread)
+    held = replace(asked.now.disabled(), mapping=(), unread=unread)
     return replace(asked, now=held, want=held)
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
 from dvtcli.device.read_pdos import read_pdo
@@ -18,7 +16,7 @@ OFF, LIVE, MOVED, EXTENDED = CobId(0x201, valid=False), CobId(0x201), CobId(0x19
 
 def config(cob_id: CobId) -> PdoConfig:
     held = read_pdo(DirectSdo(booted()), Pdo.parse("rpdo1"))
-    return replace(held, communication=replace(held.communication, cob_id=cob_id))
+    return held.with_parameters(cob_id=cob_id)
 
 
 def change(before: CobId, after: CobId, pdo: str = "rpdo1") -> PdoChange:

@@ -116,7 +116,7 @@ def test_after_a_dummy_the_other_targets_are_looked_at_too() -> None:
 
 def test_a_raw_write_is_answered_with_the_command_that_does_it_in_order() -> None:
     now = proposal(TPDO1).now
-    enabled = replace(now, communication=replace(now.communication, cob_id=CobId(0x181, rtr_allowed=False)))
+    enabled = now.with_parameters(cob_id=CobId(0x181, rtr_allowed=False))
 
     def ask(want: object) -> Proposal:
         raise AssertionError("nothing more is asked")
@@ -165,7 +165,7 @@ def test_what_does_not_fit_its_object_says_what_would(parameter: str, sub_index:
 
 def test_of_a_parameter_that_there_is_not_nothing_else_is_said() -> None:
     asked = proposal(event_timer=0x1_0000)
-    now = replace(asked.now, communication=replace(asked.now.communication, event_timer=None))
+    now = asked.now.with_parameters(event_timer=None)
     assert [one.rule for one in check_pdo(replace(asked, now=now))] == ["parameter-exists"]
 
 
