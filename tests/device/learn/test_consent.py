@@ -207,7 +207,7 @@ class TestSaving:
                 ran = bench.run("learn --yes --save pump")
                 assert ran.code == 6, ran
                 said = " ".join(ran.stderr.split())
-                assert f"{which} learnt of another device: TMCM, vendor 0x286 product 0x1844; node 1 is" in said
+                assert f"{which} learnt from another device: TMCM, vendor 0x286 product 0x1844; node 1 is" in said
                 assert "--force" in said
                 shutil.rmtree("pump", ignore_errors=True)
             assert kept.read_text("utf-8") == before
