@@ -306,7 +306,7 @@ def test_what_was_recovered_elsewhere_is_not_noted_any_more_beside_one_that_does
     found = second.interrupted()
     assert found is not None
     second.lock.take()
-    second.journals.write(PLAN, IDENTITY, None, GroupMember("5f"))  # of a whole that is complete
+    second.journals.write(PLAN, IDENTITY, None, GroupMember("5f"))  # of a group that is complete
     second.delete_journal(found)
     assert second.journals.path(5).exists()
     assert (second.lock.noted(), second.unfinished_journal()) == (None, None)
@@ -342,7 +342,7 @@ def test_a_lock_that_names_another_file_than_a_journal_of_its_node_leaves_that_a
 
 
 @pytest.mark.parametrize("whole", ["../letter", "/etc/passwd", "a/../../letter", "", "."])
-def test_a_journal_that_names_a_whole_outside_its_folder_is_damaged(keep: Keep, whole: str) -> None:
+def test_a_journal_that_names_a_group_outside_its_folder_is_damaged(keep: Keep, whole: str) -> None:
     """The id is part of the name of a file that is removed at the end."""
     one = keep()
     one.begin(PLAN, IDENTITY, 127, dict)

@@ -33,12 +33,12 @@ def plan(node_id: int, index: int) -> Plan:
 
 @pytest.fixture
 def keep(tmp_path: Path) -> Iterator[Keep]:
-    """Keepers of nodes that share one whole, which has begun; what they hold is let go at the end."""
+    """Keepers of nodes that share one group, which has begun; what they hold is let go at the end."""
     kept: list[ChangeGuard] = []
-    whole = ChangeGroup()
-    whole.begin("set-up.dvt")
+    shared = ChangeGroup()
+    shared.begin("set-up.dvt")
 
-    def make(node_id: int = 5, name: str = "state", group: ChangeGroup = whole) -> ChangeGuard:
+    def make(node_id: int = 5, name: str = "state", group: ChangeGroup = shared) -> ChangeGuard:
         guard = ChangeGuard(tmp_path / name, tmp_path / "locks", "can0", node_id, group=group)
         kept.append(guard)
         return guard
@@ -70,15 +70,15 @@ def markers(guard: ChangeGuard) -> int:
     return len(list(guard.journals.folder.glob("*.whole")))
 
 
-def test_the_journal_of_a_whole_grows_with_each_change_and_counts_to_its_end(keep: Keep) -> None:
+def test_the_journal_of_a_group_grows_with_each_change_and_counts_to_its_end(keep: Keep) -> None:
     one = keep()
     assert one.lock_or_refuse()
     make(one, 0x2000)
     make(one, 0x2001, 127)
     held = journal(one)
     assert indices(one) == [0x2000, 0x2001]
-    assert (held.nmt_state, held.part.group_id, held.part.name) == (5, one.group.id, "set-up.dvt")
-    assert len(set(held.part.entries)) == 2
+    assert (held.nmt_state, held.member.group_id, held.member.name) == (5, one.group.id, "set-up.dvt")
+    assert len(set(held.member.entries)) == 2
     assert markers(one) == 1
     assert not one.lock_or_refuse(), "its own journal does not stand in its way, and it has the lock"
     one.own_journal.complete_group()
@@ -106,7 +106,7 @@ def test_a_change_that_is_undone_leaves_what_was_made_before_it(keep: Keep) -> N
     assert indices(one) == [0x2000, 0x2003]
 
 
-def test_a_whole_of_several_nodes_ends_on_all_of_them_at_one_stroke(keep: Keep) -> None:
+def test_a_group_of_several_nodes_ends_on_all_of_them_at_one_stroke(keep: Keep) -> None:
     one, other = keep(5), keep(7)
     make(one, 0x2000)
     make(other, 0x2000)
@@ -130,7 +130,7 @@ def test_the_last_node_that_is_put_back_takes_the_marker_along(keep: Keep) -> No
     assert (markers(one), other.unfinished_journal()) == (0, None)
 
 
-def test_while_a_change_is_in_hand_the_whole_is_not_over(keep: Keep) -> None:
+def test_while_a_change_is_in_hand_the_group_is_not_over(keep: Keep) -> None:
     one = keep()
     make(one, 0x2000)
     one.begin(plan(5, 0x2001), IDENTITY, 5, dict)
@@ -138,7 +138,7 @@ def test_while_a_change_is_in_hand_the_whole_is_not_over(keep: Keep) -> None:
     assert indices(one) == [0x2000, 0x2001]
 
 
-def test_a_whole_that_changed_nothing_leaves_nothing(keep: Keep) -> None:
+def test_a_group_that_changed_nothing_leaves_nothing(keep: Keep) -> None:
     one = keep()
     one.own_journal.complete_group()
     assert one.unfinished_journal() is None
@@ -156,13 +156,13 @@ def test_a_line_that_no_undo_reverts_is_on_disk_before_it_begins(keep: Keep) -> 
     assert one.unfinished_journal() is None, "nothing was changed: nothing to roll back"
     make(one, 0x2000)
     one.own_journal.record_stores("store")
-    assert journal(one).part.final == "store"
+    assert journal(one).member.final == "store"
     one.own_journal.record_stores("")
     make(one, 0x2001)
-    assert journal(one).part.final == ""
+    assert journal(one).member.final == ""
 
 
-def test_a_journal_of_another_whole_stands_in_the_way(keep: Keep) -> None:
+def test_a_journal_of_another_group_stands_in_the_way(keep: Keep) -> None:
     one = keep()
     make(one, 0x2000)
     one.group.begin("another.dvt")
@@ -307,11 +307,11 @@ def test_the_parts_of_a_change_have_one_journal_that_is_there_before_the_first(k
     for index in (0x2000, 0x2001, 0x2000):  # and a way back
         part(one, index)
     assert one.own_journal.path.read_bytes() == written
-    assert journal(one).part.entries == (one.own_journal.entry,), "one undo takes all parts back"
+    assert journal(one).member.entries == (one.own_journal.entry,), "one undo takes all parts back"
     part(one, 0x2002)  # what was not planned is put on disk before it is written
     make(one, 0x2003)
     assert indices(one) == [0x2000, 0x2001, 0x2002, 0x2003]
-    assert len(set(journal(one).part.entries)) == 3, "it is a change of its own"
+    assert len(set(journal(one).member.entries)) == 3, "it is a change of its own"
     one.own_journal.complete_group()
     assert not one.own_journal.path.exists()
 
@@ -339,7 +339,7 @@ def test_all_that_a_prepared_journal_says_later_needs_no_more_space(keep: Keep) 
         part(one, 0x2001)
         for done in (False, True):
             one.own_journal.record_stores(ENDS.final, tuple(store._replace(is_done=done) for store in ENDS.stores))
-            assert [store.is_done for store in journal(one).part.stores] == [done]
+            assert [store.is_done for store in journal(one).member.stores] == [done]
         one.own_journal.note(plan(5, 0x2002))
     assert (one.own_journal.path.stat().st_ino, one.own_journal.path.stat().st_size) == (inode, size)
     assert indices(one) == [0x2000, 0x2001, 0x2002]
@@ -357,4 +357,4 @@ def test_a_journal_that_is_torn_while_it_is_written_says_what_it_said_before(kee
         differing = [number for number, pair in enumerate(zip(before, after, strict=True)) if pair[0] != pair[1]]
         for end in (*differing[:: max(1, len(differing) // 20)], differing[-1]):
             one.own_journal.path.write_bytes(after[:end] + before[end:])
-            assert journal(one).part.final == final
+            assert journal(one).member.final == final

@@ -144,7 +144,7 @@ def test_one_that_was_recovered_elsewhere_is_gone_too(keep: Keep, warned: list[s
     assert len(warned) == 1
 
 
-def test_a_whole_that_cannot_be_ended_is_said_with_the_file_in_the_way(keep: Keep) -> None:
+def test_a_group_that_cannot_be_ended_is_said_with_the_file_in_the_way(keep: Keep) -> None:
     whole = whole_of()
     one = keep("state", whole)
     after_one_change(one)

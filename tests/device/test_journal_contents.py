@@ -31,10 +31,10 @@ def written(index: int, sub_index: int, before: int, after: int) -> Plan:
 
 
 def test_the_first_value_and_the_last_one_count() -> None:
-    whole = combine_plans(
+    combined = combine_plans(
         NODE, [timed(TPDO1, 0, 5), written(0x2000, 0, 1, 2), timed(TPDO1, 5, 9), written(0x2000, 0, 2, 3)]
     )
-    pdo, value = whole.changes
+    pdo, value = combined.changes
     assert (pdo.before, pdo.after) == (at(TPDO1, 0), at(TPDO1, 9))  # type: ignore[union-attr]
     assert (next(iter(value.steps)).before, next(iter(value.steps)).after) == (b"\1\0\0\0", b"\3\0\0\0")
 
@@ -78,15 +78,15 @@ def test_what_stands_alone_is_put_back_alone_and_ids_are_nobody_else_s() -> None
     assert (len(first), len(second), first != second) == (32, 32, True)
 
 
-def test_of_a_whole_each_change_that_was_carried_out_counts_once() -> None:
-    contents, whole = JournalContents(), ChangeGroup()
-    whole.begin("a script")
-    assert len(whole.id or "") == 32
+def test_of_a_group_each_change_that_was_carried_out_counts_once() -> None:
+    contents, group = JournalContents(), ChangeGroup()
+    group.begin("a script")
+    assert len(group.id or "") == 32
     for pdo in (TPDO1, TPDO2):
-        contents.begin(whole, timed(pdo, 0, 5), 5)
+        contents.begin(group, timed(pdo, 0, 5), 5)
         contents.carried_out()
         assert contents.in_hand is None
     assert [change.label for change in contents.plan.changes] == ["TPDO1", "TPDO2"]
-    whole.begin("another one")
-    contents.begin(whole, timed(TPDO2, 5, 6), 5)
+    group.begin("another one")
+    contents.begin(group, timed(TPDO2, 5, 6), 5)
     assert contents.plan == timed(TPDO2, 5, 6)

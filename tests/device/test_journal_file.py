@@ -168,14 +168,14 @@ def test_what_a_journal_belongs_to_is_words(tmp_path: Path, part: dict[str, Any]
 
 
 def test_what_a_journal_belongs_to_reads_back_and_need_not_be_said(tmp_path: Path) -> None:
-    part = GroupMember("5f", "set-up.dvt", ("one", "two"), "store")
-    path = Journals(tmp_path, "can0").write(PLAN, IDENTITY, 5, part)
-    assert read_journal(path).part == part
+    member = GroupMember("5f", "set-up.dvt", ("one", "two"), "store")
+    path = Journals(tmp_path, "can0").write(PLAN, IDENTITY, 5, member)
+    assert read_journal(path).member == member
     document = journal_document(path)
     path.write_text(
         json.dumps({key: document[key] for key in document if key not in ("whole", "name", "entries", "final")})
     )
-    assert read_journal(path).part == GroupMember()
+    assert read_journal(path).member == GroupMember()
 
 
 def test_what_could_not_be_read_again_is_not_written(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from dvtcli.domain.plan import Plan, Step, ValueChange
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="rights of files")
-def test_a_journal_that_cannot_be_used_now_keeps_its_whole(tmp_path: Path) -> None:
+def test_a_journal_that_cannot_be_used_now_keeps_its_group(tmp_path: Path) -> None:
     """What another node's journal needs is not taken away with one that has ended."""
     journals = Journals(tmp_path, "can0")
     journals.open_group("ab12")

@@ -261,14 +261,14 @@ class ChangeGuard:
         """
         with self._files("removed"):
             remove(journal.path)
-        self.history.drop(self.node_id, journal.identity, journal.part.entries, back)
+        self.history.drop(self.node_id, journal.identity, journal.member.entries, back)
         self.own_journal.detach()
         with self._files("removed"):
             if self._is_gone_or(journal, self.journals.path(self.node_id)):
                 self.own_journal.delete()
             elif self.unfinished_journal() is None:
                 self.lock.note(None)
-            Journals(journal.path.parent, journal.bus).tidy(journal.part.group_id)
+            Journals(journal.path.parent, journal.bus).tidy(journal.member.group_id)
 
     def _is_gone_or(self, journal: Journal, path: Path) -> bool:
         """True if the file at *path* is missing, or is *journal* or a copy."""
@@ -288,7 +288,7 @@ class ChangeGuard:
                 closed = read_journal(path)
             aside = set_aside(path, word)
             if closed is not None:
-                Journals(path.parent, closed.bus).tidy(closed.part.group_id)
+                Journals(path.parent, closed.bus).tidy(closed.member.group_id)
             if self.unfinished_journal() is None:
                 self.lock.note(None)
         return aside
@@ -312,7 +312,7 @@ def _way_out(path: Path) -> Hint:
     except InputFileError:
         discard = Hint(Action.RECOVER, {"discard": True}, f"the journal is damaged: {{}} sets {verbatim(path)} aside")
         return discard + Hint(Action.SHOW_PDOS, why=", then check the node with {}")
-    group_id = journal.part.group_id
+    group_id = journal.member.group_id
     together = () if group_id is None else Journals(path.parent, journal.bus).all_of(group_id)
     ids = sorted({journal.plan.node_id, *(other.plan.node_id for other in together)})
     what = f"rolls back all nodes of that change ({', '.join(map(str, ids))})" if len(ids) > 1 else "rolls back"

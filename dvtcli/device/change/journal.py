@@ -122,19 +122,19 @@ ACCEPTED, DISCARDED = "accepted", "discarded"
 
 @dataclass(frozen=True, slots=True)
 class Journal:
-    """An interrupted change: its node, plan, initial NMT state (None: unknown), and change group *part*."""
+    """An interrupted change: its node, plan, initial NMT state (None: unknown), and its *member* of a change group."""
 
     path: Path
     bus: str
     identity: Identity
     plan: Plan
     nmt_state: int | None = None
-    part: GroupMember = field(default_factory=GroupMember)
+    member: GroupMember = field(default_factory=GroupMember)
 
     @property
     def labels(self) -> list[str]:
         """The changes possibly written, for display."""
-        return list(self.part.asked) or [change.label for change in self.plan.changes]
+        return list(self.member.asked) or [change.label for change in self.plan.changes]
 
 
 class Journals(NamedTuple):
@@ -181,7 +181,7 @@ class Journals(NamedTuple):
                 found = read_journal(path)
             except (InputFileError, SafetyRefusal):
                 return True
-            if (found.bus, found.part.group_id) == (self.bus, group_id):
+            if (found.bus, found.member.group_id) == (self.bus, group_id):
                 return True
         return False
 
@@ -197,7 +197,7 @@ class Journals(NamedTuple):
         if not path.exists():
             return False
         try:
-            group_id = read_journal(path).part.group_id
+            group_id = read_journal(path).member.group_id
         except (InputFileError, SafetyRefusal):
             return True
         return group_id is None or Journals(path.parent, self.bus)._marker(group_id).exists()  # noqa: SLF001 - one of ours
@@ -210,19 +210,19 @@ class Journals(NamedTuple):
         for path in self._paths():
             with suppress(InputFileError, SafetyRefusal):
                 found = read_journal(path)
-                if (found.bus, found.part.group_id) == (self.bus, group_id):
+                if (found.bus, found.member.group_id) == (self.bus, group_id):
                     yield found
 
     def write(
-        self, plan: Plan, identity: Identity, nmt_state: int | None, part: GroupMember | None = None, *, room: int = 0
+        self, plan: Plan, identity: Identity, nmt_state: int | None, member: GroupMember | None = None, *, room: int = 0
     ) -> Path:
-        """Write and sync the journal of *plan*, a member of *part*, before its first write; readable by its owner only.
+        """Write and sync the journal of *plan* before its first write; readable by its owner only.
 
-        *room* is how many bytes to reserve for later versions. Raises OSError if the journal cannot be kept, or is too
+        *member* is its membership in a group, *room* is how many bytes to reserve for later versions. Raises OSError if the journal cannot be kept, or is too
         large to read again; an existing journal of the same name stays unchanged then.
         """
         path = self.path(plan.node_id)
-        text = self._text(plan, identity, nmt_state, part or GroupMember())
+        text = self._text(plan, identity, nmt_state, member or GroupMember())
         if len(text) > MOST_BYTES or len(plan.changes) > MOST_CHANGES:
             raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
         if not replace_content(path, text, room):
@@ -234,21 +234,21 @@ class Journals(NamedTuple):
         """The bytes for *final* and *stores* in a journal."""
         return len(json.dumps([final, *map(_store_document, stores)]))
 
-    def _text(self, plan: Plan, identity: Identity, nmt_state: int | None, part: GroupMember) -> str:
+    def _text(self, plan: Plan, identity: Identity, nmt_state: int | None, member: GroupMember) -> str:
         document = {
             "schema": SCHEMA,
             "bus": self.bus,
             "node": plan.node_id,
             "identity": identity,
             "nmt_state": nmt_state,
-            "whole": part.group_id,
-            "name": part.name,
-            "entries": list(part.entries),
-            "final": part.final,
-            "asked": list(part.asked),
-            "stores": [_store_document(store) for store in part.stores],
-            "equal": [_store_document(store) for store in part.equal],
-            "tests": [change_document(change) for change in part.tests],
+            "whole": member.group_id,  # the name of a group in the file format
+            "name": member.name,
+            "entries": list(member.entries),
+            "final": member.final,
+            "asked": list(member.asked),
+            "stores": [_store_document(store) for store in member.stores],
+            "equal": [_store_document(store) for store in member.equal],
+            "tests": [change_document(change) for change in member.tests],
             "changes": [change_document(change) for change in plan.changes],
         }
         return json.dumps(document)  # on one line: indentation takes ten times as long
@@ -288,7 +288,7 @@ def unneeded_markers(folder: Path) -> list[Path]:
     Empty if a journal is unusable: its marker may be needed.
     """
     try:
-        needed = {read_journal(path).part.group_id for path in folder.glob("*.json")}
+        needed = {read_journal(path).member.group_id for path in folder.glob("*.json")}
     except (InputFileError, SafetyRefusal):
         return []
     return sorted(path for path in folder.glob("*.whole") if path.stem not in needed)
@@ -313,11 +313,11 @@ def _journal(path: Path, document: Any) -> Journal:
         identity,
         plan,
         None if state is None else read_number(document, "nmt_state", 0xFF),
-        _part(document),
+        _member(document),
     )
 
 
-def _part(document: dict[str, Any]) -> GroupMember:
+def _member(document: dict[str, Any]) -> GroupMember:
     """The change group of the journal; none in journals of earlier versions."""
     group_id, name, final = document.get("whole"), document.get("name", ""), document.get("final", "")
     entries, asked = document.get("entries", []), document.get("asked", [])
@@ -376,7 +376,7 @@ class JournalContents:
     """
 
     nmt_state: int | None = None
-    part: GroupMember = field(default_factory=GroupMember)
+    member: GroupMember = field(default_factory=GroupMember)
     made: list[Plan] = field(default_factory=list)
     in_hand: Plan | None = None
     #: the whole plan, if its journal is on disk before the first write; None: each change by itself
@@ -395,10 +395,10 @@ class JournalContents:
 
         With *is_test* the plan is temporary, until `end_test`.
         """
-        if self.part.group_id != group.id or not self.is_begun:
-            self.made, self.nmt_state, self.part = [], nmt_state, GroupMember(group.id, group.name)
+        if self.member.group_id != group.id or not self.is_begun:
+            self.made, self.nmt_state, self.member = [], nmt_state, GroupMember(group.id, group.name)
         entry, tests = os.urandom(16).hex(), plan.changes if is_test else ()
-        self.part = self.part._replace(entries=(*self.part.entries, entry), asked=asked, tests=tests)
+        self.member = self.member._replace(entries=(*self.member.entries, entry), asked=asked, tests=tests)
         self.in_hand = plan
         return entry
 
@@ -415,15 +415,15 @@ class JournalContents:
 
     def carried_out(self) -> None:
         """Mark the plan in progress as verified; in a group it stays for a roll-back with later changes."""
-        if self.part.group_id is not None and self.in_hand is not None:
+        if self.member.group_id is not None and self.in_hand is not None:
             self.made.append(self.in_hand)
             self.in_hand = None
 
     def end_test(self) -> None:
         """Drop the temporary change of a proof after its roll-back."""
-        if self.part.tests:
-            self.made = [plan for plan in self.made if plan.changes != self.part.tests]
-            self.part = self.part._replace(tests=())
+        if self.member.tests:
+            self.made = [plan for plan in self.made if plan.changes != self.member.tests]
+            self.member = self.member._replace(tests=())
 
     @property
     def plan(self) -> Plan:

@@ -58,7 +58,7 @@ class OwnJournal:
     def is_open(self, path: Path) -> bool:
         """True if *path* is the journal of our own incomplete group."""
         contents = self._contents
-        ours = contents.is_begun and contents.in_hand is None and contents.part.group_id == self.group.id
+        ours = contents.is_begun and contents.in_hand is None and contents.member.group_id == self.group.id
         return ours and path == self.path
 
     @property
@@ -69,12 +69,12 @@ class OwnJournal:
     @property
     def says_stores(self) -> bool:
         """True if the journal lists stores at the end of the group."""
-        return bool(self._contents.part.stores)
+        return bool(self._contents.member.stores)
 
     def before(self) -> dict[Pdo, PdoConfig]:
         """The PDO configurations from before an incomplete group."""
         contents = self._contents
-        if not contents.is_begun or contents.part.group_id != self.group.id:
+        if not contents.is_begun or contents.member.group_id != self.group.id:
             return {}
         kept = () if self._on_disk is None else self._on_disk[0].changes  # including possible side effects
         changes = (*kept, *contents.plan.changes)
@@ -116,7 +116,7 @@ class OwnJournal:
         """
         before, self.identity = self._copy(), identity
         covered = not (is_remembered or is_test or asked) and self._contents.is_begun and self._puts_back(plan)
-        if covered and self._on_disk is not None and self._on_disk[1] == self._contents.part:
+        if covered and self._on_disk is not None and self._on_disk[1] == self._contents.member:
             self._contents.in_hand = plan
             return
         with self._files("kept"):
@@ -149,7 +149,7 @@ class OwnJournal:
 
     def _puts_back(self, plan: Plan) -> bool:
         """True if the journal on disk covers all objects of *plan* with the values from before the group."""
-        if self._on_disk is None or self._contents.part.group_id != self.group.id:
+        if self._on_disk is None or self._contents.member.group_id != self.group.id:
             return False
         return covers(self._on_disk[0], combine_plans(plan.node_id, [self._contents.plan, plan]))
 
@@ -160,8 +160,8 @@ class OwnJournal:
 
     def _write(self, room: int = 0) -> None:
         plan = self._guarded()
-        self.journals.write(plan, self.identity, self._contents.nmt_state, self._contents.part, room=room)
-        self._on_disk = (plan, self._contents.part)
+        self.journals.write(plan, self.identity, self._contents.nmt_state, self._contents.member, room=room)
+        self._on_disk = (plan, self._contents.member)
 
     def note(self, plan: Plan) -> None:
         """Replace the plan in progress on disk by *plan*: more must be rolled back."""
@@ -184,8 +184,8 @@ class OwnJournal:
     def adopt(self, journal: Journal) -> None:
         """Take over *journal* of a group that another process left verified on every node, to complete the group."""
         self.identity = journal.identity
-        self._contents = JournalContents(journal.nmt_state, journal.part, [journal.plan])
-        self._on_disk = (journal.plan, journal.part)
+        self._contents = JournalContents(journal.nmt_state, journal.member, [journal.plan])
+        self._on_disk = (journal.plan, journal.member)
 
     def record_stores(self, line: str, stores: tuple[Storing, ...] = (), equal: tuple[Storing, ...] = ()) -> None:
         """Record the final *line* of the group, which no undo reverts, and its *stores*; empty to cancel.
@@ -193,7 +193,7 @@ class OwnJournal:
         *equal* are the nodes that matched already: neither changed nor stored.
         """
         if self._contents.is_begun:
-            self._contents.part = self._contents.part._replace(final=line, stores=stores, equal=equal)
+            self._contents.member = self._contents.member._replace(final=line, stores=stores, equal=equal)
             if line:
                 with self._files("kept"):
                     self._write()
@@ -218,7 +218,7 @@ class OwnJournal:
     def end_group(self) -> None:
         """Remove the journal after this node's part of the group was rolled back and verified."""
         if self._contents.is_begun and self._contents.in_hand is None:
-            group_id = self._contents.part.group_id
+            group_id = self._contents.member.group_id
             self.delete()
             self._tidy(group_id)
 

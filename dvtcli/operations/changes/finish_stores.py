@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 def may_finish(journals: Sequence[Journal]) -> bool:
     """Tell whether *journals* are of the same change, with all nodes verified before the stores."""
-    groups = {journal.part.group_id for journal in journals}
+    groups = {journal.member.group_id for journal in journals}
     return len(groups) == 1 and bool(
         newest_store_record(journals).stores
     )  # one that only tests a proof says of no stores
@@ -53,66 +53,66 @@ def finish(session: Session, journals: Sequence[Journal]) -> Facts:
         raise UsageError(
             "the stores of several networks were interrupted; finish one network at a time",
             given={"finish": True},
-            hint=Hint(Action.FINISH_STORES, {"node": one.plan.node_id}, f"continues with {verbatim(one.part.name)}"),
+            hint=Hint(Action.FINISH_STORES, {"node": one.plan.node_id}, f"continues with {verbatim(one.member.name)}"),
         )
     if not may_finish(journals):
         raise UsageError(
             "not all nodes had been verified: there is nothing to finish",
             hint=Hint(Action.RECOVER_ALL, why="rolls them back"),
         )
-    part = newest_store_record(journals)
-    nodes = {storing.node_id: session.node(storing.node_id) for storing in _verified(part)}
+    member = newest_store_record(journals)
+    nodes = {storing.node_id: session.node(storing.node_id) for storing in _verified(member)}
     nodes |= {journal.plan.node_id: session.node(journal.plan.node_id) for journal in journals}
-    _refuse_undecided(journals, part)
+    _refuse_undecided(journals, member)
     for journal in journals:
         refuse_other_device(nodes[journal.plan.node_id], journal)
-    claims = _claims(session, journals, part, nodes)
+    claims = _claims(session, journals, member, nodes)
     tests = {
-        begun_journal.plan.node_id: begun_journal.part.tests
+        begun_journal.plan.node_id: begun_journal.member.tests
         for begun_journal in journals
-        if holds_test(nodes[begun_journal.plan.node_id], begun_journal.part.tests)
+        if holds_test(nodes[begun_journal.plan.node_id], begun_journal.member.tests)
     }
     with_tests = {
         begun_journal.plan.node_id: _tested(claims.changes[begun_journal.plan.node_id], begun_journal)
         for begun_journal in journals
         if begun_journal.plan.node_id in tests
     }
-    stamps = _ended_stamps(claims, part)
+    stamps = _ended_stamps(claims, member)
     expected = {**claims.changes, **with_tests}
     expected |= {node_id: [change for change in expected[node_id] if not is_stamp(change)] for node_id in stamps}
     for node_id in nodes:
-        _refuse_unlike(replace(claims, changes=expected), node_id, part.name)
-    to_store = all_nodes(waiting(part)) if waiting(part) else ""
-    what = f"{_not_looked_at(part)}; " + (f"store on {to_store}?" if to_store else "is it to stay so?")
-    had_stored = "" if to_store else _had_stored(part)
+        _refuse_unlike(replace(claims, changes=expected), node_id, member.name)
+    to_store = all_nodes(waiting(member)) if waiting(member) else ""
+    what = f"{_not_looked_at(member)}; " + (f"store on {to_store}?" if to_store else "is it to stay so?")
+    had_stored = "" if to_store else _had_stored(member)
     who = "every node has"
-    if _accepted_ids(part):
+    if _accepted_ids(member):
         who = f"{some_nodes(sorted(nodes))} {'has' if len(nodes) == 1 else 'have'}"
     but = f" but the stamp of {some_nodes(stamps)}, which is written before the stores" if stamps else ""
-    session.consent(f"{part.name}: {who} the planned values{but}{had_stored}{what}")
-    _store(session, journals, part, claims, tests, stamps)
+    session.consent(f"{member.name}: {who} the planned values{but}{had_stored}{what}")
+    _store(session, journals, member, claims, tests, stamps)
     rows = (
         ("node", None),
         ("recovered", False),
         ("finished", not session.dry_run),
-        ("stored", waiting(part)),
+        ("stored", waiting(member)),
         ("looked_at", sorted(nodes)),
-        ("not_looked_at", _accepted_ids(part)),
+        ("not_looked_at", _accepted_ids(member)),
     )
     changed_nothing = session.dry_run or not (to_store or tests)
-    return Facts("recover", rows, (_said(session, part, who, to_store),), changed_nothing=changed_nothing)
+    return Facts("recover", rows, (_said(session, member, who, to_store),), changed_nothing=changed_nothing)
 
 
-def _verified(part: GroupMember) -> tuple[Storing, ...]:
-    """Return the nodes of *part* that must still hold verified values, except accepted nodes."""
-    return tuple(storing for storing in (*part.stores, *part.equal) if not storing.is_accepted)
+def _verified(member: GroupMember) -> tuple[Storing, ...]:
+    """Return the nodes of *member* that must still hold verified values, except accepted nodes."""
+    return tuple(storing for storing in (*member.stores, *member.equal) if not storing.is_accepted)
 
 
-def _refuse_undecided(journals: Sequence[Journal], part: GroupMember) -> None:
+def _refuse_undecided(journals: Sequence[Journal], member: GroupMember) -> None:
     """Raises SafetyRefusal if no journal has a node's wanted values: its own was closed, or is unusable."""
     own = {journal.plan.node_id for journal in journals}
     undecided = [
-        store.node_id for store in part.stores if store.node_id not in own and not (store.holds or store.is_accepted)
+        store.node_id for store in member.stores if store.node_id not in own and not (store.holds or store.is_accepted)
     ]
     if undecided:
         nodes = some_nodes(undecided)
@@ -120,57 +120,57 @@ def _refuse_undecided(journals: Sequence[Journal], part: GroupMember) -> None:
             f"the planned values of {nodes} are unknown: nothing is stored",
             node=undecided[0],
             why=f"no usable journal for {nodes}",
-            hint=back_and_again(part.name, "the other nodes"),
+            hint=back_and_again(member.name, "the other nodes"),
         )
 
 
-def _said(session: SessionUser, part: GroupMember, who_has: str, stored: str) -> str:
+def _said(session: SessionUser, member: GroupMember, who_has: str, stored: str) -> str:
     """Report: *who_has* the values was verified only; the nodes *stored* stored, if not empty."""
     if session.dry_run:
-        said = f"{stored} would store" if stored else f"{who_has} it{_had_stored(part)}; the journals are kept"
-        return f"dry run: {said}{_not_looked_at(part)}"
-    done = f"{stored} stored" if stored else f"{who_has} it{_had_stored(part)}"
-    outcome = "ended" if _accepted_ids(part) else "complete"
-    return f"{part.name} is {outcome}: {done}{_not_looked_at(part)}"
+        said = f"{stored} would store" if stored else f"{who_has} it{_had_stored(member)}; the journals are kept"
+        return f"dry run: {said}{_not_looked_at(member)}"
+    done = f"{stored} stored" if stored else f"{who_has} it{_had_stored(member)}"
+    outcome = "ended" if _accepted_ids(member) else "complete"
+    return f"{member.name} is {outcome}: {done}{_not_looked_at(member)}"
 
 
-def _had_stored(part: GroupMember) -> str:
+def _had_stored(member: GroupMember) -> str:
     """Name the nodes stored before; empty if none is still part of it."""
-    ids = [store.node_id for store in part.stores if store.is_done and not store.is_accepted]
+    ids = [store.node_id for store in member.stores if store.is_done and not store.is_accepted]
     return f", and {some_nodes(ids)} had stored it" if ids else ""
 
 
-def _accepted_ids(part: GroupMember) -> list[int]:
+def _accepted_ids(member: GroupMember) -> list[int]:
     """List nodes whose journals were accepted: not verified any more."""
-    return [store.node_id for store in part.stores if store.is_accepted]
+    return [store.node_id for store in member.stores if store.is_accepted]
 
 
-def _not_looked_at(part: GroupMember) -> str:
-    ids = _accepted_ids(part)
+def _not_looked_at(member: GroupMember) -> str:
+    ids = _accepted_ids(member)
     return f"; accepted as found, not read: {some_nodes(ids)}" if ids else ""
 
 
 def _claims(
-    session: Session, journals: Sequence[Journal], part: GroupMember, nodes: Mapping[int, Node]
+    session: Session, journals: Sequence[Journal], member: GroupMember, nodes: Mapping[int, Node]
 ) -> ExpectedAtStore:
     """Collect the verified values of every node from the journals.
 
     Nodes that only store or test a proof have no values in their own journal.
     """
-    changes = {storing.node_id: storing.holds for storing in _verified(part)}
+    changes = {storing.node_id: storing.holds for storing in _verified(member)}
     changes |= {
         journal.plan.node_id: (*changes.get(journal.plan.node_id, ()), *_wanted(journal)) for journal in journals
     }
-    identities = {storing.node_id: storing.identity for storing in _verified(part) if storing.identity is not None}
+    identities = {storing.node_id: storing.identity for storing in _verified(member) if storing.identity is not None}
     identities |= {journal.plan.node_id: journal.identity for journal in journals}
-    silent = {node for node in nodes if node not in {store.node_id for store in part.stores}}
+    silent = {node for node in nodes if node not in {store.node_id for store in member.stores}}
     boot_ups = {silent_id: nodes[silent_id].bus.boot_ups(silent_id) for silent_id in silent}
     return ExpectedAtStore(session, nodes, changes, identities, boot_ups)
 
 
 def _wanted(journal: Journal) -> tuple[Change, ...]:
     """Return the wanted values of *journal*'s node, without test values of a store."""
-    tested = {test.label: test for test in journal.part.tests}
+    tested = {test.label: test for test in journal.member.tests}
     return tuple(
         _without(change, tested[change.label]) if change.label in tested else change for change in journal.plan.changes
     )
@@ -186,7 +186,7 @@ def _without(change: Change, test: Change) -> Change:
 
 def _tested(holds: Sequence[Change], journal: Journal) -> tuple[Change, ...]:
     """Return the test values of a store that a node still *holds*."""
-    tested = {test.label for test in journal.part.tests}
+    tested = {test.label for test in journal.member.tests}
     others = (hold for hold in holds if hold.label not in tested)
     return (*others, *(change for change in journal.plan.changes if change.label in tested))
 
@@ -194,20 +194,20 @@ def _tested(holds: Sequence[Change], journal: Journal) -> tuple[Change, ...]:
 def _store(
     session: Session,
     journals: Sequence[Journal],
-    part: GroupMember,
+    member: GroupMember,
     claims: ExpectedAtStore,
     tests: Mapping[int, Sequence[Change]],
     stamps: Mapping[int, Sequence[Change]],
 ) -> None:
-    """Roll back *tests* on nodes that hold them, write ended *stamps* again, and store as in *part*.
+    """Roll back *tests* on nodes that hold them, write ended *stamps* again, and store as in *member*.
 
     Removes the journals.
     """
-    nodes, transaction = claims.nodes, Stores({store.node_id: store for store in part.stores}, part.equal)
+    nodes, transaction = claims.nodes, Stores({store.node_id: store for store in member.stores}, member.equal)
     guards = [] if session.dry_run else [node.guard for node in nodes.values() if node.guard is not None]
     waited = {journal.plan.node_id: journal for journal in journals}
     with session.cancellation.deferred(), session.agreed():
-        session.group.id, session.group.name = part.group_id, part.name
+        session.group.id, session.group.name = member.group_id, member.name
         for node_id, changes in claims.changes.items():
             for change in changes:  # the store itself looks at that, too, and at nothing else that was not changed
                 nodes[node_id].expected.changed(change)
@@ -218,7 +218,7 @@ def _store(
             _roll_back_tests(nodes, tests)
             for node_id, changes in stamps.items():
                 nodes[node_id].apply(Plan(node_id, tuple(changes)), remembered=False)
-            store_each(session, part.name, transaction, claims, [guard.own_journal for guard in guards])
+            store_each(session, member.name, transaction, claims, [guard.own_journal for guard in guards])
             for guard in guards:
                 guard.own_journal.complete_group()
         finally:
@@ -229,10 +229,10 @@ def _store(
             _start(nodes[journal.plan.node_id], journal)
 
 
-def _ended_stamps(claims: ExpectedAtStore, part: GroupMember) -> dict[int, tuple[Change, ...]]:
+def _ended_stamps(claims: ExpectedAtStore, member: GroupMember) -> dict[int, tuple[Change, ...]]:
     """Map nodes to stamps to write again before their stores: a refused store ended them."""
     found: dict[int, tuple[Change, ...]] = {}
-    for node_id in waiting(part):
+    for node_id in waiting(member):
         wanted = {change.step.sub_index: change.step.after for change in claims.changes[node_id] if is_stamp(change)}
         stamp = Stamp(*(int.from_bytes(wanted.get(stamp_place, b""), "little") for stamp_place in (DATE, TIME)))
         held = held_stamp(claims.nodes[node_id]) if stamp.is_own else None

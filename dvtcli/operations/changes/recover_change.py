@@ -77,7 +77,7 @@ def _recovered(session: Session, file: str | None, *, finish: bool) -> Changed |
         return go_on(session, journals)
     session.consent(lambda: _question(session, journals), _only(journals))
     for said in dict.fromkeys(
-        _group_text(journal, journals) for journal in journals if journal.part.group_id is not None
+        _group_text(journal, journals) for journal in journals if journal.member.group_id is not None
     ):
         session.reporter.note(said)
     done, failures = _put_back(session, journals, refused)
@@ -109,7 +109,7 @@ def _rather_finishes(session: SessionUser, journals: list[Journal]) -> bool:
     from dvtcli.operations.changes.finish_stores import may_finish
 
     groups = {
-        journal.part.group_id: [other for other in journals if other.part.group_id == journal.part.group_id]
+        journal.member.group_id: [other for other in journals if other.member.group_id == journal.member.group_id]
         for journal in journals
     }
     finishing = [ours for ours in groups.values() if may_finish(ours)]
@@ -126,10 +126,10 @@ def _rather_finishes(session: SessionUser, journals: list[Journal]) -> bool:
 
 
 def _begun_stores(journals: list[Journal]) -> str:
-    part = newest_store_record(journals)
-    told = "; ".join(f"{label}: {all_nodes(ids)}" for label, ids in stores_of(part).items() if ids)
-    when = "while" if waiting(part) else "once"
-    return f"every node had the values of {part.name}, but it ended {when} they stored ({told})"
+    member = newest_store_record(journals)
+    told = "; ".join(f"{label}: {all_nodes(ids)}" for label, ids in stores_of(member).items() if ids)
+    when = "while" if waiting(member) else "once"
+    return f"every node had the values of {member.name}, but it ended {when} they stored ({told})"
 
 
 def _asked_to_finish(session: SessionUser, text: str, what: str) -> bool:
@@ -163,12 +163,12 @@ def _question(session: SessionNodes, journals: Sequence[Journal]) -> str:
             continue
         written = list(dict.fromkeys(change.label for change in plan.changes if alters(change)))
         changed = [change.label for change in journal.plan.changes if alters(change)]
-        others = [label for label in dict.fromkeys(journal.part.asked or changed) if label not in written]
+        others = [label for label in dict.fromkeys(journal.member.asked or changed) if label not in written]
         back += [f"{join_some(written)} of node {node_id}"] if written else []
         same += [f"{join_some(others)} of node {node_id}"] if others else []
     what = (
         "the interrupted learning"
-        if all(other_journal.part.asked for other_journal in journals)
+        if all(other_journal.member.asked for other_journal in journals)
         else "the interrupted change"
     )
     said = [f"{join_some(back)} will be rolled back to the state before {what}"] if back else []
@@ -177,10 +177,9 @@ def _question(session: SessionNodes, journals: Sequence[Journal]) -> str:
 
 
 def _group_text(journal: Journal, journals: list[Journal]) -> str:
-    ids = [
-        other_journal.plan.node_id for other_journal in journals if other_journal.part.group_id == journal.part.group_id
-    ]
-    return f"{journal.part.name} was interrupted: all its changes are to be rolled back, on {all_nodes(ids)}"
+    group_id = journal.member.group_id
+    ids = [other.plan.node_id for other in journals if other.member.group_id == group_id]
+    return f"{journal.member.name} was interrupted: all its changes are to be rolled back, on {all_nodes(ids)}"
 
 
 def _worst_with_others(failures: Sequence[DvtcliError]) -> DvtcliError:
@@ -257,7 +256,7 @@ def _close_and_report(session: SessionNodes, recovery: Recovery, stored: bool | 
     if stored is not False:
         said = "stored" if stored else "may have stored"
         begun = (
-            f"{verbatim(journal.part.final)} had started: node {node.node_id} {said} the values that were rolled back"
+            f"{verbatim(journal.member.final)} had started: node {node.node_id} {said} the values that were rolled back"
         )
         session.reporter.warning(
             Hint(Action.STORE, {"node": node.node_id}, f"{begun}; {{}} accepts its present values")
@@ -388,20 +387,20 @@ def _hand_on_stores(node: Node, journal: Journal, together: Sequence[Journal]) -
 
     Raises SafetyRefusal if a journal cannot be written.
     """
-    part = newest_store_record(together)
-    if journal.part.group_id is None or not part.stores:
+    member = newest_store_record(together)
+    if journal.member.group_id is None or not member.stores:
         return
     journals = Journals(journal.path.parent, journal.bus)
     stores = tuple(
-        store._replace(is_accepted=True) if store.node_id == node.node_id else store for store in part.stores
+        store._replace(is_accepted=True) if store.node_id == node.node_id else store for store in member.stores
     )
     for other in together:
-        if other.path != journal.path and other.part.stores != stores:
-            told = other.part._replace(final=part.final, stores=stores, equal=part.equal)
+        if other.path != journal.path and other.member.stores != stores:
+            told = other.member._replace(final=member.final, stores=stores, equal=member.equal)
             with journal_files(journals, other.plan.node_id, "kept"):
                 journals.write(other.plan, other.identity, other.nmt_state, told)
     if stored_before(journal, together) is not False and node.guard is not None:
-        node.guard.history.may_be_stored(node.node_id, journal.identity, journal.part.entries)
+        node.guard.history.may_be_stored(node.node_id, journal.identity, journal.member.entries)
 
 
 def _after_accepting(node: ReadableNode, journal: Journal, others: list[int]) -> list[Hint]:
@@ -427,7 +426,7 @@ def _after_accepting(node: ReadableNode, journal: Journal, others: list[int]) ->
             Hint(
                 Action.RECOVER,
                 {"node": others[0]},
-                f"the change of {verbatim(journal.part.name)} on {all_nodes(others)} can be rolled back, too: {{}}",
+                f"the change of {verbatim(journal.member.name)} on {all_nodes(others)} can be rolled back, too: {{}}",
             )
         )
     return lines

@@ -32,40 +32,40 @@ def newest_store_record(journals: Sequence[Journal]) -> GroupMember:
 
     The store of a node with a journal among them is not accepted: an accept was not completed.
     """
-    part = max((journal.part for journal in journals), key=lambda part: (len(part.stores), *_progress(part)))
+    member = max((journal.member for journal in journals), key=lambda member: (len(member.stores), *_progress(member)))
     open_ids = {journal.plan.node_id for journal in journals}
     stores = tuple(
-        store._replace(is_accepted=store.is_accepted and store.node_id not in open_ids) for store in part.stores
+        store._replace(is_accepted=store.is_accepted and store.node_id not in open_ids) for store in member.stores
     )
-    return part._replace(stores=stores)
+    return member._replace(stores=stores)
 
 
-def _progress(part: GroupMember) -> tuple[int, int, int]:
+def _progress(member: GroupMember) -> tuple[int, int, int]:
     """How many nodes were accepted, how many answered their store, and how many were asked."""
     return (
-        sum(store.is_accepted for store in part.stores),
-        sum(store.is_done or store.is_refused for store in part.stores),
-        sum(store.is_begun for store in part.stores),
+        sum(store.is_accepted for store in member.stores),
+        sum(store.is_done or store.is_refused for store in member.stores),
+        sum(store.is_begun for store in member.stores),
     )
 
 
-def waiting(part: GroupMember) -> list[int]:
-    """Return node-IDs of *part* whose stores are neither known to be done nor accepted."""
-    return [store.node_id for store in part.stores if store.waits]
+def waiting(member: GroupMember) -> list[int]:
+    """Return node-IDs of *member* whose stores are neither known to be done nor accepted."""
+    return [store.node_id for store in member.stores if store.waits]
 
 
-def stores_of(part: GroupMember) -> dict[str, list[int]]:
-    """Group the nodes of *part*: stored, unknown, refused or not asked."""
-    done = [store.node_id for store in part.stores if store.is_done]
-    asked = [store.node_id for store in part.stores if store.is_begun and store.waits and not store.is_refused]
+def stores_of(member: GroupMember) -> dict[str, list[int]]:
+    """Group the nodes of *member*: stored, unknown, refused or not asked."""
+    done = [store.node_id for store in member.stores if store.is_done]
+    asked = [store.node_id for store in member.stores if store.is_begun and store.waits and not store.is_refused]
     if not any(
-        store.is_begun for store in part.stores
+        store.is_begun for store in member.stores
     ):  # an earlier version, which noted nothing else: they go in turn
-        asked = waiting(part)[:1]
+        asked = waiting(member)[:1]
     return {
         "stored": done,
         "unknown": asked,
-        "not stored": [node_id for node_id in waiting(part) if node_id not in asked],
+        "not stored": [node_id for node_id in waiting(member) if node_id not in asked],
     }
 
 
@@ -75,14 +75,14 @@ def stored_before(journal: Journal, journals: Sequence[Journal]) -> bool | None:
     *journals* are all waiting journals, including others of the same change.
     """
     ours = (
-        [own_journal for own_journal in journals if own_journal.part.group_id == journal.part.group_id]
-        if journal.part.group_id
+        [own_journal for own_journal in journals if own_journal.member.group_id == journal.member.group_id]
+        if journal.member.group_id
         else [journal]
     )
-    part = newest_store_record(ours)
-    if not part.stores:
-        return None if journal.part.final else False  # a line of a script stores, and may name any node
-    states = stores_of(part)
+    member = newest_store_record(ours)
+    if not member.stores:
+        return None if journal.member.final else False  # a line of a script stores, and may name any node
+    states = stores_of(member)
     if journal.plan.node_id in states["stored"]:
         return True
     return None if journal.plan.node_id in states["unknown"] else False
@@ -164,9 +164,9 @@ def _held_file(session: SessionNodes, path: Path) -> list[Path]:
 def with_others(session: SessionNodes, path: Path) -> list[Journal]:
     """Return the journal at *path* and others of the same change, with their nodes locked."""
     journal = read_journal(path)
-    if journal.part.group_id is None:
+    if journal.member.group_id is None:
         return [journal]
-    beside = Journals(path.parent, journal.bus).all_of(journal.part.group_id)
+    beside = Journals(path.parent, journal.bus).all_of(journal.member.group_id)
     others = [other_journal for other_journal in beside if other_journal.plan.node_id != journal.plan.node_id]
     return sorted(
         [journal, *(other for other in others if _is_held(session, other))],

@@ -111,34 +111,34 @@ def _interrupted(guard: ChangeGuard) -> tuple[Hint | str, bool]:
 def _how_to_finish(journal: Journal) -> Hint:
     changed = _changed(journal)
     labels, node_id = join_some(journal.labels), journal.plan.node_id
-    if journal.part.group_id is None and journal.part.asked:
+    if journal.member.group_id is None and journal.member.asked:
         what = f"the learning of this device, which asked {labels} of node {node_id},"
         return Hint(
             Action.RECOVER, {"node": node_id}, f"{what} was interrupted: {{}} rolls back to the old configuration"
         )
-    if journal.part.group_id is None:
+    if journal.member.group_id is None:
         return Hint(
             Action.RECOVER,
             {"node": node_id},
             f"a change of {labels} of node {node_id} was interrupted: {{}} rolls back to the old configuration",
         )
-    accepted = [store.node_id for store in journal.part.stores if store.is_accepted]
+    accepted = [store.node_id for store in journal.member.stores if store.is_accepted]
     but = f" except {join_some(map(str, accepted))}, accepted as found" if accepted else ""
     back = Hint(Action.RECOVER_ALL, why=f", {{}} rolls all its changes back, on all nodes{but}")
-    if journal.part.stores and not any(store.waits for store in journal.part.stores):
-        said = f"{verbatim(journal.part.name)} was interrupted after nodes had stored its changes, {changed}"
+    if journal.member.stores and not any(store.waits for store in journal.member.stores):
+        said = f"{verbatim(journal.member.name)} was interrupted after nodes had stored its changes, {changed}"
         return Hint(Action.FINISH_STORES, why=f"{said}: {{}} reads every node{but} again") + back
-    if journal.part.stores:
-        said = f"{verbatim(journal.part.name)} was interrupted while nodes stored its changes, {changed}"
+    if journal.member.stores:
+        said = f"{verbatim(journal.member.name)} was interrupted while nodes stored its changes, {changed}"
         return Hint(Action.FINISH_STORES, why=f"{said}: {{}} stores on the rest of them") + back
-    said = f"{verbatim(journal.part.name)} was interrupted, which changed {changed}"
+    said = f"{verbatim(journal.member.name)} was interrupted, which changed {changed}"
     return Hint(Action.RECOVER_ALL, why=f"{said}: {{}} rolls all its changes back, on all nodes")
 
 
 def _changed(journal: Journal) -> str:
     """Describe the change of *journal*: if on several nodes, with all of them."""
-    whole = journal.part.group_id
-    together = [] if whole is None else Journals(journal.path.parent, journal.bus).all_of(whole)
+    group_id = journal.member.group_id
+    together = [] if group_id is None else Journals(journal.path.parent, journal.bus).all_of(group_id)
     ids = sorted({journal.plan.node_id, *(other_journal.plan.node_id for other_journal in together)})
     if len(ids) > 1:
         return all_nodes(ids)
