@@ -12,7 +12,7 @@ import pytest
 
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.change.change_group import GroupMember
-from dvtcli.device.change.journal import MOST_BYTES, Journals, read_journal
+from dvtcli.device.change.journal import MOST_BYTES, JournalFolder, read_journal
 from dvtcli.device.change.private_file import file_name, sync_folder
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
@@ -42,7 +42,7 @@ PLAN = Plan(
 
 @pytest.mark.parametrize("state", [None, 0, 5, 0xFF])
 def test_a_journal_reads_back_as_it_was_written(tmp_path: Path, state: int | None) -> None:
-    journals = Journals(tmp_path / "journals", "socketcan:can0")
+    journals = JournalFolder(tmp_path / "journals", "socketcan:can0")
     path = journals.write(PLAN, IDENTITY, state)
     found = journals.find(127)
     assert found is not None
@@ -113,7 +113,7 @@ SPOILT: list[tuple[Spoil, str]] = [
 
 @pytest.mark.parametrize(("spoil", "why"), SPOILT)
 def test_a_damaged_journal_is_said_and_not_used(tmp_path: Path, spoil: Spoil, why: str) -> None:
-    path = Journals(tmp_path, "can0").write(PLAN, IDENTITY, 5)
+    path = JournalFolder(tmp_path, "can0").write(PLAN, IDENTITY, 5)
     document = journal_document(path)
     spoil(document)
     path.write_text(json.dumps(document))
@@ -124,7 +124,7 @@ def test_a_damaged_journal_is_said_and_not_used(tmp_path: Path, spoil: Spoil, wh
 
 
 def test_the_highest_object_may_be_the_one_that_could_not_be_read(tmp_path: Path) -> None:
-    path = Journals(tmp_path, "can0").write(PLAN, IDENTITY, 5)
+    path = JournalFolder(tmp_path, "can0").write(PLAN, IDENTITY, 5)
     document = journal_document(path)
     document["changes"][0]["before"]["unread"] = [[0xFFFF, 0xFF], [0, 0]]
     path.write_text(json.dumps(document))
@@ -134,7 +134,7 @@ def test_the_highest_object_may_be_the_one_that_could_not_be_read(tmp_path: Path
 
 
 def test_most_changes_and_most_bytes(tmp_path: Path) -> None:
-    path = Journals(tmp_path, "can0").write(PLAN, IDENTITY, 5)
+    path = JournalFolder(tmp_path, "can0").write(PLAN, IDENTITY, 5)
     document = journal_document(path)
     document["changes"] = document["changes"][2:3] * 2048
     text = json.dumps(document)
@@ -147,7 +147,7 @@ def test_most_changes_and_most_bytes(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="no /proc: open files cannot be counted")
 def test_no_file_stays_open(tmp_path: Path) -> None:
-    journals = Journals(tmp_path, "can0")
+    journals = JournalFolder(tmp_path, "can0")
     before = len(list(Path("/proc/self/fd").iterdir()))
     for _ in range(3):
         journals.write(PLAN, IDENTITY, 5)
@@ -160,7 +160,7 @@ def test_no_file_stays_open(tmp_path: Path) -> None:
     "part", [{"entries": 7}, {"entries": [1]}, {"entries": None}, {"name": 5}, {"final": 5}, {"whole": 5}]
 )
 def test_what_a_journal_belongs_to_is_words(tmp_path: Path, part: dict[str, Any]) -> None:
-    path = Journals(tmp_path, "can0").write(PLAN, IDENTITY, 5)
+    path = JournalFolder(tmp_path, "can0").write(PLAN, IDENTITY, 5)
     path.write_text(json.dumps(journal_document(path) | part))
     with pytest.raises(InputFileError) as caught:
         read_journal(path)
@@ -169,7 +169,7 @@ def test_what_a_journal_belongs_to_is_words(tmp_path: Path, part: dict[str, Any]
 
 def test_what_a_journal_belongs_to_reads_back_and_need_not_be_said(tmp_path: Path) -> None:
     member = GroupMember("5f", "set-up.dvt", ("one", "two"), "store")
-    path = Journals(tmp_path, "can0").write(PLAN, IDENTITY, 5, member)
+    path = JournalFolder(tmp_path, "can0").write(PLAN, IDENTITY, 5, member)
     assert read_journal(path).member == member
     document = journal_document(path)
     path.write_text(
@@ -179,7 +179,7 @@ def test_what_a_journal_belongs_to_reads_back_and_need_not_be_said(tmp_path: Pat
 
 
 def test_what_could_not_be_read_again_is_not_written(tmp_path: Path) -> None:
-    journals = Journals(tmp_path, "can0")
+    journals = JournalFolder(tmp_path, "can0")
     step = PLAN.changes[2:3]
     assert len(journals.write(Plan(5, step * 2048), IDENTITY, 5).read_text()) < MOST_BYTES
     large = ValueChange(Step(0x2000, 0, None, bytes(MOST_BYTES // 2), "write"))
@@ -192,7 +192,7 @@ def test_what_could_not_be_read_again_is_not_written(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(os.name != "posix", reason="Windows has no modes of this kind")
 def test_a_journal_that_others_could_have_written_is_not_believed(tmp_path: Path) -> None:
-    path = Journals(tmp_path, "can0").write(PLAN, IDENTITY, 5)
+    path = JournalFolder(tmp_path, "can0").write(PLAN, IDENTITY, 5)
     path.chmod(0o666)
     with pytest.raises(SafetyRefusal) as caught:
         read_journal(path)

@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 
 from dvtcli.device.change.change_group import GroupMember
-from dvtcli.device.change.journal import Journals, unneeded_markers
+from dvtcli.device.change.journal import JournalFolder, unneeded_markers
 from dvtcli.domain.plan import Plan, Step, ValueChange
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="rights of files")
 def test_a_journal_that_cannot_be_used_now_keeps_its_group(tmp_path: Path) -> None:
     """What another node's journal needs is not taken away with one that has ended."""
-    journals = Journals(tmp_path, "can0")
+    journals = JournalFolder(tmp_path, "can0")
     journals.open_group("ab12")
     plan = Plan(1, (ValueChange(Step(0x2000, 0, b"\0", b"\1", "write")),))
     for node_id in (1, 2):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.device.change.journal import Journals
+from dvtcli.device.change.journal import JournalFolder
 from dvtcli.device.change.roll_back import roll_back_once, roll_back_patiently
 from dvtcli.device.change.transaction import Transaction
 from dvtcli.device.node import Node
@@ -105,7 +105,7 @@ def test_a_journal_puts_back_what_the_device_takes_wherever_the_change_was_kille
     entry = PdoMappingEntry((INPUTS if one.is_tpdo else OUTPUTS), 3, 8)
     back = PdoConfig(before.disabled().communication, ())
     change = plan_pdo(one, before, PdoConfig(before.communication, (entry,)))._replace(substitute=back)
-    journals = Journals(Path("journals").resolve(), "direct")
+    journals = JournalFolder(Path("journals").resolve(), "direct")
     journals.write(Plan(NODE, (change,)), {}, None)
     for step in change.steps[:steps]:
         sdo.download(step.index, step.sub_index, step.after)

@@ -34,7 +34,7 @@ from dvtcli.cli.registry import REGISTRY
 from dvtcli.cli.run_line import boundary, run_words
 from dvtcli.cli.scripts.script_parse import script_lines
 from dvtcli.cli.view.output import Output
-from dvtcli.device.change.journal import Journals, read_journal
+from dvtcli.device.change.journal import JournalFolder, read_journal
 from dvtcli.device.described_node import FileValues
 from dvtcli.device.node import Node
 from dvtcli.device.read_pdos import present_pdos, read_pdo
@@ -337,7 +337,7 @@ def journal(data: bytes) -> None:
         assert 0 <= step.sub_index <= 0xFF
     with contextlib.suppress(ValueError):  # the value before is not known
         found.plan.reversed()
-    journals = Journals(Path("journals"), "fuzz")
+    journals = JournalFolder(Path("journals"), "fuzz")
     again = read_journal(journals.write(found.plan, found.identity, found.nmt_state))
     assert (again.plan, again.identity, again.nmt_state) == (found.plan, found.identity, found.nmt_state)
 

@@ -15,7 +15,7 @@ from dvtcli.bus.sdo.sdo_link import SdoSettings
 from dvtcli.cli.lexer import split
 from dvtcli.cli.scripts.script_parse import MOST_COMMANDS, script_lines
 from dvtcli.cli.view.output import Output
-from dvtcli.device.change.journal import Journals
+from dvtcli.device.change.journal import JournalFolder
 from dvtcli.errors import InputFileError, SdoProtocolError, UsageError
 from dvtcli.files.eds.reader import parse_eds
 from dvtcli.files.profile.toml import read_profile
@@ -90,7 +90,7 @@ def test_a_file_without_an_end_is_an_error(line: str) -> None:
 
 
 def test_a_journal_that_cannot_be_read_is_a_damaged_journal(tmp_path: Path) -> None:
-    journals = Journals(tmp_path, "bus")
+    journals = JournalFolder(tmp_path, "bus")
     journals.path(1).mkdir(parents=True)
     with pytest.raises(InputFileError, match="not a usable journal"):
         journals.find(1)

@@ -32,7 +32,7 @@ from dvtcli.cli.view.reports.github_lines import github_error_lines, github_line
 from dvtcli.cli.view.reports.junit_lines import junit_error_lines
 from dvtcli.cli.view.reports.sarif_lines import sarif_lines
 from dvtcli.device.change.change_history import ChangeHistory
-from dvtcli.device.change.journal import Journals
+from dvtcli.device.change.journal import JournalFolder
 from dvtcli.device.change.private_file import file_name
 from dvtcli.domain.datatypes import BY_SHORT_NAME
 from dvtcli.domain.file_complaint import FileComplaint
@@ -272,7 +272,7 @@ def places(text: str) -> None:
     bus, folder = text.encode("utf-8", "replace").decode(), Path("/kept")
     identity = {"vendor": 1, "product": 2, "revision": 3, "serial": None}
     kept = (
-        stored_place((1, 2, 3), text), ChangeHistory(folder, bus).path(1, identity), Journals(folder, bus).path(1),
+        stored_place((1, 2, 3), text), ChangeHistory(folder, bus).path(1, identity), JournalFolder(folder, bus).path(1),
         folder / f"{file_name(bus)}.count",
     )  # fmt: skip
     for place in kept:

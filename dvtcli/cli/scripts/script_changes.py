@@ -328,8 +328,8 @@ class ScriptChanges:
         self, left: LeftChanged, made: Iterable[tuple[Node, Sequence[Plan]]], failed: LeftChanged | None
     ) -> None:
         """Add to *left* the nodes' differences from before the script, and before the line that *failed*."""
+        from dvtcli.device.change.combined_plan import combine_plans
         from dvtcli.device.change.failed_change import Guarded, name_left
-        from dvtcli.device.change.journal import combine_plans
         from dvtcli.domain.plan import Plan
 
         changes: dict[int, tuple[Node, tuple[Change, ...]]] = {}

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from dvtcli.device.change.change_group import ChangeGroup, GroupMember
 from dvtcli.device.change.change_history import ChangeHistory
-from dvtcli.device.change.journal import Journal, Journals, read_journal
+from dvtcli.device.change.journal import Journal, JournalFolder, read_journal
 from dvtcli.device.change.lock import NodeLock
 from dvtcli.device.change.own_journal import ROOM_OF_TEST, OwnJournal, journal_files, journal_room
 from dvtcli.device.change.plan_document import Identity
@@ -108,7 +108,7 @@ class ChangeGuard:
     #: the current change group
     group: ChangeGroup = field(default_factory=ChangeGroup)
     lock: NodeLock = field(init=False)
-    journals: Journals = field(init=False)
+    journals: JournalFolder = field(init=False)
     #: the journal of this process
     own_journal: OwnJournal = field(init=False)
     #: the change history, for later processes
@@ -117,7 +117,7 @@ class ChangeGuard:
 
     def __post_init__(self) -> None:
         self.lock = NodeLock(self.locks, self.bus, self.node_id, self.command, self._remove_unfinished)
-        self.journals = Journals(self.folder / "journals", self.bus)
+        self.journals = JournalFolder(self.folder / "journals", self.bus)
         self.own_journal = OwnJournal(self.journals, self.lock, self.group, self.warn)
         self.history = ChangeHistory(self.locks.parent / "changes", self.bus, self.warn)
         self._backing_up = BackingUp(self.folder / "backups", self.bus, self.node_id, self.history)
@@ -268,7 +268,7 @@ class ChangeGuard:
                 self.own_journal.delete()
             elif self.unfinished_journal() is None:
                 self.lock.note(None)
-            Journals(journal.path.parent, journal.bus).tidy(journal.member.group_id)
+            JournalFolder(journal.path.parent, journal.bus).tidy(journal.member.group_id)
 
     def _is_gone_or(self, journal: Journal, path: Path) -> bool:
         """True if the file at *path* is missing, or is *journal* or a copy."""
@@ -288,7 +288,7 @@ class ChangeGuard:
                 closed = read_journal(path)
             aside = set_aside(path, word)
             if closed is not None:
-                Journals(path.parent, closed.bus).tidy(closed.member.group_id)
+                JournalFolder(path.parent, closed.bus).tidy(closed.member.group_id)
             if self.unfinished_journal() is None:
                 self.lock.note(None)
         return aside
@@ -313,7 +313,7 @@ def _way_out(path: Path) -> Hint:
         discard = Hint(Action.RECOVER, {"discard": True}, f"the journal is damaged: {{}} sets {verbatim(path)} aside")
         return discard + Hint(Action.SHOW_PDOS, why=", then check the node with {}")
     group_id = journal.member.group_id
-    together = () if group_id is None else Journals(path.parent, journal.bus).all_of(group_id)
+    together = () if group_id is None else JournalFolder(path.parent, journal.bus).all_of(group_id)
     ids = sorted({journal.plan.node_id, *(other.plan.node_id for other in together)})
     what = f"rolls back all nodes of that change ({', '.join(map(str, ids))})" if len(ids) > 1 else "rolls back"
     return Hint(Action.RECOVER, why=f"{what} to the old configuration, with the journal {verbatim(path)}")

@@ -10,14 +10,13 @@ import errno
 import json
 import os
 import re
-import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from dvtcli.device.change.change_group import ChangeGroup, GroupMember, Storing
+from dvtcli.device.change.change_group import GroupMember, Storing
 from dvtcli.device.change.plan_document import (
     MOST_CHANGES,
     Identity,
@@ -27,90 +26,11 @@ from dvtcli.device.change.plan_document import (
     read_number,
     read_plan,
 )
-from dvtcli.device.change.private_file import (
-    file_name,
-    open_private,
-    remove,
-    stranger,
-    sync_folder,
-    to_disk,
-    write_private,
-)
+from dvtcli.device.change.private_file import file_name, remove, stranger, sync_folder, write_private
+from dvtcli.device.change.two_slot_file import HEAD_BYTES, content_of, create_two_slot_file, replace_content
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.plan import Change, PdoChange, Plan, ValueChange
+from dvtcli.domain.plan import Plan
 from dvtcli.errors import InputFileError, SafetyRefusal
-
-#: the checksum (CRC-32), the number, and a space behind each
-_HEAD = re.compile(rb"([0-9a-f]{8}) ([0-9]{10}) ")
-HEAD_BYTES = 20
-#: what a disk that takes nothing more says
-_FULL = (errno.ENOSPC, errno.EDQUOT)
-
-
-def create(path: Path, content: str, size: int) -> None:
-    """Write a new file of *content* (ASCII) with space for *size* bytes, synced to disk on return.
-
-    Raises OSError and SafetyRefusal like `write_private`; an existing file of the same name stays unchanged then.
-    """
-    size = max(size, len(content))
-    write_private(path, _line(content, 1, size) + " " * (size + HEAD_BYTES) + "\n", newline="\n")
-
-
-def replace_content(path: Path, content: str, room: int = 0) -> bool:
-    """Replace the content (ASCII) of the file at *path* without using more space; false if too little is reserved.
-
-    *room* is how many further bytes to reserve. Raises OSError if the disk refuses all the same, as a copy-on-write
-    file system may; the content stays unchanged then.
-    """
-    try:
-        descriptor = open_private(path, os.O_RDWR)
-    except FileNotFoundError:
-        return False
-    with os.fdopen(descriptor, "rb+", buffering=0) as file:
-        lines = file.read().splitlines(keepends=True)
-        is_ours = len(lines) == 2 and len(lines[0]) == len(lines[1])
-        size = len(lines[0]) - HEAD_BYTES - 1 if is_ours else -1
-        if len(content) + room > size:
-            return False
-        numbers = [_number(line) for line in lines]
-        file.seek(numbers.index(min(numbers)) * len(lines[0]))
-        try:
-            left = memoryview(_line(content, max(numbers) + 1, size).encode())
-            while left:
-                left = left[file.write(left) :]
-            to_disk(file.fileno())
-        except OSError as failed:
-            if failed.errno not in _FULL:
-                raise
-            why = f"{failed.strerror} for what has its space: this file system copies on write"
-            raise OSError(failed.errno, why, str(path)) from failed
-    return True
-
-
-def content_of(data: bytes) -> bytes:
-    """The content of a file with the bytes *data*; *data* unchanged if not in this format.
-
-    Raises ValueError if no line is valid.
-    """
-    if not _HEAD.match(data):
-        return data
-    newest = max(data.split(b"\n")[:2], key=_number)
-    if not _number(newest):
-        raise ValueError("it was not written to its end")
-    return newest[HEAD_BYTES:]
-
-
-def _line(content: str, number: int, size: int) -> str:
-    numbered = f"{number:010d} {content:{size}}"
-    return f"{zlib.crc32(numbered.encode()):08x} {numbered}\n"
-
-
-def _number(line: bytes) -> int:
-    """The number of a valid *line*, else 0."""
-    head, line = _HEAD.match(line), line.rstrip(b"\n")
-    return int(head[2]) if head and int(head[1], 16) == zlib.crc32(line[9:]) else 0
-
 
 SCHEMA = "dvtcli.journal/1"
 #: A journal is no larger than what `MOST_CHANGES` fill; anything larger is something else.
@@ -137,7 +57,7 @@ class Journal:
         return list(self.member.asked) or [change.label for change in self.plan.changes]
 
 
-class Journals(NamedTuple):
+class JournalFolder(NamedTuple):
     """The journals of one *folder* for the bus called *bus*."""
 
     folder: Path
@@ -200,7 +120,7 @@ class Journals(NamedTuple):
             group_id = read_journal(path).member.group_id
         except (InputFileError, SafetyRefusal):
             return True
-        return group_id is None or Journals(path.parent, self.bus)._marker(group_id).exists()  # noqa: SLF001 - one of ours
+        return group_id is None or JournalFolder(path.parent, self.bus)._marker(group_id).exists()  # noqa: SLF001 - one of ours
 
     def all_of(self, group_id: str) -> list[Journal]:
         """The usable journals of the group with id *group_id*, by node-ID."""
@@ -218,15 +138,16 @@ class Journals(NamedTuple):
     ) -> Path:
         """Write and sync the journal of *plan* before its first write; readable by its owner only.
 
-        *member* is its membership in a group, *room* is how many bytes to reserve for later versions. Raises OSError if the journal cannot be kept, or is too
-        large to read again; an existing journal of the same name stays unchanged then.
+        *member* is its membership in a group, *room* is how many bytes to reserve for later versions. Raises OSError if
+        the journal cannot be written, or is too large to read again; an existing journal of the same name stays
+        unchanged then.
         """
         path = self.path(plan.node_id)
         text = self._text(plan, identity, nmt_state, member or GroupMember())
         if len(text) > MOST_BYTES or len(plan.changes) > MOST_CHANGES:
             raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), str(path))
         if not replace_content(path, text, room):
-            create(path, text, min(len(text) + room, MOST_BYTES))
+            create_two_slot_file(path, text, min(len(text) + room, MOST_BYTES))
         return path
 
     @staticmethod
@@ -366,120 +287,3 @@ def _store_document(one: Storing) -> dict[str, Any]:
         "identity": one.identity,
         "holds": [change_document(change) for change in one.holds],
     }
-
-
-@dataclass(slots=True)
-class JournalContents:
-    """The changes of one node that its journal can roll back: verified plans of a group and the plan *in_hand*.
-
-    *nmt_state* is the NMT state before the first plan.
-    """
-
-    nmt_state: int | None = None
-    member: GroupMember = field(default_factory=GroupMember)
-    made: list[Plan] = field(default_factory=list)
-    in_hand: Plan | None = None
-    #: the whole plan, if its journal is on disk before the first write; None: each change by itself
-    prepared: Plan | None = None
-
-    def begin(
-        self,
-        group: ChangeGroup,
-        plan: Plan,
-        nmt_state: int | None,
-        asked: tuple[str, ...] = (),
-        *,
-        is_test: bool = False,
-    ) -> str:
-        """Add *plan*, about to be applied or probed by `learn`, and return its id for `undo`.
-
-        With *is_test* the plan is temporary, until `end_test`.
-        """
-        if self.member.group_id != group.id or not self.is_begun:
-            self.made, self.nmt_state, self.member = [], nmt_state, GroupMember(group.id, group.name)
-        entry, tests = os.urandom(16).hex(), plan.changes if is_test else ()
-        self.member = self.member._replace(entries=(*self.member.entries, entry), asked=asked, tests=tests)
-        self.in_hand = plan
-        return entry
-
-    @property
-    def is_begun(self) -> bool:
-        """True if the journal has verified changes to roll back, or the prepared change of a group."""
-        return bool(self.made) or self.prepared is not None
-
-    def prepare(self, group: ChangeGroup, plan: Plan, nmt_state: int | None) -> str:
-        """Add the whole *plan* of a group, applied in parts, and return its id for `undo`."""
-        entry = self.begin(group, plan, nmt_state)
-        self.in_hand, self.prepared = None, combine_plans(plan.node_id, [*self.made, plan])
-        return entry
-
-    def carried_out(self) -> None:
-        """Mark the plan in progress as verified; in a group it stays for a roll-back with later changes."""
-        if self.member.group_id is not None and self.in_hand is not None:
-            self.made.append(self.in_hand)
-            self.in_hand = None
-
-    def end_test(self) -> None:
-        """Drop the temporary change of a proof after its roll-back."""
-        if self.member.tests:
-            self.made = [plan for plan in self.made if plan.changes != self.member.tests]
-            self.member = self.member._replace(tests=())
-
-    @property
-    def plan(self) -> Plan:
-        """Everything to roll back, as one plan."""
-        plans = [plan for plan in (self.prepared, *self.made, self.in_hand) if plan is not None]
-        return plans[0] if len(plans) == 1 else combine_plans(plans[0].node_id, plans)
-
-
-def covers(kept: Plan, plan: Plan) -> bool:
-    """True if rolling back *kept* rolls back all of *plan*: the same objects with the same former values."""
-    held = {_key(change): _before(change) for change in kept.changes}
-    return all(held.get(_key(change)) == _before(change) for change in plan.changes)
-
-
-def _before(change: Change) -> object:
-    return (change.before, change.substitute) if isinstance(change, PdoChange) else change.step.before
-
-
-def _key(change: Change) -> object:
-    return change.pdo if isinstance(change, PdoChange) else change.label
-
-
-def combine_plans(node_id: int, plans: Iterable[Plan]) -> Plan:
-    """One plan from before the first of *plans* to after the last, rolled back in reverse order.
-
-    Rolling back a whole PDO replaces earlier writes to its objects, except a mapping entry behind the count of an empty
-    mapping: the entry is rolled back after the PDO, which makes room.
-    """
-    first: dict[object, Change] = {}
-    last: dict[object, Change] = {}
-    for change in (change for plan in plans for change in plan.changes):
-        first.setdefault(_key(change), change)
-        last[_key(change)] = change
-    pdos = {change.pdo: change for change in first.values() if isinstance(change, PdoChange)}
-    joined = [_joined(change, last[key]) for key, change in first.items() if _counts(change, pdos)]
-    fillers = [change for change in joined if _is_in(change, pdos)]
-    return Plan(node_id, (*fillers, *(change for change in joined if not _is_in(change, pdos))))
-
-
-def _is_in(change: Change, pdos: dict[Pdo, PdoChange]) -> bool:
-    return isinstance(change, ValueChange) and Pdo.at(change.step.index) in pdos
-
-
-def _counts(change: Change, pdos: dict[Pdo, PdoChange]) -> bool:
-    if not isinstance(change, ValueChange) or not _is_in(change, pdos):
-        return True
-    pdo = Pdo.at(change.step.index)
-    assert pdo is not None  # noqa: S101 - it is one of theirs
-    before = pdos[pdo].before
-    entry = change.step.index == pdo.mapping_index and change.step.sub_index > 0
-    return entry and not before.enabled and before.count == 0
-
-
-def _joined(first: Change, last: Change) -> Change:
-    if isinstance(first, PdoChange):
-        assert isinstance(last, PdoChange)  # noqa: S101 - one key, one kind
-        return last._replace(before=first.before, substitute=first.substitute)
-    assert isinstance(last, ValueChange)  # noqa: S101
-    return ValueChange(replace(last.step, before=first.step.before))

@@ -13,7 +13,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from dvtcli.device.change.change_group import ChangeGroup, GroupMember, Storing
-from dvtcli.device.change.journal import Journal, JournalContents, Journals, combine_plans, covers
+from dvtcli.device.change.combined_plan import ChangesToRollBack, combine_plans, covers
+from dvtcli.device.change.journal import Journal, JournalFolder
 from dvtcli.device.change.lock import NodeLock
 from dvtcli.device.change.plan_document import Identity, change_document
 from dvtcli.device.change.private_file import OTHER_STATE, remove
@@ -35,7 +36,7 @@ class OwnJournal:
     *warn* shows an important message.
     """
 
-    journals: Journals
+    journals: JournalFolder
     lock: NodeLock
     group: ChangeGroup
     warn: Callable[[str], None]
@@ -44,7 +45,7 @@ class OwnJournal:
     #: the id under which `undo` is to remember the change in hand
     entry: str = ""
     #: the changes to roll back
-    _contents: JournalContents = field(default_factory=JournalContents)
+    _contents: ChangesToRollBack = field(default_factory=ChangesToRollBack)
     #: values possibly altered as a side effect, each as a change to its present value
     _may_be_altered: Plan | None = None
     #: the present content of the journal
@@ -93,7 +94,7 @@ class OwnJournal:
         before, self.identity = self._copy(), identity
         with self._files("kept"):
             self.entry = self._contents.prepare(self.group, plan, nmt_state)
-            self._keep_or(before, room + Journals.length_of(group.final, (*group.stores, *group.equal)))
+            self._keep_or(before, room + JournalFolder.length_of(group.final, (*group.stores, *group.equal)))
 
     def begin(
         self,
@@ -128,10 +129,10 @@ class OwnJournal:
                     raise
                 self._contents.in_hand = plan  # the journal on disk covers this as well
 
-    def _copy(self) -> JournalContents:
+    def _copy(self) -> ChangesToRollBack:
         return replace(self._contents, made=[*self._contents.made])
 
-    def _keep_or(self, before: JournalContents, room: int) -> None:
+    def _keep_or(self, before: ChangesToRollBack, room: int) -> None:
         """Write and note the journal; on failure return to *before*, since no device was written."""
         try:
             if self.group.id is not None:
@@ -184,7 +185,7 @@ class OwnJournal:
     def adopt(self, journal: Journal) -> None:
         """Take over *journal* of a group that another process left verified on every node, to complete the group."""
         self.identity = journal.identity
-        self._contents = JournalContents(journal.nmt_state, journal.member, [journal.plan])
+        self._contents = ChangesToRollBack(journal.nmt_state, journal.member, [journal.plan])
         self._on_disk = (journal.plan, journal.member)
 
     def record_stores(self, line: str, stores: tuple[Storing, ...] = (), equal: tuple[Storing, ...] = ()) -> None:
@@ -224,7 +225,7 @@ class OwnJournal:
 
     def detach(self) -> None:
         """Forget the changes of this process, but leave the files on disk."""
-        self._contents, self._on_disk, self._may_be_altered = JournalContents(), None, None
+        self._contents, self._on_disk, self._may_be_altered = ChangesToRollBack(), None, None
 
     def delete(self) -> None:
         """Remove the journal: nothing must be rolled back any more.
@@ -283,7 +284,7 @@ def journal_room(held: Mapping[Pdo, PdoConfig]) -> int:
 
 
 @contextmanager
-def journal_files(journals: Journals, node_id: int, what: str) -> Iterator[None]:
+def journal_files(journals: JournalFolder, node_id: int, what: str) -> Iterator[None]:
     """Report a full disk or a read-only folder as an error for the user to fix, not as a bug."""
     try:
         yield

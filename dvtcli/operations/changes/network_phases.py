@@ -13,8 +13,8 @@ from dvtcli.bus.turns import one_by_one
 from dvtcli.device.change.applied import Applied
 from dvtcli.device.change.apply_plan import enter
 from dvtcli.device.change.change_group import GroupMember
+from dvtcli.device.change.combined_plan import combine_plans
 from dvtcli.device.change.expected_refusals import foreseen, with_undo_findings
-from dvtcli.device.change.journal import combine_plans
 from dvtcli.device.change.own_journal import complete_groups
 from dvtcli.device.change.undo_plan import UndoPlan, UndoRequest, plan_undo, refuse_unknown
 from dvtcli.device.change.untouched_pdos import as_they_are, untouched_configs, untouched_pdos

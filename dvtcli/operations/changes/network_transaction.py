@@ -10,6 +10,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from dvtcli.device.change.combined_plan import combine_plans
 from dvtcli.device.change.failed_change import (
     BUS_BACK,
     Guarded,
@@ -20,7 +21,6 @@ from dvtcli.device.change.failed_change import (
     name_left,
     not_rolled_back,
 )
-from dvtcli.device.change.journal import combine_plans
 from dvtcli.device.change.roll_back import PATIENCE_S, RETRY_S, first_difference
 from dvtcli.device.change.undo_plan import UndoRequest
 from dvtcli.device.change.untouched_pdos import as_they_are, untouched_pdos

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dvtcli.device.change.journal import ACCEPTED, DISCARDED, Journals, read_journal
+from dvtcli.device.change.journal import ACCEPTED, DISCARDED, JournalFolder, read_journal
 from dvtcli.device.change.own_journal import journal_files
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.nmt import NmtState
@@ -390,7 +390,7 @@ def _hand_on_stores(node: Node, journal: Journal, together: Sequence[Journal]) -
     member = newest_store_record(together)
     if journal.member.group_id is None or not member.stores:
         return
-    journals = Journals(journal.path.parent, journal.bus)
+    journals = JournalFolder(journal.path.parent, journal.bus)
     stores = tuple(
         store._replace(is_accepted=True) if store.node_id == node.node_id else store for store in member.stores
     )

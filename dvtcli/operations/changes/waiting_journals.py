@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.device.change.journal import Journals, read_journal
+from dvtcli.device.change.journal import JournalFolder, read_journal
 from dvtcli.device.change.lock import NodeLock
 from dvtcli.device.change.private_file import file_name, unreadable
 from dvtcli.domain.hint import Action, Hint
@@ -126,7 +126,7 @@ def _of_node(session: SessionNodes, node_id: int) -> list[Path]:
     if guard is not None:
         path = guard.unfinished_journal() if session.dry_run else guard.lock_and_find_journal()
     else:
-        journals = Journals(session.state_folder / "journals", session.wire.name)
+        journals = JournalFolder(session.state_folder / "journals", session.wire.name)
         path = journals.path(node_id) if journals.counts(journals.path(node_id)) else None
     return [path] if path is not None else []
 
@@ -134,7 +134,7 @@ def _of_node(session: SessionNodes, node_id: int) -> list[Path]:
 def waiting_ids(session: SessionNodes) -> list[int]:
     """Return node-IDs of this bus with a journal: in our folder, or noted in the node's lock."""
     bus = session.open_network().bus.name
-    journals, locks = Journals(session.state_folder / "journals", bus), state_folder(None) / "locks"
+    journals, locks = JournalFolder(session.state_folder / "journals", bus), state_folder(None) / "locks"
     names = [*journals.folder.glob(f"{file_name(bus)}-*.json"), *locks.glob(f"{file_name(bus)}-*.lock")]
     numbers = (re.fullmatch(rf"{re.escape(file_name(bus))}-(\d{{1,3}})\.\w+", path.name) for path in names)
     ids = sorted({int(number[1]) for number in numbers if number is not None})
@@ -166,7 +166,7 @@ def with_others(session: SessionNodes, path: Path) -> list[Journal]:
     journal = read_journal(path)
     if journal.member.group_id is None:
         return [journal]
-    beside = Journals(path.parent, journal.bus).all_of(journal.member.group_id)
+    beside = JournalFolder(path.parent, journal.bus).all_of(journal.member.group_id)
     others = [other_journal for other_journal in beside if other_journal.plan.node_id != journal.plan.node_id]
     return sorted(
         [journal, *(other for other in others if _is_held(session, other))],

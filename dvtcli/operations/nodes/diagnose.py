@@ -97,9 +97,9 @@ def _left_over(folders: Iterable[Path]) -> str:
 
 
 def _journals(folder: Path) -> Check:
-    from dvtcli.device.change.journal import Journals
+    from dvtcli.device.change.journal import JournalFolder
 
-    journals = Journals(folder / "journals", "")
+    journals = JournalFolder(folder / "journals", "")
     waiting = sorted(path.name for path in journals.folder.glob("*.json") if journals.counts(path))
     if waiting:
         return Check("journals", "warn", f"a change was interrupted: {', '.join(waiting)}", "recover finishes it")

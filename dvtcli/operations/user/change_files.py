@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.change.change_group import ChangeGroup
 from dvtcli.device.change.change_guard import ChangeGuard
 from dvtcli.device.change.change_history import ChangeHistory
-from dvtcli.device.change.journal import Journals
+from dvtcli.device.change.journal import JournalFolder
 from dvtcli.device.change.private_file import unusable
 from dvtcli.device.programs import ProgramNotes
 from dvtcli.domain.hint import Action, Hint, as_hint, verbatim
@@ -138,7 +138,7 @@ def _how_to_finish(journal: Journal) -> Hint:
 def _changed(journal: Journal) -> str:
     """Describe the change of *journal*: if on several nodes, with all of them."""
     group_id = journal.member.group_id
-    together = [] if group_id is None else Journals(journal.path.parent, journal.bus).all_of(group_id)
+    together = [] if group_id is None else JournalFolder(journal.path.parent, journal.bus).all_of(group_id)
     ids = sorted({journal.plan.node_id, *(other_journal.plan.node_id for other_journal in together)})
     if len(ids) > 1:
         return all_nodes(ids)

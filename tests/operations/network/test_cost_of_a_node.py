@@ -18,7 +18,7 @@ from typing import TypeVar
 import pytest
 
 from dvtcli.device.change import lock, private_file
-from dvtcli.device.change.journal import Journals
+from dvtcli.device.change.journal import JournalFolder
 from tests.operations.network.test_many_nodes import many
 
 pytestmark = pytest.mark.drawn(1, "cost of a node")
@@ -73,14 +73,14 @@ def test_a_store_writes_no_more_journals_where_there_are_many(tmp_path: Path) ->
         (folder := tmp_path / str(count)).mkdir()
         chain, file = many(folder, count, store=True)
         counted = calls(partial(chain.apply, file))
-        written[count] = sum(number for code, number in counted.items() if code is Journals.write.__code__) / count
+        written[count] = sum(number for code, number in counted.items() if code is JournalFolder.write.__code__) / count
     assert written[MANY] <= written[FEW] + 0.5, written
 
 
 def test_a_change_has_one_journal_a_node_for_all_its_parts(tmp_path: Path) -> None:
     chain, file = many(tmp_path, FEW)
     counted = calls(partial(chain.apply, file))
-    assert sum(number for code, number in counted.items() if code is Journals.write.__code__) == FEW
+    assert sum(number for code, number in counted.items() if code is JournalFolder.write.__code__) == FEW
     synced = {code.co_qualname: number for code, number in counted.items() if code.co_filename == private_file.__file__}
     assert synced["to_disk"] + synced["sync_folder"] <= 11 * FEW + 3  # one of them is the number of the change
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.device.change.journal import content_of, create, replace_content
+from dvtcli.device.change.two_slot_file import content_of, create_two_slot_file, replace_content
 from tests.small_disk import empty, fill, on_small_disk
 
 _KEEP_SIZE_AND_PUNCH_HOLE, _PAGE = 3, 4096
@@ -20,7 +20,7 @@ def _said(path: Path) -> str:
 
 def _replaced_on_a_full_disk(disk: Path) -> None:
     path = disk / "state" / "kept"
-    create(path, "first", 20_000)
+    create_two_slot_file(path, "first", 20_000)
     fill(disk)
     for number in range(5):
         assert replace_content(path, "x" * 20_000 if number % 2 else f"short {number}")
@@ -38,7 +38,7 @@ def test_it_needs_no_space(tmp_path: Path) -> None:
 def _without_its_space(disk: Path) -> None:
     """The second line's pages are given back, as if the file system wrote each elsewhere."""
     path = disk / "state" / "kept"
-    create(path, "first", 20_000)
+    create_two_slot_file(path, "first", 20_000)
     with path.open("rb+") as file:
         start, length = ctypes.c_longlong(6 * _PAGE), ctypes.c_longlong(2 * _PAGE)
         assert ctypes.CDLL(None).fallocate(file.fileno(), _KEEP_SIZE_AND_PUNCH_HOLE, start, length) == 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from dvtcli.device.change.change_group import ChangeGroup
-from dvtcli.device.change.journal import JournalContents, combine_plans
+from dvtcli.device.change.combined_plan import ChangesToRollBack, combine_plans
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.plan import Plan, Step, ValueChange, plan_pdo
@@ -70,7 +70,7 @@ def test_but_for_an_entry_behind_the_count_of_a_mapping_that_was_empty() -> None
 
 
 def test_what_stands_alone_is_put_back_alone_and_ids_are_nobody_else_s() -> None:
-    contents, alone = JournalContents(), ChangeGroup()
+    contents, alone = ChangesToRollBack(), ChangeGroup()
     first = contents.begin(alone, timed(TPDO1, 0, 5), 5)
     contents.carried_out()
     second = contents.begin(alone, timed(TPDO2, 0, 5), 127)
@@ -79,7 +79,7 @@ def test_what_stands_alone_is_put_back_alone_and_ids_are_nobody_else_s() -> None
 
 
 def test_of_a_group_each_change_that_was_carried_out_counts_once() -> None:
-    contents, group = JournalContents(), ChangeGroup()
+    contents, group = ChangesToRollBack(), ChangeGroup()
     group.begin("a script")
     assert len(group.id or "") == 32
     for pdo in (TPDO1, TPDO2):
