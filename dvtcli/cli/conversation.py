@@ -217,7 +217,7 @@ class Conversation(Session):
             finally:
                 self.cancellation.hold()  # a signal waits until the line's end is reached in order
         if (self.in_script or not self.started) and (nodes := self._nodes()):
-            from dvtcli.device.restarts import refuse_after_restarts
+            from dvtcli.device.node import refuse_after_restarts
 
             refuse_after_restarts(nodes)
         self.settle()
@@ -247,7 +247,7 @@ class Conversation(Session):
         if not self._is_stage:
             self.warn_of_disturbances()
         if nodes := self._nodes():
-            from dvtcli.device.restarts import losses
+            from dvtcli.device.node import losses
             from dvtcli.domain.hint import Action, Hint, verbatim
 
             for node in nodes:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.change.changeable import Changeable
 from dvtcli.device.store.pending import COMMUNICATION, EVERYTHING
 from dvtcli.domain.pdo import Pdo
-from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError
+from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, Restarted
 
 if TYPE_CHECKING:
     from dvtcli.device.change.applied import Applied
@@ -336,6 +336,19 @@ class Node(Changeable):
             self.pending.lost_until = len(self.history)
             self._unreported_losses += lost
 
+    def plans_in_effect(self) -> list[Plan]:
+        """The plans of this session still in effect, by the known resets, which clear unstored values.
+
+        After a partial store nobody knows the stored plans: doubtful plans are listed.
+        """
+        pending, history = self.pending, self.history
+        stored, since = history[: pending.stored_at], history[max(pending.stored_at, pending.lost_until) :]
+        try:
+            restarted = pending.boot_ups not in (None, self.bus.boot_ups(self.node_id))
+        except BusUnavailable:
+            restarted = False
+        return stored if restarted and not pending.partly_stored else [*stored, *since]
+
     def undo(self, *, everything: bool = False, force: bool = False, rolls_back: bool = False) -> Applied:
         """Undo the last plan, or all plans, in one transaction."""
         from dvtcli.device.change.undo_plan import UndoRequest
@@ -447,3 +460,16 @@ def _fitting(findings: Iterable[Finding], pdo: Pdo, want: AnyPdoRequest) -> Iter
     if not isinstance(want, Switched | Cleared):
         return iter(findings)
     return hinting_at_set(findings, pdo, enables=isinstance(want, Switched) and want.enabled)
+
+
+def losses(nodes: Iterable[Node]) -> Iterator[str]:
+    """A message for each node that restarted and lost changes since the last call."""
+    for node in nodes:
+        if lost := node.notice_reboot():
+            yield f"node {node.node_id} restarted: unstored values are lost ({', '.join(lost)})"
+
+
+def refuse_after_restarts(nodes: Iterable[Node]) -> None:
+    """Raise Restarted if a node has lost changes of this script or command: its result does not hold."""
+    for text in losses(nodes):
+        raise Restarted(text, hint="check its supply, then repeat the command", state="unknown")

@@ -8,7 +8,6 @@ import pytest
 
 from dvtcli.device.change.undo_plan import UndoRequest
 from dvtcli.device.node import Node
-from dvtcli.device.restarts import held_plans
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
 from dvtcli.domain.plan import Plan, Step, ValueChange, plan_pdo
@@ -100,19 +99,19 @@ def test_of_a_chain_that_somebody_else_broke_only_what_came_after_is_put_back(no
 def test_a_restart_takes_what_was_not_stored_and_is_told_once(node: Node, bus: DirectBus) -> None:
     node.notice_reboot()
     set_timer(node, TPDO1, 70)
-    assert held_plans(node) == node.history
+    assert node.plans_in_effect() == node.history
     bus.send_nmt(NmtCommand.RESET_NODE, NODE)
-    assert held_plans(node) == []
+    assert node.plans_in_effect() == []
     assert node.last_seen != {}
     assert node.notice_reboot() == ("TPDO1",)
-    assert (node.last_seen, held_plans(node), node.notice_reboot()) == ({}, [], ())
+    assert (node.last_seen, node.plans_in_effect(), node.notice_reboot()) == ({}, [], ())
 
 
 def test_a_reset_that_was_asked_for_takes_it_too(node: Node, bus: DirectBus) -> None:
     set_timer(node, TPDO1, 70)
     bus.send_nmt(NmtCommand.RESET_NODE, NODE)
     assert node.was_reset(communication=False) == ("TPDO1",)
-    assert (node.last_seen, node.unstored, held_plans(node)) == ({}, {}, [])
+    assert (node.last_seen, node.unstored, node.plans_in_effect()) == ({}, {}, [])
 
 
 def test_a_reset_of_the_communication_takes_communication_objects_only(node: Node, bus: DirectBus) -> None:
@@ -127,7 +126,7 @@ def test_after_a_restore_no_number_of_changes_stands_for_what_is_held(node: Node
     set_timer(node, TPDO1, 70)
     set_timer(node, TPDO2, 80)
     node.pending.was_restored(len(node.history))
-    assert held_plans(node) == []
+    assert node.plans_in_effect() == []
     assert not any(node.pending.is_as_stored(count) for count in range(3))
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dvtcli.device.node import Node
-from dvtcli.device.restarts import held_plans
 from dvtcli.domain.plan import Plan, Step, ValueChange
 from tests.laws.bench import NODE, DirectBus, booted, dictionary
 
@@ -17,7 +16,7 @@ def after_a_restart(*, stored: int) -> tuple[list[Plan], list[Plan]]:
         node.pending.changed(f"{place[0]:04X}", place[0])
     node.pending.was_stored(stored, len(node.history))
     node.pending.boot_ups = -1
-    return node.history, held_plans(node)
+    return node.history, node.plans_in_effect()
 
 
 def test_what_was_stored_whole_is_held_after_a_restart() -> None:
@@ -39,7 +38,7 @@ def changed_after_a_store(*, restarted: bool | None) -> tuple[list[Plan], list[P
         node.history.append(Plan(NODE, (ValueChange(Step(*place, b"\0\0", b"\1\0", "write")),)))
     node.pending.stored_at = 1
     node.pending.boot_ups = None if restarted is None else 1 - restarted
-    return node.history, held_plans(node)
+    return node.history, node.plans_in_effect()
 
 
 def test_a_restart_takes_what_was_changed_after_the_store() -> None:

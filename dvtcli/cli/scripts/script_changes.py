@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from dvtcli.device.restarts import held_plans, refuse_after_restarts
+from dvtcli.device.node import refuse_after_restarts
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.text import join_some
@@ -189,7 +189,7 @@ class ScriptChanges:
     def _held(self) -> set[int]:
         """Return ids of this script's plans whose changes are still in the nodes."""
         made = {id(plan) for node in self._session.met_nodes() for plan in self._made(node)}
-        return made & {id(plan) for node in self._session.met_nodes() for plan in held_plans(node)}
+        return made & {id(plan) for node in self._session.met_nodes() for plan in node.plans_in_effect()}
 
     def _noted(self) -> list[str]:
         held = self._held()

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Literal, TypeVar
 from weakref import WeakSet
 
 from dvtcli.bus.turns import in_callers_thread
-from dvtcli.device.restarts import losses, refuse_after_restarts
+from dvtcli.device.node import losses, refuse_after_restarts
 from dvtcli.errors import Bug, BusUnavailable, DvtcliError, Interrupted, UsageError
 from dvtcli.operations.api.called_hints import answer_in_calls, errors_in_calls, in_calls
 from dvtcli.operations.api.checks import flags

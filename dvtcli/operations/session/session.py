@@ -209,7 +209,7 @@ class Session(Opened):
         if failures:
             raise failures[0]
         if alone and not code and (nodes := self._nodes()):
-            from dvtcli.device.restarts import refuse_after_restarts
+            from dvtcli.device.node import refuse_after_restarts
 
             refuse_after_restarts(nodes)
 
