@@ -6,7 +6,6 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from dvtcli.device.node import refuse_after_restarts
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.text import join_some
@@ -239,6 +238,8 @@ class ScriptChanges:
         for node in nodes:
             node.gate.leave()
         try:
+            from dvtcli.device.node import refuse_after_restarts
+
             refuse_after_restarts(nodes)
         except Restarted:
             self._lost = True
