@@ -9,109 +9,10 @@ from functools import cached_property
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import DUMMY_BITS, Pdo, PdoMappingEntry, is_mpdo
 from dvtcli.domain.profile import BitPolicy
-from dvtcli.simulator.device.family import Family, Login, within
+from dvtcli.simulator.device.family import Family, within
 from dvtcli.simulator.device.memory import Memory, Refusal
-
-LEVEL, PASSCODE, USER_ID = 1, 2, 3
-NOT_PRE_OPERATIONAL, LEVEL_TOO_LOW, LOGIN_FAILED, VALUE_INVALID = 4, 8, 9, 12
-
-
-class Gates:
-    """The conditions of one device beyond CiA 301."""
-
-    def __init__(self, memory: Memory, family: Family) -> None:
-        self._memory = memory
-        self._family = family
-        self.reset(communication_only=False)
-
-    @property
-    def is_master(self) -> bool:
-        """True if the node is the NMT master and ignores NMT commands."""
-        master = self._family.master_object
-        return master is not None and self._memory.number(*master) == 1
-
-    def check(self, index: int, state: NmtState) -> None:
-        """Raise Refusal if the access level or *state* does not allow a download to *index*."""
-        login = self._family.login
-        if login is not None and within(index, login.writes) and self._level(login) < login.level:
-            raise Refusal(Abort.GENERAL, LEVEL_TOO_LOW)
-        if state is not NmtState.PRE_OPERATIONAL and within(index, self._family.pre_operational_writes):
-            raise self._wrong_state()
-
-    def check_selection(self, index: int, sub_index: int, data: bytes) -> None:
-        """Raise Refusal if a virtual PDO would name an object missing in the node."""
-        if sub_index == 0 or index not in self._selectors:
-            return
-        selected = int.from_bytes(data, "little")
-        if selected & 0xFF != 0xFF and selected not in self._memory.dictionary and self._memory.backing is None:
-            raise Refusal(Abort.GENERAL, VALUE_INVALID)
-
-    @property
-    def _selectors(self) -> set[int]:
-        motors = self._family.motors
-        return {each.selector for each in self._family.pins} | ({motors.selector} if motors else set())
-
-    def _wrong_state(self) -> Refusal:
-        if self._family.extended_error is None:
-            return Refusal(self._family.wrong_state)
-        return Refusal(Abort.GENERAL, NOT_PRE_OPERATIONAL)
-
-    def _level(self, login: Login) -> int:
-        return self._memory.number(login.index, LEVEL)
-
-    def reset(self, *, communication_only: bool) -> None:
-        """Set the family's initial access level; a communication reset keeps the login."""
-        login = self._family.login
-        if login is not None and login.start is not None and not communication_only:
-            self._memory.write(login.index, LEVEL, bytes([login.start]))
-
-    def is_passcode(self, index: int, sub_index: int) -> bool:
-        """True if a download to the object is a login or logout."""
-        return self._family.login is not None and (index, sub_index) == (self._family.login.index, PASSCODE)
-
-    def log_in(self, data: bytes) -> None:
-        """Set the access level of the passcode in *data*. Raises Refusal (08000000) for an unknown passcode.
-
-        A twin of a real device (with a backing) cannot know its passcodes and accepts any.
-        """
-        login = self._family.login
-        if login is None:
-            return
-        passcode = int.from_bytes(data, "little")
-        unknown = max(login.passcodes.values()) if self._memory.backing is not None else 0
-        level = login.passcodes.get(passcode, unknown) if passcode else 0
-        if not self._memory.number(login.index, USER_ID):
-            level = 0
-        self._memory.write(login.index, LEVEL, bytes([level]))
-        if passcode and not level:
-            raise Refusal(Abort.GENERAL, LOGIN_FAILED)
-
-    def forced_state(self, index: int, sub_index: int) -> NmtState | None:
-        """The state forced by a download just made to the object, None for none."""
-        if (index, sub_index) != self._family.state_request or not self.is_master:
-            return None
-        forced = self._memory.number(index, sub_index)
-        return NmtState.PRE_OPERATIONAL if forced else NmtState.OPERATIONAL
-
-    def granted(self, wanted: NmtState | None, now: NmtState) -> NmtState:
-        """The new state of a device in *now* after a request for *wanted*, None for none."""
-        stays = self._family.stays_operational and now is NmtState.OPERATIONAL
-        return now if stays or wanted is None else wanted
-
-    def explained(self, refusal: Refusal) -> Refusal:
-        """The refusal in this family's form, with its reason in the extended error object."""
-        place = self._family.extended_error
-        if place is None:
-            return refusal
-        reason = self._family.reasons.get(refusal.code, refusal.reason)
-        if reason is None:
-            return refusal
-        self._memory.write(*place, reason.to_bytes(self._memory.size(*place) or 2, "little"))
-        return Refusal(Abort.GENERAL, reason)
-
 
 _ENFORCED_GRANULARITIES = (1, 8)
 #: SRDOs and their configuration (EN 50325-5), which no PDO carries, whatever a file says.
@@ -119,8 +20,11 @@ _SAFETY = range(0x1300, 0x1400)
 _MISSING: dict[int, str] = {Abort.NO_OBJECT: "missing-object", Abort.NO_SUB_INDEX: "missing-sub-index"}
 
 
-def refuse_unless_accepted(family: Family, pdo: Pdo, check: str, code: int) -> None:
-    """Raise Refusal with the family's abort code for *check*, else *code*; 0 is no refusal."""
+def answer_check(family: Family, pdo: Pdo, check: str, code: int) -> None:
+    """Raise Refusal with the family's abort code for *check*, else *code*; returns if that is 0: it accepts the value.
+
+    *check* is a key of `CHECKS`.
+    """
     code = family.answers.get(pdo.direction, {}).get(check, code)
     if code:
         raise Refusal(code)
@@ -140,15 +44,15 @@ class EntryChecks:
         else:
             longest = self._object_bits(pdo, entry)
         if longest is not None and entry.bits > longest:
-            refuse_unless_accepted(
+            answer_check(
                 self._family, pdo, "entry-too-long", Abort.NOT_MAPPABLE if self._family.entry_length_checked else 0
             )
         elif longest is not None and entry.bits < longest:
-            refuse_unless_accepted(self._family, pdo, "entry-too-short", 0)
+            answer_check(self._family, pdo, "entry-too-short", 0)
         if entry.bits > self._family.max_entry_bits:
-            refuse_unless_accepted(self._family, pdo, "entry-bits", Abort.NOT_MAPPABLE)
+            answer_check(self._family, pdo, "entry-bits", Abort.NOT_MAPPABLE)
         if entry.bits % self._granularity:
-            refuse_unless_accepted(self._family, pdo, "granularity", Abort.NOT_MAPPABLE)
+            answer_check(self._family, pdo, "granularity", Abort.NOT_MAPPABLE)
 
     @property
     def _granularity(self) -> int:
@@ -159,14 +63,14 @@ class EntryChecks:
 
     def _dummy_bits(self, pdo: Pdo, entry: PdoMappingEntry) -> int:
         if entry.sub_index:
-            refuse_unless_accepted(self._family, pdo, "dummy-sub-index", Abort.NO_SUB_INDEX)
+            answer_check(self._family, pdo, "dummy-sub-index", Abort.NO_SUB_INDEX)
         if pdo.is_tpdo and self._family.tpdo_dummies:
-            refuse_unless_accepted(self._family, pdo, "dummy", self._family.tpdo_dummies)
+            answer_check(self._family, pdo, "dummy", self._family.tpdo_dummies)
         supported = self._family.dummies
         if supported is None:
             supported = self._memory.dictionary.info.dummies
         if supported is not None and entry.index not in supported:
-            refuse_unless_accepted(self._family, pdo, "dummy", Abort.NOT_MAPPABLE)
+            answer_check(self._family, pdo, "dummy", Abort.NOT_MAPPABLE)
         return DUMMY_BITS[entry.index]
 
     def _object_bits(self, pdo: Pdo, entry: PdoMappingEntry) -> int | None:
@@ -174,10 +78,10 @@ class EntryChecks:
         try:
             self._memory.require(entry.index, entry.sub_index)
         except Refusal as missing:
-            refuse_unless_accepted(self._family, pdo, _MISSING.get(missing.code, "missing-object"), missing.code)
+            answer_check(self._family, pdo, _MISSING.get(missing.code, "missing-object"), missing.code)
             return None
         if entry.index in _SAFETY:
-            refuse_unless_accepted(self._family, pdo, "not-mappable", Abort.NOT_MAPPABLE)
+            answer_check(self._family, pdo, "not-mappable", Abort.NOT_MAPPABLE)
         self._check_mappable(pdo, entry.index, entry.sub_index)
         data_type = self._memory.data_type(entry.index, entry.sub_index)
         if data_type is not None and data_type.bits is not None:
@@ -194,10 +98,10 @@ class EntryChecks:
         if described.access not in (self._family.tpdo_access if pdo.is_tpdo else self._family.rpdo_access):
             wrong_way = Abort.WRITE_ONLY if pdo.is_tpdo else Abort.READ_ONLY
             telling = self._family.entry_access_codes and described.pdo_mapping
-            refuse_unless_accepted(self._family, pdo, "wrong-direction", wrong_way if telling else Abort.NOT_MAPPABLE)
+            answer_check(self._family, pdo, "wrong-direction", wrong_way if telling else Abort.NOT_MAPPABLE)
         mappable = not self._states_mappability if described.pdo_mapping is None else described.pdo_mapping
         if not mappable:
-            refuse_unless_accepted(self._family, pdo, "not-mappable", Abort.NOT_MAPPABLE)
+            answer_check(self._family, pdo, "not-mappable", Abort.NOT_MAPPABLE)
 
     @cached_property
     def _states_mappability(self) -> bool:
@@ -336,32 +240,32 @@ class PdoChecks:
         if sub_index == TRANSMISSION_TYPE:
             self._check_transmission_type(pdo, value)
         elif sub_index == INHIBIT_TIME and value > self._family.max_inhibit_time:
-            refuse_unless_accepted(self._family, pdo, "inhibit-high", Abort.VALUE_HIGH)
+            answer_check(self._family, pdo, "inhibit-high", Abort.VALUE_HIGH)
         elif sub_index == EVENT_TIMER and value > self._family.max_event_timer:
-            refuse_unless_accepted(self._family, pdo, "event-high", Abort.VALUE_HIGH)
+            answer_check(self._family, pdo, "event-high", Abort.VALUE_HIGH)
         if sub_index in _WHILE_VALID and self.cob_id(pdo).valid:
-            refuse_unless_accepted(self._family, pdo, *_WHILE_VALID[sub_index])
+            answer_check(self._family, pdo, *_WHILE_VALID[sub_index])
 
     def _check_cob_id(self, pdo: Pdo, wanted: CobId) -> None:
         held = self.cob_id(pdo)
         if wanted == held:
             if held.valid:
-                refuse_unless_accepted(self._family, pdo, "cob-id-again", 0)
+                answer_check(self._family, pdo, "cob-id-again", 0)
             return
         self._check_frame_bits(pdo, wanted)
         if not wanted.valid:
             return
         if held.valid and (held.can_id, held.extended) != (wanted.can_id, wanted.extended):
-            refuse_unless_accepted(self._family, pdo, "cob-id-while-valid", Abort.VALUE_RANGE)
+            answer_check(self._family, pdo, "cob-id-while-valid", Abort.VALUE_RANGE)
         if not wanted.fits_frame:
-            refuse_unless_accepted(self._family, pdo, "beyond-frame", Abort.VALUE_RANGE)
+            answer_check(self._family, pdo, "beyond-frame", Abort.VALUE_RANGE)
         elif not wanted.extended and within(wanted.can_id, _RESTRICTED):
-            refuse_unless_accepted(
+            answer_check(
                 self._family, pdo, "restricted", Abort.VALUE_RANGE if self._family.restricted_ids_refused else 0
             )
         used = self._filled_mapping(pdo) if self._count_is_fixed(pdo) else self._memory.number(pdo.mapping_index, 0)
         if not held.valid and used == 0:
-            refuse_unless_accepted(
+            answer_check(
                 self._family, pdo, "empty-enabled", 0 if self._family.empty_pdos_enabled else Abort.VALUE_RANGE
             )
 
@@ -382,13 +286,13 @@ class PdoChecks:
     def _check_frame_bits(self, pdo: Pdo, wanted: CobId) -> None:
         policy = self._family.rtr_bit[pdo.direction]
         if (policy is BitPolicy.SET and wanted.rtr_allowed) or (policy is BitPolicy.CLEAR and not wanted.rtr_allowed):
-            refuse_unless_accepted(self._family, pdo, "rtr-bit", Abort.VALUE_RANGE)
+            answer_check(self._family, pdo, "rtr-bit", Abort.VALUE_RANGE)
         if wanted.extended and not self._family.extended_ids:
-            refuse_unless_accepted(self._family, pdo, "extended", Abort.VALUE_RANGE)
+            answer_check(self._family, pdo, "extended", Abort.VALUE_RANGE)
 
     def _check_transmission_type(self, pdo: Pdo, value: int) -> None:
         if value in _RTR_TYPES and pdo.is_tpdo and not self.cob_id(pdo).rtr_allowed:
-            refuse_unless_accepted(self._family, pdo, "type-without-rtr", Abort.VALUE_RANGE)
+            answer_check(self._family, pdo, "type-without-rtr", Abort.VALUE_RANGE)
         own = self._family.pdo_types.get(pdo.direction)
         if own is not None:
             code = next((code for first, last, code in own if first <= value <= last), Abort.VALUE_RANGE)
@@ -396,38 +300,38 @@ class PdoChecks:
             known = within(value, self._family.transmission_types) and (pdo.is_tpdo or value not in _RTR_TYPES)
             code = 0 if known else Abort.VALUE_RANGE
         if code:
-            refuse_unless_accepted(self._family, pdo, "type", code)
+            answer_check(self._family, pdo, "type", code)
 
     def _check_count(self, pdo: Pdo, count: int) -> None:
         if self.cob_id(pdo).valid:
             again = self._memory.number(pdo.mapping_index, 0) == count
-            code = 0 if self._is_same(pdo, 0, count) else self._family.mapping_in_use
-            refuse_unless_accepted(self._family, pdo, "count-again" if again else "count-while-valid", code)
+            code = 0 if again and self._family.same_mapping_accepted else self._family.mapping_in_use
+            answer_check(self._family, pdo, "count-again" if again else "count-while-valid", code)
             if again:
                 return
         if is_mpdo(count) and self._memory.dictionary.info.group_messaging:
             return
         strict = Abort.PDO_LENGTH if self._family.count_within_entries else 0
         if count > self._max_entries(pdo):
-            refuse_unless_accepted(self._family, pdo, "count-beyond", strict)
+            answer_check(self._family, pdo, "count-beyond", strict)
         bits = 0
         for sub_index in range(1, count + 1):
             if not self._memory.exists(pdo.mapping_index, sub_index):
-                refuse_unless_accepted(self._family, pdo, "count-beyond", strict)
+                answer_check(self._family, pdo, "count-beyond", strict)
                 break
             bits += self._covered_bits(pdo, self._memory.number(pdo.mapping_index, sub_index))
         if bits > 64:
-            refuse_unless_accepted(self._family, pdo, "too-many-bits", Abort.PDO_LENGTH)
+            answer_check(self._family, pdo, "too-many-bits", Abort.PDO_LENGTH)
 
     def _covered_bits(self, pdo: Pdo, raw: int) -> int:
         """The length of an entry activated by a count, checked again."""
         if raw == 0:
             code = 0 if self._family.empty_entries_counted else Abort.NOT_MAPPABLE
-            refuse_unless_accepted(self._family, pdo, "count-over-zero", code)
+            answer_check(self._family, pdo, "count-over-zero", code)
             return 0
         entry = PdoMappingEntry.from_raw(raw)
         if entry.bits == 0:
-            refuse_unless_accepted(
+            answer_check(
                 self._family, pdo, "count-over-no-bits", 0 if self._family.zero_bits_counted else Abort.VALUE_RANGE
             )
         self._entries.check(pdo, entry)
@@ -435,23 +339,19 @@ class PdoChecks:
 
     def _check_entry_write(self, pdo: Pdo, sub_index: int, raw: int) -> None:
         if sub_index > self._max_entries(pdo):
-            refuse_unless_accepted(self._family, pdo, "no-entry", Abort.NO_SUB_INDEX)
+            answer_check(self._family, pdo, "no-entry", Abort.NO_SUB_INDEX)
         fixed = self._count_is_fixed(pdo)
         valid = self.cob_id(pdo).valid
         if valid or (not fixed and self._memory.number(pdo.mapping_index, 0)):
             again = self._memory.number(pdo.mapping_index, sub_index) == raw
-            code = 0 if self._is_same(pdo, sub_index, raw) else self._family.mapping_in_use
-            refuse_unless_accepted(self._family, pdo, _IN_USE[valid, again], code)
+            code = 0 if again and self._family.same_mapping_accepted else self._family.mapping_in_use
+            answer_check(self._family, pdo, _IN_USE[valid, again], code)
             if again:
                 return
         if not raw:
-            refuse_unless_accepted(self._family, pdo, "entry-zero", 0)
+            answer_check(self._family, pdo, "entry-zero", 0)
         elif not (fixed and raw == self._family.filler):
             self._entries.check(pdo, PdoMappingEntry.from_raw(raw))
-
-    def _is_same(self, pdo: Pdo, sub_index: int, value: int) -> bool:
-        """True if the mapping has *value* already and the family does not count this as a write."""
-        return self._family.same_mapping_accepted and self._memory.number(pdo.mapping_index, sub_index) == value
 
     def _max_entries(self, pdo: Pdo) -> int:
         listed = self._memory.highest_sub_index(pdo.mapping_index)

@@ -17,7 +17,8 @@ from dvtcli.domain.ports import Frame
 from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.frame_services import HEARTBEAT, FrameServices
 from dvtcli.simulator.device.memory import Backing, Memory, ParameterAreas, Refusal
-from dvtcli.simulator.device.pdo_checks import Gates, PdoChecks, limit_check, refuse_unless_accepted
+from dvtcli.simulator.device.pdo_checks import PdoChecks, answer_check, limit_check
+from dvtcli.simulator.device.write_conditions import WriteConditions
 
 if TYPE_CHECKING:
     from dvtcli.simulator.device.boot_loader import BootLoader
@@ -58,11 +59,16 @@ class Judge:
     """Checks downloads to one device; *services* check after the PDO rules and the file's limits."""
 
     def __init__(
-        self, memory: Memory, family: Family, gates: Gates, store: ParameterAreas, services: Sequence[DeviceService]
+        self,
+        memory: Memory,
+        family: Family,
+        conditions: WriteConditions,
+        store: ParameterAreas,
+        services: Sequence[DeviceService],
     ) -> None:
         self._memory = memory
         self._family = family
-        self._gates = gates
+        self._conditions = conditions
         self._store = store
         self._services = tuple(services)
         self._guard = PdoChecks(memory, family)
@@ -82,7 +88,7 @@ class Judge:
         """Raise Refusal for *data*; state and PDO rules precede the file's limits, as their abort codes are more
         specific.
         """
-        self._gates.check(index, state)
+        self._conditions.check(index, state)
         if self._family.pdo_rules_always or state is NmtState.OPERATIONAL:
             self._guard.check(index, sub_index, data)
         entry = self._memory.entry(index, sub_index)
@@ -90,7 +96,7 @@ class Judge:
             self._check_limits(entry, data)
         for service in self._services:
             service.check(index, sub_index, data)
-        self._gates.check_selection(index, sub_index, data)
+        self._conditions.check_selection(index, sub_index, data)
 
     def _check_limits(self, entry: OdEntry, data: bytes) -> None:
         """Check the file's limits; for a PDO parameter the family may have another answer, or none."""
@@ -101,7 +107,7 @@ class Judge:
             check = limit_check(entry.index, entry.sub_index, outside.code)
             if pdo is None or not check:
                 raise
-            refuse_unless_accepted(self._family, pdo, check, outside.code)
+            answer_check(self._family, pdo, check, outside.code)
 
 
 #: Verify configuration (CiA 301, 7.5.2.23).
@@ -138,7 +144,7 @@ class StrictDevice:
         #: whether NMT commands that ask for a state are not obeyed
         self.ignores_nmt = False
         self._memory = Memory(self.dictionary, node_id, family.capabilities, backing, family.absent)
-        self._gates = Gates(self._memory, family)
+        self._conditions = WriteConditions(self._memory, family)
         #: stored values and the reset
         self.areas = ParameterAreas(self._memory, family)
         #: the services besides SDO and NMT commands
@@ -148,7 +154,7 @@ class StrictDevice:
         #: the LSS slave; before its first use, the bit rate (bit/s) at power-on, and the accepted bit rates
         self._lss: LssSlave | None = None
         self._rates: tuple[int | None, Collection[int] | None] = (None, ())
-        self._judge = Judge(self._memory, family, self._gates, self.areas, self.services.judges)
+        self._judge = Judge(self._memory, family, self._conditions, self.areas, self.services.judges)
 
     @property
     def node_id(self) -> int:
@@ -220,7 +226,7 @@ class StrictDevice:
             self._judge.check_value(index, sub_index, data, self.state)
             self._accept(index, sub_index, bytes(data))
         except Refusal as refusal:
-            raise self._gates.explained(refusal) from None
+            raise self._conditions.explained(refusal) from None
 
     def begin_download(self, index: int, sub_index: int, size: int | None) -> None:
         """Raise Refusal for a download impossible with any value: existence, access, or *size* (bytes, if known)."""
@@ -229,7 +235,7 @@ class StrictDevice:
             if self.loader is not None and self.loader.handles(index, sub_index):
                 self.loader.begin(index)
         except Refusal as refusal:
-            raise self._gates.explained(refusal) from None
+            raise self._conditions.explained(refusal) from None
 
     def size_of(self, index: int, sub_index: int) -> int | None:
         """The object's length in bytes, None if variable or unknown."""
@@ -251,12 +257,12 @@ class StrictDevice:
         if self.node_id == UNCONFIGURED and command == NmtCommand.RESET_COMMUNICATION:
             self._reset(communication_only=True)  # obeyed without a node-ID, to activate a configured node-ID
             return
-        if self.state is NmtState.INITIALISING or command not in list(NmtCommand) or self._gates.is_master:
+        if self.state is NmtState.INITIALISING or command not in list(NmtCommand) or self._conditions.is_master:
             return
         if command in _STATES:
             if self.ignores_nmt:
                 return
-            self.state = self._gates.granted(_STATES[NmtCommand(command)], self.state)
+            self.state = self._conditions.granted(_STATES[NmtCommand(command)], self.state)
         else:
             self._reset(communication_only=command == NmtCommand.RESET_COMMUNICATION)
 
@@ -295,8 +301,8 @@ class StrictDevice:
         if self.areas.handles(index, sub_index):
             self.areas.command(index, sub_index, data)
             return
-        if self._gates.is_passcode(index, sub_index):
-            self._gates.log_in(data)
+        if self._conditions.is_passcode(index, sub_index):
+            self._conditions.log_in(data)
             return
         if self.loader is not None and self.loader.handles(index, sub_index):
             if self.loader.take(index, data, self.state):
@@ -309,7 +315,7 @@ class StrictDevice:
                 self._memory.write(_STAMP, part, bytes(4))
         self.areas.keep_written(index)
         self.services.written(index)
-        self.state = self._gates.granted(self._gates.forced_state(index, sub_index), self.state)
+        self.state = self._conditions.granted(self._conditions.forced_state(index, sub_index), self.state)
 
     def _known(self, index: int, sub_index: int) -> bytes | None:
         """The object's value; None if the node behind a twin does not allow reading, as for a write-only object."""
@@ -339,7 +345,7 @@ class StrictDevice:
             self.loader.restart()
         self.areas.reset(communication_only=communication_only, powered=powered)
         self.services.reset()
-        self._gates.reset(communication_only=communication_only)
+        self._conditions.reset(communication_only=communication_only)
 
 
 def _loader(busy: int) -> BootLoader:
