@@ -275,8 +275,8 @@ class Conversation(Session):
         stage.base = stage.options = quiet
         stage.cancellation, stage.selected = self.cancellation, self.selected
         stage._network = replace(
-            network, change_files=None, nodes={}, order=[], comes_back=False, left={}, done_before=lambda _node_id: [],
-            met=lambda: list(network.nodes),
+            network, change_files=None, nodes={}, change_order=[], comes_back=False, left={},
+            done_before=lambda _node_id: [], met=lambda: list(network.nodes),
         )  # fmt: skip
         return stage
 

@@ -27,7 +27,7 @@ class Node(Changeable):
     #: applied plans for `undo`, oldest first
     history: list[Plan] = field(default_factory=list)
     #: node-IDs of this session's changes on all nodes, oldest first
-    order: list[int] = field(default_factory=list)
+    change_order: list[int] = field(default_factory=list)
     #: label -> change of this line that the node keeps without a store
     saved_automatically: dict[str, Change] = field(default_factory=dict)
     #: boot-up messages seen when the first of them was read back
@@ -264,7 +264,7 @@ class Node(Changeable):
     def remember_for_undo(self, plan: Plan) -> None:
         """Record the completed *plan* for undo, by this session and on a real bus by later sessions."""
         self.history.append(plan)
-        self.order.append(self.node_id)
+        self.change_order.append(self.node_id)
         if self.guard is not None:
             self.guard.remember(plan)
 
@@ -364,7 +364,9 @@ class Node(Changeable):
 
         self.history, self.undid_own = self.history[: len(self.history) - count], True
         for _ in range(count):
-            del self.order[max(number for number, node_id in enumerate(self.order) if node_id == self.node_id)]
+            del self.change_order[
+                max(number for number, node_id in enumerate(self.change_order) if node_id == self.node_id)
+            ]
         if self.guard is not None:
             self.guard.history.drop_own(count, applied.plan)
         if len(self.history) < self.pending.stored_at:

@@ -158,8 +158,8 @@ class Run:
         session.start({"yes": True, "node": NODE})
         network = Network(self.bus, DeviceFiles(self.bus, session.options), session.cancellation, session.consent)
         node = network.nodes[NODE] = self.node()
-        node.only_one = lambda: session.ends_with_line
-        node.cancellation, node.consent, node.order = session.cancellation, session.consent, network.order
+        node.is_last_change = lambda: session.ends_with_line
+        node.cancellation, node.consent, node.change_order = session.cancellation, session.consent, network.change_order
         session._network = network
         if len(lines) == 1:
             code = run_words(split(lines[0]), session)

@@ -147,7 +147,7 @@ def test_the_only_change_of_a_program_claims_of_the_other_pdos_what_is_known_of_
     faults = [f"{FIVE}:alters@1={altered}"] if altered else []
     bus = beside([one], *faults, f"{FIVE}:{REFUSED.format(2)}")
     with Bench((), {"yes": True, "journal": str(tmp_path), "eds": "generic", "node": FIVE}, bus) as bench:
-        bench.session.node(FIVE).only_one = lambda: True
+        bench.session.node(FIVE).is_last_change = lambda: True
         done = bench.run(f"{line} --json")
     error = done.documents[-1]
     assert done.code == 1, done.stderr

@@ -151,7 +151,7 @@ def _is_watched(node: Changeable, plan: Plan) -> bool:
 
     A program with a single change stores nothing afterwards and saves these uploads.
     """
-    return changes_a_pdo(plan) and not node.only_one() and not node.expected.is_complete
+    return changes_a_pdo(plan) and not node.is_last_change() and not node.expected.is_complete
 
 
 def _transaction(node: Changeable, plan: Plan, others: UntouchedPdos, initial_state: InitialState) -> Transaction:

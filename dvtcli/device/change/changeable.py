@@ -125,7 +125,7 @@ class Changeable(KnownPdos):
     #: lock, backup and journal; None for simulated nodes and twins, which nothing can interrupt half-way
     guard: ChangeGuard | None = None
     #: true if this process makes one change and ends, without a later store of untouched PDOs
-    only_one: Callable[[], bool] = lambda: False
+    is_last_change: Callable[[], bool] = lambda: False
     #: values expected in RAM at a store: changed by this session, or read beside a change
     expected: Expected = field(default_factory=Expected)
     #: control words of the last change reading back neither the written nor the former value, as `6040:00`

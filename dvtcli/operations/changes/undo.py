@@ -48,7 +48,7 @@ def undo(session: Session, *, everything: bool = False) -> Changed | ChangedNode
     """
     from dvtcli.operations.changes.network_phases import may_go_together, undo_together
 
-    order = session.network.order
+    order = session.network.change_order
     if not order:
         remembered_devices = remembered(session, everything=everything)
         together = [undoing(session, remembered_device) for remembered_device in remembered_devices]

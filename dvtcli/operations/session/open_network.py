@@ -69,19 +69,19 @@ def network_on_bus(
     bus: CanopenBus,
     simulated: tuple[Simulated, ...],
     *,
-    only_one: Callable[[], bool],
+    is_last_change: Callable[[], bool],
     comes_back: bool,
     group: ChangeGroup,
 ) -> Network:
     """Return the nodes of *bus*, including *simulated* nodes; messages go to the session's user.
 
-    *only_one*: the process makes a single change and ends; *comes_back*: a lost bus is waited for; changes belong to
+    *is_last_change*: the process makes a single change and ends; *comes_back*: a lost bus is waited for; changes belong to
     *group*.
     """
     return Network(
         bus, DeviceFiles(bus, session.base, simulated), session.cancellation, session.consent,
         None if simulated or (bus.simulated and session.base.sim) else _change_files(session, bus, group),
-        only_one=only_one, on_look=lambda looking: session.reporter.progress(*look_progress(looking)),
+        is_last_change=is_last_change, on_look=lambda looking: session.reporter.progress(*look_progress(looking)),
         on_step=lambda progress: session.reporter.progress(*step_progress(progress)),
         warn=session.reporter.warning, note=session.reporter.note, comes_back=comes_back and not bus.simulated,
         consent_anew=session.consent_anew,
@@ -111,13 +111,13 @@ class Network:
     change_files: ChangeFiles | None = None
     nodes: dict[int, Node] = field(default_factory=dict)
     #: node-IDs of this session's changes for undo, oldest first
-    order: list[int] = field(default_factory=list)
+    change_order: list[int] = field(default_factory=list)
     #: a node's changes before it was met here: for a twin, those of its node
     done_before: Callable[[int], list[Plan]] = lambda _node_id: []
     #: node-IDs met elsewhere: for twins, on the bus itself
     met: Callable[[], Iterable[int]] = tuple
     #: whether this process makes a single change and ends
-    only_one: Callable[[], bool] = lambda: False
+    is_last_change: Callable[[], bool] = lambda: False
     #: node-IDs found by the last scan
     scanned: tuple[int, ...] = ()
     #: called for every object read before a change or for a list
@@ -161,9 +161,9 @@ class Network:
             node = Node(
                 self.bus, node_id, dictionary, as_file_says(profile, dictionary), self.cancellation,
                 lambda question: self.consent(question, node_id),
-                history=self.done_before(node_id), order=self.order, guard=guard,
+                history=self.done_before(node_id), change_order=self.change_order, guard=guard,
                 neighbours=lambda: self._others(node_id), on_step=self.on_step, on_look=self.on_look,
-                only_one=lambda: self.only_one() and node_id not in self.simulated_ids,
+                is_last_change=lambda: self.is_last_change() and node_id not in self.simulated_ids,
                 unlike_file=self.files.unlike(node_id, dictionary),
                 consent_anew=lambda question: (self.consent_anew or self.consent)(question, node_id),
             )  # fmt: skip
@@ -272,7 +272,7 @@ class Network:
 
     def continue_from(self, before: Network) -> None:
         """Be the same bus as *before*, opened again."""
-        self.left, self.identities, self.order = before.left, before.identities, before.order
+        self.left, self.identities, self.change_order = before.left, before.identities, before.change_order
         self.files.continue_from(before.files)
 
     def _others(self, node_id: int) -> list[Node]:

@@ -351,7 +351,12 @@ class Opened:
         from dvtcli.operations.session.open_network import network_on_bus
 
         return network_on_bus(
-            self, bus, simulated, only_one=lambda: self.ends_with_line, comes_back=self.comes_back, group=self.group
+            self,
+            bus,
+            simulated,
+            is_last_change=lambda: self.ends_with_line,
+            comes_back=self.comes_back,
+            group=self.group,
         )
 
     @property
