@@ -96,19 +96,6 @@ def left_changed(plan: Plan, fault: BaseException, second: BaseException) -> Lef
     )
 
 
-def refused_unreadable(begun: Sequence[Change], blind: Sequence[Change], *, is_known: bool) -> str:
-    """The state after a refusal of unreadable objects *blind*, with the rest of *begun* rolled back.
-
-    *is_known*: the device is known to have taken nothing of *blind*.
-    """
-    read = [change.label for change in begun if change not in blind]
-    names = join_some(change.label for change in blind)
-    back = f"{join_some(read)} is as it was, read back equal; " if read else ""
-    if not is_known:
-        return f"{names} was refused; unknown whether anything was taken: it cannot be read; {back}nothing was stored"
-    return f"rolled back: {back}{names} was refused, but its value cannot be read; nothing was stored"
-
-
 def unreadable_left(plan: Plan, taken: Sequence[Change], fault: BaseException) -> LeftChanged:
     """The error for acknowledged changes *taken* with an unknown old value, after *fault*; the rest is rolled back."""
     names = join_some(change.label for change in taken)

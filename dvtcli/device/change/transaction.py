@@ -7,18 +7,16 @@ from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field
 
 from dvtcli.device.cancellation import Cancellation
-from dvtcli.device.change.expected_refusals import substitute_findings
 from dvtcli.device.change.failed_change import (
-    TRY_AGAIN,
     Guarded,
     failure_sentence,
     left_changed,
     name_left,
     refused,
-    refused_unreadable,
     step_text,
     unreadable_left,
 )
+from dvtcli.device.change.outcome_text import RolledBack, readback_error, report_rolled_back, restarted_meanwhile
 from dvtcli.device.change.roll_back import (
     Clock,
     bytes_differ,
@@ -27,13 +25,11 @@ from dvtcli.device.change.roll_back import (
     held_otherwise,
     roll_back_patiently,
 )
-from dvtcli.device.change.untouched_pdos import UntouchedPdos, altered_too, changes_a_pdo
+from dvtcli.device.change.untouched_pdos import UntouchedPdos, altered_too
 from dvtcli.device.observe import MAX_READS, NeverRestarts, RebootMonitor, observed, restarted_since_read
-from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, only_cob_id, writes_cob_id
 from dvtcli.domain.ports import SdoTransport
-from dvtcli.domain.text import join_some
 from dvtcli.errors import (
     BusUnavailable,
     DeviceRefused,
@@ -46,8 +42,6 @@ from dvtcli.errors import (
 
 #: how many bytes make a download long: half a second of segments at 125 kbit/s
 _LONG_BYTES = 1000
-#: how many bytes one frame takes (expedited): a refusal of more may come when a part was taken
-_AT_ONCE = 4
 
 
 @dataclass(slots=True, eq=False, repr=False)
@@ -155,11 +149,9 @@ class Transaction:
         """Stop between two downloads if the device restarted: the rest was planned from earlier values."""
         if self.boot_ups_read in (None, self.reboot_monitor.boot_ups()):
             return
-        node_id = self.plan.node_id
         if not self._touched:
-            raise restarted_since_read(node_id)
-        own = join_some(change.label for change in self.plan.changes)
-        raise DeviceRefused(f"node {node_id} restarted while {own} was changed", node=node_id, hint=TRY_AGAIN)
+            raise restarted_since_read(self.plan.node_id)
+        raise restarted_meanwhile(self.plan)
 
     def _stop_if_cancelled(self, done: int, total: int) -> None:
         if self.cancellation.requested:
@@ -202,10 +194,17 @@ class Transaction:
             elif difference := self._difference(change):
                 raise self._readback_error(change, difference)
         if self._others_matter() and self._restarted():
-            raise self._unsure_of_others()
+            raise restarted_meanwhile(
+                self.plan, why="its other PDOs may have changed since then by this change or by a restart"
+            )
         altered = self._altered()
         if altered:
             raise altered_too(self.plan, altered)
+
+    def _readback_error(
+        self, change: Change, difference: str, read_back: tuple[bytes, bytes] | None = None
+    ) -> DeviceRefused:
+        return readback_error(self.plan.node_id, change, difference, read_back, restarted=self._restarted())
 
     def _difference(self, change: PdoChange) -> str | None:
         """The difference from *change*; reads only the COB-ID if nothing else was written and more steps follow."""
@@ -215,27 +214,6 @@ class Transaction:
 
     def _others_matter(self) -> bool:
         return bool(self.others.cob_ids) and writes_cob_id(self.plan)
-
-    def _unsure_of_others(self) -> DeviceRefused:
-        """The error: the plan's PDOs are as planned, but other COB-IDs may have been altered from unknown values."""
-        own, node_id = join_some(change.label for change in self.plan.changes), self.plan.node_id
-        why = "its other PDOs may have changed since then by this change or by a restart"
-        return DeviceRefused(f"node {node_id} restarted while {own} was changed", node=node_id, why=why, hint=TRY_AGAIN)
-
-    def _readback_error(
-        self, change: Change, difference: str, read_back: tuple[bytes, bytes] | None = None
-    ) -> DeviceRefused:
-        node_id, restarted = self.plan.node_id, self._restarted()
-        text = f"node {node_id} took {change.label} without an error, but reads back differently"
-        hint = "the device corrects or ignores the value: check its valid values in the manual"
-        if restarted:
-            text = f"node {node_id} restarted while {change.label} was changed, and reads back differently"
-            hint = TRY_AGAIN
-        # equal values had no steps: a restart meanwhile cleared them
-        place = change.steps[-1].object if change.steps else change.label
-        error = DeviceRefused(text, node=node_id, place=place, why=difference, hint=hint)
-        error.read_back = read_back
-        return error
 
     def _altered(self) -> dict[Pdo, str]:
         """Untouched PDOs with an altered COB-ID, in words; empty after a restart meanwhile."""
@@ -260,25 +238,15 @@ class Transaction:
         if isinstance(fault, DvtcliError):
             unreadable = Plan(self.plan.node_id, tuple(self._started)).unreadable
             self._raise_if_taken(unreadable, fault)
-            self._say_unreadable(unreadable, fault)
-            fault.details += [("rolled back", finding.text) for finding in substitute_findings(substitutes)]
-            if substitutes and fault.state == "rolled_back":
-                fault.state_text = "rolled back as far as the device accepts, and verified; nothing was stored"
-            fault.node = self.plan.node_id
-            fault.state_text = self.others.rolled_back_in_part(self.plan) or fault.state_text
-            if self._left:
-                self._say_left(fault)
-            elif self._restarted():
-                self._say_lost(fault)
-            elif changes_a_pdo(self.plan):
-                self._say_unread(fault)
-            if isinstance(fault, NoAnswer):
-                self._explain_silence(fault)
-            elif isinstance(fault, SdoProtocolError):
-                fault.hint = fault.hint or Hint(
-                    Action.SHOW_FRAMES,
-                    why="there may be two nodes with one node-ID, or another SDO client; {} shows the frames",
-                )
+            unknown = unreadable if self._unsure is None else (*unreadable, self._unsure)
+            report_rolled_back(
+                fault,
+                RolledBack(
+                    self.plan, self._started, self.others, unknown,
+                    is_unsure=self._unsure is not None, restarted=self._restarted(), left=self._left,
+                    substitutes=substitutes,
+                ),
+            )  # fmt: skip
 
     def _roll_back_all_but_refused(self, fault: BaseException, second: BaseException) -> tuple[PdoChange, ...]:
         """After a roll-back failed with *second*, roll back all but an object that was refused and is unreadable.
@@ -309,84 +277,9 @@ class Transaction:
     def _raise_if_taken(self, unreadable: Sequence[ValueChange], fault: DvtcliError) -> None:
         """Raise LeftChanged if the device took *unreadable* objects, which cannot be rolled back."""
         if taken := [change for change in unreadable if self._acknowledged.was_taken(change)]:
-            from dvtcli.device.change.failed_change import Guarded, name_left
-
             left = unreadable_left(self.plan, taken, fault)
             name_left(left, [Guarded(self.plan.node_id, self.sdo, self.reboot_monitor, self.plan.changes)])
             raise left from fault
-
-    def _say_unreadable(self, unreadable: Sequence[ValueChange], fault: DvtcliError) -> None:
-        """Report all readable objects as before."""
-        refusal = isinstance(fault, DeviceRefused)
-        fault.state = "unknown" if unreadable and not refusal else "rolled_back"
-        if self._unsure is not None:
-            unreadable = (*unreadable, self._unsure)
-        if unreadable and refusal:
-            if self._unsure is not None or any(len(change.step.after) > _AT_ONCE for change in unreadable):
-                fault.state = "unknown"
-                fault.hint = fault.hint or Hint(
-                    Action.RESET_NODE,
-                    {"node": self.plan.node_id},
-                    "restores its stored values; or write it again, whole, when the device takes it",
-                )
-            fault.state_text = refused_unreadable(self._started, unreadable, is_known=fault.state == "rolled_back")
-
-    def _say_lost(self, fault: DvtcliError) -> None:
-        """Report only the plan's objects as before: other losses by a restart are not restored."""
-        own, node_id = join_some(change.label for change in self.plan.changes), self.plan.node_id
-        if fault.state == "rolled_back":
-            text = fault.state_text or f"rolled back: {own} is as it was, read back equal"
-            fault.state_text = f"{text}; node {node_id} restarted: other unstored values are lost"
-
-    def _say_left(self, fault: DvtcliError) -> None:
-        """Report an unknown cause: an unnoticed restart loaded stored values, or the change altered them."""
-        own, left = join_some(change.label for change in self.plan.changes), join_some(pdo.label for pdo in self._left)
-        fault.state = "unknown"
-        fault.state_text = (
-            f"unknown: {own} is as it was, read back equal; {left} is not, and was not changed: the node may have "
-            "restarted without a boot-up message, and hold its stored values; check it"
-        )
-        fault.details.append(("left", join_some(self._left.values())))
-
-    def _say_unread(self, fault: DvtcliError) -> None:
-        """Report untouched PDOs as before only if read before the plan, or equal to a backup or a remembered change.
-
-        The plan may have altered the others before the roll-back read them first.
-        """
-        unread = self.others.unread()
-        if not unread or fault.state != "rolled_back" or fault.state_text is not None:
-            return
-        own = join_some(change.label for change in self.plan.changes)
-        try:
-            unlike = self.others.unlike_backups(unread)
-        except DvtcliError as failed:  # somebody else can write where the backups are: they prove nothing
-            fault.details.append(("also", failed.text))
-            unlike = tuple(unread)
-        if not unlike:
-            fault.state_text = (
-                f"rolled back: {own} is as it was, read back equal; the other PDOs, which were not read before it, are "
-                "as a backup or an earlier change left them; nothing was stored"
-            )
-            return
-        labels = join_some(pdo.label for pdo in unlike)
-        fault.state = "unknown"
-        fault.state_text = (
-            f"unknown: {own} is as it was, read back equal; {labels} was not read before it, and is as no backup and "
-            "no earlier change left it: this change altered it with its own, or another tool set it; check it"
-        )
-
-    def _explain_silence(self, silent: NoAnswer) -> None:
-        """Explain *silent*: the node has answered the roll-back since, so it is neither off nor STOPPED."""
-        if self._restarted():
-            silent.why, silent.hint = "it restarted during the check: its boot-up message was received", TRY_AGAIN
-        else:
-            silent.why = (
-                silent.why or "it answers again: a request or answer was lost or late, or it restarted unnoticed"
-            )
-            silent.hint = Hint(
-                Action.GIVE_TIMEOUT,
-                why="try again; if it fails again, use a longer {}, or check the wiring and the bus load",
-            )
 
     def _roll_back_changes(self) -> tuple[PdoChange, ...]:
         """Restore the plan's PDOs, and after them PDOs altered as a side effect.

@@ -75,8 +75,8 @@ def network_on_bus(
 ) -> Network:
     """Return the nodes of *bus*, including *simulated* nodes; messages go to the session's user.
 
-    *is_last_change*: the process makes a single change and ends; *comes_back*: a lost bus is waited for; changes belong to
-    *group*.
+    *is_last_change*: the process makes a single change and ends; *comes_back*: a lost bus is waited for; changes
+    belong to *group*.
     """
     return Network(
         bus, DeviceFiles(bus, session.base, simulated), session.cancellation, session.consent,

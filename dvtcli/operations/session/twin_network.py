@@ -37,8 +37,8 @@ def twin_of(network: Network) -> Network:
 
     return replace(
         network, bus=bus, files=replace(network.files, bus=bus, _memories={}), change_files=None, nodes={},
-        change_order=list(network.change_order), done_before=done_before, warn=lambda _text: None, note=lambda _text: None,
-        met=lambda: list(network.nodes), comes_back=False, left={},
+        change_order=list(network.change_order), done_before=done_before, warn=lambda _text: None,
+        note=lambda _text: None, met=lambda: list(network.nodes), comes_back=False, left={},
     )  # fmt: skip
 
 
