@@ -57,18 +57,6 @@ class InitialState(NamedTuple):
     ignores_restarts: bool = False
 
 
-class NeverRestarts:
-    """A monitor for a node that never restarts, such as a node called directly."""
-
-    def boot_ups(self) -> int:
-        """No boot-ups."""
-        return 0
-
-    def disturbance_count(self) -> int:
-        """No disturbances."""
-        return 0
-
-
 def observed(reboot_monitor: RebootMonitor, look: Callable[[], T], node_id: int | None = None) -> T:
     """The result of *look*, repeated until no disturbance occurred during its uploads; *node_id* for the error.
 

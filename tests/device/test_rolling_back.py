@@ -9,7 +9,6 @@ import pytest
 
 from dvtcli.device.change.journal import JournalFolder
 from dvtcli.device.change.roll_back import roll_back_once, roll_back_patiently
-from dvtcli.device.change.transaction import Transaction
 from dvtcli.device.node import Node
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.abort import Abort
@@ -24,10 +23,12 @@ from tests.laws.bench import (
     DirectSdo,
     FaultySdo,
     InstantClock,
+    NeverRestarts,
     booted,
     dictionary,
     ignore,
     refuse,
+    transaction,
 )
 from tests.small_eds import INPUTS, OUTPUTS, communication, mapping, plain
 
@@ -51,7 +52,7 @@ def test_the_last_change_is_taken_back_first() -> None:
     never = ValueChange(Step(0x1006, 0, bytes(4), (1000).to_bytes(4, "little"), "refused"))
     plan = Plan(NODE, (*timers(sdo, 77, TPDO1, TPDO2).changes, heartbeat, never))
     with pytest.raises(DeviceRefused) as caught:
-        Transaction(FaultySdo(sdo, refuse, 4), plan, clock=InstantClock()).run()
+        transaction(FaultySdo(sdo, refuse, 4), plan).run()
     assert caught.value.state == "rolled_back"
     assert [index for index, _, _ in sdo.writes] == [0x1800, 0x1801, 0x1017, 0x1017, 0x1801, 0x1800]
 
@@ -75,7 +76,7 @@ def test_a_way_back_that_was_acknowledged_and_not_taken_is_left_changed(kind: st
     pdos = timers(sdo, 77, TPDO1, TPDO2).changes
     plan = Plan(NODE, pdos if kind == "PDO" else (value, pdos[0]))
     with pytest.raises(LeftChanged) as caught:
-        Transaction(refuse_then_ignore(2)(sdo, refuse, 2, True), plan, clock=InstantClock()).run()
+        transaction(refuse_then_ignore(2)(sdo, refuse, 2, True), plan).run()
     assert (caught.value.state, caught.value.exit_code) == ("left_changed", 7)
     if kind == "PDO":
         assert read_pdo(sdo, TPDO1).communication.event_timer == 77
@@ -111,7 +112,7 @@ def test_a_journal_puts_back_what_the_device_takes_wherever_the_change_was_kille
         sdo.download(step.index, step.sub_index, step.after)
     found = journals.find(NODE)
     assert found is not None
-    otherwise = roll_back_patiently(sdo, found.plan.changes, InstantClock(), lambda: None)
+    otherwise = roll_back_patiently(sdo, found.plan.changes, InstantClock(), lambda: None, NeverRestarts())
     held = read_pdo(sdo, one)
     assert held in (before, back)
     assert [change.pdo for change in otherwise] == ([] if held == before else [one])
@@ -137,7 +138,7 @@ def test_a_refusal_that_passes_leads_to_no_weaker_way_back(at: int) -> None:
     for step in change.steps:
         sdo.download(step.index, step.sub_index, step.after)
     faulty = FaultySdo(sdo, refuse_for_its_state, at)
-    assert roll_back_patiently(faulty, [change], InstantClock(), lambda: None) == ()
+    assert roll_back_patiently(faulty, [change], InstantClock(), lambda: None, NeverRestarts()) == ()
     assert faulty.count > at
     assert read_pdo(sdo, TPDO1) == change.before
 
@@ -175,7 +176,7 @@ def test_a_refusal_that_lasts_leads_there_whatever_reason_it_gives() -> None:
     change = plan_pdo(TPDO1, before, PdoConfig(before.communication, (entry,)))._replace(substitute=back)
     for step in change.steps:
         sdo.download(step.index, step.sub_index, step.after)
-    assert roll_back_patiently(sdo, [change], InstantClock(), lambda: None) == (change,)
+    assert roll_back_patiently(sdo, [change], InstantClock(), lambda: None, NeverRestarts()) == (change,)
     assert read_pdo(sdo, TPDO1) == back
 
 

@@ -12,7 +12,6 @@ from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.change.failed_change import step_text
 from dvtcli.device.change.roll_back import PATIENCE_S, RETRY_S, first_difference
-from dvtcli.device.change.transaction import Transaction
 from dvtcli.device.change.untouched_pdos import UntouchedPdos
 from dvtcli.device.read_pdos import read_cob_id, read_pdo
 from dvtcli.domain.pdo import Pdo, PdoMappingEntry
@@ -41,6 +40,7 @@ from tests.laws.bench import (
     lose_answer,
     lose_request,
     refuse,
+    transaction,
 )
 
 TPDO1, TPDO2 = Pdo.parse("tpdo1"), Pdo.parse("tpdo2")
@@ -71,7 +71,7 @@ def refused_bus(_inner: SdoTransport, _index: int, _sub_index: int, _data: bytes
 
 
 def run(sdo: SdoTransport, *changes: Change, clock: InstantClock | None = None, **how: Any) -> None:
-    Transaction(sdo, Plan(NODE, changes), clock=clock or InstantClock(), **how).run()
+    transaction(sdo, Plan(NODE, changes), clock=clock or InstantClock(), **how).run()
 
 
 def failed(sdo: SdoTransport, *changes: Change, **how: Any) -> DvtcliError:

@@ -5,11 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import Any
 
 from dvtcli.bus.turns import one_by_one
+from dvtcli.device.cancellation import Cancellation
+from dvtcli.device.change.transaction import Transaction
+from dvtcli.device.change.untouched_pdos import UntouchedPdos
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.plan import Plan
 from dvtcli.domain.ports import Frame, SdoTransport
 from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.domain.rules import Proposal
@@ -242,3 +247,23 @@ class InstantClock:
 
     def sleep(self, duration_s: float) -> None:
         self._now_s += duration_s
+
+
+class NeverRestarts:
+    """A monitor for a node that never restarts, such as a device called directly."""
+
+    def boot_ups(self) -> int:
+        return 0
+
+    def disturbance_count(self) -> int:
+        return 0
+
+
+def transaction(sdo: SdoTransport, plan: Plan, **how: Any) -> Transaction:
+    """One run of *plan* on a device without restarts, which has no other PDOs; *how* replaces defaults."""
+    alone: dict[str, Any] = {
+        "cancellation": Cancellation(), "clock": InstantClock(), "reboot_monitor": NeverRestarts(),
+        "explain": lambda _aborted: None, "on_step": lambda _step: None, "before_retry": lambda: None,
+        "on_altered": lambda _changes: None, "others": UntouchedPdos(), "control_words": (), "boot_ups_read": None,
+    }  # fmt: skip
+    return Transaction(sdo, plan, **{**alone, **how})

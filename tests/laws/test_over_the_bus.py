@@ -6,13 +6,22 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from dvtcli.device.change.transaction import Transaction
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.plan import Plan, plan_pdo
 from dvtcli.domain.rules import check_pdo, errors_in
 from dvtcli.errors import DeviceRefused
 from dvtcli.simulator.network.in_process_bus import simulate
-from tests.laws.bench import FAMILIES, NODE, FaultySdo, booted, dictionary, profile, proposal, refuse
+from tests.laws.bench import (
+    FAMILIES,
+    NODE,
+    FaultySdo,
+    booted,
+    dictionary,
+    profile,
+    proposal,
+    refuse,
+    transaction,
+)
 from tests.laws.configurations import legal
 
 
@@ -32,9 +41,9 @@ def test_planned_or_as_it_was(family: str, data: st.DataObject) -> None:
         plan = Plan(NODE, (plan_pdo(pdo, now, want),))
         assume(len(plan))
         with pytest.raises(DeviceRefused):
-            Transaction(FaultySdo(sdo, refuse, data.draw(st.integers(1, len(plan)))), plan, clock=bus).run()
+            transaction(FaultySdo(sdo, refuse, data.draw(st.integers(1, len(plan)))), plan, clock=bus).run()
         assert read_pdo(sdo, pdo) == now
-        Transaction(sdo, plan, clock=bus).run()
+        transaction(sdo, plan, clock=bus).run()
         assert read_pdo(sdo, pdo) == want
     finally:
         bus.close()

@@ -11,7 +11,6 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from dvtcli.device.cancellation import Cancellation
-from dvtcli.device.change.transaction import Transaction
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Direction, Pdo, PdoConfig, PdoMappingEntry
@@ -24,7 +23,6 @@ from tests.laws.bench import (
     DirectSdo,
     Fault,
     FaultySdo,
-    InstantClock,
     booted,
     correct,
     crash,
@@ -38,6 +36,7 @@ from tests.laws.bench import (
     proposal,
     refuse,
     silence,
+    transaction,
 )
 from tests.laws.configurations import legal
 
@@ -66,7 +65,7 @@ class Bench:
         return {pdo: read_pdo(self.sdo, pdo) for pdo in self.start}
 
     def run(self, fault: Fault, at: int, *, forever: bool = False) -> None:
-        Transaction(FaultySdo(self.sdo, fault, at, forever), self.plan, clock=InstantClock()).run()
+        transaction(FaultySdo(self.sdo, fault, at, forever), self.plan).run()
 
 
 @st.composite
@@ -80,7 +79,7 @@ def benches(draw: st.DrawFn, family: str) -> Bench:
         factory = read_pdo(sdo, pdo)
         first = draw(legal(family, pdo, factory))
         assume(not errors_in(check_pdo(proposal(pdo, factory, first, dictionary(family), profile(family)))))
-        Transaction(sdo, Plan(NODE, (plan_pdo(pdo, factory, first),)), clock=InstantClock()).run()
+        transaction(sdo, Plan(NODE, (plan_pdo(pdo, factory, first),))).run()
         start[pdo] = first
     goal = {pdo: draw(legal(family, pdo, start[pdo])) for pdo in pdos}
     for pdo in pdos:
@@ -96,7 +95,7 @@ def test_an_applied_plan_reads_back_as_planned(family: str, data: st.DataObject)
     bench = data.draw(benches(family))
     assert bench.held() == bench.start
     taken: list[Step] = []
-    Transaction(bench.sdo, bench.plan, on_step=taken.append, clock=InstantClock()).run()
+    transaction(bench.sdo, bench.plan, on_step=taken.append).run()
     assert bench.held() == bench.goal
     assert taken == list(bench.plan.steps)
     assert len(bench.sdo.writes) == len(bench.plan)
@@ -117,8 +116,8 @@ def test_every_step_says_what_the_object_holds_at_that_moment(family: str, data:
 @given(data=st.data())
 def test_the_reversed_plan_puts_everything_back(family: str, data: st.DataObject) -> None:
     bench = data.draw(benches(family))
-    Transaction(bench.sdo, bench.plan, clock=InstantClock()).run()
-    Transaction(bench.sdo, bench.plan.reversed(), clock=InstantClock()).run()
+    transaction(bench.sdo, bench.plan).run()
+    transaction(bench.sdo, bench.plan.reversed()).run()
     assert bench.held() == bench.start
 
 
@@ -191,7 +190,7 @@ def test_a_request_to_stop_is_obeyed_between_two_steps_and_undone(family: str, d
         cancellation.requested = len(taken) == at
 
     with pytest.raises(Interrupted) as caught:
-        Transaction(bench.sdo, bench.plan, cancellation, on_step=stop, clock=InstantClock()).run()
+        transaction(bench.sdo, bench.plan, cancellation=cancellation, on_step=stop).run()
     assert len(taken) == at
     assert (caught.value.exit_code, caught.value.state) == (143, "rolled_back")
     assert bench.held() == bench.start
@@ -256,7 +255,7 @@ def test_one_pdo_that_cannot_be_put_back_does_not_keep_the_others_changed() -> N
     start = {pdo: read_pdo(sdo, pdo) for pdo in pdos}
     bench = Bench(sdo, start, {pdo: CHANGES["COB-ID and off"](start[pdo]) for pdo in pdos})
     with pytest.raises(LeftChanged) as caught:
-        Transaction(NeverAgain(sdo, 0x1801), bench.plan, clock=InstantClock()).run()
+        transaction(NeverAgain(sdo, 0x1801), bench.plan).run()
     held = bench.held()
     assert held[TPDO1] == start[TPDO1]
     assert held[pdos[1]] != start[pdos[1]]

@@ -13,7 +13,6 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from dvtcli.device.change.transaction import Transaction
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.plan import Plan, Step, ValueChange, altering
 from dvtcli.errors import DvtcliError, SdoAborted
@@ -24,13 +23,13 @@ from tests.laws.bench import (
     DirectSdo,
     Fault,
     FaultySdo,
-    InstantClock,
     booted,
     dictionary,
     ignore,
     lose_answer,
     lose_request,
     refuse,
+    transaction,
 )
 from tests.small_eds import U8, U16, U32, plain, var
 
@@ -134,13 +133,13 @@ def test_from_any_configuration_to_any_other_and_back(family: str, data: st.Data
         before = held(sdo, wanted)
         plan = plan_to(sdo, wanted)
         sdo.writes.clear()
-        Transaction(sdo, plan, clock=InstantClock()).run()
+        transaction(sdo, plan).run()
         assert held(sdo, wanted) == wanted
         assert [(step.index, step.sub_index, step.after) for step in plan.steps] == sdo.writes
         assert len(plan) == len(sdo.writes)
-        Transaction(sdo, plan.reversed(), clock=InstantClock()).run()
+        transaction(sdo, plan.reversed()).run()
         assert held(sdo, wanted) == before
-        Transaction(sdo, plan, clock=InstantClock()).run()
+        transaction(sdo, plan).run()
 
 
 @families
@@ -149,13 +148,13 @@ def test_from_any_configuration_to_any_other_and_back(family: str, data: st.Data
 def test_a_fault_at_any_step_brings_the_old_one_back(family: str, data: st.DataObject) -> None:
     sdo = device(family)
     start, wanted = data.draw(configurations(family)), data.draw(configurations(family))
-    Transaction(sdo, plan_to(sdo, start), clock=InstantClock()).run()
+    transaction(sdo, plan_to(sdo, start)).run()
     plan = plan_to(sdo, wanted)
     fault: Fault = data.draw(st.sampled_from([refuse, lose_request, lose_answer, ignore]))
     at = data.draw(st.integers(1, max(1, len(plan))))
     state = ""
     try:
-        Transaction(FaultySdo(sdo, fault, at), plan, clock=InstantClock()).run()
+        transaction(FaultySdo(sdo, fault, at), plan).run()
     except DvtcliError as failed:
         state = failed.state or "?"
     # without a fault: nothing was written, or what the device ignored was a release that it does not ask for

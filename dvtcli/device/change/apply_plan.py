@@ -173,8 +173,8 @@ def _transaction(node: Changeable, plan: Plan, others: UntouchedPdos, initial_st
     return Transaction(
         node.sdo,
         plan,
-        node.cancellation,
-        node.access.explain,
+        cancellation=node.cancellation,
+        explain=node.access.explain,
         before_retry=node.gate.renew,
         clock=node.bus,
         reboot_monitor=node.reboot_monitor,

@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Protocol
 
-from dvtcli.device.observe import NeverRestarts, RebootMonitor
+from dvtcli.device.observe import RebootMonitor
 from dvtcli.device.read_pdos import read_cob_id, read_pdo
 from dvtcli.domain.abort import may_pass
 from dvtcli.domain.cob_id import CobId
@@ -42,7 +42,7 @@ def roll_back_patiently(
     changes: Sequence[Change],
     clock: Clock,
     before_retry: Callable[[], None],
-    reboot_monitor: RebootMonitor | None = None,
+    reboot_monitor: RebootMonitor,
 ) -> tuple[PdoChange, ...]:
     """Restore *before* of every change, with retries: a silent or refusing node may be rebooting.
 
@@ -51,7 +51,6 @@ def roll_back_patiently(
     repeated meanwhile. *before_retry* makes the device writable again. After `PATIENCE_S` a last try raises its error.
     Returns the changes restored to their *substitute*; a temporary refusal counts in the last try only.
     """
-    reboot_monitor = reboot_monitor or NeverRestarts()
     deadline = clock.now_s() + PATIENCE_S
     while True:
         is_last = clock.now_s() >= deadline

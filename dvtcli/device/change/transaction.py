@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 
 from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.change.failed_change import (
@@ -26,7 +26,7 @@ from dvtcli.device.change.roll_back import (
     roll_back_patiently,
 )
 from dvtcli.device.change.untouched_pdos import UntouchedPdos, altered_too
-from dvtcli.device.observe import MAX_READS, NeverRestarts, RebootMonitor, observed, restarted_since_read
+from dvtcli.device.observe import MAX_READS, RebootMonitor, observed, restarted_since_read
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, only_cob_id, writes_cob_id
 from dvtcli.domain.ports import SdoTransport
@@ -80,43 +80,48 @@ class AcknowledgedSteps:
 
 @dataclass(slots=True, eq=False, repr=False)
 class Transaction:
-    """One run of a plan on a device.
-
-    *cancellation* is checked between two SDO downloads; *explain* may add the device's reason to an abort; *on_step*
-    is called after every acknowledged step; *before_retry* makes the device writable again for another roll-back,
-    since the fault may have been a reboot; *clock* is the bus's. *reboot_monitor* counts restarts: values read before
-    and after a restart prove nothing. *control_words* may read back differently from the written and the former value:
-    the device took the command. *others* are the untouched PDOs: altering the COB-ID of one is a failure; *on_altered*
-    is called with the further changes to roll back, before they are rolled back.
-    """
+    """One run of *plan* on a device."""
 
     sdo: SdoTransport
     plan: Plan
-    cancellation: Cancellation = field(default_factory=Cancellation)
-    explain: Callable[[SdoAborted], None] = lambda _aborted: None
-    on_step: Callable[[Step], None] = lambda _step: None
-    before_retry: Callable[[], None] = lambda: None
-    clock: Clock = field(kw_only=True)
-    reboot_monitor: RebootMonitor = field(default_factory=NeverRestarts)
-    control_words: Collection[tuple[int, int]] = ()
-    others: UntouchedPdos = field(default_factory=UntouchedPdos)
-    on_altered: Callable[[Sequence[Change]], None] = lambda _changes: None
+    _: KW_ONLY
+    #: checked between two SDO downloads
+    cancellation: Cancellation
+    #: waits between two tries of a roll-back
+    clock: Clock
+    #: counts restarts: values read before and after a restart prove nothing
+    reboot_monitor: RebootMonitor
+    #: adds the device's reason to an abort
+    explain: Callable[[SdoAborted], None]
+    #: called after every acknowledged step
+    on_step: Callable[[Step], None]
+    #: makes the device writable again for another roll-back, since the fault may have been a reboot
+    before_retry: Callable[[], None]
+    #: called with everything to roll back, before further altered PDOs are rolled back
+    on_altered: Callable[[Sequence[Change]], None]
+    #: untouched PDOs; a plan that alters the COB-ID of one has failed
+    others: UntouchedPdos
+    #: objects that may read back neither the written nor the former value: the device took the command
+    control_words: Collection[tuple[int, int]]
     #: boot-ups at the read behind the plan; None: a restart does not stop the plan
-    boot_ups_read: int | None = None
-    _started: list[Change] = field(default_factory=list)
-    _acknowledged: AcknowledgedSteps = field(default_factory=AcknowledgedSteps)
-    #: altered untouched PDOs not rolled back, in words
-    _left: dict[Pdo, str] = field(default_factory=dict)
-    _touched: bool = False
+    boot_ups_read: int | None
     #: control words read back differently, with their present value
     answered_otherwise: dict[str, bytes] = field(default_factory=dict, init=False)
     #: boot-ups seen when the read-back that proved the plan began
     boot_ups_verified: int = field(default=0, init=False)
+    #: changes begun, the last one possibly in part
+    _started: list[Change] = field(default_factory=list, init=False)
+    _acknowledged: AcknowledgedSteps = field(default_factory=AcknowledgedSteps, init=False)
+    #: whether a download may have reached the device
+    _touched: bool = field(default=False, init=False)
+    #: altered untouched PDOs not rolled back, in words
+    _left: dict[Pdo, str] = field(default_factory=dict, init=False)
     #: a refused object that is unreadable since
-    _unsure: ValueChange | None = None
-    _boot_ups: int = 0
-    #: boot-ups seen when the way back began; None: the other PDOs could not be read then
-    _boot_ups_back: int | None = None
+    _unsure: ValueChange | None = field(default=None, init=False)
+    #: boot-ups seen when the plan began
+    _boot_ups: int = field(default=0, init=False)
+    #: boot-ups seen when the roll-back began; None: the other PDOs could not be read then
+    _boot_ups_back: int | None = field(default=None, init=False)
 
     def run(self) -> None:
         """Write every step and read everything back; on any fault roll back and report.
