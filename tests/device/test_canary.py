@@ -104,9 +104,9 @@ def test_it_survived_where_its_value_is_there_whatever_else_changed() -> None:
     one = node()
     found = place(one)
     canary = Canary(one, found)
-    assert not canary.survived({TPDO1: found.before})
-    assert canary.survived({TPDO1: replace(found.after, mapping=())})
-    assert not canary.survived({})
+    assert not canary.is_still_there({TPDO1: found.before})
+    assert canary.is_still_there({TPDO1: replace(found.after, mapping=())})
+    assert not canary.is_still_there({})
 
 
 class Choosy(DirectSdo):
@@ -138,8 +138,8 @@ def test_three_places_of_a_kind_are_tried_and_put_back(refused: int, planted: st
     assert found.name == planted
     assert one.pdos() == before
     canary = Canary(one, found)
-    assert canary.plant()
-    assert canary.survived(one.pdos())
+    assert canary.write()
+    assert canary.is_still_there(one.pdos())
     canary.roll_back()
     assert one.pdos() == before
 
@@ -153,23 +153,23 @@ def kept(tmp_path: Path) -> Iterator[KeptBench]:
     made.guard.lock.release()
 
 
-def plant(kept: KeptBench) -> tuple[Canary, dict[Pdo, PdoConfig]]:
+def written(kept: KeptBench) -> tuple[Canary, dict[Pdo, PdoConfig]]:
     before = kept.node.pdos()
     canary = Canary(kept.node, next(harmless_places(kept.node, before)))
-    assert canary.plant()
+    assert canary.write()
     assert canary.place.name == "event timer of TPDO1"
     return canary, before
 
 
 def test_its_journal_stays_until_it_is_gone(kept: KeptBench) -> None:
-    canary, _ = plant(kept)
+    canary, _ = written(kept)
     assert kept.journal.exists()
-    canary.gone()
+    canary.close_journal()
     assert not kept.journal.exists()
 
 
 def test_it_is_put_back_and_what_was_read_before_counts_no_longer(kept: KeptBench) -> None:
-    canary, before = plant(kept)
+    canary, before = written(kept)
     kept.node.pdos()
     canary.roll_back()
     assert kept.node.last_read == {}
@@ -182,7 +182,7 @@ def silent_for_good(kept: KeptBench) -> None:
 
 
 def test_what_cannot_be_put_back_is_left_to_recover_and_nothing_may_be_stored(kept: KeptBench) -> None:
-    canary, _ = plant(kept)
+    canary, _ = written(kept)
     silent_for_good(kept)
     with pytest.raises(LeftChanged) as caught:
         canary.roll_back()
@@ -197,18 +197,18 @@ def test_what_cannot_be_put_back_is_left_to_recover_and_nothing_may_be_stored(ke
 
 
 def test_a_fault_meanwhile_is_told_with_what_became_of_it(kept: KeptBench) -> None:
-    canary, before = plant(kept)
+    canary, before = written(kept)
     fault = NoAnswer("no boot-up", state="unknown")
     canary.roll_back_after(fault)
     assert fault.details == [("changed", f"{canary.place.text}: rolled back, read back equal")]
     assert (fault.state, kept.node.pdos()) == ("unknown", before)
-    again, _ = plant(kept)
+    again, _ = written(kept)
     again.roll_back_after(KeyboardInterrupt())
     assert kept.node.pdos() == before
 
 
 def test_a_fault_meanwhile_after_which_it_is_still_there_is_left_changed(kept: KeptBench) -> None:
-    canary, _ = plant(kept)
+    canary, _ = written(kept)
     silent_for_good(kept)
     fault = NoAnswer("no boot-up", state="unknown")
     with pytest.raises(LeftChanged) as caught:

@@ -9,7 +9,7 @@ import pytest
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.described_node import Defaults, FileValues
 from dvtcli.device.known_pdos import hint_for_missing, no_pdo
-from dvtcli.device.store.proven import AgainstDefaults, differing_from_defaults, values_unlike_defaults
+from dvtcli.device.store.prove_restore import AgainstDefaults, differing_from_defaults, values_unlike_defaults
 from dvtcli.device.target_config import TargetConfig, config_differences
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.datatypes import DATA_TYPES

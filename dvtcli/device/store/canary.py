@@ -82,7 +82,7 @@ class CanaryParameter(NamedTuple):
         """The canary as a change."""
         return plan_pdo(self.pdo, self.before, self.after)
 
-    def survived(self, _node: NodeDescription, pdos: Mapping[Pdo, PdoConfig]) -> bool:
+    def is_still_there(self, _node: NodeDescription, pdos: Mapping[Pdo, PdoConfig]) -> bool:
         """True if *pdos*, read after a restart, still have the changed value."""
         held = pdos.get(self.pdo)
         return held is not None and _value(held, self.field) == _value(self.after, self.field)
@@ -118,7 +118,7 @@ class CanaryObject(NamedTuple):
         """The canary as a change."""
         return ValueChange(self.step)
 
-    def survived(self, node: ReadableNode, _pdos: Mapping[Pdo, PdoConfig]) -> bool:
+    def is_still_there(self, node: ReadableNode, _pdos: Mapping[Pdo, PdoConfig]) -> bool:
         """True if *node* still holds the changed value after a restart."""
         return node.upload(self.step.index, self.step.sub_index) == self.step.after
 
@@ -250,7 +250,7 @@ def choose_canary(node: Node, pdos: Mapping[Pdo, PdoConfig]) -> AnyPlace | None:
         if place.is_on:
             node.gate.enter_to_test()
         canary = Canary(node, place)
-        if canary.plant():
+        if canary.write():
             canary.roll_back()
             return place
     return None
@@ -269,12 +269,12 @@ def _is_default(node: NodeDescription, place: AnyPlace) -> bool:
 
 @dataclass(slots=True)
 class Canary:
-    """A changed and verified value at *place* of *node*; the journal stays until `gone` or `roll_back`."""
+    """A changed and verified value at *place* of *node*; the journal stays until `close_journal` or `roll_back`."""
 
     node: Node
     place: AnyPlace
 
-    def plant(self) -> bool:
+    def write(self) -> bool:
         """Change the value; false if the device refuses and keeps the old value."""
         try:
             apply_plan(self.node, self.plan, keep_journal=True)
@@ -291,11 +291,11 @@ class Canary:
         """The change as a separate plan."""
         return Plan(self.node.node_id, (self.place.change,))
 
-    def survived(self, pdos: Mapping[Pdo, PdoConfig]) -> bool:
+    def is_still_there(self, pdos: Mapping[Pdo, PdoConfig]) -> bool:
         """True if the changed value is still there; *pdos* were read after the restart."""
-        return self.place.survived(self.node, pdos)
+        return self.place.is_still_there(self.node, pdos)
 
-    def gone(self) -> None:
+    def close_journal(self) -> None:
         """Close the journal: the reset took the changed value, nothing to roll back."""
         if self.node.guard is not None:
             self.node.guard.own_journal.end()
@@ -303,7 +303,7 @@ class Canary:
     def roll_back(self) -> None:
         """Roll back and verify. Raises LeftChanged and keeps the journal if the roll-back fails."""
         roll_back_test(self.node, self.plan.changes, self.place.text)
-        self.gone()
+        self.close_journal()
 
     def roll_back_after(self, fault: BaseException) -> None:
         """Roll back after a failed proof, if the value may still be there. Raises LeftChanged if the state stays

@@ -64,7 +64,7 @@ def refuse_stores_of(nodes: Mapping[int, ReadableNode], config: NetworkConfig, l
 
 def refuse_unprovable_stores(nodes: Mapping[int, ReadableNode], stores: Mapping[int, str], prove: str) -> None:
     """Raises DeviceRefused if a restart (`reset`, `power`) could not prove a store of *stores*."""
-    from dvtcli.device.store.proven import refuse_unprovable
+    from dvtcli.device.store.prove_store import refuse_unprovable
 
     for node_id, word in stores.items():
         refuse_unprovable(nodes[node_id], store_group(word), certain=prove == "power")

@@ -10,15 +10,8 @@ from typing import TYPE_CHECKING
 from dvtcli.device.resets import await_power_cycle, reset_and_wait, return_to
 from dvtcli.device.stamped import NO_STAMP, held_stamp, stamp_changes
 from dvtcli.device.store.pending import COMMUNICATION, EVERYTHING, GROUPS
-from dvtcli.device.store.proven import (
-    Restart,
-    prepare_proof,
-    prove_restore,
-    prove_store,
-    refuse_deaf_to_reset,
-    refuse_unprovable,
-    restart_and_read,
-)
+from dvtcli.device.store.prove_restore import prove_restore, restart_and_read
+from dvtcli.device.store.prove_store import Restart, prepare_proof, prove_store, refuse_deaf_to_reset, refuse_unprovable
 from dvtcli.device.store.snapshot import Snapshot
 from dvtcli.device.store.store_parameters import RESTORE, STORE, chosen, write_signature
 from dvtcli.device.store.unstored import mark_stored, prepare_store, require_storable
@@ -141,27 +134,27 @@ def look_before_restores(
         chosen(node.access, node.profile.store, RESTORE, sub_index, node.dictionary)
 
 
-def refuse_after_restart(node: ReadableNode, boot_ups: int, signed: StoreAnswer) -> None:
-    """Raises DeviceRefused if *node* restarted between its last read and the store that it *signed*."""
+def refuse_after_restart(node: ReadableNode, boot_ups: int, answer: StoreAnswer) -> None:
+    """Raises DeviceRefused if *node* restarted between its last read and the acknowledged store in *answer*."""
     if node.bus.boot_ups(node.node_id) != boot_ups:
         raise DeviceRefused(
             f"node {node.node_id} restarted just before or during the store: its stored values were not read",
             node=node.node_id,
-            why=f"0x{signed.place} acknowledged the store",
+            why=f"0x{answer.place} acknowledged the store",
             hint=Hint(Action.VERIFY, why="{}, set the differences again, then store again"),
             state="unknown",
         )
 
 
-def _refuse_lost(node: Node, signed: StoreAnswer) -> None:
-    """Raises DeviceRefused if changed values of *node* differ after the store that it *signed*."""
-    lost = node.expected.lost(node, node.pending.covered(signed.sub_index))
+def _refuse_lost(node: Node, answer: StoreAnswer) -> None:
+    """Raises DeviceRefused if changed values of *node* differ after the acknowledged store in *answer*."""
+    lost = node.expected.lost(node, node.pending.covered(answer.sub_index))
     if lost:
         raise DeviceRefused(
             f"node {node.node_id} does not have the values to be stored: {lost[0]}",
             node=node.node_id,
             why="; ".join(
-                [f"0x{signed.place} acknowledged the store, and it restarted, unheard, or alters it", *lost[1:]]
+                [f"0x{answer.place} acknowledged the store, and it restarted, unheard, or alters it", *lost[1:]]
             ),
             hint=Hint(Action.VERIFY, why="{}, set the differences again, then store again"),
             state="unknown",

@@ -13,7 +13,8 @@ import pytest
 from dvtcli.device.resets import await_power_cycle
 from dvtcli.device.store.canary import Canary, choose_canary
 from dvtcli.device.store.pending import CHANGE
-from dvtcli.device.store.proven import Restart, prove_restore
+from dvtcli.device.store.prove_restore import prove_restore
+from dvtcli.device.store.prove_store import Restart
 from dvtcli.device.store.store_parameters import RESTORE, StoreAnswer
 from dvtcli.domain.store import POWER
 from dvtcli.errors import NoAnswer
@@ -249,7 +250,7 @@ def test_the_canary_is_never_without_its_journal(tmp_path: Path) -> None:
         assert place is not None
         assert (held(), journals(tmp_path)) == (before, [])
         canary = Canary(node, place)
-        assert canary.plant()
+        assert canary.write()
         assert held() != before
         assert len(journals(tmp_path)) == 1
         canary.roll_back()
