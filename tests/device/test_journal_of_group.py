@@ -10,7 +10,8 @@ import pytest
 
 from dvtcli.device.change.change_group import GroupMember
 from dvtcli.device.change.journal import JournalFolder, unneeded_markers
-from dvtcli.domain.plan import Plan, Step, ValueChange
+from dvtcli.domain.plan import Plan, ValueChange
+from dvtcli.domain.step import Step
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="rights of files")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dvtcli.device.node import Node
-from dvtcli.domain.plan import Plan, Step, ValueChange
+from dvtcli.domain.plan import Plan, ValueChange
+from dvtcli.domain.step import Step
 from tests.laws.bench import NODE, DirectBus, booted, dictionary
 
 

@@ -47,11 +47,12 @@ from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.object_syntax import parse_cob_id, parse_object, resolve_entry, resolve_object
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.plan import Plan, Step, ValueChange
+from dvtcli.domain.plan import Plan, ValueChange
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.profile import GENERIC, Severity
 from dvtcli.domain.rules import Finding
 from dvtcli.domain.scaling import Scaling
+from dvtcli.domain.step import Step
 from dvtcli.domain.store import POWER, Proof
 from dvtcli.errors import DvtcliError, InputFileError, RuleError, UsageError
 from dvtcli.files.dbc import read_dbc

@@ -20,7 +20,8 @@ from dvtcli.domain.gateway.requests import (
 )
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan, phases
 from dvtcli.domain.nmt import NmtCommand
-from dvtcli.domain.plan import Change, Step
+from dvtcli.domain.plan import Change
+from dvtcli.domain.step import Step
 from dvtcli.domain.text import plural
 
 _NMT = {
