@@ -113,7 +113,14 @@ def _link(said: dict[int, bytes], *, up: bool) -> KernelLink:
     name = said.get(_NAME, b"").rstrip(b"\0").decode("utf-8", "replace")
     state = _number(controller.get(_STATE, b""))
     silent = bool(_number(controller.get(_MODE, b"")[_FLAGS:]) & _LISTEN_ONLY)
-    return KernelLink(name, kind, up, _number(controller.get(_BIT_TIMING, b"")) or None, state == _BUS_OFF, silent)
+    return KernelLink(
+        name=name,
+        kind=kind,
+        up=up,
+        bit_rate=_number(controller.get(_BIT_TIMING, b"")) or None,
+        bus_off=state == _BUS_OFF,
+        listen_only=silent,
+    )
 
 
 def _number(data: bytes) -> int:

@@ -85,19 +85,19 @@ def proposal(
     stays = now.communication.cob_id == cob_id
     beside = elsewhere or (lambda: producers_of(node.neighbours(), cob_id) if stays else producers(node.neighbours()))
     return Proposal(
-        node.node_id,
-        pdo,
-        now,
-        want,
-        others,
-        node.profile,
-        node.dictionary,
-        lengths,
-        _Lazy(lambda: {**taken(), **service_ids(node.read_cache.look(), node.node_id, node.dictionary)}),
-        _Lazy(beside),
-        cob_ids,
-        absent,
-        lambda: node.bus.nodes_seen().keys() - {node.node_id, *(other.node_id for other in node.neighbours())},
+        node_id=node.node_id,
+        pdo=pdo,
+        now=now,
+        want=want,
+        others=others,
+        profile=node.profile,
+        dictionary=node.dictionary,
+        lengths=lengths,
+        services=_Lazy(lambda: {**taken(), **service_ids(node.read_cache.look(), node.node_id, node.dictionary)}),
+        elsewhere=_Lazy(beside),
+        cob_ids=cob_ids,
+        absent=absent,
+        unread=lambda: node.bus.nodes_seen().keys() - {node.node_id, *(other.node_id for other in node.neighbours())},
     )
 
 

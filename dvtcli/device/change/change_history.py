@@ -98,10 +98,17 @@ def recorded_changes(document: Any) -> Iterator[ChangeHistoryEntry]:
         if not isinstance(stored, list) or not isinstance(maybe_stored, list):
             raise ValueError("stored is no list")
         yield ChangeHistoryEntry(
-            str(change.get("id")), str(change.get("when")), str(change.get("bus")), identity, plan, selected,
-            frozenset(map(str, stored)), change.get("undoes") is True,
-            read_number(change, "number", MOST_NUMBER) if "number" in change else 0, frozenset(map(str, maybe_stored)),
-        )  # fmt: skip
+            id=str(change.get("id")),
+            when=str(change.get("when")),
+            bus=str(change.get("bus")),
+            identity=identity,
+            plan=plan,
+            selected=selected,
+            stored=frozenset(map(str, stored)),
+            undoes=change.get("undoes") is True,
+            number=read_number(change, "number", MOST_NUMBER) if "number" in change else 0,
+            maybe_stored=frozenset(map(str, maybe_stored)),
+        )
 
 
 #: How many changes of a device are remembered.
@@ -289,7 +296,16 @@ class ChangeHistory:
         """The history entry for *plan* with the id *name*, or a new id if empty."""
         now = datetime.now(UTC).isoformat()
         entry, number = name or uuid.uuid4().hex, self._next_number()
-        return ChangeHistoryEntry(entry, now, self.bus, identity, plan, self.selected, undoes=undoes, number=number)
+        return ChangeHistoryEntry(
+            id=entry,
+            when=now,
+            bus=self.bus,
+            identity=identity,
+            plan=plan,
+            selected=self.selected,
+            undoes=undoes,
+            number=number,
+        )
 
     def _next_number(self) -> int:
         """The next change number on this bus. Raises OSError and SafetyRefusal if the number cannot be saved."""

@@ -25,7 +25,15 @@ def with_undo_findings(node: NodeDescription, plan: Plan) -> tuple[Plan, tuple[F
 def _foreseen(node: NodeDescription, change: Change) -> tuple[Change, Finding | None]:
     if not isinstance(change, PdoChange) or not change.steps or not alters(change):
         return change, None
-    back = Proposal(node.node_id, change.pdo, change.after, change.before, {}, node.profile, node.dictionary)
+    back = Proposal(
+        node_id=node.node_id,
+        pdo=change.pdo,
+        now=change.after,
+        want=change.before,
+        others={},
+        profile=node.profile,
+        dictionary=node.dictionary,
+    )
     found = way_back(back)
     return (change, None) if found is None else (change._replace(substitute=found[0]), found[1])
 

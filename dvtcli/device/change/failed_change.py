@@ -371,7 +371,9 @@ def _rows(guarded: Guarded) -> Iterator[LeftObject]:
             return
         else:
             for place, held, before, text in differing:
-                yield LeftObject(guarded.node_id, _label(change), place, held, before, text)
+                yield LeftObject(
+                    node_id=guarded.node_id, label=_label(change), place=place, holds=held, before=before, text=text
+                )
 
 
 def _differing(sdo: SdoReader, change: Change) -> Iterator[tuple[str, bytes | None, bytes | None, str]]:
@@ -402,7 +404,15 @@ def _unread(guarded: Guarded, changes: Iterable[Change], why: str) -> Iterator[L
     for change in changes:
         place = None if isinstance(change, PdoChange) else change.step.object
         text = f"its value is unknown: {why}"
-        yield LeftObject(guarded.node_id, _label(change), place, None, None, text, is_known=False)
+        yield LeftObject(
+            node_id=guarded.node_id,
+            label=_label(change),
+            place=place,
+            holds=None,
+            before=None,
+            text=text,
+            is_known=False,
+        )
 
 
 def _label(change: Change) -> str:

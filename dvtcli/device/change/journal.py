@@ -229,12 +229,12 @@ def _journal(path: Path, document: Any) -> Journal:
     identity, plan = read_plan(document)
     state = document.get("nmt_state")
     return Journal(
-        path,
-        str(document.get("bus", "")),
-        identity,
-        plan,
-        None if state is None else read_number(document, "nmt_state", 0xFF),
-        _member(document),
+        path=path,
+        bus=str(document.get("bus", "")),
+        identity=identity,
+        plan=plan,
+        nmt_state=None if state is None else read_number(document, "nmt_state", 0xFF),
+        member=_member(document),
     )
 
 
@@ -253,7 +253,14 @@ def _member(document: dict[str, Any]) -> GroupMember:
     stores = tuple(_stores(document.get("stores", [])))
     equal = tuple(_stores(document.get("equal", [])))
     return GroupMember(
-        group_id, name, tuple(entries), final, tuple(asked), stores, tuple(map(read_change, tests)), equal
+        group_id=group_id,
+        name=name,
+        entries=tuple(entries),
+        final=final,
+        asked=tuple(asked),
+        stores=stores,
+        tests=tuple(map(read_change, tests)),
+        equal=equal,
     )
 
 
@@ -265,14 +272,14 @@ def _stores(document: Any) -> Iterator[Storing]:
         if not isinstance(holds, list) or len(holds) > MOST_CHANGES:
             raise ValueError("its stores are malformed")
         yield Storing(
-            read_number(entry, "node", 127),
-            str(entry.get("group")),
-            entry.get("done") is True,
-            None if entry.get("identity") is None else read_identity(entry),
-            tuple(map(read_change, holds)),
-            entry.get("begun") is True,
-            entry.get("refused") is True,
-            entry.get("accepted") is True,
+            node_id=read_number(entry, "node", 127),
+            group=str(entry.get("group")),
+            is_done=entry.get("done") is True,
+            identity=None if entry.get("identity") is None else read_identity(entry),
+            holds=tuple(map(read_change, holds)),
+            is_begun=entry.get("begun") is True,
+            is_refused=entry.get("refused") is True,
+            is_accepted=entry.get("accepted") is True,
         )
 
 

@@ -106,7 +106,14 @@ def _config(document: Any) -> PdoConfig:
     )
     if mpdo is not None and (not is_mpdo(mpdo) or entries):
         raise ValueError("a multiplexed PDO is malformed")
-    return PdoConfig(communication, entries, mpdo, held, _unread(document.get("unread", [])), multiplexed)
+    return PdoConfig(
+        communication=communication,
+        mapping=entries,
+        mpdo=mpdo,
+        held_count=held,
+        unread=_unread(document.get("unread", [])),
+        multiplexed=multiplexed,
+    )
 
 
 def _entries(words: Any) -> tuple[PdoMappingEntry, ...]:

@@ -97,7 +97,20 @@ def _goes_back(node: NodeDescription, pdo: Pdo, held: PdoConfig) -> bool:
     if held.inconsistency or (held.enabled and not held.count):
         return False
     opened = PdoConfig(held.disabled().communication, ())
-    return way_back(Proposal(node.node_id, pdo, opened, held, {}, node.profile, node.dictionary)) is None
+    return (
+        way_back(
+            Proposal(
+                node_id=node.node_id,
+                pdo=pdo,
+                now=opened,
+                want=held,
+                others={},
+                profile=node.profile,
+                dictionary=node.dictionary,
+            )
+        )
+        is None
+    )
 
 
 def _read(
@@ -118,13 +131,19 @@ def _read(
     unmappable = (_STANDARD_UNMAPPABLE[pdo.direction],) if described is None else _unmappable(described, pdo)
     objects = {*fits, *(entry for some in by_access.values() for entry in some), *unmappable}
     return ProbedPdo(
-        pdo, held, parameters, tuple(entries), fits, by_access, unmappable,
-        {} if described is None else _features(described, objects),
-        _absent(node),
-        spare,
+        pdo=pdo,
+        held=held,
+        parameters=parameters,
+        entries=tuple(entries),
+        fits=fits,
+        by_access=by_access,
+        unmappable=unmappable,
+        features={} if described is None else _features(described, objects),
+        absent=_absent(node),
+        spare=spare,
         other_way=_other_way(node, pdos, pdo.direction) if described is None else None,
         limits={} if described is None else _limits(described, pdo, node.node_id),
-    )  # fmt: skip
+    )
 
 
 def _other_way(node: ReadableNode, pdos: Mapping[Pdo, PdoConfig], direction: Direction) -> PdoMappingEntry | None:
@@ -305,4 +324,13 @@ def read_device(node: ReadableNode, pdos: Mapping[Pdo, PdoConfig], known: Sequen
     places = {(entry.index, entry.sub_index) for entries in mapped.values() for entry in entries}
     lengths = {place: bits for place in places if (bits := node.length_of(*place)) is not None}
     own = {answers.subject.pdo: answers.subject.entries for answers in known}
-    return ReadDevice(node.node_id, node.title, values, pdos, own, mapped, lengths, node.bus.bitrate)
+    return ReadDevice(
+        node_id=node.node_id,
+        title=node.title,
+        values=values,
+        pdos=pdos,
+        entries=own,
+        mapped=mapped,
+        lengths=lengths,
+        bit_rate=node.bus.bitrate,
+    )

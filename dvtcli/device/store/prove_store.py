@@ -233,16 +233,16 @@ def prove_store(
         unproved = ""
     uncovered, unread = uncovered_group(answer.sub_index), unread_of(before, answer, after)
     return Proof(
-        restart.by,
-        len(before.pdos),
-        "what was stored",
-        (*_differences(before.pdos, after), *unlike),
-        uncovered or unread or unproved,
-        "" if canary is None else canary.place.text,
-        lost,
-        len(values),
-        _ALL if uncovered else AGAIN if unread else hint if unproved else "",
-        "" if kept is None else kept.put_back_text,
+        by=restart.by,
+        compared=len(before.pdos),
+        against="what was stored",
+        differences=(*_differences(before.pdos, after), *unlike),
+        unproved=uncovered or unread or unproved,
+        canary="" if canary is None else canary.place.text,
+        lost=lost,
+        objects=len(values),
+        hint=_ALL if uncovered else AGAIN if unread else hint if unproved else "",
+        put_back="" if kept is None else kept.put_back_text,
         notes=before.notes,
     )
 

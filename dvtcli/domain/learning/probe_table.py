@@ -171,7 +171,7 @@ def _probe(
     check: str = "",
     where: ProbeCondition = ProbeCondition.ANYWHERE,
 ) -> Probe:
-    return Probe(known.subject.pdo, name, sense, stand, writes, check, where)
+    return Probe(pdo=known.subject.pdo, name=name, sense=sense, stand=stand, writes=writes, check=check, where=where)
 
 
 def _objects(known: KnownAnswers) -> Iterator[Probe]:

@@ -51,7 +51,14 @@ def limit_probes(subject: ProbedPdo) -> Iterator[Probe]:
                 write = ProbeWrite(index, sub_index, value.to_bytes(len(data), "little"))
                 sense = f"{what} {value}, {side} the limit of the EDS, is accepted"
                 name = f"{what} {side} its limit"
-                yield Probe(subject.pdo, name, sense, Stand.EMPTY, (write,), f"{check}-{side}-limit")
+                yield Probe(
+                    pdo=subject.pdo,
+                    name=name,
+                    sense=sense,
+                    stand=Stand.EMPTY,
+                    writes=(write,),
+                    check=f"{check}-{side}-limit",
+                )
 
 
 def _rtr(sub_index: int, value: int) -> bool:

@@ -143,13 +143,13 @@ def _default_pdo(dictionary: ObjectDictionary, pdo: Pdo, node_id: int) -> Defaul
     entries = {number: held(pdo.mapping_index, number) for number in range(1, mapped + 1)}
     mapping = tuple(PdoMappingEntry.from_raw(word) for word in _up_to_the_first_gap(entries))
     return DefaultPdo(
-        pdo,
-        pdo.communication_index in dictionary,
-        pdo.mapping_index in dictionary,
-        cob_id,
-        count,
-        entries,
-        PdoConfig(communication, mapping, mpdo),
+        pdo=pdo,
+        has_communication=pdo.communication_index in dictionary,
+        has_mapping=pdo.mapping_index in dictionary,
+        cob_id=cob_id,
+        count=count,
+        entries=entries,
+        config=PdoConfig(communication, mapping, mpdo),
     )
 
 
@@ -174,13 +174,13 @@ def judged(
         if not (pdo.has_communication and pdo.has_mapping):
             continue
         proposal = Proposal(
-            node_id,
-            pdo.pdo,
-            disabled_and_empty(pdo.config),
-            pdo.config,
-            before,
-            profile,
-            dictionary,
+            node_id=node_id,
+            pdo=pdo.pdo,
+            now=disabled_and_empty(pdo.config),
+            want=pdo.config,
+            others=before,
+            profile=profile,
+            dictionary=dictionary,
             services=lambda: taken,
         )
         yield from (finding for finding in check_pdo(proposal) if finding.severity is not Severity.NOTE)

@@ -210,7 +210,16 @@ def _tpdos(
             None if period_us is None else min([period_us, *_waits(takes.get(identifier_of(config), ()), period_us)])
         )
         frame = _frame(identifier_of(config), data_bytes(config), period_us)
-        yield Stream("tpdo", pdo.label, frame, why, node.node_id, pdo, deadline, window)
+        yield Stream(
+            kind="tpdo",
+            label=pdo.label,
+            frame=frame,
+            why=why,
+            node=node.node_id,
+            pdo=pdo,
+            deadline_us=deadline,
+            window_us=window,
+        )
 
 
 def data_bytes(config: PdoConfig) -> int:
@@ -284,4 +293,13 @@ def _master(state: NetworkState, sync_us: int | None) -> Iterator[Stream]:
         kind = config.communication.transmission_type
         if sync_us is not None and kind is not None and kind in SYNCHRONOUS:
             frame = _frame(identifier_of(config), data_bytes(config), sync_us)
-            yield Stream("rpdo", pdo.label, frame, "SYNC", node.node_id, pdo, sync_us, assumed=True)
+            yield Stream(
+                kind="rpdo",
+                label=pdo.label,
+                frame=frame,
+                why="SYNC",
+                node=node.node_id,
+                pdo=pdo,
+                deadline_us=sync_us,
+                assumed=True,
+            )

@@ -177,7 +177,15 @@ def agrees(sent: Sequence[PdoMappingEntry], received: Sequence[PdoMappingEntry])
 def object_remarks(side: LinkSide) -> Iterator[Finding]:
     """Errors in the device's file about objects that *side* maps already: the rules judge only changes."""
     config = side.config
-    proposal = Proposal(side.end.node_id, side.end.pdo, config, config, {}, side.profile, side.dictionary)
+    proposal = Proposal(
+        node_id=side.end.node_id,
+        pdo=side.end.pdo,
+        now=config,
+        want=config,
+        others={},
+        profile=side.profile,
+        dictionary=side.dictionary,
+    )
     for number, entry in enumerate(config.mapping, 1):
         place = proposal.mapping_place(number)
         found = () if entry.is_dummy else object_findings(proposal, place, entry)

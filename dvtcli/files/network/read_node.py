@@ -171,14 +171,14 @@ def read_node(name: str, branch: Branch, around: Surroundings, log: FileLog) -> 
     if "dcf" in found and "eds" in found:
         log.note(key_mark(branch, "eds"), "eds is ignored: dcf is what describes the node")
     return NodeConfig(
-        name, found["node_id"], identity, None if profile is None else profile.text,
-        found.get("dcf", found.get("eds")),
-        tuple(pdos), objects, values, watches, pins,
-        found.get("store"), found.get("prune"), found.get("stamp"), branch.mark,
-        key_mark(branch, "store") if "store" in found else NOWHERE,
-        tuple(sorted(read_physical(found["physical"], log))) if "physical" in found else (),
-        NOWHERE if profile is None else profile.mark, identity_marks,
-        found.get("modules"), key_mark(branch, "modules") if "modules" in found else NOWHERE,
+        name=name, node_id=found["node_id"], identity=identity, profile=None if profile is None else profile.text,
+        dcf=found.get("dcf", found.get("eds")),
+        pdos=tuple(pdos), objects=objects, values=values, watches=watches, pins=pins,
+        store=found.get("store"), prune=found.get("prune"), stamp=found.get("stamp"), mark=branch.mark,
+        store_mark=key_mark(branch, "store") if "store" in found else NOWHERE,
+        physical=tuple(sorted(read_physical(found["physical"], log))) if "physical" in found else (),
+        profile_mark=NOWHERE if profile is None else profile.mark, identity_marks=identity_marks,
+        modules=found.get("modules"), modules_mark=key_mark(branch, "modules") if "modules" in found else NOWHERE,
     )  # fmt: skip
 
 

@@ -314,7 +314,14 @@ class PdoExchange:
             self._rpdos[pdo] = _Rpdo(cob_id.can_id, cob_id.extended, kind, entries, mpdo)
             return
         start = self._memory.number(index, _SYNC_START) if kind <= LAST_SYNCHRONOUS else 0
-        tpdo = self._tpdos[pdo] = Tpdo(cob_id.can_id, cob_id.extended, cob_id.rtr_allowed, kind, start, entries)
+        tpdo = self._tpdos[pdo] = Tpdo(
+            can_id=cob_id.can_id,
+            extended=cob_id.extended,
+            rtr_allowed=cob_id.rtr_allowed,
+            kind=kind,
+            start=start,
+            entries=entries,
+        )
         if is_mpdo(count):
             tpdo.multiplexed = MultiplexedTpdo(self._memory, pdo, count, *self._times_s(pdo))
 

@@ -33,9 +33,15 @@ def judged_pdos(node: NodeState) -> Iterator[tuple[Pdo, Finding]]:
         if (not config.enabled and pdo not in node.marks) or config.inconsistency or config.mpdo is not None:
             continue
         proposal = Proposal(
-            node.node_id, pdo, disabled_and_empty(config), config, before, node.profile, node.dictionary,
+            node_id=node.node_id,
+            pdo=pdo,
+            now=disabled_and_empty(config),
+            want=config,
+            others=before,
+            profile=node.profile,
+            dictionary=node.dictionary,
             services=lambda: taken_by_services(node.node_id, node.number(SYNC_COB_ID), emcy, node.sdo_channels),
-        )  # fmt: skip
+        )
         yield from ((pdo, finding) for finding in check_pdo(proposal))
         before = {**before, pdo: config}
 
@@ -140,7 +146,7 @@ class CheckedNetwork:
         for tpdo in self.tpdos:
             sent.setdefault(identifier_of(tpdo[2]), []).append(tpdo)
         return tuple(
-            PdoConnection(consumer, rpdo, takes, producer, tpdo, sends)
+            PdoConnection(consumer=consumer, rpdo=rpdo, takes=takes, producer=producer, tpdo=tpdo, sends=sends)
             for consumer, rpdo, takes in self.rpdos
             for producer, tpdo, sends in sent.get(identifier_of(takes), ())
             if producer.node_id != consumer.node_id
