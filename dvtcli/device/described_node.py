@@ -14,13 +14,13 @@ from dvtcli.errors import SdoAborted
 _OFF = bytes([0, 0, 0, 0x80])
 
 
-class ToldValues(ABC):
+class KnownValues(ABC):
     """The values of one node in a file, with the interface of a node."""
 
     __slots__ = ()
 
     @abstractmethod
-    def told(self, index: int, sub_index: int) -> bytes:
+    def known_value(self, index: int, sub_index: int) -> bytes:
         """The value in the file. Raises SdoAborted if missing."""
 
     def upload(
@@ -31,12 +31,12 @@ class ToldValues(ABC):
         timeout_s: float | None = None,  # noqa: ARG002 - a file answers at once
         retries: int | None = None,  # noqa: ARG002
     ) -> bytes:
-        """The value in the file. Raises SdoAborted like `told`."""
-        return self.told(index, sub_index)
+        """The value in the file. Raises SdoAborted like `known_value`."""
+        return self.known_value(index, sub_index)
 
 
 @dataclass(frozen=True, slots=True)
-class FileValues(ToldValues):
+class FileValues(KnownValues):
     """The values of node *node_id* according to *dictionary*: ParameterValue, else DefaultValue.
 
     Otherwise the standard's default, or zeros. A PDO without a COB-ID in the file is disabled.
@@ -45,7 +45,7 @@ class FileValues(ToldValues):
     dictionary: ObjectDictionary
     node_id: int
 
-    def told(self, index: int, sub_index: int) -> bytes:
+    def known_value(self, index: int, sub_index: int) -> bytes:
         """The value in the file. Raises SdoAborted if the file lacks the object or its value."""
         entry = self.dictionary.entry(index, sub_index)
         value = None if entry is None else self._of_entry(entry)
@@ -60,8 +60,8 @@ class FileValues(ToldValues):
 
     def _of_entry(self, entry: OdEntry) -> bytes | None:
         value = entry.at_power_on(self.node_id)
-        told = value if value is not None else bytes((entry.data_type and entry.data_type.size) or 1)
-        return _OFF if _is_no_cob_id(entry, told) else told
+        data = value if value is not None else bytes((entry.data_type and entry.data_type.size) or 1)
+        return _OFF if _is_no_cob_id(entry, data) else data
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,12 +69,12 @@ class Defaults(FileValues):
     """The factory values of node *node_id* according to *dictionary*: DefaultValue, with the node-ID."""
 
     def _of_entry(self, entry: OdEntry) -> bytes | None:
-        told = replace(entry, value=None).initial(self.node_id)
-        return None if told is not None and _is_no_cob_id(entry, told) else told
+        data = replace(entry, value=None).initial(self.node_id)
+        return None if data is not None and _is_no_cob_id(entry, data) else data
 
 
-def _is_no_cob_id(entry: OdEntry, told: bytes) -> bool:
+def _is_no_cob_id(entry: OdEntry, data: bytes) -> bool:
     """True if the file enables a PDO with CAN-ID 0x000 (NMT), meaning that its COB-ID is not given."""
     pdo = Pdo.at(entry.index)
     is_cob_id = pdo is not None and (entry.index, entry.sub_index) == (pdo.communication_index, 1)
-    return is_cob_id and len(told) == len(_OFF) and not any(told)
+    return is_cob_id and len(data) == len(_OFF) and not any(data)

@@ -66,9 +66,9 @@ def clear_history(access: NodeAccess) -> tuple[HistoryEntry, ...]:
         raise
     after = read_history(sdo)
     if after:
-        told = ", ".join(f"0x{entry.code:04X}" for entry in after)
+        codes = ", ".join(f"0x{entry.code:04X}" for entry in after)
         raise DvtcliError(
-            f"the error history of node {access.node_id} was cleared, but has {told}",
+            f"the error history of node {access.node_id} was cleared, but has {codes}",
             node=access.node_id,
             place=place,
             why="the device did not empty it" if after == before else "the error occurred again",

@@ -51,12 +51,12 @@ def unlike_file(node_id: int, dictionary: ObjectDictionary, identity: tuple[int 
     0x1018:02; one match is enough.
     """
     info = dictionary.info
-    told = {1: info.vendor_id, 2: info.product_code}
+    file_numbers = {1: info.vendor_id, 2: info.product_code}
     for (name, sub_index), held in zip(_PARTS, identity, strict=True):
-        described = {told[sub_index], _default(dictionary, sub_index, node_id)} - {None, 0}
+        described = {file_numbers[sub_index], _default(dictionary, sub_index, node_id)} - {None, 0}
         if held and described and held not in described:
-            said = " or ".join(f"0x{number:08X}" for number in sorted(filter(None, described)))
-            return f"{dictionary.source or 'the EDS'} is about {name} {said}, node {node_id} is {name} 0x{held:08X}"
+            expected = " or ".join(f"0x{number:08X}" for number in sorted(filter(None, described)))
+            return f"{dictionary.source or 'the EDS'} is about {name} {expected}, node {node_id} is {name} 0x{held:08X}"
     return ""
 
 

@@ -165,7 +165,7 @@ class Node(Changeable):
         from dvtcli.device.change.expected_refusals import with_undo_findings
         from dvtcli.domain.text import join_some
 
-        self.answered_otherwise = {}
+        self.differing_control_words = {}
         if len(plan):
             plan, warnings = with_undo_findings(self, plan if is_part_of_group else self._with_stamp_ended(plan))
             locked = (*level_findings(self.access, plan), *(warnings if remembered else ()))
@@ -197,7 +197,7 @@ class Node(Changeable):
 
     def _unreadable_findings(self, plan: Plan) -> tuple[Finding, ...]:
         """A warning for each object that does not read back as written by *plan*."""
-        if not (plan.unreadable or self.answered_otherwise):
+        if not (plan.unreadable or self.differing_control_words):
             return ()
         from dvtcli.domain.plan import ValueChange
         from dvtcli.domain.rules.raw_write import unreadable_finding
@@ -206,9 +206,9 @@ class Node(Changeable):
         return (
             *(unreadable_finding(*place) for place in blind),
             *(
-                unreadable_finding(change.step.index, change.step.sub_index, self.answered_otherwise[change.label])
+                unreadable_finding(change.step.index, change.step.sub_index, self.differing_control_words[change.label])
                 for change in plan.changes
-                if isinstance(change, ValueChange) and change.label in self.answered_otherwise
+                if isinstance(change, ValueChange) and change.label in self.differing_control_words
             ),
         )
 
@@ -243,10 +243,10 @@ class Node(Changeable):
         by_itself = [change for change in plan.changes if change.steps and not needed(change.steps[0].index)]
         if by_itself and not self.saved_automatically:
             self.saved_boot_ups = boot_ups
-        readable = (change for change in by_itself if change.label not in self.answered_otherwise)
+        readable = (change for change in by_itself if change.label not in self.differing_control_words)
         self.saved_automatically |= {change.label: change for change in readable}
 
-    def require_kept(self) -> None:
+    def require_saved(self) -> None:
         """Read this line's changes that need no store again if the node restarted since the read-back.
 
         Raises Restarted if the node has lost them: nothing else reports the loss.
@@ -282,7 +282,7 @@ class Node(Changeable):
         from dvtcli.domain.plan import PdoChange, alters
 
         for change in changes:
-            if change.label not in self.answered_otherwise:
+            if change.label not in self.differing_control_words:
                 self.expected.changed(change)
             if isinstance(change, PdoChange):
                 self.wanted[change.pdo] = self._shown[change.pdo] = change.after
@@ -301,7 +301,7 @@ class Node(Changeable):
         if self.saves(place):
             return
         values, other = self.wanted_values, self.unreadable_values
-        if not change.is_readable or change.label in self.answered_otherwise:
+        if not change.is_readable or change.label in self.differing_control_words:
             values, other = other, values
         values[place] = change.step.after
         other.pop(place, None)

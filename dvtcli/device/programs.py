@@ -84,18 +84,18 @@ class ProgramNotes:
             sync_folder(self.folder)
         return was_there
 
-    def told(self, node_id: int) -> str:
+    def unfinished_text(self, node_id: int) -> str:
         """The message about an incomplete download; empty if there is none."""
         try:
             with self._path(node_id).open("rb") as opened:
                 document = json.loads(opened.read(_MOST_BYTES))
             stage, file = Stage[document["stage"]], str(document["file"])
-            said = f"the download of {file} into node {node_id} was not completed ({document['when']}): it holds "
+            text = f"the download of {file} into node {node_id} was not completed ({document['when']}): it holds "
         except (FileNotFoundError, NotADirectoryError):
             return ""
         except (OSError, ValueError, KeyError, TypeError):
             return f"a program download into node {node_id} was not completed: {_NEXT}"
-        return f"{said}{stage.value}; {_NEXT}"
+        return f"{text}{stage.value}; {_NEXT}"
 
 
 _NEXT = "download the firmware again, or forget the interrupted download if the device is all right"

@@ -202,41 +202,41 @@ def read_pdo(sdo: SdoReader, pdo: Pdo, passing: Container[int] = UNREADABLE) -> 
     inconsistent, except for an optional parameter that is absent or never readable. Raises SdoAborted if neither COB-ID
     nor mapping is readable.
     """
-    told = _Told(sdo, passing)
-    cob_id = told.number(pdo.communication_index, 1, 4)
-    communication = _communication(told, pdo, cob_id)
-    count = told.number(pdo.mapping_index, 0, 1)
-    if cob_id is None and count is None and told.first is not None and told.first.code in ABSENT:
-        raise told.first
+    reader = _PdoReader(sdo, passing)
+    cob_id = reader.number(pdo.communication_index, 1, 4)
+    communication = _communication(reader, pdo, cob_id)
+    count = reader.number(pdo.mapping_index, 0, 1)
+    if cob_id is None and count is None and reader.first is not None and reader.first.code in ABSENT:
+        raise reader.first
     if count is None or is_mpdo(count):
-        first = None if count is None else told.optional(pdo.mapping_index, 1, 4)
+        first = None if count is None else reader.optional(pdo.mapping_index, 1, 4)
         entries = () if first is None else (PdoMappingEntry.from_raw(first),)
-        return PdoConfig(communication, (), mpdo=count, unread=tuple(told.unread), multiplexed=entries)
-    words = list(takewhile(lambda word: word is not None, _entries(told, pdo, count)))
+        return PdoConfig(communication, (), mpdo=count, unread=tuple(reader.unread), multiplexed=entries)
+    words = list(takewhile(lambda word: word is not None, _entries(reader, pdo, count)))
     mapping = tuple(PdoMappingEntry.from_raw(word) for word in words if word is not None)
     odd = None if count == len(mapping) else count
-    return PdoConfig(communication, mapping, held_count=odd, unread=tuple(told.unread))
+    return PdoConfig(communication, mapping, held_count=odd, unread=tuple(reader.unread))
 
 
-def _communication(told: _Told, pdo: Pdo, cob_id: int | None) -> PdoCommunicationParameter:
+def _communication(reader: _PdoReader, pdo: Pdo, cob_id: int | None) -> PdoCommunicationParameter:
     index = pdo.communication_index
-    if told.first is not None and told.first.code == Abort.NO_OBJECT:
+    if reader.first is not None and reader.first.code == Abort.NO_OBJECT:
         return PdoCommunicationParameter(_NO_COB_ID)
     return PdoCommunicationParameter(
         cob_id=_NO_COB_ID if cob_id is None else CobId.from_raw(cob_id),
-        transmission_type=told.optional(index, 2, 1),
-        inhibit_time=told.optional(index, 3, 2),
-        event_timer=told.optional(index, 5, 2),
-        sync_start_value=told.optional(index, 6, 1) if pdo.is_tpdo else None,
+        transmission_type=reader.optional(index, 2, 1),
+        inhibit_time=reader.optional(index, 3, 2),
+        event_timer=reader.optional(index, 5, 2),
+        sync_start_value=reader.optional(index, 6, 1) if pdo.is_tpdo else None,
     )
 
 
-def _entries(told: _Told, pdo: Pdo, count: int) -> Iterator[int | None]:
-    return (told.number(pdo.mapping_index, number, 4) for number in range(1, min(count, MAX_ENTRIES) + 1))
+def _entries(reader: _PdoReader, pdo: Pdo, count: int) -> Iterator[int | None]:
+    return (reader.number(pdo.mapping_index, number, 4) for number in range(1, min(count, MAX_ENTRIES) + 1))
 
 
 @dataclass(slots=True, eq=False, repr=False)
-class _Told:
+class _PdoReader:
     """The answers of a device about one PDO: *unread* are the unreadable places, *first* the first refusal."""
 
     sdo: SdoReader

@@ -102,11 +102,13 @@ def seen_states(accesses: Mapping[int, NodeAccess], wanted: NmtState) -> dict[in
         return {}
     bus = next(iter(accesses.values())).bus
     deadline_s = bus.now_s() + CONFIRM_S
-    told = [node_id for node_id, access in accesses.items() if access.profile.state_object is None]
-    while bus.now_s() < deadline_s and any(bus.nmt_state(node_id) is not wanted for node_id in told):
+    by_heartbeat = [node_id for node_id, access in accesses.items() if access.profile.state_object is None]
+    while bus.now_s() < deadline_s and any(bus.nmt_state(node_id) is not wanted for node_id in by_heartbeat):
         bus.sleep(0.005)
     return {
-        node_id: _settled(access, wanted, bus.nmt_state(node_id)) if node_id in told else seen_state(access, wanted)
+        node_id: _settled(access, wanted, bus.nmt_state(node_id))
+        if node_id in by_heartbeat
+        else seen_state(access, wanted)
         for node_id, access in accesses.items()
     }
 

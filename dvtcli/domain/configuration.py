@@ -330,15 +330,17 @@ def configuration_of(
 def device_types(dictionary: ObjectDictionary, held: Callable[[int], bytes | None] | None = None) -> DeviceTypes:
     """Device profiles according to *dictionary* and to the node itself: *held* returns the node's value at an index."""
 
-    def told(index: int) -> list[bytes]:
+    def contents(index: int) -> list[bytes]:
         entry = dictionary.entry(index, 0)
         both = (None if entry is None else entry.initial(0), None if held is None else held(index))
         return [data for data in both if data is not None]
 
-    types = told(DEVICE_TYPE)
+    types = contents(DEVICE_TYPE)
     is_several = DeviceTypes.of(*types).is_several
     places = {device: index for device, index in logical_types().items() if is_several or index in dictionary}
-    return DeviceTypes.of(*types, logical={device: found[-1] for device, at in places.items() if (found := told(at))})
+    return DeviceTypes.of(
+        *types, logical={device: found[-1] for device, at in places.items() if (found := contents(at))}
+    )
 
 
 def _by_standard(index: int) -> NotWritten | None:

@@ -226,8 +226,8 @@ class DeviceInfo:
     @property
     def identity(self) -> dict[str, int | None]:
         """Vendor-ID, product code and revision number; None if missing: 0, or all bits set as in erased memory."""
-        told = {"vendor": self.vendor_id, "product": self.product_code, "revision": self.revision_number}
-        return {name: None if number in (0, ERASED) else number for name, number in told.items()}
+        numbers = {"vendor": self.vendor_id, "product": self.product_code, "revision": self.revision_number}
+        return {name: None if number in (0, ERASED) else number for name, number in numbers.items()}
 
 
 class ObjectDictionary(Mapping[int, OdObject]):

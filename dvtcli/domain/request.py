@@ -85,10 +85,10 @@ def requested_parameters(want: AnyPdoRequest) -> frozenset[str]:
         return frozenset({"cob_id", MAPPING})
     if isinstance(want, PdoConfig):
         return frozenset(PARAMETERS)
-    said = {name for name in PARAMETERS[:-1] if getattr(want, name) not in (None, "keep")}
+    requested = {name for name in PARAMETERS[:-1] if getattr(want, name) not in (None, "keep")}
     if (want.enabled, want.rtr_allowed) != (None, None):
-        said.add("cob_id")
-    return frozenset(said | ({MAPPING} if (want.objects, want.mpdo) != (None, None) else set()))
+        requested.add("cob_id")
+    return frozenset(requested | ({MAPPING} if (want.objects, want.mpdo) != (None, None) else set()))
 
 
 def parameters_at(pdo: Pdo, index: int, sub_index: int) -> frozenset[str]:

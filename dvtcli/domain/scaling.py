@@ -200,13 +200,13 @@ class Scaling:
     def _by_word(self, text: str) -> int | None:
         """The raw value for the word *text*, exactly; or ignoring blanks and case, unless it is a number."""
         shown = re.fullmatch(_WITH_RAW, text)
-        told = None if shown is None else _number(shown["raw"])
+        number = None if shown is None else _number(shown["raw"])
         if (
             shown
-            and told is not None
-            and _spelling(self.values.get(told, "")) == _spelling(shown["word"].rstrip()) != ""
+            and number is not None
+            and _spelling(self.values.get(number, "")) == _spelling(shown["word"].rstrip()) != ""
         ):
-            return told
+            return number
         wanted = _spelling(text) if _number(text) is None else ""
         named = [raw for raw, word in self.values.items() if word == text and text] or [
             raw for raw, word in self.values.items() if wanted and _spelling(word) == wanted

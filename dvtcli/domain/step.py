@@ -42,7 +42,7 @@ class Step:
         """The object as printed and typed: `1A00:01`."""
         return f"{self.index:04X}:{self.sub_index:02X}"
 
-    def with_values(self, before: bytes | None, after: bytes, reason: str) -> Step:
+    def otherwise(self, before: bytes | None, after: bytes, reason: str) -> Step:
         """The same object, from *before* to *after*."""
         return replace(self, before=before, after=after, reason=reason)
 
@@ -96,8 +96,8 @@ def order_of_dependent_values(steps: Iterable[Step]) -> list[Step]:
         elif released == step.after:
             early.append(step)
         else:
-            first.append(step.with_values(step.before, released, _RELEASED))
-            rest.append(step.with_values(released, step.after, step.reason))
+            first.append(step.otherwise(step.before, released, _RELEASED))
+            rest.append(step.otherwise(released, step.after, step.reason))
     consumers = _consumers([step for step in wanted if step.index == CONSUMER_TIMES])
     stopped = sorted((*first, *early), key=lambda step: step.index != SYNC_COB_ID)
     return [*stopped, *sorted(rest, key=_rank), *consumers]
@@ -159,8 +159,8 @@ def _consumers(steps: Sequence[Step]) -> Iterator[Step]:
         blocking = next(
             step for step in pending if any(_is_in_the_way(step, other) for other in pending if other is not step)
         )
-        cleared = blocking.with_values(blocking.before, bytes(len(blocking.after)), _RELEASED)
-        pending[pending.index(blocking)] = blocking.with_values(cleared.after, blocking.after, blocking.reason)
+        cleared = blocking.otherwise(blocking.before, bytes(len(blocking.after)), _RELEASED)
+        pending[pending.index(blocking)] = blocking.otherwise(cleared.after, blocking.after, blocking.reason)
         yield cleared
 
 

@@ -67,11 +67,11 @@ class WhoStored(NamedTuple):
     def rows(self) -> list[tuple[str, str]]:
         """Labelled lines for a screen."""
         rows = (("stored", self.stored), ("not stored", self.not_stored), ("unknown", self.unknown))
-        said = [(label, all_nodes(numbers)) for label, numbers in rows if numbers]
+        outcomes = [(label, all_nodes(numbers)) for label, numbers in rows if numbers]
         if self.not_held:
             nodes = all_nodes(self.not_held)
-            said.append(("not held", f"{nodes}: the store was acknowledged, but values differ from the plan"))
-        return said
+            outcomes.append(("not held", f"{nodes}: the store was acknowledged, but values differ from the plan"))
+        return outcomes
 
     def document(self) -> dict[str, list[int]]:
         """Fields for a JSON document."""

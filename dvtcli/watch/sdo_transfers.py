@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
-from dvtcli.device.described_node import ToldValues
+from dvtcli.device.described_node import KnownValues
 from dvtcli.domain.abort import Abort
 from dvtcli.errors import SdoAborted
 
@@ -317,13 +317,13 @@ _STORE, _RESTORE, _WITH_PDOS = 0x1010, 0x1011, (1, 2)
 
 
 @dataclass(frozen=True, slots=True)
-class ReceivedValues(ToldValues):
+class ReceivedValues(KnownValues):
     """Received *values* of a node, with the same interface as the node."""
 
     node_id: int
     values: Mapping[Place, bytes]
 
-    def told(self, index: int, sub_index: int) -> bytes:
+    def known_value(self, index: int, sub_index: int) -> bytes:
         """The last received value. Raises SdoAborted if none was received."""
         if (index, sub_index) not in self.values:
             raise SdoAborted(index, sub_index, Abort.NO_SUB_INDEX, node=self.node_id)

@@ -59,9 +59,9 @@ def test_the_lock_names_its_holder_and_the_journal(keep: Keep, tmp_path: Path) -
 def test_a_journal_in_another_folder_is_found_through_the_lock(keep: Keep, tmp_path: Path) -> None:
     first, second = keep(), keep("elsewhere")
     first.begin(PLAN, IDENTITY, 127, dict)
-    assert second.interrupted() is None  # its holder is at work
+    assert second.interrupted_journal() is None  # its holder is at work
     first.lock.release()  # as the system does where it was killed
-    found = second.interrupted()
+    found = second.interrupted_journal()
     assert found is not None
     assert (found.path, found.plan, found.identity) == (first.journals.path(5), PLAN, IDENTITY)
     assert (found.nmt_state, found.bus) == (127, "socketcan:can0")
@@ -158,12 +158,12 @@ def test_who_recovers_writes_and_who_finds_a_journal_does_not(keep: Keep) -> Non
     other.begin(PLAN, IDENTITY, None, dict)
     other.lock.release()  # killed
     third.lock.command = lambda: "pdo"
-    assert third.interrupted() is not None
+    assert third.interrupted_journal() is not None
     assert one.lock.is_free()
     assert one.lock.meanwhile is not None
     assert one.lock.meanwhile.command == ""
     third.lock.command = lambda: "recover"
-    found = third.interrupted()
+    found = third.interrupted_journal()
     assert found is not None
     third.lock.take()
     third.journals.folder.mkdir(parents=True)
@@ -304,7 +304,7 @@ def test_what_was_recovered_elsewhere_is_not_noted_any_more_beside_one_that_does
     first, second = keep(), keep("elsewhere")
     first.begin(PLAN, IDENTITY, None, dict)
     first.lock.release()
-    found = second.interrupted()
+    found = second.interrupted_journal()
     assert found is not None
     second.lock.take()
     second.journals.write(PLAN, IDENTITY, None, GroupMember("5f"))  # of a group that is complete
@@ -317,7 +317,7 @@ def test_where_one_of_ours_is_open_the_lock_says_what_it_said(keep: Keep) -> Non
     first, second = keep(), keep("elsewhere")
     first.begin(PLAN, IDENTITY, None, dict)
     first.lock.release()
-    found = second.interrupted()
+    found = second.interrupted_journal()
     assert found is not None
     second.lock.take()
     own = second.journals.write(Plan(5, PLAN.changes * 2), IDENTITY, None)

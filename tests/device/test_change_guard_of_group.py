@@ -203,7 +203,7 @@ def test_a_journal_that_was_kept_elsewhere_is_forgotten_there(keep: Keep) -> Non
     make(one, 0x2000)
     one.lock.release()
     second = keep(name="elsewhere")
-    found = second.interrupted()
+    found = second.interrupted_journal()
     assert found is not None
     second.take_lock()
     second.delete_journal(found)

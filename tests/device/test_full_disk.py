@@ -135,7 +135,7 @@ def test_one_that_was_recovered_elsewhere_is_gone_too(keep: Keep, warned: list[s
     first, second = keep(), keep("elsewhere")
     begin(first)
     first.lock.release()
-    found = second.interrupted()
+    found = second.interrupted_journal()
     assert found is not None
     second.lock.take()
     second.journals.folder.mkdir(parents=True)

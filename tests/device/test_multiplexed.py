@@ -155,7 +155,7 @@ def test_a_journal_names_it_and_recover_puts_it_back(made: Callable[[int], Bench
     assert bench.device.held() != before
     bench.bus.channel = bench.sdo
     node = bench.another()
-    journal = node.guard.interrupted() if node.guard else None
+    journal = node.guard.interrupted_journal() if node.guard else None
     assert journal is not None
     assert read_journal(journal.path) == journal
     recover(node, journal)

@@ -339,7 +339,7 @@ class Judge:
         self.run.bus.sleep(2 * _HEARTBEAT_MS / 1000)
         fresh = self.run.node()
         assert fresh.guard is not None
-        journal = fresh.guard.interrupted()
+        journal = fresh.guard.interrupted_journal()
         if journal is None:
             return "exit code 7 without a journal"
         try:
@@ -349,7 +349,7 @@ class Judge:
             return f"recover failed: {failed}"
         finally:
             fresh.guard.lock.release()
-        left = fresh.guard.interrupted()
+        left = fresh.guard.interrupted_journal()
         self.record.errors.clear()
         return self._held(boundary) or ("the journal is left" if left else RECOVERED)
 

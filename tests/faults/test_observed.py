@@ -74,7 +74,7 @@ def test_one_that_does_so_each_time_is_left_changed_and_says_so(tmp_path: Path) 
     assert "1801:01" in (record.errors[0].why or "")
     journal = run.node().guard
     assert journal is not None
-    left = journal.interrupted()
+    left = journal.interrupted_journal()
     assert left is not None
     assert {change.label for change in left.plan.changes} == {"TPDO1", "TPDO2"}, "both have to be rolled back"
 

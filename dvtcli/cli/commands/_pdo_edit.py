@@ -9,7 +9,7 @@ import click
 
 from dvtcli.errors import DvtcliError, InputFileError, RuleError, SafetyRefusal, UsageError
 from dvtcli.interpreter import changed_variables
-from dvtcli.operations.pdos.edit_pdos import configure_from_text, keep_text, pdo_as_text
+from dvtcli.operations.pdos.edit_pdos import configure_from_text, pdo_as_text, save_text
 from dvtcli.operations.results import Facts
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def edit(session: Conversation, pdo: Pdo, node_id: int | None) -> Changed | Fact
             return configure_from_text(session, pdo, text, node_id, seen=before)
         except DvtcliError as wrong:
             if wrong.exit_code not in (2, 4) and not isinstance(wrong, RuleError):
-                wrong.details.append(("edited", keep_text(pdo, text)))
+                wrong.details.append(("edited", save_text(pdo, text)))
                 raise  # the device was asked: another text changes nothing about it
             session.output.error(wrong)
             if not session.output.ask("Edit it again?"):

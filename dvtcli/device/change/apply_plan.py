@@ -101,7 +101,7 @@ def apply_plan(
                 explain_refusal(node, error, findings)
             restore_nmt_state(node, error, initial_state)
             raise
-        node.answered_otherwise = dict(transaction.answered_otherwise)
+        node.differing_control_words = dict(transaction.differing_control_words)
         node.expected.seen(untouched, complete=is_watched and not unread)
         if node.guard is not None:
             node.guard.own_journal.carried_out()

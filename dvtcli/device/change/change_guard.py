@@ -137,7 +137,7 @@ class ChangeGuard:
                 noted = None
             return next((path for path in (own, noted) if path is not None and self.journals.counts(path)), None)
 
-    def interrupted(self) -> Journal | None:
+    def interrupted_journal(self) -> Journal | None:
         """The journal of a change without a running process, or None. Raises InputFileError if damaged."""
         with self._files("read"):
             path = self.unfinished_journal()

@@ -314,9 +314,9 @@ class ChangeHistory:
         path = self.folder / f"{file_name(self.bus)}.count"
         with os.fdopen(open_private(path, os.O_RDWR | os.O_CREAT), "rb+", buffering=0) as file:
             lock_within(file, WAIT_S)
-            said = file.read(_COUNT_BYTES + 1)
-            is_complete = len(said) == _COUNT_BYTES and said[:-1].isdigit()
-            last = int(said) if is_complete else self._highest_number()
+            digits = file.read(_COUNT_BYTES + 1)
+            is_complete = len(digits) == _COUNT_BYTES and digits[:-1].isdigit()
+            last = int(digits) if is_complete else self._highest_number()
             file.seek(0)
             file.write(f"{last + 1:0{_COUNT_BYTES - 1}d}\n".encode())
             to_disk(file.fileno())

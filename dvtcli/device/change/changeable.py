@@ -129,7 +129,7 @@ class Changeable(KnownPdos):
     #: values expected in RAM at a store: changed by this session, or read beside a change
     expected: Expected = field(default_factory=Expected)
     #: control words of the last change reading back neither the written nor the former value, as `6040:00`
-    answered_otherwise: dict[str, bytes] = field(default_factory=dict)
+    differing_control_words: dict[str, bytes] = field(default_factory=dict)
     #: called after every accepted step of a change
     on_step: Callable[[Progress], None] = lambda _progress: None
     #: the identity (0x1018) of the device about to store
@@ -217,17 +217,17 @@ class Changeable(KnownPdos):
 
         True if the restart is still to be reported: not if the line was refused for, or failed by, that restart.
         """
-        told, self.has_reported_restart = self.has_reported_restart, False
+        reported, self.has_reported_restart = self.has_reported_restart, False
         if self.restarts_at_read is None:
             return False
         try:
             restarts, read = self.bus.restarts(self.node_id), self.read_cache.is_of_now()
         except BusUnavailable:
             return False
-        if self.restarts_at_read == restarts or not (told or read or failed):
+        if self.restarts_at_read == restarts or not (reported or read or failed):
             return False
         self.restarts_at_read = restarts
-        return not told
+        return not reported
 
     def release_lock(self) -> None:
         """Release the lock after a change; changes by others are read before the next change."""

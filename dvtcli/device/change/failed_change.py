@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from dvtcli.device.change.roll_back import held_otherwise
+from dvtcli.device.change.roll_back import differing_values
 from dvtcli.device.observe import MAX_READS, RebootMonitor
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.device.store.pending import CHANGE
@@ -125,13 +125,13 @@ def not_rolled_back(plans: Iterable[Plan], node_id: int, fault: str, why: str) -
     )
 
 
-def also_lines(told: DvtcliError, others: Iterable[BaseException]) -> list[tuple[str, str]]:
-    """Labelled lines for *others* beside the reported error *told*, each text once.
+def also_lines(reported: DvtcliError, others: Iterable[BaseException]) -> list[tuple[str, str]]:
+    """Labelled lines for *others* beside *reported*, each text once.
 
     Several nodes asked in parallel report the same lost bus.
     """
-    said = f"{told}; {told.why}"
-    return [("also", text) for text in dict.fromkeys(map(str, others)) if text not in said]
+    known = f"{reported}; {reported.why}"
+    return [("also", text) for text in dict.fromkeys(map(str, others)) if text not in known]
 
 
 #: How long a heartbeat is waited for that tells whether a node restarted without a boot-up message, in seconds.
@@ -182,8 +182,8 @@ def set_words(plan: Plan) -> str:
     """The result of a completed *plan* in words: verified values, and values that cannot be read back."""
     blind = [change.label for change in plan.unreadable]
     read = [change.label for change in plan.changes if change.label not in blind]
-    said = [f"{join_some(read)} was written and verified"] if read else []
-    return ", ".join([*said, *([f"{join_some(blind)} was written, which cannot be read back"] if blind else [])])
+    parts = [f"{join_some(read)} was written and verified"] if read else []
+    return ", ".join([*parts, *([f"{join_some(blind)} was written, which cannot be read back"] if blind else [])])
 
 
 def labels_of(plan: Plan) -> str:
@@ -383,7 +383,7 @@ def _differing(sdo: SdoReader, change: Change) -> Iterator[tuple[str, bytes | No
         if step.before is None:
             text = f"0x{step.object} was written, but cannot be read: its old value is unknown"
             yield step.object, None, None, text
-        elif (found := held_otherwise(sdo, change, wanted_before=True)) is not None:
+        elif (found := differing_values(sdo, change, wanted_before=True)) is not None:
             yield step.object, *found, _words(step.object, *found)
         return
     held = read_pdo(sdo, change.pdo)

@@ -94,7 +94,7 @@ class OwnJournal:
         before, self.identity = self._copy(), identity
         with self._files("kept"):
             self.entry = self._contents.prepare(self.group, plan, nmt_state)
-            self._keep_or(before, room + JournalFolder.length_of(group.final, (*group.stores, *group.equal)))
+            self._write_or_restore(before, room + JournalFolder.length_of(group.final, (*group.stores, *group.equal)))
 
     def begin(
         self,
@@ -123,7 +123,7 @@ class OwnJournal:
         with self._files("kept"):
             self.entry = self._contents.begin(self.group, plan, nmt_state, asked, is_test=is_test)
             try:
-                self._keep_or(before, room if is_remembered else 0)
+                self._write_or_restore(before, room if is_remembered else 0)
             except (OSError, SafetyRefusal):
                 if not covered:
                     raise
@@ -132,7 +132,7 @@ class OwnJournal:
     def _copy(self) -> ChangesToRollBack:
         return replace(self._contents, made=[*self._contents.made])
 
-    def _keep_or(self, before: ChangesToRollBack, room: int) -> None:
+    def _write_or_restore(self, before: ChangesToRollBack, room: int) -> None:
         """Write and note the journal; on failure return to *before*, since no device was written."""
         try:
             if self.group.id is not None:
@@ -205,7 +205,7 @@ class OwnJournal:
             try:
                 self.journals.close_group(self.group.id)
             except OSError as failed:
-                raise self._kept(failed) from failed
+                raise self._not_removed(failed) from failed
         self.end_group()
 
     def abandon_group(self) -> None:
@@ -238,14 +238,14 @@ class OwnJournal:
         try:
             remove(path)
         except OSError as failed:
-            raise self._kept(failed) from failed
+            raise self._not_removed(failed) from failed
         try:
             self.journals.remove(self.lock.node_id)
             self.lock.note(None)
         except OSError as failed:
             self.warn(f"the state folder takes nothing more ({failed.strerror or failed}): {failed.filename or path}")
 
-    def _kept(self, failed: OSError) -> JournalKept:
+    def _not_removed(self, failed: OSError) -> JournalKept:
         node_id = self.lock.node_id
         error = JournalKept(
             f"the journal of node {node_id} cannot be removed",

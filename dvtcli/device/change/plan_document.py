@@ -27,8 +27,8 @@ def change_document(change: Change) -> dict[str, Any]:
     if isinstance(change, ValueChange):
         step = change.step
         held = None if step.before is None else step.before.hex()
-        said = {} if step.reason == _NO_REASON else {"reason": step.reason}
-        return {"object": [step.index, step.sub_index], "before": held, "after": step.after.hex(), **said}
+        reason = {} if step.reason == _NO_REASON else {"reason": step.reason}
+        return {"object": [step.index, step.sub_index], "before": held, "after": step.after.hex(), **reason}
     before, after = _config_document(change.before), _config_document(change.after)
     back = None if change.substitute is None else _config_document(change.substitute)
     return {"pdo": str(change.pdo), "before": before, "after": after, "back": back}

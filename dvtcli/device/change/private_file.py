@@ -164,8 +164,8 @@ def sudo_user() -> int | None:
     """The user-ID of the caller of sudo; valid for root only, as other users could set it freely."""
     if sys.platform == "win32" or os.geteuid() != 0:
         return None
-    said = os.environ.get("SUDO_UID", "")
-    return int(said) if said.isdecimal() and said.isascii() and len(said) <= 10 else None
+    number = os.environ.get("SUDO_UID", "")
+    return int(number) if number.isdecimal() and number.isascii() and len(number) <= 10 else None
 
 
 def private_folder(folder: str | os.PathLike[str], *, is_shared: bool = False) -> None:
@@ -297,8 +297,8 @@ def _own_users() -> set[int | None]:
 def _own_groups() -> set[int]:
     if sys.platform == "win32":
         return set()
-    said = os.environ.get("SUDO_GID", "") if sudo_user() is not None else ""
-    sudo_group = {int(said)} if said.isdecimal() and said.isascii() and len(said) <= 10 else set()
+    number = os.environ.get("SUDO_GID", "") if sudo_user() is not None else ""
+    sudo_group = {int(number)} if number.isdecimal() and number.isascii() and len(number) <= 10 else set()
     return {os.getgid(), os.getegid()} | sudo_group
 
 

@@ -72,7 +72,7 @@ class Recovery:
     others: tuple[PdoChange, ...]
     boot_ups_read: int
     #: the changes restored to a substitute value, and the boot-ups before the roll-back
-    _otherwise: tuple[PdoChange, ...] = ()
+    _substituted: tuple[PdoChange, ...] = ()
     _boot_ups: int = 0
     #: single objects that can be read no more, once all else was put back, with the refusal
     unknown: dict[ValueChange, SdoAborted] = field(default_factory=dict)
@@ -120,9 +120,9 @@ class Recovery:
         """
         node = self.node
         self._boot_ups, self.unknown = node.bus.boot_ups(node.node_id), {}
-        self._otherwise = self._restore_readable(self.changes)
+        self._substituted = self._restore_readable(self.changes)
         if altered := self._altered():
-            self._otherwise = self._restore_readable((*self.changes, *altered))
+            self._substituted = self._restore_readable((*self.changes, *altered))
             if still := self._altered():
                 raise others_left(self.plan, still)
 
@@ -210,11 +210,11 @@ class Recovery:
         if self.node.guard is not None:
             self.node.guard.delete_journal(self.journal, self._held_now() if stored else None)
         self.node.pending.suspicions.pop(CHANGE, None)
-        return self.with_substitutes if self._otherwise else self.plan, substitute_findings(self._otherwise)
+        return self.with_substitutes if self._substituted else self.plan, substitute_findings(self._substituted)
 
     def _held_now(self) -> Plan:
         """The plan from the values of the interrupted change to the accepted roll-back."""
-        taken = {change.pdo: change.substitute for change in self._otherwise}
+        taken = {change.pdo: change.substitute for change in self._substituted}
         changes: list[Change] = []
         for change in self.changes:
             if isinstance(change, PdoChange):

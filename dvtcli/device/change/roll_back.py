@@ -57,9 +57,9 @@ def roll_back_patiently(
         is_last = clock.now_s() >= deadline
         try:
             disturbance_count = reboot_monitor.disturbance_count()
-            otherwise = roll_back_once(sdo, changes, is_last_try=is_last)
+            substituted = roll_back_once(sdo, changes, is_last_try=is_last)
             if reboot_monitor.disturbance_count() == disturbance_count:
-                return otherwise
+                return substituted
             if is_last:
                 raise DeviceRefused("the node restarted, or lost an answer, each time that it was rolled back")
         except _PASSING:
@@ -78,8 +78,8 @@ def roll_back_once(sdo: SdoTransport, changes: Sequence[Change], *, is_last_try:
     allows that after a temporary refusal.
     """
     failures: list[Exception] = []
-    fillers = _fillers(changes)
-    behind = {id(filler) for group in fillers.values() for filler in group}
+    entries_behind = _entries_behind_counts(changes)
+    behind = {id(entry) for group in entries_behind.values() for entry in group}
     dependent = [change for change in changes if isinstance(change, ValueChange) and change.is_dependent]
     behind |= {id(change) for change in dependent[:-1]}  # they go with the last of them, in their own order
     for change in reversed(changes):
@@ -89,33 +89,35 @@ def roll_back_once(sdo: SdoTransport, changes: Sequence[Change], *, is_last_try:
             if dependent and change is dependent[-1]:
                 _roll_back_dependent(sdo, dependent)
             else:
-                _roll_back_one(sdo, change, fillers, is_last_try=is_last_try)
+                _roll_back_one(sdo, change, entries_behind, is_last_try=is_last_try)
         except NoAnswer:
             raise  # a silent node answers nothing about the others either
         except Exception as failed:  # noqa: BLE001 - the others are put back all the same
             failures.append(failed)
     if failures:
         raise failures[0]
-    otherwise = []
+    substituted = []
     for change in changes:
         difference = first_difference(sdo, change, wanted_before=True)
         if difference and isinstance(change, PdoChange) and change.substitute is not None:
             difference = first_difference(sdo, change._replace(after=change.substitute))
-            otherwise.append(change)
+            substituted.append(change)
         if difference:
             raise DeviceRefused(f"{change.label} does not read back as it was", place=change.label, why=difference)
-    return tuple(otherwise)
+    return tuple(substituted)
 
 
 def _roll_back_one(
-    sdo: SdoTransport, change: Change, fillers: Mapping[Pdo, Sequence[ValueChange]], *, is_last_try: bool
+    sdo: SdoTransport, change: Change, entries_behind: Mapping[Pdo, Sequence[ValueChange]], *, is_last_try: bool
 ) -> None:
     """Restore *before* of *change*; after an expected refusal, the value accepted instead."""
     try:
-        for step in _roll_back_steps(sdo, change, fillers):
-            _download_or_verify(sdo, step)
+        for step in _roll_back_steps(sdo, change, entries_behind):
+            _download_unless_held(sdo, step)
     except SdoAborted as refused:
-        if not isinstance(change, PdoChange) or not _roll_back_otherwise(sdo, change, refused, is_last_try=is_last_try):
+        if not isinstance(change, PdoChange) or not _roll_back_in_another_way(
+            sdo, change, refused, is_last_try=is_last_try
+        ):
             raise
 
 
@@ -133,14 +135,14 @@ def _roll_back_dependent(sdo: SdoTransport, changes: Sequence[ValueChange]) -> N
     refused: list[SdoAborted] = []
     for step in (*order_of_dependent_values(altering(back)), *unseen):
         try:
-            _download_or_verify(sdo, step)
+            _download_unless_held(sdo, step)
         except SdoAborted as aborted:
             refused.append(aborted)
     if refused:
         raise refused[0]
 
 
-def _roll_back_otherwise(sdo: SdoTransport, change: PdoChange, refused: SdoAborted, *, is_last_try: bool) -> bool:
+def _roll_back_in_another_way(sdo: SdoTransport, change: PdoChange, refused: SdoAborted, *, is_last_try: bool) -> bool:
     """Restore with the PDO disabled if a parameter was refused while enabled, else its substitute; false if neither.
 
     As long as the refusal may be temporary, the substitute is not used unless *is_last_try*.
@@ -154,11 +156,11 @@ def _roll_back_otherwise(sdo: SdoTransport, change: PdoChange, refused: SdoAbort
     else:
         return False
     for step in steps:
-        _download_or_verify(sdo, step)
+        _download_unless_held(sdo, step)
     return True
 
 
-def _download_or_verify(sdo: SdoTransport, step: Step) -> None:
+def _download_unless_held(sdo: SdoTransport, step: Step) -> None:
     """Write *step*; a refused write of the present value is no error: a count may be writable, but not its entries."""
     try:
         sdo.download(step.index, step.sub_index, step.after)
@@ -174,7 +176,7 @@ def _holds(sdo: SdoTransport, step: Step) -> bool:
         return False
 
 
-def _fillers(changes: Sequence[Change]) -> dict[Pdo, list[ValueChange]]:
+def _entries_behind_counts(changes: Sequence[Change]) -> dict[Pdo, list[ValueChange]]:
     """The changes to entries behind the count of the restored PDOs, by PDO."""
     pdos = {change.pdo: change.before for change in changes if isinstance(change, PdoChange)}
     found: dict[Pdo, list[ValueChange]] = {}
@@ -188,9 +190,11 @@ def _fillers(changes: Sequence[Change]) -> dict[Pdo, list[ValueChange]]:
     return found
 
 
-def _roll_back_steps(sdo: SdoTransport, change: Change, fillers: Mapping[Pdo, Sequence[ValueChange]]) -> Sequence[Step]:
+def _roll_back_steps(
+    sdo: SdoTransport, change: Change, entries_behind: Mapping[Pdo, Sequence[ValueChange]]
+) -> Sequence[Step]:
     if isinstance(change, PdoChange):
-        return _pdo_roll_back_steps(sdo, change, fillers.get(change.pdo, ()))
+        return _pdo_roll_back_steps(sdo, change, entries_behind.get(change.pdo, ()))
     step = change.step
     if step.before is None:
         return ()
@@ -215,17 +219,17 @@ def unreadable_now(sdo: SdoTransport, changes: Iterable[Change]) -> dict[ValueCh
     return found
 
 
-def _pdo_roll_back_steps(sdo: SdoTransport, change: PdoChange, fillers: Sequence[ValueChange]) -> Sequence[Step]:
+def _pdo_roll_back_steps(sdo: SdoTransport, change: PdoChange, entries_behind: Sequence[ValueChange]) -> Sequence[Step]:
     """The steps to restore the PDO; a differing entry behind its count is written while the mapping is open."""
     now = read_pdo(sdo, change.pdo)
-    held = {filler: sdo.upload(filler.step.index, filler.step.sub_index) for filler in fillers}
-    differing = [filler for filler, data in held.items() if data != filler.step.before]
+    held = {entry: sdo.upload(entry.step.index, entry.step.sub_index) for entry in entries_behind}
+    differing = [entry for entry, data in held.items() if data != entry.step.before]
     if not differing:
         return plan_pdo(change.pdo, now, change.before).steps
     opened = PdoConfig(now.disabled().communication, ())
     return (
         *plan_pdo(change.pdo, now, opened).steps,
-        *(step for filler in differing for step in filler.reversed().steps),
+        *(step for entry in differing for step in entry.reversed().steps),
         *plan_pdo(change.pdo, opened, change.before).steps,
     )
 
@@ -233,8 +237,8 @@ def _pdo_roll_back_steps(sdo: SdoTransport, change: PdoChange, fillers: Sequence
 def first_difference(sdo: SdoReader, change: Change, *, wanted_before: bool = False) -> str | None:
     """Read *change* back and describe the first difference from its result (or from *before*), or None."""
     if isinstance(change, ValueChange):
-        otherwise = held_otherwise(sdo, change, wanted_before=wanted_before)
-        return None if otherwise is None else bytes_differ(change, *otherwise)
+        values = differing_values(sdo, change, wanted_before=wanted_before)
+        return None if values is None else bytes_differ(change, *values)
     wanted_config = change.before if wanted_before else change.after
     differing = plan_pdo(change.pdo, read_pdo(sdo, change.pdo), wanted_config).steps
     if not differing:
@@ -245,7 +249,7 @@ def first_difference(sdo: SdoReader, change: Change, *, wanted_before: bool = Fa
     return f"0x{step.object} is {_hex(step.before)}, expected {_hex(step.after)}"
 
 
-def held_otherwise(sdo: SdoReader, change: ValueChange, *, wanted_before: bool = False) -> tuple[bytes, bytes] | None:
+def differing_values(sdo: SdoReader, change: ValueChange, *, wanted_before: bool = False) -> tuple[bytes, bytes] | None:
     """The present and the expected value of the object of *change*; None if equal or unreadable."""
     before = change.step.before
     if before is None:

@@ -21,8 +21,8 @@ from dvtcli.device.change.roll_back import (
     Clock,
     bytes_differ,
     cob_id_difference,
+    differing_values,
     first_difference,
-    held_otherwise,
     roll_back_patiently,
 )
 from dvtcli.device.change.untouched_pdos import UntouchedPdos, altered_too
@@ -107,7 +107,7 @@ class Transaction:
     #: boot-ups at the read behind the plan; None: a restart does not stop the plan
     boot_ups_read: int | None
     #: control words read back differently, with their present value
-    answered_otherwise: dict[str, bytes] = field(default_factory=dict, init=False)
+    differing_control_words: dict[str, bytes] = field(default_factory=dict, init=False)
     #: boot-ups seen when the read-back that proved the plan began
     boot_ups_verified: int = field(default=0, init=False)
     #: changes begun, the last one possibly in part
@@ -188,15 +188,15 @@ class Transaction:
     def _verify(self) -> None:
         """Read back the plan's values; a difference is a refusal without an abort."""
         self.boot_ups_verified = self.reboot_monitor.boot_ups()
-        self.answered_otherwise.clear()
+        self.differing_control_words.clear()
         for change in self.plan.changes:
             if isinstance(change, ValueChange):
-                if otherwise := held_otherwise(self.sdo, change):
+                if values := differing_values(self.sdo, change):
                     place = change.step.index, change.step.sub_index
-                    if place in self.control_words and otherwise[0] != change.step.before and not self._restarted():
-                        self.answered_otherwise[change.label] = otherwise[0]
+                    if place in self.control_words and values[0] != change.step.before and not self._restarted():
+                        self.differing_control_words[change.label] = values[0]
                         continue
-                    raise self._readback_error(change, bytes_differ(change, *otherwise), otherwise)
+                    raise self._readback_error(change, bytes_differ(change, *values), values)
             elif difference := self._difference(change):
                 raise self._readback_error(change, difference)
         if self._others_matter() and self._restarted():

@@ -133,7 +133,7 @@ def _values(pdo: Pdo, config: PdoConfig) -> Iterator[tuple[int, int, int | None]
         yield pdo.mapping_index, number, entry.raw
 
 
-def _is_otherwise(before: PdoConfig, after: PdoConfig | None) -> bool:
+def _differs(before: PdoConfig, after: PdoConfig | None) -> bool:
     """True if a PDO, read as completely as *before*, has another value."""
     return after is not None and after.lacking == before.lacking and after != before
 
@@ -161,7 +161,7 @@ def prove_restore(
     if node.dictionary is not None and not node.unlike_file:
         return _against_defaults(node, node.dictionary, answer, restart, before, after, lost, format_value)
     uncovered = uncovered_group(answer.sub_index)
-    changed = sum(_is_otherwise(config, after.pdos.get(pdo)) for pdo, config in (before.pdos if before else {}).items())
+    changed = sum(_differs(config, after.pdos.get(pdo)) for pdo, config in (before.pdos if before else {}).items())
     who = "the EDS is another device's" if node.unlike_file else "no EDS has the defaults"
     unproved = f"{who}, and nothing differs from what was stored before"
     return Proof(
@@ -186,14 +186,14 @@ def _against_defaults(
         pdos = differing_from_defaults(dictionary, node.profile, node.node_id, {} if uncovered else held.pdos)
         objects = values_unlike_defaults(dictionary, node.node_id, held.of_group(answer.sub_index), format_value)
         not_compared = join_some((*pdos.not_compared, *objects.not_compared))
-        said = (
+        left_out = (
             (f"not compared: {not_compared}, of which the EDS has no default or the node no value",)
             if not_compared
             else ()
         )
         return Proof(
             restart.by, pdos.compared, against, (*pdos.differences, *objects.differences), objects=objects.compared,
-            notes=(*held.notes, *said),
+            notes=(*held.notes, *left_out),
         )  # fmt: skip
 
     found = look(after)

@@ -58,22 +58,22 @@ def acknowledged(node: ReadableNode, answer: StoreAnswer) -> Iterator[None]:
     try:
         yield
     except DvtcliError as failed:
-        _say_acknowledged(node, answer, failed)
+        _add_acknowledged(node, answer, failed)
         raise
     except KeyboardInterrupt as torn:
         stopped = node.cancellation.interrupted("stopped at once", node=node.node_id, state="unknown")
-        _say_acknowledged(node, answer, stopped)
+        _add_acknowledged(node, answer, stopped)
         raise stopped from torn
 
 
-def _say_acknowledged(node: NodeDescription, answer: StoreAnswer, failed: DvtcliError) -> None:
+def _add_acknowledged(node: NodeDescription, answer: StoreAnswer, failed: DvtcliError) -> None:
     word = word_of(answer.index)
     failed.details.insert(0, (word, f"0x{answer.place} acknowledged it before; it is not proved"))
-    said = f"0x{answer.place} acknowledged the {word}, which is not proved; read back what node {node.node_id} holds"
+    text = f"0x{answer.place} acknowledged the {word}, which is not proved; read back what node {node.node_id} holds"
     if failed.state == "left_changed":
-        failed.state_text = f"LEFT CHANGED: see above; {said}"
+        failed.state_text = f"LEFT CHANGED: see above; {text}"
     else:
-        failed.state, failed.state_text = "unknown", f"unknown: {said}"
+        failed.state, failed.state_text = "unknown", f"unknown: {text}"
 
 
 def uncovered_group(sub_index: int) -> str:

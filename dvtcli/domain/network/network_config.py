@@ -255,9 +255,9 @@ class NetworkConfig:
         else:
             pdo = Pdo.parse(linked[2]) if linked is not None else None
             pdo = pdo or next((config.pdo for config in node.pdos if place == config.pdo.label), None)
-        said = next((config.mark for config in node.pdos if config.pdo == pdo and config.mark.line), NOWHERE)
+        own_mark = next((config.mark for config in node.pdos if config.pdo == pdo and config.mark.line), NOWHERE)
         ends = (link.mark for link in self.links if any((end.node_id, end.pdo) == (node_id, pdo) for end in link.ends))
-        return said if said.line else next(ends, node.mark)
+        return own_mark if own_mark.line else next(ends, node.mark)
 
     def of(self, ids: Collection[int]) -> NetworkConfig:
         """The part for the node-IDs *ids*, and the links between them."""

@@ -192,7 +192,7 @@ class NetworkState(NamedTuple):
     @property
     def sync_periods_us(self) -> tuple[int, ...]:
         """Periods in µs of all SYNC producers, including the master."""
-        told = [node.number(SYNC_PERIOD) or 0 for node in self.nodes if node.produces_sync]
+        periods = [node.number(SYNC_PERIOD) or 0 for node in self.nodes if node.produces_sync]
         if self.master is not None and self.master.sync_period_us:
-            told.append(self.master.sync_period_us)
-        return tuple(told)
+            periods.append(self.master.sync_period_us)
+        return tuple(periods)

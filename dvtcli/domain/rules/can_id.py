@@ -220,18 +220,18 @@ def _pdo_clashes(proposal: Proposal, place: str) -> Iterator[Finding]:
         else:
             yield note("can-id-default", place, f"{want} is also set at {other.label}, which is disabled: no clash now")
     owner = default_owner(want.can_id)
-    said = (
+    is_reported = (
         owner is not None
         and owner[1] == proposal.node_id
         and owner[0] in others
         and others[owner[0]].can_id == want.can_id
     )
-    if owner is not None and not said:
+    if owner is not None and not is_reported:
         senders = _same_senders(proposal)  # no warning for frames of a known producer
-        said = any((sender.pdo, sender.node_id) == owner for sender in senders) or (
+        is_reported = any((sender.pdo, sender.node_id) == owner for sender in senders) or (
             bool(senders) and not proposal.pdo.is_tpdo
         )
-    if owner and owner != (proposal.pdo, proposal.node_id) and not want.extended and not said:
+    if owner and owner != (proposal.pdo, proposal.node_id) and not want.extended and not is_reported:
         pdo, node_id = owner
         text = f"{want} is the default COB-ID of {pdo.label} of node {node_id}"
         if proposal.pdo.is_tpdo and pdo.is_tpdo and want.valid and not stays and node_id in proposal.unread():

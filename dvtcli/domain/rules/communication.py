@@ -142,14 +142,14 @@ def described_step_findings(proposal: Proposal) -> Iterator[Finding]:
     dictionary = proposal.dictionary
     if dictionary is None:
         return
-    told: set[tuple[int, int]] = set()
+    reported: set[tuple[int, int]] = set()
     for step in plan_pdo(proposal.pdo, proposal.now, proposal.want).steps:
         entry = dictionary.entry(step.index, step.sub_index)
         place = (step.index, step.sub_index)
-        if entry is None or place in told or _stands_for_fillers(proposal, step):
+        if entry is None or place in reported or _stands_for_fillers(proposal, step):
             continue
         for finding in _step_findings(proposal, dictionary, entry, step):
-            told.add(place)
+            reported.add(place)
             yield finding
 
 

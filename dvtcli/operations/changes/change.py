@@ -94,7 +94,7 @@ def change_result(
     saved = any(node.saves((step.index, step.sub_index)) for step in applied.plan.steps)
     if (saved or any(map(alters, applied.plan.changes))) and not session.dry_run:
         session.record.add(node.node_id, change_lines(applied.plan) if lines is None else lines)
-    keep = keep_words(node, applied.plan)
+    keep = store_hint(node, applied.plan)
     return Changed(
         node.node_id,
         applied.plan,
@@ -121,7 +121,7 @@ def _is_as_stored(node: Node, applied: Applied) -> bool:
     return not may_be_unstored(node, node.history, [change.label for change in applied.plan.changes if alters(change)])
 
 
-def keep_words(node: Node, plan: Plan) -> Hint | str:
+def store_hint(node: Node, plan: Plan) -> Hint | str:
     """Say what makes *plan* permanent on *node*: a store, or the maker's way; empty if automatic."""
     policy = node.profile.store
     if not any(policy.needed_for(step.index) for step in plan.steps):

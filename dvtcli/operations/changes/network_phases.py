@@ -308,4 +308,4 @@ def _is_undone(change: Change) -> bool:
 def _to_the_same(change: Change) -> Change:
     if isinstance(change, PdoChange):
         return plan_pdo(change.pdo, change.before, change.before)
-    return ValueChange(change.step.with_values(change.step.before, change.step.before or b"", change.step.reason))
+    return ValueChange(change.step.otherwise(change.step.before, change.step.before or b"", change.step.reason))

@@ -1,4 +1,4 @@
-"""Shared by `store`, `restore` and a `write` to 0x1010 or 0x1011."""
+"""Store or restore the parameters of a node (0x1010, 0x1011), with a proof if requested."""
 
 from __future__ import annotations
 

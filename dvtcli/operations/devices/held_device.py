@@ -8,7 +8,7 @@ from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from dvtcli.device.described_node import ToldValues
+from dvtcli.device.described_node import KnownValues
 from dvtcli.device.read_pdos import IDENTITY, read_modules
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.configuration import Configuration, NotWritten
@@ -69,12 +69,12 @@ class HeldDevice(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class KeptIdentity(ToldValues):
+class KeptIdentity(KnownValues):
     """The identity (0x1018) in *held*, readable like a device's."""
 
     held: HeldDevice
 
-    def told(self, index: int, sub_index: int) -> bytes:
+    def known_value(self, index: int, sub_index: int) -> bytes:
         """Return a number of the identity; raises SdoAborted for missing numbers and other objects."""
         numbers = dict(enumerate(("vendor", "product", "revision", "serial"), 1))
         number = self.held.identity.get(numbers.get(sub_index, "")) if index == IDENTITY else None

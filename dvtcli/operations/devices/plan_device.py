@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.device.described_node import ToldValues
+from dvtcli.device.described_node import KnownValues
 from dvtcli.device.other_producers import received_ids
 from dvtcli.device.proposal import readable_value
 from dvtcli.device.read_pdos import read_pdo
@@ -418,13 +418,13 @@ def _why_not(known: Configuration, dictionary: ObjectDictionary | None, place: O
 
 
 @dataclass(frozen=True, slots=True)
-class _Values(ToldValues):
+class _Values(KnownValues):
     """The values of *held*, else of the node, readable like a node."""
 
     held: HeldDevice
     node: ReadableNode
 
-    def told(self, index: int, sub_index: int) -> bytes:
+    def known_value(self, index: int, sub_index: int) -> bytes:
         """Return the file's value, else the node's; raises SdoAborted if the node refuses."""
         place = index, sub_index
         data = self.held.on_node(place, entry_of(self.node.dictionary, place), self.node.node_id)

@@ -264,7 +264,7 @@ def _not_taken(one: _FileNode, config: NodeConfig) -> tuple[int, list[str]]:
 
 def _default(defaults: Defaults, entry: OdEntry) -> bytes | None:
     try:
-        return defaults.told(entry.index, entry.sub_index)
+        return defaults.known_value(entry.index, entry.sub_index)
     except SdoAborted:
         return None
 

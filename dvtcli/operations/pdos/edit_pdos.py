@@ -110,7 +110,7 @@ def configure_from_text(
     return configure(session, node, {pdo: want})
 
 
-def keep_text(pdo: Pdo, text: str) -> str:
+def save_text(pdo: Pdo, text: str) -> str:
     """Save an edited *text* that was not applied; returns where, or why not."""
     path = state_folder(None) / "edited" / f"{pdo}-{datetime.now(UTC).strftime('%Y%m%dT%H%M%S.%fZ')}.yaml"
     try:

@@ -27,7 +27,7 @@ from dvtcli.domain.plan import Change, PdoChange, ValueChange, plan_pdo
 from dvtcli.domain.script_line import change_lines
 from dvtcli.domain.text import all_nodes, join_some, plural
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, Restarted, SafetyRefusal
-from dvtcli.operations.changes.change import AlsoExpected, ExpectedAtStore, keep_words, require_held
+from dvtcli.operations.changes.change import AlsoExpected, ExpectedAtStore, require_held, store_hint
 from dvtcli.operations.changes.network_phases import apply_together
 from dvtcli.operations.changes.possible_stores import refuse_unprovable_stores
 from dvtcli.operations.changes.store_network import store_network
@@ -94,7 +94,7 @@ def apply_network(
             stored = store_network(session, transaction, stores, at_store, prove, equal)
             complete_groups(transaction.journals())
     kept = {
-        node_plan.node_id: keep_words(nodes[node_plan.node_id], node_plan.plan)
+        node_plan.node_id: store_hint(nodes[node_plan.node_id], node_plan.plan)
         for node_plan in planned
         if len(node_plan.plan)
     }

@@ -197,7 +197,7 @@ class Session(Opened):
                 try:
                     self._end_gate(node.gate, code)
                     if not code:
-                        node.require_kept()
+                        node.require_saved()
                 except DvtcliError as failed:  # the other nodes go back all the same
                     failures.append(failed)
                 finally:

@@ -59,7 +59,7 @@ class ChangeFiles:
         if interrupted and interrupted not in self._said:
             self._said.add(interrupted)
             (self.warn if is_damaged else self.report)(interrupted)
-        if (program := self.programs().told(node_id)) and guard.lock.is_free():
+        if (program := self.programs().unfinished_text(node_id)) and guard.lock.is_free():
             self.warn(program)
         return guard
 
@@ -101,7 +101,7 @@ class ChangeFiles:
 def _interrupted(guard: ChangeGuard) -> tuple[Hint | str, bool]:
     """Report an interrupted change, empty if none; and whether its journal is damaged."""
     try:
-        journal = guard.interrupted()
+        journal = guard.interrupted_journal()
     except (InputFileError, SafetyRefusal) as damaged:
         said = as_hint(f"{damaged.text}: {damaged.why or damaged.place}")
         return said + damaged.hint if damaged.hint else said, True

@@ -227,8 +227,3 @@ class Family(NamedTuple):
 
 
 GENERIC = Family()
-
-
-def within(index: int, ranges: tuple[Range, ...]) -> bool:
-    """True if *index* lies in one of *ranges*, ends included."""
-    return any(first <= index <= last for first, last in ranges)

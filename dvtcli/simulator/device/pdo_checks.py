@@ -10,8 +10,8 @@ from functools import cached_property
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import DUMMY_BITS, Pdo, PdoMappingEntry, is_mpdo
-from dvtcli.domain.profile import BitPolicy
-from dvtcli.simulator.device.family import Family, within
+from dvtcli.domain.profile import BitPolicy, within
+from dvtcli.simulator.device.family import Family
 from dvtcli.simulator.device.memory import Memory, Refusal
 
 _ENFORCED_GRANULARITIES = (1, 8)

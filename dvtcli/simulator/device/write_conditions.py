@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.nmt import NmtState
-from dvtcli.simulator.device.family import Family, Login, within
+from dvtcli.domain.profile import within
+from dvtcli.simulator.device.family import Family, Login
 from dvtcli.simulator.device.memory import Memory, Refusal
 
 LEVEL, PASSCODE, USER_ID = 1, 2, 3

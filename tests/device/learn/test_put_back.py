@@ -49,7 +49,7 @@ def test_the_journal_has_every_pdo_before_the_first_write() -> None:
         assert ran.document["state"] == "left_changed", ran
         guard = bench.session.node(1).guard
         assert guard is not None
-        journal = guard.interrupted()
+        journal = guard.interrupted_journal()
         assert journal is not None
         assert labels <= {change.label for change in journal.plan.changes}
 

@@ -153,19 +153,19 @@ def guarding(network: CheckedNetwork) -> NetFound:
 @check("unwatched-link", WARNING, "the consumer of a PDO does not wait for the heartbeat of its producer", _CONSUMER)
 def unwatched_link(network: CheckedNetwork) -> NetFound:
     """The consumer keeps the last values after a loss of the producer, unless the RPDO has a deadline."""
-    said: set[tuple[int, int]] = set()
+    reported: set[tuple[int, int]] = set()
     for connection in network.received:
         pair = connection.consumer.node_id, connection.producer.node_id
         timed = bool(connection.takes.communication.event_timer)
         if (
             connection.consumer not in network.described
-            or pair in said
+            or pair in reported
             or timed
             or pair[1] in connection.consumer.watched
         ):
             continue
         if connection.producer.heartbeat_ms:
-            said.add(pair)
+            reported.add(pair)
             yield connection.spot, f"it receives {connection.sender}, but does not monitor its heartbeat"
 
 
