@@ -51,7 +51,9 @@ def members(kind: Any) -> Iterator[str]:
             yield f"{field.name}: {field.type}{_default(field)}"
     elif issubclass(kind, tuple):
         fields = list(kind._fields)
-        yield from (f"{name}: {kind.__annotations__[name]}" for name in fields)
+        for name, type_ in kind.__annotations__.items():
+            default = f" = {kind._field_defaults[name]!r}" if name in kind._field_defaults else ""
+            yield f"{name}: {getattr(type_, '__forward_arg__', type_)}{default}"
     operators = ("__bool__", "__call__", "__contains__", "__enter__", "__getitem__", "__iter__", "__len__")
     for name in sorted({name for name in dir(kind) if not name.startswith("_")} | {*operators} & {*dir(kind)}):
         value = inspect.getattr_static(kind, name)
