@@ -42,7 +42,7 @@ WALKS = (
     Walk(
         "`store --prove`, to the download of the value that will test the reset",
         ("--sim", "gen4", "-y", "store", "--prove"),
-        within="plant",
+        within="write",
     ),
     Walk(
         "`store --prove`, to the first upload of the comparison after the reset",
