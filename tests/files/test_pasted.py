@@ -11,6 +11,7 @@ from pathlib import Path
 import can
 import pytest
 
+from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.recordings.read_recording import read_recorded, read_recording
@@ -190,6 +191,33 @@ def test_every_form_gives_the_same_lines(form: str, name: str, tmp_path: Path) -
     if form not in ("candump", "candump -x", "candump -c", "candump -a"):
         times = [frame.timestamp_s - found[0].timestamp_s for frame in found]
         assert times == pytest.approx([_at(number) - _at(0) for number in range(len(frames))], abs=1e-4)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+@pytest.mark.parametrize("form", [*FORMS, "candump -L"])
+def test_a_byte_order_mark_changes_nothing(form: str, encoding: str, tmp_path: Path) -> None:
+    """PowerShell's `>` writes UTF-16, and Windows' editor the mark of UTF-8; what follows the damage can be read."""
+    lines = "".join(f"({BEGIN_S + _at(n):.6f}) can0 {_id(one)}#{one.data.hex()}\n" for n, one in enumerate(TRAFFIC))
+    text = lines if form == "candump -L" else FORMS[form](TRAFFIC)
+    plain, marked = tmp_path / "plain", tmp_path / "marked"
+    plain.write_text(text, "utf-8")
+    marked.write_text(text, encoding)
+    assert decoded(marked) == decoded(plain)
+    marked.write_text(f"{text}(oops) can0 \u010a\n{text if form == 'candump -L' else ''}", encoding)
+    with pytest.raises(InputFileError, match=f"damaged after {len(TRAFFIC)} frames") as failed:
+        list(read_recording(marked))
+    assert "this line is no frame: (oops) can0" in failed.value.why
+    if form == "candump -L":
+        assert "the rest of it can be read" in typed(failed.value.hint)
+
+
+def test_frames_before_a_damage_are_decoded_without_a_description_too(tmp_path: Path) -> None:
+    """The recording is read for its mappings first."""
+    path = tmp_path / "cut.log"
+    path.write_text("(1.0) can0 705#05\n(2.0) can0 705#7F\n(3.0) can0 70", "ascii")
+    ran = Bench(()).run(f"decode {path}")
+    assert (ran.code, [line.split()[-1] for line in ran.stdout.splitlines()]) == (4, ["OPERATIONAL", "PRE-OPERATIONAL"])
+    assert f"{path}:3: damaged after 2 frames" in ran.stderr
 
 
 @pytest.mark.parametrize("words", ["", "--json"])

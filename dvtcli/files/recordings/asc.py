@@ -31,7 +31,7 @@ class AscFormat(RecordingFormat):
 
     def source(self, raw: BinaryIO, _path: Path) -> Any:
         """Return the file's lines."""
-        return _AscLines(raw, encoding="utf-8", errors="replace")
+        return _AscLines(raw)
 
     def reader(self, source: Any) -> Iterator[can.Message]:
         """Iterate over frames with their original times."""

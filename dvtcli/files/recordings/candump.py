@@ -34,7 +34,7 @@ class CandumpFormat(RecordingFormat):
 
     def source(self, raw: BinaryIO, _path: Path) -> Any:
         """Return the file's lines."""
-        return CountedLines(raw, encoding="utf-8", errors="replace")
+        return CountedLines(raw)
 
     def reader(self, source: Any) -> Iterator[can.Message | RecordedFrame]:
         """The frames, line by line; python-can reads the lines that are no usual data frame."""

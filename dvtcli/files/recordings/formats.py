@@ -9,7 +9,7 @@ from pathlib import Path
 
 from dvtcli.errors import UsageError
 from dvtcli.files.input_file import read_input_head
-from dvtcli.files.recordings.recording_format import RecordingFormat
+from dvtcli.files.recordings.recording_format import RecordingFormat, encoding_of
 
 _REFUSED = {
     ".db": "the writer of .db files loses frames that are written shortly before its end",
@@ -63,7 +63,7 @@ def _refused(path: Path, suffix: str, known: Mapping[str, RecordingFormat], *, r
     by = f"{'its content or by ' if reading else ''}{suffix or 'a name without a suffix'}"
     return UsageError(
         f"{path.name}: no format is known by {by}",
-        hint=", ".join(f"{one} ({format_.title})" for one, format_ in known.items()),
+        hint="; ".join(_known() if reading else (f"{one} ({format_.title})" for one, format_ in known.items())),
     )
 
 
@@ -79,6 +79,8 @@ _LINES = (
     (re.compile(r"(?:date\s+\w{3}\s|base\s+(?:hex|dec)\b).*", re.I), ".asc"),
     (re.compile(r";\$FILEVERSION=.*|;##+"), ".trc"),
 )
+#: what is read beside the formats with a suffix: see `pasted`
+_PRINTED = "text of candump, PCAN-View, BUSMASTER, SavvyCAN, python-can or dvtcli"
 #: what a YAML file of a network is called here
 NETWORK_FILE = "a network file"
 #: what people mistake for a recording: beginnings of files, and of first lines
@@ -151,7 +153,7 @@ def _head(path: Path) -> bytes:
 
 
 def _known() -> list[str]:
-    return [f"{suffix} ({format_.title})" for suffix, format_ in formats().items()]
+    return [*(f"{suffix} ({format_.title})" for suffix, format_ in formats().items()), _PRINTED]
 
 
 def _by_content(head: bytes) -> RecordingFormat | str | None:
@@ -164,7 +166,7 @@ def _by_content(head: bytes) -> RecordingFormat | str | None:
     for beginning, name in _OTHERS.items():
         if head.startswith(beginning):
             return name
-    text = head.decode("utf-8-sig", "replace")
+    text = head.decode(encoding_of(head), "replace")
     whole = text.splitlines() if len(head) < _MOST_BYTES else text.splitlines()[:-1]
     lines = [line for line in map(shown_text, whole[:_MOST_LINES]) if line.strip()]
     for pattern, suffix in _LINES:

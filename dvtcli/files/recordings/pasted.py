@@ -84,7 +84,7 @@ class PastedFormat(RecordingFormat):
 
     def source(self, raw: BinaryIO, _path: Path) -> Any:
         """Return the file's lines."""
-        return CountedLines(raw, encoding="utf-8", errors="replace")
+        return CountedLines(raw)
 
     def reader(self, source: Any) -> Iterator[RecordedFrame]:
         """Iterate over the frames, line by line."""

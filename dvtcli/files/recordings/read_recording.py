@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from io import BytesIO
+from io import BufferedReader, BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -18,12 +18,14 @@ from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.input_file import open_input, read_input
 from dvtcli.files.recordings.formats import formats, recognised
 from dvtcli.files.recordings.recording_format import (
+    UTF_16,
     CountedLines,
     LeftLines,
     LostLineError,
     NoFrameError,
     RecordedFrame,
     RecordingFormat,
+    encoding_of,
     no_frame,
 )
 
@@ -132,8 +134,11 @@ def _without(path: Path, kind: RecordingFormat, line: int) -> str:
     """Try to read *path* without *line*; returns the result, or another damaged line."""
     if not path.is_file() or path.stat().st_size > _MOST_TRIED:
         return ""
-    lines = read_input(path, _MOST_TRIED, "recording that is tried").splitlines(keepends=True)
-    source = kind.source(BytesIO(b"".join((*lines[: line - 1], *lines[line:]))), path)
+    data = read_input(path, _MOST_TRIED, "recording that is tried")
+    if (encoding := encoding_of(data)) == UTF_16:
+        data = data.decode(encoding, "replace").encode()
+    lines = data.splitlines(keepends=True)
+    source = kind.source(BufferedReader(BytesIO(b"".join((*lines[: line - 1], *lines[line:])))), path)
     try:
         has_frames = sum(not frame.error for frame in _all_in(kind, source)) > 0
     except kind.broken as wrong:

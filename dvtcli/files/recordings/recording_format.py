@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Iterator
 from io import TextIOWrapper
 from pathlib import Path
@@ -122,11 +123,22 @@ def no_frame(text: str) -> str:
 MOST_CHARACTERS = 1 << 20
 
 
+UTF_16 = "utf-16"
+
+
+def encoding_of(head: bytes) -> str:
+    """The encoding of a text that begins with *head*: UTF-16 by its byte order mark, as PowerShell's `>` writes it."""
+    return UTF_16 if head.startswith((BOM_UTF16_LE, BOM_UTF16_BE)) else "utf-8-sig"
+
+
 class CountedLines(TextIOWrapper):
-    """A text file that knows the last line read."""
+    """A text file that knows the last line read; bytes that are no text become replacement characters."""
 
     line = 0
     text = ""
+
+    def __init__(self, raw: BinaryIO) -> None:
+        super().__init__(raw, encoding=encoding_of(raw.peek(2)), errors="replace")  # type: ignore[attr-defined]
 
     def readline(self, size: int = -1, /) -> str:  # type: ignore[override]
         """Return the next line, and count it."""

@@ -26,7 +26,7 @@ class TrcFormat(RecordingFormat):
 
     def source(self, raw: BinaryIO, _path: Path) -> Any:
         """Return the file's lines."""
-        return _TrcLines(raw, encoding="utf-8", errors="replace")
+        return _TrcLines(raw)
 
     def reader(self, source: Any) -> Iterator[can.Message]:
         """The frames, line by line."""

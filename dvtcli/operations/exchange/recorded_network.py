@@ -17,7 +17,7 @@ from dvtcli.domain.network.network_state import (
 )
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.text import join_some
-from dvtcli.errors import SdoAborted, SdoProtocolError, UsageError
+from dvtcli.errors import InputFileError, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.watch.sdo_transfers import ReceivedObjects, is_boot_up
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def recorded_network(session: SessionUser, path: Path, *, throughout: bool = Fal
     channels; else as `read_recorded`.
     """
     followed = _Followed()
-    _follow(path, followed)
+    _follow(path, followed, until_damage=throughout)
     wanted = session.base.nodes
     nodes, missing = (
         [],
@@ -147,13 +147,18 @@ class _Followed:
             self.drawn[one] = drawn
 
 
-def _follow(path: Path, followed: _Followed) -> None:
+def _follow(path: Path, followed: _Followed, *, until_damage: bool) -> None:
+    """Follow the frames of the recording at *path*; *until_damage*: who decodes these frames then tells the damage."""
     from dvtcli.files.recordings.read_recording import read_recorded
 
     channels: set[str] = set()
-    for frame in read_recorded(path):
-        if not frame.error and not frame.fd and followed.take(frame.frame):
-            channels.add(frame.channel)
+    try:
+        for frame in read_recorded(path):
+            if not frame.error and not frame.fd and followed.take(frame.frame):
+                channels.add(frame.channel)
+    except InputFileError:
+        if not until_damage:
+            raise
     if len(channels) > 1:
         named = join_some(sorted(channels))
         hint = "record each bus into a file of its own"

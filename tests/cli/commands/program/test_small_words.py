@@ -112,6 +112,25 @@ def test_a_second_axis_that_is_enabled_is_not_reset_unasked(tmp_path: Path) -> N
         assert bench.run("nmt reset-node").code == 0
 
 
+@pytest.mark.parametrize("axis", range(8))
+def test_require_power_off_looks_at_every_axis_and_names_its_controlword(axis: int, tmp_path: Path) -> None:
+    more = "".join(
+        f"\n[{0x6041 + 0x800 * further:04X}]\nParameterName=Statusword {further + 1}\nObjectType=0x7\n"
+        "DataType=0x0006\nAccessType=ro\nDefaultValue=0x0250\nPDOMapping=1\n"
+        for further in range(1, 8)
+    )
+    text = family_eds("generic").read_text("utf-8") + more
+    node = StrictDevice(parse_eds(text.encode(), "eight.eds").dictionary, load_family("generic"), 1)
+    node.set_value(0x6041, 0, b"\x50\x02")
+    with Wire(node) as wire, Bench((), {**wire.options, "journal": str(tmp_path)}) as bench:
+        assert bench.run("require power-off").code == 0
+        node.set_value(0x6041 + 0x800 * axis, 0, b"\x37\x06")
+        ran = bench.run("require power-off")
+        assert ran.code == 6
+        assert f"operation enabled (0x{0x6041 + 0x800 * axis:04X} is 0x0637)" in ran.stderr
+        assert f"write {0x6040 + 0x800 * axis:04X} 0" in ran.stderr
+
+
 @pytest.mark.parametrize("line", ["nmt reset-node", "nmt reset-comm all", "store --prove"])
 def test_a_simulated_drive_that_was_enabled_here_is_not_reset_unasked(line: str) -> None:
     """As it came up it may be: nobody enabled it, and who rehearses a script shall not get used to --yes."""
