@@ -7,7 +7,6 @@ import io
 import signal
 import subprocess
 import sys
-from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
@@ -166,7 +165,7 @@ def test_messages_of_one_name_in_a_dbc_are_told_apart(tmp_path: Path, layout: st
     (tmp_path / "two.dbc").write_text(DBC + DBC[DBC.index("BO_ ") :].replace("BO_ 641", "BO_ 642"))
     with Recorder(tmp_path / "run.log") as recorder:
         for can_id in (0x281, 0x282):
-            recorder.write(replace(velocity(can_id, 0.1), can_id=can_id))
+            recorder.write(velocity(can_id, 0.1)._replace(can_id=can_id))
     words = ["run.log", "-d", "two.dbc"]
     done = dvtcli("decode", *words, "-o", "a.parquet", "--layout", layout, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
