@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from enum import IntEnum
 
 
@@ -37,6 +38,7 @@ class Abort(IntEnum):
     DEVICE_STATE = 0x0800_0022
 
 
+_WRITTEN = re.compile(r"(?:0[xX])?([0-9A-Fa-f]{8})")
 #: first byte of codes about an object, its access or its value
 _ABOUT_THE_REQUEST = 0x06
 
@@ -78,6 +80,13 @@ _TEXTS = {
 def abort_text(code: int) -> str:
     """The meaning of abort *code* in words; "unknown abort code" for codes outside the standard."""
     return _TEXTS.get(code, "unknown abort code")
+
+
+def code_of(text: str) -> int | None:
+    """Return the abort code written as eight hex digits, with or without 0x; None if CiA 301 has no such code."""
+    written = _WRITTEN.fullmatch(text)
+    code = int(written[1], 16) if written else None
+    return code if code in _TEXTS else None
 
 
 def may_pass(code: int) -> bool:

@@ -10,7 +10,14 @@ import pytest
 
 from dvtcli.cli.catalogue import TASKS, command_names, fill_rows, summary, task_sections
 from dvtcli.cli.commands.help import TOPICS, overview, topic
+from dvtcli.cli.help.look_up import USUAL_CAUSES
+from dvtcli.domain.abort import abort_text, code_of
+from dvtcli.domain.network.check.network_rules import NETWORK_RULES
+from dvtcli.files.device_lint import EVERY_RULE
+from dvtcli.operations.network.check_networks import FILE_RULES
+from dvtcli.watch.recording_checks.recording_rules import RECORDING_RULES, UNREADABLE
 from tests.cli.commands.bench import Bench
+from tests.documentation.reference.rules import declared
 from tests.process import dvtcli
 
 every_topic = pytest.mark.parametrize("name", TOPICS)
@@ -77,6 +84,39 @@ def test_lines_that_a_topic_shows_run_one_after_another(name: str) -> None:
 def test_help_shows_each(name: str) -> None:
     with Bench() as bench:
         assert bench.run(f"help {name}").code == 0
+
+
+def test_help_explains_every_abort_code_and_every_rule() -> None:
+    with Bench() as bench:
+        for code, cause in USUAL_CAUSES.items():
+            shown = [bench.run(f"help {name}").stdout for name in (f"0x{code:08X}", f"{code:08x}")]
+            assert abort_text(code) in shown[0]
+            assert cause in " ".join(shown[0].split())
+            assert shown[0] == shown[1]
+        for rule in (*declared(), *FILE_RULES, *NETWORK_RULES, *RECORDING_RULES, UNREADABLE, *EVERY_RULE):
+            ran = bench.run(f"help {rule.name}")
+            assert (ran.code, rule.sense in " ".join(ran.stdout.split())) == (0, True), rule.name
+
+
+def test_the_causes_are_those_of_the_standards_codes() -> None:
+    assert all(code_of(f"0x{code:08X}") == code for code in USUAL_CAUSES)
+    assert len(USUAL_CAUSES) == 31  # CiA 301, table 22
+
+
+def test_help_of_a_rule_names_its_kinds_and_the_code_a_device_would_answer() -> None:
+    with Bench() as bench:
+        shown = bench.run("help pdo-length").stdout
+        assert "error of a change (`map`, `set`, `write`" in shown
+        assert "error of `eds check`" in shown
+        assert "0x06040042: number and length of the mapped objects" in shown
+        assert "dummy-length" in bench.run("help 0x06040041").stdout
+
+
+def test_an_abort_code_taken_for_a_frame_leads_to_its_help() -> None:
+    with Bench() as bench:
+        assert "is also an SDO abort code: object cannot be mapped" in bench.run("explain 0x06040041").stderr
+        assert "`help 0x06040041` explains it" in bench.run("explain 0x06040041").stderr
+        assert bench.run("explain 06040041#11").stderr == bench.run("explain 0x06040099").stderr == ""
 
 
 def test_an_unknown_name_gets_the_nearest_command_or_topic() -> None:

@@ -33,6 +33,11 @@ def command(
     explain 0x081 10 81 01 00 00 00 00 00
     explain 181#3706E803 --nodes 1
     """
+    from dvtcli.domain.abort import abort_text, code_of
     from dvtcli.operations.frames.explain_frame import explain_frame
 
-    return explain_frame(session, " ".join(frame), nodes, dbc)
+    text = " ".join(frame)
+    explained = explain_frame(session, text, nodes, dbc)
+    if (code := code_of(text)) is not None:
+        session.reporter.note(f"0x{code:08X} is also an SDO abort code: {abort_text(code)}; `help {text}` explains it")
+    return explained

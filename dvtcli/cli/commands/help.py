@@ -39,10 +39,14 @@ class HelpTopic(TextType):
 def command(ctx: click.Context, /, name: str | None, everything: bool, manual_page: bool) -> Facts:
     """Show all commands by task, or COMMAND with its options and examples, or a TOPIC.
 
+    Also explains an SDO abort code, and a rule by its name.
+
     \b
     help
     help map
     help objects
+    help 0x06040041
+    help pdo-length
     help --all
     help --man
     """
@@ -71,7 +75,7 @@ def _usable(ctx: click.Context) -> dict[str, str]:
 
 
 def _subject(ctx: click.Context, name: str) -> str:
-    """Return the help of a command, else the text of a topic, or the expansion of an alias."""
+    """Return the help of a command, else of a topic, an alias, an SDO abort code or a rule."""
 
     found = root(ctx).get_command(ctx, name)
     if found is not None:
@@ -81,7 +85,12 @@ def _subject(ctx: click.Context, name: str) -> str:
     aliases = {word.lower(): text for word, text in _usable(ctx).items()}
     if name in aliases:
         return f"{name}  at the prompt, an alias of: {aliases[name]}"
-    raise click.UsageError(unknown_command(name, TOPICS), ctx)
+    from dvtcli.cli.help.look_up import abort_help, rule_help
+
+    text = abort_help(name) or rule_help(name)
+    if text is None:
+        raise click.UsageError(unknown_command(name, TOPICS), ctx)
+    return text
 
 
 def manual(program: click.Group, version: str) -> list[str]:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetSpot
     from dvtcli.domain.network.network_config import Mark, NetworkConfig
     from dvtcli.domain.network.network_state import NetworkState
-    from dvtcli.domain.rules.finding import Finding
+    from dvtcli.domain.rules.finding import Finding, Rule
     from dvtcli.files.network.file_log import FileLog
     from dvtcli.operations.network.described_network import DeviceWord
     from dvtcli.operations.user.session_user import Reporter
@@ -98,6 +98,11 @@ def traffic_rules() -> tuple[LintRule, ...]:
 
 def change_rules() -> tuple[LintRule, ...]:
     """List the rules of a change (`map`, `link`, `apply`), as asked of a file, with their worst severity."""
+    return tuple(LintRule(rule.name, rule.severities[0], rule.sense, rule.source) for rule in rules_of_changes())
+
+
+def rules_of_changes() -> tuple[Rule, ...]:
+    """List the rules of a change (`map`, `link`, `apply`) that a file can break."""
     from dvtcli.device import virtual_pdos
     from dvtcli.domain.network import consumers, links
     from dvtcli.domain.rules import can_id, communication, mapped_object, no_way_back, pdo_mapping, raw_write
@@ -108,9 +113,7 @@ def change_rules() -> tuple[LintRule, ...]:
         can_id, communication, pdo_mapping, mapped_object, no_way_back, raw_write, virtual_pdos, consumers, links,
         possible_stores, resolve_names, resolve_links, read_network_config, plan_network,
     )  # fmt: skip
-    return tuple(
-        LintRule(rule.name, rule.severities[0], rule.sense, rule.source) for file in files for rule in file.RULES
-    )
+    return tuple(rule for file in files for rule in file.RULES)
 
 
 def asked_rules(rules: Sequence[LintRule]) -> tuple[FileRule, ...]:

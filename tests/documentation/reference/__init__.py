@@ -36,6 +36,7 @@ PARTS = {
     "exit-codes": "errors:numbers",
     "documents": "documents:every_document",
     "schemas": "documents:every_schema",
+    "abort-codes": "rules:abort_codes",
     "rules": "rules:table",
     "eds-rules": "eds_rules:table",
     "eds-keys": "eds_keys:keys",

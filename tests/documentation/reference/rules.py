@@ -1,4 +1,4 @@
-"""The rules, from the `RULES` of the files that check them."""
+"""The rules, from the `RULES` of the files that check them, and SDO abort codes, from the text of `help`."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import ast
 from collections.abc import Iterator
 from importlib import import_module
 
+from dvtcli.cli.help.look_up import USUAL_CAUSES
+from dvtcli.domain.abort import abort_text
 from tests.documentation.reference.markdown import cell, code
 from tests.documentation.reference.markdown import table as markdown_table
 from tests.documentation.reference.product import Rule
@@ -33,6 +35,12 @@ def table() -> Iterator[str]:
     """Name, severity, sense, abort codes and source of each rule, by name."""
     header = ("rule", "is", "where", "code", "source")
     return markdown_table(header, (_row(rule) for rule in sorted(declared())))
+
+
+def abort_codes() -> Iterator[str]:
+    """Each SDO abort code with its meaning and its usual cause."""
+    rows = ((f"0x{code:08X}", cell(abort_text(code)), cell(cause)) for code, cause in USUAL_CAUSES.items())
+    return markdown_table(("code", "meaning", "usual cause, and what to do"), rows)
 
 
 def _row(rule: Rule) -> tuple[str, ...]:
