@@ -87,6 +87,8 @@ class DvtcliError(Exception):
         self.stays: tuple[str, ...] = ()
         #: the differences from the results of these lines, read after the failure; None if not read
         self.stays_differing: tuple[str, ...] | None = None
+        #: the further errors found beside it, as in other lines of a script
+        self.others: tuple[DvtcliError, ...] = ()
         #: the command to view its frames, empty without frames
         self.traced_by = ""
         #: further labelled lines for the screen, e.g. ("step", "0x1A00:03 <- 0x27030120")

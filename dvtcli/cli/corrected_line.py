@@ -241,7 +241,7 @@ def _options(command: click.Command) -> dict[str, str]:
 
 
 def _plain(option: str) -> str:
-    return option.lower().replace("-", "").replace("_", "")
+    return re.sub("[-_\u2010-\u2015\u2212]", "", option.lower())  # also the dashes of word processors
 
 
 def _with_name(args: list[str], wrong: UsageError) -> Iterator[list[str]]:

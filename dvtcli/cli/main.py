@@ -235,9 +235,9 @@ class ImportedRunners:
 
     def parsed(self, session: Conversation, path: Path) -> None:
         """Parse every line of the script at *path* without running any. Raises DvtcliError if malformed."""
-        from dvtcli.cli.scripts.script_parse import Reach, all_parsed, script_lines
+        from dvtcli.cli.scripts.script_parse import Reach, all_parsed, read_lines
 
-        all_parsed(script_lines(path.read_bytes(), path.name), session, [path.name], {}, Reach())
+        all_parsed(read_lines(path.read_bytes(), path.name), session, [path.name], {}, Reach())
 
 
 def install() -> None:

@@ -10,7 +10,7 @@ import click
 from dvtcli.cli.boundary import LEAVE, SIGNALLED
 from dvtcli.cli.run_line import boundary
 from dvtcli.cli.scripts.script_changes import ScriptChanges
-from dvtcli.cli.scripts.script_parse import Reach, ScriptLine, all_parsed, does_other, final, script_lines
+from dvtcli.cli.scripts.script_parse import Reach, ScriptLine, all_parsed, does_other, final, read_lines
 from dvtcli.errors import Bug, DvtcliError, LeftChanged, Restarted, TakenBack, UsageError
 
 if TYPE_CHECKING:
@@ -119,11 +119,16 @@ def run_script(
     refuse_own_run(session, source)
     if atomic and keep_going:
         raise UsageError("--atomic and --keep-going exclude each other: a failing line rolls all lines back")
-    lines = script_lines(data, source, first_line)
+    lines = read_lines(data, source, first_line)
     session.started = True
     session.keep_frames()
     reach = Reach()
-    parsed = all_parsed(lines, session, [*session.scripts, source], {}, reach)
+    try:
+        parsed = all_parsed(lines, session, [*session.scripts, source], {}, reach)
+    except DvtcliError as wrong:
+        if session.report is not None:
+            _report_unreadable(session, source, lines, wrong)
+        raise
     if atomic:
         reach.refuse()
 
@@ -208,6 +213,21 @@ def _reported(session: Conversation, source: str, line: ScriptLine, ctx: click.C
     code = run_line(session, ctx)
     report.end(ran, 0 if code == LEAVE else code)
     return code
+
+
+def _report_unreadable(session: Conversation, source: str, lines: list[ScriptLine], wrong: DvtcliError) -> None:
+    """Add all lines to the report: those with errors as failed, the others as not run."""
+    assert session.report is not None  # noqa: S101
+    faults: dict[str, DvtcliError] = {}
+    for fault in (wrong, *wrong.others):
+        faults.setdefault(fault.place or source, fault)
+    for line in lines:
+        place = f"{source}:{line.number}"
+        fault = faults.pop(place) if place in faults else None
+        session.report.left_out(source, line.number, _shown(session, line) if line.words else f"run {source}", fault)
+    for place, fault in faults.items():  # in scripts that this one runs
+        file, _, number = place.rpartition(":")
+        session.report.left_out(file, int(number), f"run {file}", fault) if number.isdecimal() else None
 
 
 def _shown(session: Conversation, line: ScriptLine) -> str:

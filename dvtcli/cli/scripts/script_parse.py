@@ -22,22 +22,37 @@ if TYPE_CHECKING:
 MOST_BYTES = 10_000_000
 #: Maximum number of commands: all are parsed before the first runs.
 MOST_COMMANDS = 10_000
+#: Maximum number of lines with errors that are reported; further lines are not parsed.
+MOST_FAULTS = 20
 #: What editors show as the end of a line; `str.splitlines` also splits at characters that nobody sees.
 _LINE_END = re.compile("\r\n|\n|\r")
 
 
 @dataclass(frozen=True, slots=True)
 class ScriptLine:
-    """A command of a script with its first line number, from 1."""
+    """A command of a script with its first line number, from 1; *fault* is why it has no words."""
 
     number: int
     words: list[str]
+    fault: DvtcliError | None = None
 
 
 def script_lines(data: bytes, source: str, first_line: int = 1) -> list[ScriptLine]:
     """Return the commands in *data*, numbered from *first_line*; a backslash at a line's end continues the line.
 
     Raises UsageError or InputFileError with FILE:LINE.
+    """
+    lines = read_lines(data, source, first_line)
+    for line in lines:
+        if line.fault is not None:
+            raise line.fault
+    return lines
+
+
+def read_lines(data: bytes, source: str, first_line: int = 1) -> list[ScriptLine]:
+    """Return the commands in *data* as `script_lines`; a line that has no words has its *fault*.
+
+    Raises InputFileError with FILE:LINE if *data* is no text or too long.
     """
     text = script_text(data, source)
     if source.lower().endswith(".309"):
@@ -53,15 +68,14 @@ def script_lines(data: bytes, source: str, first_line: int = 1) -> list[ScriptLi
         if raw.endswith("\\") and number < first_line + len(raws) - 1:
             pending.append(raw[:-1])
             continue
-        words = _words(" ".join([*pending, raw]), f"{source}:{began}")
-        _take(found, ScriptLine(began, words), source)
+        _take(found, _split_line(" ".join([*pending, raw]), began, source), source)
         pending, began = [], 0
     return found
 
 
 def _take(found: list[ScriptLine], line: ScriptLine, source: str) -> None:
     """Append *line* to *found* unless empty. Raises InputFileError if there are too many."""
-    if not line.words:
+    if not line.words and line.fault is None:
         return
     found.append(line)
     if len(found) > MOST_COMMANDS:
@@ -74,8 +88,12 @@ def _gateway_lines(text: str, source: str) -> list[ScriptLine]:
     from dvtcli.cli.scripts.gateway_script import GatewayScript
 
     script, found = GatewayScript(), list[ScriptLine]()
-    for number, line in enumerate(_LINE_END.split(text), 1):
-        _take(found, ScriptLine(number, script.words(line, f"{source}:{number}")), source)
+    for number, text_line in enumerate(_LINE_END.split(text), 1):
+        try:
+            line = ScriptLine(number, script.words(text_line, f"{source}:{number}"))
+        except UsageError as wrong:
+            line = ScriptLine(number, [], wrong)
+        _take(found, line, source)
     return found
 
 
@@ -90,11 +108,11 @@ def script_text(data: bytes, source: str) -> str:
         raise InputFileError(f"{source}:{number}: not UTF-8 text", place=f"{source}:{number}") from wrong
 
 
-def _words(line: str, place: str) -> list[str]:
+def _split_line(text: str, number: int, source: str) -> ScriptLine:
     try:
-        return split(line)
+        return ScriptLine(number, split(text))
     except UsageError as wrong:
-        raise placed(wrong, place) from wrong
+        return ScriptLine(number, [], placed(wrong, f"{source}:{number}"))
 
 
 def placed(wrong: DvtcliError, place: str) -> DvtcliError:
@@ -115,26 +133,47 @@ def all_parsed(
     """Parse all lines, including scripts run by them, before any runs.
 
     *sources* is the chain of running scripts, outermost first; *checked* has the effects of files already checked;
-    *reach* collects the effects of these lines.
+    *reach* collects the effects of these lines. Raises the first line's error, which has those of the other lines.
     """
     parsed: list[tuple[ScriptLine, click.Context]] = []
     written: set[str] = set()
+    faults: list[DvtcliError] = []
     for line in lines:
-        ctx, place = _parsed(line, session, sources[-1]), f"{sources[-1]}:{line.number}"
-        parsed.append((line, ctx))
-        reach.line(place, ctx)
-        file, into = script_of(ctx), Reach() if is_rehearsal(ctx) else reach
-        if ctx.command.name == "save":
-            written.add(str(ctx.params.get("file")))
-        elif file is None:
-            continue
-        elif file == "-" or file in written or file.lower().endswith(".tcl"):
-            into.not_parsed(place, tcl=file not in written)
-        else:
-            into.script(place, _nested(file, session, sources, checked, place))
-            if ctx.params.get("keep_going"):
-                into.keeps_going = into.keeps_going or place
+        try:
+            parsed.append((line, _checked(line, session, sources, checked, reach, written)))
+        except DvtcliError as wrong:
+            faults += (wrong, *wrong.others)
+            wrong.others = ()
+            written.update(line.words)  # it may be a `save` of a file that a later line runs
+            if len(faults) >= MOST_FAULTS:
+                break
+    if faults:
+        faults[0].others = tuple(faults[1:])
+        raise faults[0]
     return parsed
+
+
+def _checked(
+    line: ScriptLine, session: Conversation, sources: list[str], checked: dict[str, Reach], reach: Reach,
+    written: set[str],
+) -> click.Context:  # fmt: skip
+    """Parse *line* and the script that it runs, add their effects to *reach*, and files that it saves to *written*."""
+    if line.fault is not None:
+        raise line.fault
+    ctx, place = _parsed(line, session, sources[-1]), f"{sources[-1]}:{line.number}"
+    reach.line(place, ctx)
+    file, into = script_of(ctx), Reach() if is_rehearsal(ctx) else reach
+    if ctx.command.name == "save":
+        written.add(str(ctx.params.get("file")))
+    elif file is None:
+        pass
+    elif file == "-" or file in written or file.lower().endswith(".tcl"):
+        into.not_parsed(place, tcl=file not in written)
+    else:
+        into.script(place, _nested(file, session, sources, checked, place))
+        if ctx.params.get("keep_going"):
+            into.keeps_going = into.keeps_going or place
+    return ctx
 
 
 def script_of(ctx: click.Context) -> str | None:
@@ -157,7 +196,7 @@ def _nested(file: str, session: Conversation, sources: list[str], checked: dict[
     except OSError as failed:
         raise UsageError(f"{place}: {file}: {failed.strerror}", place=place) from failed
     reach = Reach()
-    all_parsed(script_lines(data, file), session, [*sources, file], checked, reach)
+    all_parsed(read_lines(data, file), session, [*sources, file], checked, reach)
     checked[file] = reach
     return reach
 

@@ -38,6 +38,6 @@ class ScriptReport:
         line.code, line.error, line.said = code, self.output.failed, self.kept.getvalue()
         line.seconds = time.monotonic() - line.seconds
 
-    def left_out(self, file: str, number: int, words: str) -> None:
-        """A line was not reached."""
-        self.lines.append(LineRan(file, number, words))
+    def left_out(self, file: str, number: int, words: str, error: DvtcliError | None = None) -> None:
+        """Add a line that did not run: it cannot be read because of *error*, or was not reached."""
+        self.lines.append(LineRan(file, number, words, None if error is None else error.exit_code, error=error))

@@ -99,7 +99,7 @@ def error_document(error: DvtcliError, at: str | None = None) -> Document:
         "at": at,
         "stays": list(error.stays),
         "stays_differing": None if error.stays_differing is None else list(error.stays_differing),
-        "also": [text for label, text in error.details if label == "also"],
+        "also": [*(text for label, text in error.details if label == "also"), *map(_one_line, error.others)],
         "done": [text for label, text in error.details if label == "done"],
     }
     if isinstance(error, LeftChanged):
@@ -129,6 +129,11 @@ def error_document(error: DvtcliError, at: str | None = None) -> Document:
     return document
 
 
+def _one_line(error: DvtcliError) -> str:
+    """Return the error's text with its hint."""
+    return f"{error_text(error)}; {error.hint}" if error.hint else error_text(error)
+
+
 def _file(error: DvtcliError) -> str | None:
     """Return the error's file, with the line if known."""
     place = error.place or ""
@@ -136,7 +141,16 @@ def _file(error: DvtcliError) -> str | None:
 
 
 def error_lines(error: DvtcliError, at: str | None = None) -> Iterator[Line]:
-    """Show the error, most important line first; *at* is `FILE:LINE` of the failing script line."""
+    """Show the error and those found beside it; *at* is `FILE:LINE` of the failing script line."""
+    yield from _error_lines(error, at)
+    for other in error.others:
+        yield from _error_lines(other, at)
+    if error.others:
+        yield f"{len(error.others) + 1} lines with errors; no line ran."
+
+
+def _error_lines(error: DvtcliError, at: str | None) -> Iterator[Line]:
+    """Show one error, most important line first."""
     if isinstance(error, InputFileError) and error.complaints:
         yield from _complaint_lines(error)
         yield from _rows([*error.details, *_hint_row(error.hint)])
