@@ -8,6 +8,7 @@ and backups are neither read nor written.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import pytest
 
+from dvtcli.errors import Bug, DvtcliError
 from dvtcli.operations.api.python_bus import ServedBus, serve, simulate
 
 if TYPE_CHECKING:
@@ -23,6 +25,8 @@ if TYPE_CHECKING:
     from dvtcli.operations.api.python_bus import Bus
     from dvtcli.operations.api.python_node import Node
 
+#: The folder of this package.
+_PACKAGE = f"{Path(__file__).parent}{os.sep}"
 __all__ = [
     "Serve",
     "ServedBus",
@@ -66,6 +70,19 @@ class Serve(Protocol):
         state: str | Path | None = None,
     ) -> ServedBus:
         """A bus on loopback with simulated *nodes*."""
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_makereport(call: pytest.CallInfo[None]) -> None:
+    """End the traceback of an expected error at the test's own line; `--full-trace` shows all of it."""
+    for entry in call.excinfo.traceback if call.excinfo is not None else ():
+        if str(entry.path).startswith(_PACKAGE):
+            entry.frame.f_globals.setdefault("__tracebackhide__", _is_expected)
+
+
+def _is_expected(raised: pytest.ExceptionInfo[BaseException]) -> bool:
+    """Tell whether the error's text is enough; a fault of dvtcli keeps its traceback."""
+    return isinstance(raised.value, DvtcliError) and not isinstance(raised.value, Bug)
 
 
 @pytest.fixture

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from textwrap import wrap
+
+from click.formatting import wrap_text
 
 from dvtcli.domain.abort import abort_text, code_of
 from dvtcli.domain.lint.lint_rule import LintRule
@@ -64,7 +65,7 @@ def rule_help(name: str) -> str | None:
 
 
 def _rules_of_changes() -> tuple[Rule, ...]:
-    from dvtcli.device import access_level
+    from dvtcli.device.access_level import RULES as LOGIN_RULES
     from dvtcli.device.change import apply_plan
     from dvtcli.operations.changes import undo
     from dvtcli.operations.network.check_networks import rules_of_changes
@@ -72,8 +73,8 @@ def _rules_of_changes() -> tuple[Rule, ...]:
     from dvtcli.operations.pdos import sync
     from dvtcli.operations.session import consent
 
-    others = (access_level, apply_plan, undo, write_object, sync, consent)
-    return (*rules_of_changes(), *(rule for file in others for rule in file.RULES))
+    others = (apply_plan, undo, write_object, sync, consent)
+    return (*rules_of_changes(), *LOGIN_RULES, *(rule for file in others for rule in file.RULES))
 
 
 def _every_rule() -> Iterator[tuple[str, Sequence[Rule | LintRule]]]:
@@ -105,4 +106,4 @@ def _rule_lines(kind: str, rules: Sequence[Rule | LintRule], name: str) -> Itera
 
 def _row(label: str, text: str) -> list[str]:
     """Return *text* after its *label*, in lines of at most 100 columns."""
-    return wrap(text, 100, initial_indent=f"  {label:<7}  ", subsequent_indent=" " * 11, break_on_hyphens=False)
+    return wrap_text(text, 100, f"  {label:<7}  ", " " * 11).splitlines()

@@ -223,11 +223,12 @@ def _report_unreadable(session: Conversation, source: str, lines: list[ScriptLin
         faults.setdefault(fault.place or source, fault)
     for line in lines:
         place = f"{source}:{line.number}"
-        fault = faults.pop(place) if place in faults else None
-        session.report.left_out(source, line.number, _shown(session, line) if line.words else f"run {source}", fault)
+        words = _shown(session, line) if line.words else f"run {source}"
+        session.report.left_out(source, line.number, words, faults.pop(place) if place in faults else None)
     for place, fault in faults.items():  # in scripts that this one runs
         file, _, number = place.rpartition(":")
-        session.report.left_out(file, int(number), f"run {file}", fault) if number.isdecimal() else None
+        if number.isdecimal():
+            session.report.left_out(file, int(number), f"run {file}", fault)
 
 
 def _shown(session: Conversation, line: ScriptLine) -> str:
