@@ -11,6 +11,7 @@ from dvtcli.cli.view.reports.cases import LineRan
 
 if TYPE_CHECKING:
     from dvtcli.cli.view.output import Output
+    from dvtcli.errors import DvtcliError
 
 
 @dataclass(slots=True)
