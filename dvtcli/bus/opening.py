@@ -22,7 +22,7 @@ from dvtcli.bus.carrier import Carrier
 from dvtcli.bus.drivers import PcanCarrier, check_bit_rate, is_missing, what_to_install, why_missing
 from dvtcli.bus.kernel_links import KernelCarrier, check_link, kernel_link
 from dvtcli.bus.python_can import CanBus
-from dvtcli.bus.python_can_settings import bit_rate_of, bus_name, completed, given_settings
+from dvtcli.bus.python_can_settings import bit_rate_of, bus_name, given_settings, with_library_settings
 from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
 from dvtcli.bus.socketcand import ServerCarrier, SocketcandBus
 from dvtcli.domain.hint import Action, Hint
@@ -208,7 +208,7 @@ def open_bus(
     """
     config = given = given_settings(interface, channel, bitrate, extra or {})
     try:
-        config = completed(given)
+        config = with_library_settings(given)
         _look_first(config)
         bus = _open(config)
     except OPEN_FAILURES as error:
@@ -238,7 +238,7 @@ def open_listening(
     """
     config = given = given_settings(interface, channel, bit_rate, extra)
     try:
-        config = completed(given)
+        config = with_library_settings(given)
         setter = BitRateSetter(config, _open)
         link = kernel_link(str(config.get("channel"))) if config["interface"] == "socketcan" else None
         if link is not None and link.up and link.listen_only:

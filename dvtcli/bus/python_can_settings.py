@@ -19,8 +19,6 @@ _LOCAL = frozenset(
         "pcan", "robotell", "seeedstudio", "serial", "slcan", "socketcan", "usb2can", "vector", "virtual",
     }
 )  # fmt: skip
-#: default name of a server's bus
-_SERVED = "can0"
 
 
 def given_settings(
@@ -34,18 +32,18 @@ def given_settings(
     address = _ADDRESS.fullmatch(channel or "")
     if interface == "socketcand" and address is not None and not typed.keys() & {"host", "port"}:
         typed |= {"host": address[1].strip("[]"), "port": int(address[2])}
-        channel = _SERVED
-    asked = {**typed, "interface": interface, "channel": channel, "bitrate": bitrate}
-    return {key: value for key, value in asked.items() if value is not None}
+        channel = "can0"  # the default name of a server's bus
+    given = {**typed, "interface": interface, "channel": channel, "bitrate": bitrate}
+    return {key: value for key, value in given.items() if value is not None}
 
 
-def completed(given: dict[str, object]) -> dict[str, object]:
+def with_library_settings(given: dict[str, object]) -> dict[str, object]:
     """*given* with python-can's files and environment, unless these are for another interface."""
-    asked = given.get("interface")
+    interface = given.get("interface")
     configured = {**util.load_file_config(), **util.load_environment_config(), **can.rc}
-    if asked is not None and configured.get("interface", asked) != asked:
-        if asked not in can.VALID_INTERFACES:
-            raise can.CanInterfaceNotImplementedError(f'Unknown interface type "{asked}"')
+    if interface is not None and configured.get("interface", interface) != interface:
+        if interface not in can.VALID_INTERFACES:
+            raise can.CanInterfaceNotImplementedError(f'Unknown interface type "{interface}"')
         return dict(given)
     config: dict[str, object] = dict(util.load_config(config=dict(given)))
     if "receive_own_messages" not in given:
@@ -55,7 +53,7 @@ def completed(given: dict[str, object]) -> dict[str, object]:
 
 def is_configured() -> bool:
     """Whether python-can's own files or environment name an interface."""
-    return library_settings().get("interface") is not None
+    return "interface" in library_settings()
 
 
 def library_settings() -> dict[str, tuple[object, str]]:
@@ -79,9 +77,9 @@ def is_network(interface: str | None, channel: str | None, extra: Mapping[str, o
 
     They stay on a local interface if its channel and *extra* are no address.
     """
-    asked = interface or library_settings().get("interface", ("", ""))[0]
+    name = interface or library_settings().get("interface", ("", ""))[0]
     addressed = any("://" in str(value) for value in (channel or "", *extra.values()))
-    return asked not in _LOCAL or addressed
+    return name not in _LOCAL or addressed
 
 
 def bit_rate_of(config: Mapping[str, object]) -> int | None:

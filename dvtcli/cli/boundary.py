@@ -53,8 +53,20 @@ def exit_code_of(session: Conversation, run: Callable[[], Any]) -> int:
             return _ended(session, raised)
     finally:
         with session.cancellation.deferred():
-            session.settle()
+            session.reset_output()
     return result if isinstance(result, int) else 0
+
+
+def finish_line(session: Conversation, code: int, *, alone: bool = False) -> int:
+    """End a line that ran with *code*; returns *code*, or if 0 that of an error of the line's end.
+
+    The order of a line's end: signals wait from now on (`Conversation.line`); the command's error is shown, with its
+    own output options; what happened meanwhile is warned of, and the options are reset (`Conversation.reset_output`).
+    Then, here, the nodes go back to their NMT states, restarts are reported, locks are released (`Session.end_line`),
+    and the same follows for an error of that. Each error is shown; the first one decides the exit code.
+    """
+    ended = exit_code_of(session, lambda: session.end_line(code, alone=alone))
+    return code or ended
 
 
 def _ended(session: Conversation, raised: BaseException) -> int:

@@ -198,7 +198,7 @@ class Conversation(Session):
     def line(self, given: dict[str, Any]) -> Iterator[None]:
         """Apply a line's own options while it runs, also to the lines of its script.
 
-        If the line fails, its output options stay until `settle`, to show the error.
+        If the line fails, its output options stay until `reset_output`, to show the error.
         """
         refused = sorted(START_ONLY & given.keys()) if self.started else []
         if refused:
@@ -220,7 +220,7 @@ class Conversation(Session):
             from dvtcli.device.node import refuse_after_restarts
 
             refuse_after_restarts(nodes)
-        self.settle()
+        self.reset_output()
 
     def typed_call(self) -> TypedCall:
         """Return the options of this call that a follow-up command needs."""
@@ -242,8 +242,8 @@ class Conversation(Session):
         line = click.get_current_context(silent=True)
         return "" if line is None else line.info_name or ""
 
-    def settle(self) -> None:
-        """End a line: warn of events noticed meanwhile, and reset the output options."""
+    def reset_output(self) -> None:
+        """Warn of events noticed during a line or its end, then reset the output options."""
         if not self._is_stage:
             self.warn_of_disturbances()
         if nodes := self._nodes():

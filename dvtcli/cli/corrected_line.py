@@ -13,8 +13,7 @@ from dvtcli.cli.boundary import usage_error
 from dvtcli.cli.catalogue import command_names, meant, nearest_command
 from dvtcli.cli.dvt.words import WORDS
 from dvtcli.cli.global_options import PREFIX
-from dvtcli.cli.lexer import SHELL_WORDS, without_program
-from dvtcli.cli.parse_line import parse
+from dvtcli.cli.parse_line import SHELL_WORDS, parse, without_program
 from dvtcli.cli.pdo_params import PdoType
 from dvtcli.cli.registry import REGISTRY
 from dvtcli.cli.view.typed_hints import prompt_line

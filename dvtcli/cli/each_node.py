@@ -50,16 +50,16 @@ def several_ids(session: SessionNodes) -> tuple[int, ...]:
     return found
 
 
-def nodes_meant(session: SessionNodes) -> tuple[int | None, ...]:
+def selected_nodes(session: SessionNodes) -> tuple[int | None, ...]:
     """Return the nodes of -n if several and none was selected since; else None for the selected node."""
     base = session.base
     several = base.every_node or len(base.nodes) > 1
     return several_ids(session) if several and session.selected is None else (None,)
 
 
-def objects_meant(session: SessionNodes, words: Sequence[ObjectWord]) -> list[tuple[str, int | None]]:
+def selected_objects(session: SessionNodes, words: Sequence[ObjectWord]) -> list[tuple[str, int | None]]:
     """Return each object with its node; an object without a node is repeated for each node of -n."""
-    nodes = nodes_meant(session) if words else ()
+    nodes = selected_nodes(session) if words else ()
     return [(word.text, node) for word in words for node in ((word.node_id,) if word.node_id is not None else nodes)]
 
 

@@ -15,8 +15,7 @@ from contextlib import contextmanager
 from threading import Event, Thread
 from typing import TYPE_CHECKING
 
-from dvtcli.cli.boundary import SIGNALLED
-from dvtcli.cli.run_line import boundary
+from dvtcli.cli.boundary import SIGNALLED, exit_code_of
 from dvtcli.cli.scripts.script import run_script, worst
 from dvtcli.cli.scripts.script_parse import MOST_BYTES
 from dvtcli.errors import BusUnavailable, InputFileError, LeftChanged
@@ -50,7 +49,7 @@ def answer_lines(session: Conversation) -> int:
     codes, number = [], 1
     with _listening(session):
         for lines in chunks(session, sys.stdin.fileno()):
-            code = boundary(session, lambda: _run(session, lines, number))  # noqa: B023 - called at once
+            code = exit_code_of(session, lambda: _run(session, lines, number))  # noqa: B023 - called at once
             number += lines.count(b"\n")
             codes += [code] if code else []
             if session.requirement_failed:

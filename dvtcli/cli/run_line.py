@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from dvtcli.cli.boundary import exit_code_of
 from dvtcli.cli.parse_line import parse
 from dvtcli.errors import UsageError
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 def run_words(words: Sequence[str], session: Conversation) -> int:
     """Parse and run a line."""
-    return boundary(session, lambda: _parse_and_invoke(words, session))
+    return exit_code_of(session, lambda: _parse_and_invoke(words, session))
 
 
 def _parse_and_invoke(words: Sequence[str], session: Conversation) -> Any:
@@ -31,10 +32,3 @@ def _parse_and_invoke(words: Sequence[str], session: Conversation) -> Any:
         raise with_correction(wrong, words, session) from wrong
     with ctx:
         return ctx.command.invoke(ctx)
-
-
-def boundary(session: Conversation, run: Callable[[], Any]) -> int:
-    """Call *run* and convert any outcome to an exit code: the only place where errors end."""
-    from dvtcli.cli.boundary import exit_code_of
-
-    return exit_code_of(session, run)

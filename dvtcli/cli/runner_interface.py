@@ -1,6 +1,7 @@
 """The ways for a command to run lines, scripts or the prompt; `main` hands them to the registry.
 
-Commands get them through click's context (`runners`), to avoid importing modules that run commands.
+Commands get them through click's context (`runners`): a command that imported the prompt or scripts, even on use, would
+make a circle, since these import the registry of commands.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""The parts of a node that functions need: what it is, or what can be read of it; `Node` has all of it."""
+"""The parts of a node that functions need: what it is, or what can be read of it; `Node` has all of it.
+
+A function that takes a part cannot write to the node: mypy refuses it.
+"""
 
 from __future__ import annotations
 

@@ -12,10 +12,11 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
+from dvtcli.cli.boundary import exit_code_of
 from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.lexer import split
 from dvtcli.cli.main import install
-from dvtcli.cli.run_line import boundary, run_words
+from dvtcli.cli.run_line import run_words
 from dvtcli.cli.scripts.script import run_script
 from dvtcli.cli.view.output import Output
 from dvtcli.device.change.change_guard import ChangeGuard
@@ -163,7 +164,7 @@ class Run:
         session._network = network
         if len(lines) == 1:
             code = run_words(split(lines[0]), session)
-            code = boundary(session, lambda: session.end_line(code, alone=True)) or code
+            code = exit_code_of(session, lambda: session.end_line(code, alone=True)) or code
         else:
             code = run_script(session, "\n".join(lines).encode(), "cell", keep_going=False)
         assert node.guard is not None

@@ -20,7 +20,7 @@ from typing import Any, NoReturn
 
 import click
 
-from dvtcli.cli.boundary import LEAVE
+from dvtcli.cli.boundary import LEAVE, exit_code_of
 from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.global_options import taken
 from dvtcli.cli.lexer import split
@@ -31,7 +31,7 @@ from dvtcli.cli.parse_line import parse
 from dvtcli.cli.pdo_params import COB_ID, PDO
 from dvtcli.cli.prompt.full_line import KeptHistory
 from dvtcli.cli.registry import REGISTRY
-from dvtcli.cli.run_line import boundary, run_words
+from dvtcli.cli.run_line import run_words
 from dvtcli.cli.scripts.script_parse import script_lines
 from dvtcli.cli.view.output import Output
 from dvtcli.device.change.journal import JournalFolder, read_journal
@@ -238,7 +238,7 @@ def line(data: bytes) -> None:
     bus.tap(lambda frame, ours: sent.append(frame) if ours else None)
     with _standard_streams():
         code = run_words(words, session)
-        settled = boundary(session, lambda: session.end_line(code))
+        settled = exit_code_of(session, lambda: session.end_line(code))
     assert code in _CODES, f"exit code {code}: {_told(session)}"
     assert settled == 0
     _harmless(session.output, coloured=session.base.color == "always")
@@ -263,7 +263,7 @@ def device(data: bytes) -> None:
     for words in _LINES:
         code = run_words(words, session)
         assert code in _CODES, f"{words}: exit code {code}: {_told(session)}"
-    boundary(session, lambda: session.end_line(0))
+    exit_code_of(session, lambda: session.end_line(0))
     _harmless(session.output, coloured=False)
     assert all(_reads(frame) for frame in sent), [str(frame) for frame in sent if not _reads(frame)]
 

@@ -12,7 +12,7 @@ from tests.process import PATIENCE_S, environment
 #: a driver's object that is thrown away after it could not be opened, as python-can's buses are
 PROGRAM = """
 import os, signal, sys, time
-from dvtcli.cli.main import catch_signals
+from dvtcli.cli.signals import catch_signals
 from dvtcli.device.cancellation import Cancellation
 
 class Driver:
@@ -49,7 +49,7 @@ def test_a_signal_that_an_object_s_end_swallows_is_heard_again(name: str, times:
 #: what is swallowed cannot be heard, for the reason in *trouble*; the next signal falls into no such place
 TROUBLED = """
 import os, signal, sys, threading, time
-from dvtcli.cli.main import catch_signals
+from dvtcli.cli.signals import catch_signals
 from dvtcli.device.cancellation import Cancellation
 
 def cannot_show(lost):

@@ -70,14 +70,15 @@ def _name_and_line(words: Sequence[str]) -> tuple[str, str | None]:
     from dvtcli.cli.prompt.line import quoted
 
     name, sign, first = words[0].partition("=")
-    rest = [first, *words[1:]] if first else list(words[1:])
+    rest = list(words[1:])
     if not sign:
         if not rest or not rest[0].startswith("="):
             raise click.UsageError("an alias is set by: alias NAME = LINE, and removed by: alias NAME =")
-        rest = [rest[0][1:], *rest[1:]] if rest[0] != "=" else rest[1:]
-    if not rest:
+        first = rest.pop(0).removeprefix("=")
+    line = [first, *rest] if first else rest
+    if not line:
         return name, None
-    return name, rest[0] if len(rest) == 1 else " ".join(map(quoted, rest))
+    return name, line[0] if len(line) == 1 else " ".join(map(quoted, line))
 
 
 def _require_usable(session: Conversation, name: str, line: str | None) -> None:

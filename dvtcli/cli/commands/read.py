@@ -59,48 +59,35 @@ def command(
     read 606C --every 50ms --for 200ms -o speed.csv
     """
     if every_s is not None:
-        from dvtcli.cli.each_node import objects_meant
+        from dvtcli.cli.each_node import selected_objects
         from dvtcli.operations.objects.watch_objects import watch_objects
 
-        meant, show = objects_meant(session, objects), session.output.stream
-        return watch_objects(session, meant, every_s, for_s, show, data_type=data_type, file=output)
+        selected, show = selected_objects(session, objects), session.output.stream
+        return watch_objects(session, selected, every_s, for_s, show, data_type=data_type, file=output)
     if for_s is not None:
         raise click.UsageError("--for belongs to --every")
     if output is not None:
         return _to_file(session, objects, data_type, output)
-    return _once(session, objects, data_type)
-
-
-def _once(
-    session: SessionNodes, objects: tuple[ObjectWord, ...], data_type: DataType | None
-) -> ValueRead | RecordRead | ValuesRead:
     if len(objects) > 1:
-        from dvtcli.cli.each_node import objects_meant
+        from dvtcli.cli.each_node import selected_objects
         from dvtcli.operations.objects.watch_objects import read_objects
 
-        return read_objects(session, objects_meant(session, objects), data_type)
+        return read_objects(session, selected_objects(session, objects), data_type)
     from dvtcli.operations.objects.read_record import read_object
 
     return read_object(session, objects[0].text, data_type, objects[0].node_id)
 
 
 def _to_file(session: SessionNodes, objects: tuple[ObjectWord, ...], data_type: DataType | None, output: str) -> Facts:
-    """Write the bytes of the object into the file *output*."""
+    """Write the bytes of the object into the file *output*; it holds those of a single node."""
+    from dvtcli.cli.each_node import selected_nodes
     from dvtcli.operations.objects.write_object import read_to_file
 
     if len(objects) > 1:
         raise click.UsageError("-o takes the bytes of one object; with --every the values of several as .csv")
     (only,) = objects
-    if only.node_id is None:
-        _require_one_node(session)
+    if only.node_id is None and len(selected_nodes(session)) > 1:
+        raise click.UsageError("-o takes the bytes of one node's object: name it, as in read 1:1008 -o name.txt")
     if data_type is not None:
         raise click.UsageError("--as has no effect with -o: the bytes are written as they are")
     return read_to_file(session, only.text, output, only.node_id)
-
-
-def _require_one_node(session: SessionNodes) -> None:
-    """Raise UsageError if -n names several nodes: a file holds the bytes of a single node."""
-    from dvtcli.cli.each_node import nodes_meant
-
-    if len(nodes_meant(session)) > 1:
-        raise click.UsageError("-o takes the bytes of one node's object: name it, as in read 1:1008 -o name.txt")

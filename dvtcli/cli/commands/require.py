@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import click
 from click.shell_completion import CompletionItem
@@ -19,13 +19,20 @@ _PARTS = ("vendor", "product", "revision", "serial")
 _IDENTITY, _POWER_OFF = "identity", "power-off"
 
 
+class Requirement(NamedTuple):
+    """`identity` or `power-off`, and the node-ID, None for the selected node."""
+
+    node_id: int | None
+    what: str
+
+
 class _Required(CanopenType):
     """A requirement, with its node if named: `identity`, `5:power-off`."""
 
     name = "what"
 
-    def parse(self, text: str, ctx: click.Context | None) -> tuple[int | None, str]:
-        """Node-ID, None for the selected node, and what; ValueError for anything else."""
+    def parse(self, text: str, ctx: click.Context | None) -> Requirement:
+        """The requirement; ValueError for anything else."""
         del ctx
         node, colon, what = text.rpartition(":")
         if what not in (_IDENTITY, _POWER_OFF):
@@ -33,7 +40,7 @@ class _Required(CanopenType):
         node_id = parse_number(node) if colon else None
         if node_id is not None and not 1 <= node_id <= 127:
             raise ValueError(f"{text!r}: a node-ID is 1..127")
-        return node_id, what
+        return Requirement(node_id, what)
 
     def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
         """Both words."""
@@ -45,7 +52,7 @@ class _Required(CanopenType):
 @click.argument("what", type=_Required(), metavar="[NODE:]identity|power-off")
 @click.argument("pairs", type=TEXT, nargs=-1, metavar="[vendor=… product=… revision=… serial=…]")
 @click.pass_obj
-def command(session: Conversation, /, what: tuple[int | None, str], pairs: tuple[str, ...]) -> Facts:
+def command(session: Conversation, /, what: Requirement, pairs: tuple[str, ...]) -> Facts:
     """Stop with exit code 6 unless the node's identity (0x1018) is the one given, or its power stage (0x6041) is off.
 
     \b

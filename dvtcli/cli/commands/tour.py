@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
-from dvtcli.cli.boundary import LEAVE, exit_code_of
+from dvtcli.cli.boundary import LEAVE, exit_code_of, finish_line
 from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.lexer import split
 from dvtcli.cli.runner_interface import LineRunners, runners
@@ -114,7 +114,7 @@ def _shown(guide: Conversation, lines: LineRunners, step: TourStep) -> bool:
 def _run(guide: Conversation, lines: LineRunners, line: str) -> int:
     """Run a line as at the prompt."""
     code = exit_code_of(guide, lambda: lines.line(guide, split(line)) if split(line) else 0)
-    return exit_code_of(guide, lambda: guide.end_line(code)) or code
+    return finish_line(guide, code)
 
 
 def _say(guide: Conversation, *lines: str) -> None:

@@ -60,7 +60,7 @@ def command(
     watch 6041 606C --for 1s
     watch 606C 3:6041 tpdo1 3:tpdo2 --every 100ms
     """
-    from dvtcli.cli.each_node import objects_meant
+    from dvtcli.cli.each_node import selected_objects
     from dvtcli.cli.screen.full_screen import has_full_screen
 
     objects = [word for word in words if isinstance(word, ObjectWord)]
@@ -72,7 +72,7 @@ def command(
         raise click.UsageError("PDOs are watched on a full screen, which needs a terminal; here `monitor` shows frames")
     from dvtcli.operations.objects.watch_objects import watch_objects
 
-    return watch_objects(session, objects_meant(session, objects), every_s or _EVERY_S, for_s, session.output.stream)
+    return watch_objects(session, selected_objects(session, objects), every_s or _EVERY_S, for_s, session.output.stream)
 
 
 _EVERY_S = 0.5
@@ -85,13 +85,13 @@ def _on_screen(
     every_s: float,
     for_s: float | None,
 ) -> None:
-    from dvtcli.cli.each_node import objects_meant
+    from dvtcli.cli.each_node import selected_objects
     from dvtcli.cli.monitor.watch import watch_screen
     from dvtcli.operations.frames.watch_bus import watching
     from dvtcli.operations.objects.watch_objects import ObjectRound
 
     wanted = [(session.node_id() if word.node_id is None else word.node_id, word.pdo.label) for word in pdos]
     nodes = tuple(dict.fromkeys(node_id for node_id, _ in wanted))
-    found = ObjectRound(session, objects_meant(session, objects))
+    found = ObjectRound(session, selected_objects(session, objects))
     with watching(session, nodes, known=False) as watched:
         watch_screen(session, watched, found, wanted, every_s, for_s)

@@ -37,9 +37,9 @@ from dvtcli.cli.catalogue import command_names, summary, with_a_swap
 from dvtcli.cli.corrected_line import corrected, without_suggestion
 from dvtcli.cli.dvt.words import WORDS
 from dvtcli.cli.global_options import PREFIX, global_options
-from dvtcli.cli.lexer import SHELL_WORDS, split
+from dvtcli.cli.lexer import split
 from dvtcli.cli.name_completion import safe_items
-from dvtcli.cli.parse_line import parse
+from dvtcli.cli.parse_line import SHELL_WORDS, parse
 from dvtcli.cli.prompt.line import (
     CONTINUED,
     TypedLine,

@@ -9,14 +9,14 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, redirect_stderr, redirect_stdout
 from typing import TYPE_CHECKING, Protocol, TextIO, cast
 
-from dvtcli.cli.boundary import LEAVE
+from dvtcli.cli.boundary import LEAVE, exit_code_of, finish_line
 from dvtcli.cli.catalogue import command_names
 from dvtcli.cli.lexer import split
 from dvtcli.cli.prompt.line import CONTINUED, expanded, paged, usable_aliases, withheld_aliases
-from dvtcli.cli.run_line import boundary, run_words
+from dvtcli.cli.run_line import run_words
 from dvtcli.cli.view.lines import Cell, Line
 from dvtcli.cli.view.output import Output
-from dvtcli.cli.view.streams import MOST, as_lines, thrown_away, typed_ahead
+from dvtcli.cli.view.streams import LONGEST_TYPED, as_lines, thrown_away, typed_ahead
 from dvtcli.errors import DvtcliError
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ class Prompt:
         self._has_run = False
         keys = "".join([*kept, self._reader.left_over(), typed_ahead(sys.stdin)])
         lines = as_lines(keys) if self._reader.edits else ""
-        if not lines and (not self._reader.edits or len(keys) > MOST):
+        if not lines and (not self._reader.edits or len(keys) > LONGEST_TYPED):
             if said := thrown_away(keys):
                 output.warning(said)
             return ""
@@ -152,9 +152,8 @@ class Prompt:
             with sent(session.output, destination):
                 return run_words(words, session)
 
-        code = boundary(session, run)
-        settled = boundary(session, lambda: session.end_line(code))
-        code = code or settled
+        code = exit_code_of(session, run)
+        code = finish_line(session, code)
         self._answers = code != SILENT
         return code
 

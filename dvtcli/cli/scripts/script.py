@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from dvtcli.cli.boundary import LEAVE, SIGNALLED
-from dvtcli.cli.run_line import boundary
+from dvtcli.cli.boundary import LEAVE, SIGNALLED, exit_code_of
 from dvtcli.cli.scripts.script_changes import ScriptChanges
 from dvtcli.cli.scripts.script_parse import Reach, ScriptLine, all_parsed, does_other, final, read_lines
 from dvtcli.errors import Bug, DvtcliError, LeftChanged, Restarted, TakenBack, UsageError
@@ -23,7 +22,7 @@ _ALL_BACK = "rolled back: the changes of the script are reverted and verified; n
 
 def run_line(session: Conversation, ctx: click.Context) -> int:
     """Run a parsed line at `session.place` and answer its exit code; results and errors are shown on the way."""
-    return boundary(session, lambda: _run_noted(session, ctx))
+    return exit_code_of(session, lambda: _run_noted(session, ctx))
 
 
 def _run_noted(session: Conversation, ctx: click.Context) -> Any:
@@ -159,15 +158,15 @@ def enclosed(session: Conversation, source: str, run: Callable[[], int], *, atom
     if changes is None or (atomic and not changes.atomic):
         session.script_changes = changes = ScriptChanges(session, source, atomic=atomic, outer=outer_changes)
     try:
-        code = boundary(session, run)
+        code = exit_code_of(session, run)
         if not code and changes is not outer_changes:
-            code = boundary(session, lambda: look_again(session, changes))
+            code = exit_code_of(session, lambda: look_again(session, changes))
         stays = bool(session.staying())
     finally:
         session.scripts.pop()
         session.place, session.script_changes = outer, outer_changes
     if changes is not outer_changes:  # before others may write to the nodes, which they may once these are settled
-        code = boundary(session, lambda: changes.end(complete=not code)) or code
+        code = exit_code_of(session, lambda: changes.end(complete=not code)) or code
     if session.in_script:
         return code
     settled = _settled(session, code, stays=stays)
@@ -179,7 +178,7 @@ def _settled(session: Conversation, code: int, *, stays: bool) -> int:
     # after a failure (a difference is none) of which some stays, the set-up is neither old nor new: its nodes stay
     # PRE-OPERATIONAL
     half = code in (LeftChanged.exit_code, Bug.exit_code) or (stays and code not in (0, 3))
-    return boundary(session, lambda: session.end_line(7 if half else 0, alone=not code))
+    return exit_code_of(session, lambda: session.end_line(7 if half else 0, alone=not code))
 
 
 def _run_lines(

@@ -224,7 +224,7 @@ def _parsed_as_asked(line: ScriptLine, session: Conversation) -> click.Context:
         return parse(line.words, session, in_file=True)
     except (click.ClickException, DvtcliError):
         if "--json" in line.words:
-            session.output.format = "json"  # until the error is shown: then the session settles
+            session.output.format = "json"  # until the error is shown: then the options are reset
         raise
 
 

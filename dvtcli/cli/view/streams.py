@@ -70,16 +70,17 @@ def open_missing() -> None:
 
 #: Keys without a letter, replies of the terminal, and the marks around what is pasted.
 _SEQUENCE = re.compile("\x1b(?:\\[[0-9;?]*[ -/]*[@-~]|O.|.)?")
+#: Backspace, as terminals send it
 _ERASES = "\x7f\b"
 #: Ctrl-U and Ctrl-C: the line is given up
 _CLEARS = "\x15\x03"
 #: longer text was not typed
-MOST = 4000
+LONGEST_TYPED = 4000
 
 
 def typed_ahead(stream: TextIO) -> str:
     """Take the unread input of the terminal *stream*, without waiting for more; empty if it is no terminal."""
-    return _taken(stream) if stream.isatty() else ""
+    return _read_pending(stream) if stream.isatty() else ""
 
 
 def as_lines(keys: str) -> str:
@@ -100,7 +101,7 @@ def as_lines(keys: str) -> str:
         elif key.isprintable():
             lines[-1] += key
     text = "\n".join(line for line in lines if line.strip())
-    return text if len(text) <= MOST else ""
+    return text if len(text) <= LONGEST_TYPED else ""
 
 
 def thrown_away(keys: str) -> str | None:
@@ -113,7 +114,7 @@ def thrown_away(keys: str) -> str | None:
 
 if sys.platform == "win32":
 
-    def _taken(stream: TextIO) -> str:
+    def _read_pending(stream: TextIO) -> str:
         import msvcrt
 
         del stream
@@ -128,9 +129,8 @@ if sys.platform == "win32":
 
 else:
 
-    def _taken(stream: TextIO) -> str:
+    def _read_pending(stream: TextIO) -> str:
         """Take everything out of the terminal, a line that is not ended included."""
-        import os
         import termios
 
         typed = b""

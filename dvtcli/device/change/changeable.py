@@ -212,7 +212,7 @@ class Changeable(KnownPdos):
             self.awaits_restart = False
             self.bus.order_restart(self.node_id, -math.inf)
 
-    def end_of_line(self, *, failed: bool = False) -> bool:
+    def forget_restart(self, *, failed: bool = False) -> bool:
         """End a line that read the node, or *failed*: the next line may write even after a restart.
 
         True if the restart is still to be reported: not if the line was refused for, or failed by, that restart.

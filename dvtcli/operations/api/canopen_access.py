@@ -34,7 +34,7 @@ class TakingTurns:
             try:
                 node.begin_change()
             except SafetyRefusal:
-                node.end_of_line()
+                node.forget_restart()
                 raise
             try:
                 session.wire.sdo(self._node_id).download(index, sub_index, data, timeout_s=timeout_s)

@@ -42,7 +42,7 @@ def may_finish(journals: Sequence[Journal]) -> bool:
     )  # one that only tests a proof says of no stores
 
 
-def finish(session: Session, journals: Sequence[Journal]) -> Facts:
+def finish_group_stores(session: Session, journals: Sequence[Journal]) -> Facts:
     """Verify all nodes of *journals* again, store the missing nodes, remove the journals.
 
     Raises UsageError if not all nodes were verified before; SafetyRefusal, without a store, if a value differs by now;

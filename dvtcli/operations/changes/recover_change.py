@@ -55,11 +55,11 @@ def recover(
     if sum(ways.values()) > 1:
         raise UsageError("they exclude each other", given={name: True for name, wanted in ways.items() if wanted})
     if accept:
-        return accepted(session, file)
-    return discarded(session, file) if discard else _recovered(session, file, finish=finish)
+        return accept_values(session, file)
+    return discard_journal(session, file) if discard else _roll_back_all(session, file, finish_stores=finish)
 
 
-def _recovered(session: Session, file: str | None, *, finish: bool) -> Changed | ChangedNodes | Facts:
+def _roll_back_all(session: Session, file: str | None, *, finish_stores: bool) -> Changed | ChangedNodes | Facts:
     refused: list[DvtcliError] = []  # of one node; the others are put back all the same
     journals = _usable(session, file, refused)
     if refused and not journals:
@@ -68,19 +68,22 @@ def _recovered(session: Session, file: str | None, *, finish: bool) -> Changed |
         return nothing_to_recover(session)
     for journal in journals:
         refuse_other_bus(session, journal)
-    if finish or _rather_finishes(session, journals):
-        from dvtcli.operations.changes.finish_stores import finish as go_on
+    if finish_stores or _decide_to_finish(session, journals):
+        from dvtcli.operations.changes.finish_stores import finish_group_stores
 
         if refused:
             refused[0].details.append(("stores", "nothing is stored while a journal is unusable"))
             raise _worst_with_others(refused)
-        return go_on(session, journals)
+        return finish_group_stores(session, journals)
     session.consent(lambda: _question(session, journals), _only(journals))
     for said in dict.fromkeys(
         _group_text(journal, journals) for journal in journals if journal.member.group_id is not None
     ):
         session.reporter.note(said)
-    done, failures = _put_back(session, journals, refused)
+    done, failures = _put_back(session, journals)
+    failures += refused
+    if not failures and (restarted := _restarted(session, done)) is not None:
+        failures = [restarted]
     if failures:
         lost = [recovered.node for recovered in done if _restarted_since(session.node(recovered.node))]
         failed = _worst_with_others(failures)
@@ -101,7 +104,7 @@ def _usable(session: SessionNodes, file: str | None, refused: list[DvtcliError])
     return list(found.values())
 
 
-def _rather_finishes(session: SessionUser, journals: list[Journal]) -> bool:
+def _decide_to_finish(session: SessionUser, journals: list[Journal]) -> bool:
     """Decide whether begun stores are to be completed; raises SafetyRefusal if nobody can answer.
 
     Does not ask beside other interrupted changes, but reports that each may be completed alone.
@@ -153,7 +156,9 @@ def _question(session: SessionNodes, journals: Sequence[Journal]) -> str:
     """Ask before a recovery: writes with the nodes' present values, and what is not written."""
     from dvtcli.device.change.recovery import Recovery
 
-    back, same, unread = list[str](), list[str](), list[str]()
+    back: list[str] = []
+    same: list[str] = []
+    unread: list[str] = []
     for journal in journals:
         node_id = journal.plan.node_id
         try:
@@ -166,11 +171,8 @@ def _question(session: SessionNodes, journals: Sequence[Journal]) -> str:
         others = [label for label in dict.fromkeys(journal.member.asked or changed) if label not in written]
         back += [f"{join_some(written)} of node {node_id}"] if written else []
         same += [f"{join_some(others)} of node {node_id}"] if others else []
-    what = (
-        "the interrupted learning"
-        if all(other_journal.member.asked for other_journal in journals)
-        else "the interrupted change"
-    )
+    is_learning = all(journal.member.asked for journal in journals)
+    what = "the interrupted learning" if is_learning else "the interrupted change"
     said = [f"{join_some(back)} will be rolled back to the state before {what}"] if back else []
     said += [f"already as before {what}, compared only: {join_some(same)}"] if same else []
     return f"{'; '.join([*said, *unread])}; recover?"
@@ -189,13 +191,8 @@ def _worst_with_others(failures: Sequence[DvtcliError]) -> DvtcliError:
     return worst
 
 
-def _put_back(
-    session: SessionNodes, journals: list[Journal], refused: Sequence[DvtcliError]
-) -> tuple[list[Changed], list[DvtcliError]]:
-    """Roll back, and return the results and the errors; an error does not stop other roll-backs.
-
-    *refused* are unusable journals.
-    """
+def _put_back(session: SessionNodes, journals: list[Journal]) -> tuple[list[Changed], list[DvtcliError]]:
+    """Roll back, and return the results and the errors; an error does not stop other roll-backs."""
     from dvtcli.device.change.recovery import Recovery, recover_together
 
     started = time.monotonic()
@@ -222,9 +219,7 @@ def _put_back(
                     failures.append(left)
         except DvtcliError as error:
             failures.append(error)
-    failures += refused
-    restarted = None if failures else _restarted(session, done)
-    return done, failures if restarted is None else [restarted]
+    return done, failures
 
 
 def _restarted(session: SessionNodes, done: list[Changed]) -> Restarted | None:
@@ -286,7 +281,7 @@ def refuse_other_bus(session: SessionNodes, journal: Journal) -> None:
         )
 
 
-def accepted(session: SessionNodes, file: str | None) -> Facts:
+def accept_values(session: SessionNodes, file: str | None) -> Facts:
     """Close the journals with the devices' present values, shown beside the old ones; writes nothing.
 
     Asks first for several nodes. A journal that cannot be closed does not prevent the others: the first error says what
@@ -295,7 +290,7 @@ def accepted(session: SessionNodes, file: str | None) -> Facts:
     refused: list[DvtcliError] = []
     paths = waiting_paths(session, file, refused)
     if len(paths) == 1 and not refused:
-        rows, text = _accepted(session, paths[0])
+        rows, text = _accept_values_of(session, paths[0])
         return Facts("recover", rows, text, changed_nothing=True)
     if not paths and not refused:
         return nothing_to_recover(session)
@@ -305,7 +300,7 @@ def accepted(session: SessionNodes, file: str | None) -> Facts:
     texts: list[Hint | str] = []
     for path in paths:
         try:
-            rows, text = _accepted(session, path)
+            rows, text = _accept_values_of(session, path)
         except DvtcliError as failed:
             refused.append(failed)
         else:
@@ -343,7 +338,7 @@ def _first_of(refused: Sequence[DvtcliError], done: Sequence[str]) -> DvtcliErro
     return refused[0]
 
 
-def _accepted(session: SessionNodes, path: Path) -> tuple[tuple[tuple[str, Any], ...], tuple[Hint | str, ...]]:
+def _accept_values_of(session: SessionNodes, path: Path) -> tuple[tuple[tuple[str, Any], ...], tuple[Hint | str, ...]]:
     """Close the journal at *path* with its device's present values; returns fields and lines of the result."""
     from dvtcli.device.change.recovery import accepted_states, refuse_other_device
     from dvtcli.device.store.pending import CHANGE
@@ -432,7 +427,7 @@ def _after_accepting(node: ReadableNode, journal: Journal, others: list[int]) ->
     return lines
 
 
-def discarded(session: SessionNodes, file: str | None) -> Facts:
+def discard_journal(session: SessionNodes, file: str | None) -> Facts:
     """Set the journal aside if unusable; a usable journal only with `--force`."""
     paths = waiting_paths(session, file)
     if not paths:

@@ -31,7 +31,7 @@ from dvtcli.files.device_file import (
     read_device_file,
 )
 from dvtcli.files.file_info import NO_DATE, file_info
-from dvtcli.operations.exchange.export_dbc import DbcOptions
+from dvtcli.operations.exchange.export_dbc import DbcOptions, convert_to_dbc, recording_to_dbc
 from dvtcli.operations.exchange.export_network import SUFFIXES as NETWORK_SUFFIXES
 from dvtcli.operations.results.facts import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
@@ -76,8 +76,6 @@ class DbcFormat(ConversionFormat):
 
     def write(self, session: Session, wanted: Converted) -> Facts:
         """Write it by `convert_to_dbc` or `recording_to_dbc`."""
-        from dvtcli.operations.exchange.export_dbc import convert_to_dbc, recording_to_dbc
-
         to_dbc = recording_to_dbc if _is_recording(wanted.source) else convert_to_dbc
         return to_dbc(session, wanted.source, wanted.target, wanted.dbc)
 

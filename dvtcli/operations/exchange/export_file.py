@@ -28,7 +28,7 @@ from dvtcli.operations.devices.backup_device import (
     left_out,
     read_every_object,
 )
-from dvtcli.operations.exchange.export_dbc import DbcOptions
+from dvtcli.operations.exchange.export_dbc import DbcOptions, export_dbc
 from dvtcli.operations.exchange.export_network import SUFFIXES as NETWORK_SUFFIXES
 from dvtcli.operations.exchange.export_network import export_node, exported_node
 from dvtcli.operations.nodes.find_nodes import find_nodes
@@ -161,8 +161,6 @@ class DbcExport(ExportFormat):
 
     def write(self, session: Session, file: str, wanted: ExportRequest) -> Facts:
         """Write it by `export_dbc`."""
-        from dvtcli.operations.exchange.export_dbc import export_dbc
-
         return export_dbc(session, file, wanted.dbc)
 
 

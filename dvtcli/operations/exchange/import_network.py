@@ -21,7 +21,8 @@ from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, SdoAborted, Sdo
 from dvtcli.files.device_file import DEVICE_SUFFIXES, must_not_be_cut, read_device_file
 from dvtcli.files.file_info import is_read_out
 from dvtcli.files.input_file import read_input
-from dvtcli.files.nodelist import MOST_BYTES, SUFFIX, ListedNode, read_nodelist
+from dvtcli.files.nodelist import MOST_BYTES as NODELIST_MOST_BYTES
+from dvtcli.files.nodelist import SUFFIX, ListedNode, read_nodelist
 from dvtcli.files.profile.library import profile_of
 from dvtcli.files.unread_values import must_tell_values
 from dvtcli.operations.exchange.export_network import (
@@ -78,7 +79,7 @@ def listed_files(nodelist: Path, notes: list[Hint | str]) -> list[ListedFile]:
     Raises InputFileError if it is invalid or a file is missing; UsageError if it cannot be read.
     """
     try:
-        networks = read_nodelist(read_input(nodelist, MOST_BYTES, "nodelist"), nodelist.name)
+        networks = read_nodelist(read_input(nodelist, NODELIST_MOST_BYTES, "nodelist"), nodelist.name)
     except OSError as failed:
         raise UsageError(f"{nodelist}: {failed.strerror or failed}", place=str(nodelist)) from failed
     first, *others = networks
@@ -175,40 +176,42 @@ def _bit_rate_note(path: Path, bit_rate: int) -> Hint:
     return Hint(Action.CHECK, {"file": path, "bit_rate": bit_rate}, why)
 
 
-def _of_file(one: _FileNode, path: Path, notes: list[Hint | str], usual: list[str]) -> FoundNode:
-    """Return node *one* for the network file *path*; *usual* gets its node-ID if it has other values, all defaults."""
-    held: dict[Pdo, PdoConfig] = {}
-    lacked = _lacked(one)
-    if lacked:
-        labels = join_some(pdo.label for pdo in lacked)
-        notes.append(f"node {one.node_id}: {labels} left out: {one.path.name} has no values of it")
-    unsaid = [pdo for pdo in present_pdos(one.values, one.dictionary) if pdo not in lacked and _is_unsaid(one, pdo)]
-    if unsaid:
-        labels = join_some(pdo.label for pdo in unsaid)
-        notes.append(f"node {one.node_id}: {labels} left out: {one.path.name} does not say what the mapping is")
-    for pdo in present_pdos(one.values, one.dictionary):
-        if pdo in lacked or pdo in unsaid:
+def _of_file(node: _FileNode, path: Path, notes: list[Hint | str], usual: list[str]) -> FoundNode:
+    """Return *node* for the network file *path*; *usual* gets its node-ID if it has other values, all defaults."""
+    configs: dict[Pdo, PdoConfig] = {}
+    without_values = _pdos_without_values(node)
+    if without_values:
+        labels = join_some(pdo.label for pdo in without_values)
+        notes.append(f"node {node.node_id}: {labels} left out: {node.path.name} has no values of it")
+    present = present_pdos(node.values, node.dictionary)
+    unmapped = [pdo for pdo in present if pdo not in without_values and _is_mapping_unknown(node, pdo)]
+    if unmapped:
+        labels = join_some(pdo.label for pdo in unmapped)
+        notes.append(f"node {node.node_id}: {labels} left out: {node.path.name} does not say what the mapping is")
+    for pdo in present:
+        if pdo in without_values or pdo in unmapped:
             continue
         try:
-            held[pdo] = read_pdo(one.values, pdo, WHATEVER)
+            configs[pdo] = read_pdo(node.values, pdo, WHATEVER)
         except SdoAborted:
             continue  # it has neither COB-ID nor mapping: no such PDO
-    said = values_of(one.dictionary)
-    found = exported(one, held, one.values, said)
-    behaviours = exported_behaviours(one.values, one.dictionary, said)
-    pdos = _without_unsaid(one, found.config.pdos, notes)
+    file_values = values_of(node.dictionary)
+    found = exported(node, configs, node.values, file_values)
+    behaviours = exported_behaviours(node.values, node.dictionary, file_values)
+    pdos = _without_unsaid(node, found.config.pdos, notes)
     objects = (*found.config.objects, *behaviours)
-    config = replace(found.config, dcf=beside(one.path, path), objects=objects, pdos=pdos)
-    left, unlike = _not_taken(one, config)
-    if unlike:
-        differ = "1 differs" if len(unlike) == 1 else f"{len(unlike)} differ"
+    config = replace(found.config, dcf=beside(node.path, path), objects=objects, pdos=pdos)
+    left_out = _values_left_out(node, config)
+    not_default = _not_default(node, left_out)
+    if not_default:
+        differ = "1 differs" if len(not_default) == 1 else f"{len(not_default)} differ"
         notes.append(
-            f"node {one.node_id}: {plural(left, 'other value')} of {one.path.name} left out, {differ} from the "
-            f"defaults ({join_some(unlike)}): apply that file itself to write its configuration objects"
+            f"node {node.node_id}: {plural(len(left_out), 'other value')} of {node.path.name} left out, {differ} from "
+            f"the defaults ({join_some(not_default)}): apply that file itself to write its configuration objects"
         )
-    elif left:
-        usual.append(str(one.node_id))
-    return FoundNode(replace(found, config=config), held, one.values)
+    elif left_out:
+        usual.append(str(node.node_id))
+    return FoundNode(replace(found, config=config), configs, node.values)
 
 
 #: what a network file says of a PDO: field, key in the file, and the object's sub-index
@@ -219,47 +222,52 @@ _OF_PDO = (
 
 
 def _without_unsaid(
-    one: _FileNode, pdos: Sequence[PartialPdoConfig], notes: list[Hint | str]
+    node: _FileNode, pdos: Sequence[PartialPdoConfig], notes: list[Hint | str]
 ) -> tuple[PartialPdoConfig, ...]:
-    """Leave out of *pdos* what the file of *one* has no value of; *notes* gets it.
+    """Leave out of *pdos* what the file of *node* has no value of; *notes* gets it.
 
     The device has its own value, which a network file would overwrite.
     """
     left: dict[tuple[str, ...], list[str]] = {}
     found = []
     for config in pdos:
-        unsaid = [row for row in _OF_PDO if getattr(config, row[0]) is not None and _is_untold(one, config.pdo, row[2])]
+        unsaid = [
+            row for row in _OF_PDO if getattr(config, row[0]) is not None and _is_untold(node, config.pdo, row[2])
+        ]
         if unsaid:
             left.setdefault(tuple(key for _, key, _ in unsaid), []).append(config.pdo.label)
         nothing: dict[str, Any] = dict.fromkeys(field for field, _, _ in unsaid)
         found.append(replace(config, **nothing))
     for keys, labels in left.items():
         what = " and ".join(filter(None, (", ".join(keys[:-1]), keys[-1])))
-        notes.append(f"node {one.node_id}: {what} of {join_some(labels)} left out: {one.path.name} has no value of it")
+        notes.append(
+            f"node {node.node_id}: {what} of {join_some(labels)} left out: {node.path.name} has no value of it"
+        )
     return tuple(found)
 
 
-def _is_untold(one: _FileNode, pdo: Pdo, sub_index: int) -> bool:
-    entry = one.dictionary.entry(pdo.communication_index, sub_index)
-    return entry is not None and entry.at_power_on(one.node_id) is None
+def _is_untold(node: _FileNode, pdo: Pdo, sub_index: int) -> bool:
+    entry = node.dictionary.entry(pdo.communication_index, sub_index)
+    return entry is not None and entry.at_power_on(node.node_id) is None
 
 
-def _not_taken(one: _FileNode, config: NodeConfig) -> tuple[int, list[str]]:
-    """Count writable values of *one* missing in *config*, and list those that differ from the defaults.
-
-    A network file is not a full backup.
-    """
+def _values_left_out(node: _FileNode, config: NodeConfig) -> list[OdEntry]:
+    """Return the writable values of *node* missing in *config*: a network file is not a full backup."""
     taken = {f"{value.index:04X}:{value.sub_index:02X}" for value in config.objects}
     taken |= {value.object.text for value in config.values}
-    pins = {group.index for group in one.profile.vpdo.values()}
-    left = [
+    pins = {group.index for group in node.profile.vpdo.values()}
+    return [
         entry
-        for entry in one.dictionary.entries()
+        for entry in node.dictionary.entries()
         if entry.value is not None and entry.access.writable and Pdo.at(entry.index) is None
         and entry.object not in taken and entry.index not in {*pins, CONSUMER_HEARTBEAT}
     ]  # fmt: skip
-    defaults = Defaults(one.dictionary, one.node_id)
-    return len(left), [entry.object for entry in left if _default(defaults, entry) != entry.initial(one.node_id)]
+
+
+def _not_default(node: _FileNode, entries: Sequence[OdEntry]) -> list[str]:
+    """Return the objects of *entries* whose values differ from the defaults."""
+    defaults = Defaults(node.dictionary, node.node_id)
+    return [entry.object for entry in entries if _default(defaults, entry) != entry.initial(node.node_id)]
 
 
 def _default(defaults: Defaults, entry: OdEntry) -> bytes | None:
@@ -269,26 +277,26 @@ def _default(defaults: Defaults, entry: OdEntry) -> bytes | None:
         return None
 
 
-def _lacked(one: _FileNode) -> list[Pdo]:
+def _pdos_without_values(node: _FileNode) -> list[Pdo]:
     """List PDOs in the EDS without a value in the DCF: the device may lack them.
 
     In files of other tools, a missing value means the default (CiA 306).
     """
-    if not is_read_out(one.path):
+    if not is_read_out(node.path):
         return []
-    said = {Pdo.at(entry.index) for entry in one.dictionary.entries() if entry.value is not None}
-    return [pdo for pdo in present_pdos(one.values, one.dictionary) if pdo not in said]
+    said = {Pdo.at(entry.index) for entry in node.dictionary.entries() if entry.value is not None}
+    return [pdo for pdo in present_pdos(node.values, node.dictionary) if pdo not in said]
 
 
-def _is_unsaid(one: _FileNode, pdo: Pdo) -> bool:
+def _is_mapping_unknown(node: _FileNode, pdo: Pdo) -> bool:
     """Tell whether the file lists the mapping of *pdo* without its count: what the device maps is not known."""
-    count = one.dictionary.entry(pdo.mapping_index, 0)
+    count = node.dictionary.entry(pdo.mapping_index, 0)
     return count is not None and count.value is None and count.default is None
 
 
 def _read(path: Path) -> ObjectDictionary:
     """Read the whole file at *path*: its values become those of the network file."""
-    dictionary = read_dictionary(path)
+    dictionary = read_dictionary(path)  # a file that cannot be read is an error with its remedy
     read = read_device_file(path)
     must_not_be_cut(read)
     must_tell_values(read, str(path))
@@ -326,7 +334,7 @@ def _described(folder: Path, notes: list[Hint | str]) -> list[_FileNode]:
         if free is None:
             raise UsageError(f"{folder} has {len(paths)} files, a network has 127 nodes")
         ids[path] = numbered[path] = free
-    notes += _numbered(numbered)
+    notes += _given_ids(numbered)
     found = [
         _FileNode(path, ids[path], file_dictionary, profile_of(file_dictionary))
         for path, file_dictionary in dictionaries.items()
@@ -334,13 +342,13 @@ def _described(folder: Path, notes: list[Hint | str]) -> list[_FileNode]:
     return sorted(found, key=lambda node: node.node_id)
 
 
-def _numbered(node_ids: Mapping[Path, int]) -> Iterator[str]:
+def _given_ids(node_ids: Mapping[Path, int]) -> list[Hint | str]:
     """Note in a line which files without a node-ID get which."""
     if len(node_ids) == 1:
-        yield from (f"{path.name} has no node-ID: it becomes node {node_id}" for path, node_id in node_ids.items())
-    elif node_ids:
-        given = ", ".join(f"{path.name} becomes node {node_id}" for path, node_id in node_ids.items())
-        yield f"{len(node_ids)} files have no node-ID: {given}"
+        ((path, node_id),) = node_ids.items()
+        return [f"{path.name} has no node-ID: it becomes node {node_id}"]
+    given = ", ".join(f"{path.name} becomes node {node_id}" for path, node_id in node_ids.items())
+    return [f"{len(node_ids)} files have no node-ID: {given}"] if node_ids else []
 
 
 def import_network(session: SessionNodes, file: str, folder: str | None = None, manager: int | None = None) -> Facts:

@@ -57,10 +57,10 @@ def plan_edited(session: Session, node_id: int, held: Configs, changed: Configs)
 def apply_edited(session: SessionNodes, node: Node, held: Configs, changed: Configs) -> Changed:
     """Write the *changed* PDOs as `map` does; raises SafetyRefusal if *node* no longer has what it *held*."""
     node.begin_change()
-    others = [pdo.label for pdo in changed if node.pdo(pdo) != held[pdo]]
-    if others:
+    changed_meanwhile = [pdo.label for pdo in changed if node.pdo(pdo) != held[pdo]]
+    if changed_meanwhile:
         raise SafetyRefusal(
-            f"{join_some(others)} of node {node.node_id} is not what it was when the editor read it",
+            f"{join_some(changed_meanwhile)} of node {node.node_id} is not what it was when the editor read it",
             node=node.node_id,
             hint=as_hint(f"{who_else(node.guard)}: look at it again before it is written"),
         )

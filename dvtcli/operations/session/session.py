@@ -201,7 +201,7 @@ class Session(Opened):
                 except DvtcliError as failed:  # the other nodes go back all the same
                     failures.append(failed)
                 finally:
-                    if node.end_of_line(failed=bool(code)):
+                    if node.forget_restart(failed=bool(code)):
                         self.reporter.warning(f"node {node.node_id} restarted since it was read before")
                     node.saved_automatically.clear()
                     node.read_cache.clear()

@@ -1,4 +1,7 @@
-"""The part of a session that operations on nodes need: its user, its bus and its nodes."""
+"""The part of a session that operations on nodes need: its user, its bus and its nodes.
+
+An operation that takes a part cannot open, close or reconfigure the session: mypy refuses it.
+"""
 
 from __future__ import annotations
 

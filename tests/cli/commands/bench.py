@@ -10,10 +10,11 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
+from dvtcli.cli.boundary import exit_code_of, finish_line
 from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.lexer import split
 from dvtcli.cli.main import install
-from dvtcli.cli.run_line import boundary, run_words
+from dvtcli.cli.run_line import run_words
 from dvtcli.cli.scripts.script import run_script
 from dvtcli.cli.view.output import Output
 from dvtcli.domain.ports import CanopenBus
@@ -74,8 +75,8 @@ class Bench:
         """Run one line as the prompt does."""
 
         def run() -> int:
-            code = boundary(self.session, lambda: run_words(split(line), self.session))
-            return boundary(self.session, lambda: self.session.end_line(code)) or code
+            code = exit_code_of(self.session, lambda: run_words(split(line), self.session))
+            return finish_line(self.session, code)
 
         return self._ran(run)
 
@@ -86,7 +87,7 @@ class Bench:
         def run() -> int:
             return run_script(self.session, data, "test.dvt", keep_going=keep_going)
 
-        return self._ran(lambda: boundary(self.session, run))
+        return self._ran(lambda: exit_code_of(self.session, run))
 
     def _ran(self, run: Any) -> Ran:
         output = self.session.output

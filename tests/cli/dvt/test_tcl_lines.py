@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from dvtcli.cli.boundary import exit_code_of
 from dvtcli.cli.dvt.tcl_run import TclMode
 from dvtcli.cli.dvt.words import listed
-from dvtcli.cli.run_line import boundary
 from dvtcli.errors import UsageError
 from tests.cli.commands.bench import Bench
 
@@ -114,7 +114,7 @@ def test_tcl_begins_anew_after_it_was_stopped(bench: Bench, tcl: TclMode) -> Non
     tcl.typed("set x 7")
     assert tcl._lines is not None
     tcl._lines._process._process.kill()
-    assert boundary(bench.session, lambda: tcl.typed("set x")) == 1
+    assert exit_code_of(bench.session, lambda: tcl.typed("set x")) == 1
     assert "variables and procedures are lost" in str(bench.session.output.stderr.getvalue())
     with pytest.raises(UsageError, match="no such variable"):
         tcl.typed("set x")

@@ -14,7 +14,7 @@ from tests.house.laws.source_tree import SourceTree, dotted
 MAY_EXIT = (
     "__main__.py", "bus/drivers.py", "cli/boundary.py", "cli/dvt/tcl_child.py", "cli/dvt/tcl_child.py",
     "files/bounded_child.py", "files/dbc_child.py", "files/recordings/mdf.py",
-    "cli/main.py", "cli/screen/full_screen.py",
+    "cli/signals.py", "cli/screen/full_screen.py",
 )  # fmt: skip
 #: where a Ctrl-C that had to wait, or came by another way than a signal, goes on
 MAY_INTERRUPT = (

@@ -47,7 +47,7 @@ DOORS: dict[str, tuple[str, ...]] = {
         "cli/screen/full_screen.py",
         "cli/prompt/line.py",
         "cli/prompt/loop.py",
-        "cli/main.py",
+        "cli/signals.py",
         "operations/api/calls.py",
     ),
     "urllib": ("cli/view/reports/sarif_lines.py",),  # its `parse`

@@ -28,7 +28,7 @@ MAY_PRINT = {
     "files/bounded_child.py": "a pipe to its parent",
     "files/dbc_child.py": "a pipe to its parent",
     "files/recordings/mdf.py": "the same",
-    "cli/main.py": "a pipe to itself",
+    "cli/signals.py": "what a signal is answered with, without waiting",
 }
 _SAYING = frozenset(
     {

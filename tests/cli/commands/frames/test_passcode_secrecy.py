@@ -12,7 +12,7 @@ from pathlib import Path
 import can
 import pytest
 
-from dvtcli.cli.run_line import boundary
+from dvtcli.cli.boundary import exit_code_of
 from dvtcli.domain.datatypes import U16
 from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
 from dvtcli.domain.ports import Frame
@@ -129,7 +129,7 @@ def test_a_passcode_that_is_sent_by_hand_is_nowhere(way: str) -> None:
         shown.append(bench.run(f"send {' '.join(f'601#{data}' for data in HAND_WRITTEN[way])} --yes --json"))
         shown += [bench.run("trace last --count 200"), bench.run("trace last --count 200 --json")]
         assert bench.run("read 5FFF --force").code == 1
-        ran = bench._ran(lambda: boundary(bench.session, _fails))
+        ran = bench._ran(lambda: exit_code_of(bench.session, _fails))
         crashed = Path(ran.stderr.partition("report it with ")[2].split()[0]).read_text("utf-8")
     kept = (user_folder("state") / "last-exchange.txt").read_text()
     shown.append(Bench().run("trace last --count 200 --json"))

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from dvtcli.bus.receiver import REMEMBERED
-from dvtcli.cli.run_line import boundary
+from dvtcli.cli.boundary import exit_code_of
 from dvtcli.files.user_folders import user_folder
 from dvtcli.operations.frames.last_exchange import keep_exchange
 from tests.cli.commands.bench import Bench
@@ -167,7 +167,7 @@ def test_a_bugs_file_has_the_last_exchange() -> None:
         def fails() -> None:
             raise ZeroDivisionError("a bug")
 
-        ran = bench._ran(lambda: boundary(bench.session, fails))
+        ran = bench._ran(lambda: exit_code_of(bench.session, fails))
         assert ran.code == 70
         path = ran.stderr.partition("report it with ")[2].split()[0]
         assert "-> 601#4017100000000000" in Path(path).read_text("utf-8")

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.cli.main import catch_signals
+from dvtcli.cli.signals import catch_signals
 from dvtcli.domain.ports import Frame
 from tests.bus.devices import device
 from tests.cli.commands.bench import Bench

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dvtcli.cli.run_line import boundary
+from dvtcli.cli.boundary import exit_code_of
 from dvtcli.cli.scripts.script import run_script
 from tests.cli.commands.bench import Bench, Ran
 from tests.harness.sample import heavy
@@ -21,7 +21,7 @@ def atomic(bench: Bench, *lines: str) -> Ran:
     data = "\n".join(lines).encode()
     session = bench.session
     return bench._ran(
-        lambda: boundary(session, lambda: run_script(session, data, "test.dvt", keep_going=False, atomic=True))
+        lambda: exit_code_of(session, lambda: run_script(session, data, "test.dvt", keep_going=False, atomic=True))
     )
 
 
