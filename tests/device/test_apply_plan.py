@@ -89,11 +89,9 @@ class Bench:
         before = self.device.upload(*HEARTBEAT)
         return Plan(NODE, (ValueChange(Step(*HEARTBEAT, before, number.to_bytes(2, "little"), "heartbeat")),))
 
-    def found(
-        self, state: NmtState | None = OPERATIONAL, boot_ups: int = 0, disturbance_count: int = 0
-    ) -> InitialState:
-        """How it was found; with -1 *boot_ups* it restarted since then, and the change is a way back all the same."""
-        return InitialState(state, boot_ups, disturbance_count, ignores_restarts=boot_ups < 0)
+    def found(self, state: NmtState | None = OPERATIONAL, *, restarted: bool = False) -> InitialState:
+        """How it was found; *restarted*: it restarted since then, and the change is a roll-back that goes on."""
+        return InitialState(state, -1 if restarted else 0, 0, ignores_restarts=restarted)
 
     def fault(self, what: str, at: int = 1) -> None:
         self.channel.what, self.channel.at = what, at
@@ -111,7 +109,7 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
     made.guard.lock.release()
 
 
-def test_the_journal_is_there_from_the_first_write_to_the_last_look(bench: Bench) -> None:
+def test_journal_exists_from_the_first_write_to_the_final_verify(bench: Bench) -> None:
     done: list[bool] = []
     apply_plan(bench.node, bench.plan(), done=lambda _plan, _boot_ups: done.append(bench.journal.exists()))
     assert bench.channel.journals == [True]
@@ -121,14 +119,14 @@ def test_the_journal_is_there_from_the_first_write_to_the_last_look(bench: Bench
     assert bench.bus.commands == []
 
 
-def test_who_asks_for_it_keeps_the_journal(bench: Bench) -> None:
+def test_journal_is_kept_if_asked(bench: Bench) -> None:
     apply_plan(bench.node, bench.plan(), keep_journal=True)
     assert bench.journal.exists()
     with pytest.raises(SafetyRefusal, match="not finished yet"):
         bench.node.begin_change()
 
 
-def test_a_refusal_leaves_no_journal_and_no_suspicion(bench: Bench) -> None:
+def test_refused_write_leaves_no_journal_and_no_suspicion(bench: Bench) -> None:
     bench.fault("refuses")
     error = bench.failed()
     assert (type(error), error.state, error.details[1:]) == (DeviceRefused, "rolled_back", [])
@@ -136,7 +134,7 @@ def test_a_refusal_leaves_no_journal_and_no_suspicion(bench: Bench) -> None:
     assert bench.node.pending.suspicions == {}
 
 
-def test_what_could_not_be_put_back_is_left_to_recover_and_never_stored(bench: Bench) -> None:
+def test_failed_roll_back_leaves_the_journal_and_forbids_a_store(bench: Bench) -> None:
     bench.fault("silent", 2)
     step = Step(0x1006, 0, bench.device.upload(0x1006, 0), bytes.fromhex("204E0000"), "SYNC every 20 ms")
     bench.node.pdos()
@@ -150,7 +148,7 @@ def test_what_could_not_be_put_back_is_left_to_recover_and_never_stored(bench: B
     assert bench.node.last_seen == {}, "it is not known what it holds, so nothing is shown of it"
 
 
-def test_a_node_that_restarted_is_started_again_where_it_was_found_operational(bench: Bench) -> None:
+def test_node_that_was_operational_is_started_after_its_restart(bench: Bench) -> None:
     bench.fault("restarts")
     error = bench.failed()
     assert (error.state, error.details) == ("rolled_back", [])
@@ -158,13 +156,17 @@ def test_a_node_that_restarted_is_started_again_where_it_was_found_operational(b
     assert not bench.journal.exists()
 
 
-@pytest.mark.parametrize("state", [None, PRE_OPERATIONAL])
-def test_one_that_was_found_otherwise_is_left_as_it_is(bench: Bench, state: NmtState | None) -> None:
+@pytest.mark.parametrize(
+    ("state", "details"),
+    [(None, [("nmt", "node 1 restarted; its NMT state before is unknown: check it")]), (PRE_OPERATIONAL, [])],
+)
+def test_node_that_was_not_operational_is_not_started_after_its_restart(
+    bench: Bench, state: NmtState | None, details: list[tuple[str, str]]
+) -> None:
     bench.fault("restarts")
     error = bench.failed(bench.found(state))
     assert bench.bus.commands == []
-    unknown = [("nmt", "node 1 restarted; its NMT state before is unknown: check it")]
-    assert error.details == ([] if state else unknown)
+    assert error.details == details
 
 
 @pytest.mark.parametrize(
@@ -175,9 +177,7 @@ def test_one_that_was_found_otherwise_is_left_as_it_is(bench: Bench, state: NmtS
         (KeyboardInterrupt(), "stopped once more: check the NMT state of node 1"),
     ],
 )
-def test_what_cannot_be_put_right_of_its_state_is_told_beside_the_refusal(
-    bench: Bench, raised: BaseException, said: str
-) -> None:
+def test_failed_start_is_a_detail_of_the_refusal(bench: Bench, raised: BaseException, said: str) -> None:
     bench.fault("restarts")
     bench.bus.when_started = raised
     error = bench.failed()
@@ -186,19 +186,17 @@ def test_what_cannot_be_put_right_of_its_state_is_told_beside_the_refusal(
 
 
 @pytest.mark.parametrize("keep_journal", [False, True])
-def test_a_change_that_was_read_back_and_whose_node_then_cannot_be_started_is_unknown(
-    bench: Bench, keep_journal: bool
-) -> None:
+def test_failed_start_after_a_verified_change_leaves_the_state_unknown(bench: Bench, keep_journal: bool) -> None:
     bench.bus.when_started = NoAnswer("deaf")
-    error = bench.failed(bench.found(boot_ups=-1), keep_journal=keep_journal)
+    error = bench.failed(bench.found(restarted=True), keep_journal=keep_journal)
     assert (str(error), error.state) == ("deaf", "unknown")
     assert error.state_text == "unknown: 1017:00 was written and verified before that; check the node"
     assert bench.journal.exists() is keep_journal
 
 
-def test_one_that_is_torn_before_its_end_is_left_to_recover(bench: Bench) -> None:
+def test_ctrl_c_after_the_writes_leaves_the_journal(bench: Bench) -> None:
     bench.bus.when_started = KeyboardInterrupt()
-    error = bench.failed(bench.found(boot_ups=-1))
+    error = bench.failed(bench.found(restarted=True))
     assert error.text == "stopped before 1017:00 of node 1 was complete"
     assert (error.why, error.place, error.exit_code) == (None, str(bench.journal), 7)
     assert bench.journal.exists()
@@ -213,7 +211,7 @@ def test_one_that_is_torn_before_its_end_is_left_to_recover(bench: Bench) -> Non
         (OPERATIONAL, 1, []),
     ],
 )
-def test_a_restart_without_a_boot_up_is_told_by_a_lost_answer_and_another_state(
+def test_restart_without_boot_up_is_found_by_a_lost_answer_and_another_state(
     bench: Bench, state: NmtState, repeated: int, commands: list[NmtCommand]
 ) -> None:
     if state is PRE_OPERATIONAL:
@@ -223,17 +221,17 @@ def test_a_restart_without_a_boot_up_is_told_by_a_lost_answer_and_another_state(
     assert bench.bus.commands == commands
 
 
-def test_inside_an_open_gate_the_state_is_left_to_the_gate(tmp_path: Path) -> None:
+def test_nmt_state_is_left_to_an_open_gate(tmp_path: Path) -> None:
     bench = Bench(tmp_path, "gen4")
     bench.node.configure({TPDO1: PdoRequest(event_timer=50)})
     assert bench.bus.commands == [NmtCommand.ENTER_PRE_OPERATIONAL]
     bench.bus.heard_boot_ups += 1
-    apply_plan(bench.node, bench.plan(), initial_state=bench.found(boot_ups=-1))
+    apply_plan(bench.node, bench.plan(), initial_state=bench.found(restarted=True))
     assert bench.device.state is PRE_OPERATIONAL
     bench.guard.lock.release()
 
 
-def test_a_journal_that_stays_is_an_error_or_beside_one(bench: Bench) -> None:
+def test_journal_that_cannot_be_removed_is_an_error_or_a_detail_of_one(bench: Bench) -> None:
     def into_a_folder(_plan: Plan, _boot_ups: int) -> None:
         bench.journal.unlink()
         (bench.journal / "in the way").mkdir(parents=True)
@@ -244,28 +242,28 @@ def test_a_journal_that_stays_is_an_error_or_beside_one(bench: Bench) -> None:
     bench.journal.rmdir()
     bench.bus.when_started = NoAnswer("deaf")
     with pytest.raises(NoAnswer) as caught:
-        apply_plan(bench.node, bench.plan(7), initial_state=bench.found(boot_ups=-1), done=into_a_folder)
+        apply_plan(bench.node, bench.plan(7), initial_state=bench.found(restarted=True), done=into_a_folder)
     ((label, text),) = caught.value.details
     assert label == "journal"
     assert text.startswith("the journal of node 1 cannot be removed: ")
     assert f"delete {bench.journal}" in text
 
 
-def test_what_a_backup_read_beside_a_change_is_expected_to_stay(bench: Bench) -> None:
+def test_pdos_read_for_a_backup_are_expected_to_stay(bench: Bench) -> None:
     held = bench.node.pdos()
     bench.node.configure({TPDO1: PdoRequest(event_timer=50)})
     assert {**bench.node.expected.pdos, TPDO1: held[TPDO1]} == held
     assert bench.node.expected.pdos[TPDO1].communication.event_timer == 50
 
 
-def test_beside_a_change_whose_program_goes_on_the_others_are_read_for_a_store() -> None:
+def test_other_pdos_are_read_for_a_store_if_the_program_continues() -> None:
     node = Node(DirectBus.of(booted()), NODE, dictionary("generic"))
     held = node.pdos()
     node.configure({TPDO1: PdoRequest(event_timer=50)})
     assert (node.expected.pdos.keys(), node.expected.is_complete) == (held.keys(), True)
 
 
-def test_beside_a_moved_pdo_the_others_are_expected_to_stay(bench: Bench) -> None:
+def test_other_pdos_are_expected_to_stay_if_a_cob_id_changes(bench: Bench) -> None:
     bench.node.configure({TPDO1: PdoRequest(cob_id=0x1A1)})
     held = bench.node.pdos()
     assert bench.node.expected.pdos.keys() == held.keys()
@@ -273,14 +271,14 @@ def test_beside_a_moved_pdo_the_others_are_expected_to_stay(bench: Bench) -> Non
     assert bench.node.expected.pdos[TPDO2] == held[TPDO2]
 
 
-def test_what_was_read_before_a_change_counts_no_longer(bench: Bench) -> None:
+def test_values_read_before_a_change_are_forgotten(bench: Bench) -> None:
     bench.node.pdos()
     assert bench.node.last_read
     apply_plan(bench.node, bench.plan())
     assert not bench.node.last_read
 
 
-def test_a_refusal_that_was_foreseen_is_told_with_the_rule_s_reason(bench: Bench) -> None:
+def test_refusal_that_a_rule_foresaw_has_its_reason(bench: Bench) -> None:
     bench.fault("refuses")
     foreseen = (warning("rule", "0x1018:01", "another object"), warning("rule", "0x1017:00", "the manual says so"))
     with pytest.raises(DeviceRefused) as caught:
@@ -288,7 +286,7 @@ def test_a_refusal_that_was_foreseen_is_told_with_the_rule_s_reason(bench: Bench
     assert caught.value.why == "the manual says so"
 
 
-def test_after_what_a_family_never_stores_is_a_suspicion(tmp_path: Path) -> None:
+def test_abort_code_after_which_the_family_never_stores_is_a_suspicion(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
     family = bench.node.profile
     bench.node.profile = replace(family, store=replace(family.store, never_after=(0x0800_0021,)))
@@ -298,7 +296,7 @@ def test_after_what_a_family_never_stores_is_a_suspicion(tmp_path: Path) -> None
     bench.guard.lock.release()
 
 
-def test_each_step_that_was_taken_is_told_with_its_number(bench: Bench) -> None:
+def test_progress_has_the_number_of_each_step(bench: Bench) -> None:
     told: list[Progress] = []
     bench.node.on_step = told.append
     step = Step(0x1006, 0, bench.device.upload(0x1006, 0), bytes.fromhex("204E0000"), "SYNC every 20 ms")
@@ -308,7 +306,7 @@ def test_each_step_that_was_taken_is_told_with_its_number(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize(("sub_index", "hint"), [(0, "of the count"), (1, "of an entry"), (0x1F, "of an entry")])
-def test_a_refusal_is_told_with_what_the_family_knows_of_it(bench: Bench, sub_index: int, hint: str) -> None:
+def test_refusal_has_the_hint_of_the_family(bench: Bench, sub_index: int, hint: str) -> None:
     texts = {StepKind.COUNT: {0x0800_0021: "of the count"}, StepKind.ENTRY: {0x0800_0021: "of an entry"}}
     bench.node.profile = replace(bench.node.profile, hints=texts)
     bench.fault("refuses")
@@ -317,7 +315,7 @@ def test_a_refusal_is_told_with_what_the_family_knows_of_it(bench: Bench, sub_in
     assert typed(caught.value.hint) == hint
 
 
-def test_a_failure_that_names_no_object_stays_as_it_is(tmp_path: Path) -> None:
+def test_failure_without_an_object_is_raised_unchanged(tmp_path: Path) -> None:
     bench = Bench(tmp_path, "gen4")
 
     def nobody(_question: str) -> None:
@@ -330,19 +328,25 @@ def test_a_failure_that_names_no_object_stays_as_it_is(tmp_path: Path) -> None:
     bench.guard.lock.release()
 
 
-@pytest.mark.parametrize("held", [True, False])
-def test_what_needed_no_write_is_looked_at_again_where_the_node_restarted_meanwhile(bench: Bench, held: bool) -> None:
+def restarted_before_apply(bench: Bench) -> tuple[Plan, InitialState]:
+    """A plan without a write for a node that restarts before it is applied."""
     config = bench.node.pdo(TPDO1)
-    plan = Plan(NODE, (plan_pdo(TPDO1, config, config),))
     found = bench.node.begin_change()
     bench.device.nmt(NmtCommand.RESET_NODE)
     bench.bus.heard_boot_ups += 1
-    if not held:
-        bench.device.download(0x1800, 5, b"\x09\x00")
-    if held:
-        assert len(bench.node.apply(plan, initial_state=found).plan) == 0
-    else:
-        with pytest.raises(Restarted, match="TPDO1 differs from the request") as caught:
-            bench.node.apply(plan, initial_state=found)
-        assert (caught.value.state, caught.value.why) == ("unchanged", "0x1800:05 is 0x0009, expected 0x0000")
+    return Plan(NODE, (plan_pdo(TPDO1, config, config),)), found
+
+
+def test_plan_without_a_write_is_verified_after_a_restart(bench: Bench) -> None:
+    plan, found = restarted_before_apply(bench)
+    assert len(bench.node.apply(plan, initial_state=found).plan) == 0
+    assert bench.device.state is OPERATIONAL
+
+
+def test_plan_without_a_write_fails_if_a_restart_changed_a_value(bench: Bench) -> None:
+    plan, found = restarted_before_apply(bench)
+    bench.device.download(0x1800, 5, b"\x09\x00")
+    with pytest.raises(Restarted, match="TPDO1 differs from the request") as caught:
+        bench.node.apply(plan, initial_state=found)
+    assert (caught.value.state, caught.value.why) == ("unchanged", "0x1800:05 is 0x0009, expected 0x0000")
     assert bench.device.state is OPERATIONAL

@@ -104,6 +104,12 @@ class Ran:
     stdout: str
     stderr: str
 
+    def failed(self, code: int, text: str) -> None:
+        """Assert that the line ended with *code*, and said *text* on stderr."""
+        assert code, "a line that fails has another exit code"
+        assert self.code == code, self.stderr
+        assert text in self.stderr, self.stderr
+
     @property
     def document(self) -> dict[str, Any]:
         """The one answer on stdout, or the one error; an answer with an exit code is followed by its error."""

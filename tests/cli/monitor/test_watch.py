@@ -88,7 +88,7 @@ def test_without_a_terminal_objects_are_lines() -> None:
         assert documents[-1]["schema"] == "dvtcli.watched-values/1"
         assert [one["object"] for one in documents[0]["values"]] == ["6041:00", "606C:00"]
         refused = bench.run("watch 6041 tpdo1")
-        assert (refused.code, "needs a terminal" in refused.stderr) == (2, True)
+        refused.failed(2, "needs a terminal")
         assert bench.run("watch nonsense").code == 2
         assert bench.run("watch 130:tpdo1").code == 2
         assert bench.run("watch").code == 2

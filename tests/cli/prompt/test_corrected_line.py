@@ -186,7 +186,7 @@ def test_a_line_of_a_shell_about_something_else_says_what_this_session_runs_on(w
 def test_a_line_without_a_command_is_refused(line: str) -> None:
     with Bench() as bench:
         ran = bench.script(line)
-        assert (ran.code, "enter a command" in ran.stderr) == (2, True)
+        ran.failed(2, "enter a command")
 
 
 @pytest.mark.parametrize(

@@ -42,7 +42,7 @@ def test_without_a_terminal_and_without_yes_it_is_exit_6(state: NmtState) -> Non
             bench.run("nmt start")
         wire.frames()
         ran = bench.run("learn")
-        assert (ran.code, "--yes" in ran.stderr) == (6, True), ran
+        ran.failed(6, "--yes")
         assert not sent(wire.frames())
         assert node.state is state
 
@@ -101,7 +101,7 @@ def test_a_dry_run_is_tried_on_the_family_that_was_learnt() -> None:
     wire = VirtualWire(node)
     with wire.bench(eds | {"profile": "pump"}) as bench:
         ran = bench.run(tried)
-        assert (ran.code, "0x06090030" in ran.stderr) == (1, True), ran
+        ran.failed(1, "0x06090030")
 
 
 @pytest.mark.parametrize("name", [".", "..", "x/y", "/" + 300 * "a", "pump.toml", "Tmcm", "./mine"])
@@ -220,7 +220,7 @@ class TestSaving:
             (Path.home() / ".config/dvtcli/profiles/pump.toml").unlink()
             assert bench.run("learn --yes --compare ./pump").code == 0
             ran = bench.run("learn --yes --compare ./pimp")
-        assert (ran.code, "./pimp is no folder with a profile.toml" in ran.stderr) == (2, True), ran
+        ran.failed(2, "./pimp is no folder with a profile.toml")
 
     def test_what_is_written_says_who_uses_it_from_now_on(self) -> None:
         with own("tmcm") as bench:

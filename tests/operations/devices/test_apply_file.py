@@ -72,7 +72,7 @@ def test_another_product_is_refused_and_another_revision_asked_about(tmp_path: P
     file.write_text(re.sub(r"(?m)^ProductNumber=.*", "ProductNumber=0", text), "utf-8")
     with Bench(("generic@5",)) as bench:
         ran = bench.run(f"clone {file} --yes")
-        assert (ran.code, "does not name its product" in ran.stderr) == (6, True)
+        ran.failed(6, "does not name its product")
         assert "does not name its product" in bench.run(f"apply {file}").stderr
 
 
@@ -83,7 +83,7 @@ def test_a_file_without_a_value_says_nothing_of_a_device(tmp_path: Path) -> None
     with Bench(("generic@5",)) as bench:
         for line in (f"diff {file}", f"plan {file}", f"apply {file} --yes", f"clone {file} --yes"):
             ran = bench.run(line)
-            assert (ran.code, "has no values for a device" in ran.stderr) == (2, True), ran
+            ran.failed(2, "has no values for a device")
         (tmp_path / "node.eds").write_text(text, "utf-8")
         said = " ".join(bench.run(f"diff {tmp_path / 'node.eds'}").stderr.split())
         assert "loads the device's own defaults" in said
@@ -108,7 +108,7 @@ def test_a_drive_whose_power_stage_is_on_is_not_configured(tmp_path: Path) -> No
             assert said == [("power-stage-on", "warning", "0x6041:00")]
         for one in (file, tmp_path / "plan.json"):
             ran = bench.run(f"apply {one} --yes")
-            assert (ran.code, "the power stage of node 5 is on: operation enabled" in ran.stderr) == (6, True)
+            ran.failed(6, "the power stage of node 5 is on: operation enabled")
         assert node.sdo.upload(0x1017, 0) == (500).to_bytes(2, "little")
         assert bench.run("write 6040 6").code == 0
         assert "power stage" not in bench.run(f"plan {file}").stderr
@@ -126,7 +126,7 @@ def test_a_simulated_drive_that_is_on_by_its_file_is_not_configured_either(tmp_p
     with Bench((f"{eds}@5",)) as bench:
         for line in ("apply", "clone"):
             ran = bench.run(f"{line} {file} --yes")
-            assert (ran.code, "the power stage of node 5 is on: operation enabled" in ran.stderr) == (6, True)
+            ran.failed(6, "the power stage of node 5 is on: operation enabled")
         assert bench.run("read 1017 --json").document["value"] == 500
 
 
@@ -225,7 +225,7 @@ def test_clone_takes_the_makers_objects_that_no_pdo_can_map(tmp_path: Path) -> N
         assert bench.run(f"export {file}").code == 0
     with Bench(("generic@7",)) as bench:
         asked = bench.run(f"clone {file}")
-        assert (asked.code, f"clone {file}: 1 write to node 7?" in asked.stderr) == (6, True)
+        asked.failed(6, f"clone {file}: 1 write to node 7?")
         assert f"0x{place}" in asked.stdout
         assert bench.run(f"apply {file} --yes --json").document["writes"] == 0
         assert bench.run(f"clone {file} --dry-run").code == 0
@@ -292,7 +292,7 @@ def test_an_include_that_names_nothing_of_the_file_is_told(tmp_path: Path) -> No
         for word in ("30FF", "3001:9", "3001:0A"):
             for line in ("clone", "apply", "plan", "diff"):
                 ran = bench.run(f"{line} {file} --include 3001 --include {word}")
-                assert (ran.code, f"--include {word}: matches no value of {file}" in ran.stderr) == (2, True), ran
+                ran.failed(2, f"--include {word}: matches no value of {file}")
         assert bench.session.node().sdo.upload(0x3001, 1) == bytes(2)
         for word, said in (
             ("6040", "it is not written nevertheless: it is a command or a target"),

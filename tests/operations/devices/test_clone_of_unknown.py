@@ -29,7 +29,7 @@ def test_a_yes_is_not_enough(kept: Path, yes: str) -> None:
     with Bench(("bare.eds@4",)) as bench:
         ran = bench.run(f"clone {kept}{yes}")
         assert bench.session.node(4).sdo.upload(*HEARTBEAT) == b"\0\0"
-    assert (ran.code, "does not name its product: write it to node 4" in ran.stderr) == (6, True), ran
+    ran.failed(6, "does not name its product: write it to node 4")
     assert "--force writes it to this node" in " ".join(ran.stderr.split())
 
 

@@ -328,5 +328,5 @@ def test_a_backup_of_nothing_and_a_comparison_of_nothing_are_no_success(tmp_path
     with Bench((), {"node": (5,), "eds": str(tmp_path / "alien.eds"), "force": True}, bus) as bench:
         for name in ("b.jsonl", "b.dcf", "b.xdc"):
             ran = bench.run(f"backup {tmp_path / name}")
-            assert (ran.code, "no object of node 5 could be read" in ran.stderr) == (2, True), ran.stderr
+            ran.failed(2, "no object of node 5 could be read")
             assert not (tmp_path / name).exists()

@@ -63,4 +63,4 @@ def test_so_it_is_of_each_file_about_a_device(suffix: str) -> None:
         if suffix == "json":
             assert bench.run("plan wanted.dcf -o wanted.json --force").code == 0
         ran = bench.run(f"apply wanted.{suffix}")
-        assert (ran.code, "take another CAN-ID at 0x1800:01 in the file" in ran.stderr) == (1, True), ran
+        ran.failed(1, "take another CAN-ID at 0x1800:01 in the file")

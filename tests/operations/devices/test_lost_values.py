@@ -151,7 +151,7 @@ def test_a_network_is_not_imported_by_it_and_an_eds_may_have_it(tmp_path: Path) 
     with Bench((), {"yes": True}) as bench:
         for what in (tmp_path, nodes):
             ran = bench.run(f"import {tmp_path / 'line.yaml'} {what}")
-            assert (ran.code, "ParameterValue=abc is no UNSIGNED32" in ran.stderr) == (4, True), ran.stderr
+            ran.failed(4, "ParameterValue=abc is no UNSIGNED32")
     assert not (tmp_path / "line.yaml").exists()
     with Bench((f"{file}@5",), {"eds": str(file)}) as bench:
         assert bench.run("read 2001 --json").document["value"] == 7
@@ -172,4 +172,4 @@ def test_a_file_with_two_node_ids_is_refused(second: str, tmp_path: Path) -> Non
         for command in COMMANDS:
             ran = bench.run(f"{command} {file}")
             said = f"NodeID is 5 in line {line}, 9 in line "
-            assert (ran.code, said in ran.stderr) == (4, True), ran.stderr
+            ran.failed(4, said)

@@ -31,7 +31,7 @@ def test_without_a_selected_node_all_take_the_one_of_the_file(
             ran = bench.run(f"{line} {file}")
             assert (ran.code, ran.stderr) == (3, SAID.format(file)), line
         cloned = bench.run(f"clone {file} --yes")
-        assert (cloned.code, "no node is selected\n  hint    this writes to" in cloned.stderr) == (2, True)
+        cloned.failed(2, "no node is selected\n  hint    this writes to")
         assert f"{file} was made of node 5" in cloned.stderr
         for line in ("backup node.jsonl", "pdo"):
             assert (bench.run(line).code, bench.run(line).stderr[:27]) == (2, "error: no node is selected\n"), line

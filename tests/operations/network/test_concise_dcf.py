@@ -113,7 +113,7 @@ def test_what_cannot_be_made_or_shown(line: str, code: int, said: str, file: str
     Path("bad.cdcf").write_bytes(bytes([2, 0, 0, 0, 1]))
     with Bench() as bench:
         ran = bench.run(line)
-    assert (ran.code, said in ran.stderr) == (code, True), ran
+    ran.failed(code, said)
     assert file
     assert not Path("a.cdcf").exists()
 
@@ -143,7 +143,7 @@ def test_a_manager_gets_it_with_consent_only(file: str) -> None:
         )
     with Bench((manager(),), {"yes": True}) as bench:
         cut = bench.run("write 1F22:5 @cut.cdcf")
-        assert (cut.code, "ends in entry 26 of 26" in cut.stderr) == (4, True), cut
+        cut.failed(4, "ends in entry 26 of 26")
         assert bench.session.node().sdo.upload(0x1F22, 5) != data
         assert bench.run("write 1F22:5 @node5.cdcf").code == 0
         assert bench.session.node().sdo.upload(0x1F22, 5) == data
@@ -163,7 +163,7 @@ def test_it_is_asked_about_on_every_road(file: str) -> None:
     for form in ("jsonl", "yaml"):
         with Bench((manager(),), {"yes": True}) as bench:
             refused = bench.run(f"apply cut.{form}")
-            assert (refused.code, "not a concise DCF" in refused.stderr) == (4, True), refused
+            refused.failed(4, "not a concise DCF")
             assert bench.session.node().sdo.upload(0x1F22, 5) != cut
     asks = f"download {COUNT} values to node 5 whenever that boots"
     with Bench((manager(),)) as bench:

@@ -98,7 +98,7 @@ def test_another_value_for_the_same_object_is_an_error(value: str) -> None:
     Path("bus.yml").write_text(MASTER + NODE + twice)
     with Bench() as bench:
         checked = bench.run("check bus.yml")
-    assert (checked.code, "has a value already (line 9)" in checked.stderr) == (4, True), checked
+    checked.failed(4, "has a value already (line 9)")
 
 
 def test_without_dcf_the_eds_describes_the_node() -> None:

@@ -121,7 +121,7 @@ def test_a_fault_takes_it_all_back() -> None:
     with Bench((manager(),), {"yes": True, "fault": ("refuse@4=0x06090030",)}) as bench:
         before = [held(bench, index, node) for index in (0x1F22, *EXPECTED) for node in (4, 5)]
         ran = bench.run("apply net.yaml --to-manager 10")
-        assert (ran.code, "rolled back" in ran.stderr) == (1, True), ran
+        ran.failed(1, "rolled back")
         assert [held(bench, index, node) for index in (0x1F22, *EXPECTED) for node in (4, 5)] == before
 
 
@@ -137,7 +137,7 @@ def test_it_asks_and_a_dry_run_writes_nothing() -> None:
     with Bench((manager(),)) as bench:
         before = held(bench, 0x1F22, 4)
         asked = bench.run("apply net.yaml --to-manager 10")
-        assert (asked.code, "download other values to nodes 4, 5 whenever they boot" in asked.stderr) == (6, True)
+        asked.failed(6, "download other values to nodes 4, 5 whenever they boot")
         assert held(bench, 0x1F22, 4) == before
         dry = bench.run("apply net.yaml --to-manager 10 --dry-run --yes")
         assert (dry.code, held(bench, 0x1F22, 4)) == (0, before), dry
@@ -168,7 +168,7 @@ def test_who_is_silent_or_another_is_not_left_out() -> None:
         with Bench((manager(), *sim), {"yes": True}) as bench:
             for line in ("plan", "diff", "apply"):
                 ran = bench.run(f"{line} net.yaml --to-manager 10")
-                assert (ran.code, said in ran.stderr) == (code, True), ran
+                ran.failed(code, said)
             assert held(bench, 0x1F22, 4) == b""
 
 
@@ -189,7 +189,7 @@ def test_what_cannot_be(words: str, code: int, said: str) -> None:
         assert bench.run("plan alone.yaml -n 11 -o plan.json").code in (0, 2)
         Path("plan.json").write_text('{"schema": "dvtcli.plan/1", "file": "a", "nodes": []}', "utf-8")
         ran = bench.run(words)
-        assert (ran.code, said in ran.stderr) == (code, True), ran
+        ran.failed(code, said)
 
 
 def test_a_program_does_the_same() -> None:
@@ -210,7 +210,7 @@ def test_a_node_that_only_its_device_tells_is_known_as_plan_knows_it() -> None:
         assert bench.run("apply net.yaml --to-manager 10").code == 5
     with Bench((), {"yes": True}, beside([unknown(4), on_bus(manager())])) as bench:
         ran = bench.run("apply net.yaml --to-manager 10")
-        assert (ran.code, "is left out: it has no EDS" in ran.stderr) == (2, True)
+        ran.failed(2, "is left out: it has no EDS")
 
 
 @heavy

@@ -59,7 +59,7 @@ def test_diff_ends_well_if_only_write_only_values_are_left() -> None:
         assert differing.code == 3, differing
         Path("drift.dvt").write_text("diff net.yaml\n")
         script = bench.run("run drift.dvt")
-        assert (script.code, "error: 2051:00 of node 5 differs" in script.stderr) == (3, True), script
+        script.failed(3, "error: 2051:00 of node 5 differs")
         assert bench.run("apply net.yaml").code == 0
         equal = bench.run("diff net.yaml")
         assert (equal.code, "1 write-only value not compared" in equal.stdout) == (0, True), equal
@@ -139,7 +139,7 @@ def test_what_is_no_dcf_of_a_node_is_refused(line: str, said: str) -> None:
     Path("bare.dcf").write_text(Path("device.dcf").read_text().replace("NodeID=5\n", ""))
     with Bench() as bench:
         ran = bench.run(line)
-    assert (ran.code, said in ran.stderr) == (2, True), ran
+    ran.failed(2, said)
     assert not Path("x.cdcf").exists()
 
 

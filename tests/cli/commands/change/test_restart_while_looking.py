@@ -145,7 +145,7 @@ def test_what_fails_behind_the_last_line_is_in_the_report(form: str, tmp_path: P
     script.write_text("set tpdo2 --timer 9\nset tpdo3 --timer 30\n")
     with bench(device("generic"), "alters@2=1801:01:0xC0000299") as one:
         ran = one.run(f"run {script} --atomic --format {form}")
-    assert (ran.code, "no longer has the values" in ran.stderr) == (1, True)
+    ran.failed(1, "no longer has the values")
     if form == "github":
         assert f"::error file={script},line=1,title=run::" in ran.stdout
         assert ran.stdout.splitlines()[-1] == "3 lines, 1 failed, 0 not reached"

@@ -114,7 +114,7 @@ def test_changes_that_are_undone_were_changes(again: str) -> None:
         for line in ("set tpdo1 --timer 100", "store", "undo"):
             assert bench.run(line).code == 0
         undone = bench.run(again)
-        assert (undone.code, "nothing to undo: every change of this session is undone" in undone.stderr) == (2, True)
+        undone.failed(2, "nothing to undo: every change of this session is undone")
 
 
 def test_a_node_of_this_process_has_no_backup_which_does_not_say_that_nothing_was_changed() -> None:

@@ -180,7 +180,7 @@ def test_no_file_and_no_text_are_said(bench: Bench, tmp_path: Path) -> None:
     assert bench.run(f"check {tmp_path / 'none.yaml'}").code == 2
     (tmp_path / "x.yaml").write_bytes(b"\xff")
     ran = bench.run(f"check {tmp_path / 'x.yaml'}")
-    assert (ran.code, "not UTF-8" in ran.stderr) == (4, True)
+    ran.failed(4, "not UTF-8")
 
 
 def test_what_a_file_holds_is_said_with_its_notes(bench: Bench, tmp_path: Path) -> None:

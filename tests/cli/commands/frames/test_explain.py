@@ -100,7 +100,7 @@ def test_eds_takes_a_family_and_says_what_is_no_file(line: str, tmp_path: Path) 
     log = tmp_path / "run.log"
     log.write_text("(1.0) can0 189#3700\n", "ascii")
     missing = Bench((), {"eds": "nothere.eds"}).run(line.format(log=log))
-    assert (missing.code, "nothere.eds: No such file" in missing.stderr) == (2, True)
+    missing.failed(2, "nothere.eds: No such file")
     family = Bench((), {"eds": "generic"}).run(line.format(log=log))
     assert (family.code, "a bug" in family.stderr) == (2 if line.startswith("plot") else 0, False)
 

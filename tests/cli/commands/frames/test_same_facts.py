@@ -187,7 +187,7 @@ def test_only_thins_out_every_way(only: str, kept: list[str], tmp_path: Path) ->
 
 def test_a_kind_that_there_is_not_is_a_usage_error() -> None:
     ran = Bench(()).run("decode run.log --only pdos")
-    assert (ran.code, "'pdos' is not a kind of frames; the kinds are pdo, mpdo" in ran.stderr) == (2, True)
+    ran.failed(2, "'pdos' is not a kind of frames; the kinds are pdo, mpdo")
 
 
 def test_log_thins_out_values_and_refuses_to_do_so_with_frames(tmp_path: Path) -> None:

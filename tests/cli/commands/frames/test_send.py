@@ -222,7 +222,7 @@ def test_a_network_file_says_who_takes_it(tmp_path: Path) -> None:
     )
     with Bench() as bench:
         ran = bench.run(f"send 6A0#0600 --dbc {network}")
-        assert (ran.code, "received by RPDO1 of node 5" in ran.stderr) == (6, True), ran.stderr
+        ran.failed(6, "received by RPDO1 of node 5")
         assert bench.run("send 6A0#0600").code == 0
 
 
@@ -310,7 +310,7 @@ def test_on_a_bus_of_others_it_listens_for_who_takes_it() -> None:
         bus = VirtualTimeBus(devices, simulated=False)
         with Bench((), {"eds": str(family_eds("gen4"))}, bus=bus) as bench:
             ran = bench.run("send 6A0#000000000000")
-            assert (ran.code, "RPDO2 of node 1" in ran.stderr) == (6, True), ran.stderr
+            ran.failed(6, "RPDO2 of node 1")
 
 
 @given(st.lists(st.floats(0, 10), min_size=1, max_size=50))

@@ -92,7 +92,7 @@ def test_a_passcode_is_not_shown() -> None:
 
 def test_without_an_exchange_it_says_where_it_works() -> None:
     ran = Bench().run("trace last")
-    assert (ran.code, "-vv" in ran.stderr) == (2, True)
+    ran.failed(2, "-vv")
 
 
 @heavy

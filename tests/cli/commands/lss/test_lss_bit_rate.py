@@ -121,7 +121,7 @@ def test_one_that_is_lost_is_said_and_a_power_on_brings_it_back() -> None:
     nodes = three()
     bus = bus_of(nodes, "5:loses-bit-rate")
     told = ran(bus, "lss bitrate 500k --store")
-    assert (told.code, f"not all nodes could be returned to {OLD}" in told.stderr) == (7, True)
+    told.failed(7, f"not all nodes could be returned to {OLD}")
     assert "node 5" in told.stderr
     assert "switch all nodes off and on" in told.stderr
     assert [rates(nodes)[0], rates(nodes)[2]] == [(OLD, OLD)] * 2
@@ -132,7 +132,7 @@ def test_one_that_is_lost_is_said_and_a_power_on_brings_it_back() -> None:
 def test_where_one_cannot_store_nobody_has_the_new_one_stored() -> None:
     nodes = three()
     told = ran(bus_of(nodes, "5:store-fails"), "lss bitrate 500k --store")
-    assert (told.code, "storage medium failed" in told.stderr) == (1, True)
+    told.failed(1, "storage medium failed")
     assert "node 3 stored that again; no node has stored 500000" in told.stderr
     assert "node    5, vendor" in told.stderr
     assert rates(nodes) == [(OLD, OLD)] * 3
@@ -164,7 +164,7 @@ def test_where_one_cannot_store_what_it_runs_at_it_is_said_who_has(faulty: int, 
     with bench(bus) as desk:
         assert desk.run("lss bitrate 500k").code == 0
         told = desk.run("lss bitrate 500k --store")
-    assert (told.code, f"node    {faulty}, vendor" in told.stderr) == (code, True), told.stderr
+    told.failed(code, f"node    {faulty}, vendor")
     assert ("node 3 stored 500000 bit/s" in told.stderr) == (code == 7)
     assert rates(nodes) == [(NEW, one) for one in stored]
 
@@ -180,7 +180,7 @@ def test_a_store_is_proved_by_a_reset_of_all() -> None:
 def test_who_only_says_that_it_stored_is_found_out_and_all_go_back() -> None:
     nodes = three()
     told = ran(bus_of(nodes, "5:stores-nothing"), "lss bitrate 500k --store --prove")
-    assert (told.code, "node 5 confirmed the store of 500000 bit/s" in told.stderr) == (1, True), told.stderr
+    told.failed(1, "node 5 confirmed the store of 500000 bit/s")
     assert "no node has stored 500000" in told.stderr
     assert rates(nodes) == [(OLD, OLD)] * 3
 
@@ -190,7 +190,7 @@ def test_where_nobody_knows_what_was_stored_before_it_is_left_and_said() -> None
     with bench(bus_of(nodes, "5:stores-nothing")) as desk:
         assert desk.run("lss bitrate 500k").code == 0
         told = desk.run("lss bitrate 500k --store --prove")
-    assert (told.code, "its stored bit rate before is unknown" in told.stderr) == (7, True), told.stderr
+    told.failed(7, "its stored bit rate before is unknown")
     assert rates(nodes) == [(NEW, NEW), (OLD, OLD), (NEW, NEW)]
 
 
@@ -204,7 +204,7 @@ def test_one_that_is_nowhere_after_its_reset_is_said() -> None:
     bus = bus_of(nodes)
     spoiled_at_reset(bus, lambda: setattr(nodes[1].lss, "stored_rate", 125_000))
     told = ran(bus, "lss bitrate 500k --store --prove")
-    assert (told.code, "it does not answer at 250000 bit/s either" in told.stderr) == (7, True), told.stderr
+    told.failed(7, "it does not answer at 250000 bit/s either")
     assert (rates(nodes)[0], rates(nodes)[2], bus.bit_rate) == ((NEW, NEW), (NEW, NEW), NEW)
 
 
@@ -219,7 +219,7 @@ class NoSignOfLife(VirtualTimeBus):
 def test_a_reset_that_was_not_heard_proves_nothing() -> None:
     nodes = three()
     told = ran(NoSignOfLife(nodes, simulated=False, bit_rate=OLD), "lss bitrate 500k --store --prove")
-    assert (told.code, "node 5: no boot-up message was received" in told.stderr) == (1, True), told.stderr
+    told.failed(1, "node 5: no boot-up message was received")
     assert rates(nodes) == [(NEW, NEW)] * 3
 
 
@@ -228,7 +228,7 @@ def test_no_drive_that_may_move_is_reset() -> None:
     nodes[1].set_value(0x6041, 0, (0x0027).to_bytes(2, "little"))
     bus = bus_of(nodes)
     told = ran(bus, "lss bitrate 500k --store --prove")
-    assert (told.code, "node 5 has operation enabled" in told.stderr) == (6, True), told.stderr
+    told.failed(6, "node 5 has operation enabled")
     assert rates(nodes) == [(OLD, OLD)] * 3
     assert ran(bus_of(nodes), "lss bitrate 500k --store").code == 0
 
@@ -303,7 +303,7 @@ def test_whoever_else_is_heard_stops_it(frame: Frame, said: str) -> None:
     bus = bus_of(nodes)
     strange(bus, frame)
     told = ran(bus, "lss bitrate 500k")
-    assert (told.code, said in told.stderr) == (6, True), told.stderr
+    told.failed(6, said)
     assert rates(nodes) == [(OLD, OLD)] * 3
 
 
@@ -313,7 +313,7 @@ def test_a_machine_that_runs_is_left_alone() -> None:
     nodes[1].set_value(0x1017, 0, (100).to_bytes(2, "little"))
     nodes[1].nmt(1)
     told = ran(bus, "lss bitrate 500k")
-    assert (told.code, "OPERATIONAL: node 5" in told.stderr) == (6, True), told.stderr
+    told.failed(6, "OPERATIONAL: node 5")
     assert rates(nodes) == [(OLD, OLD)] * 3
 
 
@@ -330,7 +330,7 @@ def test_a_file_names_all_who_may_be_there(tmp_path: Path, lines: list[str], sai
     file = tmp_path / "line.yaml"
     file.write_text("nodes:\n" + "".join(f"  {line}\n" for line in lines), "utf-8")
     told = ran(bus_of(nodes), f"lss bitrate 500k {file}")
-    assert (told.code, said in told.stderr) == (6, True), told.stderr
+    told.failed(6, said)
     assert rates(nodes) == [(OLD, OLD)] * 3
     del nodes[2]
     assert ran(bus_of(nodes), f"lss bitrate 500k {file}").code == (6 if len(lines) != 2 else 0)
@@ -360,7 +360,7 @@ def test_a_node_that_takes_no_part_in_lss_stops_it() -> None:
     nodes[1].set_value(0x1018, 4, b"\0\0\0\0")
     nodes[1].lss.handle = lambda _request: None  # type: ignore[method-assign]
     told = ran(bus, "lss bitrate 500k")
-    assert (told.code, "node 5 does not support LSS" in told.stderr) == (6, True), told.stderr
+    told.failed(6, "node 5 does not support LSS")
     assert rates(nodes) == [(OLD, OLD)] * 3
 
 
@@ -368,7 +368,7 @@ def test_a_node_that_takes_no_part_in_lss_stops_it() -> None:
 def test_a_bus_of_no_bit_rate_is_refused(dry_run: bool) -> None:
     nodes = three()
     told = ran(bus_of(nodes, bit_rate=None), "lss bitrate 500k", dry_run=dry_run)
-    assert (told.code, "is unknown" in told.stderr) == (6, True)
+    told.failed(6, "is unknown")
 
 
 def test_a_simulated_bus_can_be_rehearsed_on() -> None:

@@ -42,7 +42,7 @@ def test_a_format_lacks_no_suffix() -> None:
 def test_a_suffix_that_is_no_format_is_said_with_all_that_are(tmp_path: Path) -> None:
     with Bench(("gen4@1",)) as bench:
         ran = bench.run(f"export {tmp_path / 'y.foo'}")
-    assert (ran.code, "unknown format" in ran.stderr) == (2, True)
+    ran.failed(2, "unknown format")
     assert all(suffix in ran.stderr for suffix in (".yaml", ".dcf", ".xdc", ".cpj", ".dbc"))
 
 
@@ -50,7 +50,7 @@ def test_a_report_whose_names_are_the_other_way_round_is_said_with_the_line_that
     page, file = tmp_path / "line.html", ROOT / "examples" / "line.yaml"
     with Bench(()) as bench:
         ran = bench.run(f"report {file} {page}")
-        assert (ran.code, f"report {page} {file}" in ran.stderr) == (2, True), ran.stderr
+        ran.failed(2, f"report {page} {file}")
         assert bench.run(f"report {page} {file}").code == 0
 
 

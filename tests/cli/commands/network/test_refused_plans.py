@@ -55,7 +55,7 @@ def test_of_several_nodes_each_is_named(tmp_path: Path) -> None:
 def test_what_writes_says_so_and_a_forced_plan_names_what_carries_it_out(file: Path) -> None:
     with Bench(("gen4@5",)) as bench:
         ran = bench.run(f"apply {file} --yes")
-        assert (ran.code, "nothing was written; --force sends it anyway" in ran.stderr) == (1, True)
+        ran.failed(1, "nothing was written; --force sends it anyway")
         assert f"Next: dvtcli --sim gen4@5 apply {file} --force" in bench.run(f"plan {file} --force").stdout
         refused = bench.script(f"plan {file}")
         assert "and writes nothing" in refused.stderr

@@ -96,4 +96,4 @@ def test_a_stamp_that_is_not_stored_is_an_error(bench: Bench, tmp_path: Path) ->
 def test_what_is_not_read_is_not_proved_either() -> None:
     with Bench(("generic@5", "generic@9"), {"yes": True}) as bench:
         ran = bench.run(f"apply {FILE} --trust-stamp --prove")
-        assert (ran.code, "--trust-stamp and --prove: give only one of them" in ran.stderr) == (2, True)
+        ran.failed(2, "--trust-stamp and --prove: give only one of them")

@@ -133,7 +133,7 @@ def test_a_script_that_cannot_run_is_said_with_its_line(tmp_path: Path) -> None:
         for text, code in (("map tpdo1 bogus_name\n", 2), ("map tpdo1 1018:1\n", 1), ("nmt preop\n\nmapp tpdo1\n", 2)):
             script.write_text(text)
             ran = bench.run(f"verify {script}")
-            assert (ran.code, f"{script}:{text.count(chr(10))}" in ran.stderr) == (code, True), ran.stderr
+            ran.failed(code, f"{script}:{text.count(chr(10))}")
         script.write_text("require identity vendor=0x77\nmap tpdo1 6041\n")
         assert bench.run(f"verify {script}").code == 6
         (tmp_path / "x.tcl").write_text("map")

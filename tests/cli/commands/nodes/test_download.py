@@ -156,7 +156,7 @@ def test_another_refusal_of_the_flash_status_ends_it(tmp_path: Path) -> None:
     loader.busy = 0x06010000
     with loading.bench:
         ran = loading.run()
-    assert (ran.code, "0x06010000" in ran.stderr) == (7, True), ran
+    ran.failed(7, "0x06010000")
 
 
 @pytest.mark.parametrize("absent", [(0x1F57,), (0x1F56,), (0x1F56, 0x1F57)])

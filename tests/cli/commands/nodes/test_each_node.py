@@ -97,7 +97,7 @@ def test_an_nmt_command_to_several_nodes_names_the_line_to_one(word: str) -> Non
         )  # fmt: skip
         assert f"nmt {word} 1` commands node 1, and so for 7" in ran.stderr
         ran = bench.run(f"nmt {word} all")
-        assert (ran.code, "means every node on the bus, and -n names 1, 7" in ran.stderr) == (2, True)
+        ran.failed(2, "means every node on the bus, and -n names 1, 7")
         assert bench.run(f"nmt {word} 1").code == 0
 
 

@@ -81,7 +81,7 @@ def test_as_a_type(gen4: Bench) -> None:
 
 def test_a_file_takes_one_value(gen4: Bench) -> None:
     refused = gen4.run("read 1018 -o identity.bin")
-    assert (refused.code, "a file is for one" in refused.stderr) == (2, True)
+    refused.failed(2, "a file is for one")
     assert "read 1018:1 -o FILE" in refused.stderr
 
 

@@ -83,14 +83,14 @@ def test_wrong_signals(signal: str, says: str) -> None:
 
 def test_two_signals_for_one_object() -> None:
     ran = run("read 6041", "606C=const(1)", "1:606C:0=const(2)")
-    assert (ran.code, "already" in ran.stderr) == (2, True)
+    ran.failed(2, "already")
 
 
 def test_without_a_simulated_node() -> None:
     options = {"signal": ("606C=const(1)",), "interface": "virtual", "channel": "x", "node": 1}
     with Bench(sim=(), options=options) as bench:
         ran = bench.run("read 606C")
-    assert (ran.code, "--signal: only simulated nodes have signals" in ran.stderr) == (2, True)
+    ran.failed(2, "--signal: only simulated nodes have signals")
 
 
 def test_a_wrong_row_is_named(tmp_path: Path) -> None:

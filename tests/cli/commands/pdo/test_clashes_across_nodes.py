@@ -42,7 +42,7 @@ def test_so_it_is_by_every_way_to_a_cob_id(line: str) -> None:
 def test_a_simulated_node_counts_before_anybody_has_looked_at_it() -> None:
     with Bench(TWO) as bench:
         ran = bench.run("map 3:tpdo2 6041 --cob-id 0x181")
-        assert (ran.code, "already sent by TPDO1 of node 1" in ran.stderr) == (1, True)
+        ran.failed(1, "already sent by TPDO1 of node 1")
 
 
 @pytest.mark.parametrize("judge", ["plan", "diff", "verify", "apply"])

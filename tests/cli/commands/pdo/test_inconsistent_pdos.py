@@ -137,10 +137,10 @@ def test_a_communication_parameter_without_its_mapping() -> None:
         assert "disable tpdo2 switches it off" in one.run("pdo").stdout
         assert one.run("map tpdo1 6000:1 --cob-id 0x281").code == 1
         ran = one.run("map tpdo2 6000:1")
-        assert (ran.code, "TPDO2 of this device has no mapping" in ran.stderr) == (1, True)
+        ran.failed(1, "TPDO2 of this device has no mapping")
         assert one.run("disable tpdo2").code == 0
         back = one.run("undo")
-        assert (back.code, "refuses that configuration" in back.stderr) == (1, True), back.stderr
+        back.failed(1, "refuses that configuration")
         assert one.run("clear tpdo2").code == 0
         assert not row(one.run("pdo --all --json"), "tpdo2")["enabled"]
 
@@ -154,12 +154,12 @@ def test_a_mapping_without_its_communication_parameter() -> None:
         picture = one.run("pdo tpdo2").stdout
         assert re.search(r"^  COB-ID +- \? \(default 0x281\)$", picture, re.M), picture
         ran = one.run("disable tpdo2")
-        assert (ran.code, "it is not known whether TPDO2 is off" in ran.stderr) == (1, True), ran
+        ran.failed(1, "it is not known whether TPDO2 is off")
         assert "--force" not in ran.stderr, "there is nothing that could be sent"
         forced = one.run("disable tpdo2 --force")
-        assert (forced.code, "it is not known whether TPDO2 is off" in forced.stderr) == (1, True), forced
+        forced.failed(1, "it is not known whether TPDO2 is off")
         ran = one.run("map tpdo2 6000:2")
-        assert (ran.code, "TPDO2 of this device has no COB-ID" in ran.stderr) == (1, True)
+        ran.failed(1, "TPDO2 of this device has no COB-ID")
         assert one.run("map tpdo2 6000:2 --off").code == 0
         assert one.run("undo").code == 0
         assert one.run("clear tpdo2").code == 0
@@ -266,7 +266,7 @@ def test_clear_all_is_refused_where_none_can_be_cleared() -> None:
         del eds.objects[index]
     with bench(eds) as one:
         ran = one.run("clear all")
-        assert (ran.code, "0x1800:01 cannot be read" in ran.stderr) == (1, True)
+        ran.failed(1, "0x1800:01 cannot be read")
 
 
 # --- without an EDS

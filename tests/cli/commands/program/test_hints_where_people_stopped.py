@@ -13,7 +13,7 @@ from tests.virtual_time import VirtualTimeBus
 def test_a_file_takes_the_bytes_of_one_node() -> None:
     with Bench((), {"node": (1, 3), "profile": "generic"}, VirtualTimeBus([device(1), device(3)])) as bench:
         ran = bench.run("read 1008 -o all.bin")
-        assert (ran.code, "read 1:1008 -o" in ran.stderr) == (2, True)
+        ran.failed(2, "read 1:1008 -o")
         assert "take several" not in ran.stderr
         assert bench.run("read 1:1008 -o one.bin").code in (0, 1)  # not every device has a name
 
@@ -22,7 +22,7 @@ def test_a_file_takes_the_bytes_of_one_node() -> None:
 def test_a_node_in_front_of_a_line_is_told_how(line: str) -> None:
     with Bench() as bench:
         ran = bench.run(line)
-        assert (ran.code, "`node 5` selects" in ran.stderr) == (2, True)
+        ran.failed(2, "`node 5` selects")
         assert bench.run("read 1:1017").code == 0
 
 
@@ -30,7 +30,7 @@ def test_text_for_what_is_taken_for_a_number() -> None:
     """Without an EDS the type is guessed by the length; that is said with what writes text."""
     with Bench((), {"node": 1, "profile": "generic"}, VirtualTimeBus([unknown(1)])) as bench:
         ran = bench.run("write 6081 abc")
-        assert (ran.code, "--as vs writes text" in ran.stderr) == (2, True)
+        ran.failed(2, "--as vs writes text")
         assert "--as vs" not in bench.run("write 6081 abc --as u8").stderr
     with Bench(("gen4@1",)) as bench:
         assert "--as vs" not in bench.run("write 1017 abc").stderr, "its EDS says that it is a number"

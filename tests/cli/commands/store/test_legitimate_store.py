@@ -74,4 +74,4 @@ def test_what_is_changed_between_a_restore_and_a_power_cycle_is_lost_and_that_is
         wire.power_cycle(node)
         assert bench.session.node().bus.wait_boot_up(1, boot_ups, 5.0)
         ran = bench.run("set tpdo1 --timer 70")
-        assert (ran.code, "restarted since it was read" in ran.stderr) == (6, True), ran.stderr
+        ran.failed(6, "restarted since it was read")

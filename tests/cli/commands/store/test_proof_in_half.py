@@ -114,7 +114,7 @@ def test_a_timer_that_could_not_be_read_is_neither_saved_nor_changed_nor_expecte
         (line,) = (line for line in backup.read_text().splitlines() if "tpdo1 is inconsistent" in line)
         assert line.startswith("# ")
         refused = bench.run("set tpdo1 --timer 40")
-        assert (refused.code, "0x08000022" in refused.stderr) == (1, True)
+        refused.failed(1, "0x08000022")
         node = bench.session.node(1)
         assert (Pdo.parse("tpdo1") in node.expected.pdos, node.expected.is_complete) == (False, False)
         device.is_busy = False
