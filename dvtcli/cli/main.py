@@ -105,7 +105,7 @@ class ImportedRunners:
         atomic: bool = False,
         most_seconds: float | None = None,
     ) -> int:
-        """Run the script *file* (`-`: stdin; FILE.tcl: by Tcl); returns the exit code. Raises UsageError."""
+        """See `LineRunners.file`; a FILE.tcl is run by Tcl."""
         from dvtcli.cli.scripts.script import run_script
         from dvtcli.cli.scripts.script_parse import MOST_BYTES
         from dvtcli.files.input_file import read_input_head
@@ -127,25 +127,25 @@ class ImportedRunners:
         return run_tcl(session, data, file, keep_going=keep_going, most_seconds=most_seconds)
 
     def tcl(self, session: Conversation) -> TypedTcl:
-        """Return the session's Tcl; the first line starts its process."""
+        """See `LineRunners.tcl`."""
         from dvtcli.cli.dvt.tcl_run import tcl_of
 
         return tcl_of(session)
 
     def line(self, session: Conversation, words: Sequence[str]) -> int:
-        """Run a line as at the prompt; returns the exit code."""
+        """See `LineRunners.line`."""
         from dvtcli.cli.run_line import run_words
 
         return run_words(words, session)
 
     def rehearsed(self, session: Conversation, file: str, node_id: int | None = None) -> dict[int, TargetConfig]:
-        """Return the script's configuration of each node; *node_id* is selected at the script's beginning."""
+        """See `LineRunners.rehearsed`."""
         from dvtcli.cli.scripts.rehearsal import rehearsed
 
         return rehearsed(session, file, node_id)
 
     def parsed(self, session: Conversation, path: Path) -> None:
-        """Parse every line of the script at *path* without running any. Raises DvtcliError if malformed."""
+        """See `LineRunners.parsed`."""
         from dvtcli.cli.scripts.script_parse import Reach, all_parsed, read_lines
 
         all_parsed(read_lines(path.read_bytes(), path.name), session, [path.name], {}, Reach())

@@ -139,7 +139,7 @@ class Editor:
     def _read_again(self, happened: tuple[int, int]) -> str:
         self.node.read_anew()
         note = self.pdos.read_again(self.node.pdos())
-        self.node.end_of_line(failed=True)  # the user is told, so a change after the restart is meant
+        self.node.forget_restart(failed=True)  # the user is told, so a change after the restart is meant
         self._judged, self._happened = None, happened
         if note:
             self.beside.say(f"the node was read again: {note}", bad=True)
