@@ -13,7 +13,6 @@ import click
 
 from dvtcli.device.cancellation import INTERRUPTED
 from dvtcli.errors import (
-    Bug,
     BusUnavailable,
     DeviceRefused,
     DvtcliError,
@@ -28,7 +27,6 @@ from dvtcli.errors import (
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
-    from dvtcli.operations.session.session_nodes import SessionNodes
 
 #: The result of `exit`, which stops readers of lines; never an exit code of the process.
 LEAVE = -1
@@ -60,10 +58,9 @@ def exit_code_of(session: Conversation, run: Callable[[], Any]) -> int:
 def finish_line(session: Conversation, code: int, *, alone: bool = False) -> int:
     """End a line that ran with *code*; returns *code*, or if 0 that of an error of the line's end.
 
-    The order of a line's end: signals wait from now on (`Conversation.line`); the command's error is shown, with its
-    own output options; what happened meanwhile is warned of, and the options are reset (`Conversation.reset_output`).
-    Then, here, the nodes go back to their NMT states, restarts are reported, locks are released (`Session.end_line`),
-    and the same follows for an error of that. Each error is shown; the first one decides the exit code.
+    The order: signals wait (`Conversation.line`); the command's error is shown, with its own output options; these are
+    reset after warnings (`reset_output`); here, nodes return to their NMT states and are released (`Session.end_line`);
+    the same follows for an error of that. Each error is shown; the first one decides the exit code.
     """
     ended = exit_code_of(session, lambda: session.end_line(code, alone=alone))
     return code or ended
@@ -90,7 +87,9 @@ def _ended(session: Conversation, raised: BaseException) -> int:
         case OSError() if raised.errno in _NO_ROOM:
             return _lost(session, raised)
         case _:
-            return _shown(session, _bug(session, raised))
+            from dvtcli.cli.crash import bug_error, last_exchange
+
+            return _shown(session, bug_error(raised, last_exchange(session), is_open=session.is_open))
 
 
 def _shown(session: Conversation, error: DvtcliError) -> int:
@@ -111,9 +110,10 @@ def _traced_by(session: Conversation) -> str:
     """Return the command to show the last frames; keeps them for the next run if this run ends."""
     if session.at_prompt:
         return "trace last"
+    from dvtcli.cli.crash import last_exchange
     from dvtcli.operations.frames.last_exchange import keep_exchange
 
-    return "dvtcli trace last" if keep_exchange(_last_exchange(session)) else ""
+    return "dvtcli trace last" if keep_exchange(last_exchange(session)) else ""
 
 
 def _stopped(session: Conversation) -> int:
@@ -181,29 +181,3 @@ def _lost(session: Conversation, failed: OSError) -> int:
         lost.state_text = said or ("unchanged: nothing was written to a node" if state == "unchanged" else None)
     session.output.error(lost, session.place, readable=True)
     return lost.exit_code
-
-
-def _bug(session: SessionNodes, bug: BaseException) -> Bug:
-    """Convert *bug* to an error; saves its traceback and the last frames to a file if possible."""
-    from dvtcli.cli.crash import keep
-
-    text = f"a bug in dvtcli: {type(bug).__name__}: {bug}"
-    try:
-        hint = f"please report it with {keep(bug, _last_exchange(session))}"
-    except OSError as failed:
-        hint = f"please report it; its traceback cannot be kept: {failed.strerror}"
-    if session.is_open:
-        return Bug(text, hint=hint, state="unknown")
-    unsent = Bug(text, hint=hint)
-    unsent.state_text = "unchanged: nothing was sent"
-    return unsent
-
-
-def _last_exchange(session: SessionNodes) -> list[str]:
-    """Return the last frames as text; a note if *session* fails to provide them."""
-    from dvtcli.operations.frames.last_exchange import exchange_text
-
-    try:
-        return exchange_text(session)
-    except Exception as second:  # noqa: BLE001 - the bug itself is the news
-        return [f"not known: {type(second).__name__}: {second}"]

@@ -1,4 +1,4 @@
-"""Keep the traceback of a bug in dvtcli in a file readable by the user alone."""
+"""Report a bug in dvtcli; its traceback is kept in a file readable by the user alone."""
 
 from __future__ import annotations
 
@@ -8,10 +8,31 @@ import traceback
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from dvtcli.device.change.private_file import private_folder
-from dvtcli.errors import SafetyRefusal
+from dvtcli.errors import Bug, SafetyRefusal
 from dvtcli.files.user_folders import user_folder
+
+if TYPE_CHECKING:
+    from dvtcli.operations.session.session_nodes import SessionNodes
+
+
+def bug_error(bug: BaseException, frames: Sequence[str], *, is_open: bool) -> Bug:
+    """Convert *bug* to an error; saves its traceback and the last *frames* to a file if possible.
+
+    *is_open*: whether the bus was opened, so that something may have been sent.
+    """
+    text = f"a bug in dvtcli: {type(bug).__name__}: {bug}"
+    try:
+        hint = f"please report it with {keep(bug, frames)}"
+    except OSError as failed:
+        hint = f"please report it; its traceback cannot be kept: {failed.strerror}"
+    if is_open:
+        return Bug(text, hint=hint, state="unknown")
+    unsent = Bug(text, hint=hint)
+    unsent.state_text = "unchanged: nothing was sent"
+    return unsent
 
 
 def keep(bug: BaseException, frames: Sequence[str] = ()) -> str:
@@ -36,3 +57,13 @@ def _written(bug: BaseException, frames: Sequence[str], folder: Path | None) -> 
         traceback.print_exception(bug, file=file)
         file.writelines(f"{line}\n" for line in (["", "The last exchange:", *frames] if frames else []))
     return path
+
+
+def last_exchange(session: SessionNodes) -> list[str]:
+    """Return the last frames as text; a note if *session* fails to provide them."""
+    from dvtcli.operations.frames.last_exchange import exchange_text
+
+    try:
+        return exchange_text(session)
+    except Exception as second:  # noqa: BLE001 - the bug itself is the news
+        return [f"not known: {type(second).__name__}: {second}"]

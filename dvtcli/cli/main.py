@@ -73,7 +73,7 @@ class ImportedRunners:
     """`LineRunners` of `runner_interface`: prompt, scripts and lines."""
 
     def without_command(self, session: Conversation) -> int:
-        """Run the prompt if stdin is a terminal, else stdin as a script, a program's line by line; returns its code.
+        """See `LineRunners.without_command`; a program's pipe is run line by line.
 
         Raises UsageError if stdin is empty, or `--sim` has a command's name as its family.
         """

@@ -26,6 +26,7 @@ MAY_INTERRUPT = (
 #: where whatever happens must be turned into something else, with what for
 MAY_CATCH_ALL = {
     "cli/boundary.py": "the one boundary",
+    "cli/crash.py": "the bug itself is the news",
     "cli/dvt/tcl_child.py": "the end of a child, which its parent reads; what Tcl would swallow",
     "files/dbc_child.py": "the same, and what cantools raises",
     "files/recordings/mdf.py": "the same, and what asammdf raises",
