@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.text import plural
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 from dvtcli.files.recordings.read_recording import check_readable, read_recorded, read_recording
 from dvtcli.files.values.value_file import WholeFile, checked_form, is_value_file, next_part, read_values
@@ -87,18 +88,18 @@ def write_values(
     """Write the values of the recording at *path* to *target*: CSV to a text, else by the file's suffix.
 
     A row per frame, in the long layout of a .parquet file a row per value; a column per signal with *text* (lower
-    case) in its name. *options* has options of a .parquet file; its recorder defaults to the recording's name. If the
-    recording is damaged, what is before that gets another name. Raises UsageError if no such signal is known,
-    DvtcliError if *target* cannot be written; else as `decode_recording`.
+    case) in its name, and frames of services are rows in words. *options* has options of a .parquet file; its recorder
+    defaults to the recording's name. If the recording is damaged, what is before that gets another name. Raises
+    UsageError if no such signal is known and no frame is a row in words, DvtcliError if *target* cannot be written; else as `decode_recording`.
     """
     check_readable(path)
     config = network_config_of(dbc)
     decoder = decoder_for(session, nodes, dbc, path, config)
     reader_of = _readers(session, decoder, dbc, config)
     rows = SignalRows(decoder, text, reader_of(""), options.only)
-    if not rows.columns:
-        if text and len(rows.decoder):
-            raise UsageError(f"no signal has {text!r} in its name", hint=Hint(Action.DECODE, why="shows its contents"))
+    if text and len(rows.decoder) and not rows.columns:
+        raise UsageError(f"no signal has {text!r} in its name", hint=Hint(Action.DECODE, why="shows its contents"))
+    if not rows.columns and not options.only and not _has_rows(path, SignalRows(decoder, text, reader_of("first"))):
         raise UsageError(
             "values of signals need a mapping, and none is known",
             hint=Hint(Action.GIVE, {"dbc": None}, "give {}")
@@ -120,8 +121,10 @@ def write_values(
         writer = CsvWriter(target, rows)
         for frame, _ in frames:
             writer.write(frame)
+    if options.only and not rows.frames:
+        session.reporter.note(_no_frame_of(path, options.only))
     if rows.other:
-        session.reporter.note(f"{rows.other} frames without known signals were left out")
+        session.reporter.note(f"left out: {plural(rows.other, 'frame')} without known signals")
     return rows
 
 
@@ -144,7 +147,7 @@ def values_into_file(
     session.made.append(str(target))
     names = [column.header for column in rows.columns]
     said = (("file", str(target)), ("frames", rows.frames), ("columns", names))
-    return Facts("decode", said, (f"{target}: {rows.frames} frames, {len(names)} signals",))
+    return Facts("decode", said, (f"{target}: {plural(rows.frames, 'frame')}, {plural(len(names), 'signal')}",))
 
 
 def _readers(
@@ -153,6 +156,11 @@ def _readers(
     """Return what gives the reader of a channel: nodes of two buses may have one node-ID."""
     described = described_nodes(session, dbc, config)
     return cache(lambda _channel: FrameReader(decoder, described))
+
+
+def _has_rows(path: Path, rows: SignalRows) -> bool:
+    """Whether a frame of the recording at *path* is one of *rows*; a damage behind it does not matter."""
+    return any(rows.values(recorded.frame) is not None for recorded in read_recorded(path) if not recorded.error)
 
 
 def _seen(
@@ -196,13 +204,13 @@ def _write_file(
             kept = next_part(target.with_stem(f"{target.stem}-until-damage"))
             to.complete(kept.name)
             session.reporter.warning(
-                f"{target} is not written; the {rows.frames} frames before the damage are in {kept}"
+                f"{target} is not written; the {plural(rows.frames, 'frame')} before the damage are in {kept}"
             )
             raise damage[0]
         to.complete()
     except OSError as failed:
         raise DvtcliError(
-            f"{target}: {failed.strerror or failed} after {rows.frames} frames",
+            f"{target}: {failed.strerror or failed} after {plural(rows.frames, 'frame')}",
             place=str(target),
             hint="an older file of that name is unchanged",
         ) from failed
@@ -229,6 +237,10 @@ def _seen_frames(
             yield seen
 
 
+def _no_frame_of(path: Path, kinds: frozenset[str]) -> str:
+    return f"no frame in {path.name} is of the kinds {', '.join(sorted(kinds))}"
+
+
 def _or_note(
     session: SessionUser, path: Path, frames: Iterable[FrameSeen], only: frozenset[str]
 ) -> Iterator[FrameSeen]:
@@ -237,7 +249,7 @@ def _or_note(
     for found in frames:
         yield found
     if found is None:
-        session.reporter.note(f"no frame in {path.name} is of the kinds {', '.join(sorted(only))}")
+        session.reporter.note(_no_frame_of(path, only))
 
 
 def _matching(

@@ -245,3 +245,18 @@ def test_a_further_sdo_server_is_known_by_the_eds_or_the_network_file(tmp_path: 
     done = dvtcli("--eds", str(eds), "-n", "5", "check", str(path), "--json")
     (found,) = json.loads(done.stdout.splitlines()[0])["files"][0]["findings"]
     assert (found["rule"], found["node"], found["object"]) == ("refused-write", 5, "6060:00")
+
+
+def test_services_are_rows_of_values_files_without_any_mapping(tmp_path: Path) -> None:
+    """A mapping is asked for only if no frame of the recording is a row; --only says that it found none."""
+    (tmp_path / "run.log").write_text("(1.000000) can0 705#05 R\n(2.000000) can0 185#10 R\n")
+    (tmp_path / "pdos.log").write_text("(2.000000) can0 185#10 R\n")
+    done = dvtcli("decode", "run.log", "--csv", cwd=tmp_path)
+    head, row = done.stdout.splitlines()
+    assert (head, row.partition(",")[2]) == ("time,frame", "heartbeat node 5: OPERATIONAL")
+    for suffix in (".csv", ".parquet", ".jsonl"):
+        assert "1 frame, 0 signals" in dvtcli("decode", "run.log", "-o", f"run{suffix}", cwd=tmp_path).stdout
+    refused = dvtcli("decode", "pdos.log", "--csv", cwd=tmp_path)
+    assert (refused.returncode, "values of signals need a mapping" in refused.stderr) == (2, True)
+    found = dvtcli("decode", "run.log", "--csv", "--only", "emcy", cwd=tmp_path)
+    assert (found.returncode, "no frame in run.log is of the kinds emcy" in found.stderr) == (0, True)
