@@ -90,7 +90,8 @@ def write_values(
     A row per frame, in the long layout of a .parquet file a row per value; a column per signal with *text* (lower
     case) in its name, and frames of services are rows in words. *options* has options of a .parquet file; its recorder
     defaults to the recording's name. If the recording is damaged, what is before that gets another name. Raises
-    UsageError if no such signal is known and no frame is a row in words, DvtcliError if *target* cannot be written; else as `decode_recording`.
+    UsageError if no such signal is known and no frame is a row in words, DvtcliError if *target* cannot be written;
+    else as `decode_recording`.
     """
     check_readable(path)
     config = network_config_of(dbc)
