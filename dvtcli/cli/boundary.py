@@ -19,7 +19,6 @@ from dvtcli.errors import (
     Interrupted,
     LeftChanged,
     NoAnswer,
-    ResultsLost,
     SdoAborted,
     SdoProtocolError,
     UsageError,
@@ -85,7 +84,9 @@ def _ended(session: Conversation, raised: BaseException) -> int:
             silence(sys.stdout)
             return 0
         case OSError() if raised.errno in _NO_ROOM:
-            return _lost(session, raised)
+            from dvtcli.cli.crash import report_lost_results
+
+            return report_lost_results(session, raised)
         case _:
             from dvtcli.cli.crash import bug_error, last_exchange
 
@@ -163,21 +164,3 @@ def _in_quotes(ctx: click.Context, text: str) -> str:
     if extra is None or not arguments or arguments[-1].type is not TEXT:
         return ""
     return f'put a value with a blank in quotes: "{ctx.params.get(arguments[-1].name or "")} {extra[1]}"'
-
-
-def _lost(session: Conversation, failed: OSError) -> int:
-    """Report on stderr that results, also documents, are lost because stdout accepts no more."""
-    from dvtcli.cli.view.streams import silence
-
-    silence(sys.stdout)
-    state, said = session.state_now()
-    lost = ResultsLost(f"the results cannot be written: {failed.strerror}", state=state)
-    lost.state_text = said
-    lost.stays = session.staying()
-    if session.made:
-        from dvtcli.domain.text import join_some
-
-        lost.details.append(("made", join_some(session.made)))
-        lost.state_text = said or ("unchanged: nothing was written to a node" if state == "unchanged" else None)
-    session.output.error(lost, session.place, readable=True)
-    return lost.exit_code

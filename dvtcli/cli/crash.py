@@ -1,8 +1,9 @@
-"""Report a bug in dvtcli; its traceback is kept in a file readable by the user alone."""
+"""Report what no command expects: a bug in dvtcli, its traceback in a private file; results that stdout refuses."""
 
 from __future__ import annotations
 
 import os
+import sys
 import tempfile
 import traceback
 from collections.abc import Sequence
@@ -11,10 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.private_file import private_folder
-from dvtcli.errors import Bug, SafetyRefusal
+from dvtcli.errors import Bug, ResultsLost, SafetyRefusal
 from dvtcli.files.user_folders import user_folder
 
 if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
     from dvtcli.operations.session.session_nodes import SessionNodes
 
 
@@ -67,3 +69,21 @@ def last_exchange(session: SessionNodes) -> list[str]:
         return exchange_text(session)
     except Exception as second:  # noqa: BLE001 - the bug itself is the news
         return [f"not known: {type(second).__name__}: {second}"]
+
+
+def report_lost_results(session: Conversation, failed: OSError) -> int:
+    """Report on stderr that results, also documents, are lost because stdout accepts no more."""
+    from dvtcli.cli.view.streams import silence
+
+    silence(sys.stdout)
+    state, said = session.state_now()
+    lost = ResultsLost(f"the results cannot be written: {failed.strerror}", state=state)
+    lost.state_text = said
+    lost.stays = session.staying()
+    if session.made:
+        from dvtcli.domain.text import join_some
+
+        lost.details.append(("made", join_some(session.made)))
+        lost.state_text = said or ("unchanged: nothing was written to a node" if state == "unchanged" else None)
+    session.output.error(lost, session.place, readable=True)
+    return lost.exit_code
