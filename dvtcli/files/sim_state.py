@@ -79,7 +79,7 @@ def write_state(path: Path, node_id: int, values: Mapping[tuple[int, int], bytes
 
 def _wrong(path: Path, why: str) -> InputFileError:
     return InputFileError(
-        f"{path}: not what a simulated node keeps",
+        f"{path}: not a state file of a simulated node",
         place=str(path),
         why=why,
         hint="remove it: the node starts with its defaults",

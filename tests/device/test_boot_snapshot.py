@@ -39,8 +39,8 @@ def test_parts_of_it_may_be_read_one_after_the_other() -> None:
 def test_a_pdo_that_is_gone_is_not_as_it_came_up() -> None:
     boot_snapshot = BootSnapshot()
     boot_snapshot.read(1, BOTH)
-    assert boot_snapshot.why_not(1, {TPDO1: FIRST}) == "TPDO2 came up with it and can no longer be read"
-    assert boot_snapshot.why_not(1, {}) == "TPDO1, TPDO2 came up with it and can no longer be read"
+    assert boot_snapshot.why_not(1, {TPDO1: FIRST}) == "TPDO2 had a value at boot and can no longer be read"
+    assert boot_snapshot.why_not(1, {}) == "TPDO1, TPDO2 had a value at boot and can no longer be read"
 
 
 def test_the_first_reading_counts_and_not_what_somebody_else_made_of_it() -> None:
@@ -48,7 +48,7 @@ def test_the_first_reading_counts_and_not_what_somebody_else_made_of_it() -> Non
     boot_snapshot.read(1, BOTH)
     now = BOTH | {TPDO2: FIRST}
     boot_snapshot.read(1, now)
-    assert boot_snapshot.why_not(1, now) == "it is not what came up"
+    assert boot_snapshot.why_not(1, now) == "its PDOs differ from their values at boot"
 
 
 def test_what_was_written_is_over_with_the_next_boot_up() -> None:

@@ -362,7 +362,7 @@ class BesideScreen:
         *is_check*: it asks nothing, and another operation begins after it.
         """
         if self.doing and not self._is_check:
-            self.say(f"{doing}: not yet, {self.doing} is going on", bad=True)
+            self.say(f"{doing}: not yet, {self.doing} is running", bad=True)
             return
         self.doing, self._is_check = doing, is_check
         self._thread = threading.Thread(target=self._run, args=(work,), name=doing, daemon=True)

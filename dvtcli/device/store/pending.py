@@ -140,7 +140,7 @@ class BootSnapshot:
             return "not all its PDOs were read after its last boot-up"
         gone = [pdo.label for pdo in self.pdos if pdo not in now]
         if gone:
-            return f"{join_some(gone)} came up with it and can no longer be read"
+            return f"{join_some(gone)} had a value at boot and can no longer be read"
         if any(config.untold for config in now.values()):
             return "not all of its PDOs could be read"
-        return "" if self.pdos == now else "it is not what came up"
+        return "" if self.pdos == now else "its PDOs differ from their values at boot"

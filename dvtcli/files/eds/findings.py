@@ -109,7 +109,9 @@ COMPACT_PDO_BITS = LintRule("compact-pdo-bits", WARNING, "CompactPDO has bits wi
 COMPACT_COUNT = LintRule("compact-count", NOTE, "CompactSubObj makes a sub-index 0 read-only that must be written",
                          f"{_COMPACT}; CiA 301, 7.5.2.36")  # fmt: skip
 TABLE_COUNT = LintRule("table-count", NOTE, "NrOfEntries is not the number of rows", _COMPACT)
-NO_SUB_INDEX = LintRule("no-sub-index", WARNING, "a row of a table names a sub-index that the object has not", _COMPACT)
+NO_SUB_INDEX = LintRule(
+    "no-sub-index", WARNING, "a row of a table names a sub-index that the object does not have", _COMPACT
+)
 # The device and the lists of objects.
 DEVICE_IDENTITY = LintRule("device-identity", WARNING, "VendorNumber, ProductNumber or RevisionNumber is not the "
                            "value of 0x1018: the file does not identify the device", "CiA 306, DeviceInfo")  # fmt: skip

@@ -132,7 +132,9 @@ class _XmlReading:
         if self._count > _MOST_ELEMENTS:
             self._fail(f"has more than {_MOST_ELEMENTS} elements", "an XDD or XDC has some thousand")
         if len(self._open) >= _MOST_DEPTH or len(attributes) > _MOST_ATTRIBUTES:
-            self._fail(f"is nested deeper than {_MOST_DEPTH} elements, or one has very many attributes", "no XDD is")
+            self._fail(
+                f"is nested deeper than {_MOST_DEPTH} elements, or an element has very many attributes", "no XDD is"
+            )
         named = {key.rpartition(_SEPARATOR)[2]: value for key, value in attributes.items()}
         element = XmlElement(local, self._parser.CurrentLineNumber, named, start=self._parser.CurrentByteIndex)
         if self._open:

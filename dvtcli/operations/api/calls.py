@@ -82,7 +82,7 @@ class Calls:
         session = self.session
         with self.alone():
             if self.rehearsing not in (None, threading.get_ident()):
-                raise UsageError("another thread's dry run is going on: call again when it has ended")
+                raise UsageError("another thread's dry run is running: call again when it has ended")
             session.cancellation.reset()
             session.acts()  # what was sent before is not this call's
             with ctrl_c_at_safe_points(session.cancellation):

@@ -79,7 +79,7 @@ def replay_recording(
     found = part.summed_up(_Words(session, FrameReader(known.decoder, described_nodes(session, file))))
     rows = _rows(found, known)
     if bus is None:
-        session.reporter.note("no bus is chosen: what nodes there act on is told by the pre-defined connection set")
+        session.reporter.note("no bus is chosen: the pre-defined connection set tells which frames nodes act on")
     elif not session.options.yes and not all(row.effects for row in rows):
         known.look_around()
         rows = _rows(found, known)

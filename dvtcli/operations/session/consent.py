@@ -216,7 +216,11 @@ def require_identity(
                 hint=Hint(Action.FIND_NODES, why="is this the right node? {} lists them"),
             )
     shown = ", ".join(f"{name} 0x{value:08X}" for name, value in wanted)
-    return Facts("require", (("node", node.node_id), ("identity", held)), (f"node {node.node_id} is the one: {shown}",))
+    return Facts(
+        "require",
+        (("node", node.node_id), ("identity", held)),
+        (f"node {node.node_id} is the required device: {shown}",),
+    )
 
 
 def require_power_off(session: SessionNodes, node_id: int | None = None) -> Facts:

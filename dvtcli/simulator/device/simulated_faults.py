@@ -278,8 +278,8 @@ FORMS = {
     FaultKind.KEEPS_RAM: Form("keeps-ram", "an NMT reset leaves RAM as it is; only a power cycle does not"),
     FaultKind.RESTORES_NOTHING: Form("restores-nothing", "every restore is acknowledged, and nothing is restored"),
     FaultKind.IGNORES_NMT: Form("ignores-nmt", "NMT start, stop and pre-operational are not obeyed; resets are"),
-    FaultKind.FLASH_FAILS: Form("flash-fails", "no program can be written: 0x1F57 says so"),
-    FaultKind.FLASH_ALTERS: Form("flash-alters", "a program that is written has one byte wrong: 0x1F56 says so"),
+    FaultKind.FLASH_FAILS: Form("flash-fails", "no program can be written: 0x1F57 reports it"),
+    FaultKind.FLASH_ALTERS: Form("flash-alters", "a written program has a wrong byte: 0x1F56 reports it"),
     FaultKind.EMCY: Form(
         "emcy=CODE[:S]", "the node raises error CODE (0x3210) S seconds after each start [0]; 0: its errors are gone"
     ),

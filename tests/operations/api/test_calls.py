@@ -411,7 +411,7 @@ def test_another_threads_call_is_no_part_of_a_dry_run() -> None:
             thread = threading.Thread(target=call, args=[bus.node()])
             thread.start()
             thread.join()
-        assert [str(one) for one in failed] == ["another thread's dry run is going on: call again when it has ended"]
+        assert [str(one) for one in failed] == ["another thread's dry run is running: call again when it has ended"]
         call(bus.node())
         assert not bus.node().pdo("tpdo1").config.enabled
 

@@ -180,7 +180,7 @@ def test_a_state_that_is_none_is_named(tmp_path: Path) -> None:
     (tmp_path / "gen4@1.json").write_text('{"schema":"dvtcli.sim-state/1","values":{"1800":"01"}}')
     ran = dvtcli("sim", "gen4@1", "--listen", "0", "--state", str(tmp_path))
     assert (ran.returncode, ran.stdout) == (4, "")
-    assert "gen4@1.json: not what a simulated node keeps" in ran.stderr
+    assert "gen4@1.json: not a state file of a simulated node" in ran.stderr
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")

@@ -76,7 +76,7 @@ def two_managers(network: CheckedNetwork) -> NetFound:
             yield held(node, NMT_STARTUP), f"node {first.node_id} is NMT master, too"
     master = network.state.master
     if first is not None and master is not None and master.node_id not in (None, first.node_id):
-        yield held(first, NMT_STARTUP), "the file names a master besides"
+        yield held(first, NMT_STARTUP), "the file names another master"
 
 
 @check("slave-missing", ERROR, "a manager waits for a missing slave (0x1F81)", _BOOT)

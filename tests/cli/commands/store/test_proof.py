@@ -538,7 +538,7 @@ def test_another_writer_is_seen() -> None:
         with wire.lock:
             node.set_value(0x1800, 5, b"\x46\0")
         document = proved(bench.run("store --if-changed --json"))
-        assert (document["stored"], document["reason"]) == (True, "it is not what came up")
+        assert (document["stored"], document["reason"]) == (True, "its PDOs differ from their values at boot")
 
 
 def test_another_writer_before_the_first_read_is_seen() -> None:
