@@ -279,12 +279,16 @@ F = TypeVar("F", bound=_OfARule)
 
 
 def by_cause(findings: Iterable[F], cause: Callable[[F], str], many: int = 1) -> Iterator[list[F]]:
-    """Yield *findings* of a rule with equal *cause* together if they are *many*, else each alone."""
+    """Yield *findings* of a rule with equal *cause* together if they are *many*, else each alone at its place."""
+    found = [((finding.rule, cause(finding)), finding) for finding in findings]
     causes: dict[tuple[str, str], list[F]] = {}
-    for finding in findings:
-        causes.setdefault((finding.rule, cause(finding)), []).append(finding)
-    for alike in causes.values():
-        yield from [alike] if len(alike) >= many else ([finding] for finding in alike)
+    for key, finding in found:
+        causes.setdefault(key, []).append(finding)
+    for key, finding in found:
+        if len(causes[key]) < many:
+            yield [finding]
+        elif causes[key][0] is finding:
+            yield causes[key]
 
 
 def finding_lines(findings: Iterable[Finding]) -> Iterator[Line]:

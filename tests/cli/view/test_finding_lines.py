@@ -45,3 +45,9 @@ def test_other_values_hints_and_errors_have_their_own_lines(each: Callable[[int]
     lines = texts([each(number) for number in range(4)])
     assert len(lines) == 4
     assert not any("times" in line for line in lines)
+
+
+def test_findings_that_are_not_many_keep_their_order() -> None:
+    producers = [9, 1, 9]
+    lines = texts([found(at, f"node 5: it does not monitor node {of}") for at, of in enumerate(producers)])
+    assert [line.rpartition(" ")[2] for line in lines] == ["9", "1", "9"]
