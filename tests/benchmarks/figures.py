@@ -84,7 +84,7 @@ def cpu_s(words: Sequence[str]) -> float:
 
 def table(figures: Iterable[Figure]) -> Iterator[str]:
     """The lines of a table of *figures*, each as soon as it was measured."""
-    yield f"{'':46}{'dvtcli':>12}  {'compared with':40}{'ratio':>6}  {'half of them':13}  goal"
+    yield f"{'':46}{'dvtcli':>12}  {'compared with':40}{'ratio':>6}  {'quartiles':13}  goal"
     for figure in figures:
         own, other = (f"{median(values):.4g} {figure.unit}".rstrip() for values in (figure.own, figure.other))
         low, high = figure.spread
@@ -97,7 +97,7 @@ def table(figures: Iterable[Figure]) -> Iterator[str]:
 
 def page(runs: Iterable[dict[str, Any]]) -> Iterator[str]:
     """The lines of a table for a page of the figures of *runs*, each as `as_json` writes it."""
-    yield "| what | dvtcli | compared with | ratio | half of them | goal | |"
+    yield "| what | dvtcli | compared with | ratio | quartiles | goal | |"
     yield "|---|---|---|---|---|---|---|"
     for run in runs:
         for figure in (Figure(**entry) for entry in run["figures"]):
