@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
 from dvtcli.domain.nmt import UNCONFIGURED, NmtCommand, NmtState
@@ -111,8 +109,8 @@ def test_frames_that_are_no_requests() -> None:
     for frame in (
         Frame(0x7E5, bytes.fromhex("0401")),
         Frame(0x7E5, bytes(8), remote=True),
-        replace(request(CONFIGURE), extended=True),
-        replace(request(CONFIGURE), can_id=0x7E4),
+        request(CONFIGURE)._replace(extended=True),
+        request(CONFIGURE)._replace(can_id=0x7E4),
     ):
         assert node.handle(frame) == []
     assert ask(node, "5E") == []
@@ -126,7 +124,7 @@ def test_a_new_node_id_counts_from_the_reset_of_communication_on() -> None:
     (boot_up,) = node.handle(Frame(0, bytes([NmtCommand.RESET_COMMUNICATION, 1])))
     assert (boot_up.can_id, boot_up.data) == (0x705, b"\0")
     assert node.handle(read) == []
-    assert [frame.can_id for frame in node.handle(replace(read, can_id=0x605))] == [0x585]
+    assert [frame.can_id for frame in node.handle(read._replace(can_id=0x605))] == [0x585]
     assert node.device.value(0x1800, 1)[:2] == bytes.fromhex("8501"), "the default is 0x180 + node-ID"
     node.device.set_value(0x1017, 0, (100).to_bytes(2, "little"))
     assert [frame.can_id for frame in node.poll(1.0)] == [0x705]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import tempfile
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -95,7 +94,7 @@ def test_what_is_replayed_is_what_was_recorded(
             assert (at_s - sent[0][0]) * rate == pytest.approx(one.timestamp_s - meant[0].timestamp_s, abs=2e-5)
         again = recorded(
             Path(folder) / "again.log",
-            [replace(one, timestamp_s=BEGIN_S + at_s) for at_s, one in sent[: len(meant)]],
+            [one._replace(timestamp_s=BEGIN_S + at_s) for at_s, one in sent[: len(meant)]],
         )
         assert [told(one) for one in read_recording(again)] == [told(one) for one in meant]
 
@@ -151,7 +150,7 @@ def test_a_replayed_apply_does_it_again(tmp_path: Path) -> None:
     with Bench() as bench:
         bench.session.open_network().bus.tap(lambda frame, ours: received.append(frame) if ours else None)
         assert bench.run("map tpdo1 606C --event").code == 0
-    path = recorded(tmp_path / "apply.log", [replace(one, timestamp_s=BEGIN_S + n) for n, one in enumerate(received)])
+    path = recorded(tmp_path / "apply.log", [one._replace(timestamp_s=BEGIN_S + n) for n, one in enumerate(received)])
     with Bench() as bench:
         assert bench.run(f"replay {path} --yes").code == 0
         assert bench.run("pdo tpdo1 --json").document["pdos"][0]["mapping"][0]["object"] == "606C:00"

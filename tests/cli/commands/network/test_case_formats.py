@@ -129,7 +129,7 @@ def test_scripts_that_cannot_run_and_lines_that_are_secret(bench: Bench) -> None
     Path("wrong.dvt").write_text("read 1017\nmapp tpdo1\n")
     ran = bench.run("run wrong.dvt --format github")
     assert (ran.code, ran.stdout.splitlines()[0]) == (
-        2, "::error file=wrong.dvt,line=2,title=run::unknown command 'mapp'; did you mean 'map'? (exit code 2)",
+        2, "::error file=wrong.dvt,line=2,title=mapp::unknown command 'mapp'; did you mean 'map'? (exit code 2)",
     )  # fmt: skip
     assert counted(bench.run("run none.dvt --format junit").stdout) == (1, 1, 0)
     Path("inner.dvt").write_text("read 1017\nverify tpdo9\n")
