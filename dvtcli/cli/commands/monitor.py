@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from dvtcli.cli.conversation import Conversation
+    from dvtcli.cli.view.output import Output
     from dvtcli.operations.results import FrameSeen
     from dvtcli.operations.results.frames import BusEvent
     from dvtcli.operations.session.open_network import OnBusEvent
@@ -65,7 +66,7 @@ def command(
             view = View(filter=wanted or "", plain=session.output.plain, changes=changes, only=only or frozenset())
             watch(session, watched, view, duration)
         else:
-            show, on_bus_event = _shown_by(session), _on_bus_event(session)
+            show, on_bus_event = _shown_by(session.output), _on_bus_event(session.output)
             stream(
                 watched,
                 show,
@@ -77,10 +78,9 @@ def command(
             )
 
 
-def _shown_by(session: Conversation) -> Callable[[Iterable[FrameSeen]], None]:
+def _shown_by(output: Output) -> Callable[[Iterable[FrameSeen]], None]:
     from dvtcli.cli.view.frame_json import FrameJson
 
-    output = session.output
     lines = FrameJson(output.encoder())
 
     def show(seen: Iterable[FrameSeen]) -> None:
@@ -90,12 +90,12 @@ def _shown_by(session: Conversation) -> Callable[[Iterable[FrameSeen]], None]:
     return show
 
 
-def _on_bus_event(session: Conversation) -> OnBusEvent:
+def _on_bus_event(output: Output) -> OnBusEvent:
     """Report a lost or restored bus as a document among the frames; without --json also as a line of text."""
 
     def report(event: BusEvent) -> None:
-        session.output.documents([event.document()])
-        if not session.output.json:
-            session.output.lines([event.text])
+        output.documents([event.document()])
+        if not output.json:
+            output.lines([event.text])
 
     return report

@@ -14,6 +14,7 @@ from dvtcli.cli.runner_interface import LineRunners, runners
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
+    from dvtcli.cli.view.output import Output
 
 
 class TourStep(NamedTuple):
@@ -69,17 +70,21 @@ def command(ctx: click.Context, /) -> int:
     guide.start({"sim": (_SHOWN,), "color": session.base.color, "ascii": session.base.ascii})
     guide.started = True
     if session.is_open and not session.base.sim:
-        _say(guide, "The tour uses its own simulated node: it sends nothing to the open bus.")
+        _say(guide.output, "The tour uses its own simulated node: it sends nothing to the open bus.")
     asks = sys.stdin.isatty() and sys.stderr.isatty() and not session.in_script
     try:
         for number, step in enumerate(STEPS, 1):
-            _say(guide, "", f"{number}/{len(STEPS)}  {step.text}")
+            _say(guide.output, "", f"{number}/{len(STEPS)}  {step.text}")
             if not (_guided(guide, runners(ctx), step) if asks else _shown(guide, runners(ctx), step)):
                 break
         else:
-            _say(guide, "", "That was the tour. `help` has all commands; `dvtcli --sim generic` is a node for them.")
+            _say(
+                guide.output,
+                "",
+                "That was the tour. `help` has all commands; `dvtcli --sim generic` is a node for them.",
+            )
     except KeyboardInterrupt:
-        _say(guide, "", "The tour ends here.")
+        _say(guide.output, "", "The tour ends here.")
     finally:
         guide.close()
     return 0
@@ -88,7 +93,7 @@ def command(ctx: click.Context, /) -> int:
 def _guided(guide: Conversation, lines: LineRunners, step: TourStep) -> bool:
     """Let the user run the step's line, and others before it; returns False if the user leaves."""
     while True:
-        _say(guide, f"  Enter runs:  {step.line}")
+        _say(guide.output, f"  Enter runs:  {step.line}")
         guide.output.stderr.write("tour> ")
         guide.output.stderr.flush()
         typed = sys.stdin.readline()
@@ -105,7 +110,7 @@ def _guided(guide: Conversation, lines: LineRunners, step: TourStep) -> bool:
 def _shown(guide: Conversation, lines: LineRunners, step: TourStep) -> bool:
     """Print the step's line and run it. Raises AssertionError if the exit code is not the step's."""
     guide.output.stdout.flush()
-    _say(guide, f"tour> {step.line}")
+    _say(guide.output, f"tour> {step.line}")
     code = _run(guide, lines, step.line)
     assert code == step.code, step.line  # noqa: S101 - the tour is wrong then, and says so as a bug
     return True
@@ -117,6 +122,6 @@ def _run(guide: Conversation, lines: LineRunners, line: str) -> int:
     return finish_line(guide, code)
 
 
-def _say(guide: Conversation, *lines: str) -> None:
-    guide.output.stdout.flush()
-    guide.output.lines([part for line in lines for part in line.split("\n")])
+def _say(output: Output, *lines: str) -> None:
+    output.stdout.flush()
+    output.lines([part for line in lines for part in line.split("\n")])
