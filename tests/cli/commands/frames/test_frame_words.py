@@ -254,9 +254,16 @@ def test_services_are_rows_of_values_files_without_any_mapping(tmp_path: Path) -
     done = dvtcli("decode", "run.log", "--csv", cwd=tmp_path)
     head, row = done.stdout.splitlines()
     assert (head, row.partition(",")[2]) == ("time,frame", "heartbeat node 5: OPERATIONAL")
-    for suffix in (".csv", ".parquet", ".jsonl"):
+    for suffix in (".csv", ".jsonl"):
         assert "1 frame, 0 signals" in dvtcli("decode", "run.log", "-o", f"run{suffix}", cwd=tmp_path).stdout
     refused = dvtcli("decode", "pdos.log", "--csv", cwd=tmp_path)
     assert (refused.returncode, "values of signals need a mapping" in refused.stderr) == (2, True)
     found = dvtcli("decode", "run.log", "--csv", "--only", "emcy", cwd=tmp_path)
     assert (found.returncode, "no frame in run.log is of the kinds emcy" in found.stderr) == (0, True)
+
+
+@pytest.mark.needs("pyarrow")
+def test_services_are_rows_of_a_parquet_file_without_any_mapping(tmp_path: Path) -> None:
+    (tmp_path / "run.log").write_text("(1.000000) can0 705#05 R\n")
+    done = dvtcli("decode", "run.log", "-o", "run.parquet", cwd=tmp_path)
+    assert (done.returncode, "1 frame, 0 signals" in done.stdout) == (0, True)
