@@ -70,13 +70,15 @@ def _remarked(line: str, remark: str) -> str:
 def _master(master: MasterRole | None) -> Iterator[str]:
     if master is None:
         return
-    said = {
-        "node_id": 255 if master.node_id is None else master.node_id,
+    values = {
+        "node_id": master.node_id,
         "sync_period": master.sync_period_us,
         "heartbeat_producer": master.heartbeat_producer_ms,
+        "baudrate": None if master.bit_rate is None else master.bit_rate // 1000,
     }
+    lines = [f"  {key}: {value}" for key, value in values.items() if value is not None]
     yield "master:"
-    yield from (f"  {key}: {value}" for key, value in said.items() if value is not None)
+    yield from lines or ["  node_id: 255"]
 
 
 def _node(node: NodeConfig, names: Mapping[int, str], remarks: Remarks) -> Iterator[str]:

@@ -484,11 +484,7 @@ def _lost(old: str, config: NetworkConfig, written: NetworkConfig) -> Iterator[s
         yield f"{plural(aliases, 'reference')} to anchors, copied out in full"
     kept = {note.text for note in written.notes}
     yield from dict.fromkeys(note.text for note in config.notes if note.text not in kept)
-    master = config.master
-    if master is not None and written.master is not None and master.bit_rate != written.master.bit_rate:
-        yield f"the bit rate, {master.bit_rate} bit/s"
-        master = replace(master, bit_rate=written.master.bit_rate)
-    if replace(config, master=master) != written:
+    if config != written:
         names = [node.name for node, new in zip(config.nodes, written.nodes, strict=False) if node != new]
         raise UsageError(
             f"not written: the file would change {join_some(names) or 'its links or options'}",

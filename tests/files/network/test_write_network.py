@@ -91,7 +91,14 @@ def networks(draw: DrawFn) -> NetworkConfig:
     producer = Endpoint(draw(st.sampled_from(ids)), Pdo(Direction.TPDO, draw(st.integers(1, 512))))
     heartbeat = draw(st.none() | st.just(False) | st.integers(1, 0xFFFF))
     master = draw(
-        st.none() | st.builds(MasterRole, st.none() | st.integers(121, 127), st.none() | U32, st.none() | U16)
+        st.none()
+        | st.builds(
+            MasterRole,
+            st.none() | st.integers(121, 127),
+            st.none() | U32,
+            st.none() | U16,
+            st.none() | st.integers(1, 1000).map(lambda kbit_per_s: 1000 * kbit_per_s),
+        )
     )
     links = (LinkConfig(producer, consumers, heartbeat),) if consumers else ()
     return NetworkConfig(nodes, links, master, draw(st.none() | st.sampled_from([1.0, 2.5, 100.0])))
