@@ -92,10 +92,14 @@ def _physical_text(name: str, meaning: Scaling, encode: Encode) -> Callable[[Val
     before, after = f'{key}{{"value":', f'{unit}","bits":[]}}'
     between = f',"unit":{encode(meaning.unit)},"text":"'
 
-    @lru_cache(maxsize=_REMEMBERED, typed=True)
-    def text(value: Value) -> str:
-        if type(value) is not int:  # a REAL may be infinite, and a BOOLEAN has another text
-            return key + encode(physical_document(value, meaning))
+    @lru_cache(maxsize=_REMEMBERED)
+    def text_of_integer(value: int) -> str:
         return f"{before}{meaning.number(value)!r}{between}{meaning.number_text(value)}{after}"
+
+    def text(value: Value) -> str:
+        if type(value) is int:
+            return text_of_integer(value)
+        # a REAL may be infinite, or -0.0, which equals 0.0; a BOOLEAN has another text
+        return key + encode(physical_document(value, meaning))
 
     return text

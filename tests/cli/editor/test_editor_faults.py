@@ -45,15 +45,21 @@ def state_of(folder: Path) -> dict[str, str]:
     return {name: own_environment(folder)[name] for name in ("XDG_STATE_HOME", "LOCALAPPDATA")}
 
 
+def with_a_change(open_terminal: Open, port: int, folder: Path) -> Terminal:
+    """The editor with a change of TPDO2 that is not applied."""
+    terminal = open_terminal(*bus_words(port), "-n", "1", "edit", "tpdo2", environment=state_of(folder))
+    terminal.wait("FRAME OF TPDO2", "606C:00/32")
+    terminal.type("d")
+    terminal.wait("TPDO2 changed, not applied", "4 bytes free")
+    terminal.until(lambda: "asking the rules" not in terminal.text, "the rules asked")
+    return terminal
+
+
 @pytest.mark.parametrize("is_killed", [True, False])
 def test_a_change_cut_short_is_recovered(tmp_path: Path, open_terminal: Open, is_killed: bool) -> None:
     with killable(tmp_path, "gen4@1") as server:
         before = pdos(server)
-        terminal = open_terminal(*bus_words(server.port), "-n", "1", "edit", "tpdo2", environment=state_of(tmp_path))
-        terminal.wait("FRAME OF TPDO2", "606C:00/32")
-        terminal.type("d")
-        terminal.wait("TPDO2 changed, not applied", "4 bytes free")
-        terminal.until(lambda: "asking the rules" not in terminal.text, "the rules asked")
+        terminal = with_a_change(open_terminal, server.port, tmp_path)
         victim = AtTerminal(3, is_download, terminal=terminal) if is_killed else CutOff(3, is_download)
         server.door.victim = victim
         terminal.type(F10)
@@ -82,11 +88,7 @@ class Stopped(Victim):
 def test_ctrl_c_while_a_change_is_written_rolls_it_back_and_says_the_edits(tmp_path: Path, open_terminal: Open) -> None:
     with killable(tmp_path, "gen4@1") as server:
         before = pdos(server)
-        terminal = open_terminal(*bus_words(server.port), "-n", "1", "edit", "tpdo2", environment=state_of(tmp_path))
-        terminal.wait("FRAME OF TPDO2", "606C:00/32")
-        terminal.type("d")
-        terminal.wait("TPDO2 changed, not applied", "4 bytes free")
-        terminal.until(lambda: "asking the rules" not in terminal.text, "the rules asked")
+        terminal = with_a_change(open_terminal, server.port, tmp_path)
         server.door.victim = Stopped(3, is_download, terminal=terminal)
         terminal.type(F10)
         assert terminal.ended() == 130, terminal.text

@@ -109,3 +109,12 @@ def test_each_constant_part_counts() -> None:
         assert lines.text(seen) == as_json(seen.document())
     texts = {lines.text(seen) for seen in (first, *others)}
     assert len(texts) == len(others) + 1
+
+
+def test_values_that_are_equal_keep_their_own_texts() -> None:
+    """0.0 and -0.0 are equal, as 1, 1.0 and True are; each is written as it was received."""
+    meaning = {"a": Scaling("V")}
+    lines = FrameJson(as_json)
+    for value in (0.0, -0.0, 0, False, 1, 1.0, True, float("inf"), float("-inf"), float("nan"), float("nan")):
+        seen = FrameSeen(Frame(0x181, b"\1"), "pdo", "TPDO1", 1, "tpdo1", {"a": value}, meaning)
+        assert lines.text(seen) == as_json(seen.document())

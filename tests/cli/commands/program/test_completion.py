@@ -106,14 +106,18 @@ def test_tab_in_a_real_bash(program: Path) -> None:
         terminal.close()
 
 
+def completed_by_fish(program: Path, line: str) -> str:
+    """What fish offers for *line*."""
+    environ = environment() | {"PATH": f"{program.parent}{os.pathsep}{os.environ['PATH']}"}
+    words = ["fish", "-c", f"dvtcli completion fish | source; complete -C '{line}'"]
+    return subprocess.run(
+        words, capture_output=True, encoding="utf-8", env=environ, timeout=PATIENCE_S, check=True
+    ).stdout
+
+
 @pytest.mark.skipif(shutil.which("fish") is None, reason="no fish")
 def test_fish_completes(program: Path) -> None:
-    environ = environment() | {"PATH": f"{program.parent}{os.pathsep}{os.environ['PATH']}"}
-    line = "dvtcli completion fish | source; complete -C 'dvtcli --sim gen4 read 606C'"
-    done = subprocess.run(
-        ["fish", "-c", line], capture_output=True, encoding="utf-8", env=environ, timeout=PATIENCE_S, check=True
-    )
-    assert done.stdout.startswith("606C:00\tVelocity actual value")
+    assert completed_by_fish(program, "dvtcli --sim gen4 read 606C").startswith("606C:00\tVelocity actual value")
 
 
 _FISH = ["fish", "--no-config"], "dvtcli completion fish | source; echo re'ady'"
@@ -155,12 +159,7 @@ def test_zsh_lists_what_is_found_by_a_part_of_its_name_and_keeps_the_part(progra
 
 @pytest.mark.skipif(shutil.which("fish") is None, reason="no fish")
 def test_fish_shows_a_description_to_its_end(program: Path) -> None:
-    environ = environment() | {"PATH": f"{program.parent}{os.pathsep}{os.environ['PATH']}"}
-    line = "dvtcli completion fish | source; complete -C 'dvtcli set tpdo1 --cob'"
-    done = subprocess.run(
-        ["fish", "-c", line], capture_output=True, encoding="utf-8", env=environ, timeout=PATIENCE_S, check=True
-    )
-    assert done.stdout == "--cob-id\tCAN-ID with 0x, `auto` or `keep`.\n"
+    assert completed_by_fish(program, "dvtcli set tpdo1 --cob") == "--cob-id\tCAN-ID with 0x, `auto` or `keep`.\n"
 
 
 @pytest.mark.skipif(shutil.which("zsh") is None, reason="no zsh")
