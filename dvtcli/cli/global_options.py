@@ -63,7 +63,10 @@ _TABLE: list[tuple[tuple[str, ...], dict[str, Any]]] = [
         },
     ),
     (("--dry-run",), {"is_flag": True, "help": "Work on a twin of the node; write nothing to the bus."}),
-    (("--eds",), {"metavar": "FILE", "help": "EDS, DCF, XDD or XDC of the node, or a simulated family."}),
+    (
+        ("--eds",),
+        {"metavar": "FILE", "help": "EDS, DCF, XDD or XDC of the node, a simulated family, or a name of `eds list`."},
+    ),
     (
         ("--modules",),
         {

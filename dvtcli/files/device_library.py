@@ -11,6 +11,7 @@ from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
+from dvtcli.errors import UsageError
 from dvtcli.files.device_file import VALUE_SUFFIXES
 from dvtcli.files.user_folders import user_folder
 from dvtcli.version import __version__
@@ -79,6 +80,34 @@ def stored_path(name: str) -> Path | None:
     """Return the library file with the full name *name*; None if absent."""
     path = folder() / name
     return path if _NAME.fullmatch(name) and path.parent == folder() and path.is_file() else None
+
+
+def files_named(name: str) -> tuple[StoredFile, ...]:
+    """Return the library file with the full name *name*, else all files whose original name it is."""
+    files = stored_files()
+    whole = tuple(file for file in files if file.path.name == name)
+    return whole or tuple(file for file in files if file.label == name)
+
+
+def file_named(name: str) -> Path | None:
+    """Return the library file with the full or original name *name*; None if there is none.
+
+    Raises UsageError if several files have this original name.
+    """
+    found = files_named(name)
+    if len(found) > 1:
+        raise UsageError(why_several(name, found), hint=f"give a full name: {full_names(found)}")
+    return found[0].path if found else None
+
+
+def why_several(name: str, files: Sequence[StoredFile]) -> str:
+    """Say that *files* have the original name *name*."""
+    return f"{name} names {len(files)} files of the library"
+
+
+def full_names(files: Sequence[StoredFile]) -> str:
+    """Return the full names of *files*, each of which names one file."""
+    return ", ".join(file.path.name for file in files)
 
 
 def stored_place(identity: tuple[int, int, int], name: str) -> Path:

@@ -21,6 +21,7 @@ from dvtcli.domain.network.links import (
     free_can_id,
     linked,
     may_keep,
+    receivers,
     slot_for,
     watch_time_ms,
     watched_ms,
@@ -125,6 +126,47 @@ def test_the_hint_of_an_ambiguous_link_makes_the_link(sent: str, received: str, 
         made = linked(*(mapped[str(end)] if str(end) == str(step.arguments["pdo"]) else end for end in sides))
         assert made.mapping
         assert not any(finding.severity is Severity.ERROR for finding in made.findings)
+
+
+def drive_side(node_id: int, pdo: str, indices: list[int], dummies: frozenset[int]) -> LinkSide:
+    """A PDO of a drive that maps u16 objects at *indices*."""
+    entries = {index: OdEntry(index, 0, f"{index:04X}", BY_SHORT_NAME["u16"], pdo_mapping=True) for index in indices}
+    objects = {index: OdObject(index, entry.name, ObjectType.VAR, {0: entry}) for index, entry in entries.items()}
+    mapping = tuple(PdoMappingEntry(index, 0, 16) for index in indices)
+    dictionary = ObjectDictionary(objects, DeviceInfo(dummies=dummies), f"{pdo}.eds")
+    return LinkSide(Endpoint(node_id, Pdo.parse(pdo)), PdoConfig(OFF, mapping), GENERIC, dictionary)
+
+
+@pytest.mark.parametrize("dummies", [ALL_DUMMIES, frozenset[int]()])
+@pytest.mark.parametrize("controlword", [0x6040, 0x6840])
+@pytest.mark.parametrize("sent", [[0x6041, 0x6077], [0x6077, 0x6078], [0x6077, 0x6041, 0x2100], [0x6040, 0x6077]])
+def test_no_hint_leads_a_measured_value_into_a_controlword(
+    sent: list[int], controlword: int, dummies: frozenset[int]
+) -> None:
+    """What the hint maps would be linked at once: a value that is no command would move the drive."""
+    sides = drive_side(1, "tpdo1", sent, dummies), drive_side(5, "rpdo2", [controlword], dummies)
+    (found,) = linked(*sides).findings
+    assert found.rule == "link-place"
+    assert isinstance(found.hint, Hint)
+    steps = [step for step in found.hint if step.action is Action.MAP]
+    assert steps
+    for step in steps:
+        if "objects" not in step.arguments:
+            assert str(step.arguments["pdo"]) == "5:rpdo2"
+            continue
+        entries = tuple(made for word in step.arguments["objects"] for made in entries_of(word))
+        mapped = [
+            replace(end, config=replace(end.config, mapping=entries)) if str(step.arguments["pdo"]) == str(end) else end
+            for end in sides
+        ]
+        assert [one.rule for one in linked(*mapped).findings if one.rule == "link-command"] == []
+
+
+def test_a_controlword_is_offered_last_for_a_value_that_is_no_command() -> None:
+    producer = drive_side(1, "tpdo1", [0x6077], ALL_DUMMIES)
+    consumer = drive_side(5, "rpdo1", [0x6040, 0x6842, 0x6072], ALL_DUMMIES)
+    offered = receivers(producer, producer.config.mapping[0], consumer)
+    assert [entry.index for entry in offered] == [0x6072, 0x6040, 0x6842]
 
 
 def entries_of(word: str) -> tuple[PdoMappingEntry, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from typing import NamedTuple
@@ -218,12 +218,7 @@ def _refused(producer: LinkSide, consumer: LinkSide) -> Iterator[Finding]:
     objects = any(not entry.is_dummy for entry in consumer.config.mapping)
     nothing = "maps dummies only" if consumer.config.mapping else "maps nothing"
     if wrong := _not_whole(consumer.config) or ("" if objects else nothing):
-        sent = join_some(f"{entry.object} ({entry.bits} bits)" for entry in producer.config.mapping)
-        hint = Hint(
-            Action.MAP,
-            {"pdo": consumer, "off": True},
-            f"first {{}}, with what should receive {sent} of {producer}; then link",
-        )
+        hint = _other_objects(producer, consumer, "first")
         yield error("link-consumer", str(consumer), f"{consumer} {wrong}", hint=hint)
 
 
@@ -316,13 +311,21 @@ def _ambiguous(
     if names[0] == names[1]:
         names = [f"{name} at bit {starts[places[number]]}" for name, places in zip(names, (first, last), strict=True)]
     text = f"{consumer.name(objects[number])} of {consumer} could receive {names[0]} or {names[1]}"
-    made = [placed_mapping(producer, consumer, dict(zip(places, objects, strict=True))) for places in (first, last)]
+    choices = [
+        (name, placed)
+        for name, places in zip(names, (first, last), strict=True)
+        if not _moves_drive(producer, consumer, placed := dict(zip(places, objects, strict=True)))
+    ]
+    made = [(name, *placed_mapping(producer, consumer, placed)) for name, placed in choices]
     hints = [
         _map_hint(consumer, mapping, f"{{}} receives {verbatim(name)}")
-        for name, (mapping, refused) in zip(names, made, strict=True)
+        for name, mapping, refused in made
         if not refused
     ]
-    hint = sum(hints[1:], start=hints[0]) if hints else _shorter(producer, consumer, first)
+    if hints:
+        hint = sum(hints[1:], start=hints[0])
+    else:
+        hint = _shorter(producer, consumer, choices[0][1] if choices else dict(zip(first, objects, strict=True)))
     return error("link-place", str(consumer), text, hint=hint)
 
 
@@ -332,15 +335,41 @@ def _map_hint(side: LinkSide, mapping: Sequence[PdoMappingEntry], why: str) -> H
     return Hint(Action.MAP, {"pdo": side, "objects": words, "off": not side.end.pdo.is_tpdo}, why)
 
 
-def _shorter(producer: LinkSide, consumer: LinkSide, taken: Iterable[int]) -> Hint:
-    """The hint for a consumer that cannot skip: its producer sends only the entries *taken*, by number."""
-    sent = [producer.config.mapping[number] for number in taken]
+def _shorter(producer: LinkSide, consumer: LinkSide, placed: Mapping[int, PdoMappingEntry]) -> Hint:
+    """The hint for a consumer that cannot skip: its producer sends only the entries that *placed* has, by number."""
+    if _moves_drive(producer, consumer, placed):
+        return _other_objects(producer, consumer, f"a controlword moves the drive, and {producer} sends none: first")
+    sent = [producer.config.mapping[number] for number in sorted(placed)]
     why = f"{consumer} has no dummies for what it does not take: let {producer} send only what it takes, {{}}"
     return _map_hint(producer, sent, why)
 
 
+def _other_objects(producer: LinkSide, consumer: LinkSide, first: str) -> Hint:
+    """The hint to map other objects to *consumer*, after the words *first*."""
+    sent = join_some(f"{entry.object} ({entry.bits} bits)" for entry in producer.config.mapping)
+    why = f"{first} {{}}, with what should receive {sent} of {producer}; then link"
+    return Hint(Action.MAP, {"pdo": consumer, "off": True}, why)
+
+
+def _moves_drive(producer: LinkSide, consumer: LinkSide, placed: Mapping[int, PdoMappingEntry]) -> bool:
+    """Whether a controlword among the objects *placed* receives a value that is no command."""
+    sent = producer.config.mapping
+    return any(
+        is_controlword(received.index) and _is_commanded(producer, sent[number], consumer, received)
+        for number, received in placed.items()
+    )
+
+
+def _is_commanded(producer: LinkSide, sent: PdoMappingEntry, consumer: LinkSide, received: PdoMappingEntry) -> bool:
+    """Whether the command, setpoint or output *received* gets *sent*, which is none."""
+    return commanded_by_other(received.index, consumer.described(received), sent.index, producer.described(sent))
+
+
 def receivers(producer: LinkSide, sent: PdoMappingEntry, consumer: LinkSide) -> list[PdoMappingEntry]:
-    """The objects of *consumer* that can receive *sent* of *producer*: the same index first, then the same type."""
+    """The objects of *consumer* that can receive *sent* of *producer*: the same index first, then the same type.
+
+    Commands, setpoints and outputs come last for a value that is none.
+    """
     dictionary = consumer.dictionary
     entries = () if dictionary is None else dictionary.entries()
     fit = [
@@ -349,7 +378,14 @@ def receivers(producer: LinkSide, sent: PdoMappingEntry, consumer: LinkSide) -> 
         if dictionary is not None and entry.bits == sent.bits
         and is_taken(consumer.profile, dictionary, entry, tpdo=False)
     ]  # fmt: skip
-    return sorted(fit, key=lambda entry: (entry.index != sent.index, not _is_alike(producer, sent, consumer, entry)))
+    return sorted(
+        fit,
+        key=lambda entry: (
+            _is_commanded(producer, sent, consumer, entry),
+            entry.index != sent.index,
+            not _is_alike(producer, sent, consumer, entry),
+        ),
+    )
 
 
 def placed_mapping(
@@ -368,7 +404,9 @@ def placed_mapping(
             skipped = 0
         mapping += split_dummy(skipped, DUMMY_BITS if usable is None else usable)
     except ValueError as wrong:
-        hint = _shorter(producer, consumer, sorted(placed)) + ", or map the rest onto objects that nobody uses"
+        hint = _shorter(producer, consumer, placed)
+        if not _moves_drive(producer, consumer, placed):
+            hint += ", or map the rest onto objects that nobody uses"
         return (), (error("link-skip", str(consumer), f"{consumer} cannot receive {producer}: {wrong}", hint=hint),)
     return tuple(mapping), ()
 
@@ -397,7 +435,7 @@ def _command_remarks(
     producer: LinkSide, sent: PdoMappingEntry, consumer: LinkSide, received: PdoMappingEntry
 ) -> Iterator[Finding]:
     """A warning if an object other than a command feeds a command, a setpoint or an output."""
-    if commanded_by_other(received.index, consumer.described(received), sent.index, producer.described(sent)):
+    if _is_commanded(producer, sent, consumer, received):
         text = f"{producer.name(sent)} of {producer} goes to {consumer.name(received)} of {consumer}"
         if is_controlword(received.index):
             yield warning(

@@ -117,8 +117,8 @@ KEYS: tuple[NetworkKey, ...] = (
     ),
     NetworkKey(Where.NODE, "node_id", Kind.INTEGER, "its node-ID", 1, 127, required=True),
     NetworkKey(Where.NODE, "dcf", Kind.TEXT, "its EDS, DCF, XDD or XDC, beside this file; `@BUS_CONFIG_PATH@` is its "
-                "folder; a simulated family's name is that one's, the whole name of a file "
-                "in the EDS library is that file"),
+                "folder; a simulated family's name is that one's, "
+                "a name of `eds list` is that file of the EDS library"),
     NetworkKey(Where.NODE, "eds", Kind.TEXT, "as `dcf`, if `dcf` is absent"),
     NetworkKey(Where.NODE, "modules", Kind.MODULES,
                 "which modules of `dcf` a modular device has, in their order: numbers of [SupportedModules]; else its "

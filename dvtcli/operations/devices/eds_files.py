@@ -24,16 +24,16 @@ if TYPE_CHECKING:
 
 def _read(file: str, modules: tuple[int, ...] | None = None) -> DeviceFile:
     """Read *file*, with *modules* connected; raises UsageError if it cannot be opened, or does not describe them."""
+    from dvtcli.operations.session.simulated_nodes import DEVICE_FILE_WORDS, must_have_modules
+
     try:
         read = read_device_file(Path(file), modules)
     except OSError as failed:
         raise UsageError(
             f"{file}: {failed.strerror}", place=file,
-            hint="eds takes the path of an EDS, DCF, XDD or XDC, or a simulated family",
+            hint=f"eds takes {DEVICE_FILE_WORDS}",
         ) from failed  # fmt: skip
     if modules is not None:
-        from dvtcli.operations.session.simulated_nodes import must_have_modules
-
         must_have_modules(read.dictionary, modules)
     return read
 

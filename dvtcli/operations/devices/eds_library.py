@@ -19,6 +19,7 @@ from dvtcli.files.device_library import (
     KnownFile,
     StoredFile,
     about_place,
+    file_named,
     first_of,
     folder,
     identity_word,
@@ -375,10 +376,8 @@ def _named(word: str, files: tuple[StoredFile, ...]) -> list[StoredFile]:
     if _IDENTITY.fullmatch(word):
         found = [file for file in files if f"{identity_word(file.identity)}-".startswith(f"{word.upper()}-")]
     else:
-        found = [file for file in files if word in (file.path.name, file.label)]
-        if len(found) > 1:
-            names = ", ".join(file.path.name for file in found)
-            raise UsageError(f"{word} names {len(found)} files of the library", hint=f"give a name: {names}")
+        named = file_named(word)
+        found = [file for file in files if file.path == named]
     if not found:
         hint = Hint(Action.LIST_EDS, why="shows them: a number, a name, or vendor-product[-revision] in hex")
         raise UsageError(f"no file of the library is {word}", hint=hint)

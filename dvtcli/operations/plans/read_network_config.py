@@ -63,10 +63,13 @@ def _dcf_path(folder: Path, name: str) -> Path | None:
     path = folder / name.removeprefix(BESIDE)
     if path.is_file():
         return path
-    from dvtcli.files.device_library import stored_path
+    from dvtcli.files.device_library import files_named
     from dvtcli.simulator.network.family_file import family_eds, family_names
 
-    return family_eds(name) if name in family_names() else stored_path(name)
+    if name in family_names():
+        return family_eds(name)
+    stored = files_named(name)
+    return stored[0].path if len(stored) == 1 else None
 
 
 def _why_no_dcf(folder: Path, name: str) -> str:
@@ -75,6 +78,7 @@ def _why_no_dcf(folder: Path, name: str) -> str:
     if found is not None:
         return _why_no_description(found)
     from dvtcli.files.device_file import DEVICE_SUFFIXES
+    from dvtcli.files.device_library import files_named, full_names, stored_files, why_several
     from dvtcli.files.network.file_log import nearest
     from dvtcli.simulator.network.family_file import family_names
 
@@ -86,8 +90,10 @@ def _why_no_dcf(folder: Path, name: str) -> str:
     if path.exists():
         kind = "a folder" if path.is_dir() else "a pipe or a device"
         return f"{path} is {kind}, and dcf names a file: an EDS, DCF, XDD or XDC"
+    if several := files_named(name):
+        return f"there is no {path}, and {why_several(name, several)}: write one of {full_names(several)}"
     families = family_names()
-    near = nearest(path.name, [*beside, *families])
+    near = nearest(path.name, [*beside, *families, *(file.label for file in stored_files())])
     if near in beside:  # written as the file's author wrote the folder
         near = f"{name[: len(name) - len(path.name)]}{near}"
     meant = f"; did you mean {near!r}?" if near else f"; families are {', '.join(families)}"

@@ -43,6 +43,8 @@ def _of_file(path: Path) -> Iterator[str]:
     yield from unread_values(read, str(path))
 
 
+#: what names a device file
+DEVICE_FILE_WORDS = "the path of an EDS, DCF, XDD or XDC, a simulated family, or a name of `eds list`"
 #: the reason for the file of a simulated node
 SIMULATED = "simulated from it"
 
@@ -232,7 +234,7 @@ def simulated_signals(words: tuple[str, ...], simulated: tuple[Simulated, ...]) 
 def _split(word: str) -> tuple[str, int | None]:
     from dvtcli.simulator.network.family_file import is_family_folder
 
-    if is_file(word) or "@" not in word or is_family_folder(word):
+    if "@" not in word or is_file(word) or is_family_folder(word) or _library_path(word):
         return word, None
     what, _, digits = word.rpartition("@")
     return what, UNCONFIGURED if digits == str(UNCONFIGURED) else node_id(digits)
@@ -242,8 +244,8 @@ def _node_id_of_file(what: str, used: set[int]) -> int | None:
     """The node-ID that a DCF or XDC was made for, or a folder's device was learnt with; None if unknown, or *used*."""
     from dvtcli.simulator.network.family_file import is_family_folder
 
-    if is_file(what):
-        stated = read_dictionary(Path(what)).info.node_id if what.lower().endswith(VALUE_SUFFIXES) else None
+    if path := Path(what) if is_file(what) else _library_path(what):
+        stated = read_dictionary(path).info.node_id if path.name.lower().endswith(VALUE_SUFFIXES) else None
     elif is_family_folder(what):
         from dvtcli.files.learnt_folder import found_state
 
@@ -263,11 +265,22 @@ def _simulated(what: str, chosen: int) -> Simulated:
         return Simulated(chosen, what, family_eds(what), modules=family_named(what).modules or None)
     if is_family_folder(what):
         return Simulated(chosen, path.resolve().name, family_folder_eds(path), path)
+    if stored := _library_path(what):
+        return Simulated(chosen, None, stored)
     known = ", ".join(family_names())
     raise UsageError(
         f"{what}: no such family and no such file",
-        hint=f"families: {known}; or the path of an EDS, DCF, XDD or XDC, or of a folder that was learnt",
+        hint=f"families: {known}; or the path of an EDS, DCF, XDD or XDC, or of a folder that was learnt; "
+        "or a name of `eds list`",
     )
+
+
+def _library_path(what: str) -> Path | None:
+    """Return the file of the library that *what* names; None for a family, a learnt folder, or an unknown name."""
+    from dvtcli.files.device_library import file_named
+    from dvtcli.simulator.network.family_file import family_names, is_family_folder
+
+    return None if what in family_names() or is_family_folder(what) else file_named(what)
 
 
 def family_named(name: str) -> Family:
@@ -295,12 +308,16 @@ def learnt_family(profile: DeviceProfile, folder: Path | None) -> Family | None:
 
 
 def file_or_family(text: str | Path) -> Path:
-    """Return the device file at *text*, else the EDS of the simulated family of that name."""
+    """Return the device file at *text*, else the EDS of the simulated family, else the library file of that name.
+
+    Returns *text* as a path if it is none of these; raises UsageError if several files of the library have this name.
+    """
     if is_file(str(text)):
         return Path(text)
+    from dvtcli.files.device_library import file_named
     from dvtcli.simulator.network.family_file import family_eds, family_names
 
-    return family_eds(str(text)) if str(text) in family_names() else Path(text)
+    return family_eds(str(text)) if str(text) in family_names() else file_named(str(text)) or Path(text)
 
 
 def read_dictionary(path: Path, modules: tuple[int, ...] | None = None) -> ObjectDictionary:
@@ -314,7 +331,7 @@ def read_dictionary(path: Path, modules: tuple[int, ...] | None = None) -> Objec
     except OSError as failed:
         raise UsageError(
             f"{path}: {failed.strerror or failed}",
-            hint=Hint(Action.GIVE_EDS, why="takes the path of an EDS, DCF, XDD or XDC, or a simulated family"),
+            hint=Hint(Action.GIVE_EDS, why=f"takes {DEVICE_FILE_WORDS}"),
         ) from failed
     except InputFileError as wrong:
         from dvtcli.files.device_library import folder

@@ -105,7 +105,10 @@ def test_a_bus_takes_numbers_and_paths(tmp_path: Path) -> None:
             bus.node(1, profile=1)  # type: ignore[arg-type]
         with pytest.raises(errors.UsageError) as raised:
             bus.node(1, eds=tmp_path / "nosuch.eds")
-    assert raised.value.hint == "eds=FILE takes the path of an EDS, DCF, XDD or XDC, or a simulated family"
+    assert (
+        raised.value.hint
+        == "eds=FILE takes the path of an EDS, DCF, XDD or XDC, a simulated family, or a name of `eds list`"
+    )
 
 
 def test_what_is_none_stays_as_it_is() -> None:

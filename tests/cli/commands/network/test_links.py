@@ -392,6 +392,19 @@ def test_what_moves_a_drive_is_named_in_the_plan_and_in_the_question() -> None:
         assert (rules["link-command"], rules["link-target"]) == ("warning", "note")
 
 
+def test_quiet_shows_that_a_controlword_moves_the_drive() -> None:
+    with Bench(("gen4@1", "tmcm@5")) as bench:
+        refused = bench.run("link 1:tpdo2 5:rpdo1")
+        refused.failed(1, "map 5:rpdo1 OBJECT… --off")
+        assert "map 1:tpdo2" not in refused.stderr
+        assert bench.run("map 1:tpdo2 6077").code == 0
+        for line in ("link 1:tpdo2 5:rpdo1 --dry-run --quiet", "link 1:tpdo2 5:rpdo1 --quiet"):
+            ran = bench.run(line)
+            assert ran.code == 0
+            assert "a controlword moves the drive" in ran.stderr
+            assert "note:" not in ran.stderr
+
+
 LINKED_FILE = """\
 nodes:
   a: {node_id: 1, dcf: gen4, tpdo: {1: {mapping: [6041]}}}

@@ -30,6 +30,7 @@ from tests.bus.devices import unknown
 from tests.cli.commands.bench import Bench
 from tests.cli.commands.bus import device
 from tests.harness.sample import heavy
+from tests.process import run
 from tests.real_files import real_files
 from tests.small_eds import plain
 from tests.virtual_time import VirtualTimeBus
@@ -273,7 +274,7 @@ def test_nobody_removes_by_mistake(offline: Bench) -> None:
     offline.run("eds add a.eds")
     write("a.eds", text(0x20000))
     offline.run("eds add a.eds")
-    assert "give a name" in offline.run("eds remove a.eds").stderr
+    assert "give a full name" in offline.run("eds remove a.eds").stderr
     ran = offline.run("eds remove 2")
     ran.failed(6, "no terminal to answer on: remove from the library")
     assert len(offline.run("eds list --json").document["files"]) == 2
@@ -608,6 +609,65 @@ def test_files_of_one_name_from_two_folders_are_both_kept_and_said(offline: Benc
     assert offline.run("eds add all --json").document["count"]["replaced"] == 1
     listed = offline.run("eds list --json").document["files"]
     assert {(row["name"], row["product"]) for row in listed} == {("drive.eds", "v1"), ("drive-2.eds", "newer")}
+
+
+NET = "nodes:\n  a: {{node_id: 5, dcf: {}}}\n"
+
+
+@pytest.mark.parametrize("short", [True, False])
+@pytest.mark.parametrize(
+    "words",
+    [
+        "check net.yaml",
+        "--sim generic --eds {} objects 2000",
+        "--sim {} objects 2000",
+        "--sim {}@5 objects 2000",
+        "eds show {}",
+        "eds check {}",
+        "eds convert {} out.xdd",
+        "--eds {} decode run.log",
+    ],
+)
+def test_the_name_that_the_list_shows_is_taken_wherever_a_file_is_named(
+    words: str, short: bool, offline: Bench
+) -> None:
+    write("from/pump.eds", text())
+    write("run.log", "(0.000000) can0 705#05\n")
+    offline.run("eds add from/pump.eds")
+    row = offline.run("eds list --json").document["files"][0]
+    name = row["name"] if short else Path(row["file"]).name
+    write("net.yaml", NET.format(name))
+    ran = run(words.format(name).split())
+    assert ran.returncode == 0, ran.stderr
+
+
+@pytest.mark.parametrize(
+    "words", ["--sim generic --eds {} objects", "--sim {} pdo", "eds show {}", "eds check {}", "eds remove {}"]
+)
+def test_a_name_of_several_files_of_the_library_lists_their_full_names(words: str, offline: Bench) -> None:
+    for product in (1, 2):
+        write(f"{product}/pump.eds", text(product=product))
+    offline.run("eds add 1 2")
+    full = [Path(row["file"]).name for row in offline.run("eds list --json").document["files"]]
+    ran = run(words.format("pump.eds").split())
+    said = ran.stderr
+    assert ran.returncode == 2, said
+    assert "error: pump.eds names 2 files of the library\n" in said
+    assert f"give a full name: {', '.join(full)}" in said
+    write("net.yaml", NET.format("pump.eds"))
+    checked = offline.run("check net.yaml")
+    assert checked.code == 4
+    assert f"pump.eds names 2 files of the library: write one of {', '.join(full)}" in checked.stderr
+    for name in full:
+        write("net.yaml", NET.format(name))
+        assert offline.run("check net.yaml").code == 0
+
+
+def test_a_slip_in_the_name_of_a_library_file_is_suggested(offline: Bench) -> None:
+    write("from/pump.eds", text())
+    offline.run("eds add from/pump.eds")
+    write("net.yaml", NET.format("pmup.eds"))
+    assert "did you mean 'pump.eds'?" in offline.run("check net.yaml").stderr
 
 
 def test_all_bits_are_nobodys_number(offline: Bench) -> None:
