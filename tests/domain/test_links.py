@@ -164,9 +164,9 @@ def test_no_hint_leads_a_measured_value_into_a_controlword(
 
 def test_a_controlword_is_offered_last_for_a_value_that_is_no_command() -> None:
     producer = drive_side(1, "tpdo1", [0x6077], ALL_DUMMIES)
-    consumer = drive_side(5, "rpdo1", [0x6040, 0x6842, 0x6072], ALL_DUMMIES)
+    consumer = drive_side(5, "rpdo1", [0x6040, 0x6840, 0x6072], ALL_DUMMIES)
     offered = receivers(producer, producer.config.mapping[0], consumer)
-    assert [entry.index for entry in offered] == [0x6072, 0x6040, 0x6842]
+    assert [entry.index for entry in offered] == [0x6072, 0x6040, 0x6840]
 
 
 def entries_of(word: str) -> tuple[PdoMappingEntry, ...]:

@@ -69,9 +69,10 @@ ALL_KEYS = (
     ("n, L", "of a file: another node; let an RPDO receive this TPDO"),
     ("letters", "in the objects: filter by number, name or unit"),
     ("Ctrl-Z, Ctrl-Y", "take a step back, and make it again"),
-    ("F5", "the plan, as map shows it"),
+    ("c", "all findings of the rules, of a file those of check"),
+    ("F5", "the plan, as map shows it; of a file, of all changed nodes"),
     ("F10, Ctrl-S", "apply as map does, or write the file; then come back"),
-    ("F2", "save: .dvt a script, .yaml or .dcf the whole node"),
+    ("F2", "save: .dvt a script, .yaml .yml .dcf .xdc the whole node"),
     ("Esc, Ctrl-C", "leave; asks if a change is not applied"),
 )
 #: rows of the screen that a message or a finding may take
@@ -140,6 +141,8 @@ class EditorView:
     has_nodes: bool = False
     #: the file's bus load and findings in a line
     status: str = ""
+    #: the findings of `check` about the file, also of other nodes
+    listed: Sequence[Remark] = ()
     #: what differs from the node or the file, in words
     changed: Sequence[str] = ()
 
@@ -152,6 +155,11 @@ class EditorView:
     def config(self) -> PdoConfig:
         """The chosen PDO as it is edited."""
         return self.pdos.now[self.pdo]
+
+    def every_finding(self) -> list[tuple[str, str]]:
+        """Return each finding of the rules with its style: of all PDOs, of a file of all nodes."""
+        of_pdos = [finding for found in (self.findings or {}).values() for finding in found]
+        return [(_finding_text(finding), _style_of(finding)) for finding in (self.listed or of_pdos)]
 
 
 def picture(view: EditorView, width: int, height: int) -> Lines:
@@ -275,12 +283,15 @@ def _rule_line(view: EditorView) -> Cell:
     found = view.findings.get(view.pdo, ())
     if not found:
         others = [pdo.label for pdo, findings in view.findings.items() if findings]
-        return Cell(f"the rules also have findings for {', '.join(others)}" if others else "", "yellow")
+        return Cell(f"the rules also have findings for {', '.join(others)}: c shows them" if others else "", "yellow")
     chosen = view.frame_cursor.chosen if view.pane == FRAME else None
     first = max(found, key=lambda finding: (_row_of(view, finding) == chosen, finding.severity is Severity.ERROR))
     more = f"  (+{len(found) - 1})" if len(found) > 1 else ""
-    style = "red" if first.severity is Severity.ERROR else "yellow"
-    return Cell(f"{first.place}: {first.text} [{first.rule}]{more}", style)
+    return Cell(f"{_finding_text(first)}{more}", _style_of(first))
+
+
+def _finding_text(finding: Remark) -> str:
+    return f"{finding.place}: {finding.text} [{finding.rule}]"
 
 
 def _row_of(view: EditorView, finding: Remark) -> int | None:

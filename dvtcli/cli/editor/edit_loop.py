@@ -24,13 +24,13 @@ from dvtcli.operations.exchange.edit_file import (
     EditedFile,
     EditedLink,
     Edits,
+    Judged,
     file_to_edit,
     refuse_other_values,
 )
 from dvtcli.operations.pdos.edit_pdos import apply_edited, edited_plan
 
 if TYPE_CHECKING:
-    from dvtcli.cli.editor.draw import Remark
     from dvtcli.cli.pdo_params import NodePdo
     from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
@@ -54,6 +54,7 @@ def edit(session: Conversation, pdo: NodePdo | None) -> None:
     node = session.node(None if pdo is None else pdo.node_id)
     editor = Editor(session, node, _shown_first(node, pdo))
     refused: DvtcliError | None = None
+    applied: set[Pdo] = set()
     while editor.run() == APPLY:
         changed = editor.pdos.changed()
         try:
@@ -69,6 +70,7 @@ def edit(session: Conversation, pdo: NodePdo | None) -> None:
             editor.say(f"not applied: {error_text(failed)}", bad=True)
         else:
             refused = None
+            applied.update(() if result.dry_run else changed)
             session.output.result(result)
             editor.say(_said(result, changed))
         session.cancellation.release()
@@ -79,7 +81,7 @@ def edit(session: Conversation, pdo: NodePdo | None) -> None:
         if note := editor.pdos.read_again(node.pdos()):
             editor.say(f"{editor.view.message}; {note}", bad=True)
     if left := editor.pdos.changed():
-        _say_left(session, left, refused)
+        _say_left(session, left, applied, refused)
 
 
 def _say_edits(session: Conversation, failed: DvtcliError, plan: Plan) -> None:
@@ -89,11 +91,19 @@ def _say_edits(session: Conversation, failed: DvtcliError, plan: Plan) -> None:
             session.reporter.note(f"your edit as a command: {line}")
 
 
-def _say_left(session: Conversation, left: Collection[Pdo], refused: DvtcliError | None) -> None:
-    """Show the last refusal, if any, that no later change corrected, and the PDOs *left* as they were."""
+def _say_left(
+    session: Conversation, left: Collection[Pdo], applied: Collection[Pdo], refused: DvtcliError | None
+) -> None:
+    """Show the last refusal, if any, that no later change corrected, and the PDOs *left* with edits.
+
+    Those of *applied* keep what was applied; the others are as they were.
+    """
     if refused is not None:
         session.output.error(refused)
-    session.reporter.note(f"{', '.join(pdo.label for pdo in left)} left as it was")
+    if again := [pdo.label for pdo in left if pdo in applied]:
+        session.reporter.note(f"{', '.join(again)}: later edits discarded; what was applied stays")
+    if untouched := [pdo.label for pdo in left if pdo not in applied]:
+        session.reporter.note(f"{', '.join(untouched)} left as it was")
 
 
 def _shown_first(node: ReadableNode, pdo: NodePdo | None) -> Pdo | None:
@@ -121,7 +131,7 @@ def edit_file(session: Conversation, file: str) -> None:
     """
     if not has_full_screen(session):
         raise SafetyRefusal("edit is a full screen, and there is no terminal", hint="a network file is text to edit")
-    node_id, message = None, ""
+    node_id, message, kept = None, "", "left as it was"
     while True:
         edited = file_to_edit(file)
         message = "; ".join(filter(None, (message, *edited.notes)))
@@ -130,9 +140,10 @@ def edit_file(session: Conversation, file: str) -> None:
             editor, written = _shown(session, nodes, nodes.editor(node_id), message)
             if not written:
                 if left := nodes.changed():
-                    session.reporter.note(f"{file}: {join_some(left)} left as it was")
+                    session.reporter.note(f"{file}: {join_some(left)} {kept}")
                 return
             node_id, message = editor.node.node_id, written
+            kept = "left as it was written: later edits discarded"
 
 
 @contextmanager
@@ -197,12 +208,15 @@ class FileNodes:
         ids = [(pdo.communication.cob_id.can_id, pdo.communication.cob_id.extended) for pdo in (sent, received)]
         return received.enabled and ids[0] == ids[1] and agrees(sent.mapping, received.mapping)
 
-    def judge(self, node_id: int, changed: Mapping[Pdo, PdoConfig]) -> tuple[Mapping[Pdo, Sequence[Remark]], str]:
-        """Return what the rules say of a node with its *changed* PDOs, and the state of the file in a line."""
+    def edited(self) -> Mapping[int, Edited]:
+        """Return the nodes with changed PDOs."""
+        return self.edits().nodes
+
+    def judge(self, node_id: int, changed: Mapping[Pdo, PdoConfig]) -> Judged:
+        """Return what the rules say of the file with the *changed* PDOs of a node."""
         editor, edits = self.editor(node_id), self.edits()
         nodes = {**edits.nodes, node_id: Edited(editor.node, editor.pdos.held, changed)}
-        judged = self._edited.judge(replace(edits, nodes=nodes))
-        return judged.findings.get(node_id, {}), judged.status
+        return self._edited.judge(replace(edits, nodes=nodes))
 
     def consumers(self, node_id: int) -> list[tuple[Endpoint, str]]:
         """Return the RPDOs of the other nodes, each with its objects."""

@@ -24,11 +24,10 @@ from dvtcli.cli.editor.draw import (
 )
 from dvtcli.cli.editor.file_of_nodes import LinkDialogs
 from dvtcli.cli.editor.model import COB_ID, PARAMETERS, EditedPdos, ObjectList
+from dvtcli.cli.editor.plan_dialog import plan_dialog
 from dvtcli.cli.screen.full_screen import BesideScreen, bind_all, show
 from dvtcli.cli.screen.widgets import Choices, Dialog, FieldDialog, Question, TextDialog, cut
-from dvtcli.cli.view.lines import Cell, Line, broken, columns
-from dvtcli.cli.view.paint import with_hints
-from dvtcli.cli.view.renderers import remarks, text
+from dvtcli.cli.view.lines import Cell, broken
 from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.nmt import NmtState
@@ -38,8 +37,9 @@ from dvtcli.domain.pdo import DUMMY_BITS, PdoMappingEntry, split_dummy
 from dvtcli.domain.rules.pdo_mapping import known_dummies
 from dvtcli.domain.text import join_some
 from dvtcli.errors import BusUnavailable, DvtcliError, UsageError
-from dvtcli.operations.exchange.export_file import save_edited
-from dvtcli.operations.pdos.edit_pdos import judge_edited, plan_edited
+from dvtcli.operations.exchange.edit_file import Edited
+from dvtcli.operations.exchange.export_file import refuse_suffix, save_edited
+from dvtcli.operations.pdos.edit_pdos import judge_edited
 from dvtcli.operations.pdos.list_pdos import last_frame
 from dvtcli.operations.values.named_objects import entry_at
 from dvtcli.operations.values.object_values import scalings_of
@@ -50,7 +50,6 @@ if TYPE_CHECKING:
     from dvtcli.cli.editor.file_of_nodes import FileOfNodes
     from dvtcli.device.node import Node
     from dvtcli.domain.pdo import Pdo, PdoConfig
-    from dvtcli.operations.results import Changed
 
 #: what the user left the screen for
 APPLY, LEAVE, NODE = "apply", "leave", "node"
@@ -182,7 +181,9 @@ class Editor:
                     if self._file is None:
                         self._found = judge_edited(self.node, self.pdos.held, changed)
                     else:
-                        self._found, self.view.status = self._file.judge(self.node.node_id, changed)
+                        judged = self._file.judge(self.node.node_id, changed)
+                        self._found = judged.findings.get(self.node.node_id, {})
+                        self.view.status, self.view.listed = judged.status, judged.listed
                 self.view.not_judged = ""
             except DvtcliError as failed:
                 self.view.not_judged = error_text(failed)
@@ -228,6 +229,8 @@ class Editor:
             _ALWAYS[key](self)
         elif text == "?" and self.view.pane != OBJECTS:
             self._help()
+        elif text == "c" and self.view.pane != OBJECTS:
+            self._show_findings()
         elif text in _OF_NODES and self.view.pane != OBJECTS:
             self._press_of_nodes(text)
         elif self.view.pane == PDOS:
@@ -447,47 +450,31 @@ class Editor:
             self.say("nothing to redo")
 
     def _plan(self) -> None:
-        """Show what `map` would write."""
-        changed = self.pdos.changed()
-        if not changed:
-            self.say("nothing to plan: the node already has these values")
+        """Show what `map` would write; of a file, to each of its nodes."""
+        file = self._file
+        if file is None:
+            changed = self.pdos.changed()
+            edited = {self.node.node_id: Edited(self.node, self.pdos.held, changed)} if changed else {}
+        else:
+            edited = dict(file.edited())
+        if not edited:
+            links = f": {join_some(left)} changes no PDO" if (left := self._changes()) else self._no_change()
+            self.say(f"nothing to plan{links}")
             return
 
         def work() -> str:
-            result = plan_edited(self._session, self.node.node_id, self.pdos.held, changed)
-            held = self.pdos.held
-            off = [pdo.label for pdo, config in changed.items() if not (config.enabled or held[pdo].enabled)]
-            left = f"{join_some(off)} {'stays' if len(off) == 1 else 'stay'} off: e enables a PDO"
-            lines = [*self._plan_lines(result), *([[Cell(left, "yellow")]] if off else [])]
-            self._dialogs.append(TextDialog("PLAN", lines, "f5"))
+            titles = None if file is None else dict(file.nodes)
+            self._dialogs.append(plan_dialog(self._session, edited, self._columns, titles))
             return ""
 
         self.beside.start("plan", work)
 
-    def _plan_lines(self, result: Changed) -> Iterator[list[Cell]]:
-        width = max(60, self._columns)
-        if self._file is None:
-            found = [*remarks(result)]
-        else:  # a file is written all the same: nothing is forced, and options of `map` help nobody
-            found = [[Cell(f"{each.severity}: {each.text} [{each.rule}]", "yellow")] for each in result.findings]
-        for line in (*text(result, width), *found):
-            cells = self._cells(line)
-            whole = "".join(cell.text for cell in cells)
-            if columns(whole) <= width:
-                yield cells
-            else:
-                yield from ([Cell(part, cells[0].style)] for part in broken(whole, width))
-
-    def _cells(self, line: Line) -> list[Cell]:
-        shown = with_hints(line, self._session.output.hints)
-        if isinstance(shown, str):
-            return [Cell(shown)]
-        return [shown] if isinstance(shown, Cell) else list(shown)
+    def _no_change(self) -> str:
+        return f": the {'node' if self._file is None else 'file'} already has these values"
 
     def _apply(self) -> None:
         if not self._changes():
-            act, holder = ("apply", "node") if self._file is None else ("write", "file")
-            self.say(f"nothing to {act}: the {holder} already has these values")
+            self.say(f"nothing to {'apply' if self._file is None else 'write'}{self._no_change()}")
             return
         self._end(APPLY)
 
@@ -541,6 +528,10 @@ class Editor:
         def done(file: str) -> str:
             if not file:
                 return "a file name"
+            try:
+                refuse_suffix(file)
+            except UsageError as wrong:
+                return wrong.text
             changed = self.pdos.changed()
 
             def work() -> str:
@@ -552,7 +543,16 @@ class Editor:
             self.beside.start("save", work)
             return ""
 
-        self._ask("save as", "pdos.dvt", done, ".dvt a script of the changes; .yaml or .dcf the node with them")
+        self._ask("save as", "pdos.dvt", done, ".dvt a script of the changes; .yaml .yml .dcf .xdc the node with them")
+
+    def _show_findings(self) -> None:
+        """Show all findings of the rules, of all nodes of a file."""
+        found = self.view.every_finding()
+        if self.view.findings is None or not found:
+            self.say("the rules are being asked" if self.view.findings is None else "the rules have no findings")
+            return
+        lines = [[Cell(part, style)] for line, style in found for part in broken(line, max(8, self._columns))]
+        self._dialogs.append(TextDialog("FINDINGS", lines))
 
     def _help(self) -> None:
         """Show the list of all keys."""

@@ -9,9 +9,9 @@ from dvtcli.cli.screen.widgets import Choices, Dialog, Question
 
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
-    from dvtcli.cli.editor.draw import Remark
     from dvtcli.domain.network.network_config import Endpoint
     from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
+    from dvtcli.operations.exchange.edit_file import Edited, Judged
 
 
 class FileOfNodes(Protocol):
@@ -36,8 +36,12 @@ class FileOfNodes(Protocol):
         """The changed PDOs of all nodes, in words."""
         ...
 
-    def judge(self, node_id: int, changed: Mapping[Pdo, PdoConfig]) -> tuple[Mapping[Pdo, Sequence[Remark]], str]:
-        """Return what the rules say of a node with its *changed* PDOs, and the state of the file in a line."""
+    def edited(self) -> Mapping[int, Edited]:
+        """Return the nodes with changed PDOs."""
+        ...
+
+    def judge(self, node_id: int, changed: Mapping[Pdo, PdoConfig]) -> Judged:
+        """Return what the rules say of the file with the *changed* PDOs of a node."""
         ...
 
     def consumers(self, node_id: int) -> Sequence[tuple[Endpoint, str]]:

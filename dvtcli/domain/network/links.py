@@ -354,10 +354,12 @@ def _other_objects(producer: LinkSide, consumer: LinkSide, first: str) -> Hint:
 def _moves_drive(producer: LinkSide, consumer: LinkSide, placed: Mapping[int, PdoMappingEntry]) -> bool:
     """Whether a controlword among the objects *placed* receives a value that is no command."""
     sent = producer.config.mapping
-    return any(
-        is_controlword(received.index) and _is_commanded(producer, sent[number], consumer, received)
-        for number, received in placed.items()
-    )
+    return any(_drives(producer, sent[number], consumer, received) for number, received in placed.items())
+
+
+def _drives(producer: LinkSide, sent: PdoMappingEntry, consumer: LinkSide, received: PdoMappingEntry) -> bool:
+    """Whether the controlword *received* gets *sent*, which is no command."""
+    return is_controlword(received.index) and _is_commanded(producer, sent, consumer, received)
 
 
 def _is_commanded(producer: LinkSide, sent: PdoMappingEntry, consumer: LinkSide, received: PdoMappingEntry) -> bool:
@@ -368,7 +370,7 @@ def _is_commanded(producer: LinkSide, sent: PdoMappingEntry, consumer: LinkSide,
 def receivers(producer: LinkSide, sent: PdoMappingEntry, consumer: LinkSide) -> list[PdoMappingEntry]:
     """The objects of *consumer* that can receive *sent* of *producer*: the same index first, then the same type.
 
-    Commands, setpoints and outputs come last for a value that is none.
+    A controlword comes last for a value that is no command.
     """
     dictionary = consumer.dictionary
     entries = () if dictionary is None else dictionary.entries()
@@ -381,7 +383,7 @@ def receivers(producer: LinkSide, sent: PdoMappingEntry, consumer: LinkSide) -> 
     return sorted(
         fit,
         key=lambda entry: (
-            _is_commanded(producer, sent, consumer, entry),
+            _drives(producer, sent, consumer, entry),
             entry.index != sent.index,
             not _is_alike(producer, sent, consumer, entry),
         ),

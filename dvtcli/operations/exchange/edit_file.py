@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.pdo import PdoConfig
     from dvtcli.domain.profile import ObjectAddress
     from dvtcli.domain.rules.finding import Finding
+    from dvtcli.operations.results import NetworkFinding
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
@@ -108,10 +109,14 @@ class PdoFinding:
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """The findings of the rules by node-ID and PDO, and the *status* of the file in one line."""
+    """The findings of the rules by node-ID and PDO, and the *status* of the file in one line.
+
+    *listed* are all findings about a network file: also of its nodes and its links.
+    """
 
     findings: Mapping[int, Mapping[Pdo, Sequence[PdoFinding | Finding]]]
     status: str = ""
+    listed: Sequence[PdoFinding] = ()
 
 
 class EditedFile(Protocol):
@@ -340,14 +345,17 @@ class EditedNetwork:
         state, found = judged_file(self.file, config, CheckOptions())
         findings: dict[int, dict[Pdo, tuple[PdoFinding, ...]]] = {node.node_id: {} for node in config.nodes}
         shown = [row for row in found if not row.is_aside and row.severity != Severity.NOTE]
+        listed = []
         for row in shown:
+            listed.append(PdoFinding(row.rule, Severity(row.severity), _place(row), row.text))
             if row.node in findings and row.pdo is not None:
                 pdo, of_node = Pdo.parse(row.pdo), findings[row.node]
                 finding = PdoFinding(row.rule, Severity(row.severity), row.object or pdo.label, row.text)
                 of_node[pdo] = (*of_node.get(pdo, ()), finding)
         errors = sum(row.severity == Severity.ERROR for row in shown)
-        counts = f"check: {plural(errors, 'error')}, {plural(len(shown) - errors, 'warning')}"
-        return Judged(findings, f"{_load_text(state)}; {counts}")
+        listed_by = ": c lists them" if shown else ""
+        counts = f"check: {plural(errors, 'error')}, {plural(len(shown) - errors, 'warning')}{listed_by}"
+        return Judged(findings, f"{_load_text(state)}; {counts}", listed)
 
     def write(self, session: SessionUser, edits: Edits, file: str) -> str:
         """Write all nodes, after a question that names the parts of the old file that are lost."""
@@ -458,6 +466,13 @@ def _pdo_with(
     if config.mapping != held.mapping:
         changes["mapping"] = tuple(mapped_word(edited.node, entry, words) for entry in config.mapping)
     return replace(said, **changes)  # type: ignore[arg-type]
+
+
+def _place(row: NetworkFinding) -> str:
+    """Return what a finding of `check` is about: `5:rpdo1`, a node, or the file's line."""
+    if row.node is None:
+        return f"line {row.line}"
+    return f"node {row.node}" if row.pdo is None else f"{row.node}:{row.pdo}"
 
 
 def _load_text(state: NetworkState) -> str:

@@ -235,12 +235,23 @@ def _format_of(file: str) -> ExportFormat:
     return found
 
 
+#: suffixes of the files that `save_edited` writes
+_SAVED = (".dvt", *NETWORK_SUFFIXES, *VALUE_SUFFIXES)
+
+
+def refuse_suffix(file: str) -> None:
+    """Raise UsageError if the suffix of *file* is none that `save_edited` writes."""
+    if not file.lower().endswith(_SAVED):
+        raise UsageError(f"{file} is not written: its suffix is to be one of {' '.join(_SAVED)}")
+
+
 def save_edited(session: SessionNodes, node: Node, held: Configs, changed: Configs, file: str) -> str:
     """Write *node* with its *changed* PDOs, which it *held* otherwise, to *file*; returns what was written.
 
-    By the suffix, a network file of all its PDOs, a DCF or XDC of its whole configuration, else a script of the
-    changes. Asks before it overwrites. Raises UsageError for a script without changes.
+    By the suffix, a network file of all its PDOs, a DCF or XDC of its whole configuration, or a script of the
+    changes. Asks before it overwrites. Raises UsageError for another suffix, or a script without changes.
     """
+    refuse_suffix(file)
     name, path = file.lower(), place_of(file)
     if name.endswith(NETWORK_SUFFIXES):
         return _save_network(session, node, {**held, **changed}, path)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.device.other_producers import received_ids
-from dvtcli.domain.hint import Action, Hint, plain_json
+from dvtcli.domain.hint import Action, Hint, plain_json, verbatim
 from dvtcli.domain.network.network_plan import NetworkPlan
 from dvtcli.domain.text import all_nodes
 from dvtcli.errors import InputFileError, UsageError
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.networks import NetworkApplied
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.session.session_nodes import SessionNodes
+    from dvtcli.operations.user.session_user import SessionUser
 
 _GATEWAY_LINES = ".309"
 
@@ -108,11 +109,29 @@ def apply_file(
     plan = _plan_of(session, file, trust_stamp=trust_stamp, include=include, manager=manager)
     on_plan(plan)
     applied_now = apply_network(session, plan, prove=prove)
-    unproved = [str(node.node_id) for node in plan.nodes if node.store and not node.stores]
-    if prove is not None and unproved:
-        words = f"{all_nodes(unproved)} stored nothing now, so the stored values are not proved; {{}} proves them"
-        session.reporter.note(Hint(Action.PROVE_STORE, {"node": [int(node) for node in unproved]}, words))
+    if prove is not None:
+        _tell_unproved(session, plan)
     return applied_now
+
+
+def _tell_unproved(session: SessionUser, plan: NetworkPlan) -> None:
+    """Report nodes of *plan* whose stored values were to be proved and are not."""
+    unasked = [node.node_id for node in plan.nodes if not (node.store or node.is_asked_nothing)]
+    if not any(node.store for node in plan.nodes):
+        words = (
+            f"nothing is proved: {verbatim(plan.file)} stores on no node (`store: true`), and {{}} proves stores only"
+        )
+        how = Hint(Action.PROVE_STORE, {"node": unasked}, "; {} stores and proves")
+        session.reporter.warning(Hint(Action.GIVE, {"prove": True}, words) + how)
+        return
+    again = [node.node_id for node in plan.nodes if node.store and not node.stores]
+    for ids, why in (
+        (unasked, ": no `store: true`, so nothing is proved; {} stores and proves"),
+        (again, " stored nothing now, so the stored values are not proved; {} proves them"),
+    ):
+        if ids:
+            words = f"{all_nodes(list(map(str, ids)))}{why}"
+            session.reporter.note(Hint(Action.PROVE_STORE, {"node": ids}, words))
 
 
 def may_store(file: str) -> bool:

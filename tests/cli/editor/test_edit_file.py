@@ -251,6 +251,47 @@ def test_the_plan_of_a_file_names_errors_and_forces_nothing(tmp_path: Path, open
     assert terminal.ended() == 0
 
 
+def test_the_plan_of_a_file_has_all_changed_nodes(tmp_path: Path, open_terminal: Open) -> None:
+    terminal = opened(tmp_path, open_terminal, columns=120, rows=40)
+    terminal.type(F5)
+    terminal.wait("nothing to plan: the file already has these values")
+    terminal.type("L1")
+    terminal.wait("6:rpdo1 receives 5:tpdo1 with 0x185", "6:rpdo1 changed, not written")
+    terminal.type(F5)
+    terminal.wait("PLAN", "node 6 other (Gen4)", "0x1400:01")
+    assert "node 5 drive" not in terminal.text
+    terminal.type(ESCAPE + "e")
+    terminal.wait("TPDO1, 6:rpdo1 changed, not written")
+    terminal.type(F5)
+    terminal.wait("PLAN", "node 5 drive (Gen4)", "0x1800:01", "node 6 other (Gen4)", "0x1400:01")
+
+
+def test_the_findings_of_check_are_listed_with_their_places(tmp_path: Path, open_terminal: Open) -> None:
+    """Those of other nodes, too: the line of the chosen PDO has its own only."""
+    terminal = opened(tmp_path, open_terminal, columns=120, rows=40)
+    terminal.type("L1")
+    terminal.wait("6:rpdo1 changed, not written", "check: 0 errors, 2 warnings: c lists them")
+    terminal.type("c")
+    terminal.wait("FINDINGS", "6:rpdo1: ", "[unwatched-link]", "[hears-no-command]")
+    terminal.type(ESCAPE)
+    terminal.until(lambda: "FINDINGS" not in terminal.text, "the list gone")
+
+
+def test_edits_after_the_file_was_written_are_called_discarded(tmp_path: Path, open_terminal: Open) -> None:
+    terminal = opened(tmp_path, open_terminal, columns=120, rows=40)
+    terminal.type("e" + F10)
+    terminal.wait("overwrite it")
+    terminal.type("y" + ENTER)
+    terminal.wait("net.yaml: 5:tpdo1 written", "as the file has it")
+    terminal.type("e")
+    terminal.wait("TPDO1 changed, not written")
+    terminal.type(ESCAPE)
+    terminal.wait("leave without?")
+    terminal.type("y")
+    assert terminal.ended() == 0
+    assert "net.yaml: 5:tpdo1 left as it was written: later edits discarded" in terminal.text
+
+
 def test_an_empty_rpdo_is_linked_to_the_objects_that_one_chooses(tmp_path: Path, open_terminal: Open) -> None:
     terminal = opened(tmp_path, open_terminal, columns=120, rows=40)
     terminal.type("L3")

@@ -208,6 +208,50 @@ def test_leaving_with_changes_asks_and_writes_nothing(open_terminal: Open) -> No
     assert "TPDO1 left as it was" in terminal.text
 
 
+def test_edits_after_an_applied_change_are_called_discarded(open_terminal: Open) -> None:
+    """The screen is left with TPDO1 as it was applied, not as it was before."""
+    terminal = edited(open_terminal, "tpdo1", columns=120, rows=40)
+    terminal.type("e")
+    terminal.wait("TPDO1 changed, not applied")
+    terminal.type(F10)
+    terminal.wait("TPDO1 set: ", "value in the node")
+    terminal.type("e" + TAB + TAB + DOWN + "e")
+    terminal.wait("TPDO1, TPDO2 changed, not applied")
+    terminal.type(ESCAPE)
+    terminal.wait("leave without?")
+    terminal.type("y")
+    assert terminal.ended() == 0
+    assert "TPDO1: later edits discarded; what was applied stays" in terminal.text
+    assert "TPDO2 left as it was" in terminal.text
+
+
+@pytest.mark.parametrize("name", ["x.txt", "y.eds", "pdos", "z.xdd", "net.json", "a.tcl"])
+def test_another_suffix_is_refused_before_anything_is_written(tmp_path: Path, open_terminal: Open, name: str) -> None:
+    terminal = edited(open_terminal, "tpdo1", columns=120, rows=40)
+    before = sorted(tmp_path.rglob(name))
+    terminal.type("e" + F2)
+    fill(terminal, "save as", name)
+    terminal.wait(f"{name} is not written: its suffix is to be one of .dvt .yaml .yml .dcf .xdc")
+    assert sorted(tmp_path.rglob(name)) == before == []
+    fill(terminal, "save as", "n.DVT")
+    terminal.wait("n.DVT: a script of 1 line")
+
+
+def test_every_finding_of_the_rules_is_listed(open_terminal: Open) -> None:
+    terminal = edited(open_terminal, "tpdo1", columns=120, rows=40)
+    terminal.type("c")
+    terminal.wait("the rules have no findings")
+    terminal.type(DOWN)
+    terminal.row("> ", "COB-ID")
+    terminal.type(ENTER)
+    fill(terminal, "COB-ID", "0x281")
+    terminal.wait("[can-id-clash]")
+    terminal.type("c")
+    terminal.wait("FINDINGS", "CAN-ID 0x281 is already")
+    terminal.type(ESCAPE)
+    terminal.until(lambda: "FINDINGS" not in terminal.text, "the list gone")
+
+
 def test_a_click_chooses_and_the_wheel_scrolls(open_terminal: Open) -> None:
     terminal = edited(open_terminal, columns=120, rows=40)
     terminal.type("\x1b[<0;5;5M\x1b[<0;5;5m")  # column 5, row 5 from 1: the second PDO

@@ -310,7 +310,7 @@ def test_a_link_is_written_in_the_files_way(tmp_path: Path) -> None:
         assert said.startswith("2:rpdo1 receives 1:tpdo1 with 0x181; kept in links; n shows node 2"), said
         assert not is_bad
         assert nodes.offered_watch_ms(end("2:rpdo1")) is None, "the link sets it up"
-        assert "check: 0 errors" in nodes.judge(1, {})[1]
+        assert "check: 0 errors" in nodes.judge(1, {}).status
         shown = nodes.editor(2).pdos.now[Pdo.parse("rpdo1")]
         assert nodes.save(session, str(file)) == f"{file}: 2:rpdo1, link 1:tpdo1 to 2:rpdo1 written"
     assert read_network_file(file).links == (

@@ -592,6 +592,36 @@ def test_what_was_not_stored_now_is_not_called_proved(faults: tuple[str, ...], t
         assert bench.run("store --prove").code == (1 if faults else 0)
 
 
+@pytest.mark.parametrize("is_dry", [False, True])
+@pytest.mark.parametrize("file", ["net.yaml", "one.dcf"])
+def test_a_proof_of_a_file_that_stores_nothing_is_said_to_be_none(file: str, is_dry: bool, tmp_path: Path) -> None:
+    """Also quietly, and if nothing is to be written: a pipeline would take exit code 0 for the proof."""
+    path = tmp_path / file
+    with Bench(("generic@5",), {"yes": True, "quiet": True}) as bench:
+        if file.endswith(".yaml"):
+            path.write_text("drive: {node_id: 5, tpdo: {1: {event_timer: 80}}}\n", "utf-8")
+        else:
+            assert bench.run(f"export {path}").code == 0
+        for _ in range(2):
+            ran = bench.run(f"apply {path} --prove{' --dry-run' * is_dry}")
+            assert ran.code == 0
+            assert "warning: nothing is proved: " in ran.stderr
+            assert "store --prove` stores and proves" in ran.stderr
+        assert "nothing is proved" not in bench.run(f"apply {path}").stderr
+
+
+def test_a_node_that_the_file_does_not_store_is_named_by_the_proof_of_the_others(tmp_path: Path) -> None:
+    file = tmp_path / "net.yaml"
+    timer = "tpdo: {1: {event_timer: 80}}"
+    nodes = [f"a: {{node_id: 4, {timer}}}", f"b: {{node_id: 5, store: true, {timer}}}", "c: {node_id: 6}"]
+    file.write_text("".join(f"{node}\n" for node in nodes), "utf-8")
+    with Bench(("generic@4", "generic@5", "generic@6"), {"yes": True}) as bench:
+        ran = bench.run(f"apply {file} --prove")
+        assert (ran.code, "proved" in ran.stdout) == (0, True)
+        assert "note: node 4: no `store: true`, so nothing is proved; `dvtcli " in ran.stderr
+        assert " -n 4 store --prove` stores and proves" in ran.stderr
+
+
 @heavy
 @pytest.mark.parametrize("altered", ["1801:5:0x0063", "1401:2:0x05"])
 def test_what_the_device_alters_with_the_canary_is_found_before_the_store_and_put_back(altered: str) -> None:

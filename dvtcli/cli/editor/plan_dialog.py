@@ -1,0 +1,67 @@
+"""The dialog that shows what edited PDOs would write."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from dvtcli.cli.screen.widgets import TextDialog
+from dvtcli.cli.view.lines import Cell, Line, broken, columns
+from dvtcli.cli.view.paint import with_hints
+from dvtcli.cli.view.renderers import remarks, text
+from dvtcli.domain.text import join_some
+from dvtcli.operations.pdos.edit_pdos import plan_edited
+
+if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
+    from dvtcli.domain.pdo import Pdo
+    from dvtcli.operations.exchange.edit_file import Edited
+    from dvtcli.operations.results import Changed
+
+
+def plan_dialog(
+    session: Conversation, edited: Mapping[int, Edited], width: int, titles: Mapping[int, str] | None = None
+) -> TextDialog:
+    """Plan the *edited* nodes, and show the writes in *width* columns; *titles* are the nodes of a file, None of a bus.
+
+    Raises the errors of `plan_edited`.
+    """
+    lines = [line for node_id in sorted(edited) for line in _of_node(session, node_id, edited[node_id], width, titles)]
+    return TextDialog("PLAN", lines, "f5")
+
+
+def _of_node(
+    session: Conversation, node_id: int, edited: Edited, width: int, titles: Mapping[int, str] | None
+) -> Iterator[list[Cell]]:
+    result = plan_edited(session, node_id, edited.held, edited.changed)
+    if titles is not None and len(titles) > 1:
+        yield [Cell(f"node {node_id} {titles[node_id]}", "bold")]
+    yield from _result_lines(session, result, max(60, width), of_file=titles is not None)
+    if off := _stay_off(edited):
+        labels = join_some(pdo.label for pdo in off)
+        yield [Cell(f"{labels} {'stays' if len(off) == 1 else 'stay'} off: e enables a PDO", "yellow")]
+
+
+def _stay_off(edited: Edited) -> list[Pdo]:
+    held = edited.held
+    return [pdo for pdo, config in edited.changed.items() if not (config.enabled or held[pdo].enabled)]
+
+
+def _result_lines(session: Conversation, result: Changed, width: int, *, of_file: bool) -> Iterator[list[Cell]]:
+    found: list[Line] = [*remarks(result)]
+    if of_file:  # a file is written all the same: nothing is forced, and options of `map` help nobody
+        found = [[Cell(f"{each.severity}: {each.text} [{each.rule}]", "yellow")] for each in result.findings]
+    for line in (*text(result, width), *found):
+        cells = _cells(session, line)
+        whole = "".join(cell.text for cell in cells)
+        if columns(whole) <= width:
+            yield cells
+        else:
+            yield from ([Cell(part, cells[0].style)] for part in broken(whole, width))
+
+
+def _cells(session: Conversation, line: Line) -> list[Cell]:
+    shown = with_hints(line, session.output.hints)
+    if isinstance(shown, str):
+        return [Cell(shown)]
+    return [shown] if isinstance(shown, Cell) else list(shown)
