@@ -11,9 +11,10 @@ from dvtcli.cli.command import DvtCommand, Effect, Final, final_write
 from dvtcli.cli.object_params import OBJECT, DataTypeParam, ObjectWord
 from dvtcli.cli.params import TEXT
 from dvtcli.domain.object_syntax import parse_object
-from dvtcli.operations.objects.write_object import write_text
+from dvtcli.operations.objects.write_object import refuse_unfit, write_text
 
 if TYPE_CHECKING:
+    from dvtcli.cli.conversation import Conversation
     from dvtcli.domain.datatypes import DataType
     from dvtcli.operations.results import Changed, Stored
     from dvtcli.operations.session.session import Session
@@ -25,7 +26,20 @@ def _final(params: Mapping[str, Any]) -> Final | None:
     return final_write("write", None if place is None else place[0])
 
 
-@click.command("write", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES, final=_final)
+class _WriteCommand(DvtCommand):
+    """`write`, whose number is checked while the line is parsed, if a file that is known without a bus has its type."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse *args*. Raises UsageError for a number that the object cannot hold."""
+        rest = super().parse_args(ctx, args)
+        session: Conversation | None = ctx.find_root().obj
+        if session is not None and not ctx.resilient_parsing:
+            params = ctx.params
+            refuse_unfit(session.offline_dictionaries, params["object_"].text, params["value"], params["data_type"])
+        return rest
+
+
+@click.command("write", cls=_WriteCommand, short_help=__doc__, effect=Effect.CHANGES, final=_final)
 @click.argument("object_", type=OBJECT, metavar="OBJECT")
 @click.argument("value", type=TEXT)
 @click.option("--as", "data_type", type=DataTypeParam(), metavar="TYPE", help="Encode as u8…u64, i8…i64, r32, vs, …")

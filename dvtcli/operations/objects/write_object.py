@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -11,8 +11,10 @@ from dvtcli.bus.sdo.client import MOST_BYTES
 from dvtcli.bus.sdo.sdo_link import ANSWER_ID, REQUEST_ID
 from dvtcli.device.store.store_parameters import RESTORE, SIGNATURES, STORE
 from dvtcli.domain.abort import Abort
+from dvtcli.domain.datatypes import Kind, parse_number
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_state import CONCISE_DCF
+from dvtcli.domain.object_syntax import resolve_object
 from dvtcli.domain.profile import within
 from dvtcli.domain.rules.finding import ERROR, Rule, error
 from dvtcli.errors import DeviceRefused, InputFileError, RuleError, UsageError
@@ -23,14 +25,16 @@ from dvtcli.operations.results import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, place_of
 from dvtcli.operations.session.whole_file import write_whole
 from dvtcli.operations.values.named_objects import object_at, refuse_whole
-from dvtcli.operations.values.object_values import how_to_write, scaling_of, typed_bytes, value_words
+from dvtcli.operations.values.object_values import how_to_write, scaling_of, scalings_of, typed_bytes, value_words
 from dvtcli.operations.values.write_type import object_type
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.device.node_parts import NodeDescription, ReadableNode
     from dvtcli.domain.datatypes import DataType
+    from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.ports import Frame
+    from dvtcli.domain.profile import DeviceProfile
     from dvtcli.operations.results import Changed, Stored
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser
@@ -82,6 +86,55 @@ def _in_words(node: NodeDescription, index: int, sub_index: int, refused: Device
         )
 
 
+def refuse_unfit(
+    dictionaries: Callable[[], Iterable[tuple[ObjectDictionary, DeviceProfile]]],
+    object_text: str,
+    value: str,
+    asked: DataType | None,
+) -> None:
+    """Raise UsageError for a whole number *value* that is out of the range of type *asked*, or of the object's type.
+
+    *dictionaries* returns those that may describe the node: the number is refused if the object of none can hold it.
+    """
+    if not _is_whole_number(value):
+        return
+    failure: UsageError | None = None
+    for dictionary, profile in dictionaries():
+        try:
+            place = resolve_object(object_text, dictionary, profile.aliases)
+        except ValueError:
+            return
+        entry = dictionary.entry(*place)
+        kind = asked or (None if entry is None else entry.data_type)
+        if kind is None or kind.kind not in _WHOLE_NUMBERS:
+            return
+        try:
+            kind.parse(value)
+        except ValueError as wrong:
+            hint = how_to_write(scalings_of(profile, dictionary).of(*place), kind, value)
+            failure = failure or UsageError(_unfit(value, *place, kind, wrong), hint=hint)
+        else:
+            return
+    if failure is not None:
+        raise failure
+
+
+#: kinds of types whose values are whole numbers in a range
+_WHOLE_NUMBERS = (Kind.BOOLEAN, Kind.INTEGER, Kind.UNSIGNED)
+
+
+def _is_whole_number(text: str) -> bool:
+    try:
+        parse_number(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _unfit(value: str, index: int, sub_index: int, kind: DataType, why: ValueError) -> str:
+    return f"{value!r} for 0x{index:04X}:{sub_index:02X} ({kind.short}): {why}"
+
+
 def _encoded(node: ReadableNode, index: int, sub_index: int, value: str, asked: DataType | None) -> bytes:
     kind = asked or object_type(node, index, sub_index)
     meaning = scaling_of(node, index, sub_index)
@@ -90,7 +143,7 @@ def _encoded(node: ReadableNode, index: int, sub_index: int, value: str, asked: 
     except ValueError as wrong:
         guessed = None if asked or _is_known(node, index, sub_index) else _GUESSED
         raise UsageError(
-            f"{value!r} for 0x{index:04X}:{sub_index:02X} ({kind.short}): {wrong}",
+            _unfit(value, index, sub_index, kind, wrong),
             node=node.node_id,
             hint=how_to_write(meaning, kind, value) or guessed,
         ) from wrong

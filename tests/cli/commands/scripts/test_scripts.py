@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -28,6 +29,44 @@ def test_a_malformed_line_stops_the_script_before_its_first_line() -> None:
             assert "test.dvt:4: " in ran.stderr
             assert ran.stdout == ""
             assert not bench.session.is_open or not bench.session.node().history
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("write 6040 99999", "'99999' for 0x6040:00 (u16): 99999 does not fit UNSIGNED16 (0..65535)"),
+        ("write controlword -1", "-1 does not fit UNSIGNED16"),
+        ("write 1017 0x10000", "65536 does not fit UNSIGNED16"),
+        ("write 1:6040 0x1FFFF", "131071 does not fit UNSIGNED16"),
+        ("write 60FF 70000 --as i16", "70000 does not fit INTEGER16"),
+        ("run nested.dvt", "nested.dvt:2: '99999' for 0x6040:00"),
+    ],
+)
+@pytest.mark.parametrize("how", [{"sim": ("gen4",)}, {"sim": (), "options": {"eds": "gen4"}}])
+def test_a_number_out_of_range_stops_the_script_before_its_first_line(
+    line: str, said: str, how: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With --eds no bus is opened: the file alone has the range."""
+    monkeypatch.chdir(tmp_path)
+    Path("nested.dvt").write_text("read 1000\nwrite 6040 99999\n", "utf-8")
+    with Bench(**how) as bench:
+        ran = bench.script("map tpdo1 606C", line)
+        assert (ran.code, ran.stdout) == (2, "")
+        assert said in ran.stderr
+        assert not bench.session.is_open
+
+
+def test_a_number_is_refused_only_if_no_known_node_can_hold_it() -> None:
+    """An object that is not in the file, a text, and a number with a unit are checked when their line runs."""
+    with Bench(("gen4", "coupler@2")) as bench:
+        for line in ("write 1017 65535", "write 2FFF 99999", "write 6040 shutdown", "write 60FF -1500"):
+            assert "does not fit" not in bench.script("pdo", line).stderr
+        ran = bench.script("pdo", "write 1017 100s")
+        assert (ran.code, "TPDO1" in ran.stdout) == (2, True)
+    for sim, alone in ((("generic",), True), (("generic", "gen4"), False)):  # gen4 has no 0x6060
+        with Bench(sim) as bench:
+            ran = bench.script("pdo", "write 6060 128")
+            assert (ran.code, "TPDO1" not in ran.stdout) == (2, alone)
 
 
 def test_an_option_that_chooses_the_bus_is_refused_in_a_line() -> None:
