@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import os
-import re
 import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -21,7 +20,6 @@ from dvtcli.errors import (
     NoAnswer,
     SdoAborted,
     SdoProtocolError,
-    UsageError,
 )
 
 if TYPE_CHECKING:
@@ -75,6 +73,8 @@ def _ended(session: Conversation, raised: BaseException) -> int:
         case DvtcliError():
             return _shown(session, raised)
         case click.ClickException():
+            from dvtcli.cli.usage_errors import usage_error
+
             return _shown(session, usage_error(raised))
         case KeyboardInterrupt() | click.Abort():
             return _stopped(session)
@@ -140,27 +140,3 @@ def _only_the_reader_left(raised: BrokenPipeError | SystemExit) -> bool:
     from dvtcli.cli.view.streams import is_abandoned
 
     return is_abandoned(sys.stdout)
-
-
-def usage_error(wrong: click.ClickException) -> UsageError:
-    """A click usage error in our own form, with the command's grammar as the hint."""
-    ctx = getattr(wrong, "ctx", None)
-    hint, text = None, " ".join(wrong.format_message().split())
-    if ctx is not None and ctx.command.name != "dvtcli":
-        usage = " ".join(ctx.command.collect_usage_pieces(ctx)).replace("[OPTIONS] ", "")
-        hint = f"{ctx.info_name} {usage}; {_in_quotes(ctx, text) or f'help {ctx.info_name}'}"
-    return UsageError(text, hint=hint)
-
-
-_EXTRA = r"(?s)Got unexpected extra arguments? \((.*)\)"
-
-
-def _in_quotes(ctx: click.Context, text: str) -> str:
-    """Suggest quotes if a command whose last argument is a text got extra words."""
-    from dvtcli.cli.params import TEXT
-
-    arguments = [param for param in ctx.command.params if isinstance(param, click.Argument)]
-    extra = re.fullmatch(_EXTRA, text)
-    if extra is None or not arguments or arguments[-1].type is not TEXT:
-        return ""
-    return f'put a value with a blank in quotes: "{ctx.params.get(arguments[-1].name or "")} {extra[1]}"'

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.cli.boundary import usage_error
 from dvtcli.cli.catalogue import command_names, meant, nearest_command
 from dvtcli.cli.dvt.words import WORDS
 from dvtcli.cli.global_options import PREFIX
 from dvtcli.cli.parse_line import SHELL_WORDS, parse, without_program
 from dvtcli.cli.pdo_params import PdoType
 from dvtcli.cli.registry import REGISTRY
+from dvtcli.cli.usage_errors import usage_error
 from dvtcli.cli.view.typed_hints import prompt_line
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_syntax import PDO_CAN_IDS, UnknownName
@@ -37,6 +37,8 @@ _ANSWERED_AT_ONCE = frozenset({"-h", "--help", "--version"})
 _LIKE_A_PDO = re.compile(r"((?:\d{1,3}:)?)([A-Za-z]{3,5})[-_]?(\d{1,3})")
 #: the nearest words, at the end of a message
 _SUGGESTION = re.compile(r"[;,.]? \(?did you mean (?:(?!did you mean )[^?])*\?\)?$", re.IGNORECASE)
+#: the nearest command, in the message about an unknown one
+_NEAR_COMMAND = re.compile(r"^unknown command .*; did you mean '([a-z_]+)'\?$")
 #: the message about a name with blanks
 _ONE_NAME = re.compile("'([^']+)' is one name")
 _DIRECTIONS = ("tpdo", "rpdo")
@@ -65,6 +67,8 @@ def with_correction(
         return error  # a passcode is not repeated
     if line is not None:
         error.text = without_suggestion(error.text)  # the hint has it
+    if line is None and error.hint is None and (near := _NEAR_COMMAND.search(error.text)):
+        error.text, error.hint = without_suggestion(error.text), f"did you mean `{near[1]}`? `help {near[1]}` shows it"
     if line is not None and in_file:
         error.hint = f"did you mean `{prompt_line(line)}`?"
     elif line is not None:
@@ -199,6 +203,8 @@ def _with_options(args: list[str], command: click.Command) -> Iterator[list[str]
         plain = _plain(head)
         if plain in names and head != names[plain]:
             yield [*args[:at], names[plain], *([value] if equals else []), *args[at + 1 :]]
+        elif word == "--port" and "listen" in names and args[at + 1 : at + 2] and args[at + 1].isdigit():
+            yield [*args[:at], names["listen"], f"127.0.0.1:{args[at + 1]}", *args[at + 2 :]]
         elif word == "--event" and "timer" in names and args[at + 1 : at + 2] and args[at + 1].isdigit():
             yield [*args[:at], names["timer"], *args[at + 1 :]]
         elif (word.startswith("--") and head not in names.values()) or (word.isalpha() and len(word) > _SHORT):

@@ -42,7 +42,7 @@ _TABLE: list[tuple[tuple[str, ...], dict[str, Any]]] = [
     ),
     (("--bus-kwargs",), {"multiple": True, "metavar": "KEY=VALUE", "help": "Further python-can keys; repeatable."}),
     (("--bus",), {"metavar": "NAME", "help": "Bus from the table [bus.NAME] of a settings file."}),
-    (("-n", "--node"), {"metavar": "ID", "help": "Node-ID 1…127, decimal or 0x; several: 1,3,5, or all."}),
+    (("-n", "--node"), {"metavar": "ID", "help": "Node-ID 1…127, decimal or 0x; several: 1,3,5-9, or all."}),
     (("--sim",), {"multiple": True, "metavar": "WHAT[@ID]", "help": "Simulated node: a family or an EDS/DCF file."}),
     (
         ("--fault",),

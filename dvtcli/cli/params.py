@@ -169,13 +169,19 @@ class RotationType(CanopenType):
 
 
 class NodesType(CanopenType):
-    """Node-IDs with commas between them: `1,5`."""
+    """Node-IDs and their ranges with commas between them: `1,5` or `1,5-9`."""
 
     name = "nodes"
 
     def parse(self, text: str, ctx: click.Context | None) -> tuple[int, ...]:
         """Return the node-IDs in order. Raises ValueError if any is outside 1…127."""
-        return tuple(dict.fromkeys(NODE_ID.parse(word.strip(), ctx) for word in text.split(",")))
+        from dvtcli.operations.user.options import node_range
+
+        del ctx
+        try:
+            return tuple(dict.fromkeys(node for word in text.split(",") for node in node_range(word.strip())))
+        except UsageError as wrong:
+            raise ValueError(str(wrong)) from wrong
 
 
 class KindsType(CanopenType):

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 WORDS = "dvtcli.words"
 _FIRST_OPTIONS = (
     "  -i NAME -c NAME -b BIT/S  the bus, by python-can's names",
-    "  -n ID                     the node; several: 1,3,5, or all",
+    "  -n ID                     the node; several: 1,3,5-9, or all",
     "  --sim WHAT                a simulated node: a family, or drive.eds",
     "  --dry-run                 work on a twin of the node; write nothing to the bus",
 )

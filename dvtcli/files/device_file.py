@@ -73,9 +73,14 @@ def must_be_whole(read: EdsFile | XddFile) -> None:
     must_not_be_cut(read)
 
 
+def lacks_to_its_end(read: EdsFile | XddFile) -> str:
+    """Describe the missing objects of a file that ends before the last object in its lists; empty for a whole file."""
+    return read.lacks_to_its_end if isinstance(read, EdsFile) else ""
+
+
 def must_not_be_cut(read: EdsFile | XddFile) -> None:
     """Raise InputFileError if *read* ends before the last object in its lists: the file is cut short."""
-    if isinstance(read, EdsFile) and (lacks := read.lacks_to_its_end):
+    if lacks := lacks_to_its_end(read):
         source = read.dictionary.source
         hint = Hint(Action.CHECK_EDS, {"file": source}, "get the complete file; {} lists them")
         raise InputFileError(f"{source} is cut short: {lacks}", place=source, hint=hint)

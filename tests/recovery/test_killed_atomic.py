@@ -139,6 +139,7 @@ def test_a_kill_between_two_lines_is_said_and_recovered_from_either_node(nodes: 
     recovered = nodes.dvtcli("-n", "3", "recover", "--yes")
     assert recovered.returncode == 0, recovered.stderr
     assert f"{script} was interrupted: all its changes are to be rolled back, on nodes 1 and 3" in recovered.stderr
+    assert "which changed" not in recovered.stderr, "recover does not say that recover is needed"
     assert all(f"of node {node_id} rolled back" in recovered.stdout for node_id in NODES)
     assert held(nodes) == before
     assert waiting(nodes) == []

@@ -11,7 +11,8 @@ from dvtcli.cli.command import DvtCommand, Effect
 from dvtcli.cli.commands._file_plans import show_plan
 from dvtcli.cli.commands._pdo_options import endpoints
 from dvtcli.cli.params import Listed, NumberType
-from dvtcli.cli.pdo_params import PDO, NodePdo
+from dvtcli.cli.pdo_params import PDO, NodePdo, PdoType
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -20,8 +21,22 @@ if TYPE_CHECKING:
 _HEARTBEAT_MS = NumberType(1, 0xFFFF, "a heartbeat in ms")
 
 
+class LinkEndType(PdoType):
+    """A PDO with its node; a network file gets the way to make its links."""
+
+    def parse(self, text: str, ctx: click.Context | None) -> NodePdo:
+        """Return the PDO and its node. Raises UsageError for a network file."""
+        if text.lower().endswith((".yaml", ".yml")):
+            raise UsageError(
+                f"link connects two PDOs, and {text} is a network file",
+                hint=Hint(Action.PLAN, {"file": text}, "{} shows what its `links:` write")
+                + Hint(Action.APPLY_NETWORK, {"file": text}, ", {} makes them"),
+            )
+        return super().parse(text, ctx)
+
+
 @click.command("link", cls=DvtCommand, short_help=__doc__, effect=Effect.CHANGES)
-@click.argument("producer", type=PDO, metavar="NODE:TPDO")
+@click.argument("producer", type=LinkEndType(), metavar="NODE:TPDO")
 @click.argument("consumers", cls=Listed, type=PDO, nargs=-1, required=True, metavar="NODE:RPDO...")
 @click.option("--heartbeat", type=_HEARTBEAT_MS, metavar="MS", help="Heartbeat time of the producer (0x1017).")
 @click.option("--no-heartbeat", "silent", is_flag=True, help="Leave 0x1016 and 0x1017 alone.")

@@ -32,7 +32,6 @@ from prompt_toolkit.shortcuts import CompleteStyle
 from prompt_toolkit.styles import Style
 from prompt_toolkit.validation import ValidationError, Validator
 
-from dvtcli.cli.boundary import usage_error
 from dvtcli.cli.catalogue import command_names, summary, with_a_swap
 from dvtcli.cli.corrected_line import corrected, without_suggestion
 from dvtcli.cli.dvt.words import WORDS
@@ -53,6 +52,7 @@ from dvtcli.cli.prompt.line import (
     typed_line,
 )
 from dvtcli.cli.registry import REGISTRY
+from dvtcli.cli.usage_errors import usage_error
 from dvtcli.cli.view.lines import Cell
 from dvtcli.cli.view.output import Output
 from dvtcli.cli.view.paint import wrapped
@@ -83,7 +83,7 @@ class Refused(ValidationError):
     """
 
     def __init__(self, place: int, text: str, size: Size, line: str | None = None) -> None:
-        said = text if line is None else f"corrected to `{line}`, Enter runs it; before: {without_suggestion(text)}"
+        said = text if line is None else f"{without_suggestion(text)}: corrected, Enter runs the line"
         self.said = safe(said)
         first, *more = wrapped([Cell(self.said)], size.columns)
         is_tall = size.rows >= _TALL
@@ -109,11 +109,12 @@ class LineValidator(Validator):
         Detects an unclosed quote, a wrong option, a name unknown to the EDS; nothing that only the device knows.
         """
         lines = document.text.replace("\\\n", " ").splitlines()
-        for line in lines:
+        for number, line in enumerate(lines, 1):
             wrong = self._wrong(line)
             if wrong is not None:
                 better = self._corrected(line) if len(lines) == 1 else None
-                raise Refused(_place(document.text, wrong), wrong, self._size(), better)
+                text = f"line {number}: {wrong}" if len(lines) > 1 else wrong
+                raise Refused(_place(document.text, wrong), text, self._size(), better)
 
     def _corrected(self, line: str) -> str | None:
         """Return *line* as it can be read, with its destination; None if nothing is near, or an alias makes it."""
@@ -478,6 +479,7 @@ def bindings(show_help: Callable[[str], None]) -> KeyBindings:
         """Run the line; one that cannot be read is replaced by the corrected line, which the next Enter runs.
 
         Not if more was typed already, and not within `_SEEN_S`: a second Enter would run a line that nobody saw.
+        Without a correction a single line ends with its error, as in a shell; several pasted lines stay for editing.
         """
         buffer = event.current_buffer
         if buffer.text == correction.line and monotonic() - correction.shown_s < _SEEN_S:
@@ -490,6 +492,10 @@ def bindings(show_help: Callable[[str], None]) -> KeyBindings:
             buffer.document = Document(corrected)
             buffer.validation_error = refused
             correction.line, correction.shown_s = corrected, monotonic()
+        elif refused is not None and corrected is None and len(buffer.text.splitlines()) == 1:
+            buffer.validation_error = None
+            buffer.append_to_history()
+            event.app.exit(result=buffer.text)
 
     @keys.add("enter", filter=has_completions & completion_is_selected)
     def _accept(event: KeyPressEvent) -> None:

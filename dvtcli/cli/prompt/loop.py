@@ -17,6 +17,7 @@ from dvtcli.cli.run_line import run_words
 from dvtcli.cli.view.lines import Cell, Line
 from dvtcli.cli.view.output import Output
 from dvtcli.cli.view.streams import LONGEST_TYPED, as_lines, thrown_away, typed_ahead
+from dvtcli.domain.text import plural, safe
 from dvtcli.errors import DvtcliError
 
 if TYPE_CHECKING:
@@ -99,14 +100,19 @@ class Prompt:
                 return 0
 
     def _turn(self) -> int:
-        """Read and run the input; pasted lines stop at the first failure."""
-        text = self._reader.read(self._typed_blindly())
+        """Read and run the input; pasted lines stop at the first failure, and those left are named."""
+        lines = self._reader.read(self._typed_blindly()).replace("\\\n", " ").splitlines()
         code = 0
-        for line in text.replace("\\\n", " ").splitlines():
+        for number, line in enumerate(lines, 1):
             self._session.cancellation.reset()
             with self._busy:
                 code = self._run(line)
             if code or self._session.cancellation.requested:
+                left = [text for text in lines[number:] if text.strip()]
+                if left and code != LEAVE:
+                    first = left[0].strip().split(" ")[0]  # the rest of it may have a passcode
+                    what = f"line {number} of {len(lines)} failed; {plural(len(left), 'line')} not run"
+                    self._session.output.warning(f"{what}, from `{safe(first)}` on")
                 break
         return code
 

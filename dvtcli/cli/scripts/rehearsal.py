@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from dvtcli.cli.boundary import usage_error
 from dvtcli.cli.command import Effect, of_line
 from dvtcli.cli.global_options import PREFIX
 from dvtcli.cli.parse_line import parse
 from dvtcli.cli.scripts.script_parse import MOST_BYTES, MOST_NESTED, ScriptLine, final, script_lines, script_of
+from dvtcli.cli.usage_errors import usage_error
 from dvtcli.cli.view.typed_hints import error_text
 from dvtcli.device.target_config import TargetConfig, unreadable_of
 from dvtcli.errors import DRY_RUN, DvtcliError, UsageError

@@ -103,8 +103,9 @@ def _general_tree(text: str, log: FileLog) -> Tree | None:
         root = _composed(text)
         return None if root is None else _Grower(log).tree(root)
     except MarkedYAMLError as wrong:
-        mark = wrong.problem_mark or wrong.context_mark
-        said = yaml_problem(wrong)
+        mark, said = wrong.problem_mark or wrong.context_mark, yaml_problem(wrong)
+        if "<stream end>" in said and wrong.context_mark is not None:  # the place to mend is where it begins
+            mark, said = wrong.context_mark, "a bracket or brace is not closed"
         log.complain(Mark(mark.line + 1, mark.column + 1) if mark else Mark(1, 1), f"not YAML: {said}")
     except (YAMLError, RecursionError, ValueError) as wrong:
         said = "nested too deep" if isinstance(wrong, RecursionError) else f"{wrong} ".splitlines()[0].strip()

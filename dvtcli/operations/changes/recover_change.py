@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +26,7 @@ from dvtcli.operations.changes.waiting_journals import (
 from dvtcli.operations.results import Changed, ChangedNodes, Facts
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from dvtcli.device.change.journal import Journal
     from dvtcli.device.change.recovery import Recovery
@@ -54,9 +55,24 @@ def recover(
     ways = {"accept": accept, "discard": discard, "finish": finish}
     if sum(ways.values()) > 1:
         raise UsageError("they exclude each other", given={name: True for name, wanted in ways.items() if wanted})
-    if accept:
-        return accept_values(session, file)
-    return discard_journal(session, file) if discard else _roll_back_all(session, file, finish_stores=finish)
+    if discard:
+        return discard_journal(session, file)
+    with _reporting_itself(session):
+        return accept_values(session, file) if accept else _roll_back_all(session, file, finish_stores=finish)
+
+
+@contextmanager
+def _reporting_itself(session: SessionNodes) -> Iterator[None]:
+    """Meet nodes without the report that `recover` is needed."""
+    files = session.open_network().change_files
+    if files is None:
+        yield
+        return
+    files.reports_interrupted = False
+    try:
+        yield
+    finally:
+        files.reports_interrupted = True
 
 
 def _roll_back_all(session: Session, file: str | None, *, finish_stores: bool) -> Changed | ChangedNodes | Facts:

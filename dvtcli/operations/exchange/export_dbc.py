@@ -381,6 +381,9 @@ def convert_to_dbc(session: SessionUser, source: str, file: str, options: DbcOpt
     state = described_network(source, session.reporter, config=config)
     for node in state.nodes:
         _tell_guessed(session, source, node, everything=options.everything)
+    if unnamed := [node.node_id for node in state.nodes if node.dictionary is None]:
+        what = f"no EDS of {all_nodes(unnamed)}: without one, signals have no names, signs or units"
+        session.reporter.warning(f"{what}; `dcf:` of a node in {source} names one")
     return _write(session, file, source, state, rules_by_node(config.nodes), options)
 
 

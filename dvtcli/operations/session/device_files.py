@@ -245,6 +245,10 @@ class DeviceFiles:
             return "", False
         return f"node {node_id}: {chosen.note}", chosen.doubtful
 
+    def has_given_file(self, node_id: int) -> bool:
+        """Tell whether the user gave a file for the node, or simulates one."""
+        return node_id in self.own_eds or bool(self.options.eds) or any(not node.family for node in self.simulated)
+
     def continue_from(self, before: DeviceFiles) -> None:
         """Continue from *before* on the reopened bus: its remarks are not repeated."""
         self._said.update(before._said)

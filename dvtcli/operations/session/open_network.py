@@ -190,6 +190,11 @@ class Network:
             (self.warn if doubtful else self.note)(text)
         if (remark := self.files.module_remark(node_id)) is not None:
             self.warn(remark)
+        if self.files.has_given_file(node_id):
+            from dvtcli.operations.session.cut_file import cut_remark
+
+            if (cut := cut_remark(self.files, node_id)) is not None:
+                self.warn(cut)
 
     def describe(self, node_id: int) -> None:
         """Update the node's EDS: found since its identification, or newly chosen."""

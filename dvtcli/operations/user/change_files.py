@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import ObjectDictionary
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class ChangeFiles:
     """The files about the nodes of *bus*, by its name; journals and backups in *folder*."""
 
@@ -45,6 +45,8 @@ class ChangeFiles:
     group: ChangeGroup = field(default_factory=ChangeGroup)
     #: messages about interrupted changes, for those of several nodes only once
     _said: set[Hint | str] = field(default_factory=set)
+    #: whether to report interrupted changes of nodes that are met: `recover` reports its own
+    reports_interrupted: bool = True
 
     def guard(self, node_id: int, dictionary: ObjectDictionary | None) -> ChangeGuard:
         """Return lock, backup and journal of a node; reports an interrupted change, or missing files."""
@@ -56,7 +58,7 @@ class ChangeFiles:
             said = as_hint(f"{refused.text}; until that is corrected no node of this bus can be changed")
             self.report(said + refused.hint if refused.hint else said)
         interrupted, is_damaged = _interrupted(guard)
-        if interrupted and interrupted not in self._said:
+        if interrupted and interrupted not in self._said and (self.reports_interrupted or is_damaged):
             self._said.add(interrupted)
             (self.warn if is_damaged else self.report)(interrupted)
         if (program := self.programs().unfinished_text(node_id)) and guard.lock.is_free():

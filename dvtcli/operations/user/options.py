@@ -162,11 +162,21 @@ def _node_ids(value: Any) -> int | tuple[int, ...] | str:
         return ALL_NODES
     words = [str(item) for item in value] if isinstance(value, list | tuple) else str(value).split(",")
     try:
-        found = sorted({node_id(word.strip()) for word in words})
+        found = sorted({node for word in words for node in node_range(word.strip())})
     except UsageError as wrong:
-        wrong.hint = "one node-ID, several as in 1,3,5, or all"
+        wrong.hint = "one node-ID, several as in 1,3,5 or 1,5-9, or all"
         raise
-    return found[0] if len(words) == 1 else tuple(found)
+    return found[0] if len(words) == 1 and len(found) == 1 else tuple(found)
+
+
+def node_range(text: str) -> range:
+    """Read a node-ID, or a range of them (`5-9`, both ends included); UsageError otherwise."""
+    first, dash, last = text.partition("-")
+    if not dash:
+        return range(node_id(text), node_id(text) + 1)
+    if node_id(first.strip()) > node_id(last.strip()):
+        raise UsageError(f"{text!r} is not a range of node-IDs: {first} is above {last}")
+    return range(node_id(first.strip()), node_id(last.strip()) + 1)
 
 
 def node_id(text: str) -> int:

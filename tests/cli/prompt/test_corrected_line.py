@@ -99,15 +99,14 @@ def test_a_file_that_exists_is_not_offered(
 def test_the_corrected_line_stands_at_the_prompt_and_enter_runs_it(gen4: Terminal) -> None:
     gen4.run("set tpdo1 timer 100")
     gen4.until(lambda: gen4.cursor_line == "sim/1 PRE-OP> set tpdo1 --timer 100", "the corrected line")
-    gen4.wait("corrected to `set tpdo1 --timer 100`, Enter runs it; before: Got unexpected", "arguments (timer 100)")
+    gen4.wait("arguments (timer 100): corrected, Enter runs the line")
     time.sleep(2 * _SEEN_S)
     gen4.type(ENTER)
     gen4.wait("TPDO1 set: 1 write")
     gen4.wait_prompt("sim/1 PRE-OP*> ")
     gen4.run("mpa 6041")
     gen4.wait("unknown command 'mpa'")
-    assert gen4.cursor_line == "sim/1 PRE-OP*> mpa 6041"  # map needs a PDO: nothing is near that can be read
-    gen4.type(CTRL_C)
+    gen4.wait_prompt("sim/1 PRE-OP*> ")  # map needs a PDO: nothing is near that can be read
 
 
 def test_a_corrected_line_keeps_its_destination_and_can_be_thrown_away(gen4: Terminal, tmp_path: Path) -> None:
@@ -163,7 +162,7 @@ def test_a_line_of_a_shell_runs_at_the_prompt_if_bus_and_node_are_the_same(open_
     terminal.run("dvtcli --sim gen4@5 -n 5 read 1018:1")
     terminal.wait("0x0000001E")
     terminal.run("dvtcli -n 9 store")
-    terminal.wait("this session runs on --sim gen4@5 -n 5; -n 9 is an option for the start of")
+    terminal.wait("this session runs on --sim gen4@5 -n 5; -n 9 is an option for the start")
 
 
 @pytest.mark.parametrize("line", ["$ dvtcli --sim gen4 -n 1 read 1018:1", "$ dvtcli read 1018:1", "$ read 1018:1"])

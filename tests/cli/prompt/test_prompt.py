@@ -102,23 +102,52 @@ def test_the_prompt_survives_what_goes_wrong(gen4: Terminal) -> None:
     assert gen4.ended() == 0
 
 
-def test_what_no_command_takes_is_said_before_it_runs_and_the_line_stays(gen4: Terminal) -> None:
+def test_a_line_that_no_command_takes_ends_with_its_error_and_up_brings_it_back(gen4: Terminal) -> None:
     for line, wrong in [
         ('read "Velocity', "a quote is not closed"),
         ("mpa tpdo1", "unknown command 'mpa'"),
-        ("map tpdo1 6041 --snyc 1", "'--snyc'"),
         ("map tpdo1 velocity_actul", "no object is named 'velocity_actul'"),
         ("set tpdo1 --type 999", "999: a transmission type is 0…255"),
     ]:
         gen4.run(line)
         gen4.wait(wrong)
-        gen4.until(lambda line=line: gen4.cursor_line.startswith(f"sim/1 PRE-OP> {line[:8]}"), "the line")
-        assert "error:" not in gen4.text
+        gen4.wait_prompt()
+        gen4.until(lambda: gen4.cursor_line.rstrip() == "sim/1 PRE-OP>", "a new line")
+        gen4.type(UP)
+        gen4.until(lambda line=line: gen4.cursor_line.rstrip() == f"sim/1 PRE-OP> {line}", "the line again")
         gen4.type(CTRL_C)
         gen4.wait_prompt()
     gen4.run("map --help")
     gen4.wait_prompt()
     assert "Leave the PDO disabled." in gen4.text
+
+
+def test_commands_typed_after_a_line_with_an_error_are_lines_of_their_own(gen4: Terminal) -> None:
+    gen4.run("foo 1")
+    gen4.wait("unknown command 'foo'")
+    gen4.wait_prompt()
+    gen4.run("set tpdo1 --timer 100")
+    gen4.wait("TPDO1 set: 1 write")
+
+
+PASTE_BEGINS, PASTE_ENDS = "\x1b[200~", "\x1b[201~"
+
+
+def test_pasted_lines_that_were_not_run_are_named(gen4: Terminal) -> None:
+    lines = ("set tpdo1 --timer 100", "map tpdo1 1018:1", "verify", "pdo tpdo1")
+    gen4.type(PASTE_BEGINS + "\n".join(lines) + PASTE_ENDS)
+    gen4.until(lambda: "pdo tpdo1" in gen4.cursor_line, "the pasted lines")
+    gen4.type(ENTER)
+    gen4.wait("warning: line 2 of 4 failed; 2 lines not run, from `verify` on")
+
+
+def test_the_wrong_line_of_a_paste_is_numbered_and_none_runs(gen4: Terminal) -> None:
+    gen4.type(PASTE_BEGINS + "set tpdo1 --timer 100\nfoo\npdo" + PASTE_ENDS)
+    gen4.until(lambda: gen4.cursor_line.rstrip().endswith("pdo"), "the pasted lines")
+    gen4.type(ENTER)
+    gen4.wait("line 2: unknown command 'foo'")
+    assert "TPDO1 set" not in gen4.text
+    gen4.type(CTRL_C)
 
 
 def test_the_syntax_of_the_command_stands_above_the_state(gen4: Terminal) -> None:

@@ -139,7 +139,7 @@ def rows_of_text(screen: str) -> str:
 #: name -> what happens, and what the finished screen shows
 SCENES: dict[str, tuple[Callable[[Stage], Terminal], str]] = {
     "menu": (typed("map tpdo1 6C01:1 velocity_a"), "4 of 6 free bytes"),
-    "wrong": (typed("mpa tpdo1 6041\r"), "before: unknown command"),
+    "wrong": (typed("mpa tpdo1 6041\r"), "corrected, Enter runs"),
     "question": (typed("set tpdo1 ?"), "Leave the PDO disabled."),
     "search": (typed(CTRL_R + "xyz"), "i-search"),
     "toolbar": (Stage.mapped, "TPDO1 not stored"),

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import pytest
 
+from dvtcli.simulator.network.family_file import family_eds
 from tests.bus.devices import device, unknown
 from tests.cli.commands.bench import Bench
 from tests.process import dvtcli
@@ -64,3 +68,61 @@ def test_nothing_to_do_is_no_success(words: list[str], says: str) -> None:
     done = dvtcli(*words)
     assert (done.returncode, says in done.stderr, done.stdout) == (2, True, "")
     assert dvtcli(*words, "--json").returncode == 2
+
+
+def test_an_option_that_other_servers_have_leads_to_this_ones() -> None:
+    done = dvtcli("sim", "gen4@1", "--port", "29701")
+    assert "did you mean `dvtcli sim gen4@1 --listen 127.0.0.1:29701`?" in done.stderr
+    assert "--color" not in done.stderr, "no option whose letters are far"
+
+
+def test_a_near_command_is_a_hint_for_programs_too() -> None:
+    document = Bench(options={"format": "json"}).run("mapp tpdo1").documents[0]
+    assert document["text"] == "unknown command 'mapp'"
+    assert document["hint"] == "did you mean `map`? `help map` shows it"
+
+
+def test_link_of_a_network_file_leads_to_plan_and_apply() -> None:
+    with Bench() as bench:
+        ran = bench.run("link net.yaml")
+        assert (ran.code, " plan net.yaml` shows" in ran.stderr, " apply net.yaml` makes" in ran.stderr) == (
+            2,
+            True,
+            True,
+        )
+
+
+def test_ranges_of_node_ids() -> None:
+    done = dvtcli("--sim", "gen4@5", "--sim", "gen4@7", "-n", "5,7-7", "read", "1017", "--json")
+    assert (done.returncode, done.stdout.count('"node":5'), done.stdout.count('"node":7')) == (0, 1, 1)
+    done = dvtcli("--sim", "gen4@5", "-n", "9-5", "read", "1017")
+    assert (done.returncode, "'9-5' is not a range of node-IDs: 9 is above 5" in done.stderr) == (2, True)
+    assert "or 1,5-9, or all" in done.stderr
+    with Bench() as bench:
+        assert "'5-200'" not in bench.run("explain 185#10 --nodes 1-1").stderr
+        assert "'200' is not a node-ID" in bench.run("explain 185#10 --nodes 5-200").stderr
+
+
+def test_a_file_that_ends_in_the_middle_is_named(tmp_path: Path) -> None:
+    whole = family_eds("gen4").read_bytes()
+    (tmp_path / "cut.eds").write_bytes(whole[:5000])
+    (tmp_path / "whole.eds").write_bytes(whole)
+    done = dvtcli("--sim", "cut.eds", "pdo", cwd=tmp_path)
+    assert re.search(
+        r"warning: cut\.eds is cut short: \d+ of \d+ objects .*`dvtcli eds check cut\.eds` lists", done.stderr
+    )
+    assert "cut short" in dvtcli("--sim", "gen4", "--eds", "cut.eds", "pdo", cwd=tmp_path).stderr
+    assert "cut short" not in dvtcli("--sim", "whole.eds", "pdo", cwd=tmp_path).stderr
+
+
+def test_a_network_file_without_eds_becomes_a_dbc_file_with_a_warning(tmp_path: Path) -> None:
+    (tmp_path / "net.yaml").write_text("nodes:\n  a: {node_id: 4, tpdo: {1: {cob_id: 0x184, mapping: [606C/32]}}}\n")
+    done = dvtcli("eds", "convert", "net.yaml", "net.dbc", cwd=tmp_path)
+    assert done.returncode == 0
+    assert "no EDS of node 4: without one, signals have no names, signs or units; `dcf:`" in done.stderr
+
+
+def test_a_bracket_that_is_not_closed_is_shown_where_it_begins(tmp_path: Path) -> None:
+    (tmp_path / "n.yaml").write_text("nodes:\n  a: [1,2\n\n\n")
+    done = dvtcli("check", "n.yaml", cwd=tmp_path)
+    assert "n.yaml:2:6: error: not YAML: a bracket or brace is not closed" in done.stderr + done.stdout

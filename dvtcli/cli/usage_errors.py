@@ -1,0 +1,46 @@
+"""click's usage errors in our own form. Loaded only after an error."""
+
+from __future__ import annotations
+
+import re
+from difflib import SequenceMatcher
+
+import click
+
+from dvtcli.cli.params import TEXT
+from dvtcli.errors import UsageError
+
+
+def usage_error(wrong: click.ClickException) -> UsageError:
+    """A click usage error in our own form, with the command's grammar as the hint."""
+    ctx = getattr(wrong, "ctx", None)
+    if isinstance(wrong, click.NoSuchOption):
+        wrong = click.NoSuchOption(wrong.option_name, possibilities=_near_options(wrong), ctx=wrong.ctx)
+    hint, text = None, " ".join(wrong.format_message().split())
+    if ctx is not None and ctx.command.name != "dvtcli":
+        usage = " ".join(ctx.command.collect_usage_pieces(ctx)).replace("[OPTIONS] ", "")
+        hint = f"{ctx.info_name} {usage}; {_in_quotes(ctx, text) or f'help {ctx.info_name}'}"
+    return UsageError(text, hint=hint)
+
+
+_EXTRA = r"(?s)Got unexpected extra arguments? \((.*)\)"
+
+
+def _in_quotes(ctx: click.Context, text: str) -> str:
+    """Suggest quotes if a command whose last argument is a text got extra words."""
+    arguments = [param for param in ctx.command.params if isinstance(param, click.Argument)]
+    extra = re.fullmatch(_EXTRA, text)
+    if extra is None or not arguments or arguments[-1].type is not TEXT:
+        return ""
+    return f'put a value with a blank in quotes: "{ctx.params.get(arguments[-1].name or "")} {extra[1]}"'
+
+
+#: Options this near (0…1) to a typed one are suggested.
+_NEAR_OPTION = 0.7
+
+
+def _near_options(wrong: click.NoSuchOption) -> list[str]:
+    """Return those of click's suggestions whose letters are near to the typed option."""
+    typed = wrong.option_name.strip("-")
+    near = (SequenceMatcher(None, typed, name.strip("-")).ratio() for name in wrong.possibilities or ())
+    return [name for name, ratio in zip(wrong.possibilities or (), near, strict=True) if ratio >= _NEAR_OPTION]
