@@ -40,10 +40,9 @@ MODULES = (
     "dvtcli/domain/plan.py", "dvtcli/domain/step.py", "dvtcli/domain/rules/*", "dvtcli/device/*", "dvtcli/bus/sdo/*",
 )  # fmt: skip
 #: the tests of the files' own rooms, and those that look from further away
-NEAR = (
-    "tests/device", "tests/domain", "tests/bus", "tests/fuzz/test_found.py",
-    "--ignore=tests/device/learn", "--ignore=tests/domain/network_check",
-)  # fmt: skip
+NEAR = ("tests/device", "tests/domain", "tests/bus", "tests/fuzz/test_found.py")
+#: tests that few mutants outside of their own folder need, and that take long
+LEARNING = "tests/device/learn"
 WIDE = (
     "tests/laws", "tests/simulator/test_twin.py", "tests/cli/commands", "tests/transcripts", "tests/scripts",
     "tests/recovery", "tests/faults", "tests/simulator/serve",
@@ -51,8 +50,7 @@ WIDE = (
 #: of a baseline: how many mutants, of which files, and tests of which only the quick ones are taken
 BASELINE, BASELINE_MODULES = 300, ("dvtcli/domain/*", "dvtcli/device/*")
 QUICK = (
-    "-m", "quick", *WIDE, "tests/domain/network_check", "tests/device/learn", "tests/files", "tests/operations",
-    "tests/cli/dvt", "tests/cli/view",
+    "-m", "quick", *WIDE, "tests/files", "tests/operations", "tests/cli/dvt", "tests/cli/view",
 )  # fmt: skip
 
 
@@ -221,7 +219,8 @@ def _tried(open_ones: Sequence[Mutant], given: argparse.Namespace) -> list[Outco
     with tempfile.TemporaryDirectory(prefix="dvtcli-mutation-") as folder, ProcessPoolExecutor(given.jobs) as pool:
         lines = (given.map or Path(folder) / "lines").resolve()
         if not lines.exists():
-            record(lines, given.modules, NEAR if given.narrow or given.baseline else (*NEAR, *WIDE))
+            near = NEAR if given.baseline else (*NEAR, f"--ignore={LEARNING}")
+            record(lines, given.modules, near if given.narrow or given.baseline else (*near, *WIDE))
             if given.baseline is not None:
                 record(lines, given.modules, QUICK)
         limits = Limits(given.in_place, given.in_file, given.once or given.baseline is not None, given.twice)
