@@ -277,10 +277,13 @@ def _simulated(what: str, chosen: int) -> Simulated:
 
 def _library_path(what: str) -> Path | None:
     """Return the file of the library that *what* names; None for a family, a learnt folder, or an unknown name."""
-    from dvtcli.files.device_library import file_named
     from dvtcli.simulator.network.family_file import family_names, is_family_folder
 
-    return None if what in family_names() or is_family_folder(what) else file_named(what)
+    if what in family_names() or is_family_folder(what):
+        return None
+    from dvtcli.files.device_library import file_named
+
+    return file_named(what)
 
 
 def family_named(name: str) -> Family:
@@ -314,10 +317,13 @@ def file_or_family(text: str | Path) -> Path:
     """
     if is_file(str(text)):
         return Path(text)
-    from dvtcli.files.device_library import file_named
     from dvtcli.simulator.network.family_file import family_eds, family_names
 
-    return family_eds(str(text)) if str(text) in family_names() else file_named(str(text)) or Path(text)
+    if str(text) in family_names():
+        return family_eds(str(text))
+    from dvtcli.files.device_library import file_named
+
+    return file_named(str(text)) or Path(text)
 
 
 def read_dictionary(path: Path, modules: tuple[int, ...] | None = None) -> ObjectDictionary:
