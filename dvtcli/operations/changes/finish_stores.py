@@ -17,7 +17,7 @@ from dvtcli.domain.plan import PdoChange, Plan, ValueChange
 from dvtcli.domain.store import DATE, TIME, Stamp
 from dvtcli.domain.text import all_nodes, join_some, some_nodes
 from dvtcli.errors import DeviceRefused, SafetyRefusal, UsageError
-from dvtcli.operations.changes.change import ExpectedAtStore
+from dvtcli.operations.changes.network_phases import ExpectedAtStore
 from dvtcli.operations.changes.store_network import Stores, back_and_again, store_each
 from dvtcli.operations.changes.waiting_journals import newest_store_record, waiting
 from dvtcli.operations.results import Facts

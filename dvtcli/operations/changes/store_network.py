@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from dvtcli.device.change.own_journal import OwnJournal
-    from dvtcli.operations.changes.change import ExpectedAtStore
+    from dvtcli.operations.changes.network_phases import ExpectedAtStore
     from dvtcli.operations.changes.network_transaction import NetworkTransaction
     from dvtcli.operations.results import Stored
     from dvtcli.operations.session.session_nodes import SessionNodes

@@ -27,8 +27,8 @@ from dvtcli.domain.plan import Change, PdoChange, ValueChange, plan_pdo
 from dvtcli.domain.script_line import change_lines
 from dvtcli.domain.text import all_nodes, join_some, plural
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, Restarted, SafetyRefusal
-from dvtcli.operations.changes.change import AlsoExpected, ExpectedAtStore, require_held, store_hint
-from dvtcli.operations.changes.network_phases import apply_together
+from dvtcli.operations.changes.change import store_hint
+from dvtcli.operations.changes.network_phases import AlsoExpected, ExpectedAtStore, apply_together, require_held
 from dvtcli.operations.changes.possible_stores import refuse_unprovable_stores
 from dvtcli.operations.changes.store_network import store_network
 from dvtcli.operations.pdos.sync import short_frames
