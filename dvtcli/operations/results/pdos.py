@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, overload
+from typing import TYPE_CHECKING, ClassVar, overload
 
 from dvtcli.domain.datatypes import Value
-from dvtcli.domain.network.received_traffic import Period
 from dvtcli.domain.object_scalings import NOTHING
 from dvtcli.domain.pdo import ListedObjects, Pdo, PdoConfig
 from dvtcli.domain.scaling import Scaling
 from dvtcli.errors import UsageError
 from dvtcli.operations.results.documents import Answer, Document, Rows, Short, hex_bytes, json_value, physical_document
+
+if TYPE_CHECKING:
+    from dvtcli.domain.network.received_traffic import Period
 
 
 @dataclass(frozen=True, slots=True)
