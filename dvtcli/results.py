@@ -4,10 +4,9 @@ from dvtcli.device.change.applied import Progress
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.lss_services import LssAddress
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
-from dvtcli.domain.plan import Plan
+from dvtcli.domain.plan import Plan, Step
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.rules import Finding
-from dvtcli.domain.step import Step
 from dvtcli.domain.store import Proof
 from dvtcli.operations.api.calls import Message
 from dvtcli.operations.results.changes import Changed, Stored

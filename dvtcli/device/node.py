@@ -94,9 +94,8 @@ class Node(Changeable):
         from dvtcli.device.other_producers import received_ids, seen_producer_findings
         from dvtcli.device.raw_write import held_value, raw_change, raw_write_findings, taken_can_id_findings
         from dvtcli.device.store.unstored import prepare_store
-        from dvtcli.domain.plan import PdoChange, Plan
+        from dvtcli.domain.plan import PdoChange, Plan, Step
         from dvtcli.domain.request import hinting_at_set, parameters_at
-        from dvtcli.domain.step import Step
 
         refuse_passcode(self.access, index, sub_index)
         refuse_unlike_file(self.node_id, self.unlike_file, force=force)

@@ -12,7 +12,7 @@ from dvtcli.device.proposal import proposal, readable_value
 from dvtcli.device.read_pdos import read_optional, service_ids_beside
 from dvtcli.domain.cob_id import SRDO_COB_IDS, SRDOS, SYNC_BY_DEFAULT, is_channel_place
 from dvtcli.domain.pdo import MAX_ENTRIES, Pdo, PdoConfig, PdoMappingEntry, is_mpdo
-from dvtcli.domain.plan import Change, PdoChange, ValueChange
+from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange
 from dvtcli.domain.process_data import answers_with_state
 from dvtcli.domain.rules.can_id import COB_ID_OF, EMCY, SYNC, is_in_use, service_findings, service_taken_findings
 from dvtcli.domain.rules.raw_write import (
@@ -23,7 +23,6 @@ from dvtcli.domain.rules.raw_write import (
     with_raw,
     write_findings,
 )
-from dvtcli.domain.step import Step
 
 if TYPE_CHECKING:
     from dvtcli.device.node_parts import ReadableNode

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, TypeGuard
 from dvtcli.device.read_pdos import UNREADABLE
 from dvtcli.device.store.store_parameters import STORE
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.plan import STAMP, Plan, ValueChange, alters
-from dvtcli.domain.step import Step
+from dvtcli.domain.plan import STAMP, Plan, Step, ValueChange, alters
 from dvtcli.domain.store import DATE, TIME, Stamp, is_own_date
 from dvtcli.errors import SdoAborted
 

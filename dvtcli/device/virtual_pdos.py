@@ -11,10 +11,9 @@ from dvtcli.device.read_pdos import read_optional
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_dictionary import ObjectDictionary
-from dvtcli.domain.plan import Plan, ValueChange
+from dvtcli.domain.plan import Plan, Step, ValueChange
 from dvtcli.domain.profile import VpdoGroup
 from dvtcli.domain.rules.finding import ERROR, Finding, Rule, error
-from dvtcli.domain.step import Step
 from dvtcli.errors import DvtcliError, UsageError
 
 if TYPE_CHECKING:

@@ -6,10 +6,9 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
-from dvtcli.domain.plan import PdoChange, Plan, ValueChange, plan_pdo
+from dvtcli.domain.plan import PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.request import MPDO_COUNTS
 from dvtcli.domain.rules.can_id import restricted_use
-from dvtcli.domain.step import Step
 
 #: End of a line about a PDO that a backup does not restore.
 LEFT_ALONE, STAYS_OFF = "and is not changed", "it stays off"

@@ -6,9 +6,8 @@ from bisect import bisect_right
 from collections.abc import Collection
 from functools import cached_property
 
-from dvtcli.domain.lint import lint_objects, lint_pdos, lint_standard
+from dvtcli.domain.lint import LintRule, RuleCheck, checks_of, lint_objects, lint_pdos, lint_standard
 from dvtcli.domain.lint.described import DescribedDevice, Spot, object_text
-from dvtcli.domain.lint.lint_rule import LintRule, RuleCheck, checks_of
 from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.files.eds.findings import DUPLICATE_KEY, READ_RULES, EdsFinding
 from dvtcli.files.eds.ini import IniSection, IniText

@@ -17,8 +17,8 @@ from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.text import plural
 from dvtcli.watch.decoder import SDO_SERVERS, Address, Decoder, Layout, server_layouts
-from dvtcli.watch.explain.known_node import KnownNode, of_mpdo
-from dvtcli.watch.explain.parts import lss_parts
+from dvtcli.watch.frame_parts import lss_parts
+from dvtcli.watch.known_node import KnownNode, of_mpdo
 from dvtcli.watch.sdo_transfers import SDO_BYTES, SdoStep, SdoTransfers
 from dvtcli.watch.service import Service
 

@@ -37,7 +37,7 @@ from tests.benchmarks.mutators import Mutant, mutants  # noqa: E402
 
 EXPLAINED = Path(__file__).with_name("mutation_explained.toml")
 MODULES = (
-    "dvtcli/domain/plan.py", "dvtcli/domain/step.py", "dvtcli/domain/rules/*", "dvtcli/device/*", "dvtcli/bus/sdo/*",
+    "dvtcli/domain/plan.py", "dvtcli/domain/plan.py", "dvtcli/domain/rules/*", "dvtcli/device/*", "dvtcli/bus/sdo/*",
 )  # fmt: skip
 #: the tests of the files' own rooms, and those that look from further away
 NEAR = ("tests/device", "tests/domain", "tests/bus", "tests/fuzz/test_found.py")

@@ -18,11 +18,10 @@ from dvtcli.device.observe import InitialState
 from dvtcli.device.store.pending import CHANGE
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.plan import Plan, ValueChange, plan_pdo
+from dvtcli.domain.plan import Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.profile import StepKind
 from dvtcli.domain.request import PdoRequest
 from dvtcli.domain.rules.finding import warning
-from dvtcli.domain.step import Step
 from dvtcli.errors import DeviceRefused, DvtcliError, JournalKept, LeftChanged, NoAnswer, Restarted, SafetyRefusal
 from dvtcli.simulator.device.strict_device import StrictDevice
 from tests.laws.bench import NODE, DirectBus, DirectSdo, booted, dictionary, profile, refuse, silence

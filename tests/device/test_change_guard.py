@@ -19,8 +19,7 @@ from dvtcli.device.change.lock import NodeLock
 from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.plan import Plan, ValueChange
-from dvtcli.domain.step import Step
+from dvtcli.domain.plan import Plan, Step, ValueChange
 from dvtcli.errors import InputFileError, SafetyRefusal
 from tests.journals import journal_document
 from tests.laws.bench import DirectSdo, booted

@@ -14,8 +14,7 @@ from dvtcli.device.change.change_guard import ChangeGuard
 from dvtcli.device.change.change_history import ChangeHistory
 from dvtcli.device.change.journal import Journal, read_journal
 from dvtcli.device.change.plan_document import Identity
-from dvtcli.domain.plan import Plan, ValueChange
-from dvtcli.domain.step import Step
+from dvtcli.domain.plan import Plan, Step, ValueChange
 from dvtcli.errors import JournalKept, SafetyRefusal
 from tests.device.test_full_disk import files_end_at
 from tests.journals import journal_document

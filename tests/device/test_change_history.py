@@ -13,8 +13,7 @@ import pytest
 from dvtcli.device.change.change_history import ChangeHistory
 from dvtcli.device.change.journal import MOST_BYTES
 from dvtcli.device.change.plan_document import Identity
-from dvtcli.domain.plan import Plan, ValueChange
-from dvtcli.domain.step import Step
+from dvtcli.domain.plan import Plan, Step, ValueChange
 from dvtcli.errors import InputFileError
 
 IDENTITY: Identity = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}

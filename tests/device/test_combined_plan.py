@@ -8,8 +8,7 @@ from dvtcli.device.change.change_group import ChangeGroup
 from dvtcli.device.change.combined_plan import ChangesToRollBack, combine_plans
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import Plan, ValueChange, plan_pdo
-from dvtcli.domain.step import Step
+from dvtcli.domain.plan import Plan, Step, ValueChange, plan_pdo
 from tests.laws.bench import NODE, DirectSdo, booted
 
 TPDO1, TPDO2 = Pdo.parse("tpdo1"), Pdo.parse("tpdo2")

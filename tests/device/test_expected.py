@@ -9,8 +9,7 @@ from dvtcli.device.change.changeable import Expected
 from dvtcli.device.change.undo_plan import refuse_gap
 from dvtcli.device.node import Node
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import Change, Plan, ValueChange, plan_pdo
-from dvtcli.domain.step import Step
+from dvtcli.domain.plan import Change, Plan, Step, ValueChange, plan_pdo
 from dvtcli.errors import SafetyRefusal
 from tests.laws.bench import NODE, DirectBus, booted, dictionary
 

@@ -15,8 +15,7 @@ from dvtcli.device.change.change_group import ChangeGroup
 from dvtcli.device.change.change_guard import ChangeGuard
 from dvtcli.device.change.change_history import ChangeHistory
 from dvtcli.device.change.plan_document import Identity
-from dvtcli.domain.plan import Plan, ValueChange
-from dvtcli.domain.step import Step
+from dvtcli.domain.plan import Plan, Step, ValueChange
 from dvtcli.errors import JournalKept, SafetyRefusal
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no limit of a file's size")

@@ -16,8 +16,7 @@ from dvtcli.device.change.journal import MOST_BYTES, JournalFolder, read_journal
 from dvtcli.device.change.private_file import file_name, sync_folder
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
-from dvtcli.domain.plan import PdoChange, Plan, ValueChange, plan_pdo
-from dvtcli.domain.step import Step
+from dvtcli.domain.plan import PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.errors import InputFileError, SafetyRefusal
 from tests.journals import journal_document
 

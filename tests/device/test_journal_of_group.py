@@ -10,8 +10,7 @@ import pytest
 
 from dvtcli.device.change.change_group import GroupMember
 from dvtcli.device.change.journal import JournalFolder, unneeded_markers
-from dvtcli.domain.plan import Plan, ValueChange
-from dvtcli.domain.step import Step
+from dvtcli.domain.plan import Plan, Step, ValueChange
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="rights of files")

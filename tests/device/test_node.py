@@ -10,9 +10,8 @@ from dvtcli.device.change.undo_plan import UndoRequest
 from dvtcli.device.node import Node
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
-from dvtcli.domain.plan import Plan, ValueChange, plan_pdo
+from dvtcli.domain.plan import Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.request import PdoRequest
-from dvtcli.domain.step import Step
 from dvtcli.errors import DeviceRefused, RuleError, SafetyRefusal
 from dvtcli.files.eds.reader import read_eds
 from tests.device.test_rolling_back import odd_device

@@ -10,8 +10,7 @@ from dvtcli.device.node import Node
 from dvtcli.device.raw_write import held_value, raw_change, raw_write_findings
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import PdoChange, ValueChange
-from dvtcli.domain.step import Step
+from dvtcli.domain.plan import PdoChange, Step, ValueChange
 from dvtcli.errors import SdoAborted, SdoProtocolError
 from tests.device.test_reading_and_storing import Table, Values
 from tests.laws.bench import NODE, DirectBus, booted

@@ -13,8 +13,7 @@ from dvtcli.device.change.recovery import accepted_states, refuse_other_device
 from dvtcli.device.node import Node
 from dvtcli.device.store.pending import CHANGE, VERIFY
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import Change, Plan, ValueChange, plan_pdo
-from dvtcli.domain.step import Step
+from dvtcli.domain.plan import Change, Plan, Step, ValueChange, plan_pdo
 from dvtcli.errors import LeftChanged, NoAnswer, SafetyRefusal
 from tests.faults.recovering import recover
 from tests.laws.bench import NODE, DirectBus, DirectSdo, booted, dictionary, silence

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from dvtcli.device.node import Node
-from dvtcli.domain.plan import Plan, ValueChange
-from dvtcli.domain.step import Step
+from dvtcli.domain.plan import Plan, Step, ValueChange
 from tests.laws.bench import NODE, DirectBus, booted, dictionary
 
 

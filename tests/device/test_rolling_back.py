@@ -13,9 +13,8 @@ from dvtcli.device.node import Node
 from dvtcli.device.read_pdos import read_pdo
 from dvtcli.domain.abort import Abort
 from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
-from dvtcli.domain.plan import PdoChange, Plan, ValueChange, plan_pdo
+from dvtcli.domain.plan import PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.ports import SdoReader, SdoTransport
-from dvtcli.domain.step import Step
 from dvtcli.errors import DeviceRefused, LeftChanged, SdoAborted
 from dvtcli.files.eds.reader import read_eds
 from tests.laws.bench import (

@@ -15,9 +15,8 @@ from dvtcli.device.change.roll_back import PATIENCE_S, RETRY_S, first_difference
 from dvtcli.device.change.untouched_pdos import UntouchedPdos
 from dvtcli.device.read_pdos import read_cob_id, read_pdo
 from dvtcli.domain.pdo import Pdo, PdoMappingEntry
-from dvtcli.domain.plan import Change, PdoChange, Plan, ValueChange, plan_pdo
+from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.ports import SdoTransport
-from dvtcli.domain.step import Step
 from dvtcli.errors import (
     BusUnavailable,
     DeviceRefused,

@@ -7,8 +7,7 @@ import pytest
 from dvtcli.device.change.undo_plan import refuse_unless_left, undo_plan_of
 from dvtcli.device.node import Node
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import Change, PdoChange, Plan, ValueChange, plan_pdo
-from dvtcli.domain.step import Step
+from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.errors import SafetyRefusal
 from tests.laws.bench import NODE, DirectBus, booted, dictionary
 

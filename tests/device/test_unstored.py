@@ -10,9 +10,8 @@ from dvtcli.device.change.plan_document import Identity
 from dvtcli.device.node import Node
 from dvtcli.device.store.unstored import held_unstored
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import Change, Plan, ValueChange, plan_pdo
+from dvtcli.domain.plan import Change, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.profile import GENERIC, StorePolicy
-from dvtcli.domain.step import Step
 from tests.laws.bench import NODE, DirectBus, booted, dictionary
 
 IDENTITY: Identity = {"vendor": 1, "product": 2, "revision": 3, "serial": 4}

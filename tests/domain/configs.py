@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Direction, Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
-from dvtcli.domain.step import Step
+from dvtcli.domain.plan import Step
 
 Memory = dict[tuple[int, int], bytes]
 

@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.network.network_plan import phases
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig
-from dvtcli.domain.plan import PdoChange, Plan, ValueChange, plan_pdo
-from dvtcli.domain.step import Step
+from dvtcli.domain.plan import PdoChange, Plan, Step, ValueChange, plan_pdo
 from tests.domain.configs import config_pairs
 
 TPDO, RPDO = Pdo.parse("tpdo1"), Pdo.parse("rpdo2")

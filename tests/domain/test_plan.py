@@ -7,8 +7,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from dvtcli.domain.pdo import Pdo, PdoConfig, PdoMappingEntry
-from dvtcli.domain.plan import Plan, ValueChange, alters, plan_pdo, writes_cob_id
-from dvtcli.domain.step import Step
+from dvtcli.domain.plan import Plan, Step, ValueChange, alters, plan_pdo, writes_cob_id
 from tests.domain.configs import ModelDevice, config_pairs, configs, mappings, memory_of, pdos
 
 Pair = tuple[PdoConfig, PdoConfig]

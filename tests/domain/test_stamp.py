@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dvtcli.domain.network.network_plan import phases
-from dvtcli.domain.plan import Plan, ValueChange
-from dvtcli.domain.step import Step
+from dvtcli.domain.plan import Plan, Step, ValueChange
 from dvtcli.domain.store import Stamp
 from tests.harness.sample import heavy
 

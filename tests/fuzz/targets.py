@@ -40,19 +40,17 @@ from dvtcli.device.node import Node
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.datatypes import BY_SHORT_NAME, parse_number
 from dvtcli.domain.gateway.gateway_words import GatewayRequestError
-from dvtcli.domain.gateway.plan_lines import format_request
-from dvtcli.domain.gateway.requests import parse_request, sequence_of
+from dvtcli.domain.gateway.requests import format_request, parse_request, sequence_of
 from dvtcli.domain.network.concise_dcf import concise_bytes, concise_entries
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.object_syntax import parse_cob_id, parse_object, resolve_entry, resolve_object
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.plan import Plan, ValueChange
+from dvtcli.domain.plan import Plan, Step, ValueChange
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.profile import GENERIC, Severity
 from dvtcli.domain.rules import Finding
 from dvtcli.domain.scaling import Scaling
-from dvtcli.domain.step import Step
 from dvtcli.domain.store import POWER, Proof
 from dvtcli.errors import DvtcliError, InputFileError, RuleError, UsageError
 from dvtcli.files.dbc import read_dbc

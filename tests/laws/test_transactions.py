@@ -14,9 +14,8 @@ from dvtcli.device.cancellation import Cancellation
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Direction, Pdo, PdoConfig, PdoMappingEntry
-from dvtcli.domain.plan import Plan, plan_pdo
+from dvtcli.domain.plan import Plan, Step, plan_pdo
 from dvtcli.domain.rules import check_pdo, errors_in
-from dvtcli.domain.step import Step
 from dvtcli.errors import DeviceRefused, DvtcliError, Interrupted, LeftChanged, NoAnswer
 from tests.laws.bench import (
     FAMILIES,

@@ -14,8 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from dvtcli.domain.object_dictionary import ObjectDictionary
-from dvtcli.domain.plan import Plan, ValueChange
-from dvtcli.domain.step import Step, altering
+from dvtcli.domain.plan import Plan, Step, ValueChange, altering
 from dvtcli.errors import DvtcliError, SdoAborted
 from dvtcli.files.eds.reader import read_eds
 from tests.cli.commands.bench import Bench

@@ -15,8 +15,7 @@ from hypothesis import strategies as st
 from dvtcli.device.change.change_history import MOST_CHANGES, ChangeHistory
 from dvtcli.device.read_pdos import present_pdos, read_pdo
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.plan import Plan, ValueChange
-from dvtcli.domain.step import Step
+from dvtcli.domain.plan import Plan, Step, ValueChange
 from dvtcli.files.user_folders import user_folder
 from tests.cli.commands.bench import Bench as Lines
 from tests.cli.commands.bus import Wire, device

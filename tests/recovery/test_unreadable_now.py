@@ -10,8 +10,7 @@ import pytest
 
 from dvtcli.cli.view.error_lines import error_document, error_lines
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.plan import Change, Plan, ValueChange, plan_pdo
-from dvtcli.domain.step import Step
+from dvtcli.domain.plan import Change, Plan, Step, ValueChange, plan_pdo
 from dvtcli.errors import DvtcliError, LeftChanged
 from dvtcli.operations.changes.recover_change import recover
 from dvtcli.operations.results import Facts

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from dvtcli.domain.ports import Frame
 from dvtcli.operations.values.object_values import scalings_of
 from dvtcli.watch.decoder import Decoder
-from dvtcli.watch.explain.known_node import KnownNode
 from dvtcli.watch.frame_reader import FrameReader
+from dvtcli.watch.known_node import KnownNode
 from dvtcli.watch.sdo_transfers import MOST_KEPT, SdoStep, SdoTransfers
 from tests.cli.commands.bench import Bench
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from click.formatting import wrap_text
 
 from dvtcli.domain.abort import abort_text, code_of
-from dvtcli.domain.lint.lint_rule import LintRule
+from dvtcli.domain.lint import LintRule
 from dvtcli.domain.rules.finding import Rule
 
 #: The usual cause of each abort code of CiA 301, and what to do.

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.gateway.gateway_words import HEX, TYPES, GatewayRequestError
-from dvtcli.domain.gateway.plan_lines import REQUIRED
-from dvtcli.domain.gateway.requests import Nmt, Order, Read, Write, parse_request
+from dvtcli.domain.gateway.requests import REQUIRED, Nmt, Order, Read, Write, parse_request
 from dvtcli.errors import UsageError
 
 if TYPE_CHECKING:

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from dvtcli.domain.plan import Plan
+from dvtcli.domain.plan import Plan, Step
 from dvtcli.domain.rules import errors_in
 from dvtcli.domain.rules.finding import Finding
-from dvtcli.domain.step import Step
 from dvtcli.errors import RuleError
 
 

@@ -19,10 +19,9 @@ from dvtcli.domain.abort import Abort
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import Change, PdoChange, Plan, plan_pdo
+from dvtcli.domain.plan import Change, PdoChange, Plan, Step, plan_pdo
 from dvtcli.domain.rules import check_pdo, errors_in
 from dvtcli.domain.rules.finding import NOTE, Finding, Rule, note
-from dvtcli.domain.step import Step
 from dvtcli.errors import DeviceRefused, DvtcliError, SafetyRefusal
 
 if TYPE_CHECKING:

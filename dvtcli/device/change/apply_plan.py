@@ -29,8 +29,7 @@ from dvtcli.device.change.untouched_pdos import (
     untouched_pdos,
 )
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.plan import Change, Plan
-from dvtcli.domain.step import Step
+from dvtcli.domain.plan import Change, Plan, Step
 from dvtcli.errors import DvtcliError, LeftChanged, Restarted, SafetyRefusal
 
 if TYPE_CHECKING:

@@ -13,8 +13,7 @@ from dvtcli.domain.abort import Abort
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.plan import Change, PdoChange, Plan, ValueChange, plan_pdo
-from dvtcli.domain.step import Step
+from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.text import hex_preview, join_some, value_text
 from dvtcli.errors import (
     BusUnavailable,

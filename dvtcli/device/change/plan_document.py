@@ -9,8 +9,7 @@ from typing import Any
 
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import MAX_ENTRIES, Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry, is_mpdo
-from dvtcli.domain.plan import Change, PdoChange, Plan, ValueChange, plan_pdo
-from dvtcli.domain.step import Step
+from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, plan_pdo
 
 #: A plan names at most 1,024 PDOs and as many single objects; anything larger is something else.
 MOST_CHANGES = 2048

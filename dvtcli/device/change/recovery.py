@@ -21,10 +21,9 @@ from dvtcli.device.target_config import differences
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.network.network_plan import phases
 from dvtcli.domain.nmt import NmtState
-from dvtcli.domain.plan import STAMP, PdoChange, Plan, ValueChange, plan_pdo
+from dvtcli.domain.plan import STAMP, PdoChange, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.rules.no_way_back import restarted_finding
 from dvtcli.domain.script_line import value_line, whole_line
-from dvtcli.domain.step import Step
 from dvtcli.domain.store import DATE, TIME
 from dvtcli.domain.text import join_some, value_text
 from dvtcli.errors import (

@@ -15,9 +15,8 @@ from dvtcli.device.read_pdos import read_cob_id, read_pdo
 from dvtcli.domain.abort import may_pass
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import Change, PdoChange, ValueChange, plan_pdo
+from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange, altering, order_of_dependent_values, plan_pdo
 from dvtcli.domain.ports import SdoReader, SdoTransport
-from dvtcli.domain.step import Step, altering, order_of_dependent_values
 from dvtcli.domain.text import value_text
 from dvtcli.errors import DeviceRefused, NoAnswer, SdoAborted, SdoProtocolError
 

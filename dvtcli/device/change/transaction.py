@@ -28,9 +28,8 @@ from dvtcli.device.change.roll_back import (
 from dvtcli.device.change.untouched_pdos import UntouchedPdos, altered_too
 from dvtcli.device.observe import MAX_READS, RebootMonitor, observed, restarted_since_read
 from dvtcli.domain.pdo import Pdo
-from dvtcli.domain.plan import Change, PdoChange, Plan, ValueChange, only_cob_id, writes_cob_id
+from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, only_cob_id, writes_cob_id
 from dvtcli.domain.ports import SdoTransport
-from dvtcli.domain.step import Step
 from dvtcli.errors import (
     BusUnavailable,
     DeviceRefused,

@@ -11,10 +11,9 @@ from dvtcli.device.stamped import is_stamp, stamp_back
 from dvtcli.device.target_config import TargetConfig, config_differences, differences
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import STAMP, Change, PdoChange, Plan, ValueChange, plan_pdo
+from dvtcli.domain.plan import STAMP, Change, PdoChange, Plan, Step, ValueChange, altering, plan_pdo
 from dvtcli.domain.rules.finding import Finding, warning
 from dvtcli.domain.rules.raw_write import why_unreadable
-from dvtcli.domain.step import Step, altering
 from dvtcli.domain.store import DATE, TIME, is_own_date
 from dvtcli.domain.text import join_some, value_text
 from dvtcli.errors import SafetyRefusal, SdoAborted, UsageError

@@ -15,8 +15,7 @@ from dvtcli.device.read_pdos import WHATEVER, read_pdo
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import Change, PdoChange, Plan, ValueChange, writes_cob_id
-from dvtcli.domain.step import Step
+from dvtcli.domain.plan import Change, PdoChange, Plan, Step, ValueChange, writes_cob_id
 from dvtcli.domain.text import join_some
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, SdoAborted
 

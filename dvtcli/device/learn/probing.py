@@ -35,9 +35,9 @@ from dvtcli.domain.plan import (
     Change,
     PdoChange,
     Plan,
+    Step,
     ValueChange,
 )
-from dvtcli.domain.step import Step
 from dvtcli.domain.store import DATE, TIME
 from dvtcli.domain.text import join_some
 from dvtcli.errors import DeviceRefused, DvtcliError, LeftChanged, SafetyRefusal, SdoAborted

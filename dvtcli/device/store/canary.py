@@ -16,9 +16,8 @@ from dvtcli.device.read_pdos import read_optional
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.pdo import MAX_ENTRIES, Pdo, PdoConfig
-from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, TRANSMISSION_TYPE, Change, Plan, ValueChange, plan_pdo
+from dvtcli.domain.plan import EVENT_TIMER, INHIBIT_TIME, TRANSMISSION_TYPE, Change, Plan, Step, ValueChange, plan_pdo
 from dvtcli.domain.rules import check_pdo, errors_in
-from dvtcli.domain.step import Step
 from dvtcli.errors import BusUnavailable, DeviceRefused, DvtcliError, LeftChanged, SdoAborted
 
 if TYPE_CHECKING:

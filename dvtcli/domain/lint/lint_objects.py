@@ -6,8 +6,8 @@ from collections import Counter
 from dataclasses import replace
 
 from dvtcli.domain.datatypes import U8, Kind
+from dvtcli.domain.lint import ERROR, NOTE, WARNING, check
 from dvtcli.domain.lint.described import OF_MANY, DescribedDevice, Found, Spot, at
-from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
 from dvtcli.domain.object_dictionary import Access, ObjectType, OdEntry, OdObject, normalised
 from dvtcli.domain.pdo import MAX_PDO_BITS
 from dvtcli.domain.rules.communication import leave_a_choice

@@ -9,8 +9,8 @@ import re
 from collections.abc import Iterator
 from functools import partial
 
+from dvtcli.domain.lint import ERROR, NOTE, WARNING, LintRule, RuleCheck, check
 from dvtcli.domain.lint.described import HELD, DefaultPdo, DescribedDevice, Found, Spot
-from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, LintRule, RuleCheck, check
 from dvtcli.domain.pdo import MAX_ENTRIES, is_mpdo
 from dvtcli.domain.profile import Severity
 from dvtcli.domain.rules import can_id, communication, mapped_object, pdo_mapping

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from dvtcli.domain.cob_id import CobId
+from dvtcli.domain.lint import ERROR, NOTE, WARNING, check
 from dvtcli.domain.lint.described import HELD, OF_MANY, DescribedDevice, Found, Spot, at
-from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
 from dvtcli.domain.object_dictionary import Access, ObjectType, OdEntry
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.rules.can_id import restricted_use

@@ -13,8 +13,7 @@ from dvtcli.domain.cob_id import INVALID_BIT
 from dvtcli.domain.network.network_plan import NodePlan
 from dvtcli.domain.network.network_state import CONCISE_DCF
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import PdoChange, ValueChange, mapping_differs
-from dvtcli.domain.step import Step
+from dvtcli.domain.plan import PdoChange, Step, ValueChange, mapping_differs
 
 #: Objects that are written before the PDOs, unless `sdo` sets them, in the order of dcfgen.
 BEFORE_PDOS = (0x1016, 0x1012, 0x1017, 0x100C, 0x100D, 0x1029)

@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from dvtcli.domain.pdo import Pdo, PdoConfig
-from dvtcli.domain.plan import STAMP, Change, Plan, ValueChange, disables, needs_rtr_first, plan_pdo
+from dvtcli.domain.plan import STAMP, Change, Plan, Step, ValueChange, disables, needs_rtr_first, plan_pdo
 from dvtcli.domain.rules.finding import Finding
-from dvtcli.domain.step import Step
 from dvtcli.domain.text import plural
 
 if TYPE_CHECKING:

@@ -2,13 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from fractions import Fraction
+from typing import NamedTuple
 
+from dvtcli.domain.cob_id import PRODUCES
+from dvtcli.domain.frame import byte_length
 from dvtcli.domain.frame_bits import least_frame_bits, most_frame_bits
-from dvtcli.domain.network.frame_streams import Stream, Streams
-from dvtcli.domain.response_time import response_times, utilisation
+from dvtcli.domain.network.network_config import Endpoint
+from dvtcli.domain.network.network_state import (
+    EMCY_INHIBIT,
+    GUARD_TIME,
+    SYNC_OVERFLOW,
+    SYNC_PERIOD,
+    SYNC_WINDOW,
+    TIME_COB_ID,
+    Identifier,
+    NetworkState,
+    NodeState,
+    identifier_of,
+)
+from dvtcli.domain.pdo import Pdo, PdoConfig
+from dvtcli.domain.response_time import TimedFrame, response_times, utilisation
+from dvtcli.domain.text import join_some, plural, some_nodes
 
 #: The longest SDO frame: without period, and of lowest priority.
 SDO_BITS = most_frame_bits(8)
@@ -90,19 +107,19 @@ def worst_case_load(found: Streams, bit_rate: int) -> WorstCaseLoad:
     Synchronous frames inherit SYNC's jitter: its delay beyond the shortest time on the wire.
     """
     streams = sorted(found.streams, key=lambda stream: stream.frame.arbitration)
-    times = _times(streams, bit_rate)
+    times = _response_times(streams, bit_rate)
     for _ in range(_SETTLES):
         late_us = _sync_jitter(streams, times, bit_rate)
         if late_us is None or all(stream.frame.jitter_us == late_us for stream in streams if stream.is_synchronous):
             break
         streams = [stream.late(late_us) if stream.is_synchronous else stream for stream in streams]
-        times = _times(streams, bit_rate)
+        times = _response_times(streams, bit_rate)
     shares = [None if stream.frame.period_us is None else utilisation([stream.frame], bit_rate) for stream in streams]
     needs = [StreamLoad(*row) for row in zip(streams, shares, times, strict=True)]
     return WorstCaseLoad(bit_rate, tuple(needs), found.assumed)
 
 
-def _times(streams: list[Stream], bit_rate: int) -> list[Fraction | None]:
+def _response_times(streams: list[Stream], bit_rate: int) -> list[Fraction | None]:
     return response_times([stream.frame for stream in streams], bit_rate, SDO_BITS)
 
 
@@ -134,3 +151,279 @@ def most_frames(streams: Iterable[Stream], seconds: float) -> int | None:
             return None
         most += int(_CLOCKS * seconds * 1_000_000 / stream.frame.period_us) + _AT_ENDS
     return most
+
+
+Time = Fraction | int
+SYNCHRONOUS = range(241)
+ON_RTR = (252, 253)
+EVENT_DRIVEN = (254, 255)
+#: Assumed periods of a node's EMCY, and of the time stamp (µs).
+EMCY_US, TIME_US = 1_000_000, 1_000_000
+NO_LIMIT, NO_SYNC, UNKNOWN_TYPE = "any event", "unknown SYNC", "type unknown"
+
+
+class Stream(NamedTuple):
+    """A recurring frame: *kind* is `tpdo`, `rpdo`, `sync`, `heartbeat`, `guarding`, `emcy` or `time`.
+
+    *label* names it, *node* is its sender. *why* explains its period, or why it has none. *deadline_us* counts from the
+    planned transmission; *window_us* from SYNC, if the device has a window (0x1007). *assumed*: the period is an
+    assumption.
+    """
+
+    kind: str
+    label: str
+    frame: TimedFrame
+    why: str
+    node: int | None = None
+    pdo: Pdo | None = None
+    deadline_us: Time | None = None
+    window_us: int | None = None
+    assumed: bool = False
+
+    @property
+    def is_synchronous(self) -> bool:
+        """Whether SYNC triggers the frame."""
+        return self.kind in ("tpdo", "rpdo") and self.why.startswith("SYNC")
+
+    def late(self, jitter_us: Time) -> Stream:
+        """The same stream, handed over up to *jitter_us* late."""
+        deadline = self.deadline_us if self.window_us is None else self.window_us + jitter_us
+        return self._replace(frame=self.frame._replace(jitter_us=jitter_us), deadline_us=deadline)
+
+
+@dataclass(frozen=True, slots=True)
+class WhatIf:
+    """What-if values that replace the network's: *sync_us* and *emcy_us* (µs), inhibit times in 100 µs."""
+
+    sync_us: int | None = None
+    emcy_us: int | None = None
+    inhibit: dict[Endpoint, int] = field(default_factory=dict)
+
+
+class Streams(NamedTuple):
+    """All streams, and the assumptions (*assumed*), each a sentence."""
+
+    streams: tuple[Stream, ...]
+    assumed: tuple[str, ...]
+
+
+def in_ms(time_us: Time) -> str:
+    """A time in text form: `2.5 ms`."""
+    return f"{float(Fraction(time_us) / 1000):g} ms"
+
+
+def without_producer(state: NetworkState) -> Iterator[tuple[NodeState, Pdo, PdoConfig]]:
+    """Enabled RPDOs without a producer, one for each COB-ID."""
+    seen: set[Identifier] = set()
+    sent = {identifier_of(config) for _, _, config in state.enabled(is_tpdo=True)}
+    for node, pdo, config in state.enabled(is_tpdo=False):
+        if identifier_of(config) not in sent and identifier_of(config) not in seen:
+            seen.add(identifier_of(config))
+            yield node, pdo, config
+
+
+def assumptions(state: NetworkState, streams: Iterable[Stream], what_if: WhatIf, sync_us: int | None) -> Iterator[str]:
+    """Assumptions, and streams that are not counted, in words."""
+    streams = list(streams)
+    if emcys := sum(stream.kind == "emcy" and stream.assumed for stream in streams):
+        whose = "node sends" if emcys == 1 else "nodes send"
+        every = in_ms(what_if.emcy_us or EMCY_US)
+        yield f"{emcys} {whose} an EMCY each {every} at most (0x1015 is 0, which sets no limit)"
+    if any(stream.kind == "time" for stream in streams):
+        yield f"TIME is sent each {in_ms(TIME_US)}"
+    timers = [stream for stream in streams if stream.kind == "tpdo" and stream.why.startswith("timer")]
+    if timers:
+        verb = "is" if len(timers) == 1 else "are"
+        what = f"{plural(len(timers), 'TPDO')} without inhibit time {verb}"
+        yield f"{what} sent by the event timer only: {_names(timers)}"
+    by_master = [stream for stream in streams if stream.kind == "rpdo"]
+    if by_master:
+        yield f"a master sends these PDOs on each SYNC: {_names(by_master)}"
+    others = [row for row in without_producer(state) if not _counted(row[2], sync_us)]
+    if others:
+        listed = join_some(f"{node.node_id}:{pdo}" for node, pdo, _ in others)
+        yield (
+            f"no node of the network transmits what {listed} {'receives' if len(others) == 1 else 'receive'}: not "
+            "counted"
+        )
+    asked = [f"{node.node_id}:{pdo}" for node, pdo, config in state.enabled(is_tpdo=True) if _is_asked(config)]
+    if asked:
+        yield f"sent on request (RTR) only, and not counted: {join_some(asked)}"
+    if state.undescribed:
+        nodes = some_nodes(state.undescribed)
+        yield f"of {nodes} only the values of the file are known, 8 bytes a PDO if it says no length"
+    yield "SDO uses the rest: an SDO frame may be under way when another frame becomes ready"
+
+
+def _counted(config: PdoConfig, sync_us: int | None) -> bool:
+    kind = config.communication.transmission_type
+    return sync_us is not None and kind is not None and kind in SYNCHRONOUS
+
+
+def _is_asked(config: PdoConfig) -> bool:
+    return config.communication.transmission_type in ON_RTR
+
+
+def _names(streams: Iterable[Stream]) -> str:
+    return join_some(f"{stream.node}:{stream.pdo}" for stream in streams)
+
+
+_MS, _100_US = 1000, 100
+_LONGEST_BYTES = 8
+_HEARTBEAT = 0x700
+
+
+def streams_of(state: NetworkState, what_if: WhatIf | None = None) -> Streams:
+    """Streams of the nodes in *state* and its master, at their maximum."""
+    what_if = what_if or WhatIf()
+    sync_us = what_if.sync_us or min(state.sync_periods_us, default=None)
+    found = [*_syncs(state, what_if), *_times(state)]
+    takes: dict[Identifier, list[PdoConfig]] = {}
+    for _, _, config in state.enabled(is_tpdo=False):
+        takes.setdefault(identifier_of(config), []).append(config)
+    for node in state.nodes:
+        found += _tpdos(takes, node, sync_us, what_if)
+        found += _error_control(state, node)
+        found += _emcy(node, what_if)
+    found += _master(state, sync_us)
+    return Streams(tuple(found), tuple(assumptions(state, found, what_if, sync_us)))
+
+
+def _frame(identifier: Identifier, data_bytes: int, period_us: Time | None, *, remote: bool = False) -> TimedFrame:
+    return TimedFrame(identifier[0], data_bytes, period_us or None, extended=identifier[1], remote=remote)
+
+
+def _syncs(state: NetworkState, what_if: WhatIf) -> Iterator[Stream]:
+    producers = [node for node in state.nodes if node.produces_sync]
+    for node in producers:
+        told_us = node.number(SYNC_PERIOD) or 0
+        yield _sync(node.sync, int((node.number(SYNC_OVERFLOW) or 0) > 1), what_if.sync_us or told_us, node.node_id)
+    identifier = next((node.sync for node in (*producers, *state.nodes)), (0x080, False))
+    by_master = None if state.master is None else state.master.sync_period_us
+    if by_master:
+        yield _sync(identifier, 0, what_if.sync_us or by_master, None)
+    elif what_if.sync_us and not producers:
+        yield _sync(identifier, 0, what_if.sync_us, None)
+
+
+def _sync(identifier: Identifier, data_bytes: int, period_us: int, node: int | None) -> Stream:
+    why = f"every {in_ms(period_us)}"
+    return Stream("sync", "SYNC", _frame(identifier, data_bytes, period_us), why, node, deadline_us=period_us)
+
+
+def _times(state: NetworkState) -> Iterator[Stream]:
+    for node in state.nodes:
+        if (node.number(TIME_COB_ID) or 0) & PRODUCES:
+            frame = _frame(node.time, 6, TIME_US)
+            yield Stream("time", "TIME", frame, "assumed", node.node_id, deadline_us=TIME_US, assumed=True)
+
+
+def _tpdos(
+    takes: Mapping[Identifier, Sequence[PdoConfig]], node: NodeState, sync_us: int | None, what_if: WhatIf
+) -> Iterator[Stream]:
+    """Streams of the node's TPDOs; *takes* are all enabled RPDOs by CAN-ID."""
+    for pdo, config in sorted(node.pdos.items()):
+        kind = config.communication.transmission_type
+        if not pdo.is_tpdo or not config.enabled or kind in ON_RTR:
+            continue
+        end = Endpoint(node.node_id, pdo)
+        inhibit = what_if.inhibit.get(end, config.communication.inhibit_time or 0) * _100_US
+        period_us, why = _period(kind, inhibit, (config.communication.event_timer or 0) * _MS, sync_us)
+        window = (node.number(SYNC_WINDOW) or None) if kind in SYNCHRONOUS else None
+        deadline = (
+            None if period_us is None else min([period_us, *_waits(takes.get(identifier_of(config), ()), period_us)])
+        )
+        frame = _frame(identifier_of(config), data_bytes(config), period_us)
+        yield Stream(
+            kind="tpdo",
+            label=pdo.label,
+            frame=frame,
+            why=why,
+            node=node.node_id,
+            pdo=pdo,
+            deadline_us=deadline,
+            window_us=window,
+        )
+
+
+def data_bytes(config: PdoConfig) -> int:
+    """Bytes of a PDO on the wire; 8 if unknown."""
+    if config.mpdo is not None or config.inconsistency:
+        return _LONGEST_BYTES
+    return min(byte_length(config.bits), _LONGEST_BYTES)
+
+
+def _period(kind: int | None, inhibit_us: int, timer_us: int, sync_us: int | None) -> tuple[Time | None, str]:
+    """Minimum period of a TPDO by its transmission type, and the reason."""
+    if kind is not None and kind in SYNCHRONOUS:
+        times = max(kind, 1)
+        words = f"SYNC, every {times}" if times > 1 else "SYNC"
+        return (None, NO_SYNC) if sync_us is None else (times * sync_us, words)
+    if inhibit_us:
+        return inhibit_us, f"inhibit {in_ms(inhibit_us)}"
+    if timer_us:
+        return timer_us, f"timer {in_ms(timer_us)}"
+    if kind is None:
+        return None, UNKNOWN_TYPE
+    return None, NO_LIMIT if kind in EVENT_DRIVEN else f"type {kind}"
+
+
+def _waits(consumers: Sequence[PdoConfig], period_us: Time) -> Iterator[Time]:
+    """Consumers' event timers (RPDO deadlines) in excess of the period, in µs."""
+    for received in consumers:
+        patience_us = (received.communication.event_timer or 0) * _MS
+        if patience_us > period_us:
+            yield patience_us - period_us
+
+
+def _error_control(state: NetworkState, node: NodeState) -> Iterator[Stream]:
+    identifier = (_HEARTBEAT + node.node_id, False)
+    if node.heartbeat_ms:
+        yield _heartbeat(state, node.node_id, node.heartbeat_ms)
+    elif node.is_guarded:
+        period_us = (node.number(GUARD_TIME) or 0) * _MS
+        why = f"guard time {in_ms(period_us)}"
+        for label, remote in (("guarding, asked", True), ("guarding", False)):
+            frame = _frame(identifier, int(not remote), period_us, remote=remote)
+            yield Stream("guarding", label, frame, why, node.node_id, deadline_us=period_us)
+
+
+def _heartbeat(state: NetworkState, node_id: int, every_ms: int) -> Stream:
+    """A heartbeat stream; its deadline is the period, or less if a consumer waits less beyond the period."""
+    watches = (node.watched.get(node_id, 0) - every_ms for node in state.nodes)
+    deadline_ms = min([every_ms, *(left for left in watches if left > 0)])
+    frame = _frame((_HEARTBEAT + node_id, False), 1, every_ms * _MS)
+    why = f"every {every_ms} ms"
+    return Stream("heartbeat", "heartbeat", frame, why, node_id, deadline_us=deadline_ms * _MS)
+
+
+def _emcy(node: NodeState, what_if: WhatIf) -> Iterator[Stream]:
+    identifier = node.emcy
+    if identifier is None:
+        return
+    inhibit_us = (node.number(EMCY_INHIBIT) or 0) * _100_US
+    period_us = inhibit_us or what_if.emcy_us or EMCY_US
+    why = f"0x1015, {in_ms(inhibit_us)}" if inhibit_us else "assumed"
+    frame = _frame(identifier, _LONGEST_BYTES, period_us)
+    yield Stream("emcy", "EMCY", frame, why, node.node_id, deadline_us=period_us, assumed=not inhibit_us)
+
+
+def _master(state: NetworkState, sync_us: int | None) -> Iterator[Stream]:
+    """Streams of a master: its heartbeat, and with each SYNC the synchronous RPDOs without another producer."""
+    master = state.master
+    if master is not None and master.node_id and master.node_id <= 127 and master.heartbeat_producer_ms:
+        yield _heartbeat(state, master.node_id, master.heartbeat_producer_ms)
+    for node, pdo, config in without_producer(state):
+        kind = config.communication.transmission_type
+        if sync_us is not None and kind is not None and kind in SYNCHRONOUS:
+            frame = _frame(identifier_of(config), data_bytes(config), sync_us)
+            yield Stream(
+                kind="rpdo",
+                label=pdo.label,
+                frame=frame,
+                why="SYNC",
+                node=node.node_id,
+                pdo=pdo,
+                deadline_us=sync_us,
+                assumed=True,
+            )

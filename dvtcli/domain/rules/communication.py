@@ -8,10 +8,9 @@ from dvtcli.domain.abort import Abort
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry
 from dvtcli.domain.pdo import MAX_ENTRIES, is_mapping_index
-from dvtcli.domain.plan import INHIBIT_TIME, plan_pdo
+from dvtcli.domain.plan import INHIBIT_TIME, Step, plan_pdo
 from dvtcli.domain.profile import Severity, within
 from dvtcli.domain.rules.finding import ERROR, WARNING, Finding, Proposal, Rule, error, warning
-from dvtcli.domain.step import Step
 
 RULES = (
     Rule("parameter-exists", ERROR, "the PDO has no such parameter", "the device; the EDS", (Abort.NO_SUB_INDEX,)),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, LintRule
+from dvtcli.domain.lint import ERROR, NOTE, WARNING, LintRule
 from dvtcli.domain.profile import Severity
 
 

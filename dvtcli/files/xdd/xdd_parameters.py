@@ -5,7 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import NamedTuple
 
-from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, LintRule
+from dvtcli.domain.lint import ERROR, NOTE, WARNING, LintRule
 from dvtcli.domain.scaling import parse_offset, parse_scale
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.xdd.xml_tree import XmlElement

@@ -22,10 +22,9 @@ if TYPE_CHECKING:
     from dvtcli.domain.object_dictionary import OdEntry
     from dvtcli.domain.object_scalings import ScaledValue
     from dvtcli.domain.pdo import Pdo
-    from dvtcli.domain.plan import Change, Plan
+    from dvtcli.domain.plan import Change, Plan, Step
     from dvtcli.domain.request import AnyPdoRequest
     from dvtcli.domain.rules.finding import Finding
-    from dvtcli.domain.step import Step
     from dvtcli.operations.results import Changed
     from dvtcli.operations.session.session_nodes import SessionNodes
 

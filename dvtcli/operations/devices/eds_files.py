@@ -14,7 +14,7 @@ from dvtcli.operations.results import Facts, FileFinding, FileReport, FileReport
 from dvtcli.operations.results.checked_files import rules_among
 
 if TYPE_CHECKING:
-    from dvtcli.domain.lint.lint_rule import LintRule
+    from dvtcli.domain.lint import LintRule
     from dvtcli.files.eds.reader import EdsFile
     from dvtcli.files.xdd.xdd_reader import XddFile
 

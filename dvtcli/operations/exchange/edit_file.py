@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from dvtcli.domain.hint import Action, Hint, as_hint
-from dvtcli.domain.network.frame_streams import streams_of
 from dvtcli.domain.network.links import CONSUMER_PERIODS, watch_time_ms
 from dvtcli.domain.network.network_config import (
     Endpoint,
@@ -20,7 +19,7 @@ from dvtcli.domain.network.network_config import (
     NodeConfig,
     PartialPdoConfig,
 )
-from dvtcli.domain.network.worst_case_load import worst_case_load
+from dvtcli.domain.network.worst_case_load import streams_of, worst_case_load
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.profile import Severity
 from dvtcli.domain.text import all_nodes, join_some, plural

@@ -22,12 +22,12 @@ from dvtcli.watch.recording_checks.recording_rules import RECORDING_RULES, UNREA
 from dvtcli.watch.recording_checks.stream_problems import LOAD
 
 if TYPE_CHECKING:
-    from dvtcli.domain.lint.lint_rule import LintRule
+    from dvtcli.domain.lint import LintRule
     from dvtcli.domain.network.network_config import NetworkConfig
     from dvtcli.domain.pdo import PdoCommunicationParameter
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.watch.decoder import Address, Decoder
-    from dvtcli.watch.explain.known_node import KnownNode
+    from dvtcli.watch.known_node import KnownNode
     from dvtcli.watch.recording_checks.frame_problems import NodePdo
 
 #: standard input

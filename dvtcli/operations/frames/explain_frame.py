@@ -28,8 +28,8 @@ from dvtcli.watch.decoder import (
     server_name,
     srdo_name,
 )
-from dvtcli.watch.explain.frame_parts import frame_parts
 from dvtcli.watch.frame_effect import Parties
+from dvtcli.watch.frame_parts import frame_parts
 from dvtcli.watch.frame_reader import FrameReader, Reading
 from dvtcli.watch.service import Service
 

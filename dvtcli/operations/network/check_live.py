@@ -35,7 +35,7 @@ from dvtcli.watch.recording_checks.recording_rules import RecordingCheck
 from dvtcli.watch.recording_checks.stream_problems import LOAD
 
 if TYPE_CHECKING:
-    from dvtcli.domain.lint.lint_rule import LintRule
+    from dvtcli.domain.lint import LintRule
     from dvtcli.domain.network.network_config import NetworkConfig, NodeConfig
     from dvtcli.domain.network.received_traffic import ReceivedTraffic
     from dvtcli.domain.ports import Frame

@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.lint.lint_rule import ERROR, LintRule
+from dvtcli.domain.lint import ERROR, LintRule
 from dvtcli.domain.network.network_config import NOWHERE, FileNote, Mark
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 from dvtcli.operations.network.described_network import described_network, library_match, unknown_names

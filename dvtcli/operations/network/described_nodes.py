@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.operations.values.object_values import scalings_of
-from dvtcli.watch.explain.known_node import KnownNode
+from dvtcli.watch.known_node import KnownNode
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.network_config import NetworkConfig

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 from dvtcli.domain.frame import layout
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.check.checked_network import CheckedNetwork
-from dvtcli.domain.network.frame_streams import streams_of
 from dvtcli.domain.network.links import agrees
 from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.network.network_state import EMCY_COB_ID, SYNC_PERIOD, identifier_of, identifier_text
@@ -27,7 +26,7 @@ from dvtcli.domain.network.picture import (
     PicturePdo,
 )
 from dvtcli.domain.network.received_traffic import ReceivedTraffic
-from dvtcli.domain.network.worst_case_load import fitting_bit_rates, worst_case_load
+from dvtcli.domain.network.worst_case_load import fitting_bit_rates, streams_of, worst_case_load
 from dvtcli.domain.plan import PdoChange
 from dvtcli.domain.text import plural
 from dvtcli.errors import NoAnswer, RuleError, SafetyRefusal, UsageError, ended_with

@@ -6,10 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.network.frame_streams import WhatIf, streams_of
 from dvtcli.domain.network.network_config import Endpoint
 from dvtcli.domain.network.network_state import NetworkState
-from dvtcli.domain.network.worst_case_load import fitting_bit_rates, worst_case_load
+from dvtcli.domain.network.worst_case_load import WhatIf, fitting_bit_rates, streams_of, worst_case_load
 from dvtcli.domain.pdo import Pdo
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.network.live_network import answering, has_bus, listen, present, refuse_without_bus

@@ -10,7 +10,6 @@ from dvtcli.device.read_pdos import read_optional
 from dvtcli.device.seen_state import heartbeat_slots
 from dvtcli.domain.cob_id import PRODUCES
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.network.frame_streams import SYNCHRONOUS
 from dvtcli.domain.network.links import watched_ms
 from dvtcli.domain.network.network_config import (
     Endpoint,
@@ -21,6 +20,7 @@ from dvtcli.domain.network.network_config import (
     PartialPdoConfig,
 )
 from dvtcli.domain.network.network_state import SYNC_COB_ID
+from dvtcli.domain.network.worst_case_load import SYNCHRONOUS
 from dvtcli.domain.rules.finding import warning
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.files.network.file_log import FileLog

@@ -17,10 +17,19 @@ from dvtcli.device.virtual_pdos import names_objects
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.network.network_config import NetworkConfig, NodeConfig
 from dvtcli.domain.network.network_plan import NetworkPlan, NodePlan
-from dvtcli.domain.plan import Change, PdoChange, Plan, ValueChange, plan_pdo
+from dvtcli.domain.plan import (
+    SYNC_OVERFLOW,
+    SYNC_PERIOD,
+    Change,
+    PdoChange,
+    Plan,
+    Step,
+    ValueChange,
+    altering,
+    plan_pdo,
+)
 from dvtcli.domain.request import instead_findings
 from dvtcli.domain.rules.finding import WARNING, Rule, warning
-from dvtcli.domain.step import SYNC_OVERFLOW, SYNC_PERIOD, Step, altering
 from dvtcli.errors import DvtcliError, InputFileError, NoAnswer, RuleError, SdoProtocolError
 from dvtcli.files.network.file_log import FileLog
 from dvtcli.files.network.read_network import network_text

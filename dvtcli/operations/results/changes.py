@@ -7,9 +7,8 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar
 
 from dvtcli.domain.hint import Action, Hint
-from dvtcli.domain.plan import PdoChange, Plan, ValueChange, alters
+from dvtcli.domain.plan import PdoChange, Plan, Step, ValueChange, alters
 from dvtcli.domain.rules.finding import Finding
-from dvtcli.domain.step import Step
 from dvtcli.operations.results.documents import Answer, Document, finding_document, hex_bytes, physical_document
 
 if TYPE_CHECKING:

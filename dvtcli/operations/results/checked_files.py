@@ -13,7 +13,7 @@ from dvtcli.operations.results.documents import Answer, Document, Short
 
 if TYPE_CHECKING:
     from dvtcli.domain.hint import Hint
-    from dvtcli.domain.lint.lint_rule import LintRule
+    from dvtcli.domain.lint import LintRule
 
 #: From bad to harmless.
 SEVERITIES = ("error", "warning", "note")

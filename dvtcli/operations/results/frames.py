@@ -15,7 +15,7 @@ from dvtcli.domain.scaling import Scaling
 from dvtcli.domain.times import local_clock, utc
 from dvtcli.domain.typed_frame import frame_text
 from dvtcli.operations.results.documents import Answer, Document, Short, hex_bytes, json_value, physical_document
-from dvtcli.watch.explain.parts import FramePart
+from dvtcli.watch.frame_parts import FramePart
 from dvtcli.watch.frame_reader import OTHER, Reading
 
 #: protocol parts of a frame

@@ -104,7 +104,7 @@ def value_result(
 def planned_words(node: NodeDescription, index: int, sub_index: int, data: bytes) -> str:
     """Print *data* with its scaling, if known; else raw."""
     from dvtcli.device.virtual_pdos import names_objects
-    from dvtcli.domain.step import Step, step_text
+    from dvtcli.domain.plan import Step, step_text
 
     step = Step(index, sub_index, None, data, "", names_objects(node, index, sub_index))
     return step_text(step, data, understood(node, {step.object: len(data)}).get(step.object))

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from dvtcli.domain.cob_id import CobId, can_id_text
 from dvtcli.domain.frame import byte_length
-from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, LintRule
+from dvtcli.domain.lint import ERROR, NOTE, WARNING, LintRule
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.pdo import Pdo, is_mpdo
 from dvtcli.domain.ports import Frame

@@ -7,12 +7,11 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from dvtcli.domain.emergency_codes import emergency_text
-from dvtcli.domain.lint.lint_rule import ERROR, WARNING, LintRule
+from dvtcli.domain.lint import ERROR, WARNING, LintRule
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.standard_objects import source
-from dvtcli.watch.recording_checks.beats import LATE_AFTER_PERIODS, PeriodicFrames
-from dvtcli.watch.recording_checks.problems import Moment, Moments, Problem, TimesOf
+from dvtcli.watch.recording_checks.problems import LATE_AFTER_PERIODS, Moment, Moments, PeriodicFrames, Problem, TimesOf
 
 BOOT_UP = LintRule(
     "boot-up-in-operation", ERROR, "a node restarted without an NMT command", "CiA 301, 7.2.8.3.3: boot-up"

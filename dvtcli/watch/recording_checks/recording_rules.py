@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 
-from dvtcli.domain.lint.lint_rule import ERROR, WARNING, LintRule
+from dvtcli.domain.lint import ERROR, WARNING, LintRule
 from dvtcli.domain.pdo import PdoCommunicationParameter
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.text import plural

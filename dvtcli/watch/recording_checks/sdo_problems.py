@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 from dvtcli.domain.abort import Abort, abort_text
-from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, LintRule
+from dvtcli.domain.lint import ERROR, NOTE, WARNING, LintRule
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.text import join_some
 from dvtcli.watch.recording_checks.node_problems import Cause, NodeAtRequest, NodeProblems

@@ -8,14 +8,13 @@ from dataclasses import dataclass, field
 
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.frame_bits import least_frame_bits
-from dvtcli.domain.lint.lint_rule import WARNING, LintRule
+from dvtcli.domain.lint import WARNING, LintRule
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.text import plural
 from dvtcli.watch.decoder import Address
-from dvtcli.watch.recording_checks.beats import AlternatingFrames
 from dvtcli.watch.recording_checks.frame_problems import TWO_SENDERS, NodePdo
-from dvtcli.watch.recording_checks.problems import Moment, Moments, Problem, TimesOf
+from dvtcli.watch.recording_checks.problems import AlternatingFrames, Moment, Moments, Problem, TimesOf
 from dvtcli.watch.sdo_transfers import SdoStep
 
 FLOOD = LintRule(

@@ -15,7 +15,6 @@ from dvtcli.domain.gateway.gateway_words import (
     value_text,
     words_of,
 )
-from dvtcli.domain.gateway.plan_lines import format_request
 from dvtcli.domain.gateway.requests import (
     Nmt,
     Order,
@@ -26,6 +25,7 @@ from dvtcli.domain.gateway.requests import (
     SetPdo,
     Write,
     WritePdo,
+    format_request,
     parse_request,
 )
 from dvtcli.domain.nmt import NmtCommand

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from dvtcli.domain.lint.lint_rule import ERROR
+from dvtcli.domain.lint import ERROR
 from dvtcli.domain.network.check.checked_network import CheckedNetwork
 from dvtcli.domain.network.check.network_rules import NETWORK_RULES, network_findings
 from dvtcli.domain.network.network_state import NetworkState

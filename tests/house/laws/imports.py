@@ -15,7 +15,7 @@ from tests.house.laws.source_tree import SourceTree, dotted, imported
 #: rooms that need nothing but the standard library
 _GROUND = ("version.py", "domain/", "device/", "simulator/device/", "errors.py")
 #: what decides, and is no vocabulary
-_JUDGEMENT = ("domain/rules/", "domain/plan.py", "domain/step.py")
+_JUDGEMENT = ("domain/rules/", "domain/plan.py")
 _DEVICE = "simulator/device/"
 #: our modules whose names are libraries in them, as others would take them
 _MODULES = ("python_can", "dvtcli")

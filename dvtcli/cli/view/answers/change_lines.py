@@ -9,9 +9,8 @@ from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.cli.view.paint import wrapped
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.pdo import Pdo, PdoMappingEntry
-from dvtcli.domain.plan import Change, PdoChange, ValueChange
+from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange, step_text
 from dvtcli.domain.process_data import answers_with_state
-from dvtcli.domain.step import Step, step_text
 from dvtcli.domain.text import join_some, plural
 from dvtcli.operations.results.failures import compared_text
 

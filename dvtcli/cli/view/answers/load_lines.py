@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.lines import Cell, Line, Table
 from dvtcli.domain.cob_id import can_id_text
-from dvtcli.domain.network.frame_streams import NO_LIMIT, NO_SYNC, UNKNOWN_TYPE
+from dvtcli.domain.network.worst_case_load import NO_LIMIT, NO_SYNC, UNKNOWN_TYPE
 from dvtcli.domain.text import join_some, plural
 
 if TYPE_CHECKING:
-    from dvtcli.domain.network.frame_streams import Stream
-    from dvtcli.domain.network.worst_case_load import StreamLoad
+    from dvtcli.domain.network.worst_case_load import Stream, StreamLoad
     from dvtcli.operations.results.loads import FrameLoad, Measured, NetworkLoad
 
 #: width of a bar, and width with measured values before it

@@ -11,9 +11,8 @@ from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.hint import Action, Hint, verbatim
 from dvtcli.domain.network.concise_dcf import download_lines
 from dvtcli.domain.pdo import entry_text
-from dvtcli.domain.plan import STAMP, PdoChange
+from dvtcli.domain.plan import STAMP, PdoChange, Step, step_text
 from dvtcli.domain.rules import errors_in
-from dvtcli.domain.step import Step, step_text
 from dvtcli.domain.text import all_nodes, join_some, plural
 from dvtcli.operations.results.networks import action, differing, parameter_texts
 

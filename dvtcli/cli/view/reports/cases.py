@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 from dvtcli.cli.view.answers.compare_lines import value_text
 from dvtcli.cli.view.typed_hints import error_text
-from dvtcli.domain.plan import PdoChange
-from dvtcli.domain.step import step_text
+from dvtcli.domain.plan import PdoChange, step_text
 from dvtcli.domain.text import join_some, plural
 from dvtcli.operations.results.comparisons import Compared, WholeCompared
 from dvtcli.operations.results.networks import NetworkPlanned, differing, parameter_texts

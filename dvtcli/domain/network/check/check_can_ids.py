@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Mapping
 
 from dvtcli.domain.cob_id import PRODUCES, taken_by_channels
-from dvtcli.domain.lint.lint_rule import ERROR, WARNING, check
+from dvtcli.domain.lint import ERROR, WARNING, check
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, NetSpot, at, held
 from dvtcli.domain.network.network_state import (
     EMCY_COB_ID,

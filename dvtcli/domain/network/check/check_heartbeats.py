@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 
-from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
+from dvtcli.domain.lint import ERROR, NOTE, WARNING, check
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, held
 from dvtcli.domain.network.network_state import (
     CONSUMER_HEARTBEAT,

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from functools import partial
 
 from dvtcli.domain.cob_id import can_id_text
-from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, LintRule, RuleCheck, check
+from dvtcli.domain.lint import ERROR, NOTE, WARNING, LintRule, RuleCheck, check
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, NetSpot, PdoConnection, at
 from dvtcli.domain.network.links import LinkSide
 from dvtcli.domain.network.network_config import Endpoint

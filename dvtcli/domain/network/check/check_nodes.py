@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dvtcli.domain.lint.lint_rule import ERROR, NOTE, WARNING, check
+from dvtcli.domain.lint import ERROR, NOTE, WARNING, check
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, NetSpot, at, held
 from dvtcli.domain.network.concise_dcf import read_concise_dcf
 from dvtcli.domain.network.network_state import (

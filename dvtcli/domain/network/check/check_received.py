@@ -6,9 +6,8 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 from dvtcli.domain.frame import byte_length
-from dvtcli.domain.lint.lint_rule import ERROR, WARNING, check
+from dvtcli.domain.lint import ERROR, WARNING, check
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetFound, NetSpot, at, held
-from dvtcli.domain.network.frame_streams import EVENT_DRIVEN, Stream
 from dvtcli.domain.network.network_state import (
     PRODUCER_HEARTBEAT,
     SYNC_COB_ID,
@@ -18,7 +17,7 @@ from dvtcli.domain.network.network_state import (
     identifier_text,
 )
 from dvtcli.domain.network.received_traffic import ReceivedId
-from dvtcli.domain.network.worst_case_load import most_frames
+from dvtcli.domain.network.worst_case_load import EVENT_DRIVEN, Stream, most_frames
 from dvtcli.domain.nmt import NmtState
 from dvtcli.domain.standard_objects import source
 from dvtcli.domain.text import join_some, plural

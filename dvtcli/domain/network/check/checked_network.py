@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 from dvtcli.domain.cob_id import taken_by_services
-from dvtcli.domain.network.frame_streams import SYNCHRONOUS, Streams, streams_of
 from dvtcli.domain.network.network_config import NOWHERE, Mark
 from dvtcli.domain.network.network_state import (
     EMCY_COB_ID,
@@ -19,7 +18,7 @@ from dvtcli.domain.network.network_state import (
     identifier_of,
 )
 from dvtcli.domain.network.received_traffic import ReceivedTraffic
-from dvtcli.domain.network.worst_case_load import WorstCaseLoad, worst_case_load
+from dvtcli.domain.network.worst_case_load import SYNCHRONOUS, Streams, WorstCaseLoad, streams_of, worst_case_load
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.rules import Finding, Proposal, check_pdo
 from dvtcli.domain.rules.finding import disabled_and_empty

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 
-from dvtcli.domain.lint.lint_rule import LintRule, RuleCheck, checks_of
+from dvtcli.domain.lint import LintRule, RuleCheck, checks_of
 from dvtcli.domain.network.check import (
-    check_bus,
     check_can_ids,
     check_heartbeats,
     check_layouts,
     check_nodes,
     check_received,
-    check_sync,
+    check_timing,
 )
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetSpot
 
 CHECKS: list[RuleCheck[CheckedNetwork, NetSpot]] = [
     *checks_of(
-        check_can_ids, check_layouts, check_sync, check_heartbeats, check_bus, check_nodes, check_received,
+        check_can_ids, check_layouts, check_timing, check_heartbeats, check_timing, check_nodes, check_received,
     ),
     *check_layouts.OF_EACH_PDO,
 ]  # fmt: skip

@@ -6,7 +6,7 @@ import re
 from collections.abc import Collection, Iterator
 from difflib import get_close_matches
 
-from dvtcli.domain.lint.lint_rule import NOTE, WARNING, check
+from dvtcli.domain.lint import NOTE, WARNING, check
 from dvtcli.files.eds.ini import IniValue
 from dvtcli.files.eds.keys import KEYS, OBJECT
 from dvtcli.files.eds.lint.linted_text import Found, LintedText, is_head

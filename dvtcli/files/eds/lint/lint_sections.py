@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from datetime import date
 
 from dvtcli.domain.datatypes import DATA_TYPES
+from dvtcli.domain.lint import NOTE, WARNING, check
 from dvtcli.domain.lint.described import default_pdos
-from dvtcli.domain.lint.lint_rule import NOTE, WARNING, check
 from dvtcli.domain.object_dictionary import ObjectType
 from dvtcli.domain.pdo import DUMMY_BITS, MAX_PDO_BITS, Pdo
 from dvtcli.domain.standard_objects import source

@@ -13,8 +13,8 @@ from dvtcli.domain.object_scalings import ObjectScalings
 from dvtcli.domain.ports import Frame
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.watch.decoder import Decoder
-from dvtcli.watch.explain.frame_parts import frame_parts
-from dvtcli.watch.explain.known_node import KnownNode
+from dvtcli.watch.frame_parts import frame_parts
+from dvtcli.watch.known_node import KnownNode
 from tests.cli.commands.bench import Bench
 
 _IDS = st.sampled_from([0x000, 0x080, 0x081, 0x100, 0x181, 0x581, 0x601, 0x701, 0x7E4, 0x7E5, 0x7FF]) | st.integers(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dvtcli.domain.step import EMCY_COB_ID, SYNC_COB_ID, TIME_COB_ID, Step, order_of_dependent_values
+from dvtcli.domain.plan import EMCY_COB_ID, SYNC_COB_ID, TIME_COB_ID, Step, order_of_dependent_values
 
 PRODUCES, CONSUMES, OFF = 1 << 30, 1 << 31, 1 << 31
 

@@ -8,10 +8,9 @@ from typing import Any
 import pytest
 
 from dvtcli.domain.cob_id import CobId
-from dvtcli.domain.network.frame_streams import Stream, WhatIf, streams_of
 from dvtcli.domain.network.network_config import Endpoint, MasterRole
 from dvtcli.domain.network.network_state import NetworkState, NodeState
-from dvtcli.domain.network.worst_case_load import fitting_bit_rates, worst_case_load
+from dvtcli.domain.network.worst_case_load import Stream, WhatIf, fitting_bit_rates, streams_of, worst_case_load
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
 
 TPDO1, TPDO2, RPDO1 = Pdo.parse("tpdo1"), Pdo.parse("tpdo2"), Pdo.parse("rpdo1")

@@ -1,1 +1,0 @@
-"""Every bit of a frame explained, service by service."""
