@@ -27,10 +27,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 if TYPE_CHECKING:
-    from dvtcli.domain.file_complaint import FileComplaint
     from dvtcli.domain.hint import Hint
     from dvtcli.domain.plan import Change
     from dvtcli.domain.rules import Finding
+    from dvtcli.domain.rules.finding import FileComplaint
     from dvtcli.domain.store import WhoStored
 
 #: How the line is labelled that says that a failure was a twin's.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from dvtcli.domain.ports import Frame
-from dvtcli.files.recordings.recorder import Recorder
+from dvtcli.files.recordings.recording_file import Recorder
 
 #: 2023-11-14, in seconds since 1970
 BEGIN_S = 1_700_000_000.0

@@ -17,11 +17,10 @@ from typing import Any, TypeVar
 
 import can
 
-from dvtcli.bus.bit_rate_setter import BitRateSetter
 from dvtcli.bus.carrier import Carrier
 from dvtcli.bus.drivers import PcanCarrier, check_bit_rate, is_missing, what_to_install, why_missing
 from dvtcli.bus.kernel_links import KernelCarrier, check_link, kernel_link
-from dvtcli.bus.python_can import CanBus
+from dvtcli.bus.python_can import BitRateSetter, CanBus
 from dvtcli.bus.python_can_settings import bit_rate_of, bus_name, given_settings, with_library_settings
 from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S
 from dvtcli.bus.socketcand import ServerCarrier, SocketcandBus

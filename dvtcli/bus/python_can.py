@@ -1,31 +1,34 @@
-"""A CANopen network on any python-can bus."""
+"""A CANopen network on any python-can bus, which is reopened at another bit rate if its driver can."""
 
 from __future__ import annotations
 
 import threading
+import tomllib
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
+from functools import cache
+from importlib.resources import files
 from math import inf
 from time import monotonic, sleep
 
 import can
 
-from dvtcli.bus.bit_rate_setter import BitRateSetter
 from dvtcli.bus.can_message import frame_of
 from dvtcli.bus.carrier import Carrier
 from dvtcli.bus.error_frames import ErrorFrames
+from dvtcli.bus.kernel_links import kernel_link
 from dvtcli.bus.message_bus import MessageBus
 from dvtcli.bus.receiver import Tap, bus_closed
 from dvtcli.bus.sdo.sdo_link import DEFAULT_RETRIES, DEFAULT_TIMEOUT_S, REQUEST_ID
 from dvtcli.bus.watched_bus import NMT_CAN_ID
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtCommand
 from dvtcli.domain.ports import Frame, SdoTransport
-from dvtcli.errors import BusUnavailable
+from dvtcli.errors import BusUnavailable, SafetyRefusal
 
 #: a sent frame: CAN-ID, extended, remote, data
 _Sent = tuple[int, bool, bool, bytes]
-
 #: maximum number of frames waiting for their echo; no more are sent between two reads
 MOST_REMEMBERED = 1024
 #: number of answered requests without any echo after which the bus is known not to echo
@@ -115,7 +118,6 @@ def _key(message: can.Message) -> _Sent:
 BUS_FAILURES = (can.CanError, OSError, ValueError, RuntimeError, IndexError)
 #: how often a full transmit buffer is tried again, every 2 ms: half of a long one takes this long at 125 kbit/s
 SEND_PATIENCE = 150
-
 #: drivers that send a data frame instead of a remote frame
 _NO_REMOTE_FRAMES = frozenset({"socketcand"})
 #: drivers of adapters that send and receive immediately at any bit rate, without reporting it
@@ -307,3 +309,88 @@ class CanBus(MessageBus[can.Message]):
 
     def _answered(self, node_id: int) -> None:
         self.echoes.answered(REQUEST_ID + node_id)
+
+
+@cache
+def silent_settings() -> Mapping[str, Mapping[str, object]]:
+    """Settings for listen-only mode by interface name, if supported."""
+    told = tomllib.loads((files("dvtcli.bus") / "listen_only.toml").read_text("utf-8"))
+    states = {state.name: state for state in can.BusState}
+    return {
+        name: {key: states[value] if key == "state" else value for key, value in settings.items()}
+        for name, settings in told.items()
+    }
+
+
+def is_silent(bus: can.BusABC, settings: Mapping[str, object]) -> bool:
+    """Whether *bus*, opened with *settings*, is in listen-only mode, as far as its driver can tell."""
+    return settings.get("state") in (None, bus.state)
+
+
+#: interfaces that take a bit rate at opening, besides those with listen-only mode
+_SETTABLE = {
+    "canalystii", "etas", "gs_usb", "iscan", "ixxat", "neousys", "neovi", "nican", "robotell", "usb2can",
+}  # fmt: skip
+#: settings with which a bit rate alone does not define the bit timing
+_TIMINGS = ("timing", "btr", "fd", "f_clock", "data_bitrate", "fd_bitrate")
+#: Opens the interface by these settings.
+Open = Callable[[Mapping[str, object]], can.BusABC]
+
+
+class BitRateSetter:
+    """Bit rate changes of the interface in *config*, opened by *opens*."""
+
+    def __init__(self, config: Mapping[str, object], opens: Open) -> None:
+        self._config, self._open = config, opens
+        self._interface, self._channel = str(config["interface"]), config.get("channel")
+
+    def require(self, bit_rate: int, *, listen_only: bool) -> None:
+        """Raise SafetyRefusal with instructions if *bit_rate* or *listen_only* is not possible."""
+        where = f"{self._interface}:{self._channel}"
+        if self._interface == "socketcan":
+            raise SafetyRefusal(
+                f"the bit rate of {where} is set by the system, not by dvtcli",
+                why=None
+                if listen_only
+                else "it can neither be changed together with the nodes nor restored if a node is lost",
+                hint=_link_lines(str(self._channel), bit_rate, listen_only=listen_only),
+            )
+        if self._interface not in _SETTABLE | silent_settings().keys():
+            raise SafetyRefusal(
+                f"the bit rate of {where} cannot be set from here", why="it is set by its server",
+                hint="set it there; or open a CAN adapter of this machine",
+            )  # fmt: skip
+        timing = next((key for key in _TIMINGS if self._config.get(key)), None)
+        if timing is not None:
+            raise SafetyRefusal(
+                f"{where} was opened with {timing}, which is more than a bit rate",
+                hint=Hint(Action.GIVE_BIT_RATE, why="open it with {}"),
+            )
+        if listen_only and self._interface not in silent_settings():
+            raise SafetyRefusal(
+                f"{self._interface} is not known to listen without a word",
+                why="at a wrong bit rate it would destroy the frames of others",
+                hint=f"these are: {', '.join(silent_settings())}"
+                + Hint(Action.FORCE, why="on a bus without traffic: {}"),
+            )
+
+    def reopened(self, bit_rate: int, *, listen_only: bool) -> can.BusABC:
+        """The interface, open at *bit_rate* (bit/s); it must be closed before. Raises the driver's errors."""
+        silence = silent_settings()[self._interface] if listen_only else {}
+        bus = self._open({**self._config, "bitrate": bit_rate, **silence})
+        if not is_silent(bus, silence):
+            bus.shutdown()
+            raise BusUnavailable(f"{self._interface}:{self._channel} does not confirm listen-only mode")
+        return bus
+
+
+def _link_lines(name: str, bit_rate: int, *, listen_only: bool) -> Hint | str:
+    """Commands that set the Linux CAN link *name* to *bit_rate* (bit/s)."""
+    link = kernel_link(name)
+    if link is not None and not link.wired:
+        return f"{name} is virtual and has no bit rate"
+    how = f"type can bitrate {bit_rate} listen-only {'on' if listen_only else 'off'}"
+    lines = f"sudo ip link set {name} down; sudo ip link set {name} up {how}"
+    if not listen_only:
+        return f"where the nodes run at it already: {lines}"
+    return lines + Hint(Action.LISTEN_BIT_RATE, why="then {} again")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 from dvtcli.device.nmt_gate import NodeAccess
 from dvtcli.domain.hint import Action, Hint
@@ -12,10 +11,6 @@ from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.ports import CanopenBus
 from dvtcli.domain.text import all_nodes
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
-
-if TYPE_CHECKING:
-    pass
-
 
 #: How long a node may take from reset to its boot-up message, in seconds.
 BOOT_TIMEOUT_S = 10.0

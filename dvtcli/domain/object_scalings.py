@@ -6,14 +6,11 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from dvtcli.domain.datatypes import DataType, Value
 from dvtcli.domain.object_dictionary import ObjectDictionary, OdEntry, normalised
 from dvtcli.domain.scaling import Scaling, parse_factor, parse_offset, parse_scale
-
-if TYPE_CHECKING:
-    pass
 
 #: scaling of an object without description
 NOTHING = Scaling()

@@ -1,6 +1,6 @@
 """Read files that describe a device: EDS, DCF, XDD and XDC. Only this module tells them apart.
 
-The first bytes decide, after a suffix .xdd or .xdc.
+The first bytes decide, after a suffix .xdd or .xdc; the suffix alone, before a file is read.
 """
 
 from __future__ import annotations
@@ -144,3 +144,16 @@ def connected_file(path: Path, modules: Sequence[int]) -> bytes:
     read = read_device_file(path, modules)
     keeps = kept(read, of_a_node=True) if isinstance(read, EdsFile) else None
     return device_file_bytes(read.dictionary, path.name, f"made from {path.name}", None, file_info(read), keeps)
+
+
+_HOLDS, _DESCRIBES = (".dcf", ".xdc", ".jsonl"), (".eds", ".xdd")
+
+
+def is_about_device(file: str) -> bool:
+    """Tell whether *file* is about a device, and not about a network."""
+    return file.lower().endswith((*_HOLDS, *_DESCRIBES))
+
+
+def holds_values(file: str) -> bool:
+    """Tell whether *file* has a device's values: a DCF, an XDC or a backup's JSON lines."""
+    return file.lower().endswith(_HOLDS)

@@ -9,10 +9,10 @@ from functools import cached_property
 from dvtcli.domain.lint import LintRule, RuleCheck, checks_of, lint_objects, lint_pdos, lint_standard
 from dvtcli.domain.lint.described import DescribedDevice, Spot, object_text
 from dvtcli.domain.profile import GENERIC, DeviceProfile
+from dvtcli.files.eds import lint_keys, lint_sections
 from dvtcli.files.eds.findings import DUPLICATE_KEY, READ_RULES, EdsFinding
 from dvtcli.files.eds.ini import IniSection, IniText
-from dvtcli.files.eds.lint import lint_keys, lint_sections
-from dvtcli.files.eds.lint.linted_text import LintedText, named
+from dvtcli.files.eds.linted_text import LintedText, named
 from dvtcli.files.eds.modules import added_by_modules, connected_modules
 from dvtcli.files.eds.reader import EdsFile
 from dvtcli.files.eds.sections import Parts, object_place

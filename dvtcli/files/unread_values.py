@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dvtcli.domain.file_complaint import FileComplaint
 from dvtcli.domain.hint import Action, Hint
+from dvtcli.domain.rules.finding import FileComplaint
 from dvtcli.domain.text import plural
 from dvtcli.errors import InputFileError
 from dvtcli.files.eds.reader import EdsFile
@@ -77,8 +77,8 @@ def unread_values(read: EdsFile | XddFile, file: str) -> tuple[str, ...]:
 
 def _passed_by(read: EdsFile, file: str) -> Iterator[tuple[int, str]]:
     """Iterate over unknown keys and sections that look like values, and misplaced values."""
-    from dvtcli.files.eds.lint.lint_keys import unknown_keys
-    from dvtcli.files.eds.lint.linted_text import LintedText, given, is_head
+    from dvtcli.files.eds.lint_keys import unknown_keys
+    from dvtcli.files.eds.linted_text import LintedText, given, is_head
     from dvtcli.files.eds.numbers import quoted
 
     text = LintedText(read, file)

@@ -18,7 +18,7 @@ from typing import Any
 
 import can
 
-from dvtcli.files.recordings.read_recording import read_recording
+from dvtcli.files.recordings.recording_file import read_recording
 from tests.benchmarks.figures import ROOT, Figure, cpu_s
 
 FRAMES, FEW = 30_000, 10

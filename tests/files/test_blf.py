@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from dvtcli.bus.can_message import frame_of
 from dvtcli.errors import InputFileError
-from dvtcli.files.recordings.read_recording import read_recorded
+from dvtcli.files.recordings.recording_file import read_recorded
 from dvtcli.files.recordings.recording_format import RecordedFrame
 
 _OBJECT, _CLOCK, _DATA = struct.Struct("<4sHHLL"), struct.Struct("<LHHQ"), struct.Struct("<HBBL8s")

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from dvtcli.bus.can_message import frame_of
 from dvtcli.domain.ports import Frame
-from dvtcli.files.recordings.read_recording import read_recorded
-from dvtcli.files.recordings.recorder import Recorder
+from dvtcli.files.recordings.recording_file import Recorder, read_recorded
 from dvtcli.files.recordings.recording_format import message_of
 
 times = st.floats(0, 9e9).map("{:.6f}".format)

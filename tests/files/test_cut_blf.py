@@ -10,7 +10,7 @@ import pytest
 from can.io.blf import FILE_HEADER_STRUCT
 
 from dvtcli.errors import InputFileError
-from dvtcli.files.recordings.read_recording import read_recorded
+from dvtcli.files.recordings.recording_file import read_recorded
 
 _OBJECT = struct.Struct("<4sHHLL")
 

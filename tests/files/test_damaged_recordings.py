@@ -12,7 +12,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from dvtcli.errors import InputFileError
-from dvtcli.files.recordings.read_recording import read_recorded
+from dvtcli.files.recordings.recording_file import read_recorded
 from tests.cli.commands.bench import Bench
 from tests.harness.sample import heavy
 from tests.process import PATIENCE_S, environment

@@ -20,7 +20,7 @@ from dvtcli.domain.object_scalings import ObjectRange, ObjectScalings, ScalingRu
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.scaling import Scaling
-from dvtcli.files.dbc_text import LONGEST_NAME, DbcMessage, DbcSignal, Names, dbc_bytes, decimal
+from dvtcli.files.dbc import LONGEST_NAME, DbcMessage, DbcSignal, Names, dbc_bytes, decimal
 from dvtcli.operations.exchange.export_dbc import SERVICES, DbcOptions, NetworkMessages, network_messages
 from dvtcli.watch.decoder import Decoder, pdo_layouts
 

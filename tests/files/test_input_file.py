@@ -14,7 +14,7 @@ from dvtcli import check_eds
 from dvtcli.errors import DvtcliError, InputFileError
 from dvtcli.files.dbc import read_dbc
 from dvtcli.files.input_file import forget_pipes, open_input, read_input, read_input_head
-from dvtcli.files.recordings.read_recording import read_recorded
+from dvtcli.files.recordings.recording_file import read_recorded
 from dvtcli.files.recordings.recording_format import MOST_CHARACTERS
 from tests.cli.commands.bench import Bench
 from tests.process import dvtcli

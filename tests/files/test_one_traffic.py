@@ -12,7 +12,7 @@ import pytest
 
 from dvtcli.domain.ports import Frame
 from dvtcli.files.recordings.formats import formats, written
-from dvtcli.files.recordings.recorder import Recorder
+from dvtcli.files.recordings.recording_file import Recorder
 from tests.cli.commands.bench import Bench
 from tests.files.captures import Style, pcap, pcapng
 from tests.files.test_pasted import BEGIN_S, FORMS

@@ -14,7 +14,7 @@ import pytest
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import InputFileError, UsageError
-from dvtcli.files.recordings.read_recording import read_recorded, read_recording
+from dvtcli.files.recordings.recording_file import read_recorded, read_recording
 from tests.cli.commands.bench import Bench
 from tests.process import dvtcli
 

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.text import plural
 from dvtcli.errors import InputFileError, UsageError
-from dvtcli.files.recordings.read_recording import read_recorded, read_recording
-from dvtcli.files.recordings.recorder import Recorder
+from dvtcli.files.recordings.recording_file import Recorder, read_recorded, read_recording
 from tests.files.captures import CAN, COOKED, COOKED_2, ETHERNET, Style, block, packet, pcap, pcapng, section, socketcan
 from tests.files.recordings import BEGIN_S, frames
 

@@ -17,7 +17,7 @@ import dvtcli
 from dvtcli.domain.pdo import PdoMappingEntry
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import UsageError
-from dvtcli.files.recordings.recorder import Recorder
+from dvtcli.files.recordings.recording_file import Recorder
 from dvtcli.operations.frames.layouts import live_decoder
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.watch.decoder import Decoder

@@ -18,8 +18,7 @@ from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.ports import Frame
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 from dvtcli.files.recordings.formats import formats, written
-from dvtcli.files.recordings.read_recording import read_recorded, read_recording
-from dvtcli.files.recordings.recorder import Recorder
+from dvtcli.files.recordings.recording_file import Recorder, read_recorded, read_recording
 from dvtcli.files.recordings.recording_format import RecordingFormat
 from tests.files.recordings import APPENDABLE, BEGIN_S, FORMATS, ROTATING, frames
 from tests.harness.sample import heavy

@@ -18,7 +18,7 @@ from typing import Any
 from dvtcli.device.change.journal import SCHEMA
 from dvtcli.domain.ports import Frame
 from dvtcli.files.recordings.formats import formats
-from dvtcli.files.recordings.recorder import Recorder
+from dvtcli.files.recordings.recording_file import Recorder
 from dvtcli.simulator.device.simulated_faults import FaultKind
 from tests.files.captures import CAN, pcap
 from tests.files.test_eds_any import KEYS, SAMPLE, SECTIONS

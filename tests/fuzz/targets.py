@@ -63,7 +63,7 @@ from dvtcli.files.pdo_yaml import read_pdo_yaml
 from dvtcli.files.plan_file import is_network_plan, read_network_plan
 from dvtcli.files.profile.toml import read_profile
 from dvtcli.files.recordings.formats import formats
-from dvtcli.files.recordings.read_recording import read_recorded
+from dvtcli.files.recordings.recording_file import read_recorded
 from dvtcli.files.sim_state import read_state
 from dvtcli.files.values.value_file import read_values
 from dvtcli.files.whole_device_file import read_whole_device

@@ -25,9 +25,8 @@ from prompt_toolkit.document import Document
 from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.name_completion import safe_items
 from dvtcli.cli.prompt.full_line import LineCompleter
-from dvtcli.cli.view.lines import Cell
+from dvtcli.cli.view.lines import Cell, painted
 from dvtcli.cli.view.output import Output
-from dvtcli.cli.view.paint import painted
 from dvtcli.cli.view.reports.github_lines import github_error_lines, github_lines
 from dvtcli.cli.view.reports.junit_lines import junit_error_lines
 from dvtcli.cli.view.reports.sarif_lines import sarif_lines
@@ -35,7 +34,6 @@ from dvtcli.device.change.change_history import ChangeHistory
 from dvtcli.device.change.journal import JournalFolder
 from dvtcli.device.change.private_file import file_name
 from dvtcli.domain.datatypes import BY_SHORT_NAME
-from dvtcli.domain.file_complaint import FileComplaint
 from dvtcli.domain.network.picture import (
     NetworkPicture,
     PictureDifference,
@@ -44,14 +42,16 @@ from dvtcli.domain.network.picture import (
     PictureNode,
 )
 from dvtcli.domain.object_dictionary import ObjectDictionary, ObjectType, OdEntry, OdObject
+from dvtcli.domain.rules.finding import FileComplaint
 from dvtcli.errors import InputFileError, UsageError
-from dvtcli.files import dbc_text, learnt_folder
+from dvtcli.files import dbc as dbc_files
+from dvtcli.files import learnt_folder
 from dvtcli.files.device_library import folder as library_folder
 from dvtcli.files.device_library import stored_place
 from dvtcli.files.eds.write_dcf import Commissioned, write_dcf
 from dvtcli.files.eds.writer import eds_text
+from dvtcli.files.network import wiring
 from dvtcli.files.nodelist import ListedNode, Nodelist, nodelist_text
-from dvtcli.files.picture import wiring
 from dvtcli.files.picture.page import page
 from dvtcli.files.picture.wiring import graphviz
 from dvtcli.files.values.text_values import csv_text
@@ -130,7 +130,7 @@ def junit(text: str) -> None:
 
 
 def dbc(text: str) -> None:
-    quoted = dbc_text.quoted(text)
+    quoted = dbc_files.quoted(text)
     assert quoted[0] == quoted[-1] == '"'
     assert not set('"\\\n') & set(quoted[1:-1])
     assert steers(quoted) == ""

@@ -83,7 +83,7 @@ def test_the_linter_is_imported_by_eds_check_only(tmp_path: Path) -> None:
         ["--sim", str(tmp_path / "own.eds"), "pdo"],
         ["eds", "show", str(tmp_path / "own.eds")],
     ):
-        linter = {name for name in loaded(*words) if name.startswith(("dvtcli.domain.lint.", "dvtcli.files.eds.lint."))}
+        linter = {name for name in loaded(*words) if name.startswith(("dvtcli.domain.lint.", "dvtcli.files.eds.lint"))}
         assert not linter
     assert "dvtcli.files.device_lint" in loaded("eds", "check", str(tmp_path / "own.eds"))
 

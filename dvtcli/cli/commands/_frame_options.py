@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import wraps
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import click
 
 from dvtcli.cli.params import FILE, TEXT, KindsType, NodesType
-
-if TYPE_CHECKING:
-    pass
 
 
 def dbc_options(command: Callable[..., Any]) -> Callable[..., Any]:

@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import click
 
 from dvtcli.cli.params import CanopenType, NumberType
 from dvtcli.errors import UsageError
-
-if TYPE_CHECKING:
-    pass
-
 
 _GROUPS = {"all": 1, "communication": 2, "application": 3}
 

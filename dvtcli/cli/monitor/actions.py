@@ -26,7 +26,7 @@ from dvtcli.watch.decoder import doubts
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.domain.ports import Frame
-    from dvtcli.files.recordings.recorder import Recorder
+    from dvtcli.files.recordings.recording_file import Recorder
     from dvtcli.operations.frames.watch_bus import Watched
     from dvtcli.watch.decoder import Address, Layout
 
@@ -289,7 +289,7 @@ class Actions:
 
     def _start_recording(self, text: str) -> str:
         from dvtcli.files.recordings.formats import format_of
-        from dvtcli.files.recordings.recorder import Recorder
+        from dvtcli.files.recordings.recording_file import Recorder
 
         path = Path(text)
         try:

@@ -53,9 +53,8 @@ from dvtcli.cli.prompt.line import (
 )
 from dvtcli.cli.registry import REGISTRY
 from dvtcli.cli.usage_errors import usage_error
-from dvtcli.cli.view.lines import Cell
+from dvtcli.cli.view.lines import Cell, wrapped
 from dvtcli.cli.view.output import Output
-from dvtcli.cli.view.paint import wrapped
 from dvtcli.cli.view.typed_hints import error_text, typed
 from dvtcli.device.change.private_file import open_private, private_folder
 from dvtcli.domain.text import safe

@@ -10,10 +10,10 @@ from typing import Protocol, TypeVar
 from dvtcli.cli.view.lines import Cell, Line, columns, part
 from dvtcli.cli.view.typed_hints import error_text, typed
 from dvtcli.domain.abort import abort_text
-from dvtcli.domain.file_complaint import FileComplaint
 from dvtcli.domain.hint import Hint, next_step
 from dvtcli.domain.profile import Severity
 from dvtcli.domain.rules import Finding
+from dvtcli.domain.rules.finding import FileComplaint
 from dvtcli.domain.text import all_nodes, join_some, plural, safe
 from dvtcli.errors import DvtcliError, InputFileError, LeftChanged, RuleError, State
 from dvtcli.operations.results.documents import Document, finding_document

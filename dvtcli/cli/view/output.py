@@ -110,7 +110,7 @@ class Output:
 
     def machine_lines(self, lines: Iterable[Line]) -> None:
         """Print lines for programs: no colours, no wrapping, no pager."""
-        from dvtcli.cli.view.paint import painted, with_hints
+        from dvtcli.cli.view.lines import painted, with_hints
 
         with self._answering():
             for line in lines:
@@ -151,7 +151,7 @@ class Output:
         self.failed, self._node = error, error.node
         if self.json and not readable:
             from dvtcli.cli.view.error_lines import error_document, error_lines
-            from dvtcli.cli.view.paint import painted, with_hints
+            from dvtcli.cli.view.lines import painted, with_hints
 
             shown = (with_hints(line, self.hints) for line in error_lines(error, at))
             message = "\n".join(painted(line, self.stdout, colored=False, plain=self.plain) for line in shown)
@@ -232,7 +232,7 @@ class Output:
 
         A request for help is answered, and the question repeated. Raises KeyboardInterrupt after Ctrl-C.
         """
-        from dvtcli.cli.view.paint import painted
+        from dvtcli.cli.view.lines import painted
         from dvtcli.cli.view.streams import thrown_away, typed_ahead
 
         width = max(_columns(self.stderr) - _ANSWER, 0)
@@ -343,7 +343,7 @@ class Output:
 
     def _painter(self, stream: TextIO) -> Callable[[Line], str]:
         """Return the converter from lines to text for the present width and colours of *stream*."""
-        from dvtcli.cli.view.paint import painted, with_hints
+        from dvtcli.cli.view.lines import painted, with_hints
 
         width, colored, plain = _columns(stream), self._colored(stream), self.plain
         return lambda line: painted(with_hints(line, self.hints), stream, colored=colored, plain=plain, width=width)

@@ -12,9 +12,9 @@ from dvtcli.domain.rules.finding import Finding
 from dvtcli.domain.text import plural
 
 if TYPE_CHECKING:
-    from dvtcli.domain.file_complaint import FileComplaint
     from dvtcli.domain.network.network_config import MasterRole
     from dvtcli.domain.object_scalings import ScaledValue
+    from dvtcli.domain.rules.finding import FileComplaint
 
 Identity = dict[str, int | None]
 

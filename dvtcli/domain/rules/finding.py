@@ -1,19 +1,16 @@
-"""Findings of rules, and their subject, the `Proposal`."""
+"""Findings of rules, and their subject: the `Proposal`, or a line of a text file."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from dvtcli.domain.cob_id import CobId
 from dvtcli.domain.hint import Hint
 from dvtcli.domain.object_dictionary import ObjectDictionary
 from dvtcli.domain.pdo import Pdo, PdoConfig
 from dvtcli.domain.profile import DeviceProfile, Severity
-
-if TYPE_CHECKING:
-    from dvtcli.domain.file_complaint import FileComplaint
 
 ERROR = (Severity.ERROR,)
 WARNING = (Severity.WARNING,)
@@ -138,3 +135,24 @@ def disabled_and_empty(config: PdoConfig) -> PdoConfig:
     held = config.communication
     kind = None if held.transmission_type is None else held.transmission_type ^ 1
     return PdoConfig(replace(held, cob_id=held.cob_id.disabled(), transmission_type=kind), ())
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class FileComplaint:
+    """An error in *line* at *column* (1 and up) of *file*, *width* characters long.
+
+    *source* is the text of the line, *before* the text of the line above, empty for none.
+    """
+
+    file: str
+    line: int
+    column: int
+    text: str
+    width: int = 1
+    source: str = ""
+    before: str = ""
+
+    @property
+    def place(self) -> str:
+        """`FILE:LINE:COLUMN`."""
+        return f"{self.file}:{self.line}:{self.column}"

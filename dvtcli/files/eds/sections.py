@@ -193,13 +193,13 @@ def read_device_info(values: Values, layout: EdsLayout, identity: OdObject | Non
 
 
 def _flag(values: Values, key: str) -> bool | None:
-    """Read a key with the value 0 or 1; `eds.lint.lint_sections` reports other values."""
+    """Read a key with the value 0 or 1; `eds.lint_sections` reports other values."""
     number = number_key(values, key, 0, 1, Findings())
     return None if number is None else bool(number)
 
 
 def _commissioning(layout: EdsLayout) -> Commissioning:
-    """Read DeviceComissioning without the node-ID; `eds.lint.lint_sections` reports malformed numbers."""
+    """Read DeviceComissioning without the node-ID; `eds.lint_sections` reports malformed numbers."""
     unsaid = Findings()
     values = section_values(layout.device.get("devicecomissioning", ()), unsaid)
     return Commissioning(

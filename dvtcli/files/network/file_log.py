@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from dvtcli.domain.file_complaint import FileComplaint
 from dvtcli.domain.network.network_config import FileNote, Mark
+from dvtcli.domain.rules.finding import FileComplaint
 from dvtcli.domain.text import plural
 from dvtcli.errors import InputFileError
 

@@ -20,11 +20,9 @@ _REFUSED = {
 @cache
 def formats() -> Mapping[str, RecordingFormat]:
     """Return every format by suffix, read-only formats last."""
-    from dvtcli.files.recordings.asc import AscFormat
     from dvtcli.files.recordings.blf import BlfFormat
-    from dvtcli.files.recordings.candump import CandumpFormat
     from dvtcli.files.recordings.mdf import MdfFormat
-    from dvtcli.files.recordings.trc import TrcFormat
+    from dvtcli.files.recordings.text_logs import AscFormat, CandumpFormat, TrcFormat
     from dvtcli.files.recordings.wireshark import PcapFormat, PcapngFormat
 
     found: tuple[RecordingFormat, ...] = (

@@ -20,7 +20,7 @@ from dvtcli.domain.object_dictionary import Access, ObjectDictionary, ObjectType
 from dvtcli.domain.scaling import parse_offset
 from dvtcli.domain.text import safe
 from dvtcli.errors import InputFileError
-from dvtcli.files.dbc_text import decimal
+from dvtcli.files.dbc import decimal
 from dvtcli.files.eds.findings import Findings
 from dvtcli.files.eds.numbers import same_value, written_limit, written_value
 from dvtcli.files.eds.write_dcf import DcfText, Place, refuse_unlike_values, value_text

@@ -14,10 +14,10 @@ from dvtcli.domain.object_scalings import NOTHING
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.standard_objects import is_pdo_mapping
 from dvtcli.errors import UsageError
+from dvtcli.files.device_file import holds_values
 from dvtcli.files.eds.numbers import same_value
 from dvtcli.files.whole_device_file import KeptObject
 from dvtcli.operations.devices.backup_device import configuration, read_entries, why_unread
-from dvtcli.operations.devices.file_kinds import holds_values
 from dvtcli.operations.devices.held_device import (
     DifferenceKind,
     HeldDevice,

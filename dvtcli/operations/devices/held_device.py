@@ -17,8 +17,8 @@ from dvtcli.domain.object_dictionary import Access, OdEntry
 from dvtcli.domain.pdo import BY_SUB_INDEX, Pdo
 from dvtcli.domain.standard_objects import standard_entry
 from dvtcli.errors import SdoAborted, UsageError
+from dvtcli.files.device_file import holds_values
 from dvtcli.files.whole_device_file import SUFFIX, KeptObject, read_whole_device
-from dvtcli.operations.devices.file_kinds import holds_values
 from dvtcli.operations.values.named_objects import is_name, object_at
 
 if TYPE_CHECKING:

@@ -16,8 +16,8 @@ from dvtcli.domain.lint.described import object_text
 from dvtcli.domain.pdo import Pdo
 from dvtcli.domain.text import join_some
 from dvtcli.errors import UsageError
+from dvtcli.files.device_file import holds_values
 from dvtcli.files.input_file import read_input_head
-from dvtcli.operations.devices.file_kinds import holds_values
 from dvtcli.operations.devices.held_device import HeldDevice, node_of_file, selected_nodes, told_of
 from dvtcli.operations.pdos.look_at_frames import look
 from dvtcli.operations.plans.resolve_names import refuse_lacking

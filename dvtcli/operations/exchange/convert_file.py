@@ -21,7 +21,7 @@ from dvtcli.files.carried_over import (
     without_scalings,
     without_values,
 )
-from dvtcli.files.dbc_text import SUFFIX
+from dvtcli.files.dbc import SUFFIX
 from dvtcli.files.device_file import (
     DEVICE_SUFFIXES,
     VALUE_SUFFIXES,

@@ -24,7 +24,7 @@ from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.object_scalings import NOTHING
 from dvtcli.domain.text import all_nodes, plural
 from dvtcli.errors import NoAnswer, UsageError
-from dvtcli.files.dbc_text import LONGEST_NAME, NOBODY, DbcMessage, DbcSignal, Names, dbc_bytes
+from dvtcli.files.dbc import LONGEST_NAME, NOBODY, DbcMessage, DbcSignal, Names, dbc_bytes
 from dvtcli.operations.results import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
 from dvtcli.operations.values.object_values import scalings_of

@@ -14,7 +14,7 @@ from dvtcli.domain.network.network_config import NetworkConfig
 from dvtcli.domain.script_line import change_lines
 from dvtcli.domain.text import all_nodes, join_some, plural
 from dvtcli.errors import NoAnswer, UsageError
-from dvtcli.files.dbc_text import SUFFIX as DBC_SUFFIX
+from dvtcli.files.dbc import SUFFIX as DBC_SUFFIX
 from dvtcli.files.device_file import VALUE_SUFFIXES
 from dvtcli.files.eds.writer import eds_bytes
 from dvtcli.files.network.write_network import write_network

@@ -149,7 +149,7 @@ class _Followed:
 
 def _follow(path: Path, followed: _Followed, *, until_damage: bool) -> None:
     """Follow the frames of the recording at *path*; *until_damage*: who decodes these frames then tells the damage."""
-    from dvtcli.files.recordings.read_recording import read_recorded
+    from dvtcli.files.recordings.recording_file import read_recorded
 
     channels: set[str] = set()
     try:

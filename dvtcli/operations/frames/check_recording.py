@@ -12,7 +12,7 @@ from dvtcli.domain.network.network_state import identifier_of
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.device_file import DEVICE_SUFFIXES
 from dvtcli.files.recordings.formats import NETWORK_FILE, is_recording, other_format
-from dvtcli.files.recordings.read_recording import check_readable, read_recorded
+from dvtcli.files.recordings.recording_file import check_readable, read_recorded
 from dvtcli.operations.frames.recorded import decoder_for, standard_input
 from dvtcli.operations.network.described_nodes import described_nodes, network_config_of
 from dvtcli.operations.results.checked_files import FileRule, rules_among

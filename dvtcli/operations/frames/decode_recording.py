@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.text import plural
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
-from dvtcli.files.recordings.read_recording import check_readable, read_recorded, read_recording
+from dvtcli.files.recordings.recording_file import check_readable, read_recorded, read_recording
 from dvtcli.files.values.value_file import WholeFile, checked_form, is_value_file, next_part, read_values
 from dvtcli.files.values.value_rows import LONG, Origin, ParquetForm
 from dvtcli.operations.frames.explain_frame import frame_seen

@@ -162,7 +162,7 @@ def record_frames(
     lost and not waited for.
     """
     from dvtcli.files.recordings.formats import format_of
-    from dvtcli.files.recordings.recorder import Recorder, size_of
+    from dvtcli.files.recordings.recording_file import Recorder, size_of
 
     if not append:
         ask_before_overwriting(session, path)

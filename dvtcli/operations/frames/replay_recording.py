@@ -12,7 +12,7 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.text import join_some, plural
 from dvtcli.domain.typed_frame import FrameFilter, frame_filter
 from dvtcli.errors import SafetyRefusal, UsageError
-from dvtcli.files.recordings.read_recording import check_readable, read_recorded
+from dvtcli.files.recordings.recording_file import check_readable, read_recorded
 from dvtcli.operations.frames.explain_frame import KnownParties
 from dvtcli.operations.frames.layouts import open_wire
 from dvtcli.operations.network.described_nodes import described_nodes

@@ -18,11 +18,10 @@ from dvtcli.operations.results.checked_files import FileRule, rules_among
 from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkReport, NetworksChecked
 
 if TYPE_CHECKING:
-    from dvtcli.domain.file_complaint import FileComplaint
     from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetSpot
     from dvtcli.domain.network.network_config import Mark, NetworkConfig
     from dvtcli.domain.network.network_state import NetworkState
-    from dvtcli.domain.rules.finding import Finding, Rule
+    from dvtcli.domain.rules.finding import FileComplaint, Finding, Rule
     from dvtcli.files.network.file_log import FileLog
     from dvtcli.operations.network.described_network import DeviceWord
     from dvtcli.operations.user.session_user import Reporter

@@ -14,10 +14,10 @@ from dvtcli.domain.hint import Action, Hint, plain_json, verbatim
 from dvtcli.domain.network.network_plan import NetworkPlan
 from dvtcli.domain.text import all_nodes
 from dvtcli.errors import InputFileError, UsageError
+from dvtcli.files.device_file import is_about_device
 from dvtcli.files.plan_file import is_network_plan, read_network_plan
 from dvtcli.operations.changes.change import names, understood
 from dvtcli.operations.changes.possible_stores import refuse_impossible_stores
-from dvtcli.operations.devices.file_kinds import is_about_device
 from dvtcli.operations.network.network_load import load_after
 from dvtcli.operations.plans.judge_network import check_plans
 from dvtcli.operations.plans.plan_network import checked_network, plan_network

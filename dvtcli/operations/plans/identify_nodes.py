@@ -22,8 +22,8 @@ from dvtcli.operations.results.failures import together
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
     from dvtcli.device.node_parts import ReadableNode
-    from dvtcli.domain.file_complaint import FileComplaint
     from dvtcli.domain.network.network_config import ExpectedIdentity, Mark, NetworkConfig, NodeConfig
+    from dvtcli.domain.rules.finding import FileComplaint
     from dvtcli.operations.session.session_nodes import SessionNodes
 
 #: Vendor, product, revision and serial number, by their sub-indices of 0x1018.

@@ -12,7 +12,7 @@ from dvtcli.operations.results.checked_files import FileFinding, FileReport, Fil
 from dvtcli.operations.results.documents import Answer, Document, Short
 
 if TYPE_CHECKING:
-    from dvtcli.domain.file_complaint import FileComplaint
+    from dvtcli.domain.rules.finding import FileComplaint
 
 
 @dataclass(frozen=True, slots=True)

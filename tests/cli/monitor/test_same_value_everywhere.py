@@ -18,8 +18,7 @@ from dvtcli.domain.object_scalings import ObjectRange, ObjectScalings, ScalingRu
 from dvtcli.domain.pdo import Pdo, PdoCommunicationParameter, PdoConfig, PdoMappingEntry
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.scaling import Scaling
-from dvtcli.files.dbc import read_dbc
-from dvtcli.files.dbc_text import dbc_bytes
+from dvtcli.files.dbc import dbc_bytes, read_dbc
 from dvtcli.files.values.text_values import csv_text
 from dvtcli.operations.exchange.export_dbc import network_messages
 from dvtcli.operations.frames.explain_frame import frame_seen

@@ -8,9 +8,8 @@ import pytest
 
 from dvtcli.cli.view.error_lines import finding_lines
 from dvtcli.cli.view.lines import Cell
-from dvtcli.domain.file_complaint import FileComplaint
 from dvtcli.domain.profile import Severity
-from dvtcli.domain.rules.finding import Finding
+from dvtcli.domain.rules.finding import FileComplaint, Finding
 
 
 def found(number: int, text: str, severity: Severity = Severity.WARNING, hint: str | None = None) -> Finding:

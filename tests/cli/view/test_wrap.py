@@ -5,8 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvtcli.cli.view.lines import Cell, broken
-from dvtcli.cli.view.paint import wrapped
+from dvtcli.cli.view.lines import Cell, broken, wrapped
 
 
 def texts(cells: list[Cell], width: int) -> list[str]:

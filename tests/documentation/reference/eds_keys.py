@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from dvtcli.files.eds.keys import KEYS, OBJECT
-from dvtcli.files.eds.lint.lint_keys import SECTIONS
+from dvtcli.files.eds.lint_keys import SECTIONS
 from tests.documentation.reference.markdown import cell, code, table
 
 MEANINGS: Mapping[str, Mapping[str, str]] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))

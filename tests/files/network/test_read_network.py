@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvtcli.domain.file_complaint import FileComplaint
 from dvtcli.domain.network.network_config import (
     FileWord,
     HeartbeatWatch,
@@ -19,6 +18,7 @@ from dvtcli.domain.network.network_config import (
     NodeConfig,
     PartialPdoConfig,
 )
+from dvtcli.domain.rules.finding import FileComplaint
 from dvtcli.errors import InputFileError
 from dvtcli.files.network.network_keys import KEYS, NetworkKey, Where
 from dvtcli.files.network.read_network import read_network, read_network_file

@@ -4,12 +4,7 @@ from __future__ import annotations
 
 #: every library, and where it may be touched; one that stands here for no place belongs into no product code
 ONLY_IN: dict[str, tuple[str, ...]] = {
-    "can": (
-        "bus/",
-        "files/recordings/recorder.py",
-        "files/recordings/read_recording.py",
-        "files/recordings/",
-    ),
+    "can": ("bus/", "files/recordings/"),
     "canopen": ("bus/",),
     "prompt_toolkit": (
         "cli/prompt/",

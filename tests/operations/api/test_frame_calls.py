@@ -10,7 +10,7 @@ import pytest
 import dvtcli
 from dvtcli import errors
 from dvtcli.domain.ports import Frame
-from dvtcli.files.recordings.recorder import Recorder
+from dvtcli.files.recordings.recording_file import Recorder
 from dvtcli.results import FramesSent, Replayed
 
 BEGIN_S = 1_700_000_000.0

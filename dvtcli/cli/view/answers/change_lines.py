@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from dvtcli.cli.view.lines import Cell, Line, Table
-from dvtcli.cli.view.paint import wrapped
+from dvtcli.cli.view.lines import Cell, Line, Table, wrapped
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.domain.pdo import Pdo, PdoMappingEntry
 from dvtcli.domain.plan import Change, PdoChange, Step, ValueChange, step_text

@@ -18,8 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dvtcli.domain.ports import Frame
-from dvtcli.files.recordings.read_recording import read_recording
-from dvtcli.files.recordings.recorder import Recorder
+from dvtcli.files.recordings.recording_file import Recorder, read_recording
 from dvtcli.watch.decoder import Decoder
 from dvtcli.watch.recording_checks.recording_rules import RECORDING_RULES, RecordingCheck
 from tests.drawn_frames import drawn

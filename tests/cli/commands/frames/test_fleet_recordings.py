@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from dvtcli.domain.ports import Frame
-from dvtcli.files.recordings.recorder import Recorder
+from dvtcli.files.recordings.recording_file import Recorder
 from dvtcli.files.values.value_file import read_values
 from tests.benchmarks.bench_values import peak_mb, recording
 from tests.cli.commands.bench import Bench

@@ -17,7 +17,7 @@ from dvtcli.cli.view.typed_hints import typed
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.dbc import read_dbc
 from dvtcli.files.extras import extra
-from dvtcli.files.recordings.recorder import Recorder
+from dvtcli.files.recordings.recording_file import Recorder
 from dvtcli.files.values.value_file import read_values
 from dvtcli.simulator.network.family_file import family_eds
 from tests.cli.commands.bench import Bench

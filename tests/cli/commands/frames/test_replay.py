@@ -14,8 +14,7 @@ from dvtcli.domain.frame_bits import frame_bits
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.typed_frame import frame_filter
 from dvtcli.errors import BusUnavailable
-from dvtcli.files.recordings.read_recording import read_recording
-from dvtcli.files.recordings.recorder import Recorder
+from dvtcli.files.recordings.recording_file import Recorder, read_recording
 from dvtcli.simulator.network.family_file import family_eds
 from dvtcli.watch.service import service_of
 from tests.cli.commands.bench import Bench

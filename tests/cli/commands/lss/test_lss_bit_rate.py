@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dvtcli.bus.bit_rate_setter import BitRateSetter
+from dvtcli.bus.python_can import BitRateSetter
 from dvtcli.cli.view.typed_hints import typed
 from dvtcli.device.lss_master import LssMaster
 from dvtcli.domain.lss_services import BIT_TIMINGS, REQUEST_ID

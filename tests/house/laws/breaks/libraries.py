@@ -22,7 +22,7 @@ BREAKS = [
     Break("libraries", "operations/changes/change.py", in_a_function("import cantools")),
     Break(
         "libraries",
-        "files/recordings/read_recording.py",
+        "files/recordings/recording_file.py",
         in_a_function("import socket", "socket.socket().sendto(b'', node)"),
     ),
     Break("libraries", "operations/helper.py", "from subprocess import run"),

@@ -9,7 +9,7 @@ BREAKS = [
     Break("senders", "operations/h.py", in_a_function("write = node.sdo.download", "write(0x1800, 1, b'')")),
     Break("senders", "cli/commands/pdo.py", in_a_function("session.bus.send_nmt(1, 0)")),
     Break("senders", "operations/session/steady_listener.py", in_a_function("bus.send(node)")),
-    Break("senders", "files/recordings/read_recording.py", in_a_function("map(bus.send, node)")),
+    Break("senders", "files/recordings/recording_file.py", in_a_function("map(bus.send, node)")),
     Break("senders", "cli/dvt/words.py", in_a_function('getattr(node.sdo, "download")(0x1017, 0, b"")')),
     Break("senders", "operations/helper.py", in_a_function("bus.canopen().network.send_message(0, b'')")),
     Break("senders", "cli/commands/map.py", in_a_function("vars(type(node.sdo))[node](0x1017, 0, b'')")),

@@ -13,7 +13,7 @@ from dvtcli.domain.object_dictionary import ObjectType
 from dvtcli.domain.pdo import DUMMY_BITS, MAX_PDO_BITS, Pdo
 from dvtcli.domain.standard_objects import source
 from dvtcli.files.eds.ini import IniSection, IniValue
-from dvtcli.files.eds.lint.linted_text import Found, LintedText, all_given, given, missing_keys, no_section
+from dvtcli.files.eds.linted_text import Found, LintedText, all_given, given, missing_keys, no_section
 from dvtcli.files.eds.numbers import quoted, read_number, without_comment
 
 _SOURCE = "CiA 306, FileInfo"

@@ -9,7 +9,7 @@ from difflib import get_close_matches
 from dvtcli.domain.lint import NOTE, WARNING, check
 from dvtcli.files.eds.ini import IniValue
 from dvtcli.files.eds.keys import KEYS, OBJECT
-from dvtcli.files.eds.lint.linted_text import Found, LintedText, is_head
+from dvtcli.files.eds.linted_text import Found, LintedText, is_head
 
 SECTIONS = {
     name.lower(): name
