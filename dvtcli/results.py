@@ -10,9 +10,9 @@ from dvtcli.domain.rules import Finding
 from dvtcli.domain.store import Proof
 from dvtcli.operations.api.calls import Message
 from dvtcli.operations.results.changes import Changed, Stored
-from dvtcli.operations.results.checked_files import FileFinding, FileReport, FileReports, FileRule
-from dvtcli.operations.results.checked_networks import NetworksChecked
+from dvtcli.operations.results.checks import FileFinding, FileReport, FileReports, FileRule, NetworksChecked
 from dvtcli.operations.results.comparisons import Compared, ObjectDifference, WholeCompared
+from dvtcli.operations.results.frames import FramesSent, Replayed
 from dvtcli.operations.results.learnt import Difference, LearnForecast, LearntDevice
 from dvtcli.operations.results.library_files import (
     AddedFile,
@@ -23,9 +23,8 @@ from dvtcli.operations.results.library_files import (
     ProfileRow,
     ProfileShown,
 )
-from dvtcli.operations.results.loads import NetworkLoad
 from dvtcli.operations.results.lss_nodes import LssBitRate, LssChanged, LssFound, LssGiven, LssNode
-from dvtcli.operations.results.networks import NetworkApplied, NetworkPlanned
+from dvtcli.operations.results.networks import NetworkApplied, NetworkLoad, NetworkPlanned
 from dvtcli.operations.results.nodes import (
     Commanded,
     FaultRow,
@@ -39,7 +38,6 @@ from dvtcli.operations.results.nodes import (
     SyncSource,
 )
 from dvtcli.operations.results.pdos import ListedRow, MappedName, PdoListing, PdoRow, PinRow, VpdoListing, VpdoRow
-from dvtcli.operations.results.sent import FramesSent, Replayed
 from dvtcli.operations.results.values import EntryUnread, ObjectListing, ObjectRow, RecordRead, ValueRead
 
 __all__ = [

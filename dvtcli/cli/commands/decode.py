@@ -81,6 +81,6 @@ def _show(session: Conversation, frames: Iterable[FrameSeen]) -> None:
     if not session.output.json:
         session.output.stream(frames)
         return
-    from dvtcli.cli.view.frame_json import FrameJson
+    from dvtcli.cli.view.answers.frame_lines import FrameJson
 
     session.output.json_lines(map(FrameJson(session.output.encoder()).text, frames))

@@ -79,7 +79,7 @@ def command(
 
 
 def _shown_by(output: Output) -> Callable[[Iterable[FrameSeen]], None]:
-    from dvtcli.cli.view.frame_json import FrameJson
+    from dvtcli.cli.view.answers.frame_lines import FrameJson
 
     lines = FrameJson(output.encoder())
 

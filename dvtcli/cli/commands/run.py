@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from importlib import import_module
 from typing import TYPE_CHECKING
 
 import click
@@ -18,7 +17,7 @@ from dvtcli.operations.user.options import CASE_FORMATS
 if TYPE_CHECKING:
     from dvtcli.cli.conversation import Conversation
     from dvtcli.cli.scripts.script_report import ScriptReport
-    from dvtcli.cli.view.reports.cases import LineRan
+    from dvtcli.cli.view.reports import LineRan
     from dvtcli.errors import DvtcliError
 
 
@@ -74,7 +73,7 @@ def command(ctx: click.Context, /, file: str, keep_going: bool, atomic: bool, mo
 
 
 #: the writer of each report format
-_REPORTS = {"github": ("github_lines", "github_script_lines"), "junit": ("junit_lines", "junit_script_lines")}
+_REPORTS = {"github": "github_script_lines", "junit": "junit_script_lines"}
 
 
 def reported_run(session: Conversation, file: str, run: Callable[[], int]) -> int:
@@ -84,7 +83,8 @@ def reported_run(session: Conversation, file: str, run: Callable[[], int]) -> in
     are one case each.
     """
     from dvtcli.cli.scripts.script_report import ScriptReport
-    from dvtcli.cli.view.reports.cases import LineRan
+    from dvtcli.cli.view import reports
+    from dvtcli.cli.view.reports import LineRan
 
     output, outer = session.output, session.report
     output.failed = None
@@ -103,9 +103,7 @@ def reported_run(session: Conversation, file: str, run: Callable[[], int]) -> in
     for line in cases:
         if line.error is not None and line.error.hint:
             line.hint = output.hints(line.error.node).text(line.error.hint)
-    module, writer = _REPORTS[name]
-    make = getattr(import_module(f"dvtcli.cli.view.reports.{module}"), writer)
-    output.machine_lines(make(cases))
+    output.machine_lines(getattr(reports, _REPORTS[name])(cases))
     return whole.code
 
 

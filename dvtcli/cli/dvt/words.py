@@ -90,14 +90,14 @@ _SOURCE = DvtWord("source", (Argument("FILE", str),), "run a script", "run setup
 
 def map_in(session: SessionNodes, node_id: int, index: int, sub_index: int, given: int | None) -> WordResult:
     """Map an object into the first TPDO with room, or into the TPDO with CAN-ID *given*; see `first_tpdo`."""
-    from dvtcli.operations.pdos.first_tpdo import map_in_tpdo
+    from dvtcli.operations.pdos.edit_pdos import map_in_tpdo
 
     return WordResult(findings=map_in_tpdo(session, node_id, index, sub_index, given))
 
 
 def locate(session: SessionNodes, node_id: int, index: int, sub_index: int) -> WordResult:
     """Return `TPDO1 0x181 bit 0` for the first TPDO that maps the object, enabled first; else `not mapped`."""
-    from dvtcli.operations.pdos.first_tpdo import locate_tpdo
+    from dvtcli.operations.pdos.edit_pdos import locate_tpdo
 
     return WordResult(locate_tpdo(session, node_id, index, sub_index))
 

@@ -15,7 +15,7 @@ from dvtcli.domain.text import plural
 from dvtcli.errors import DvtcliError, UsageError
 from dvtcli.operations.frames.put_on_bus import put_on_bus
 from dvtcli.operations.frames.transmit_rows import HOW, TransmitRow, rounds, transmit_row
-from dvtcli.operations.results.sent import NO_END
+from dvtcli.operations.results.frames import NO_END
 
 if TYPE_CHECKING:
     from dvtcli.domain.ports import Frame

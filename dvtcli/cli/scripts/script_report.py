@@ -7,7 +7,7 @@ import time
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from dvtcli.cli.view.reports.cases import LineRan
+from dvtcli.cli.view.reports import LineRan
 
 if TYPE_CHECKING:
     from dvtcli.cli.view.output import Output

@@ -11,7 +11,6 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, TextIO
 
 from dvtcli.operations.user.options import CASE_FORMATS
@@ -161,8 +160,9 @@ class Output:
         from dvtcli.cli.view.error_lines import error_lines
 
         if self.format in CASE_FORMATS and not readable and error.exit_code != _USAGE:
-            module = import_module(f"dvtcli.cli.view.reports.{self.format}_lines")
-            self.machine_lines(getattr(module, _ERROR_LINES[self.format])(error))
+            from dvtcli.cli.view import reports
+
+            self.machine_lines(getattr(reports, _ERROR_LINES[self.format])(error))
         with self._answering():
             self.stdout.flush()
         self.lines(error_lines(error, at))

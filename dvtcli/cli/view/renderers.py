@@ -27,12 +27,12 @@ def renderer_of(result: Result, format_name: str = "text") -> Callable[[Result, 
 
 @cache
 def _renderer(place: str, *, is_report: bool) -> Callable[[Result, int], Iterable[Line]]:
-    """Return the function named by *place* (`pdo_lines:listing_lines`)."""
-    module, _, function = place.partition("_lines:")
+    """Return the function named by *place*: `pdo_lines:listing_lines`, of a report `junit_lines`."""
+    module, _, function = place.rpartition(":")
     if is_report:
-        written = import_module(f"dvtcli.cli.view.reports.{module}_lines")
+        from dvtcli.cli.view import reports as written
     else:
-        written = import_module(f"dvtcli.cli.view.answers.{module}_lines")
+        written = import_module(f"dvtcli.cli.view.answers.{module}")
     lines: Callable[[Result, int], Iterable[Line]] = getattr(written, function)
     return lines
 

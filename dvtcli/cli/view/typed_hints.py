@@ -12,7 +12,7 @@ from dvtcli.domain.hint import Action, Hint, filled, sentence
 
 if TYPE_CHECKING:
     from dvtcli.errors import DvtcliError
-    from dvtcli.operations.results.checked_files import FileFinding
+    from dvtcli.operations.results.checks import FileFinding
 
 #: Actions that are commands; a command without a node gets `-n` (except `_OF_THE_BUS`).
 COMMANDS: dict[Action, str] = {

@@ -11,7 +11,7 @@ from dvtcli.domain.profile import GENERIC, DeviceProfile
 from dvtcli.errors import InputFileError, UsageError
 from dvtcli.files.device_file import read_device_file
 from dvtcli.operations.results import Facts, FileFinding, FileReport, FileReports, FileRule
-from dvtcli.operations.results.checked_files import rules_among
+from dvtcli.operations.results.checks import rules_among
 
 if TYPE_CHECKING:
     from dvtcli.domain.lint import LintRule

@@ -15,8 +15,7 @@ from dvtcli.files.recordings.formats import NETWORK_FILE, is_recording, other_fo
 from dvtcli.files.recordings.recording_file import check_readable, read_recorded
 from dvtcli.operations.frames.recorded import decoder_for, standard_input
 from dvtcli.operations.network.described_nodes import described_nodes, network_config_of
-from dvtcli.operations.results.checked_files import FileRule, rules_among
-from dvtcli.operations.results.checked_networks import RecordingFinding, RecordingReport, RecordingsChecked
+from dvtcli.operations.results.checks import FileRule, RecordingFinding, RecordingReport, RecordingsChecked, rules_among
 from dvtcli.watch.recording_checks.problems import Problem
 from dvtcli.watch.recording_checks.recording_rules import RECORDING_RULES, UNREADABLE, RecordingCheck
 from dvtcli.watch.recording_checks.stream_problems import LOAD

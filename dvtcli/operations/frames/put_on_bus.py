@@ -13,7 +13,7 @@ from dvtcli.bus.watched_bus import DEFAULT_SHARE_PERCENT, NMT_CAN_ID
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.text import plural
 from dvtcli.errors import DvtcliError
-from dvtcli.operations.results.sent import NO_END, Outcome
+from dvtcli.operations.results.frames import NO_END, Outcome
 from dvtcli.watch.statistics import Lateness
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from dvtcli.operations.frames.explain_frame import KnownParties
 from dvtcli.operations.frames.layouts import open_wire
 from dvtcli.operations.network.described_nodes import described_nodes
 from dvtcli.operations.network.live_network import nobody_chose
-from dvtcli.operations.results.sent import FramesToReplay, Outcome, Replayed
+from dvtcli.operations.results.frames import FramesToReplay, Outcome, Replayed
 from dvtcli.watch.frame_effect import effects
 from dvtcli.watch.frame_reader import FrameReader
 

@@ -12,7 +12,7 @@ from dvtcli.errors import UsageError
 from dvtcli.operations.frames.explain_frame import KnownParties, explained, parsed_frame
 from dvtcli.operations.frames.layouts import open_wire
 from dvtcli.operations.network.described_nodes import described_nodes
-from dvtcli.operations.results.sent import FramesSent, FrameToSend, Outcome
+from dvtcli.operations.results.frames import FramesSent, FrameToSend, Outcome
 from dvtcli.watch.decoder import Misfits
 from dvtcli.watch.frame_effect import effects
 from dvtcli.watch.frame_reader import FrameReader

@@ -27,7 +27,7 @@ from dvtcli.operations.network.described_nodes import described_nodes
 from dvtcli.operations.network.live_network import live_state, received_traffic, refuse_without_bus
 from dvtcli.operations.plans.identify_nodes import identify_nodes, is_wanted
 from dvtcli.operations.plans.read_network_config import read_network_config
-from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkReport, NetworksChecked
+from dvtcli.operations.results.checks import NetworkFinding, NetworkReport, NetworksChecked
 from dvtcli.simulator.network.family_file import family_of
 from dvtcli.watch.decoder import Decoder
 from dvtcli.watch.recording_checks.frame_problems import DEFAULT_LENGTH, LENGTH, NOT_SENT

@@ -14,8 +14,7 @@ from dvtcli.domain.network.network_config import NOWHERE, FileNote, Mark
 from dvtcli.errors import DvtcliError, InputFileError, UsageError
 from dvtcli.operations.network.described_network import described_network, library_match, unknown_names
 from dvtcli.operations.plans.read_network_config import read_network_config, skipped_rules
-from dvtcli.operations.results.checked_files import FileRule, rules_among
-from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkReport, NetworksChecked
+from dvtcli.operations.results.checks import FileRule, NetworkFinding, NetworkReport, NetworksChecked, rules_among
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetSpot

@@ -37,8 +37,7 @@ from dvtcli.operations.network.live_network import has_bus, listen, live_state, 
 from dvtcli.operations.network.network_load import USUAL_BIT_RATE
 from dvtcli.operations.plans.read_network_config import read_network_config
 from dvtcli.operations.results import Facts
-from dvtcli.operations.results.loads import Measured, NetworkLoad
-from dvtcli.operations.results.networks import action, differing, parameter_texts
+from dvtcli.operations.results.networks import Measured, NetworkLoad, action, differing, parameter_texts
 from dvtcli.operations.session.save_script import ask_before_overwriting, make_file, place_of
 from dvtcli.operations.values.object_values import scalings_of
 from dvtcli.watch.statistics import FrameCount
@@ -53,8 +52,8 @@ if TYPE_CHECKING:
     from dvtcli.domain.pdo import Pdo, PdoConfig
     from dvtcli.domain.plan import ValueChange
     from dvtcli.domain.ports import Frame
-    from dvtcli.operations.results.checked_networks import NetworkFinding
-    from dvtcli.operations.results.loads import FrameLoad
+    from dvtcli.operations.results.checks import NetworkFinding
+    from dvtcli.operations.results.networks import FrameLoad
     from dvtcli.operations.session.session import Session
     from dvtcli.operations.session.session_nodes import SessionNodes
     from dvtcli.operations.user.session_user import SessionUser

@@ -13,7 +13,7 @@ from dvtcli.domain.pdo import Pdo
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError, UsageError
 from dvtcli.operations.network.live_network import answering, has_bus, listen, present, refuse_without_bus
 from dvtcli.operations.plans.network_states import network_after, network_state
-from dvtcli.operations.results.loads import Measured, NetworkLoad
+from dvtcli.operations.results.networks import Measured, NetworkLoad
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.network_plan import NetworkPlan

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dvtcli.operations.results.changes import *  # noqa: F403
-    from dvtcli.operations.results.checked_files import *  # noqa: F403
-    from dvtcli.operations.results.checked_networks import *  # noqa: F403
+    from dvtcli.operations.results.checks import *  # noqa: F403
     from dvtcli.operations.results.comparisons import *  # noqa: F403
     from dvtcli.operations.results.documents import *  # noqa: F403
     from dvtcli.operations.results.facts import *  # noqa: F403
@@ -20,12 +19,10 @@ if TYPE_CHECKING:
     from dvtcli.operations.results.frames import *  # noqa: F403
     from dvtcli.operations.results.learnt import *  # noqa: F403
     from dvtcli.operations.results.library_files import *  # noqa: F403
-    from dvtcli.operations.results.loads import *  # noqa: F403
     from dvtcli.operations.results.lss_nodes import *  # noqa: F403
     from dvtcli.operations.results.networks import *  # noqa: F403
     from dvtcli.operations.results.nodes import *  # noqa: F403
     from dvtcli.operations.results.pdos import *  # noqa: F403
-    from dvtcli.operations.results.sent import *  # noqa: F403
     from dvtcli.operations.results.values import *  # noqa: F403
 
 #: Every public name of this room, by module.
@@ -35,7 +32,7 @@ NAMES: dict[str, tuple[str, ...]] = {
         "ChangedNodes",
         "Stored",
     ),
-    "checked_files": (
+    "checks": (
         "SEVERITIES",
         "FileRule",
         "FileFinding",
@@ -44,8 +41,6 @@ NAMES: dict[str, tuple[str, ...]] = {
         "FileReports",
         "Report",
         "Reported",
-    ),
-    "checked_networks": (
         "NetworkFinding",
         "NetworkReport",
         "NetworksChecked",
@@ -87,6 +82,13 @@ NAMES: dict[str, tuple[str, ...]] = {
         "FrameExplained",
         "TracedFrame",
         "Traced",
+        "NO_END",
+        "Outcome",
+        "OfFrames",
+        "FrameToSend",
+        "FramesSent",
+        "FramesToReplay",
+        "Replayed",
     ),
     "learnt": ("Difference", "LearntDevice", "LearnForecast", "Wanted", "WantedState", "HabitRow", "HabitListing"),
     "library_files": (
@@ -98,9 +100,18 @@ NAMES: dict[str, tuple[str, ...]] = {
         "ProfileListing",
         "ProfileShown",
     ),
-    "loads": ("Measured", "FrameLoad", "NetworkLoad", "need_document"),
     "lss_nodes": ("LssNode", "LssFound", "LssGiven", "LssChanged", "LssBitRate", "ReceivedAt", "BitRateFound"),
-    "networks": ("NetworkPlanned", "network_findings", "action", "differing", "NetworkApplied"),
+    "networks": (
+        "NetworkPlanned",
+        "network_findings",
+        "action",
+        "differing",
+        "NetworkApplied",
+        "Measured",
+        "FrameLoad",
+        "NetworkLoad",
+        "need_document",
+    ),
     "nodes": (
         "NodeRow",
         "NodeListing",
@@ -115,7 +126,6 @@ NAMES: dict[str, tuple[str, ...]] = {
         "FaultSeen",
     ),
     "pdos": ("MappedName", "LastFrame", "ListedRow", "PdoRow", "PdoListing", "PinRow", "VpdoRow", "VpdoListing"),
-    "sent": ("NO_END", "Outcome", "OfFrames", "FrameToSend", "FramesSent", "FramesToReplay", "Replayed"),
     "values": (
         "ValueRead",
         "ObjectRow",

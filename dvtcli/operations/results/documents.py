@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 Document = dict[str, Any]
 #: formats of results that compare PDOs and objects one by one
-CASES = {"github": "github_lines:github_case_lines", "junit": "junit_lines:junit_case_lines"}
+CASES = {"github": "github_case_lines", "junit": "junit_case_lines"}
 
 
 class Short:
@@ -49,8 +49,8 @@ class Answer(Short):
 
     __slots__ = ()
     #: a module of `cli.view` and its function of (answer, width in columns): `pdo_lines:listing_lines`
-    renderer: ClassVar[str] = "fact_lines:text_lines"
-    #: format of some results only (`sarif`) -> function that makes its lines, as for `renderer`
+    renderer: ClassVar[str] = "node_lines:text_lines"
+    #: format of some results only (`sarif`) -> function of `cli.view.reports` that makes its lines
     formats: ClassVar[Mapping[str, str]] = {}
     #: whether it is a list for a pager if longer than a screen
     use_pager: ClassVar[bool] = False

@@ -18,7 +18,7 @@ class DvtAnswer(Answer):
     *dry_run*: the node's twin answered; *rows* are the lines of a longer answer.
     """
 
-    renderer: ClassVar = "fact_lines:answer_lines"
+    renderer: ClassVar = "node_lines:answer_lines"
     show_findings: ClassVar = True
 
     word: str
@@ -106,7 +106,7 @@ class Check(Short):
 class Diagnosis(Answer):
     """Every check, prerequisites first."""
 
-    renderer: ClassVar = "fact_lines:diagnosis_lines"
+    renderer: ClassVar = "node_lines:diagnosis_lines"
 
     checks: tuple[Check, ...]
 

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from dvtcli.cli.view.answers.check_lines import network_check_lines
 from dvtcli.cli.view.lines import Cell, Line
-from dvtcli.operations.results.checked_files import FileRule
-from dvtcli.operations.results.checked_networks import NetworkFinding, NetworkReport, NetworksChecked
+from dvtcli.operations.results.checks import FileRule, NetworkFinding, NetworkReport, NetworksChecked
 
 #: what rules say of a node, of a PDO and of an object
 NODE_TEXTS = ("node {node}: EMCY 0x{value:04X}, device specific", "node {node}: its boot-up message was received")

@@ -10,7 +10,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dvtcli.cli.view.frame_json import FrameJson
+from dvtcli.cli.view.answers.frame_lines import FrameJson
 from dvtcli.domain.datatypes import CanopenTime, Value
 from dvtcli.domain.ports import Frame
 from dvtcli.domain.scaling import Scaling, State

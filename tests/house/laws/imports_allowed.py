@@ -45,7 +45,7 @@ DOORS: dict[str, tuple[str, ...]] = {
         "cli/signals.py",
         "operations/api/calls.py",
     ),
-    "urllib": ("cli/view/reports/sarif_lines.py",),  # its `parse`
+    "urllib": ("cli/view/reports.py",),  # its `parse`
     "tkinter": ("cli/dvt/tcl_child.py",),
     "winreg": ("bus/discover.py",),
     "getpass": ("cli/passcode.py",),

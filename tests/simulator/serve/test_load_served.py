@@ -13,7 +13,7 @@ import pytest
 
 import dvtcli
 from dvtcli.domain.ports import Frame
-from dvtcli.operations.results.loads import Measured
+from dvtcli.operations.results.networks import Measured
 from dvtcli.watch.statistics import FrameCount
 from tests.harness.sample import heavy
 from tests.process import PATIENCE_S

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 from dvtcli.cli.view.error_lines import MANY, PDO_CAN_ID, by_cause, source_lines
 from dvtcli.cli.view.lines import Cell, Line, Table, part
 from dvtcli.domain.text import plural, some_nodes, some_of
-from dvtcli.operations.results.checked_files import SEVERITIES, FileFinding, FileReport, FileReports
+from dvtcli.operations.results.checks import SEVERITIES, FileFinding, FileReport, FileReports
 
 if TYPE_CHECKING:
     from dvtcli.domain.hint import Hint
-    from dvtcli.operations.results.checked_networks import (
+    from dvtcli.operations.results.checks import (
         NetworkFinding,
         NetworkReport,
         NetworksChecked,

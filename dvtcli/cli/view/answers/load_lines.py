@@ -13,7 +13,7 @@ from dvtcli.domain.text import join_some, plural
 
 if TYPE_CHECKING:
     from dvtcli.domain.network.worst_case_load import Stream, StreamLoad
-    from dvtcli.operations.results.loads import FrameLoad, Measured, NetworkLoad
+    from dvtcli.operations.results.networks import FrameLoad, Measured, NetworkLoad
 
 #: width of a bar, and width with measured values before it
 _BAR, _NARROW = 12, 5
