@@ -9,7 +9,8 @@ from importlib import import_module
 import pytest
 
 from dvtcli.cli.catalogue import TASKS, command_names, fill_rows, summary, task_sections
-from dvtcli.cli.commands.help import TOPICS, USUAL_CAUSES, overview, topic
+from dvtcli.cli.commands.help import TOPICS, overview, topic
+from dvtcli.cli.look_up import USUAL_CAUSES
 from dvtcli.domain.abort import abort_text, code_of
 from dvtcli.domain.network.check.network_rules import NETWORK_RULES
 from dvtcli.files.device_lint import EVERY_RULE

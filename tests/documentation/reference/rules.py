@@ -6,7 +6,7 @@ import ast
 from collections.abc import Iterator
 from importlib import import_module
 
-from dvtcli.cli.commands.help import USUAL_CAUSES
+from dvtcli.cli.look_up import USUAL_CAUSES
 from dvtcli.domain.abort import abort_text
 from tests.documentation.reference.markdown import cell, code
 from tests.documentation.reference.markdown import table as markdown_table

@@ -27,7 +27,7 @@ BREAKS = [
         "operations/results/facts.py",
         _ANSWER.format("renderer: ClassVar = 'node_lines:text_lines'").replace('"schema"', '"sort"'),
     ),
-    Break("results", "operations/results/helper.py", _ANSWER.format("renderer: ClassVar = 'node_lines:text_lines'")),
+    Break("results", "operations/results/helper.py", _ANSWER.format("renderer: ClassVar = 'pdo_lines:text_lines'")),
     Break("results", "operations/results/helper.py", _ANSWER.format("texts: tuple[str, ...] = ()")),
     Break("results", "operations/changes/change.py", _ANSWER.format("renderer: ClassVar = 'node_lines:text_lines'")),
     Break(
