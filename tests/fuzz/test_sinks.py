@@ -49,8 +49,8 @@ from dvtcli.files.device_library import folder as library_folder
 from dvtcli.files.device_library import stored_place
 from dvtcli.files.eds.write_dcf import Commissioned, write_dcf
 from dvtcli.files.eds.writer import eds_text
-from dvtcli.files.network import wiring
 from dvtcli.files.nodelist import ListedNode, Nodelist, nodelist_text
+from dvtcli.files.picture import wiring
 from dvtcli.files.picture.page import page
 from dvtcli.files.picture.wiring import graphviz
 from dvtcli.files.values.text_values import csv_text
