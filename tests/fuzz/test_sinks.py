@@ -25,10 +25,9 @@ from prompt_toolkit.document import Document
 from dvtcli.cli.conversation import Conversation
 from dvtcli.cli.name_completion import safe_items
 from dvtcli.cli.prompt.full_line import LineCompleter
-from dvtcli.cli.view import reports
 from dvtcli.cli.view.lines import Cell, painted
 from dvtcli.cli.view.output import Output
-from dvtcli.cli.view.reports import github_error_lines, junit_error_lines
+from dvtcli.cli.view.reports import github_error_lines, github_lines, junit_error_lines, sarif_lines
 from dvtcli.device.change.change_history import ChangeHistory
 from dvtcli.device.change.journal import JournalFolder
 from dvtcli.device.change.private_file import file_name
@@ -154,7 +153,7 @@ def annotations(text: str) -> None:
     error.complaints = (FileComplaint(text, 1, 1, text),)
     out = io.StringIO()
     output = Output(out, io.StringIO())
-    lines = [*map(str, reports(report, 0)), *map(str, github_error_lines(error))]
+    lines = [*map(str, github_lines(report, 0)), *map(str, github_error_lines(error))]
     for line in lines:
         output.result(Facts(text, (), (line,)))
     shown = out.getvalue().splitlines()
@@ -171,7 +170,7 @@ def sarif(text: str) -> None:
     text = text.encode("utf-8", "surrogatepass").decode("utf-8", "surrogateescape")
     wrong = FileFinding(1, "warning", "bad-line", text, text)
     report = FileReport(text, 1, 1, 1, (FileRule("bad-line", "warning", text, text),), (wrong,), strict=True)
-    lines = [str(line) for line in reports(report, 0)]
+    lines = [str(line) for line in sarif_lines(report, 0)]
     assert all(line.isascii() and line.isprintable() for line in lines)
     (run,) = json.loads("\n".join(lines))["runs"]
     assert run["results"][0]["message"]["text"] == text

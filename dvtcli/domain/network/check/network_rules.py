@@ -16,11 +16,9 @@ from dvtcli.domain.network.check import (
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetSpot
 
 CHECKS: list[RuleCheck[CheckedNetwork, NetSpot]] = [
-    *checks_of(
-        check_can_ids, check_layouts, check_timing, check_heartbeats, check_timing, check_nodes, check_received,
-    ),
+    *checks_of(check_can_ids, check_layouts, check_timing, check_heartbeats, check_nodes, check_received),
     *check_layouts.OF_EACH_PDO,
-]  # fmt: skip
+]
 #: Rules that compare a file's network with the nodes on a bus.
 AGAINST_FILE: tuple[LintRule, ...] = tuple(
     check.rule for check in checks_of(check_nodes) if check.rule.name != "nobody-starts"
