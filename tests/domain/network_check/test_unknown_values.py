@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from dvtcli.domain.network.check.check_timing import CHECKS_OF_BIT_RATE
+from dvtcli.domain.network.check.check_bus import CHECKS_OF_BIT_RATE
 from dvtcli.domain.network.check.network_rules import NETWORK_RULES, network_findings
 from tests.cli.commands.bench import Bench
 from tests.domain.network_check.planted import PLANTED, Planted

@@ -6,19 +6,22 @@ from collections.abc import Collection, Iterator
 
 from dvtcli.domain.lint import LintRule, RuleCheck, checks_of
 from dvtcli.domain.network.check import (
+    check_bus,
     check_can_ids,
     check_heartbeats,
     check_layouts,
     check_nodes,
     check_received,
-    check_timing,
+    check_sync,
 )
 from dvtcli.domain.network.check.checked_network import CheckedNetwork, NetSpot
 
 CHECKS: list[RuleCheck[CheckedNetwork, NetSpot]] = [
-    *checks_of(check_can_ids, check_layouts, check_timing, check_heartbeats, check_nodes, check_received),
+    *checks_of(
+        check_can_ids, check_layouts, check_sync, check_heartbeats, check_bus, check_nodes, check_received,
+    ),
     *check_layouts.OF_EACH_PDO,
-]
+]  # fmt: skip
 #: Rules that compare a file's network with the nodes on a bus.
 AGAINST_FILE: tuple[LintRule, ...] = tuple(
     check.rule for check in checks_of(check_nodes) if check.rule.name != "nobody-starts"
