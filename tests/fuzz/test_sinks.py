@@ -159,7 +159,7 @@ def annotations(text: str) -> None:
     shown = out.getvalue().splitlines()
     assert steers("".join(shown)) == ""
     assert len(shown) == len(lines)
-    ours = ("::warning file=", "::error file=", *(() if text else ("::error line=",)))  # of a file without a name
+    ours = ("::warning file=", "::error file=", *(() if text else ("::warning line=", "::error line=")))  # no file name
     for line in shown:
         is_command = line.startswith(ours)
         assert is_command or (not line.lstrip().startswith("::") and "##[" not in line)
