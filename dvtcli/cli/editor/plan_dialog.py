@@ -6,8 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from dvtcli.cli.screen.widgets import TextDialog
-from dvtcli.cli.view.lines import Cell, Line, broken, columns
-from dvtcli.cli.view.paint import with_hints
+from dvtcli.cli.view.lines import Cell, Line, broken, columns, with_hints
 from dvtcli.cli.view.renderers import remarks, text
 from dvtcli.domain.text import join_some
 from dvtcli.operations.pdos.edit_pdos import plan_edited

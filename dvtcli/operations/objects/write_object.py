@@ -25,7 +25,14 @@ from dvtcli.operations.results import Facts
 from dvtcli.operations.session.save_script import ask_before_overwriting, place_of
 from dvtcli.operations.session.whole_file import write_whole
 from dvtcli.operations.values.named_objects import object_at, refuse_whole
-from dvtcli.operations.values.object_values import how_to_write, object_type, scaling_of, scalings_of, typed_bytes, value_words
+from dvtcli.operations.values.object_values import (
+    how_to_write,
+    object_type,
+    scaling_of,
+    scalings_of,
+    typed_bytes,
+    value_words,
+)
 
 if TYPE_CHECKING:
     from dvtcli.device.node import Node
