@@ -308,7 +308,7 @@ _LOAD = """
 import sys
 from importlib.metadata import EntryPoint
 if not callable(EntryPoint("", sys.argv[1], "").load()):
-    raise TypeError("it is no function")
+    raise TypeError("it is not a function")
 """
 
 

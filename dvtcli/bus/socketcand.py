@@ -108,7 +108,7 @@ class SocketcandBus(can.BusABC):
             raise can.CanInitializationError(f"expected '< {answer} >', got '{received[:_QUOTED]}'")
 
     def _next_answer(self) -> str:
-        """The server's next message, or the beginning of what is no message. Raises TimeoutError after `ANSWER_S`."""
+        """Return the server's next message, or the beginning of other text. Raises TimeoutError after `ANSWER_S`."""
         end_s = monotonic() + ANSWER_S
         while ">" not in self._rest:
             begun = self._rest.lstrip(_BLANKS)
@@ -136,7 +136,7 @@ class SocketcandBus(can.BusABC):
         """The next message; None if none came within *timeout* (s; None: no limit).
 
         Raises ConnectionResetError if the server closed the connection, can.CanOperationError if the bus is closed or
-        the server sent what is no frame: after all frames that came before it or with it.
+        the server sent what is not a frame: after all frames that came before it or with it.
         """
         if not self._messages:
             end_s = inf if timeout is None else monotonic() + timeout
@@ -169,18 +169,18 @@ class SocketcandBus(can.BusABC):
             raise self._failure
 
     def _take(self, text: str) -> None:
-        """Take the frames in *text*; answers and unknown messages are ignored, what is no frame fails later reads."""
+        """Take the frames in *text*; answers and unknown messages are ignored, other text fails later reads."""
         *parts, self._rest = (self._rest + text).split(">")
         for part in parts:
             try:
                 message = self._message(part)
             except ValueError:
-                self._fail(f"the server sent what is no frame: {part.strip()[:_QUOTED]!r}")
+                self._fail(f"the server sent what is not a frame: {part.strip()[:_QUOTED]!r}")
                 continue
             if message is not None and (self._filters is None or self._matches_filters(message)):
                 self._messages.append(message)
         if len(self._rest) > _LONGEST:
-            self._fail(f"the server sent what is no message: {self._rest[:_QUOTED]!r}")
+            self._fail(f"the server sent what is not a message: {self._rest[:_QUOTED]!r}")
 
     def _fail(self, why: str) -> None:
         if self._failure is None:
@@ -189,7 +189,7 @@ class SocketcandBus(can.BusABC):
     def _message(self, part: str) -> can.Message | None:
         """The data frame or error frame in *part*, a message without its end; None for another message.
 
-        Raises ValueError for what is no frame.
+        Raises ValueError for what is not a frame.
         """
         text = part[part.rfind("<") + 1 :]
         if found := _FRAME.fullmatch(text):

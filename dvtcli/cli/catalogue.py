@@ -57,8 +57,7 @@ COMMANDS: dict[str, dict[str, str]] = {
         "store": 'Store the node\'s values, so that they survive a power cycle (0x1010 "save").',
         "restore": 'Restore the node\'s defaults (0x1011 "load").',
         "undo": "Undo the last change or all of this session's, or restore an automatic backup.",
-        "recover": "Finish an interrupted change: roll back to the old configuration in its journal, or close the "
-        "journal.",
+        "recover": "Roll back an interrupted change to the old configuration in its journal, or close the journal.",
         "download": "Update a device's firmware (program download, CiA 302-3) and check that it runs.",
     },
     "Whole devices": {

@@ -119,7 +119,7 @@ class Objects(Listed):
     """Several objects; a name with blanks typed without quotes is refused with the right notation."""
 
     def type_cast_value(self, ctx: click.Context, value: Any) -> Any:
-        """Return the words. Raises BadParameter if a word is no object, UsageError if no dictionary has its name."""
+        """Return the words. Raises BadParameter if a word names no object, UsageError if no dictionary has its name."""
         try:
             return super().type_cast_value(ctx, value)
         except (click.BadParameter, UsageError) as wrong:

@@ -258,7 +258,7 @@ class FrameFilterType(CanopenType):
     name = "frames"
 
     def parse(self, text: str, ctx: click.Context | None) -> str:
-        """Return the text itself. Raises ValueError if it is no filter."""
+        """Return the text itself. Raises ValueError if it is not a filter."""
         from dvtcli.domain.typed_frame import frame_filter
 
         frame_filter(text)

@@ -26,7 +26,7 @@ def unlike_before(before: Identity, now: Identity) -> str:
 def another_device(node_id: int, unlike: str) -> SafetyRefusal:
     """The error for continuing on another device, with the difference *unlike*."""
     return SafetyRefusal(
-        f"node {node_id} is another device than before the bus was gone",
+        f"node {node_id} is not the device that it was before the bus was lost",
         node=node_id,
         place="1018",
         why=unlike,

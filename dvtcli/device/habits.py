@@ -90,7 +90,7 @@ class Habits:
         except FileNotFoundError:
             return Counter()
         except (OSError, ValueError, RecursionError) as wrong:
-            self.report(f"{path} is damaged ({wrong}): the habits of this device are found again")
+            self.report(f"{path} is damaged ({wrong}): what dvtcli knew about this device is found out again")
             return Counter()
 
 

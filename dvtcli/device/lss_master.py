@@ -234,8 +234,8 @@ class LssMaster:
                 self._select(address)
         raise NoAnswer(
             "the answers to the fast scan do not fit together",
-            why=f"tried {_SCANS} times, at last with {1000 * wait_s / 2:.0f} ms for each question: answers are lost, "
-            "come too late, or come for no question",
+            why=f"tried {_SCANS} times, at last with {1000 * wait_s / 2:.0f} ms for each request: answers are lost, "
+            "arrive too late, or belong to no request",
             hint=Hint(Action.LSS_SCAN, {"wait": 200}) + Hint(Action.LSS_SELECT, why="else {} each node by its address"),
         )
 

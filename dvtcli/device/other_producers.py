@@ -310,7 +310,7 @@ def seen_producer_findings(
         if identifier in {(known_id.can_id, known_id.extended) for known_id in known}:
             continue
         if frames := received.frames_of(identifier):
-            received_words = f"{frames} frame{'s' if frames > 1 else ''} heard"
+            received_words = f"{frames} frame{'s' if frames > 1 else ''} received"
             text = f"CAN-ID {cob_id} is already on the bus, sent by an unknown node ({received_words})"
             hint = Hint(Action.CHECK_LIVE, why="asks every node") + Hint(
                 Action.SELECT_CAN_ID, why="switch that TPDO off, take another CAN-ID, or {}"

@@ -70,7 +70,7 @@ def taken_can_id_findings(node: ReadableNode, index: int, sub_index: int, data: 
 def raw_change(node: ReadableNode, step: Step) -> Change:
     """The effect of a write: a PDO change if possible, to be undone and verified like any other.
 
-    A parameter of unusual length is no PDO change: its effect on the device is unknown.
+    A parameter of unusual length is not a PDO change: its effect on the device is unknown.
     """
     pdo, value = Pdo.at(step.index), int.from_bytes(step.after, "little")
     if pdo is None or length_findings(step.index, step.sub_index, step.after):

@@ -97,7 +97,7 @@ def read_whole(
 
 
 def named_itself(entry: OdEntry) -> OdEntry:
-    """*entry* marked as named in a file with a value: reading it is no scan."""
+    """*entry* marked as named in a file with a value: reading it is not a scan."""
     return replace(entry, object_flags=entry.object_flags & ~_REFUSED_ON_SCAN)
 
 

@@ -33,7 +33,7 @@ def typed_frame(text: str) -> Frame:
         frame = _compact(words.strip()) or _spaced(_ASIDE.sub("", words.strip()))
         if frame is not None:
             return frame
-    raise ValueError(f"{_shortened(line) or 'nothing'!r} is no frame")
+    raise ValueError(f"{_shortened(line) or 'nothing'!r} is not a frame")
 
 
 def _shortened(line: str) -> str:

@@ -46,7 +46,7 @@ class Nodelist:
 def read_nodelist(data: bytes, source: str) -> tuple[Nodelist, ...]:
     """Return the networks of a nodelist; *source* is its name for messages.
 
-    Raises InputFileError if *data* is no nodelist.
+    Raises InputFileError if *data* is not a nodelist.
     """
     if len(data) > MOST_BYTES:
         raise InputFileError(
@@ -55,7 +55,7 @@ def read_nodelist(data: bytes, source: str) -> tuple[Nodelist, ...]:
     sections = [section for section in split_sections(data).sections if _is_topology(section)]
     if not sections:
         why = "a nodelist (CiA 306-3) has a section [Topology]"
-        raise InputFileError(f"{source} is no nodelist", place=f"{source}:1", why=why)
+        raise InputFileError(f"{source} is not a nodelist", place=f"{source}:1", why=why)
     return tuple(map(_network, sections))
 
 

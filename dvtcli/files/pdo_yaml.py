@@ -17,7 +17,7 @@ from dvtcli.errors import InputFileError
 if TYPE_CHECKING:
     from ruamel.yaml.nodes import MappingNode, Node, ScalarNode
 
-#: Maximum length; a longer text is no PDO.
+#: Maximum length; a longer text is not a PDO.
 MOST_CHARACTERS = 100_000
 _KEYS = (
     "pdo", "cob_id", "enabled", "rtr_allowed", "extended", "type", "inhibit_ms", "event_timer_ms", "sync_start",
@@ -196,7 +196,7 @@ def _number(node: Node, low: int, high: int, unit_ms: float) -> int:
     try:
         value = float(text) / unit_ms if unit_ms != 1 else float(parse_number(text))
     except ValueError as wrong:
-        raise wrong_at(line, f"{text[:40]!r} is no number") from wrong
+        raise wrong_at(line, f"{text[:40]!r} is not a number") from wrong
     if not low <= value <= high or abs(value - round(value)) > 1e-6:
         step = f" in steps of {unit_ms}" if unit_ms != 1 else ""
         raise wrong_at(line, f"{text} is not within {low}…{high * unit_ms:g}{step}")

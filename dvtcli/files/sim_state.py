@@ -42,7 +42,7 @@ def read_state(path: Path) -> Kept:
         values = dict(_value(place, data) for place, data in document["values"].items())
         return Kept(_node_id(document["node"]), values)
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as wrong:
-        raise _wrong(path, f"it is no {SCHEMA}: {wrong}") from wrong
+        raise _wrong(path, f"it is not {SCHEMA}: {wrong}") from wrong
 
 
 def _node_id(number: object) -> int:

@@ -67,7 +67,7 @@ def read_whole_device(path: Path) -> KeptDevice:
     data = read_input(path, _MOST_BYTES, "backup")
     lines = list(_documents(path, data))
     if not lines or lines[0][1].get("schema") != SCHEMA:
-        raise _wrong(path, 1, f"its first line is no {SCHEMA}")
+        raise _wrong(path, 1, f"its first line is not {SCHEMA}")
     head, objects = lines[0][1], _objects(path, lines[1:])
     if head.get("objects") != len(objects):
         why = f"it has {len(objects)} objects, and its first line says {head.get('objects')}: it may be truncated"

@@ -64,7 +64,7 @@ class Cable:
             each.close()
 
     def _loses(self, one: bytes) -> bool:
-        """Whether this frame is lost; what is no frame never is."""
+        """Whether this frame is lost; what is not a frame never is."""
         if not self.losing or not one.lstrip().startswith((b"< frame", b"< send")):
             return False
         lost = self._lots.random() < self.losing

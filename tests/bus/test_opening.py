@@ -200,7 +200,7 @@ def test_a_server_that_sends_what_is_no_frame_is_in_question_not_an_adapter(
     connections[-1].sendall(b"< frame xyz 1 00 >")
     with pytest.raises(BusUnavailable, match="failed") as caught:
         list(bus.receive(60))
-    assert "what is no frame" in str(caught.value.why)
+    assert "what is not a frame" in str(caught.value.why)
     assert typed(caught.value.hint) == "is the server still running?"
     bus.close()
 

@@ -111,7 +111,7 @@ def test_a_frame_after_rubbish_is_read_or_the_bus_fails(pieces: list[str]) -> No
             while found[-1].can_id != 0x123:
                 found += read(bus, 1)
         except can.CanOperationError as error:
-            assert "what is no frame" in str(error)  # noqa: PT017 - either way is right
+            assert "what is not a frame" in str(error)  # noqa: PT017 - either way is right
         else:
             assert found[-1] == Frame(0x123, b"\n", timestamp_s=1.5)
 
@@ -190,7 +190,7 @@ def test_what_is_no_frame_is_an_error(text: str) -> None:
     with opened() as (bus, server):
         server.sendall(f"< frame {text} >".encode())
         for _ in range(2):
-            with pytest.raises(can.CanOperationError, match="what is no frame"):
+            with pytest.raises(can.CanOperationError, match="what is not a frame"):
                 bus.recv(10)
         assert bus.may_have_messages()
 
@@ -207,14 +207,14 @@ def test_frames_beside_what_is_no_frame_are_read_before_the_error(
         if not with_the_answer:
             server.sendall(b"".join(frames))
         assert read(bus, len(before + after)) == before + after
-        with pytest.raises(can.CanOperationError, match="what is no frame"):
+        with pytest.raises(can.CanOperationError, match="what is not a frame"):
             bus.recv(10)
 
 
 def test_an_endless_message_is_an_error() -> None:
     with opened() as (bus, server):
         server.sendall(b"x" * 2000)
-        with pytest.raises(can.CanOperationError, match="what is no message"):
+        with pytest.raises(can.CanOperationError, match="what is not a message"):
             bus.recv(10)
 
 

@@ -154,7 +154,7 @@ def test_a_file_is_opened_for_its_owner_alone_and_never_elsewhere(tmp_path: Path
     for name, reason in (
         ("link", "it is a symbolic link"),
         ("second", "it is another file's second name (a hard link)"),
-        ("pipe", "it is no regular file"),
+        ("pipe", "it is not a regular file"),
     ):
         with pytest.raises(SafetyRefusal) as caught:
             open_private(tmp_path / name, os.O_RDONLY)

@@ -21,7 +21,7 @@ from dvtcli.files.recordings.recording_format import RecordedFrame
 
 _OBJECT, _CLOCK, _DATA = struct.Struct("<4sHHLL"), struct.Struct("<LHHQ"), struct.Struct("<HBBL8s")
 _CLOCK_2 = struct.Struct("<LBxHQ8x")
-#: data frames, in 10 µs and in ns; another kind of object, which is no frame
+#: data frames, in 10 µs and in ns; another kind of object, which is not a frame
 _KINDS, _STATISTIC = (1, 86), 4
 
 

@@ -88,7 +88,7 @@ def test_a_line_that_is_no_frame_is_named(suffix: str, text: str, good: dict[str
         count, error = read(tmp_path / f"bad{suffix}", b"".join(bent))
         assert error is not None, number
         assert (count, error.place) == (at.index(number), f"{tmp_path / f'bad{suffix}'}:{number + 1}")
-        assert error.why == f"this line is no frame: {text}"
+        assert error.why == f"this line is not a frame: {text}"
 
 
 @pytest.mark.parametrize("suffix", TEXT)
@@ -143,7 +143,7 @@ def test_a_damaged_recording_is_no_twins(good: dict[str, bytes], tmp_path: Path)
     with Bench(("generic@5",)) as bench:
         for line in ("replay {} --dry-run --yes", "decode {}"):
             ran = bench.run(line.format(file))
-            assert (ran.code, "this line is no frame: (1.5) can0 181#ZZ" in ran.stderr) == (4, True), ran
+            assert (ran.code, "this line is not a frame: (1.5) can0 181#ZZ" in ran.stderr) == (4, True), ran
             assert "twin" not in ran.stderr
         ran = bench.run("send 181#0102030405060708ZZ --dry-run")
         assert (ran.code, "twin" in ran.stderr) == (2, False)
@@ -233,4 +233,4 @@ def test_bytes_that_are_no_text_are_not_printed(tmp_path: Path) -> None:
     path.write_bytes(bytes(range(128, 256)) * 4 + b"\n")
     with pytest.raises(InputFileError) as raised:
         list(read_recorded(path))
-    assert raised.value.why == "this line is no frame, nor text"
+    assert raised.value.why == "this line is not a frame, nor text"

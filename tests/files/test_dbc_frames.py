@@ -75,7 +75,7 @@ def test_what_lies_in_a_frame_and_is_chosen_in_it_is_read(nested: Decoder, data:
         # a float of 24 bits: no such number, and its neighbour is one
         (' SG_ F : 0|24@1- (1,0) [0|0] "" A\n SG_ B : 24|8@1+ (1,0) [0|0] "" A\n', "SIG_VALTYPE_ 400 F : 1;\n",
          "0000000700000000", {"B": 7}),
-        # a multiplexor that is no number, and one that is infinite
+        # a multiplexor that is not a number, and one that is infinite
         (' SG_ F M : 0|32@1- (1,0) [0|0] "" A\n SG_ B m1 : 32|8@1+ (1,0) [0|0] "" A\n'
          ' SG_ C : 40|8@1+ (1,0) [0|0] "" A\n', "SIG_VALTYPE_ 400 F : 1;\n", "0000C07F01090000", {"C": 9}),
         (' SG_ F M : 0|32@1- (1,0) [0|0] "" A\n SG_ B m1 : 32|8@1+ (1,0) [0|0] "" A\n'

@@ -206,7 +206,7 @@ def test_a_byte_order_mark_changes_nothing(form: str, encoding: str, tmp_path: P
     marked.write_text(f"{text}(oops) can0 \u010a\n{text if form == 'candump -L' else ''}", encoding)
     with pytest.raises(InputFileError, match=f"damaged after {len(TRAFFIC)} frames") as failed:
         list(read_recording(marked))
-    assert "this line is no frame: (oops) can0" in failed.value.why
+    assert "this line is not a frame: (oops) can0" in failed.value.why
     if form == "candump -L":
         assert "the rest of it can be read" in typed(failed.value.hint)
 

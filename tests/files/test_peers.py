@@ -155,7 +155,7 @@ LOST = {
 def test_only_an_eds_or_dcf_is_plain(words: tuple[str, str], tmp_path: Path) -> None:
     (tmp_path / "net.yaml").write_text("nodes: {a: {node_id: 5, dcf: gen4}}\n")
     done = run(("eds", "convert", *words, "--plain"), cwd=tmp_path)
-    assert (done.returncode, f"{words[1]} is no EDS or DCF; only these can be plain" in done.stderr) == (2, True)
+    assert (done.returncode, f"{words[1]} is not an EDS or DCF; only these can be plain" in done.stderr) == (2, True)
     assert not (tmp_path / words[1]).exists()
 
 

@@ -187,7 +187,7 @@ def test_what_no_dictionary_holds_is_named_with_its_number_and_line(tmp_path: Pa
         "2 lines of comment, the first in line 1", "line 11: section [Odd] is not understood",
         "key Special, 1 time, the first in line 4", "key StorageLocation, 1 time, the first in line 9",
     ]  # fmt: skip
-    assert any(one.startswith("line 10: DefaultValue=300 is no UNSIGNED8") for one in of_eds)
+    assert any(one.startswith("line 10: DefaultValue=300 is not a valid UNSIGNED8") for one in of_eds)
     assert "element version, 1 time, the first in line 5" in of_xdd
     assert any("PDOmapping=perhaps" in one for one in of_xdd)
 

@@ -36,8 +36,8 @@ HEAD = (
 @pytest.mark.parametrize(
     ("text", "place", "why"),
     [
-        ("", "1", "its first line is no dvtcli.whole-device/1"),
-        ('{"schema": "dvtcli.pdo/1"}', "1", "its first line is no dvtcli.whole-device/1"),
+        ("", "1", "its first line is not dvtcli.whole-device/1"),
+        ('{"schema": "dvtcli.pdo/1"}', "1", "its first line is not dvtcli.whole-device/1"),
         ("[FileInfo]", "1:2", "not JSON: Expecting value"),
         (HEAD, "1", "it has 0 objects, and its first line says 1: it may be truncated"),
         (HEAD + '\n{"object": "1017", "raw": "00"}', "2", 'no "object"'),

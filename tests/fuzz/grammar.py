@@ -477,7 +477,7 @@ def dbc(random: Random) -> bytes:
 
 @cache
 def _binary_recordings() -> Mapping[str, bytes]:
-    """A short recording of each format that is no text."""
+    """A short recording of each format that is not text."""
     found = {}
     frames = [Frame(0x181 + n, bytes(range(n)), timestamp_s=1.7e9 + n / 8) for n in range(6)]
     with TemporaryDirectory() as folder:

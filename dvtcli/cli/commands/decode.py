@@ -64,7 +64,7 @@ def command(
     from dvtcli.operations.frames.recorded import standard_input
 
     if output is None and any(parquet.values()):
-        raise UsageError("--layout and --source are of a .parquet file", hint="give the file with -o")
+        raise UsageError("--layout and --source need a .parquet file", hint="give the file with -o")
     text = (wanted or "").lower()
     options = ValuesOptions(parquet["layout"], parquet["source"], only=only or frozenset())
     with standard_input(file) as path:

@@ -66,11 +66,11 @@ def command(
     log run.parquet --decode -a --rotate 10min
     """
     if decode and size:
-        raise UsageError("-s is of recorded frames", hint="with --decode: --rotate 100MB")
+        raise UsageError("-s is for recorded frames", hint="with --decode: --rotate 100MB")
     rotate, layout, source, only = (values.pop(name) for name in ("rotate", "layout", "source", "only"))
     if not decode and (layout or source or rotate or only):
         raise UsageError(
-            "--layout, --only, --rotate and --source are of values",
+            "--layout, --only, --rotate and --source are for values",
             hint="with --decode; frames: -s BYTES, --filter ID:MASK",
         )
     path, (masks, text) = Path(file), _masks_and_text(filters, decode=decode)

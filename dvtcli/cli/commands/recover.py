@@ -1,4 +1,4 @@
-"""Finish an interrupted change: roll back to the old configuration in its journal, or close the journal."""
+"""Roll back an interrupted change to the old configuration in its journal, or close the journal."""
 
 from __future__ import annotations
 

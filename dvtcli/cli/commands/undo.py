@@ -37,7 +37,7 @@ class All(click.Choice[str]):
 )  # fmt: skip
 @click.pass_context
 def command(ctx: click.Context, /, word: str | None, everything: bool, backup: str | None) -> Changed | ChangedNodes:
-    """Take the last change back, on whichever node it was; on a real bus also a change of an earlier process.
+    """Revert the last change, on any node; on a real bus also a change of an earlier process.
 
     \b
     undo

@@ -16,7 +16,7 @@ MOST_CHARACTERS = 1_000_000
 
 
 class WireError(Exception):
-    """The received data is no frame allowed now."""
+    """The received data is not a frame allowed now."""
 
 
 class Gone(Exception):

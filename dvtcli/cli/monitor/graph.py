@@ -136,7 +136,7 @@ SUFFIXES = (".png", ".svg", ".pdf")
 
 
 def check_chart(path: Path) -> None:
-    """Raise UsageError if *path* is no picture format, or matplotlib is missing."""
+    """Raise UsageError if *path* is not a picture format, or matplotlib is missing."""
     if path.suffix.lower() not in SUFFIXES:
         raise UsageError(f"{path}: pictures are {' '.join(SUFFIXES)}")
     extra("matplotlib", "plot", "drawing a picture")

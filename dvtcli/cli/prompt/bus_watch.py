@@ -235,7 +235,7 @@ class Life:
         if self._load is not None:
             self._load.add(frame, now_s)
         self.frames.take(frame, now_s)
-        if not sent or frame.can_id & ~0x7F != HEARTBEAT:  # one that we send is no node's
+        if not sent or frame.can_id & ~0x7F != HEARTBEAT:  # one that we send is not a node's
             self._heartbeats.take(frame, now_s)
 
     def _on_event(self, event: NodeEvent) -> None:

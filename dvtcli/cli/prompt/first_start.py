@@ -130,4 +130,4 @@ def _keep(session: Conversation, choice: Choice) -> None:
         return
     if project is None or project.trusted:
         trust_settings(str(path))  # all of it is the user's own choice
-    session.output.note(f"{path} chooses it from now on; -i, -c or --sim on the command line win over it")
+    session.output.note(f"{path} chooses it from now on; -i, -c or --sim on the command line override it")

@@ -197,7 +197,7 @@ class Question:
         return True
 
     def click(self, row: int) -> bool:  # noqa: ARG002 - as every dialog
-        """Do nothing: a click is no answer."""
+        """Do nothing: a click is not an answer."""
         return False
 
     def lines(self, width: int, height: int) -> list[list[Cell]]:

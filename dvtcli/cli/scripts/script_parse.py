@@ -52,7 +52,7 @@ def script_lines(data: bytes, source: str, first_line: int = 1) -> list[ScriptLi
 def read_lines(data: bytes, source: str, first_line: int = 1) -> list[ScriptLine]:
     """Return the commands in *data* as `script_lines`; a line that has no words has its *fault*.
 
-    Raises InputFileError with FILE:LINE if *data* is no text or too long.
+    Raises InputFileError with FILE:LINE if *data* is not text or too long.
     """
     text = script_text(data, source)
     if source.lower().endswith(".309"):
@@ -98,9 +98,9 @@ def _gateway_lines(text: str, source: str) -> list[ScriptLine]:
 
 
 def script_text(data: bytes, source: str) -> str:
-    """Decode a script. Raises InputFileError with FILE:LINE if it is no text."""
+    """Decode a script. Raises InputFileError with FILE:LINE if it is not text."""
     if len(data) > MOST_BYTES:
-        raise InputFileError(f"{source}: {len(data)} bytes are too long for a script", place=source)
+        raise InputFileError(f"{source}: {len(data)} bytes are too many for a script", place=source)
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as wrong:

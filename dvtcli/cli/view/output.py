@@ -71,7 +71,7 @@ class Output:
 
     @property
     def width(self) -> int:
-        """Columns of the terminal, at most 100; 100 if stdout is no terminal."""
+        """Columns of the terminal, at most 100; 100 if stdout is not a terminal."""
         from dvtcli.cli.view.lines import MAX_WIDTH
 
         return min(MAX_WIDTH, _columns(self.stdout) or MAX_WIDTH)
@@ -384,7 +384,7 @@ def _encoder(default: Callable[[Any], Any]) -> Callable[[Any], str]:
 
 
 def _columns(stream: TextIO) -> int:
-    """Return the terminal's width, 80 if unknown; 0 if *stream* is no terminal."""
+    """Return the terminal's width, 80 if unknown; 0 if *stream* is not a terminal."""
     if not stream.isatty():
         return 0
     return os.get_terminal_size(stream.fileno()).columns or 80

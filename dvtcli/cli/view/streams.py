@@ -79,7 +79,7 @@ LONGEST_TYPED = 4000
 
 
 def typed_ahead(stream: TextIO) -> str:
-    """Take the unread input of the terminal *stream*, without waiting for more; empty if it is no terminal."""
+    """Take the unread input of the terminal *stream*, without waiting for more; empty if it is not a terminal."""
     return _read_pending(stream) if stream.isatty() else ""
 
 

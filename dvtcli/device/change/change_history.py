@@ -96,7 +96,7 @@ def recorded_changes(document: Any) -> Iterator[ChangeHistoryEntry]:
         selected = None if change.get("selected") is None else read_number(change, "selected", 127, least=1)
         stored, maybe_stored = change.get("stored", []), change.get("maybe_stored", [])
         if not isinstance(stored, list) or not isinstance(maybe_stored, list):
-            raise ValueError("stored is no list")
+            raise ValueError("stored is not a list")
         yield ChangeHistoryEntry(
             id=str(change.get("id")),
             when=str(change.get("when")),

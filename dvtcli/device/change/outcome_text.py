@@ -102,7 +102,7 @@ def _report_unreadable(fault: DvtcliError, rolled_back: RolledBack) -> None:
         fault.hint = fault.hint or Hint(
             Action.RESET_NODE,
             {"node": rolled_back.plan.node_id},
-            "restores its stored values; or write it again, whole, when the device takes it",
+            "restores its stored values; or write the whole object again when the device accepts it",
         )
     fault.state_text = _refused_unreadable(rolled_back.begun, unknown, is_known=fault.state == "rolled_back")
 

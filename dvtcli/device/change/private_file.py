@@ -274,7 +274,7 @@ def open_private(path: str | os.PathLike[str], flags: int) -> int:
 
 def _not_ours(status: os.stat_result) -> str | None:
     if not stat.S_ISREG(status.st_mode):
-        return "it is no regular file"
+        return "it is not a regular file"
     if not _is_ours(status):
         return f"it belongs to {_user(status.st_uid)}"
     return "it is another file's second name (a hard link)" if status.st_nlink > 1 else None

@@ -160,7 +160,7 @@ def _roll_back_in_another_way(sdo: SdoTransport, change: PdoChange, refused: Sdo
 
 
 def _download_unless_held(sdo: SdoTransport, step: Step) -> None:
-    """Write *step*; a refused write of the present value is no error: a count may be writable, but not its entries."""
+    """Write *step*; a refused write of the present value is accepted: a count may be writable, but not its entries."""
     try:
         sdo.download(step.index, step.sub_index, step.after)
     except SdoAborted:

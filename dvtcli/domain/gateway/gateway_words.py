@@ -174,7 +174,7 @@ def number_of(word: str, least: int, most: int, what: str) -> int:
     try:
         number = parse_number(word)
     except ValueError:
-        raise wrong(f"{what} {word[:20]!r} is no number") from None
+        raise wrong(f"{what} {word[:20]!r} is not a number") from None
     if not least <= number <= most:
         raise wrong(f"{what} {number} is not {least} to {most}")
     return number
@@ -276,7 +276,7 @@ def _from_base64(word: str) -> bytes:
 
 def _real(kind: DataType, word: str) -> bytes:
     if not _REAL.fullmatch(word):
-        raise wrong(f"{word[:20]!r} is no number")
+        raise wrong(f"{word[:20]!r} is not a number")
     try:
         data = kind.encode(float(word))
     except ValueError as refused:

@@ -164,7 +164,7 @@ def cob_id_findings(proposal: Proposal) -> Iterator[Finding]:
 def _flag_findings(proposal: Proposal, place: str) -> Iterator[Finding]:
     want, profile = proposal.want.communication.cob_id, proposal.profile
     if want.extended and not profile.extended_ids:
-        yield error("extended-id", place, f"a {profile.title} takes 11-bit CAN-IDs only", Abort.VALUE_RANGE)
+        yield error("extended-id", place, f"a {profile.title} accepts 11-bit CAN-IDs only", Abort.VALUE_RANGE)
     policy = profile.rtr_bit[proposal.pdo.direction]
     if policy is BitPolicy.SET and want.rtr_allowed:
         yield error(

@@ -124,7 +124,7 @@ def read_value(
     try:
         encoded = encode_value(data_type, given.value)
     except ValueError as error:
-        text = f"{quoted(given)} is no {data_type.name}: {error}"
+        text = f"{quoted(given)} is not a valid {data_type.name}: {error}"
         findings.add(BAD_VALUE, given.line, text if is_wanted else f"{text}; ignored", value_lost=is_wanted)
         return None
     if encoded.remark:
@@ -267,7 +267,7 @@ def _limit(given: IniValue | None, data_type: DataType | None, findings: Finding
     try:
         limit = read_limit(data_type, given.value)
     except ValueError as error:
-        findings.add(LIMIT_TYPE, given.line, f"{quoted(given)} is no {data_type.name}: {error}; ignored")
+        findings.add(LIMIT_TYPE, given.line, f"{quoted(given)} is not a valid {data_type.name}: {error}; ignored")
         return None, False
     if data_type.kind is not Kind.REAL and (remark := leading_zero_in(given.value)):
         findings.add(LEADING_ZERO if octal_in(given.value) else ODD_VALUE, given.line, f"{given.key}: {remark}")

@@ -72,7 +72,7 @@ DUPLICATE_SECTION = LintRule("duplicate-section", WARNING,
 NOT_UNDERSTOOD = LintRule("section-not-understood", NOTE, "a section is not the standard's, or its object is not there",
                           "CiA 306")  # fmt: skip
 # Values.
-BAD_NUMBER = LintRule("bad-number", WARNING, "a key's value is no number, or outside what the key may have", _LINES)
+BAD_NUMBER = LintRule("bad-number", WARNING, "a key's value is not a number, or outside what the key may have", _LINES)
 LEADING_ZERO = LintRule("leading-zero", WARNING, "a leading 0 makes a number octal: readers differ", _LINES)
 EMPTY_VALUE = LintRule("empty-value", NOTE, "a key is there without a value", _OBJECTS)
 BAD_VALUE = LintRule("bad-value", ERROR, "DefaultValue or ParameterValue does not fit the object's data type", _OBJECTS)
@@ -87,7 +87,7 @@ LIMITS_WRAPPED = LintRule(
     "HighLimit is beyond the object's data type, where it stands for a negative number: below LowLimit",
     _OBJECTS,
 )
-LIMIT_WITHOUT_SENSE = LintRule("limit-without-sense", NOTE, "a limit of a value that is no number", _OBJECTS)
+LIMIT_WITHOUT_SENSE = LintRule("limit-without-sense", NOTE, "a limit of a value that is not a number", _OBJECTS)
 # Objects.
 NO_NAME = LintRule("no-name", WARNING, "no ParameterName", _OBJECTS)
 NO_DATA_TYPE = LintRule("no-data-type", WARNING, "no DataType: the length is not known", _OBJECTS)

@@ -205,7 +205,7 @@ class EditedText:
         return self._lines[number - 1]
 
     def set_value(self, number: int, value: str, *, is_text: bool = False) -> None:
-        """Let the key in line *number* have *value*; blanks stay, and a comment behind what is no text."""
+        """Let the key in line *number* have *value*; blanks stay, and a comment behind what is not text."""
         left, _, rest = self._lines[number - 1].partition("=")
         at = -1 if is_text else rest.find(";")
         body, comment = (rest, "") if at < 0 else (rest[:at], rest[at:])

@@ -51,7 +51,7 @@ def file_version(text: LintedText) -> Found:
             yield value.line, f"{quoted(value)} is not within 0..255"
 
 
-@check("eds-version", NOTE, "EDSVersion is no version of the standard (3.0, 4.0)", _SOURCE)
+@check("eds-version", NOTE, "EDSVersion is not a version of the standard (3.0, 4.0)", _SOURCE)
 def eds_version(text: LintedText) -> Found:
     """An absent EDSVersion means 3.0."""
     value = given(text.values("fileinfo"), "edsversion")
@@ -252,7 +252,7 @@ def list_numbering(text: LintedText) -> Found:
                 break
 
 
-@check("compact-record", NOTE, "CompactSubObj of an object that is no ARRAY", _COMPACT)
+@check("compact-record", NOTE, "CompactSubObj of an object that is not an ARRAY", _COMPACT)
 def compact_record(text: LintedText) -> Found:
     """CompactSubObj makes all sub-indices equal, unlike in a RECORD."""
     for entry in text.objects:

@@ -361,7 +361,7 @@ class EdsFile:
 def read_eds(path: Path, modules: Sequence[int] | None = None) -> EdsFile:
     """Read the EDS or DCF file at *path*; of a modular device with *modules* connected (None: as the file says).
 
-    Raises InputFileError if the file is no EDS or DCF, OSError if it cannot be read.
+    Raises InputFileError if the file is not an EDS or DCF, OSError if it cannot be read.
     """
     return parse_eds(read_input_head(path, MOST_BYTES + 1), path.name, modules)
 

@@ -94,7 +94,7 @@ def _write_list(
 
 
 def _index(value: str) -> int | None:
-    """Return the index in a row of a list, None if the row is no number."""
+    """Return the index in a row of a list, None if the row is not a number."""
     try:
         return read_number(without_comment(value))
     except ValueError:
@@ -224,7 +224,7 @@ def write_dcf(data: bytes, source: str, values: Mapping[Place, bytes], device: C
     """Return the EDS or DCF *data* (named *source*) with a ParameterValue for each of *values*.
 
     *values* go by index and sub-index. An existing ParameterValue keeps its text if the value is equal, and is removed
-    if *values* have none. Raises InputFileError if *data* is no EDS or DCF, or no value can be written.
+    if *values* have none. Raises InputFileError if *data* is not an EDS or DCF, or no value can be written.
     """
     eds = parse_eds(data, source)
     writer = DcfWriter(eds, EditedText(data), values, device.node_id)

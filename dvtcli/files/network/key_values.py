@@ -302,7 +302,7 @@ def number_key(leaf: Leaf, low: int, high: int, what: str, log: FileLog) -> int 
     number = as_number(leaf, log) if leaf.kind == "int" or leaf.text.isdecimal() else None
     if number is not None and low <= number <= high:
         return number
-    log.complain(leaf.mark, f"{leaf.text[:40]!r} is no {what}: {low}…{high}")
+    log.complain(leaf.mark, f"{leaf.text[:40]!r} is not a {what}: {low}…{high}")
     return None
 
 

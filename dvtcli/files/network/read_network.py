@@ -221,7 +221,7 @@ def _take(leaf: Leaf, value: Tree, nodes: Named, log: FileLog) -> None:
     elif leaf.text.isdecimal():
         log.complain(leaf.mark, f"{leaf.text[:40]!r} is not a name: give the node a name and node_id: {leaf.text[:40]}")
     elif not leaf.text.strip() or ":" in leaf.text:
-        log.complain(leaf.mark, f"{leaf.text[:40]!r} is no name: a node is called by a word without a colon")
+        log.complain(leaf.mark, f"{leaf.text[:40]!r} is not a name: a node is called by a word without a colon")
     elif leaf.text in nodes:
         log.complain(leaf.mark, f"node {leaf.text[:40]} occurs twice (first at line {nodes[leaf.text][0].mark.line})")
     else:

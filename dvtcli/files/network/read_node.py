@@ -169,7 +169,7 @@ def read_node(name: str, branch: Branch, around: Surroundings, log: FileLog) -> 
         return None
     profile: FileWord | None = found.get("profile")
     if "dcf" in found and "eds" in found:
-        log.note(key_mark(branch, "eds"), "eds is ignored: dcf is what describes the node")
+        log.note(key_mark(branch, "eds"), "eds is ignored: dcf describes the node")
     return NodeConfig(
         name=name, node_id=found["node_id"], identity=identity, profile=None if profile is None else profile.text,
         dcf=found.get("dcf", found.get("eds")),

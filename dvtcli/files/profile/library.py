@@ -145,7 +145,7 @@ def profile_path(name: str) -> Path:
 
 
 def profile_text(name: str) -> str:
-    """Return the text of profile *name*. Raises InputFileError if it is no text of a sensible size."""
+    """Return the text of profile *name*. Raises InputFileError if it is not text of a sensible size."""
     return _text(profile_path(name))
 
 

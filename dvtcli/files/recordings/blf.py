@@ -88,7 +88,7 @@ class _Reader(can.BLFReader):
         return super()._parse_container(data)
 
     def _parse_data(self, data: bytes) -> Iterator[Any]:
-        """Iterate over the frames in *data*; python-can reads from the first object on that is no usual data frame."""
+        """Iterate over the frames in *data*; python-can reads from the first unusual object on."""
         unpack, start_s, size = _FRAME.unpack_from, self.start_timestamp, len(data)
         pos, last = 0, size - _FRAME.size
         while pos <= last:

@@ -132,7 +132,7 @@ def _require_content(path: Path) -> None:
 
 
 def other_format(path: Path) -> str:
-    """What *path* is by its content if it is no recording: `an XML file`; empty if nothing is recognised."""
+    """What *path* is by its content if it is not a recording: `an XML file`; empty if nothing is recognised."""
     found = _by_content(_head(path))
     return found if isinstance(found, str) else ""
 

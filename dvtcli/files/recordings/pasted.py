@@ -106,14 +106,14 @@ class PastedFormat(RecordingFormat):
                 self.take_aside(text, times)
 
     def is_aside(self, text: str, _channels: Collection[str]) -> bool:
-        """Whether *text*, behind frames of *channels*, is no frame, nor a damaged one."""
+        """Whether *text*, behind frames of *channels*, is not a frame, nor a damaged one."""
         return self.aside.fullmatch(text) is not None
 
     def take_aside(self, text: str, times: Times) -> None:
         """Take what a line without a frame says about times."""
 
     def frame(self, found: re.Match[str], times: Times) -> RecordedFrame | None:
-        """The frame of a line, None for an event that is no frame."""
+        """The frame of a line, None for an event that is not a frame."""
         raise NotImplementedError
 
 
@@ -164,7 +164,7 @@ class CandumpScreen(PastedFormat):
         return super().is_in(lines[1:] if lines and " candump " in lines[0] else lines)
 
     def is_aside(self, text: str, channels: Collection[str]) -> bool:
-        """Whether *text* is no frame: words without a length, that do not begin as a line of *channels*."""
+        """Whether *text* is not a frame: words without a length, that do not begin as a line of *channels*."""
         first, *more = text.split() or [""]
         begins = first in channels or (first and not more and any(channel.startswith(first) for channel in channels))
         return not begins and super().is_aside(text, channels)

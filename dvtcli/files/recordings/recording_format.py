@@ -99,7 +99,7 @@ _LONGEST = 60
 
 
 class NoFrameError(ValueError):
-    """The data is no possible frame."""
+    """The data is not a possible frame."""
 
 
 class LostLineError(NoFrameError):
@@ -111,12 +111,12 @@ class LostLineError(NoFrameError):
 
 
 def no_frame(text: str) -> str:
-    """Return the message that a line of a recording is no frame, with the line."""
+    """Return the message that a line of a recording is not a frame, with the line."""
     shown = text.strip()[:_LONGEST]
     unprintable = sum(not character.isprintable() or character == "\N{REPLACEMENT CHARACTER}" for character in shown)
     if unprintable * 4 > len(shown):
-        return "this line is no frame, nor text"
-    return f"this line is no frame: {safe(shown)}"
+        return "this line is not a frame, nor text"
+    return f"this line is not a frame: {safe(shown)}"
 
 
 #: maximum length of a line (characters), against files without line ends

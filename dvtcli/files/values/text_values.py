@@ -135,7 +135,7 @@ def _csv_rows(
 
 def _checked(path: Path, number: int, row: list[str]) -> list[str]:
     if any("\0" in cell for cell in row):
-        raise InputFileError(f"{path.name} is no text", place=f"{path}:{number}")
+        raise InputFileError(f"{path.name} is not text", place=f"{path}:{number}")
     return row
 
 

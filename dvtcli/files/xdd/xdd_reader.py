@@ -99,7 +99,7 @@ def number_of(element: XmlElement, attribute: str, highest: int, findings: Findi
         number = -1
     if 0 <= number <= highest:
         return number
-    findings.add(NO_INDEX, element.line, f"{attribute}={text[:20]!r} is no number of an object; left out")
+    findings.add(NO_INDEX, element.line, f"{attribute}={text[:20]!r} is not a number of an object; left out")
     return None
 
 
@@ -241,7 +241,7 @@ def _object_type(element: XmlElement, *, has_subs: bool, findings: Findings) -> 
     likely = ObjectType.RECORD if has_subs else ObjectType.VAR
     given = int(text) if text.isascii() and text.isdecimal() and len(text) < 4 else None
     if given is None:
-        findings.add(OBJECT_TYPE, element.line, f"objectType={text[:20]!r} is no number: taken as {likely.name}")
+        findings.add(OBJECT_TYPE, element.line, f"objectType={text[:20]!r} is not a number: taken as {likely.name}")
         return likely
     if has_subs and given in _OF_ONE_ENTRY:
         text = f"objectType={given} has no sub-indices, yet the file lists some"
@@ -512,7 +512,7 @@ def _commissioning(placed: XmlElement, serial_number: int | None, findings: Find
     text = placed.attributes.get("actualBaudRate", "")
     rate = _RATE.match(text)
     if text.strip() and rate is None:
-        findings.add(COMMISSIONING, placed.line, f"actualBaudRate={text[:40]!r} is no bit rate; ignored")
+        findings.add(COMMISSIONING, placed.line, f"actualBaudRate={text[:40]!r} is not a bit rate; ignored")
     return Commissioning(
         placed.attributes.get("nodeName", "").strip(),
         None if rate is None else int(rate[1]),

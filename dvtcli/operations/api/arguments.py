@@ -126,7 +126,7 @@ def bytes_of(kind: DataType, meaning: Scaling, value: Value, object_: str) -> by
     if isinstance(value, bytes):
         return value
     if isinstance(value, bool) and kind.kind is not Kind.BOOLEAN:
-        raise wrong("value", value, f"0x{object_} is no BOOLEAN but {kind.short}: a value of that, text or bytes")
+        raise wrong("value", value, f"0x{object_} is not a BOOLEAN but {kind.short}: a value of that, text or bytes")
     try:
         return typed_bytes(kind, meaning, value) if isinstance(value, str) else kind.encode(value)
     except ValueError as failed:

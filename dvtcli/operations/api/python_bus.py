@@ -334,7 +334,7 @@ def _choose(chosen: dict[int, Any], node_id: int, what: Any, *, met: bool) -> No
     if met and before != what:
         raise UsageError(f"node {node_id} was used before: give eds and profile at its first use")
     if before not in (None, what):
-        raise UsageError(f"node {node_id} already has another: {before}, not {what}")
+        raise UsageError(f"node {node_id} already uses {before}, not {what}")
     chosen[node_id] = what
 
 

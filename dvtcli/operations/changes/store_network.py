@@ -257,7 +257,7 @@ def not_all_stored(stores: Stores, journals: Sequence[Path], unstamped: Sequence
         node=first,
         place=fault.place if isinstance(fault, DvtcliError) else None,
         why="; ".join(str(exception) or "interrupted" for exception in stores.failed.values()),
-        hint=Hint(Action.FINISH_STORES, why="asks the nodes that have not stored again").after(
+        hint=Hint(Action.FINISH_STORES, why="lets the remaining nodes store").after(
             brought_back_first(fault.hint if isinstance(fault, DvtcliError) else None)
         )
         + _ALL_BACK,

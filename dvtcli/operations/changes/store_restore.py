@@ -154,7 +154,10 @@ def _refuse_lost(node: Node, answer: StoreAnswer) -> None:
             f"node {node.node_id} does not have the values to be stored: {lost[0]}",
             node=node.node_id,
             why="; ".join(
-                [f"0x{answer.place} acknowledged the store, and it restarted, unheard, or alters it", *lost[1:]]
+                [
+                    f"0x{answer.place} acknowledged the store; it restarted silently, or alters the value",
+                    *lost[1:],
+                ]
             ),
             hint=Hint(Action.VERIFY, why="{}, set the differences again, then store again"),
             state="unknown",

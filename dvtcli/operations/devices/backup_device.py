@@ -125,7 +125,7 @@ def _as_lines(
 
 
 def _must_have_read(node: NodeDescription, count: int, out: Mapping[str, str]) -> None:
-    """Raises UsageError if nothing was read: a file without an object is no backup."""
+    """Raises UsageError if nothing was read: a file without an object is not a backup."""
     if not count:
         raise UsageError(
             f"no object of node {node.node_id} could be read: no file was written",

@@ -64,11 +64,11 @@ class SecondSide:
         return entry_of(self.dictionary, place)
 
     def kind(self, entry: OdEntry) -> DifferenceKind:
-        """Classify a difference of the object *entry*; a value that changes by itself is no setting."""
+        """Classify a difference of the object *entry*; a value that changes by itself is not a setting."""
         return DifferenceKind.APART if (entry.index, entry.sub_index) in self.changing else kind_of(self.known, entry)
 
     def why_apart(self, entry: OdEntry) -> str:
-        """Explain, after the object's name, why *entry* is no setting."""
+        """Explain, after the object's name, why *entry* is not a setting."""
         if (entry.index, entry.sub_index) in self.changing:
             return "changes by itself"
         return str(self.known.why_not(entry) or "")

@@ -238,12 +238,12 @@ def _own_identity(one: Sought, info: DeviceInfo) -> Identity:
     )
     if not vendor or product is None:
         lacks, number = ("product number", info.product_code) if vendor else ("vendor number", info.vendor_id)
-        has = "" if number is None else f" ({'0' if not number else f'0x{number:08X}'} is nobody's)"
+        has = "" if number is None else f" ({'0' if not number else f'0x{number:08X}'} is not assigned)"
         raise InputFileError(
-            f"{one.shown}: it names no {lacks}{has}, so no node is recognised by it",
+            f"{one.shown}: it has no {lacks}{has}, so it identifies no node",
             place=str(one.path),
             hint=Hint(Action.FIND_NODES)
-            + Hint(Action.ADD_EDS, {"identity": "vendor=…,product=…"}, " shows who the node is: {}")
+            + Hint(Action.ADD_EDS, {"identity": "vendor=…,product=…"}, " shows the node's identity: {}")
             + Hint(Action.GIVE_EDS, why="or {} each time"),
         )
     return vendor, product, revision or 0

@@ -261,7 +261,7 @@ def profile_to_compare(name: str) -> object:
     if path.name != name:
         if not has_profile(path):
             raise UsageError(
-                f"{name} is no folder with a profile.toml",
+                f"{name} is not a folder with a profile.toml",
                 place=name,
                 hint=Hint(Action.GIVE, {"compare": None}, "takes a name, too"),
             )

@@ -140,7 +140,7 @@ def convert_device_file(session: SessionUser, file: str, target: str, *, plain: 
 
 def _not_plain(target: str) -> UsageError:
     hint = Hint(Action.CONVERT, {"file": "drive.eds", "target": "plain.eds", "plain": True})
-    return UsageError(f"{target} is no EDS or DCF; only these can be plain", given={"plain": None}, hint=hint)
+    return UsageError(f"{target} is not an EDS or DCF; only these can be plain", given={"plain": None}, hint=hint)
 
 
 def _kept(read: EdsFile | XddFile, suffix: str) -> KeptText | None:

@@ -168,7 +168,7 @@ def _report_of(
             check.take(number, recorded.frame)
     if number > 1 and first_s == last_s:
         session.reporter.note(
-            f"the frames of {path.name} have no times: what is late, uneven or missing is not judged, nor the load"
+            f"the frames of {path.name} have no times: delays, periods, missing frames and the load were not checked"
         )
     names = {rule.name for rule in rules}
     found = [

@@ -55,7 +55,7 @@ def explain_frame(
     """Explain every bit of the frame in *text* by the mappings of *nodes*, or by *file*.
 
     *file* is a DBC or network file. The frame is not sent; of nodes only mappings are read. Raises UsageError if *text*
-    is no frame.
+    is not a frame.
     """
     frame = parsed_frame(text)
     config = network_config_of(file)

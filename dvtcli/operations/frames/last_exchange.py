@@ -74,7 +74,7 @@ def _frame(line: str) -> tuple[Frame, bool, bool]:
     """Parse a line of `exchange_text`; raises ValueError if invalid."""
     time, arrow, said = line.split(" ", 2)
     if arrow not in _ARROWS:
-        raise ValueError(f"{arrow!r} is no arrow")
+        raise ValueError(f"{arrow!r} is not an arrow")
     frame = typed_frame(said.removesuffix(LEFT_OUT))
     at_s = datetime.fromisoformat(time.replace("Z", "+00:00")).timestamp()
     return frame._replace(timestamp_s=at_s), _ARROWS[arrow], said.endswith(LEFT_OUT)
@@ -153,7 +153,7 @@ def _of_a_failed_run(session: SessionUser) -> list[tuple[Frame, bool, bool]]:
                 why="at the prompt, or in a script, after the line it is about; {} shows the frames of one command",
             ),
         )
-    session.reporter.note(f"the last exchange of a run that failed, which ended at {utc(kept[-1][0].timestamp_s)}")
+    session.reporter.note(f"the last exchange of a failed run, which ended at {utc(kept[-1][0].timestamp_s)}")
     return kept
 
 

@@ -45,7 +45,7 @@ def decoder_for(
 
         if base.eds is not None:
             session.reporter.note(
-                Hint(Action.GIVE, {"eds": base.eds}, f"is not used: {verbatim(dbc)} says what the frames carry")
+                Hint(Action.GIVE, {"eds": base.eds}, f"is not used: {verbatim(dbc)} describes the frames")
             )
         return Decoder(file_layouts(dbc, session.reporter, config))
     if base.eds is not None:

@@ -188,7 +188,7 @@ class _Part:
         if not found.count:
             said = ", ".join(f"{reason} ({count})" for reason, count in found.left_out.items() if count)
             raise UsageError(
-                f"nothing of {self._path.name} is to be sent: {said}",
+                f"no frame of {self._path.name} is left to send: {said}",
                 hint=Hint(Action.DECODE, {"file": self._path}, "shows its contents"),
             )
         if self._choice.channel is None and len(found.channels) > 1:

@@ -85,7 +85,7 @@ class GatewayPdos:
             return Failed(GatewayError.NOT_SUPPORTED, "PDOs of the gateway are event-driven, on a bus of CAN frames")
         use = None if cob_id.extended else restricted_use(cob_id.can_id)
         if use is not None or not cob_id.fits_frame:
-            return Failed(Abort.VALUE_RANGE, f"CAN-ID {cob_id} is no PDO's{f': {use}' if use else ''}")
+            return Failed(Abort.VALUE_RANGE, f"CAN-ID {cob_id} is not for PDOs{f': {use}' if use else ''}")
         if any(number != pdo.number and _frame_of(other_pdo) == _frame_of(pdo) for number, other_pdo in own.items()):
             return Failed(GatewayError.PDO_USED)
         lengths = [TYPES[entry.data_type].bits for entry in pdo.entries]

@@ -332,7 +332,7 @@ class GatewayWork:
         if done and done.states:
             return Done()
         unseen = ", ".join(str(unseen_id) for unseen_id, state in done.states if state is None)
-        nobody = f"node {unseen} tells no NMT state" if unseen else "nobody was ever heard"
+        nobody = f"node {unseen} does not report its NMT state" if unseen else "no node was ever received"
         return Failed(GatewayError.TIME_OUT, f"sent, and not seen to be obeyed: {nobody}")
 
     def _note_nmt(self, node_id: int, command: NmtCommand) -> None:

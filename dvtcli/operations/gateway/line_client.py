@@ -70,7 +70,7 @@ NET = 1
 #: how long an SDO of a client may take, since all clients wait meanwhile (ms)
 _MOST_SDO_MS = 5000
 _HELP = "r w start stop preop reset enable disable set info lss_... (CiA 309-3)"
-_NO_NODE = "this gateway is no node of the bus"
+_NO_NODE = "this gateway is not a node of the bus"
 _NO_GUARDING = "who ends guarding starts the node's own reaction to it; enable heartbeat watches a node"
 #: unsupported orders of the standard, with reasons
 _NOT_HERE = {

@@ -79,7 +79,7 @@ def gateway(
             _check_place_of(endpoint)
         elif not is_loopback(endpoint[0]):
             raise SafetyRefusal(
-                f"{endpoint[0]} is no loopback address: a gateway has no login, and whoever reaches it reaches the bus",
+                f"{endpoint[0]} is not a loopback address: a gateway has no login; whoever reaches it reaches the bus",
                 hint=Hint(Action.GIVE, {"listen": "127.0.0.1:60000"}, "{}, and ssh -L for who sits elsewhere"),
             )
     bus = session.open_network().bus
@@ -157,9 +157,9 @@ def _check_place_of(path: str) -> None:
         raise UsageError(f"unix:{path}: it is a folder", place=path, hint=hint)
     if len(os.fsencode(path)) > _LONGEST_PATH:
         raise UsageError(
-            f"unix:{path}: a socket's path has {_LONGEST_PATH} bytes at most",
+            f"unix:{path}: the path of a socket has at most {_LONGEST_PATH} bytes",
             place=path,
-            hint="take a shorter one, as unix:gateway.sock: it is relative to the folder you are in",
+            hint="choose a shorter path, for example unix:gateway.sock in the current folder",
         )
     if os.path.exists(path) and not stat.S_ISSOCK(os.stat(path).st_mode):  # noqa: PTH110, PTH116
         raise UsageError(f"unix:{path}: there is a file of this name", place=path, hint="take another name")

@@ -67,7 +67,7 @@ def refuse_used(session: SessionNodes, node_id: int) -> None:
     received = node_id in received_ids(session)
     if received or answers(session.bus, node_id):
         raise SafetyRefusal(
-            f"node-ID {node_id} is in use: a node {'is heard' if received else 'answers'} on it",
+            f"node-ID {node_id} is in use: a node {'sends frames' if received else 'answers'} with it",
             node=node_id,
             hint=Hint(Action.SHOW_NODE, {"node": node_id}, "choose another node-ID; {} shows the node that has it"),
         )

@@ -189,7 +189,7 @@ def _received(session: SessionNodes) -> Iterator[Check]:
         yield Check(
             "traffic", "warn", f"nothing was received in {LISTEN_S:g} s", f"nodes may be silent: scan asks. {_WORST}"
         )
-    yield Check("heartbeats", "ok", f"heard of {all_nodes(nodes)}" if nodes else "none was received")
+    yield Check("heartbeats", "ok", f"received from {all_nodes(nodes)}" if nodes else "none was received")
 
 
 def _node(session: SessionNodes) -> Iterator[Check]:

@@ -33,17 +33,17 @@ _TOO_LONG = "a DOMAIN is read alone, into a file"
 def read_whole(node: ReadableNode, text: str, data_type: DataType | None = None) -> RecordRead | ValueRead:
     """Read the record *text*: sub-index 0, and the entries up to it, as *data_type* or the file's type.
 
-    If sub-index 0 is no count, as in an object that is no record, its value is returned. Raises SdoAborted if sub-index
-    0 is refused; a refused entry is part of the result, a missing entry is left out.
+    If sub-index 0 is not a count (the object is not a record), its value is returned. Raises SdoAborted if sub-index 0
+    is refused; a refused entry is part of the result, a missing entry is left out.
     """
     return _whole(node, object_at(node, text)[0], data_type)
 
 
 def record_at(node: ReadableNode, index: int, data_type: DataType | None = None) -> RecordRead:
-    """Read the record at *index*; raises UsageError if it is no record."""
+    """Read the record at *index*; raises UsageError if it is not a record."""
     found = _whole(node, index, data_type)
     if not isinstance(found, RecordRead):
-        raise UsageError(f"0x{index:04X} is no record: sub-index 0 holds no count", node=node.node_id)
+        raise UsageError(f"0x{index:04X} is not a record: sub-index 0 holds no count", node=node.node_id)
     return found
 
 

@@ -167,7 +167,7 @@ class ComparedNodes(Answer):
 class ObjectDifference(Short):
     """An *object* with *name*: its value *before* on the first side, and *after* on the second.
 
-    None if unknown or unmapped: *unread* has the side's reason. *apart* says why it is no setting, if known.
+    None if unknown or unmapped: *unread* has the side's reason. *apart* says why it is not a setting, if known.
     """
 
     object: str

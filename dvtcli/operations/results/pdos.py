@@ -218,7 +218,9 @@ class PdoListing(Answer, Rows[PdoRow]):
         try:
             wanted = pdo if isinstance(pdo, Pdo) else Pdo.parse(pdo)
         except (AttributeError, ValueError) as failed:
-            raise UsageError(f"{pdo!r} is no PDO: write 'tpdo1', 'rpdo3', … or the number of a row, from 0") from failed
+            raise UsageError(
+                f"{pdo!r} is not a PDO: write 'tpdo1', 'rpdo3', … or the number of a row, from 0"
+            ) from failed
         for row in self.rows:
             if row.pdo == wanted:
                 return row

@@ -38,7 +38,7 @@ def consent_to_concise(session: SessionUser, node: NodeDescription, sub_index: i
 def concise_doubt(node: NodeDescription, sub_index: int, data: bytes, *, force: bool) -> str:
     """Warn about *data* as the manager *node*'s download to the node *sub_index*.
 
-    Raises InputFileError if *data* is no valid concise DCF, unless forced: the node would get a part of it.
+    Raises InputFileError if *data* is not a valid concise DCF, unless forced: the node would get a part of it.
     """
     try:
         count = plural(len(concise_entries(data)), "value")

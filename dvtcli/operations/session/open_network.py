@@ -268,7 +268,7 @@ class Network:
             self.files.forget(node_id)
             before, now = self.identities.pop(node_id), self.node(node_id).identity()
             if unlike := unlike_before(before, now):
-                self.warn(f"node {node_id} is another device than before the bus was gone: {unlike}")
+                self.warn(f"node {node_id} is not the device that it was before the bus was lost: {unlike}")
 
     def leave(self) -> None:
         """Keep the changes of all nodes while the bus is gone."""

@@ -345,7 +345,7 @@ def read_dictionary(path: Path, modules: tuple[int, ...] | None = None) -> Objec
         if not wrong.hint and path.parent == folder():
             wrong.hint = Hint(
                 Action.REMOVE_EDS,
-                why="it lies in the library: add the file again, or {} takes it out",
+                why="it is in the library: add the file again, or {} removes it",
             ) + Hint(Action.GIVE_EDS, why="names another")
         raise
     if modules is not None:

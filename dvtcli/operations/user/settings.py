@@ -364,7 +364,7 @@ def project_file() -> SettingsFile | None:
     """
     if named := os.environ.get(VARIABLE):
         if not os.path.exists(named):  # noqa: PTH110 - pathlib costs 7 ms of a --help
-            raise UsageError(f"{VARIABLE}={named}: no such file", hint=f"unset {VARIABLE}, or let it name a file")
+            raise UsageError(f"{VARIABLE}={named}: no such file", hint=f"unset {VARIABLE}, or name a file")
         return SettingsFile(os.path.abspath(named), named=True)  # noqa: PTH100
     for folder in _folders():
         path = os.path.join(folder, NAME)  # noqa: PTH118

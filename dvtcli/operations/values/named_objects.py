@@ -45,7 +45,7 @@ def tied_name(node: NodeDescription, index: int) -> str:
 def means_whole(node: NodeDescription, text: str) -> bool:
     """Tell whether *text* names a record or array without a sub-index: `1018`, not `1018:0`.
 
-    By the node's EDS, else by CiA 301; False for other objects. Raises UsageError if *text* is no object.
+    By the node's EDS, else by CiA 301; False for other objects. Raises UsageError if *text* is not an object.
     """
     if is_name(text) or has_sub_index(text):
         return False

@@ -161,7 +161,7 @@ CHECKS = {
     "entry-too-long": "an entry that is longer than its object",
     "entry-too-short": "an entry that is shorter than its object",
     "entry-bits": "an entry above the family's longest",
-    "granularity": "an entry whose length is no multiple of the granularity",
+    "granularity": "an entry whose length is not a multiple of the granularity",
     "dummy": "an entry that names a dummy which the family does not have",
     "dummy-sub-index": "an entry that names sub-index 1 of a dummy",
     **{

@@ -125,14 +125,14 @@ def _alteration(text: str, kind: FaultKind) -> tuple[tuple[int, int], int]:
     """An object and its new value, `1801:01:0xC0000281`."""
     found = re.fullmatch(r"(?:0x)?([0-9a-fA-F]{4}):([0-9a-fA-F]{1,2}):(\w+)", text)
     if found is None:
-        raise wrong_fault(kind, f"{text!r} is no object with a value")
+        raise wrong_fault(kind, f"{text!r} is not an object with a value")
     return (int(found[1], 16), int(found[2], 16)), _whole_number(found[3], kind)
 
 
 def _whole_number(text: str, kind: FaultKind) -> int:
     """A number, decimal or `0x…`."""
     if not re.fullmatch(r"\d{1,10}|0[xX][0-9a-fA-F]{1,8}", text, re.ASCII):
-        raise wrong_fault(kind, f"{text!r} is no number")
+        raise wrong_fault(kind, f"{text!r} is not a number")
     return int(text, 16 if text[1:2] in ("x", "X") else 10)
 
 

@@ -41,7 +41,7 @@ class Requests:
             end = match.end()
         self._rest = text[end:].lstrip(b" \t\r\n\0")
         if self._rest and (not self._rest.startswith(b"<") or len(self._rest) > LONGEST):
-            raise RubbishError(f"{self._rest[:32]!r} is no socketcand request")
+            raise RubbishError(f"{self._rest[:32]!r} is not a socketcand request")
         return found
 
 
@@ -247,7 +247,7 @@ def _frame(digits: bytes, data: bytes, *, remote: bool, dlc: int = 0) -> Frame:
 
 
 def parse_open(request: bytes) -> bytes | None:
-    """The bus name in an `open`; None if *request* is no valid `open`."""
+    """The bus name in an `open`; None if *request* is not a valid `open`."""
     words = request.split()
     return words[1] if len(words) == 2 and words[0] == b"open" and len(words[1]) <= _LONGEST_NAME else None
 

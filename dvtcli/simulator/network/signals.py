@@ -249,7 +249,7 @@ def _shape(name: str, words: list[str]) -> Shape:
 
 def _number(text: str) -> float:
     if not _NUMBER.fullmatch(text):
-        raise ValueError(f"{text!r} is no number")
+        raise ValueError(f"{text!r} is not a number")
     return float(int(text, 16)) if "x" in text.lower() else float(text)
 
 
@@ -257,5 +257,5 @@ def _period(text: str) -> float:
     found = _PERIOD.fullmatch(text)
     period_s = float(found[1]) * _UNITS[found[2]] if found else 0.0
     if period_s < 1e-3:
-        raise ValueError(f"{text!r} is no period of 1 ms or more; write 2s, 500ms or 1min")
+        raise ValueError(f"{text!r} is not a period of 1 ms or more; write 2s, 500ms or 1min")
     return period_s

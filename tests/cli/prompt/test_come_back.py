@@ -61,10 +61,10 @@ def test_another_device_is_not_taken_for_the_one_before(tmp_path: Path, open_ter
         terminal.wait("is back after")
         for line in ("set tpdo1 --timer 70", "pdo"):
             terminal.run(line)
-            terminal.wait("error: node 5 is another device than before the bus was gone")
+            terminal.wait("error: node 5 is not the device that it was before the bus was lost")
             terminal.wait_prompt(prompt(server, "PRE-OP> "))
         terminal.run("node 5")
-        terminal.wait("warning: node 5 is another device than before the bus was gone: vendor 0x")
+        terminal.wait("warning: node 5 is not the device that it was before the bus was lost: vendor 0x")
         terminal.run("pdo tpdo1")
         terminal.wait("TPDO1 of node 5")
         terminal.wait_prompt(prompt(server, "PRE-OP> "))

@@ -58,7 +58,7 @@ def test_mapping_shows_its_steps_and_leaving_asks(gen4: Terminal) -> None:
 
     gen4.type(CTRL_D)
     gen4.until(lambda: gen4.text.count("leave? [y/N]") == 3, "the question again")
-    gen4.type(CTRL_D)  # an impatient second one is no answer, and the prompt comes in a line of its own
+    gen4.type(CTRL_D)  # an impatient second one is not an answer, and the prompt comes in a line of its own
     gen4.wait_prompt("sim/1 PRE-OP*> ")
     assert sum(line.rstrip() == "TPDO1 of node 1 is not stored: leave? [y/N]" for line in gen4.lines) == 2
 

@@ -220,7 +220,7 @@ class TestSaving:
             (Path.home() / ".config/dvtcli/profiles/pump.toml").unlink()
             assert bench.run("learn --yes --compare ./pump").code == 0
             ran = bench.run("learn --yes --compare ./pimp")
-        ran.failed(2, "./pimp is no folder with a profile.toml")
+        ran.failed(2, "./pimp is not a folder with a profile.toml")
 
     def test_what_is_written_says_who_uses_it_from_now_on(self) -> None:
         with own("tmcm") as bench:

@@ -13,7 +13,7 @@ from tests.house.source import Module, modules
 ROOMS = ("domain", "device", "operations", "bus", "files", "simulator")
 #: functions that make a finding -> where its hint stands among the arguments, where it is not named
 _FINDINGS = {"error": 4, "warning": 3}
-#: what a placeholder may hold that is no number: its source -> a text
+#: what a placeholder may hold that is not a number: its source -> a text
 _FILLED = {
     "who_else": "somebody else changed it",
     "word": "accept",

@@ -153,9 +153,9 @@ def test_a_node_keeps_the_file_and_the_family_that_it_was_given_first(tmp_path: 
     with dvtcli.simulate("gen4") as bus:
         node = bus.node(eds=tmp_path / "a.eds", profile="gen4")
         assert bus.node(eds=tmp_path / "a.eds", profile="gen4") is node
-        with pytest.raises(errors.UsageError, match=r"node 1 already has another: .*a\.eds, not .*b\.eds"):
+        with pytest.raises(errors.UsageError, match=r"node 1 already uses .*a\.eds, not .*b\.eds"):
             bus.node(eds=tmp_path / "b.eds")
-        with pytest.raises(errors.UsageError, match="node 1 already has another: gen4, not generic"):
+        with pytest.raises(errors.UsageError, match="node 1 already uses gen4, not generic"):
             bus.node(profile="generic")
         with pytest.raises(errors.UsageError, match="nope"):
             bus.node(2, profile="nope")

@@ -117,7 +117,7 @@ def test_commands_are_told_apart_and_secrets_are_not_read(tmp_path: Path) -> Non
             assert bench.run("write 6040 7").code == 0
             compared = bench.run(f"compare {file} --json")
             assert (compared.code, [one["object"] for one in compared.document["apart"]]) == (0, ["6040:00"])
-            assert "6040:00 is no setting: not counted" in bench.run(f"compare {file}").stdout
+            assert "6040:00 is not a setting: not counted" in bench.run(f"compare {file}").stdout
             assert "  6040:00  Controlword" in bench.run(f"compare {file} --all").stdout
             assert bench.run("write 6040 0").code == 0
     dictionary = read_eds(tmp_path / "a.dcf").dictionary
@@ -176,7 +176,7 @@ def test_what_is_not_to_be_read_on_a_scan_is_read_where_a_file_says_its_value(tm
         assert (compared.code, compared.document["equal"]) == (3, False)
         assert [(one["object"], one["after"], one["why"]) for one in compared.document["differences"]] == [
             ("1017:00", "F4 01", "")
-        ], "the file itself names it: that is no scan"
+        ], "the file itself names it: that is not a scan"
         assert bench.run(f"compare {flagged}").code == 0  # a default alone says nothing of it
         assert bench.run(f"backup {same}").code == 0
         kept = bench.run(f"compare {same} --json").document

@@ -129,8 +129,9 @@ def test_an_entry_a_count_and_a_row_are_refused_too(tmp_path: Path) -> None:
     table = {"ParameterName": "Table", "ObjectType": 8, "DataType": U8, "AccessType": "rw", "CompactSubObj": 2}
     dcf.more += [Section("2100", table), Section("2100Value", {"NrOfEntries": 2, "1": "700", "O2": "7"})]
     refused(
-        tmp_path / "bad.dcf", dcf.text(), "1A00:00 UNSIGNED8: ParameterValue=x is no",
-        "ParameterValue=0x6041001Z is no", "1=700 is no UNSIGNED8", "O2=7: O2 is not a sub-index", "4 errors.",
+        tmp_path / "bad.dcf", dcf.text(), "1A00:00 UNSIGNED8: ParameterValue=x is not a valid",
+        "ParameterValue=0x6041001Z is not a valid", "1=700 is not a valid UNSIGNED8", "O2=7: O2 is not a sub-index",
+        "4 errors.",
     )  # fmt: skip
 
 
@@ -151,7 +152,7 @@ def test_a_network_is_not_imported_by_it_and_an_eds_may_have_it(tmp_path: Path) 
     with Bench((), {"yes": True}) as bench:
         for what in (tmp_path, nodes):
             ran = bench.run(f"import {tmp_path / 'line.yaml'} {what}")
-            ran.failed(4, "ParameterValue=abc is no UNSIGNED32")
+            ran.failed(4, "ParameterValue=abc is not a valid UNSIGNED32")
     assert not (tmp_path / "line.yaml").exists()
     with Bench((f"{file}@5",), {"eds": str(file)}) as bench:
         assert bench.run("read 2001 --json").document["value"] == 7

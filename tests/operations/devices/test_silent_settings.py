@@ -1,4 +1,4 @@
-"""What a node holds otherwise than its backup is never passed over: it differs, or it is said why it is no setting."""
+"""A value that differs from the backup is never passed over: it is shown, or the reason why it is not a setting."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.harness.sample import heavy
 from tests.operations.devices.test_export_dcf import FAMILIES
 from tests.small_eds import U16, U32, communication, mapping, plain, var
 
-#: what a standard, a PDO or a name says of an object that is no setting
+#: what a standard, a PDO or a name says of an object that is not a setting
 NO_SETTING = frozenset(
     {
         NotWritten.COMMAND, NotWritten.TAKEN, NotWritten.OUTPUT, NotWritten.PRESET, NotWritten.STORE, NotWritten.STAMP,

@@ -90,7 +90,9 @@ def test_a_command_to_nobody_is_not_ok(command: str) -> None:
 def test_a_command_to_a_node_that_tells_no_state_is_not_ok() -> None:
     with served("generic@4", in_virtual_time=True) as (_, running), Client(running) as client:
         assert client.ask("4 w 0x1017 0 u16 0") == "OK"
-        assert client.ask("4 start").startswith("ERROR:103 #sent, and not seen to be obeyed: node 4 tells no NMT state")
+        assert client.ask("4 start").startswith(
+            "ERROR:103 #sent, and not seen to be obeyed: node 4 does not report its NMT state"
+        )
 
 
 def test_who_resets_a_node_that_is_not_there_waits_alone() -> None:

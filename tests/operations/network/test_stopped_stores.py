@@ -92,6 +92,6 @@ def test_a_second_one_says_of_each_node_whether_it_stored(chain: Chain, home: Pa
     assert left.value.text == "every node has the planned values, and whether node 5 stored it is not known"
     assert left.value.details[:2] == [("not stored", "node 9"), ("unknown", "node 5")]
     assert left.value.details[2] == ("journals", ", ".join(map(str, chain.journals())))
-    assert "recover --finish` asks the nodes that" in typed(left.value.hint)
+    assert "recover --finish` lets the remaining nodes store" in typed(left.value.hint)
     assert types(chain) == {5: 1, 9: 1}
     assert stored_type(chain, 9) is None

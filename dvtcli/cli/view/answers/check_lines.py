@@ -253,7 +253,9 @@ def _sum(report: NetworkReport) -> str:
         return f"{report.path} against {report.bus}: {plural(len(report.nodes), 'node')}; {found or 'no error'}"
     if report.said:
         found = f"{found + ', and ' if found else ''}{report.said} of the file (above)"
-    received = "" if report.heard is None else f", heard {report.heard[0]:.1f} s, {plural(report.heard[1], 'frame')}"
+    received = (
+        "" if report.heard is None else f", {plural(report.heard[1], 'frame')} received in {report.heard[0]:.1f} s"
+    )
     nodes = plural(len(report.nodes), "node")
     folded = f"; {report.folded} more about PDOs that it does not name (--all shows them)" if report.folded else ""
     return f"{report.path}: {nodes}, {plural(pdos, 'PDO')}{links}{received}; {found or 'no error'}{folded}"

@@ -90,7 +90,7 @@ def whole_compared_lines(result: WholeCompared, width: int) -> Iterator[Line]:
             yield from _rows(result, found, width)
             yield from _reasons(found)
         elif found:
-            verb = "is no setting" if len(found) == 1 else "are no settings"
+            verb = "is not a setting" if len(found) == 1 else "are no settings"
             objects = join_some(difference.object for difference in found)
             yield f"{label:<11} {objects} {verb}: not counted; --all shows them"
     if result.unread:

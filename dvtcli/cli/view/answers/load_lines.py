@@ -30,7 +30,7 @@ def load_lines(result: NetworkLoad, width: int) -> Iterator[Line]:
     measured = result.measured if result.measured is not None and result.measured.seconds else None
     rate = f"{result.need.bit_rate / 1000:g} kbit/s"
     assumed = " (assumed: -b sets another)" if result.is_assumed else ""
-    received = f"; {result.bus} heard for {measured.seconds:.1f} s, {measured.count.frames} frames" if measured else ""
+    received = f"; {result.bus}: {measured.count.frames} frames in {measured.seconds:.1f} s" if measured else ""
     yield [Cell(f"{result.file or result.bus} at {rate}{assumed}, at worst{received}", "bold")]
     yield from _table(result, measured, width).lines(width)
     yield from _sums(result, measured)
@@ -141,7 +141,7 @@ def _sums(result: NetworkLoad, measured: Measured | None) -> Iterator[Line]:
             Cell(f", {_percent(need.least)} without stuff bits", "dim"),
         ]
     if measured is not None:
-        found = f"heard {_percent(measured.load(need.bit_rate))}"
+        found = f"measured {_percent(measured.load(need.bit_rate))}"
         expected = result.expected
         rates = f", computed for the same frames {_percent(expected)}" if expected is not None else ""
         yield f"      {found}{rates}{_not_whole(measured)}"

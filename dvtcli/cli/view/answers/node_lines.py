@@ -230,7 +230,7 @@ def _source_text(source: SyncSource) -> str:
     return f"node {source.node}  {does} {can_id} ({word}, {period})"
 
 
-_SOURCES = {"active": "active now", "history": "history", "heard": "EMCY heard"}
+_SOURCES = {"active": "active now", "history": "history", "heard": "EMCY received"}
 
 
 def fault_lines(result: Faults, width: int) -> Iterator[Line]:

@@ -202,7 +202,7 @@ def concise_dcf(network: CheckedNetwork) -> NetFound:
 
 
 def _differs(node: NodeState, data: bytes) -> list[str]:
-    """Differences between a concise DCF and the intended state of *node*; empty if *data* is no concise DCF."""
+    """Differences between a concise DCF and the intended state of *node*; empty if *data* is not a concise DCF."""
     try:
         left = read_concise_dcf(data)
     except ValueError:

@@ -37,7 +37,7 @@ def test_every_error_has_its_line_and_a_caret(bench: Bench, tmp_path: Path) -> N
         "    6 |         event_timer: 100",
         "    7 |         inhibt_time: 10",
         "      |         ^^^^^^^^^^^",
-        f"{file}:8:7: error: '600' is no PDO number: 1…512",
+        f"{file}:8:7: error: '600' is not a PDO number: 1…512",
         "    7 |         inhibt_time: 10",
         "    8 |       600: {}",
         "      |       ^^^",

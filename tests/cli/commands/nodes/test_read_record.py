@@ -1,4 +1,4 @@
-"""`read 1018`: a record or an array with all its sub-indices; what is no record stays as it is."""
+"""`read 1018`: a record or an array with all its sub-indices; what is not a record stays as it is."""
 
 from __future__ import annotations
 

@@ -116,7 +116,7 @@ def test_ways_to_a_bus_of_other_packages_are_listed(tmp_path: Path) -> None:
     assert "cannot be loaded: ModuleNotFoundError: No module named 'no_such_package'" in found["broken"]["text"]
     assert "pip check" in found["broken"]["hint"]
     assert "its process ended with 9" in found["leaving"]["text"]
-    assert "TypeError: it is no function" in found["number"]["text"]
+    assert "TypeError: it is not a function" in found["number"]["text"]
     assert "python-can has an interface of this name" in found["virtual"]["hint"]
 
 
@@ -214,7 +214,7 @@ def test_what_is_heard_on_a_bus() -> None:
         assert bench.run("nmt preop").code == 0
         found = checks(bench.run("doctor --json").document)
         assert found["bus"]["verdict"] == "ok"
-        assert found["heartbeats"]["text"] == "heard of node 1"
+        assert found["heartbeats"]["text"] == "received from node 1"
         assert "it has no EDS" in found["node"]["text"]
 
 

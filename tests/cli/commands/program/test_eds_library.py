@@ -156,7 +156,7 @@ def test_a_dry_run_writes_nothing(offline: Bench) -> None:
     ("line", "code", "said"),
     [
         ("eds add nothing", 2, "no such file or folder, and no family"),
-        ("eds add nobody.eds", 4, "names no vendor number (0 is nobody's)"),
+        ("eds add nobody.eds", 4, "has no vendor number (0 is not assigned)"),
         ("eds add lely", 4, "names no vendor number"),
         ("eds add empty", 2, "no EDS, DCF, XDD or XDC file"),
         ("eds add nobody.eds gen4 --identity vendor=1,product=2", 2, "--identity: one file has it, and these are 2"),
@@ -673,7 +673,7 @@ def test_a_slip_in_the_name_of_a_library_file_is_suggested(offline: Bench) -> No
 def test_all_bits_are_nobodys_number(offline: Bench) -> None:
     write("a.eds", text(product=0xFFFFFFFF))
     ran = offline.run("eds add a.eds")
-    ran.failed(4, "no product number (0xFFFFFFFF is nobody's)")
+    ran.failed(4, "no product number (0xFFFFFFFF is not assigned)")
     write("b.eds", text(revision=0xFFFFFFFF))
     assert offline.run("eds add b.eds --json").document["files"][0]["revision"] in (0, None)
     assert offline.run("eds list --json").document["files"][0]["by_hand"] is False

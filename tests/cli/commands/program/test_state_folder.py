@@ -109,7 +109,7 @@ def test_a_lock_that_is_a_link_is_not_followed(tmp_path: Path, target: str) -> N
 
         lock.unlink()
         os.mkfifo(lock)
-        refused(run(server, "set", "tpdo1", "--timer", "70"), lock, "it is no regular file", "remove it")
+        refused(run(server, "set", "tpdo1", "--timer", "70"), lock, "it is not a regular file", "remove it")
         lock.unlink()
         assert run(server, "set", "tpdo1", "--timer", "70").returncode == 0
         assert event_timer_ms(server) == 70
