@@ -147,7 +147,7 @@ def resolve(
             from dvtcli.domain.hint import Action, Hint
 
             raise UsageError(
-                f"{pdo.label}: a CAN-ID of 29 bits is not chosen by itself",
+                f"{pdo.label}: a 29-bit CAN-ID is not chosen automatically",
                 node=node.node_id,
                 hint=Hint(Action.GIVE, {"cob_id": "CAN_ID"}, "{} says which"),
             )

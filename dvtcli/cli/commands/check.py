@@ -76,7 +76,7 @@ def command(
 
         if are_recordings(files):
             if live or for_s is not None:
-                raise UsageError("--live is of the bus", hint="a recording is checked without it")
+                raise UsageError("--live checks a bus", hint="leave it out for a recording")
             options = RecordingOptions(
                 dbc, chosen["only"], chosen["without"], bit_rate or session.options.bitrate,
                 as_findings=session.output.format in SPECIAL_FORMATS,

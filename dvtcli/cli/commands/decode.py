@@ -46,7 +46,7 @@ def command(
 
     PDOs are decoded by --dbc, by the mapping in --eds, else by the present mappings of the nodes, else by FILE's own
     SDO transfers; other PDOs are named by the pre-defined connection set and stay bytes. NMT, SDO, EMCY and other
-    services are explained. --json gives one dvtcli.frame/1 document a frame.
+    services are explained. --json prints a dvtcli.frame/1 document per frame.
 
     \b
     decode run.log

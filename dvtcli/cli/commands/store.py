@@ -69,7 +69,7 @@ def command(
     store
     store communication
     store --prove            reset the node, and compare its values
-    store --prove power      the same with a power cycle, by your hand
+    store --prove power      the same with a power cycle that you make
     store --if-changed       in scripts: spares the EEPROM
     """
     way, group = way_and_group(prove, group)

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 def command(ctx: click.Context, /, words: tuple[str, ...]) -> int:
     """Run LINE as Tcl with the DVT's words (help dvt), in safe mode, and print its result.
 
-    `dvtcli read OBJECT` returns the value, of several objects a list. At the prompt, variables and procedures stay for
-    the next line, and `tcl` alone takes all lines until `exit` or Ctrl-D. `run FILE.tcl` runs a Tcl script.
+    `dvtcli read OBJECT` returns the value, or a list of values. At the prompt, variables and procedures stay for the
+    next line, and `tcl` alone accepts lines until `exit` or Ctrl-D. `run FILE.tcl` runs a Tcl script.
 
     \b
     tcl puts [expr 2*3]

@@ -50,11 +50,11 @@ def command(
     every_s: float | None,
     for_s: float | None,
 ) -> ValuesWatched | None:
-    """Show the values of OBJECTs, read by SDO repeatedly, and of PDOs, as their frames come.
+    """Show the values of OBJECTs, read by SDO repeatedly, and of PDOs, as their frames arrive.
 
-    At a terminal it is a full screen, with its keys at the bottom; * marks a value that has just changed. Without a
-    terminal, and with --json, objects are lines as by `read OBJECT… --every`; PDOs need the screen, or `monitor`. It
-    only reads: the PDOs' mappings by SDO upload, once, and again with m.
+    At a terminal, `watch` is a full screen with its keys at the bottom; * marks a value that has just changed. Without
+    a terminal, or with --json, it prints objects as `read OBJECT… --every` does; PDOs need the screen, or `monitor`.
+    `watch` only reads; the key m reads the PDOs' mappings again.
 
     \b
     watch 6041 606C --for 1s

@@ -409,8 +409,8 @@ def _change_guard(session: SessionNodes) -> ChangeGuard:
             f"no backup of node {node_id or session.node_id()}: it is simulated in this process, for which no "
             f"backups are made",
             node=node_id or session.node_id(),
-            hint=Hint(Action.UNDO, why="puts the last change back")
-            + Hint(Action.UNDO, {"all": True}, ", {} all that this session changed")
+            hint=Hint(Action.UNDO, why="reverts the last change")
+            + Hint(Action.UNDO, {"all": True}, ", {} all changes of this session")
             if session.record.lines
             else None,
         )

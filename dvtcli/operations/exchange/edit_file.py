@@ -309,7 +309,7 @@ class EditedNetwork:
                 place=self.file,
                 abort=refused.abort,
                 why=refused.why,
-                hint=Hint(Action.CHECK, {"file": self.file}, "{} lists it; mend it first"),
+                hint=Hint(Action.CHECK, {"file": self.file}, "{} lists the error; correct it first"),
             ) from refused
 
     def lacks(self, link: EditedLink) -> bool:

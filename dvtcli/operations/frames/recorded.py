@@ -76,7 +76,7 @@ def _own_decoder(session: SessionUser, path: Path) -> Decoder:
         }
     names = join_some(f"{pdo.label} of node {node.node_id}" for node in state.nodes for pdo in node.pdos)
     left = f"; not {join_some(missing)}" if missing else ""
-    session.reporter.note(f"by the SDO transfers in {path.name} itself: {names}{left}")
+    session.reporter.note(f"mappings from the SDO transfers in {path.name}: {names}{left}")
     return decoder
 
 

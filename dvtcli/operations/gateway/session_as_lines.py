@@ -90,7 +90,7 @@ def _planned(node: Node, done: list[str], stores: list[str]) -> NodePlan:
     flat = [line for entry in done for line in entry.splitlines()]
     if unsaid := [line.split()[0] for line in flat if line.startswith(_UNSAID)]:
         raise UsageError(
-            f"gateway lines cannot say `{unsaid[0]}`",
+            f"no gateway line does what `{unsaid[0]}` does",
             node=node.node_id,
             hint=Hint(Action.SAVE_SCRIPT, why="writes a script"),
         )

@@ -330,7 +330,7 @@ def _refuse_strangers(frames: dict[int, Frame], there: Collection[int]) -> None:
     if strange is not None:
         can_id = can_id_text(strange.can_id, extended=strange.extended)
         raise SafetyRefusal(
-            f"{can_id} was received, but no node that answers transmits it before it is OPERATIONAL",
+            f"{can_id} was received, but no node that answers transmits it in PRE-OPERATIONAL",
             why="its sender would stay at the old bit rate, or produces SYNC or PDOs",
             hint=Hint(
                 Action.ENTER_PRE_OPERATIONAL,

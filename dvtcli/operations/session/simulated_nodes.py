@@ -270,7 +270,7 @@ def _simulated(what: str, chosen: int) -> Simulated:
     known = ", ".join(family_names())
     raise UsageError(
         f"{what}: no such family and no such file",
-        hint=f"families: {known}; or the path of an EDS, DCF, XDD or XDC, or of a folder that was learnt; "
+        hint=f"families: {known}; or the path of an EDS, DCF, XDD or XDC, or of a folder with a simulated.toml; "
         "or a name of `eds list`",
     )
 

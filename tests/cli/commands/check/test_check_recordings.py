@@ -861,7 +861,7 @@ def test_reports_for_ci(tmp_path: Path) -> None:
     (["run.log", "net.yaml"], 2, "run.log is a recording"),
     (["run.log", "--rule", "no-such"], 2, "unknown rule 'no-such' about recordings"),
     (["net.yaml", "-d", "net.yaml"], 2, "-d is for recordings only"),
-    (["run.log", "--live"], 2, "--live is of the bus"),
+    (["run.log", "--live"], 2, "--live checks a bus"),
 ])  # fmt: skip
 def test_what_cannot_be_checked_is_said(tmp_path: Path, words: list[str], code: int, says: str) -> None:
     recorded(tmp_path / "run.log", HEALTHY)

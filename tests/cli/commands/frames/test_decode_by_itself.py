@@ -41,7 +41,7 @@ def test_frames_are_decoded_by_the_mapping_in_the_recording() -> None:
     last, before = out.splitlines()[-1], out.splitlines()[-2]
     assert "6041:00=" in before
     assert "6064:00=1234" in last
-    assert "by the SDO transfers in run.log itself: TPDO1 of node 5, TPDO1 of node 6" in said
+    assert "mappings from the SDO transfers in run.log: TPDO1 of node 5, TPDO1 of node 6" in said
     table = run("decode run.log --csv")[0].splitlines()
     assert "TPDO1 node 5 6041:00" in table[0]
     assert table[-1].endswith(",1234")
