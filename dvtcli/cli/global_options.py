@@ -58,7 +58,7 @@ _TABLE: list[tuple[tuple[str, ...], dict[str, Any]]] = [
         {
             "multiple": True,
             "metavar": "[NODE:]OBJECT=SHAPE(…)",
-            "help": "Moving object of a simulated node: 606C=sine(1500,2s), ramp, square, walk, const, csv; "
+            "help": "Changing value of a simulated node: 606C=sine(1500,2s), ramp, square, walk, const, csv; "
             "an unknown name lists all; repeatable.",
         },
     ),

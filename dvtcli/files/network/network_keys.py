@@ -92,13 +92,13 @@ def _of_each_pdo(where: Where) -> Iterable[NetworkKey]:
 
 KEYS: tuple[NetworkKey, ...] = (
     NetworkKey(Where.FILE, "nodes", Kind.NODES, "the nodes by name; they may stand at the top level, too"),
-    NetworkKey(Where.FILE, "defaults", Kind.TABLE, "keys of every node, which a node's own keys override one by one"),
+    NetworkKey(Where.FILE, "defaults", Kind.TABLE, "keys for every node; a node's own keys override them one by one"),
     NetworkKey(Where.FILE, "links", Kind.LINKS, "which RPDOs receive which TPDO"),
-    NetworkKey(Where.FILE, "master", Kind.TABLE, "the master: a role, nothing of it is written"),
+    NetworkKey(Where.FILE, "master", Kind.TABLE, "the master; nothing of it is written to a node"),
     NetworkKey(Where.FILE, "options", Kind.TABLE, "dcfgen's own options"),
     NetworkKey(
         Where.OPTIONS, "heartbeat_multiplier", Kind.NUMBER,
-        "a heartbeat is late after so many times the producer's time; 3 by default", 1, 100,
+        "multiple of the producer's time after which a heartbeat is late; 3 by default", 1, 100,
     ),
     *_noted(Where.OPTIONS, "the folder of dcfgen's output", "dcf_path"),
     *_noted(Where.OPTIONS, "how often a master tries again", "retry_factor"),
@@ -116,19 +116,18 @@ KEYS: tuple[NetworkKey, ...] = (
         "nmt_inhibit_time", "start", "start_nodes", "start_all_nodes", "reset_all_nodes", "stop_all_nodes", "boot_time",
     ),
     NetworkKey(Where.NODE, "node_id", Kind.INTEGER, "its node-ID", 1, 127, required=True),
-    NetworkKey(Where.NODE, "dcf", Kind.TEXT, "its EDS, DCF, XDD or XDC, beside this file; `@BUS_CONFIG_PATH@` is its "
-                "folder; a simulated family's name is that one's, "
-                "a name of `eds list` is that file of the EDS library"),
+    NetworkKey(Where.NODE, "dcf", Kind.TEXT, "its EDS, DCF, XDD or XDC, relative to this file (`@BUS_CONFIG_PATH@`: "
+                "its folder); or the name of a simulated family; or a name of `eds list`"),
     NetworkKey(Where.NODE, "eds", Kind.TEXT, "as `dcf`, if `dcf` is absent"),
     NetworkKey(Where.NODE, "modules", Kind.MODULES,
-                "which modules of `dcf` a modular device has, in their order: numbers of [SupportedModules]; else its "
-                "module list (0x1027) says it", 1, _U16),
-    NetworkKey(Where.NODE, "profile", Kind.TEXT, "its device family, a profile's name; else found by its identity"),
+                "the modules of a modular device in their order, by their numbers in [SupportedModules] of `dcf`; by "
+                "default read from 0x1027", 1, _U16),
+    NetworkKey(Where.NODE, "profile", Kind.TEXT, "its device family (a profile); by default found by its identity"),
     NetworkKey(Where.NODE, "identity", Kind.TABLE, "the required values of 0x1018; another device is not written"),
-    NetworkKey(Where.NODE, "vendor_id", Kind.INTEGER, "as `identity.vendor`; 0 is not asked for", 0, _U32),
-    NetworkKey(Where.NODE, "product_code", Kind.INTEGER, "as `identity.product`; 0 is not asked for", 0, _U32),
-    NetworkKey(Where.NODE, "revision_number", Kind.INTEGER, "as `identity.revision`; 0 is not asked for", 0, _U32),
-    NetworkKey(Where.NODE, "serial_number", Kind.INTEGER, "as `identity.serial`; 0 is not asked for", 0, _U32),
+    NetworkKey(Where.NODE, "vendor_id", Kind.INTEGER, "as `identity.vendor`; 0: not checked", 0, _U32),
+    NetworkKey(Where.NODE, "product_code", Kind.INTEGER, "as `identity.product`; 0: not checked", 0, _U32),
+    NetworkKey(Where.NODE, "revision_number", Kind.INTEGER, "as `identity.revision`; 0: not checked", 0, _U32),
+    NetworkKey(Where.NODE, "serial_number", Kind.INTEGER, "as `identity.serial`; 0: not checked", 0, _U32),
     NetworkKey(Where.NODE, "tpdo", Kind.PDOS, "TPDOs by number, 1…512"),
     NetworkKey(Where.NODE, "rpdo", Kind.PDOS, "RPDOs by number, 1…512"),
     NetworkKey(Where.NODE, "sdo", Kind.VALUES, "objects and the values that they should hold"),
@@ -138,8 +137,8 @@ KEYS: tuple[NetworkKey, ...] = (
     ),
     NetworkKey(
         Where.NODE, "heartbeat_consumer", Kind.WATCH,
-        "whether it watches the master's heartbeat, or whose (name or node-ID) and after which time it is late; "
-        "0: not watched", 0, _U16, "ms",
+        "the producers (name or node-ID) that it monitors, each with the time after which its heartbeat is late; "
+        "0: not monitored; true: the master", 0, _U16, "ms",
     ),
     NetworkKey(Where.NODE, "guard_time", Kind.INTEGER, "node guarding", 0, _U16, "ms", (0x100C, 0, 2)),
     NetworkKey(
@@ -150,7 +149,7 @@ KEYS: tuple[NetworkKey, ...] = (
         (0x1005, 0, 4),
     ),
     NetworkKey(
-        Where.NODE, "sync_period", Kind.INTEGER, "how often SYNC comes, or is sent by this node", 0, _U32, "µs",
+        Where.NODE, "sync_period", Kind.INTEGER, "period of SYNC, as received or sent by this node", 0, _U32, "µs",
         (0x1006, 0, 4),
     ),
     NetworkKey(Where.NODE, "time_cob_id", Kind.INTEGER, "COB-ID of the time stamp", 0, _U32, "", (0x1012, 0, 4)),
@@ -169,7 +168,8 @@ KEYS: tuple[NetworkKey, ...] = (
     NetworkKey(Where.NODE, "prune", Kind.TRUTH, "whether enabled PDOs that are not in the file are disabled"),
     NetworkKey(
         Where.NODE, "stamp", Kind.TRUTH,
-        "whether 0x1020 gets a date and time that stand for these settings, before the store; needs store: true",
+        "whether a date and time that stand for these settings are written to 0x1020, before the store; needs "
+        "store: true",
     ),
     *_noted(Where.NODE, "the folder of dcfgen's output", "dcf_path"),
     *_noted(Where.NODE, "how the master watches the node", "heartbeat_multiplier", "retry_factor"),
@@ -189,7 +189,10 @@ KEYS: tuple[NetworkKey, ...] = (
     NetworkKey(Where.TPDO, "mapping", Kind.ENTRIES, "all of its objects in frame order; [] for none"),
     *_noted(Where.TPDO, "set on an RPDO only; event_timer is the time of a TPDO", "event_deadline"),
     *_of_each_pdo(Where.RPDO),
-    NetworkKey(Where.RPDO, "event_deadline", Kind.INTEGER, "after which time without it the node minds", 0, _U16, "ms"),
+    NetworkKey(
+        Where.RPDO, "event_deadline", Kind.INTEGER, "time without a frame after which the node reports an error", 0,
+        _U16, "ms",
+    ),
     NetworkKey(Where.RPDO, "mapping", Kind.ENTRIES, "all of its objects in frame order; [] for none"),
     *_noted(Where.RPDO, _TPDO_ONLY, "inhibit_time", "sync_start"),
     *_noted(Where.RPDO, f"{_TPDO_ONLY}; event_deadline is the time of an RPDO", "event_timer"),
@@ -207,7 +210,7 @@ KEYS: tuple[NetworkKey, ...] = (
     NetworkKey(Where.LINK, "to", Kind.ENDPOINTS, "the RPDOs that receive it", required=True),
     NetworkKey(
         Where.LINK, "heartbeat", Kind.HEARTBEAT,
-        "the producer's heartbeat, which the consumers watch; false: no watching; else as the producer has it",
+        "the producer's heartbeat, which the consumers monitor; false: not monitored; by default the producer's time",
         1, _U16, "ms",
     ),
 )  # fmt: skip

@@ -38,7 +38,7 @@ def settings() -> Iterator[str]:
     """Each key of a settings file with its variable, its option, and the files that may have it."""
     spelled = {name: code(option.opts[-1]) for name, option in options()}  # of --json and --format the latter
     rows = [_key(name, f"DVTCLI_{name.upper()}", option) for name, option in spelled.items()]
-    rows.append(_key(PASSCODE, "DVTCLI_PASSCODE", "none: it would stand in process lists"))
+    rows.append(_key(PASSCODE, "DVTCLI_PASSCODE", "none: process lists would show it"))
     rows.append(_key(f"[{ALIASES}]", "", "none"))
     return markdown_table(("key", "variable", "option", "in"), rows)
 
