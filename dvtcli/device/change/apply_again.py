@@ -34,9 +34,9 @@ _WHILE_ON = (Abort.VALUE_RANGE, Abort.DEVICE_STATE, Abort.READ_ONLY)
 #: What devices answer to a PDO write that they take in PRE-OPERATIONAL only.
 _WHILE_OPERATIONAL = (Abort.DEVICE_STATE, Abort.GENERAL)
 RULES = (
-    Rule("off-first", NOTE, "the device takes this parameter only while the PDO is off", "the device's own answer",
+    Rule("off-first", NOTE, "the device accepts this parameter only while the PDO is off", "the device's own answer",
          _WHILE_ON),
-    Rule("pre-operational-first", NOTE, "the device takes PDO writes only in PRE-OPERATIONAL",
+    Rule("pre-operational-first", NOTE, "the device accepts PDO writes only in PRE-OPERATIONAL",
          "the device's own answer", _WHILE_OPERATIONAL),
 )  # fmt: skip
 

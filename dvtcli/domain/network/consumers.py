@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 RULES = (
     Rule("consumer-length", WARNING, "an RPDO of a network maps another length than the TPDO that it receives",
          "CiA 301, emergency error codes 0x8210 and 0x8220"),
-    Rule("consumer-left", WARNING, "an RPDO goes on hearing a CAN-ID that a TPDO gives up and no other sends",
+    Rule("consumer-left", WARNING, "an RPDO still receives a CAN-ID that its TPDO gives up, and no other TPDO sends it",
          "CiA 301, 7.3.5: producer and consumer of a PDO have one CAN-ID"),
     Rule("rpdo-producer", WARNING,
          "no known node transmits the frames of an RPDO, and the family then reports a fault", "the family"),
@@ -89,8 +89,8 @@ def left_findings(
     for pdo, gone in moved.items():
         for producer in received.get(_id(gone), ()) if _id(gone) not in sent else ():
             if producer.node_id != plan.node_id:
-                hears = f"{producer.node_id}:{producer.pdo} goes on hearing {gone}"
-                text = f"{hears}, which {plan.node_id}:{pdo} sends no more"
+                consumer = f"{producer.node_id}:{producer.pdo}"
+                text = f"{consumer} still receives {gone}, which {plan.node_id}:{pdo} no longer sends"
                 yield warning("consumer-left", f"0x{pdo.communication_index:04X}:01", text)
 
 

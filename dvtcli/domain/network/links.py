@@ -94,8 +94,8 @@ def _same_id(one: PdoConfig, other: PdoConfig) -> bool:
 _LAYOUT = "CiA 301, 7.5.2.36 and 7.5.2.38: producer and consumer of a PDO have the same layout"
 RULES = (
     Rule("link-self", ERROR, "an RPDO is linked to a TPDO of its own node", "ours"),
-    Rule("link-producer", ERROR, "the TPDO of a link maps nothing, is multiplexed, or no whole PDO", _LAYOUT),
-    Rule("link-consumer", ERROR, "the RPDO of a link maps no object, is multiplexed, or no whole PDO", _LAYOUT),
+    Rule("link-producer", ERROR, "the TPDO of a link maps nothing, is multiplexed, or incomplete", _LAYOUT),
+    Rule("link-consumer", ERROR, "the RPDO of a link maps no object, is multiplexed, or incomplete", _LAYOUT),
     Rule("link-length", ERROR, "nothing that the TPDO of a link sends is as long as an object of its RPDO", _LAYOUT),
     Rule("link-place", ERROR, "an object of a link's RPDO could receive several of the TPDO's", "ours"),
     Rule("link-skip", ERROR, "the consumer of a link has no dummies for the other bits", _LAYOUT),

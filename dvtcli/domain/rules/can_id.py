@@ -21,25 +21,25 @@ RULES = (
     Rule("can-id-restricted", ERROR, "the CAN-ID of a PDO, SYNC or EMCY is restricted by CiA 301",
          "CiA 301, 7.3.5",
          (Abort.VALUE_RANGE,)),
-    Rule("extended-id", ERROR, "29 bits on a device that takes 11", "the family", (Abort.VALUE_RANGE,)),
+    Rule("extended-id", ERROR, "29 bits on a device that accepts 11", "the family", (Abort.VALUE_RANGE,)),
     Rule("rtr-bit", ERROR, "bit 30 is wrong for the family", "the family", (Abort.VALUE_RANGE,)),
     Rule("can-id-in-use", (Severity.ERROR, Severity.WARNING),
-         "the CAN-ID is SYNC, EMCY, the time stamp that is sent, or an SDO of a known node (error); another node's "
-         "EMCY by default, or TIME (warning); a write gives such a service the CAN-ID of another one or of a PDO that "
-         "is enabled (error)",
+         "the CAN-ID is used by SYNC, EMCY, a time stamp or an SDO of a known node (error), or is another node's "
+         "default for EMCY, or that of TIME (warning); a write gives such a service the CAN-ID of another service or "
+         "of an enabled PDO (error)",
          "CiA 301, 7.3.5; 0x1005, 0x1012, 0x1014 and 0x1201…0x12FF of known nodes"),
     Rule("can-id-clash", ERROR,
-         "another PDO of the node uses the CAN-ID, or a TPDO of another node of the session, also if it stays as it is",
+         "another PDO of the node, or a TPDO of another node of the session, uses the CAN-ID, changed or not",
          "ours"),
     Rule("one-producer", ERROR, "a TPDO would get a CAN-ID that an unknown node uses on the bus",
          "CiA 301, 7.3.5: the pre-defined connection set"),
     Rule("base-cob-id", WARNING,
          "the CAN-ID is a base of the pre-defined connection set, without a node-ID, whether the PDO is on or off",
          "CiA 301, 7.3.5; CiA 306, 4.6.3: $NODEID"),
-    Rule("can-id-instead", NOTE, "the CAN-ID that a PDO had, or its default, may not be: it gets another one", "ours"),
+    Rule("can-id-instead", NOTE, "the present or default CAN-ID of a PDO is not allowed: it gets another", "ours"),
     Rule("can-id-default", (Severity.WARNING, Severity.NOTE),
-         "the CAN-ID is another PDO's default, or set at one that is off; that of EMCY is another node's; a warning "
-         "for the default of a TPDO of a node that was received, which `map` does not read",
+         "the CAN-ID is the default of another PDO, or set at a PDO that is off, or another node's EMCY; a warning for "
+         "the default of a TPDO of a received node that `map` does not read",
          "CiA 301, 7.3.5"),
 )  # fmt: skip
 

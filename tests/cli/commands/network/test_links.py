@@ -308,11 +308,11 @@ def test_who_goes_on_hearing_a_can_id_that_is_given_up_is_named(bench: Bench, tm
         file.write_text(text.format(moves) + node_6)
         document = bench.run(f"plan {file} --json").document
         found = [one["text"] for one in document["nodes"][0]["findings"] if one["rule"] == "consumer-left"]
-        assert found == ["6:rpdo2 goes on hearing 0x2A1, which 1:tpdo1 sends no more"]
+        assert found == ["6:rpdo2 still receives 0x2A1, which 1:tpdo1 no longer sends"]
     others = "b: {node_id: 6, rpdo: {2: {cob_id: 0x2A2}}}\n", "c: {node_id: 5, tpdo: {1: {cob_id: 0x2A1}}}\n"
     for text_ in (text.format(stays), *(text.format(moves) + one for one in others)):
         file.write_text(text_)
-        assert "goes on hearing" not in bench.run(f"plan {file}").stderr
+        assert "still receives" not in bench.run(f"plan {file}").stderr
 
 
 def test_a_node_without_0x1017_gets_no_heartbeat(tmp_path: Path) -> None:
