@@ -59,8 +59,8 @@ def test_other_ways_of_writing(text: str, frame: Frame) -> None:
         ("0x800 00", "8 digits, 00000800"),
         ("185#112233445566778899", "8 at most"),
         ("0x185 [3] 10 27", "differs from"),
-        ("", "no frame"),
-        ("drive", "no frame"),
+        ("", "not a frame"),
+        ("drive", "not a frame"),
     ],
 )
 def test_what_is_no_frame_says_why(text: str, why: str) -> None:

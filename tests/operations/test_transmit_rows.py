@@ -32,7 +32,7 @@ def test_what_is_written_is_read_back(frame: str, every_ms: int | None, key: str
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "no frame"), ("every 5s", "no frame"), ("185", "no data"), ("xyz", "no frame"),
+        ("", "no frame"), ("every 5s", "not a frame"), ("185", "no data"), ("xyz", "not a frame"),
         ("185#10 every 0ms", "a period is"), ("185#10 every soon", "a period is"),
         ("185#10 every 4000s", "a period is"),
         ("185#10 key 0", "a key is"), ("185#10 key 11", "a key is"), ("rpdo1", "OBJECT=VALUE"),

@@ -127,7 +127,7 @@ def set_alias(name: str, line: str | None, *, dry_run: bool) -> Facts:
     own = {} if found is None else dict(File(found, users_own=True).aliases)
     before = own.get(name)
     if line is None and before is None:
-        raise UsageError(f"your settings have no alias {name!r}", hint="`alias` lists their names")
+        raise UsageError(f"your settings have no alias {name!r}", hint="the list of aliases shows their names")
     wanted = {word: text for word, text in own.items() if word != name} | ({} if line is None else {name: line})
     path = str(user_folder("config") / "config.toml") if found is None else found.path
     changed = before != line

@@ -189,7 +189,7 @@ def test_all_that_is_wrong_is_said_at_once_with_its_place() -> None:
         ("heartbeat_consumer: {two: 5}", "'two' is not a node of this file, and no node-ID: 1…127"),
         ("heartbeat_consumer: {one: 5, 5: 6}", "node 5 is watched twice"),
         ("heartbeat_consumer: 5", "true or false is expected here, not 5"),
-        ("error_behavior: {0: 1}", "is no sub-index of 0x1029: 1…254"),
+        ("error_behavior: {0: 1}", "is not a sub-index of 0x1029: 1…254"),
         ("vpdo: {motor: {1: none, 0x1: none}}", "pin 1 of motor was given twice"),
         ("store: yes", "true, false, all, communication, application or a sub-index is expected here"),
         ("store: 200", "200 is not within 1…127"),

@@ -115,7 +115,7 @@ def test_values_that_are_none_are_refused_each_with_its_line(tmp_path: Path) -> 
     lines = [dcf.text().split(f"={text}\n")[0].count("\n") + 1 for text, _ in wrong]
     names = {U16: "UNSIGNED16", U32: "UNSIGNED32"}
     said = (
-        f"{file}:{line}:16: error: {index:04X}:00 {names[kind]}: ParameterValue={text} is no {names[kind]}"
+        f"{file}:{line}:16: error: {index:04X}:00 {names[kind]}: ParameterValue={text} is not a valid {names[kind]}"
         for line, index, (text, kind) in zip(lines, range(0x3000, 0x3005), wrong, strict=True)
     )
     refused(file, dcf.text(), *said, "5 errors.")

@@ -252,8 +252,8 @@ def test_a_heartbeat_that_is_watched_again_has_its_new_time() -> None:
 def test_what_a_gateway_that_is_no_node_has_not_is_said() -> None:
     with served("generic@4") as (_, running), Client(running) as client:
         for words, why in (
-            ("set id 5", "no node of the bus"),
-            ("set heartbeat 100", "no node of the bus"),
+            ("set id 5", "not a node of the bus"),
+            ("set heartbeat 100", "not a node of the bus"),
             ("4 enable guarding 100 3", "enable heartbeat"),
             ("4 disable guarding", "enable heartbeat"),
             ("init 3", "where the gateway is started"),
@@ -272,7 +272,7 @@ def test_what_a_gateway_that_is_no_node_has_not_is_said() -> None:
 
 def test_what_comes_from_elsewhere_is_refused() -> None:
     with Session(Options(sim=("generic",))) as session:
-        with pytest.raises(SafetyRefusal, match=r"192\.0\.2\.1 is no loopback"), gateway(session, ("192.0.2.1", 0)):
+        with pytest.raises(SafetyRefusal, match=r"192\.0\.2\.1 is not a loopback"), gateway(session, ("192.0.2.1", 0)):
             pass
         with socket.create_server(("127.0.0.1", 0)) as taken:
             where = ("127.0.0.1", taken.getsockname()[1])

@@ -119,7 +119,7 @@ def test_what_a_session_saves_as_lines_makes_the_device_that_it_made(family: str
     [
         ("", "save x.309", "changed nothing"),
         ("set tpdo1 --timer 20\nset tpdo1 --timer 0", "save x.309", "reverted"),
-        ("set tpdo1 --timer 20\nrestore", "save x.309", "cannot say `restore`"),
+        ("set tpdo1 --timer 20\nrestore", "save x.309", "no gateway line does what `restore`"),
         ("set tpdo1 --timer 20", "save x.309 --all", "leave out --history and --all"),
     ],
 )

@@ -96,7 +96,7 @@ def test_verify_does_not_leave_out_a_device_that_is_another_one_now(tmp_path: Pa
         session.comes_back = True
         changed(session)
         session.take_bus(VirtualTimeBus([device(5, "tmcm")], simulated=False))
-        with pytest.raises(SafetyRefusal, match="another device"):
+        with pytest.raises(SafetyRefusal, match="is not the device that it was"):
             verify(session, lambda _file, _node_id=None: {})
 
 

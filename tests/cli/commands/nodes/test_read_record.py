@@ -138,5 +138,5 @@ def test_a_program_reads_it_too(gen4: Bench) -> None:
         record = bus.node().record("1018")
         assert record.document() == gen4.run("read 1018 --json").document
         assert bus.node().record(0x1018).value == bus.node().read("1018").value == 4
-        with pytest.raises(errors.UsageError, match="no record"):
+        with pytest.raises(errors.UsageError, match="not a record"):
             bus.node().record("6041")

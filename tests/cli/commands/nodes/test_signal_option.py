@@ -66,7 +66,7 @@ def test_pdos_are_configured_beside_a_signal() -> None:
     [
         ("606C=tan(1)", "sine(AMPLITUDE,PERIOD)"),
         ("606C=sine(1)", "write sine(AMPLITUDE,PERIOD)"),
-        ("606C=sine(1,x)", "no period"),
+        ("606C=sine(1,x)", "not a period"),
         ("5FFF=const(1)", "no object 5FFF:00 that holds a number"),
         ("1008=const(1)", "no object 1008:00 that holds a number"),
         ("1800:2=const(1)", "1800:02"),
