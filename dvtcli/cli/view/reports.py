@@ -338,7 +338,7 @@ def escaped_message(text: str) -> str:
 
 
 def line_without_command(text: str) -> str:
-    """Return *text*, beginning with a path, as a line that is no workflow command: `::x::`, `##[x]`."""
+    """Return *text*, beginning with a path, as a line that is not a workflow command: `::x::`, `##[x]`."""
     plain = text.replace("##[", "## [")
     return f"./{plain}" if plain.lstrip().startswith("::") else plain
 
