@@ -9,7 +9,10 @@ from dvtcli.domain.hint import Action, Hint
 from dvtcli.errors import SafetyRefusal
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from dvtcli.device.change.plan_document import Identity
+    from dvtcli.device.node_parts import ReadableNode
     from dvtcli.domain.object_dictionary import ObjectDictionary
     from dvtcli.domain.profile import DeviceProfile
 
@@ -58,6 +61,27 @@ def unlike_file(node_id: int, dictionary: ObjectDictionary, identity: tuple[int 
             expected = " or ".join(f"0x{number:08X}" for number in sorted(filter(None, described)))
             return f"{dictionary.source or 'the EDS'} is about {name} {expected}, node {node_id} is {name} 0x{held:08X}"
     return ""
+
+
+def add_eds(nodes: Iterable[ReadableNode], before: str, after: str) -> Hint:
+    """How to add the EDS of *nodes* that have none, between the words *before* and *after*.
+
+    The identity that each node tells (0x1018) goes with it: a file may lack it. A node that tells none gets no EDS by
+    its identity.
+    """
+    words = dict.fromkeys(_identity_word(node.identity()) for node in nodes)
+    hints = [Hint(Action.ADD_EDS, {"identity": word}, "{}") if word else Hint(Action.GIVE_EDS, why="{}")
+             for word in words]  # fmt: skip
+    first, *others = hints
+    chained = replace(first, why=f"{before}{{}}")
+    for other in others:
+        chained += replace(other, why=", {}")
+    return chained + after if after else chained
+
+
+def _identity_word(identity: Identity) -> str:
+    vendor, product = identity["vendor"], identity["product"]
+    return f"vendor=0x{vendor:X},product=0x{product:X}" if vendor and product is not None else ""
 
 
 def _default(dictionary: ObjectDictionary, sub_index: int, node_id: int) -> int | None:

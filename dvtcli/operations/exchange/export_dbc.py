@@ -8,6 +8,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dvtcli.device.file_fits import add_eds
 from dvtcli.domain.cob_id import can_id_text
 from dvtcli.domain.datatypes import Kind
 from dvtcli.domain.frame import Field, byte_length, layout
@@ -361,9 +362,10 @@ def export_dbc(session: SessionNodes, file: str, options: DbcOptions = PLAIN) ->
             hint=Hint(Action.CHECK_SETUP, why="check bit rate and supply: {}") + Hint(Action.FIND_NODES, why=", {}"),
         )
     nodes = [session.node(node_id) for node_id in ids]
-    if unnamed := [node.node_id for node in nodes if node.dictionary is None]:
-        what = f"no EDS of {all_nodes(unnamed)}: without one, signals have no names, signs or units"
-        session.reporter.warning(Hint(Action.ADD_EDS, why=f"{what}; {{}}, then export again"))
+    if unnamed := [node for node in nodes if node.dictionary is None]:
+        who = all_nodes(node.node_id for node in unnamed)
+        what = f"no EDS of {who}: without one, signals have no names, signs or units"
+        session.reporter.warning(add_eds(unnamed, f"{what}; ", ", then export again"))
     return _write(session, file, None, network_state(nodes), {}, options)
 
 

@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from dvtcli.device.file_fits import refuse_unlike_file
+from dvtcli.device.file_fits import add_eds, refuse_unlike_file
 from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.network.network_config import NetworkConfig
 from dvtcli.domain.script_line import change_lines
@@ -30,7 +30,7 @@ from dvtcli.operations.devices.backup_device import (
 )
 from dvtcli.operations.exchange.export_dbc import DbcOptions, export_dbc
 from dvtcli.operations.exchange.export_network import SUFFIXES as NETWORK_SUFFIXES
-from dvtcli.operations.exchange.export_network import export_node, exported_node
+from dvtcli.operations.exchange.export_network import export_node, exported_node, noted
 from dvtcli.operations.nodes.find_nodes import find_nodes
 from dvtcli.operations.pdos.edit_pdos import Configs, edited_plan
 from dvtcli.operations.results import Facts
@@ -83,23 +83,25 @@ def export_nodelist(session: SessionNodes, file: str, *, twice: bool = False) ->
     """
     path = place_of(file, "nodelist.cpj")
     ask_before_overwriting(session, path)
-    notes: list[str] = []
+    notes: list[Hint | str] = []
     ids = session.base.nodes or tuple(row.node for row in find_nodes(session).rows if not row.note)
     if not ids:
         raise NoAnswer(
             "no node answers",
             hint=Hint(Action.CHECK_SETUP, why="check bit rate and supply: {}") + Hint(Action.FIND_NODES, why=", {}"),
         )
-    said: list[str] = []
+    said: list[Hint | str] = []
     nodes = [_listed(session, path, node_id, notes, said, twice=twice) for node_id in sorted(ids)]
     without_dcf = [str(node.node_id) for node in nodes if not node.dcf]
+    bare = [session.node(node.node_id) for node in nodes if not node.dcf]
     if len(without_dcf) == len(nodes):
         raise UsageError(
             f"none of the nodes has an EDS ({join_some(without_dcf)}): a nodelist needs their DCFs",
-            hint=Hint(Action.ADD_EDS, why="adds it to the library for all nodes of this type; then export again"),
+            hint=add_eds(bare, "", " adds it to the library for all nodes of this type; then export again"),
         )
     if without_dcf:
-        why = f"{all_nodes(without_dcf)}: no DCF, since there is no EDS; add an EDS to the library, then export again"
+        words = f"{all_nodes(without_dcf)}: no DCF, since there is no EDS; "
+        why = add_eds(bare, words, " adds it to the library; then export again")
         notes.insert(0, why)
         said.insert(0, why)
     make_file(session, path, eds_bytes(nodelist_text(Nodelist(path.parent.resolve().name, tuple(nodes)))))
@@ -110,11 +112,17 @@ def export_nodelist(session: SessionNodes, file: str, *, twice: bool = False) ->
     )  # fmt: skip
     dcfs = sum(bool(node.dcf) for node in nodes)
     first = f"{file}: {plural(len(nodes), 'node')}, {plural(dcfs, 'DCF')} beside it"
-    return Facts("nodelist", rows, (first, *(f"note: {note}" for note in said)))
+    return Facts("nodelist", rows, (first, *map(noted, said)))
 
 
 def _listed(
-    session: SessionNodes, path: Path, node_id: int, notes: list[str], said: list[str], *, twice: bool
+    session: SessionNodes,
+    path: Path,
+    node_id: int,
+    notes: list[Hint | str],
+    said: list[Hint | str],
+    *,
+    twice: bool,
 ) -> ListedNode:
     """List the node and write its DCF; omissions are in *notes*, the first also in *said*."""
     node = session.node(node_id)

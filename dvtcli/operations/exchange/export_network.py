@@ -429,7 +429,7 @@ def write_found(
     errors = _errors(file)
     judged = f"{plural(errors, 'error')} to correct first" if errors else "Check it"
     checked = Hint(Action.CHECK, {"file": file}, f"{verbatim(file)}: {counts}. {judged}: {{}}")
-    said: list[Hint | str] = [checked, *map(_noted, notes)]
+    said: list[Hint | str] = [checked, *map(noted, notes)]
     rows = (
         ("file", file),
         ("nodes", [_row(exported_node) for _, exported_node in sorted(nodes.items())]),
@@ -445,7 +445,8 @@ def _unlike(ends: tuple[Endpoint, Endpoint]) -> str:
     return f"{received} receives {sent}, but their layouts differ: no link"
 
 
-def _noted(note: Hint | str) -> Hint | str:
+def noted(note: Hint | str) -> Hint | str:
+    """Return *note* with `note:` before it."""
     return replace(note, why=f"note: {note.why}") if isinstance(note, Hint) else f"note: {note}"
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dvtcli.device.described_node import Defaults, FileValues
+from dvtcli.device.file_fits import add_eds
 from dvtcli.device.quirks import in_standard_order
 from dvtcli.device.read_pdos import WHATEVER, present_pdos, read_identity, read_pdo
 from dvtcli.domain.hint import Action, Hint
@@ -170,8 +171,11 @@ def _bit_rate_of_files(nodes: Sequence[_FileNode], path: Path) -> Iterator[Hint 
 
 
 def _bit_rate_note(path: Path, bit_rate: int) -> Hint:
-    """Say how *bit_rate* (bit/s) gets into a check of the network file *path*, which has whole kbit/s only."""
-    whole = f", or add master: {{{{baudrate: {bit_rate // 1000}}}}} (kbit/s)"
+    """Say how *bit_rate* (bit/s) gets into a check of the network file *path*, which has whole kbit/s only.
+
+    It is not written: it stands in the section `master`, and `check` takes a master for the other side of PDOs.
+    """
+    whole = f", or add master: {{{{baudrate: {bit_rate // 1000}}}}} (kbit/s) if a master exchanges PDOs with the nodes"
     why = f"no bit rate in the file: for load and deadlines, {{}}{'' if bit_rate % 1000 else whole}"
     return Hint(Action.CHECK, {"file": path, "bit_rate": bit_rate}, why)
 
@@ -392,7 +396,7 @@ def import_network(session: SessionNodes, file: str, folder: str | None = None, 
 
 def _live(session: SessionNodes, path: Path, notes: list[Hint | str]) -> Iterator[FoundNode]:
     """Yield every answering node; reports nodes that are present but do not answer."""
-    unnamed: list[str] = []
+    unnamed: list[Node] = []
     ids = list(_ids(session, notes))
     tell_unknown_bit_rate(session, len(ids))
     silent = _look_ahead(session, ids)
@@ -409,11 +413,12 @@ def _live(session: SessionNodes, path: Path, notes: list[Hint | str]) -> Iterato
             notes.append(f"node {node_id} is left out: {failed.text}")
             continue
         if node.dictionary is None:
-            unnamed.append(str(node_id))
+            unnamed.append(node)
         yield FoundNode(found, held, node.read_cache)
     if unnamed:
-        who = all_nodes(unnamed)
-        notes.append(f"{who}: no EDS, so objects are written as numbers; add an EDS to the library, then import again")
+        who = all_nodes(node.node_id for node in unnamed)
+        words = f"{who}: no EDS, so objects are written as numbers; "
+        notes.append(add_eds(unnamed, words, " adds it to the library; then import again"))
 
 
 def _look_ahead(session: SessionNodes, ids: Sequence[int]) -> dict[int, DvtcliError]:

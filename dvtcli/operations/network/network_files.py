@@ -130,7 +130,7 @@ def _tell_unproved(session: SessionUser, plan: NetworkPlan) -> None:
         (again, " stored nothing now, so the stored values are not proved; {} proves them"),
     ):
         if ids:
-            words = f"{all_nodes(list(map(str, ids)))}{why}"
+            words = f"{all_nodes(ids)}{why}"
             session.reporter.note(Hint(Action.PROVE_STORE, {"node": ids}, words))
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dvtcli.device.change.private_file import OTHER_STATE, private_folder, to_disk, unfinished, unusable
+from dvtcli.device.file_fits import add_eds
 from dvtcli.domain.hint import Action, Hint, as_hint
 from dvtcli.domain.text import all_nodes, join_some
 from dvtcli.errors import DvtcliError, SafetyRefusal, UsageError
@@ -207,7 +208,7 @@ def _node(session: SessionNodes) -> Iterator[Check]:
         return
     if node.dictionary is None:
         hint = Hint(Action.GIVE_EDS, why="objects have no names: {}")
-        hint += Hint(Action.ADD_EDS, why=", or {} once and for all")
+        hint += add_eds([node], ", or ", " once and for all")
         yield Check("node", "warn", f'node {node_id} "{node.title}" answers; it has no EDS', hint)
         return
     if node.unlike_file:

@@ -670,6 +670,25 @@ def test_a_slip_in_the_name_of_a_library_file_is_suggested(offline: Bench) -> No
     assert "did you mean 'pump.eds'?" in offline.run("check net.yaml").stderr
 
 
+@pytest.mark.parametrize("line", ["import net.yaml", "export all.cpj", "export all.dbc", "doctor"])
+def test_the_hint_to_add_an_eds_runs_with_a_file_without_identity(line: str) -> None:
+    """It names each kind of node by what the node says: `eds add FILE` alone refuses such a file."""
+    write("bare.eds", text(product=0, vendor=0).replace("ProductNumber=0x0\n", ""))
+    bus = live(pump(4), pump(5), pump(6, product=0x56), device("gen4", 7))
+    with Bench((), {"yes": True, "interface": "virtual", "channel": "0"}, bus=bus) as bench:
+        assert bench.run("node 4").code == 0
+        assert bench.run("eds add bare.eds").code == 4
+        ran = bench.run(line)
+        said = " ".join((ran.stdout + ran.stderr).split())
+        hints = re.findall(r"eds add FILE --identity \S+[0-9A-F]", said)
+        kinds = ("0x55",) if line.startswith("doctor") else ("0x55", "0x56")
+        assert hints == [f"eds add FILE --identity vendor=0x1234,product={kind}" for kind in kinds], said
+        for hint in hints:
+            assert bench.run(hint.replace("FILE", "bare.eds")).code == 0
+        listed = bench.run("eds list --json").document["files"]
+        assert len(listed) == len(kinds)
+
+
 def test_all_bits_are_nobodys_number(offline: Bench) -> None:
     write("a.eds", text(product=0xFFFFFFFF))
     ran = offline.run("eds add a.eds")
