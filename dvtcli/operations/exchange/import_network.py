@@ -175,7 +175,7 @@ def _bit_rate_note(path: Path, bit_rate: int) -> Hint:
 
     It is not written: it stands in the section `master`, and `check` takes a master for the other side of PDOs.
     """
-    whole = f", or add master: {{{{baudrate: {bit_rate // 1000}}}}} (kbit/s) if a master exchanges PDOs with the nodes"
+    whole = f", or, with a master, master: {{{{baudrate: {bit_rate // 1000}}}}}"
     why = f"no bit rate in the file: for load and deadlines, {{}}{'' if bit_rate % 1000 else whole}"
     return Hint(Action.CHECK, {"file": path, "bit_rate": bit_rate}, why)
 

@@ -58,10 +58,10 @@ def numbers(text: str) -> set[int]:
 
 def named(line: str, first: NetworkFinding) -> tuple[set[tuple[str, int]], set[int]]:
     """The PDOs or objects with their nodes, and the lines of the file, that *line* names beside those of *first*."""
-    also = re.search(r"times: also ([^)]*)", line)
+    also = re.search(r"times: also (.*)\) \[", line)
     places, lines = set[tuple[str, int]](), set[int]()
     for part in also[1].split("; ") if also else ():
-        what, _, listed = part.rpartition("node ")
+        what, _, listed = re.sub(r" \(0x.*\)|(?<=node)s", "", part).rpartition("node ")
         if part.startswith("line "):
             lines = numbers(part.removeprefix("line "))
         else:
@@ -108,7 +108,7 @@ def test_other_values_are_other_lines(text: str) -> None:
     found = [NetworkFinding(1, "warning", "emergency", "", text.format(node=node), node=node) for node in range(1, 5)]
     assert shown(found) == [f"net: warning: {finding.text} [emergency]" for finding in found]
     same = [replace(finding, text=f"node {finding.node}: EMCY 0xFF01") for finding in found]
-    assert shown(same) == ["net: warning: node 1: EMCY 0xFF01 (4 times: also node 2-4) [emergency]"]
+    assert shown(same) == ["net: warning: node 1: EMCY 0xFF01 (4 times: also nodes 2-4) [emergency]"]
 
 
 def test_pdos_without_lines_are_named() -> None:
@@ -120,4 +120,4 @@ def test_pdos_without_lines_are_named() -> None:
         ) for node in (1, 2, 3) for pdo in ("tpdo1", "tpdo2")
     ]  # fmt: skip
     (line,) = shown(found)
-    assert "(6 times: also node 2, 3; TPDO2 of node 1-3)" in line
+    assert "(6 times: also TPDO2 of nodes 1-3 (0x181-0x183); TPDO1 of nodes 2, 3 (0x182, 0x183))" in line

@@ -121,8 +121,8 @@ def test_all_nodes_go_to_one_file_and_files_to_other_formats(tmp_path: Path, mon
         assert bus.export("now.dbc", yes=True) == ()
         left_out = bus.import_network("line.yaml", "nodelist.cpj")
         assert left_out == (
-            "no bit rate in the file: for load and deadlines, `bus.check('line.yaml', bit_rate=500000)`, or add "
-            "master: {baudrate: 500} (kbit/s) if a master exchanges PDOs with the nodes",
+            "no bit rate in the file: for load and deadlines, `bus.check('line.yaml', bit_rate=500000)`, or, with a "
+            "master, master: {baudrate: 500}",
             "nodes 1 and 5: other values of their files left out, all equal to the defaults: apply a file itself "
             "to write its configuration objects",
         )

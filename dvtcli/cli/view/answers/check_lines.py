@@ -208,16 +208,20 @@ def _more(found: NetworkFinding, others: list[NetworkFinding]) -> str:
     """Count *found* and *others*, and name all places of the others."""
     if not others:
         return ""
-    nodes: dict[str, list[int]] = {"": []}
+    nodes: dict[str, list[int]] = {}
+    can_ids: dict[str, set[int]] = {}
     for other in others:
-        what = "" if _what(other) == _what(found) else _what(other)
-        numbers = nodes.setdefault(what, [])
+        numbers, what = nodes.setdefault(_what(other), []), _what(other)
         if other.node is not None and (what or other.node != found.node):
             numbers.append(other.node)
-    also = [
-        " of ".join(part for part in (what, f"node {_ranges(numbers)}" if numbers else "") if part)
-        for what, numbers in nodes.items()
-    ]
+        if other.pdo is not None and len(told := set(PDO_CAN_ID.findall(other.text))) == 1:
+            can_ids.setdefault(what, set()).add(int(told.pop(), 16))
+    also = []
+    for what, numbers in nodes.items():
+        who = f"node{'s' * (len(set(numbers)) > 1)} {_ranges(numbers)}" if numbers else ""
+        named = f" ({_ranges(can_ids[what], '0x{:X}')})" if what in can_ids else ""
+        is_plain = len(nodes) == 1 and what == _what(found) and who
+        also.append((who if is_plain else " of ".join(part for part in (what, who) if part)) + named)
     if lines := {other.line for other in others if other.column} - {found.line}:
         also.append(f"line {_ranges(lines)}")
     places = "; ".join(part for part in also if part)
@@ -231,21 +235,25 @@ def _what(found: NetworkFinding) -> str:
     return f"0x{found.object}" if found.object else ""
 
 
-def _ranges(numbers: Iterable[int]) -> str:
-    """Write *numbers* in order, three and more in a row as `2-4`."""
+def _ranges(numbers: Iterable[int], form: str = "{}") -> str:
+    """Write *numbers* in order, each in *form*, three and more in a row as `2-4`."""
     runs: list[list[int]] = []
     for number in sorted(set(numbers)):
         if runs and runs[-1][-1] == number - 1:
             runs[-1].append(number)
         else:
             runs.append([number])
-    return ", ".join(f"{run[0]}-{run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs)
+    return ", ".join(
+        f"{form.format(run[0])}-{form.format(run[-1])}" if len(run) > 2 else ", ".join(map(form.format, run))
+        for run in runs
+    )
 
 
 def _sum(report: NetworkReport) -> str:
     pdos = sum(count for _, _, count in report.nodes)
     links = f", {plural(report.links, 'link')}" if report.links else ""
     counted = report.count()
+    counted["note"] += sum(times for _, _, times, _ in report.notes)
     found = ", ".join(plural(counted[severity], severity) for severity in SEVERITIES if counted[severity])
     if report.unread:
         return f"{report.path}: not checked; {found}"

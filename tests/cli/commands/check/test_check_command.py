@@ -65,7 +65,7 @@ def test_what_is_wrong_with_one_file_keeps_no_other_from_being_checked(bench: Be
     text = bench.run(f"check {files}")
     assert text.stderr == ""
     assert "      |         ^^^^^^^^^^^\n" in text.stdout
-    assert f"{tmp_path / 'b.yaml'}: 1 node, 0 PDOs; 1 warning\n" in text.stdout
+    assert f"{tmp_path / 'b.yaml'}: 1 node, 0 PDOs; 1 warning, 1 note\n" in text.stdout
     assert f"{tmp_path / 'e.yaml'}: not checked; 1 error\n" in text.stdout
 
 
@@ -104,7 +104,9 @@ def test_findings_of_one_cause_are_one_line(bench: Bench, tmp_path: Path, count:
     for rule in ("no-error-control", "rpdo-without-producer"):
         found = [line for line in lines if line.endswith(f"[{rule}]")]
         others = "2, 3" if count == 3 else f"2-{count}"
-        assert (len(found), [line for line in found if f"({count} times: also node {others}; line " in line]) == (
+        if rule == "rpdo-without-producer":
+            others += f" ({'0x202, 0x203' if count == 3 else f'0x202-0x20{count}'})"
+        assert (len(found), [line for line in found if f"({count} times: also nodes {others}; line " in line]) == (
             shown, found if shown == 1 else [],
         )  # fmt: skip
         alone = bench.run(f"check {file} --rule {rule}").stdout.splitlines()
@@ -195,5 +197,5 @@ def test_what_a_file_holds_is_said_with_its_notes(bench: Bench, tmp_path: Path) 
         f"names an EDS",
         f"{file}: note: unknown bit rate: load and deadlines were not checked; add master: {{baudrate: …}} (kbit/s) "
         "[unknown-bit-rate]",
-        f"{file}: 2 nodes, 0 PDOs; 1 note",
+        f"{file}: 2 nodes, 0 PDOs; 4 notes",
     ]

@@ -181,8 +181,8 @@ def test_names_node_ids_and_what_is_left_out_come_from_the_list() -> None:
     assert ran.document["notes"] == [
         "net.cpj: network Other is left out: one file, one bus", "net.cpj: not present: node 7",
         "node 9 is left out: net.cpj has no DCF for it",
-        "no bit rate in the file: for load and deadlines, `dvtcli check net.yaml --at 500000`, or add "
-        "master: {baudrate: 500} (kbit/s) if a master exchanges PDOs with the nodes",
+        "no bit rate in the file: for load and deadlines, `dvtcli check net.yaml --at 500000`, or, with a master, "
+        "master: {baudrate: 500}",
         "node 2: other values of its file left out, all equal to the defaults: apply a file itself to write its "
         "configuration objects",
     ]  # fmt: skip
