@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from dvtcli.device.nmt_gate import NodeAccess
 from dvtcli.device.resets import SentReset, reset_all_and_wait, send_reset
 from dvtcli.device.seen_state import CONFIRM_S, seen_state, seen_states
-from dvtcli.domain.hint import Hint
+from dvtcli.domain.hint import Action, Hint
 from dvtcli.domain.nmt import NmtCommand, NmtState
 from dvtcli.domain.profile import GENERIC
 from dvtcli.errors import NoAnswer, SdoAborted, SdoProtocolError
@@ -112,8 +112,13 @@ def _commanded(
     for note in notes:
         session.reporter.warning(note)
     notes += _interrupted(session, {*states, *([] if target else [session.selected_id()])})
+    if not (target or reset or session.dry_run or session.bus.simulated):
+        session.reporter.note(_UNSEEN)
     wanted = None if reset else command.after.label
     return Commanded(target, command.word, seen, session.dry_run, lost, wanted, tuple(notes))
+
+
+_UNSEEN = Hint(Action.FIND_NODES, why="nodes without a heartbeat got it, too, and are not confirmed: {} finds them")
 
 
 def _known(session: SessionNodes) -> set[int]:

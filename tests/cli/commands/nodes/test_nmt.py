@@ -88,6 +88,18 @@ def test_one_of_all_that_does_not_obey_is_named() -> None:
         assert "node 1: OPERATIONAL\n" in ran.stdout
 
 
+@pytest.mark.parametrize("line", ["nmt start all", "nmt stop all"])
+def test_nodes_without_a_heartbeat_are_named_as_not_confirmed(line: str) -> None:
+    """The command reaches them, and nothing shows that they obeyed."""
+    silent = device("gen4", 2)
+    silent.set_value(0x1017, 0, b"\0\0")
+    with Bench((), {"node": 1}, VirtualTimeBus([device("gen4", 1), silent], simulated=False)) as bench:
+        ran = bench.run(line)
+        assert ran.code == 0
+        assert "note: nodes without a heartbeat got it, too, and are not confirmed: `dvtcli " in ran.stderr
+        assert " scan` finds them" in ran.stderr
+
+
 def test_what_cannot_be_seen_is_said_and_no_failure() -> None:
     node = device("generic")
     node.set_value(0x1017, 0, b"\0\0")
