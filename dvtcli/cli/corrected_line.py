@@ -69,11 +69,23 @@ def with_correction(
         error.text = without_suggestion(error.text)  # the hint has it
     if line is None and error.hint is None and (near := _NEAR_COMMAND.search(error.text)):
         error.text, error.hint = without_suggestion(error.text), f"did you mean `{near[1]}`? `help {near[1]}` shows it"
+    if line is None and (said := _event_timer_hint(words, session)):
+        error.hint = said
     if line is not None and in_file:
         error.hint = f"did you mean `{prompt_line(line)}`?"
     elif line is not None:
         error.hint = Hint(Action.CORRECT, {"words": tuple(line)}, "did you mean {}?")
     return error
+
+
+def _event_timer_hint(words: Sequence[str], session: Conversation) -> str:
+    """Say what `--event 99999` may mean, and why the event timer does not take it; empty for another line."""
+    for at, word in enumerate(words[:-1]):
+        if word == "--event" and words[at + 1].isdigit():
+            fault = _fault([*words[:at], "--timer", *words[at + 1 :]], session)
+            why = "" if fault is None else fault.text.removeprefix("Invalid value for '--timer': ")
+            return f"--event has no value; --timer MS sets the event timer: {why}" if why else ""
+    return ""
 
 
 def without_suggestion(text: str) -> str:

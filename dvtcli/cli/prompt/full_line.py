@@ -53,7 +53,7 @@ from dvtcli.cli.prompt.line import (
 )
 from dvtcli.cli.registry import REGISTRY
 from dvtcli.cli.usage_errors import usage_error
-from dvtcli.cli.view.lines import Cell, wrapped
+from dvtcli.cli.view.lines import Cell, columns, wrapped
 from dvtcli.cli.view.output import Output
 from dvtcli.cli.view.typed_hints import error_text, typed
 from dvtcli.device.change.private_file import open_private, private_folder
@@ -283,7 +283,7 @@ def prompt_session(session: Conversation, status: Status, show_help: Callable[[s
         bottom_toolbar=lambda: _toolbar(status, types_tcl=types_tcl()),
         validator=LineValidator(session, size),
         validate_while_typing=False,
-        input_processors=[AfterInput(_said_at_line)],
+        input_processors=[AfterInput(lambda: _said_at_line(status.prompt()))],
         prompt_continuation=lambda _width, _number, wrapped: "" if wrapped else CONTINUED,
         refresh_interval=0.5,
         search_ignore_case=True,
@@ -306,12 +306,32 @@ def _toolbar(status: Status, *, types_tcl: bool) -> StyleAndTextTuples:
     return wrong + status.toolbar(size.columns, "" if low or types_tcl else buffer.document.text_before_cursor)
 
 
-def _said_at_line() -> StyleAndTextTuples:
-    """Return the line's error after the line, if it does not stand in the toolbar."""
-    wrong = get_app().current_buffer.validation_error
+def _said_at_line(prompt: str) -> StyleAndTextTuples:
+    """Return the line's error after the line, behind *prompt*, if it does not stand in the toolbar."""
+    buffer = get_app().current_buffer
+    wrong = buffer.validation_error
     if not isinstance(wrong, Refused) or wrong.message:
         return []
-    return [("", "  "), ("class:validation-toolbar", wrong.said)]
+    before = buffer.text.rpartition("\n")
+    width = get_app().output.get_size().columns
+    used = (columns(CONTINUED if before[1] else prompt) + columns(before[2]) + 2) % width
+    return [("", "  "), ("class:validation-toolbar", broken_by_blanks(wrong.said, used, width))]
+
+
+def broken_by_blanks(text: str, used: int, width: int) -> str:
+    """Return *text* for a line of *width* columns, *used* of them, that a terminal breaks: blanks keep words whole."""
+    out: list[str] = []
+    for word in text.split(" "):
+        size = columns(word)
+        if out and used < width:
+            out.append(" ")
+            used += 1
+        if used + size > width and size <= width:
+            out.append(" " * (width - used))
+            used = 0
+        out.append(word)
+        used = (used + size) if used + size <= width else (used + size) % width
+    return "".join(out)
 
 
 def _color_depth(color: str) -> ColorDepth | None:

@@ -142,6 +142,15 @@ def test_no_correction_answers_a_question_or_lifts_a_rule(session: Conversation,
     assert found is None or not {"--yes", "--force"} & set(found)
 
 
+@pytest.mark.parametrize("typed", ["set tpdo1 --event 99999", "map tpdo1 6041 --event 99999"])
+def test_an_event_timer_out_of_range_is_hinted_at_with_its_range(typed: str) -> None:
+    with Bench() as bench:
+        ran = bench.run(typed)
+        ran.failed(
+            2, "hint    --event has no value; --timer MS sets the event timer: 99999 ms is not within 0…65535 ms\n"
+        )
+
+
 def test_a_passcode_is_in_no_correction(tmp_path: Path) -> None:
     (tmp_path / "p.dvt").write_text("wrte 5000:2 4711\n")
     done = dvtcli("--sim", "gen4", "--json", "run", str(tmp_path / "p.dvt"))
