@@ -13,6 +13,7 @@ import click
 from dvtcli.errors import DvtcliError, State, UsageError
 from dvtcli.operations.session.session import Session
 from dvtcli.operations.user.options import START_ONLY, Options
+from dvtcli.operations.user.session_user import NO_TERMINAL
 
 if TYPE_CHECKING:
     from dvtcli.cli.scripts.script_changes import ScriptChanges
@@ -49,6 +50,8 @@ def _repeated(given: dict[str, Any]) -> Iterator[str]:
 
 class CliReporter:
     """A `Reporter` that writes to *output*, and asks if *may_ask*() and a user is at the terminal."""
+
+    unanswered = NO_TERMINAL
 
     def __init__(self, output: Output, may_ask: Callable[[], bool]) -> None:
         self._output = output

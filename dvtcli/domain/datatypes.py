@@ -147,7 +147,8 @@ class DataType:
                 return value.encode("utf-16-le")
             case bytes() if self.kind is Kind.OCTETS:
                 return value
-        raise ValueError(f"{value!r} is not a {self.name}")
+        within = "" if self.limits is None else f" ({self.limits[0]}..{self.limits[1]})"
+        raise ValueError(f"{value!r} is no value of {self.name}{within}")
 
     def _encode_real(self, value: float) -> bytes:
         try:

@@ -386,7 +386,7 @@ def _pdo_parts(data: bytes, known: Layout) -> Iterator[FramePart]:
             return
         last = field.end_bit
         if field.entry.is_dummy:
-            yield cut.part(field.start_bit, field.bits, "dummy", "a gap", field.entry.object)
+            yield cut.part(field.start_bit, field.bits, "dummy", "skipped", field.entry.object)
         else:
             yield from _object_parts(cut, field, *next(signals))
     if last < end:

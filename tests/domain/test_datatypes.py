@@ -202,3 +202,11 @@ def test_what_is_no_time_is_refused(text: str) -> None:
 def test_what_is_typed_wrong_is_told_in_the_users_words(kind: str, text: str, said: str) -> None:
     with pytest.raises(ValueError, match=said):
         BY_SHORT_NAME[kind].parse(text)
+
+
+def test_a_value_of_another_kind_is_refused_with_the_range() -> None:
+    for value in (1.5, "x", b"x"):
+        with pytest.raises(ValueError, match=r"^.+ is no value of UNSIGNED16 \(0\.\.65535\)$"):
+            BY_SHORT_NAME["u16"].encode(value)
+    with pytest.raises(ValueError, match=r"^1 is no value of VISIBLE_STRING$"):
+        BY_SHORT_NAME["vs"].encode(1)

@@ -38,6 +38,7 @@ class Heard:
     asked: list[str] = field(default_factory=list)
     frames: list[tuple[int, bool]] = field(default_factory=list)
     progressed: list[tuple[str, int, int]] = field(default_factory=list)
+    unanswered: str = "nobody is asked"
 
     def note(self, text: str) -> None:
         self.notes.append(text)

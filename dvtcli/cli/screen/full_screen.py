@@ -429,6 +429,11 @@ class BesideScreen:
         """Show what the user must do."""
         self.say(text, bad=True)
 
+    @property
+    def unanswered(self) -> str:
+        """Why a question has no answer."""
+        return self._outer.unanswered
+
     def ask(self, question: str) -> bool | None:
         """Ask on the screen; no if the screen is left."""
         if not self._mine():

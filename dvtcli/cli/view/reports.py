@@ -216,7 +216,7 @@ def _text(result: Report, findings: list[FileFinding]) -> str:
 
 
 def _place(result: Report, found: FileFinding) -> str:
-    return f"{result.path}:{found.line}" + (f":{found.column}" if found.column else "")
+    return f"{result.path}:{found.line or 1}" + (f":{found.column}" if found.column else "")
 
 
 def junit_case_lines(result: NetworkPlanned | Compared | ComparedNodes | WholeCompared, _width: int) -> Iterator[Line]:
@@ -320,7 +320,7 @@ def github_lines(result: Reported, _width: int) -> Iterator[Line]:
                     yield workflow_command(
                         severity,
                         report.path,
-                        finding.line,
+                        finding.line or 1,
                         finding.rule,
                         advised(finding),
                         finding.column,
@@ -416,7 +416,7 @@ def sarif_lines(result: Reported, _width: int) -> Iterator[Line]:
 
 
 def _result(report: Report, finding: FileFinding, places: Mapping[str, int]) -> dict[str, Any]:
-    region = {"startLine": finding.line}
+    region = {"startLine": finding.line or 1}
     if finding.column:  # the end is the column behind it (3.30.8)
         region |= {"startColumn": finding.column, "endColumn": finding.end_column + 1}
     location = {"artifactLocation": {"uri": _uri(report.path)}, "region": region}

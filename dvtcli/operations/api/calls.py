@@ -176,6 +176,8 @@ class Message:
 class Told:
     """The reporter of a program: *on_message* and the log get messages; *ask_user* gets questions."""
 
+    unanswered = "not confirmed"
+
     def __init__(
         self, on_message: Callable[[Message], None] | None = None, ask_user: Callable[[str], bool] | None = None
     ) -> None:

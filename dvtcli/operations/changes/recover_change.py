@@ -155,7 +155,7 @@ def _asked_to_finish(session: SessionUser, text: str, what: str) -> bool:
     answer = session.reporter.ask(f"{text}; {what} No asks about rolling back")
     if answer is None:
         raise SafetyRefusal(
-            f"no terminal to answer on: {text}",
+            f"{session.reporter.unanswered}: {text}",
             hint=Hint(Action.FINISH_STORES, {"yes": True}, "continues")
             + Hint(Action.RECOVER, {"yes": True}, ", {} rolls back"),
         )

@@ -98,9 +98,10 @@ def frame_of(session: SessionNodes, row: TransmitRow, last: Callable[[Address], 
     except ValueError as wrong:
         raise UsageError(str(wrong), hint=HOW) from wrong
     config = node.pdo(pdo)
-    if not config.enabled or config.mpdo is not None:
+    why = "multiplexed" if config.mpdo is not None else "" if config.enabled else "off"
+    if why:
         raise UsageError(
-            f"{pdo.label} of node {node.node_id} is off, or multiplexed: it has no frame of values",
+            f"{pdo.label} of node {node.node_id} is {why}: it has no frame of values",
             hint=Hint(Action.SHOW_PDOS, why="shows what it is"),
         )
     scalings = scalings_of(node.profile, node.dictionary)

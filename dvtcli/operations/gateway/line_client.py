@@ -158,6 +158,11 @@ class GatewayReporter:
         """Hand it on."""
         self._tell.instruct(text)
 
+    @property
+    def unanswered(self) -> str:
+        """Why a question has no answer."""
+        return self._tell.unanswered
+
     def ask(self, question: str) -> bool | None:  # noqa: ARG002
         """Nobody can answer."""
         return None

@@ -118,7 +118,10 @@ def check_live(
     of_bus = NetworkReport(
         bus.name,
         asked_rules(rules),
-        _with_problems(findings_of(CheckedNetwork(live, bit_rate, traffic), rules), recorded, rules),
+        tuple(
+            replace(finding, line=0)
+            for finding in _with_problems(findings_of(CheckedNetwork(live, bit_rate, traffic), rules), recorded, rules)
+        ),
         tuple((node.title, node.node_id, len(node.pdos)) for node in live.nodes),
         is_live=True,
         strict=options.strict,

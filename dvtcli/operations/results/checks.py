@@ -49,7 +49,7 @@ class FileFinding(Short):
 
 @dataclass(frozen=True, slots=True)
 class NetworkFinding(FileFinding):
-    """A finding in a network, about *node* and *pdo*.
+    """A finding in a network, about *node* and *pdo*; of a bus, which has no lines, its line is 0.
 
     *complaint* is its line of the file, None if it has none. *is_aside*: no error, and about a PDO that the file does
     not name.

@@ -145,7 +145,7 @@ class Opened:
         with self.cancellation.released():  # Ctrl-C here is a no to everything that the question was for
             answer = self.reporter.ask(question)
         if answer is None:
-            raise SafetyRefusal(f"no terminal to answer on: {question}", node=node_id, hint=hint)
+            raise SafetyRefusal(f"{self.reporter.unanswered}: {question}", node=node_id, hint=hint)
         if not answer:
             raise SafetyRefusal(f"{refused}: the answer was no", node=node_id)
 
@@ -156,7 +156,7 @@ class Opened:
         with self.cancellation.released():
             answer = self.reporter.confirm(question, word)
         if answer is None:
-            raise SafetyRefusal(f"no terminal to answer on: {question}", node=node_id, hint=hint)
+            raise SafetyRefusal(f"{self.reporter.unanswered}: {question}", node=node_id, hint=hint)
         if not answer:
             raise SafetyRefusal(f"not done: {word} was not typed", node=node_id)
 

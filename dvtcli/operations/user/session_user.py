@@ -86,8 +86,17 @@ class SessionUser(Protocol):
         """See `Opened.agreed`."""
 
 
+#: why a question has no answer, where a terminal would give one
+NO_TERMINAL = "no terminal to answer on"
+
+
 class Reporter(Protocol):
     """A receiver of messages: a screen, a test bench's log, or nothing."""
+
+    @property
+    def unanswered(self) -> str:
+        """Why `ask` returns None, in words."""
+        ...
 
     def note(self, text: Hint | str) -> None:
         """Something good to know."""
@@ -116,6 +125,8 @@ class Reporter(Protocol):
 
 class NullReporter:
     """Reports to nobody, and nobody can answer."""
+
+    unanswered = NO_TERMINAL
 
     def note(self, text: Hint | str) -> None:
         """Ignore it."""

@@ -348,9 +348,7 @@ def test_the_reason_of_a_refused_row_is_read_whole_on_a_narrow_screen(open_termi
         at = next((number for number, line in enumerate(lines) if line.endswith("refused")), len(lines))
         return " ".join(" ".join(lines[at + 1 : -1]).split())
 
-    terminal.until(
-        lambda: "RPDO1 of node 1 is off, or multiplexed: it has no frame of values; `" in below_the_list(), "the reason"
-    )
+    terminal.until(lambda: "RPDO1 of node 1 is off: it has no frame of values; `" in below_the_list(), "the reason")
     terminal.type("a")
     fill(terminal, "add", "7A0#1027")
     terminal.wait("TRANSMIT (2 rows)")

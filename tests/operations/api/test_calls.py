@@ -120,7 +120,7 @@ bus.node(5).map("tpdo1", "6041/16", "606C/32")
         node = bus.node(5)
         with pytest.raises(errors.SafetyRefusal, match="interrupted"):
             node.set("tpdo2", event=True)
-        with pytest.raises(errors.SafetyRefusal, match="no terminal to answer on"):
+        with pytest.raises(errors.SafetyRefusal, match="not confirmed: "):
             node.recover()
         assert node.pdo("tpdo1").config != before
         assert node.recover(yes=True)
@@ -196,7 +196,7 @@ def test_consent_needs_yes_or_somebody_who_gives_it() -> None:
         return False
 
     with dvtcli.simulate("gen4") as bus:
-        with pytest.raises(errors.SafetyRefusal, match="no terminal to answer on") as refused:
+        with pytest.raises(errors.SafetyRefusal, match="not confirmed: ") as refused:
             bus.node().restore()
         assert refused.value.hint == "give yes=True to answer yes"
         assert bus.node().restore(yes=True)

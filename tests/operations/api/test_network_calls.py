@@ -59,6 +59,10 @@ def test_check_of_files_of_nodes_and_of_both(tmp_path: Path) -> None:
             (str(file), "", False), ("sim", "", True), (str(file), "sim", True),
         ]  # fmt: skip
         assert checked.document()["schema"] == "dvtcli.network-check/1"
+        of_file, of_bus, _ = checked.reports
+        assert {finding.line for finding in of_bus.findings} == {0}, "a bus has no lines"
+        assert {found["line"] for found in of_bus.fields()["findings"]} == {None}
+        assert 0 not in {finding.line for finding in of_file.findings}
         strict = bus.check(rules=["unbounded-event-pdo"], strict=True)
         assert (bool(strict), strict.exit_code, len(strict.reports[0].findings)) == (False, 3, 3)
         assert bus.check(without=["unbounded-event-pdo"], for_s=0.05, bit_rate=125_000).reports[0].heard is not None
