@@ -241,6 +241,7 @@ class _Template:
         words = reading_document(first.reading)
         constant = {key: value for key, value in (first.document() | changing).items() if key not in words}
         self._parts = encode(constant).removesuffix("}").split(f'"{_CHANGING}"', len(changing))
+        self._keys = [f"{encode(name)}:" for name in first.signals]
         scaled = {name: meaning for name, meaning in first.scalings.items() if name in first.signals}
         self._physical = [(name, _physical_text(name, meaning, encode)) for name, meaning in scaled.items()]
         self._reading, self._words = first.reading, self._words_of(first.reading)
@@ -263,10 +264,13 @@ class _Template:
             self._reading, self._words = seen.reading, self._words_of(seen.reading)
         before, after_time, after_data, after_signals, rest = self._parts
         signals = seen.signals
-        values = self._encode({name: json_value(value) for name, value in signals.items()})
+        values = ",".join([
+            f"{key}{value}" if type(value) is int else key + self._encode(json_value(value))  # a BOOLEAN is an int, too
+            for key, value in zip(self._keys, signals.values(), strict=True)
+        ])  # fmt: skip
         physical = ",".join([text(signals[name]) for name, text in self._physical])
         return (
-            f'{before}"{utc(seen.frame.timestamp_s)}"{after_time}"{hex_bytes(seen.frame.data)}"{after_data}{values}'
+            f'{before}"{utc(seen.frame.timestamp_s)}"{after_time}"{hex_bytes(seen.frame.data)}"{after_data}{{{values}}}'
             f"{after_signals}{{{physical}}}{rest},{self._words}"
         )
 
